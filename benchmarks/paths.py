@@ -22,7 +22,7 @@ from benchmarks.pipeline import film_table
 from finloop.animate.paths import lay_path
 from finloop.animate.shoal import swim
 from finloop.base.line import PX, TRACK, Line
-from finloop.features.line import track_line
+from finloop.features.line import track_as_path
 from finloop.modes.matching import MatchingAnimator, MatchingData, matching_animator
 from finloop.plan.path_measures import find_departures, path_metrics, path_table, swimming_limits
 from finloop.project import Project
@@ -87,7 +87,7 @@ def tracks(
     most = round(TRACK_S * made.rate_hz)
     found = []
     for number in features["track_id"].unique().tolist():
-        line = track_line(features, f"{TRACK}{number}")
+        line = track_as_path(features, f"{TRACK}{number}")
         free = legal[np.round(line.y).astype(int), np.round(line.x).astype(int)]
         for first, stop in np.flatnonzero(np.diff(free, prepend=0, append=0)).reshape(-1, 2):
             for begin in range(first, stop - most // 3, most):
@@ -95,7 +95,7 @@ def tracks(
                 far = float(np.hypot(np.diff(line.x[part]), np.diff(line.y[part])).sum())
                 found.append((part.stop - part.start, far, int(number), int(begin), part))
     for *_, number, begin, part in sorted(found, reverse=True, key=lambda one: one[:4])[:count]:
-        line, name = track_line(features, f"{TRACK}{number}"), f"track {number}, {begin}"
+        line, name = track_as_path(features, f"{TRACK}{number}"), f"track {number}, {begin}"
         yield name, cut(line, part)._replace(name=name)
 
 

@@ -19,7 +19,7 @@ from finloop.base.arrays import Floats
 from finloop.base.cutout import Cutout
 from finloop.base.schema import lists_to_array, lists_to_points
 from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.features.head import tail_first
+from finloop.features.head import begins_at_tail
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import CUTOUTS_NAME, TRACKS_NAME, CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.picture import load_picture, save_picture
@@ -49,7 +49,7 @@ class Base:
         points = load_record(home / "extract/scene.json", SceneFacts, "extract").points
         tracks = load_table(home / "extract" / TRACKS_NAME, tracks_schema(points))
         features = load_table(home / "features/features.parquet", FEATURES)
-        back = tail_first(lists_to_points(tracks, "backbone"), features)
+        back = begins_at_tail(lists_to_points(tracks, "backbone"), features)
         tracks["half_width_px"] = [
             width[::-1] if turn else width
             for width, turn in zip(tracks["half_width_px"], back, strict=True)

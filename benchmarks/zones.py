@@ -23,7 +23,7 @@ import pandas as pd
 from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from finloop.calibrate.film import FilmShoal, film_shoal
 from finloop.calibrate.rule import own_steps, simulate_points
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.modes.matching import matching_animator
 from finloop.project import Project
 from finloop.social.measures import compare_groups, shoal_table
@@ -74,7 +74,7 @@ def film_tables(folder: Path) -> pd.DataFrame:
         made = material(project, p)
         features = made.reel.features
         own, horizon = first_film(features, project.data / "clip"), load("calibrate").horizon
-        film = film_shoal(own, made.arena, delta_of(features), horizon)
+        film = film_shoal(own, made.arena, infer_delta_frames(features), horizon)
         fish = min(film.fish, MOST_FISH)
         tables["first_half"] = [film.half(True)]
         for name, table in (*points(film, project.rule.zones), *package(film)):

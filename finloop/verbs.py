@@ -48,14 +48,14 @@ from finloop.bpn.model import MotionModel, motion_rows, split_or_all
 from finloop.calibrate.film import film_shoal
 from finloop.calibrate.rule import film_rule, shortage
 from finloop.clip.rewrite import make_clip
-from finloop.clip.write import open_source
+from finloop.clip.write import open_clip_source
 from finloop.distance.map import PAIRS, STEPS, FrameComparison, compare_frames, map_rows
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import EDIT, FRAME, SPRITE
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.extract.write import BACKGROUND_NAME, describe_lost_frames, extract_tracks
-from finloop.features.table import FEATURES, delta_of, measure_features
+from finloop.features.table import FEATURES, infer_delta_frames, measure_features
 from finloop.forecast.film import film_states, posture_mirror, split_held_out
 from finloop.forecast.learning import train_predictor
 from finloop.forecast.neighbours import similar_rows
@@ -152,7 +152,7 @@ def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
 
 def _film(folder: str | Path | None, **values: Any) -> Film:
     p, home = settings("clip", **values), _make_folder(folder) / "clip"
-    source = open_source(p)
+    source = open_clip_source(p)
     with whole_folder(home) as part:
         clip = make_clip(p, source, part)
     return Film(home, clip.facts, clip.arena)
@@ -208,7 +208,7 @@ def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel
     `finloop.bpn.settings.BpnSettings`.
     """
     p = settings("bpn", **changes)
-    rows = motion_rows(features, delta_of(features))
+    rows = motion_rows(features, infer_delta_frames(features))
     model, _ = train_network(rows, split_or_all(rows, p), p, rate_hz)
     return model
 
@@ -224,7 +224,7 @@ def make_sprites(
     p, film = settings("sprites", **changes), tracks.cutouts
     table = swimmer_table(features, tracks.table, p)
     look = partial(Reel(features, film).align_pictures, size=p.picture_px)
-    sprites = sprite_table(table, choose_frames(table, look, delta_of(features), p), p)
+    sprites = sprite_table(table, choose_frames(table, look, infer_delta_frames(features), p), p)
     home = _make_folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
         for sprite in sprite_cutouts(sprites, film):
@@ -317,7 +317,7 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> Shoaling:
     attraction_radius_bl=8.0. FinloopError also if no track is long enough for a step.
     """
     p = settings("calibrate", **changes)
-    group = film_shoal(features, film.arena, delta_of(features), p.horizon)
+    group = film_shoal(features, film.arena, infer_delta_frames(features), p.horizon)
     if lack := shortage(group):
         warnings.warn(lack, stacklevel=2)
     rule = require_rule(film_rule(group, p)[0])

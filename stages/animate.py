@@ -12,7 +12,7 @@ from finloop.animate.motion import MotionStatistics, learn
 from finloop.base.errors import FinloopError
 from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.io.atomic import whole_folder
 from finloop.io.record import load_json, remake_hint
 from finloop.io.table import load_table, save_csv, save_table
@@ -102,7 +102,7 @@ def main() -> None:
     """Write data/animate/beside/kinematics.parquet, and tables and metrics to reports/animate/."""
     with Project() as project:
         features = project.features
-        motion = learn(features, project.rate_hz, delta_of(features))
+        motion = learn(features, project.rate_hz, infer_delta_frames(features))
         film_motion = measures.motion_of_film(features, motion)
         numbers = {mode: _load_mode_numbers(mode) for mode in _played_modes()}
         film = _measure_film(project, motion, film_motion)

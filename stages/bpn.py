@@ -14,7 +14,7 @@ from finloop.bpn.held_out import HELD_OUT, assessment, held_out_table
 from finloop.bpn.model import motion_rows, split_or_all, split_rows
 from finloop.bpn.onnx import onnx_bytes
 from finloop.bpn.settings import BpnSettings
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.io.atomic import save_bytes
 from finloop.io.record import save_json
 from finloop.io.table import save_csv, save_table
@@ -29,7 +29,7 @@ def main() -> None:
     p: BpnSettings = load("bpn")
     project = Project()
     rate_hz, table = project.rate_hz, project.features
-    rows = motion_rows(table, delta_of(table))
+    rows = motion_rows(table, infer_delta_frames(table))
     sides = [split_or_all(rows, p)]
     if not sides[0][1].any():
         print(f"bpn: so short a film trains the network with all {len(rows.inputs)} rows; none is "

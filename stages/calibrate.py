@@ -12,7 +12,7 @@ import pandas as pd
 from finloop.calibrate.film import FilmShoal, film_shoal
 from finloop.calibrate.rule import film_rule, own_steps, shortage, simulate_points
 from finloop.calibrate.settings import CalibrateSettings
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json
 from finloop.io.several import load_readable_parts
@@ -60,7 +60,7 @@ def main() -> None:
     project = Project()
     features = project.features
     rows = first_film(features, project.data / "clip")
-    film = film_shoal(rows, project.arena, delta_of(features), p.horizon)
+    film = film_shoal(rows, project.arena, infer_delta_frames(features), p.horizon)
     rule, fit = film_rule(film, p)
     numbers: dict[str, float] = {"fitted": int(fit is not None), "fish": film.fish}
     if fit is None:

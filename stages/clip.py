@@ -14,8 +14,8 @@ from finloop.base.errors import FinloopError
 from finloop.clip.check import Quality, psnr_db
 from finloop.clip.rewrite import Watch, make_clip
 from finloop.clip.settings import ClipSettings, File
-from finloop.clip.verdict import REPAIRS, findings
-from finloop.clip.write import ClipSource, open_source
+from finloop.clip.verdict import REPAIRS, list_findings
+from finloop.clip.write import ClipSource, open_clip_source
 from finloop.io.atomic import whole_folder
 from finloop.io.footage import list_films, read_file_stamps, refuse_changed_film, unique_film_names
 from finloop.io.several import FILMS, FilmPart, join_clips, list_film_folders
@@ -41,7 +41,7 @@ def main() -> None:
             numbers = _write_clips(films, folder)
         else:
             p = films[0] if films else p
-            numbers = _write_clip(p, open_source(p), folder, progress)
+            numbers = _write_clip(p, open_clip_source(p), folder, progress)
     save_metrics(METRICS, numbers)
     _report_findings(numbers)
 
@@ -83,7 +83,7 @@ def _write_clip(
     coded = read_chosen_frames(folder / CLIP_NAME, list(tally.samples), colour=facts.colour)
     return {
         **_fact_metrics(facts),
-        **clip.numbers,
+        **clip.metrics,
         "brightness_mean_level": tally.brightness_mean,
         "brightness_min_level": tally.darkest,
         "brightness_max_level": tally.brightest,
@@ -99,9 +99,9 @@ def _report_findings(metrics: dict[str, float]) -> None:
         prefix = f"{name}_" if name else ""  # of several films
         repaired = {word for word in REPAIRS if metrics[f"{prefix}mended_{word}"]}
         now, filmed = (Quality.from_metrics(metrics, prefix + part) for part in ("", "filmed_"))
-        for finding in findings(now, filmed, repaired):
-            rows.append({"film": name} | finding.row if name else finding.row)
-            print(f"finloop: {name + ': ' if name else ''}{finding.line}", file=sys.stderr)
+        for finding in list_findings(now, filmed, repaired):
+            rows.append({"film": name} | finding.table_row if name else finding.table_row)
+            print(f"finloop: {name + ': ' if name else ''}{finding.terminal_line}", file=sys.stderr)
     save_csv(FINDINGS, pd.DataFrame(rows), 0)
 
 
@@ -116,7 +116,7 @@ def _write_clips(films: list[File], folder: Path) -> dict[str, float]:
             parts.append(FilmPart(name, str(path)))
             print(f"finloop: {name} is {path}", file=sys.stderr)
             try:
-                source = open_source(p)
+                source = open_clip_source(p)
                 key = {"clip": asdict(p), "code": code, "film": read_file_stamps(path)}
                 make = partial(_write_clip, p, source, watch=lambda *_: nullcontext(lambda: None))
                 of_film = reuse_or_make(CLIP / home, folder / home, key, make)

@@ -7,21 +7,21 @@ from pathlib import Path
 
 from finloop.drawn.truth import TRUTH
 from finloop.features.metrics import (
-    against_given,
-    against_truth,
-    in_mm,
-    longest_track,
-    summary,
-    table1,
+    compare_heads_with_external,
+    compare_with_truth,
+    metrics_in_mm,
+    orientation_table,
+    rows_of_longest_track,
+    summarize_features,
 )
 from finloop.features.settings import FeaturesSettings
 from finloop.features.table import (
     FEATURES,
     USED,
-    delta_of,
+    choose_turn_thresholds,
+    infer_delta_frames,
     measure_features,
-    spans,
-    turn_thresholds,
+    track_slices,
 )
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import TRUTH_NAME
@@ -39,10 +39,10 @@ def main() -> None:
     table, backbones = measure_features(tracks, facts.frame_rate_hz, settings, given)
     save_table(TABLE, table, FEATURES)
 
-    delta = delta_of(table)
+    delta = infer_delta_frames(table)
     heading, bend = (table[name].to_numpy(float) for name in ("heading_deg", "bend"))
-    limits = turn_thresholds(heading, bend, spans(table), delta, settings)
-    metrics = summary(table) | {
+    limits = choose_turn_thresholds(heading, bend, track_slices(table), delta, settings)
+    metrics = summarize_features(table) | {
         "delta_s": delta / facts.frame_rate_hz,
         "turn_threshold_deg": limits.turn_deg,
         "bend_threshold_body_lengths_2": limits.bend,
@@ -57,13 +57,13 @@ def main() -> None:
         )
     if facts.mm_per_px is not None:
         tank = facts.width_px, facts.height_px
-        metrics |= in_mm(table, tank, facts.frame_rate_hz, facts.mm_per_px)
+        metrics |= metrics_in_mm(table, tank, facts.frame_rate_hz, facts.mm_per_px)
     if (truth := project.data / "clip" / TRUTH_NAME).exists():
-        metrics |= against_truth(table, backbones, load_table(truth, TRUTH))
+        metrics |= compare_with_truth(table, backbones, load_table(truth, TRUTH))
     if given is not None:
-        metrics |= against_given(tracks, given, facts.frame_rate_hz)
-    save_csv(REPORT / "table1.csv", table1(table), decimals=3)
-    fig7 = longest_track(table)[["frame", "motion_area_rel", "swimming_type"]]
+        metrics |= compare_heads_with_external(tracks, given, facts.frame_rate_hz)
+    save_csv(REPORT / "table1.csv", orientation_table(table), decimals=3)
+    fig7 = rows_of_longest_track(table)[["frame", "motion_area_rel", "swimming_type"]]
     save_csv(REPORT / "fig7.csv", fig7, decimals=4)
 
     save_metrics(REPORT / "metrics.json", metrics)

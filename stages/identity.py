@@ -10,11 +10,11 @@ import pandas as pd
 from finloop.identity.film import (
     IDENTITIES,
     USED,
-    Evidence,
+    IdentityEvidence,
     collect_evidence,
-    identities,
+    identify_animals,
     identities_from_names,
-    trial_gaps,
+    measure_trial_gaps,
 )
 from finloop.identity.settings import IdentitySettings
 from finloop.io.table import save_table
@@ -34,7 +34,7 @@ def main() -> None:
             table, trial = identities_from_names(features, given["animal"]), dict[str, float]()
         else:
             film = collect_evidence(project.film_reel, project.tracks(USED), cuts, p)
-            table = identities(film)
+            table = identify_animals(film)
             trial = _try_joins(film, table)
     save_table(OUT / "identities.parquet", table, IDENTITIES)
     save_metrics(REPORT / "metrics.json", _identity_metrics(features, table) | trial)
@@ -57,11 +57,11 @@ def _identity_metrics(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, 
     }
 
 
-def _try_joins(film: Evidence, table: pd.DataFrame) -> dict[str, float]:
+def _try_joins(film: IdentityEvidence, table: pd.DataFrame) -> dict[str, float]:
     """Return how confident joins are, and how often artificial gaps are joined right (in %)."""
     joins = table[table["after_track"] >= 0]
     rng = np.random.default_rng(film.settings.seed)
-    right, wrong = trial_gaps(film, joins["gap_frames"].to_numpy(), rng)
+    right, wrong = measure_trial_gaps(film, joins["gap_frames"].to_numpy(), rng)
     return {
         "joins_probability_median": joins["probability"].median(),
         "joins_probability_min": joins["probability"].min(),

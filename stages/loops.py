@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from finloop.distance.map import map_rows
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.table import save_csv, save_table
 from finloop.loops.graph import loop_graph, routes
@@ -59,7 +59,7 @@ def main() -> None:
 
     table = position_table(table_ends(graph.ends, track), features)
     save_bytes(REPORT / "position_table.csv", table.to_csv(lineterminator="\n").encode())
-    jump_frames = least_frames(delta_of(features), settings)
+    jump_frames = least_frames(infer_delta_frames(features), settings)
     largest = np.flatnonzero(graph.component == 0).tolist()
     ways = routes(graph, largest[-1], largest[0], WAYS, jump_frames=jump_frames)
     save_csv(REPORT / "routes.csv", routes_table(ways, graph, features, step), decimals=3)

@@ -18,7 +18,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import Workers, ordered_map
 from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT, by_fish
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Mp4Writer
 from finloop.io.table import load_table, save_csv, save_table
@@ -155,7 +155,7 @@ def main() -> None:
 def instrument_of(project: Project) -> Instrument:
     """Return the instrument that measures drawn fish as extraction measured the film."""
     features, rate = project.features, project.rate_hz
-    delta_s, current = delta_of(features) / rate, float(features["current"].iloc[0])
+    delta_s, current = infer_delta_frames(features) / rate, float(features["current"].iloc[0])
     return Instrument(
         project.background, project.arena.astype(np.uint8) * 255, project.scene, load("extract"),
         replace(load("features"), delta_s=delta_s, water_current_bl_s=current), rate,

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.distance.reel import sprite_row
-from finloop.features.table import count_orientations, delta_of
+from finloop.features.table import count_orientations, infer_delta_frames
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.table import save_csv, save_table
@@ -68,7 +68,7 @@ def main() -> None:
     settings: SpritesSettings = load("sprites")
     with Project() as project:
         features, facts, rate_hz = project.features, project.facts, project.rate_hz
-        delta = delta_of(features)
+        delta = infer_delta_frames(features)
         table = swimmer_table(features, project.tracks(TRACKS), settings)
         draw_pictures = partial(project.film_reel.align_pictures, size=settings.picture_px)
         choices = choose_frames(table, draw_pictures, delta, settings)

@@ -21,7 +21,7 @@ from finloop.edit.pictures import (
     without_ghosts,
 )
 from finloop.edit.schema import FRAME, SPRITE, row_picture
-from finloop.features.table import orientation, wrap_deg
+from finloop.features.table import find_orientations, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.pose import FilmPoses, film_poses
 from finloop.sprites.orient import sprite_outlines
@@ -121,7 +121,7 @@ def edit_of(shown: Pictures, *ticks: tuple[str, int, float]) -> pd.DataFrame:
             rotation = wrap_deg(heading - shown.reel.features["heading_deg"][number])
             rows.append((kind, number, pd.NA, float(rotation), 1.0, False, heading))
         else:
-            sector = int(orientation(np.array(heading), ORIENTATIONS))
+            sector = int(find_orientations(np.array(heading), ORIENTATIONS))
             rest = float(wrap_deg(heading - 15.0 * (sector - 1)))
             rows.append((kind, number, sector, rest, 1.0, False, heading))
     table = pd.DataFrame(rows, columns=[*PICTURE, "heading_deg"]).astype({"orientation": "Int8"})

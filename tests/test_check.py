@@ -5,11 +5,19 @@ import numpy as np
 import pytest
 
 from finloop.base.settings import settings
-from finloop.clip.check import CHECK, LENGTH, RUNS, Tally, check_film, field_order, spread_runs
+from finloop.clip.check import (
+    CHECK,
+    LENGTH,
+    RUNS,
+    ClipTally,
+    check_film,
+    choose_examined_runs,
+    measure_field_order,
+)
 from finloop.clip.doubled import find_repeats
 from finloop.clip.light import measure_gain, measure_light, undo_gain
 from finloop.clip.shake import UNKNOWN, Shift, find_landmarks, measure_shift, undo_shift
-from finloop.clip.verdict import findings
+from finloop.clip.verdict import list_findings
 from finloop.drawn.carp.film import film
 
 RNG = np.random.default_rng(5)
@@ -173,20 +181,20 @@ def interlace(earlier: np.ndarray, later: np.ndarray, top: bool) -> np.ndarray:
 @pytest.mark.parametrize("top", [True, False])
 def test_woven_fields_and_their_order_are_seen(carp, top):
     frames = [interlace(a, b, top) for a, b in zip(carp[0::2], carp[1::2], strict=True)]
-    order = [field_order(a, b) for a, b in zip(frames, frames[1:], strict=False)]
+    order = [measure_field_order(a, b) for a, b in zip(frames, frames[1:], strict=False)]
     assert np.nanmedian(order) * (1 if top else -1) > 0.25
-    whole = [field_order(a, b) for a, b in zip(carp, carp[1:], strict=False)]
+    whole = [measure_field_order(a, b) for a, b in zip(carp, carp[1:], strict=False)]
     assert abs(np.nanmedian(whole)) < 0.05
-    assert np.isnan(field_order(carp[0], carp[0]))
+    assert np.isnan(measure_field_order(carp[0], carp[0]))
 
 
 # --- the whole film
 
 
 def check_frames(frames: list[np.ndarray], rate_hz: float = 25.0):
-    tally = Tally()
+    tally = ClipTally()
     for frame in frames:
-        tally.add(frame)
+        tally.add_frame(frame)
 
     def read(*, start, stop):
         return iter(frames[start:stop])
@@ -195,12 +203,12 @@ def check_frames(frames: list[np.ndarray], rate_hz: float = 25.0):
 
 
 def faults(frames: list[np.ndarray]) -> set[str]:
-    return {one.word for one in findings(check_frames(frames)[0]) if not one.good}
+    return {one.word for one in list_findings(check_frames(frames)[0]) if not one.good}
 
 
 def test_a_good_film_has_no_fault(carp):
     quality, table, tank = check_frames(carp)
-    assert {one.word for one in findings(quality) if not one.good} == set()
+    assert {one.word for one in list_findings(quality) if not one.good} == set()
     assert quality.noise_grey == pytest.approx(2.5, rel=0.15)  # as drawn
     assert quality.shake_px < 0.05
     assert len(table) == 64 and list(table) == CHECK.names
@@ -221,8 +229,8 @@ def test_each_fault_is_found_and_no_other(carp):
 
 
 def test_a_long_film_is_looked_at_in_runs_from_key_frames():
-    assert spread_runs(100) == [(0, 100)]
-    spread = spread_runs(10_000, 12)
+    assert choose_examined_runs(100) == [(0, 100)]
+    spread = choose_examined_runs(10_000, 12)
     assert len(spread) == RUNS and {stop - start for start, stop in spread} == {LENGTH}
     assert all(start % 12 == 0 for start, _ in spread)
     assert spread[0][0] == 0 and 10_000 - 12 <= spread[-1][1] <= 10_000

@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import check_values, settings, variants
-from finloop.clip.check import SAMPLES, Tally, psnr_db
+from finloop.clip.check import SAMPLES, ClipTally, psnr_db
 from finloop.clip.write import circle_arena, rectangle_arena
 from finloop.drawn.carp import film as carp
 from finloop.drawn.truth import TRUTH
@@ -198,20 +198,20 @@ def test_deep_levels_ignore_hot_pixels_and_are_stretched():
 
 
 def test_tally_is_bounded_and_spread():
-    tally = Tally()
+    tally = ClipTally()
     for level in range(200):
-        tally.add(np.full((2, 2), level, np.uint8))
+        tally.add_frame(np.full((2, 2), level, np.uint8))
     assert (tally.darkest, tally.brightest, tally.brightness_mean) == (0, 199, 99.5)
     assert SAMPLES / 2 < len(tally.samples) <= SAMPLES
     assert len(set(np.diff(list(tally.samples)))) == 1
     assert all(frame[0, 0] == number for number, frame in tally.samples.items())
     assert max(tally.samples) > 150
-    tally = Tally()
-    tally.add(np.full((2, 2, 3), [10, 12, 17], np.uint8))
+    tally = ClipTally()
+    tally.add_frame(np.full((2, 2, 3), [10, 12, 17], np.uint8))
     assert tally.brightness_mean == pytest.approx(13)
-    assert tally.plain
-    tally.add(np.full((2, 2, 3), 90, np.uint8))
-    assert not tally.plain
+    assert tally.is_plain
+    tally.add_frame(np.full((2, 2, 3), 90, np.uint8))
+    assert not tally.is_plain
 
 
 def test_psnr():

@@ -70,7 +70,7 @@ from finloop.extract.segment import (
 )
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
-from finloop.features.metrics import against_truth
+from finloop.features.metrics import compare_with_truth
 from finloop.features.table import FeaturesSettings as FeatureSettings
 from finloop.features.table import measure_features
 from finloop.io.cutouts import open_cutouts
@@ -704,7 +704,7 @@ def test_no_fish_is_lost_or_confused_and_all_is_where_it_is(film_with_truth, nam
         FEATURES,
     )
     assert table["track_id"].nunique() == FILMS[name].fish
-    errors = against_truth(table, backbones, truth)
+    errors = compare_with_truth(table, backbones, truth)
     assert errors["truth_found_pct"] == 100
     assert errors["truth_head_tail_swaps"] == 0
     assert errors["truth_identity_changes"] == 0

@@ -22,43 +22,43 @@ from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.features import area as features_area
 from finloop.features.area import (
-    bend,
-    closed_spline,
+    closed_spline_points,
     control_points,
     interpolate_lines,
-    signed_area,
+    measure_bend,
+    signed_spline_area,
 )
-from finloop.features.current import through_water
-from finloop.features.head import _posterior, _viterbi, head_first
-from finloop.features.memory import block_frames, measure_delta
+from finloop.features.current import places_through_water
+from finloop.features.head import _most_probable_states, _state_probabilities, decide_head_end
+from finloop.features.memory import held_out_block_frames, measure_delta_s
 from finloop.features.metrics import (
-    against_truth,
-    heading_agreement,
-    in_mm,
-    longest_track,
-    summary,
-    table1,
+    compare_with_truth,
+    measure_heading_agreement,
+    metrics_in_mm,
+    orientation_table,
+    rows_of_longest_track,
+    summarize_features,
 )
 from finloop.features.swimming_type import (
     BRISK,
     LEFT,
     RIGHT,
     STRAIGHT,
-    Thresholds,
+    TurnThresholds,
+    classify_swimming_types,
     heading_change,
-    swimming_type,
-    thresholds,
+    measure_turn_thresholds,
     turn_score,
 )
 from finloop.features.table import (
     FEATURES,
     FeaturesSettings,
-    delta_frames,
-    heading,
+    choose_turn_thresholds,
+    delta_in_frames,
+    find_orientations,
     measure_features,
-    orientation,
-    spans,
-    turn_thresholds,
+    measure_headings,
+    track_slices,
     wrap_deg,
 )
 from finloop.io.numbers import load_numbers
@@ -146,17 +146,17 @@ def shuffle_ends(lines, width, rng):
      (90, 7), (180, 13), (-179.9, 13), (-90, 19), (172.4, 12), (-172.4, 14)],
 )  # fmt: skip
 def test_orientation_numbers(degrees, number):
-    assert orientation(np.array([degrees]), ORIENTATIONS) == [number]
+    assert find_orientations(np.array([degrees]), ORIENTATIONS) == [number]
 
 
 @pytest.mark.parametrize("count", [4, 10, 24, 36, 120])
 def test_every_orientation_is_as_wide_and_they_go_round(count):
     fine, sector = np.arange(-179.95, 180, 0.1), 360 / count
-    number = orientation(fine, count)
+    number = find_orientations(fine, count)
     assert number.min() == 1 and number.max() == count
     assert np.all(np.bincount(number)[1:] == 3600 / count)
     assert np.abs(wrap_deg(fine - (number - 1.0) * sector)).max() <= sector / 2
-    assert np.all(orientation(wrap_deg(fine + sector), count) == number % count + 1)
+    assert np.all(find_orientations(wrap_deg(fine + sector), count) == number % count + 1)
 
 
 def test_wrapping():
@@ -176,7 +176,7 @@ def test_wrapping():
 )
 def test_heading_is_anticlockwise_on_screen(toward, degrees):
     line = np.linspace(1, 0, POINTS)[:, None] * np.array(toward)  # head first
-    assert heading(line[None]) == pytest.approx([degrees])
+    assert measure_headings(line[None]) == pytest.approx([degrees])
 
 
 @pytest.mark.parametrize("points", [13, 33, 34, 35])
@@ -184,13 +184,13 @@ def test_the_tail_does_not_turn_the_heading(points):
     straight, beating = body(30, points=points), body(30, points=points)
     behind = np.arange(points) > np.ceil((points - 1) / 3)
     beating[behind] += np.random.default_rng(1).normal(0, 9, (behind.sum(), 2))
-    assert heading(np.stack([straight, beating])) == pytest.approx([30, 30])
+    assert measure_headings(np.stack([straight, beating])) == pytest.approx([30, 30])
 
 
 @pytest.mark.parametrize("points", [13, 33, 34, 35])
 def test_the_heading_of_a_bent_fish_is_the_chord_of_its_front_third(points):
     # The chord of a circle's arc lies half the arc's angle off its end.
-    assert heading(body(70, 60, points)[None]) == pytest.approx([70 - 60 / 6], abs=0.3)
+    assert measure_headings(body(70, 60, points)[None]) == pytest.approx([70 - 60 / 6], abs=0.3)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ def test_the_heading_of_a_bent_fish_is_the_chord_of_its_front_third(points):
     [(0.2, 25, 5), (0.2, 28.07, 6), (0.2, 30, 6), (0.2, 100, 20), (0.2, 2, 1), (0.04, 25, 1)],
 )
 def test_delta_is_a_time(delta_s, rate, frames):
-    assert delta_frames(delta_s, rate) == frames
+    assert delta_in_frames(delta_s, rate) == frames
 
 
 @pytest.mark.parametrize(
@@ -212,14 +212,14 @@ def test_delta_is_a_time(delta_s, rate, frames):
 )
 def test_delta_is_measured_in_the_film(bent, beat_s, rate, frames, delta_s):
     bend = bent * np.sin(2 * np.pi * np.arange(frames) / rate / beat_s)
-    assert measure_delta([bend], rate) == pytest.approx(delta_s, rel=0.05)
+    assert measure_delta_s([bend], rate) == pytest.approx(delta_s, rel=0.05)
 
 
 def test_blocks_are_shorter_in_a_short_film():
-    assert block_frames(10.0, 0.2, 5, np.arange(1500), 10) == 50
-    assert block_frames(10.0, 0.2, 5, np.arange(100), 10) == 20
-    assert block_frames(10.0, 0.2, 5, np.arange(20), 10) == 10
-    assert block_frames(10.0, 0.2, 5, np.arange(0), 10) == 10
+    assert held_out_block_frames(10.0, 0.2, 5, np.arange(1500), 10) == 50
+    assert held_out_block_frames(10.0, 0.2, 5, np.arange(100), 10) == 20
+    assert held_out_block_frames(10.0, 0.2, 5, np.arange(20), 10) == 10
+    assert held_out_block_frames(10.0, 0.2, 5, np.arange(0), 10) == 10
 
 
 # -- motion area ------------------------------------------------------------------------------------
@@ -245,14 +245,14 @@ def test_coefficients_of_the_area_by_quadrature():
 @pytest.mark.parametrize("count", [4, 5, 6, 7, 9])
 def test_the_area_is_that_of_the_curve(count, seed):
     control = np.random.default_rng(seed).normal(0, 20, (count, 2))
-    x, y = closed_spline(control, 4000).T
+    x, y = closed_spline_points(control, 4000).T
     polygon = -0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)  # y is down
-    assert signed_area(control[None])[0] == pytest.approx(polygon, rel=1e-6, abs=1e-4)
+    assert signed_spline_area(control[None])[0] == pytest.approx(polygon, rel=1e-6, abs=1e-4)
 
 
 def test_the_curve_is_the_uniform_cubic_b_spline():
     control = np.random.default_rng(2).normal(size=(6, 2))
-    curve = closed_spline(control, 8).reshape(6, 8, 2)
+    curve = closed_spline_points(control, 8).reshape(6, 8, 2)
     knots = (control + 4 * np.roll(control, -1, 0) + np.roll(control, -2, 0)) / 6
     assert np.allclose(curve[:, 0], knots)
     assert np.abs(np.diff(np.vstack([*curve, curve[0, :1]]), axis=0)).max() < 1
@@ -267,7 +267,7 @@ def test_control_points_lie_at_their_shares():
 
 def bends(lines):
     lines = np.asarray(lines)
-    return bend(lines, np.hypot(*np.diff(lines, axis=1).transpose(2, 0, 1)).sum(1))
+    return measure_bend(lines, np.hypot(*np.diff(lines, axis=1).transpose(2, 0, 1)).sum(1))
 
 
 def test_a_bend_to_the_left_is_plus_and_grows_with_the_arc():
@@ -280,7 +280,9 @@ def test_a_bend_to_the_left_is_plus_and_grows_with_the_arc():
     # By hand: heads up on screen, the tail points left, as in a turn from right to up.
     line = np.array([[10, 0], [10, 3], [9, 6], [7, 8], [4, 9.5], [0, 10.0]])
     assert bends([line])[0] > 0.02
-    assert signed_area(np.array([[[0, 0], [0, 1], [1, 1], [1, 0.0]]]))[0] > 0  # anticlockwise
+    assert (
+        signed_spline_area(np.array([[[0, 0], [0, 1], [1, 1], [1, 0.0]]]))[0] > 0
+    )  # anticlockwise
 
 
 def test_place_direction_and_size_do_not_change_the_bend():
@@ -289,7 +291,7 @@ def test_place_direction_and_size_do_not_change_the_bend():
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     for seen in (fish + (300, -20), fish @ turn, 3 * fish):
         assert bends(seen) == pytest.approx(bends(fish))
-    one, large = (signed_area(control_points(lines)) for lines in (fish, 3 * fish))
+    one, large = (signed_spline_area(control_points(lines)) for lines in (fish, 3 * fish))
     assert large == pytest.approx(9 * one)
     assert bends(fish * (-1, 1)) == pytest.approx(-bends(fish))
 
@@ -304,7 +306,7 @@ def test_the_head_is_found_in_every_frame(seed):
     lines = lines + rng.normal(0, 0.02 * LENGTH, lines.shape)
     width = WIDTH * rng.lognormal(0, 0.2, (80, 1)) + rng.normal(0, 0.5, (80, POINTS))
     mixed, widths, first = shuffle_ends(lines, width, rng)
-    found, confidence = head_first(mixed, widths, RATE)
+    found, confidence = decide_head_end(mixed, widths, RATE)
     assert np.array_equal(found, first)
     assert confidence.min() > 0.9
 
@@ -314,16 +316,16 @@ def test_the_head_is_found_in_every_frame(seed):
 )
 def test_one_cue_is_enough_to_find_the_head(speed, width):
     mixed, widths, first = shuffle_ends(swim(60, speed=speed), width, np.random.default_rng(0))
-    found, confidence = head_first(mixed, widths, RATE)
+    found, confidence = decide_head_end(mixed, widths, RATE)
     assert np.array_equal(found, first)
     assert confidence.min() > 0.9
     if speed == 0:  # a single frame, too
-        assert head_first(mixed[:1], widths[:1], RATE)[0] == first[:1]
+        assert decide_head_end(mixed[:1], widths[:1], RATE)[0] == first[:1]
 
 
 def test_a_fish_may_be_pushed_backwards_for_a_while():
     lines = np.concatenate([swim(50), swim(50)[-1] + (swim(12) - swim(12)[0]) * (-0.5, 1)])
-    found, _ = head_first(lines, np.broadcast_to(WIDTH, (62, POINTS)), RATE)
+    found, _ = decide_head_end(lines, np.broadcast_to(WIDTH, (62, POINTS)), RATE)
     assert found.all()
 
 
@@ -332,28 +334,28 @@ def test_one_wild_frame_does_not_outvote_a_track():
     lines = swim(40, 0.0)
     lines[20:] -= (2 * LENGTH, 0)
     width = 4.0 + 0.3 * (WIDTH - WIDTH[::-1]) / 2
-    found, _ = head_first(lines, np.tile(width, (40, 1)), RATE)
+    found, _ = decide_head_end(lines, np.tile(width, (40, 1)), RATE)
     assert found.all()
 
 
 def test_the_other_end_first_is_the_same_answer():
     rng = np.random.default_rng(3)
     mixed, widths, _ = shuffle_ends(swim(40, speed=1.0), WIDTH, rng)
-    found, confidence = head_first(mixed, widths, RATE)
-    other, as_sure = head_first(mixed[:, ::-1], widths[:, ::-1], RATE)
+    found, confidence = decide_head_end(mixed, widths, RATE)
+    other, as_sure = decide_head_end(mixed[:, ::-1], widths[:, ::-1], RATE)
     assert np.array_equal(other, ~found)
     assert as_sure == pytest.approx(confidence)
 
 
 def test_without_any_evidence_nothing_is_sure():
-    _, confidence = head_first(swim(40, speed=0.0), np.full((40, POINTS), 4.0), RATE)
+    _, confidence = decide_head_end(swim(40, speed=0.0), np.full((40, POINTS), 4.0), RATE)
     assert confidence == pytest.approx(0.5)
 
 
 def test_confidence_grows_with_evidence():
     def sureness(share, frames=40, speed=0.0, rate=RATE):
         width = 4.0 + share * (WIDTH - WIDTH[::-1]) / 2
-        return head_first(swim(frames, speed), np.tile(width, (frames, 1)), rate)[1].mean()
+        return decide_head_end(swim(frames, speed), np.tile(width, (frames, 1)), rate)[1].mean()
 
     shapes = [sureness(share) for share in (0, 0.05, 0.1, 0.2, 0.4)]
     assert np.all(np.diff(shapes) > 0.01)
@@ -365,9 +367,9 @@ def test_confidence_grows_with_evidence():
 
 def test_a_frame_that_contradicts_its_track_lowers_its_confidence_only():
     widths = np.tile(WIDTH, (60, 1))
-    _, plain = head_first(swim(60, 1.0), widths, RATE)
+    _, plain = decide_head_end(swim(60, 1.0), widths, RATE)
     widths[30] = widths[30, ::-1]
-    found, confidence = head_first(swim(60, 1.0), widths, RATE)
+    found, confidence = decide_head_end(swim(60, 1.0), widths, RATE)
     assert found.all()
     assert np.all(confidence <= plain + 1e-12)
 
@@ -385,7 +387,7 @@ def chain(seed, frames=8):
 @pytest.mark.parametrize("seed", range(20))
 def test_viterbi_against_every_sequence(seed):
     given, paths, score = chain(seed)
-    assert np.array_equal(_viterbi(*given), paths[score.argmax()] == 0)
+    assert np.array_equal(_most_probable_states(*given), paths[score.argmax()] == 0)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -393,15 +395,15 @@ def test_posterior_against_every_sequence(seed):
     given, paths, score = chain(seed)
     weight = np.exp(score - score.max())
     probability = (weight[:, None] * (paths == 0)).sum(0) / weight.sum()
-    assert _posterior(*given) == pytest.approx(probability)
+    assert _state_probabilities(*given) == pytest.approx(probability)
 
 
 def test_a_long_track_does_not_overflow():
     (evidence, stay), _, _ = chain(0)
     given = [50 * one for one in evidence * 500], (stay * 600)[:3999]
-    sure = _posterior(*given)
+    sure = _state_probabilities(*given)
     assert np.isfinite(sure).all()
-    assert _posterior(*([-one for one in given[0]], given[1])) == pytest.approx(1 - sure)
+    assert _state_probabilities(*([-one for one in given[0]], given[1])) == pytest.approx(1 - sure)
 
 
 # -- swimming type ----------------------------------------------------------------------------------
@@ -411,7 +413,7 @@ def kind(turned, bent, **changed):
     given = {"turn_deg": 16.0, "bend": 0.04, "release": 0.5} | changed
     release = given.pop("release")
     both = np.asarray(turned, float), np.asarray(bent, float)
-    return swimming_type(*both, Thresholds(**given), release)
+    return classify_swimming_types(*both, TurnThresholds(**given), release)
 
 
 @pytest.mark.parametrize("span", [1, 4, 5, 6])
@@ -466,30 +468,30 @@ def test_a_slow_fish_turns_as_often_as_a_brisk_one(slower):
     # 45° and more in all, but never 16° in Δ: by fixed thresholds it would swim straight for ever.
     heading_deg, bent = weaving(75.0 * slower, 0.04 * slower, seconds=120.0)
     both = heading_change(heading_deg, 5), bent
-    assert set(swimming_type(*both, BRISK, 0.5)) == {STRAIGHT}
-    limits = thresholds([heading_deg], [bent], 5)
-    types = swimming_type(*both, limits, 0.5)
+    assert set(classify_swimming_types(*both, BRISK, 0.5)) == {STRAIGHT}
+    limits = measure_turn_thresholds([heading_deg], [bent], 5)
+    types = classify_swimming_types(*both, limits, 0.5)
     assert (np.abs(turn_score(*both, limits)) >= 1).mean() == pytest.approx(0.1, abs=0.02)
     assert {LEFT, RIGHT} < set(types.tolist())
     # In its own units it turns just as a fish twice as slow does in its own.
-    slow = thresholds([heading_deg / 2 + 7.0], [bent / 2], 5)
+    slow = measure_turn_thresholds([heading_deg / 2 + 7.0], [bent / 2], 5)
     assert slow == pytest.approx([value / 2 for value in limits])
 
 
 def test_a_brisk_fish_and_one_that_keeps_its_heading_have_the_thresholds_of_a_brisk_one():
     heading_deg, bent = weaving(300.0, 0.1)
-    assert thresholds([heading_deg], [bent], 5) == BRISK
+    assert measure_turn_thresholds([heading_deg], [bent], 5) == BRISK
     time = np.arange(500)
     wag = 5.0 * np.sin(time)  # of a tail beat
-    assert thresholds([wag + 178.0, wag - 90.0], [0.01 * np.cos(time)] * 2, 5) == BRISK
+    assert measure_turn_thresholds([wag + 178.0, wag - 90.0], [0.01 * np.cos(time)] * 2, 5) == BRISK
 
 
 def test_given_thresholds_are_kept():
     heading_deg, bent = weaving(10.0, 0.002)
     given = replace(SETTINGS, turn_threshold_deg=9.0, bend_threshold="auto")
-    limits = turn_thresholds(heading_deg, bent, [slice(0, len(bent))], 5, given)
-    measured = thresholds([heading_deg], [bent], 5)
-    assert limits == Thresholds(9.0, measured.bend)
+    limits = choose_turn_thresholds(heading_deg, bent, [slice(0, len(bent))], 5, given)
+    measured = measure_turn_thresholds([heading_deg], [bent], 5)
+    assert limits == TurnThresholds(9.0, measured.bend)
 
 
 def test_seen_in_a_mirror_left_is_right():
@@ -510,7 +512,7 @@ def test_a_steady_swimmer_in_closed_form(turn_deg, rate):
     tracks = tracks_table(lines, start=7)
     tracks[["x_px", "y_px"]] = lines[:, 0]  # any point fixed to the neck goes round the circle
     table, backbones = measure_features(tracks, rate, SETTINGS)
-    delta = delta_frames(0.2, rate)
+    delta = delta_in_frames(0.2, rate)
     assert table["frame"].tolist() == list(range(7, 57))
     assert table["time_s"].to_numpy() == pytest.approx(np.arange(7, 57) / rate)
     assert table["heading_deg"].to_numpy() == pytest.approx(
@@ -646,7 +648,7 @@ def toy_table():
 
 
 def test_table_1_by_hand():
-    table = table1(toy_table()).set_index("orientation")
+    table = orientation_table(toy_table()).set_index("orientation")
     assert table.index.tolist() == list(range(1, 25))
     assert table.loc[1].to_dict() == pytest.approx(
         {"straight_pct": 40, "right_pct": 20, "max_area_right": 0.5, "left_pct": 40,
@@ -659,7 +661,9 @@ def test_table_1_by_hand():
     others = table.drop([1, 7])
     assert others.pop("amount_pct").tolist() == [0] * 22
     assert others.isna().all().all()
-    straight = table1(toy_table().assign(swimming_type=0)).set_index("orientation").loc[[1, 7]]
+    straight = (
+        orientation_table(toy_table().assign(swimming_type=0)).set_index("orientation").loc[[1, 7]]
+    )
     assert straight["straight_pct"].tolist() == [100, 100]
     assert not straight[["max_area_left", "max_area_right"]].any(axis=None)
 
@@ -675,7 +679,7 @@ def test_table_1_sums_to_100(seed):
             "motion_area": rng.random(90 + seed),
         }
     )
-    table = table1(many)
+    table = orientation_table(many)
     seen = table["amount_pct"] > 0
     shares = table.loc[seen, ["straight_pct", "right_pct", "left_pct"]].sum(axis=1)
     assert shares.to_numpy() == pytest.approx(100)
@@ -685,7 +689,7 @@ def test_table_1_sums_to_100(seed):
 
 def test_the_summary():
     tracks = tracks_table(swim(70, 3.0), swim(20, 3.0, turn_deg=8.0, arc_deg=60))
-    numbers = summary(measure_features(tracks, RATE, SETTINGS)[0])
+    numbers = summarize_features(measure_features(tracks, RATE, SETTINGS)[0])
     assert numbers["fish_frames"] == 90
     assert numbers["tracks"] == 2
     assert numbers["fish_frames_in_tracks_of_60_frames"] == 70
@@ -695,7 +699,9 @@ def test_the_summary():
     assert numbers["orientations_seen"] == 11  # 0° to 152°, less the chord of the bent neck
     assert numbers["displacement_median_body_lengths"] == pytest.approx(15 / 60)
     assert numbers["headed_along_travel_pct"] == 100
-    numbers = summary(measure_features(tracks_table(swim(1)), RATE, SETTINGS)[0])  # one frame
+    numbers = summarize_features(
+        measure_features(tracks_table(swim(1)), RATE, SETTINGS)[0]
+    )  # one frame
     assert numbers["fish_frames"] == 1 and numbers["moving_fish_frames"] == 0
     assert np.isnan(numbers["displacement_median_body_lengths"])
 
@@ -703,16 +709,18 @@ def test_the_summary():
 def test_how_many_swim_forwards():
     tracks = tracks_table(swim(30, 3.0, 1.0), swim(20, 3.0, heading_deg=45), swim(9, 0.0))
     table, _ = measure_features(tracks, RATE, SETTINGS)
-    found = heading_agreement(table)
+    found = measure_heading_agreement(table)
     assert found["moving_fish_frames"] == 25 + 15
     assert found["headed_along_travel_pct"] == 100
     assert found["heading_off_travel_median_deg"] < 15
     swapped = table.copy()
     swapped.loc[swapped["track_id"] == 1, "heading_deg"] = -135.0
-    assert heading_agreement(swapped)["headed_along_travel_pct"] == pytest.approx(100 * 25 / 40)
-    assert heading_agreement(measure_features(tracks_table(swim(9, 0.0)), RATE, SETTINGS)[0]) == {
-        "moving_fish_frames": 0
-    }
+    assert measure_heading_agreement(swapped)["headed_along_travel_pct"] == pytest.approx(
+        100 * 25 / 40
+    )
+    assert measure_heading_agreement(
+        measure_features(tracks_table(swim(9, 0.0)), RATE, SETTINGS)[0]
+    ) == {"moving_fish_frames": 0}
 
 
 def truth_of(table, backbones):
@@ -734,7 +742,7 @@ def swimmers_with_truth():
 
 
 def test_against_itself_nothing_is_wrong(swimmers_with_truth):
-    found = against_truth(*swimmers_with_truth)
+    found = compare_with_truth(*swimmers_with_truth)
     assert found["truth_found_pct"] == 100
     for name in ("centre_error_median_px", "centre_error_p95_px", "heading_error_median_deg",
                  "heading_error_p95_deg", "head_tail_swaps", "identity_changes"):  # fmt: skip
@@ -757,7 +765,7 @@ def test_errors_are_counted(swimmers_with_truth):
     lines = backbones + np.float32([0.03, 0.04]) * LENGTH
     swapped = np.arange(len(table)) % 7 == 0
     lines[swapped] = lines[swapped][:, ::-1]
-    found = against_truth(moved, lines, truth)
+    found = compare_with_truth(moved, lines, truth)
     assert found["truth_centre_error_median_px"] == pytest.approx(5)
     assert found["truth_heading_error_median_deg"] == pytest.approx(7, abs=1e-4)
     assert found["truth_body_length_bias_pct"] == pytest.approx(2)
@@ -771,14 +779,14 @@ def test_errors_are_counted(swimmers_with_truth):
 def test_lost_and_confused_fish_are_counted(swimmers_with_truth):
     table, backbones, truth = swimmers_with_truth
     keep = (table["frame"] % 2 == 0).to_numpy()
-    found = against_truth(table[keep].reset_index(drop=True), backbones[keep], truth)
+    found = compare_with_truth(table[keep].reset_index(drop=True), backbones[keep], truth)
     assert found["truth_found_pct"] == pytest.approx(100 * keep.mean())
     # One track that passes from one fish to the other and back.
     both = table[table["frame"] < 30].sort_values(["frame", "track_id"])
     passing = both.iloc[[2 * k + (10 <= k < 20) for k in range(30)]]
     lines = backbones[passing.index]
     passing = passing.assign(track_id=0).reset_index(drop=True)
-    assert against_truth(passing, lines, truth)["truth_identity_changes"] == 2
+    assert compare_with_truth(passing, lines, truth)["truth_identity_changes"] == 2
 
 
 # -- pictures ---------------------------------------------------------------------------------------
@@ -856,7 +864,7 @@ def test_figures_of_any_table(tmp_path, variant):
 
 def test_fig_7_shows_the_longest_track(swimmers_with_truth):
     table, _, _ = swimmers_with_truth
-    assert set(longest_track(table)["track_id"]) == {0}
+    assert set(rows_of_longest_track(table)["track_id"]) == {0}
     upper, lower = figure7(table).axes
     (area,) = upper.lines
     assert area.get_ydata() == pytest.approx(table["motion_area_rel"][:40].to_numpy())
@@ -994,11 +1002,13 @@ def test_a_ruler_gives_lengths_and_speeds_in_millimetres():
     table = pd.DataFrame(
         {"track_id": 1, "frame": range(20), "body_length_px": 40.0, "displacement": moved}
     )
-    found = in_mm(table, (640, 480), 25.0, 0.25)
+    found = metrics_in_mm(table, (640, 480), 25.0, 0.25)
     assert found["body_length_median_mm"] == 10
     assert found["speed_median_mm_s"] == pytest.approx(0.5 * 10 * 25 / 5)
     assert (found["tank_width_mm"], found["tank_height_mm"]) == (160, 120)
-    assert in_mm(table, (640, 480), 25.0, 0.5) == {name: 2 * mm for name, mm in found.items()}
+    assert metrics_in_mm(table, (640, 480), 25.0, 0.5) == {
+        name: 2 * mm for name, mm in found.items()
+    }
 
 
 # -- a current ---------------------------------------------------------------------------------------
@@ -1017,13 +1027,15 @@ def station_features(current=0.0, heading_deg=30.0):
 @pytest.mark.parametrize("heading_deg", [0.0, 90.0, -150.0])
 def test_a_fish_in_a_current_gets_on_along_its_heading(heading_deg):
     table = station_features(1.5, heading_deg)
-    way = through_water(table)
+    way = places_through_water(table)
     far = way[-1] - way[0]
     assert np.hypot(*far) == pytest.approx(1.5 * LENGTH * 99 / RATE, rel=0.02)
     assert np.degrees(np.arctan2(-far[1], far[0])) == pytest.approx(heading_deg, abs=2)
     assert table["displacement"].dropna().median() == pytest.approx(1.5 * 0.2, rel=0.05)
     assert np.allclose(table[["x_px", "y_px"]], [400, 300])  # the picture is where it was
-    assert heading_agreement(table) == {"moving_fish_frames": 0}  # an assumed way proves no heading
+    assert measure_heading_agreement(table) == {
+        "moving_fish_frames": 0
+    }  # an assumed way proves no heading
 
 
 def test_the_current_is_found_and_a_number_overrides_it():
@@ -1039,10 +1051,10 @@ def test_tracks_are_moved_on_each_by_itself():
     both = pd.concat(
         [station_features(1.0), station_features(1.0).assign(track_id=1)], ignore_index=True
     )
-    way = through_water(both)
+    way = places_through_water(both)
     steps = np.diff(way, axis=0)
     assert np.allclose(steps[:99], steps[100:], atol=1e-6)
-    assert [one.stop - one.start for one in spans(both)] == [100, 100]
+    assert [one.stop - one.start for one in track_slices(both)] == [100, 100]
     still = station_features()
-    assert np.array_equal(through_water(still), still[["x_px", "y_px"]].to_numpy())
+    assert np.array_equal(places_through_water(still), still[["x_px", "y_px"]].to_numpy())
     assert still["displacement"].max() < 1e-3

@@ -23,7 +23,7 @@ from finloop.base.errors import FinloopError
 from finloop.distance.map import STEPS, MapFacts
 from finloop.distance.picture import BODY, FILM, centre_cutout, successive_distances
 from finloop.distance.reel import Reel
-from finloop.features.table import FEATURES, orientation, wrap_deg
+from finloop.features.table import FEATURES, find_orientations, wrap_deg
 from finloop.gateways.find import (
     GATEWAYS,
     IN,
@@ -90,7 +90,7 @@ def feature_table():
         rows.append((track, frame, 10 + frame + x, 20 + y, heading))
     table = pd.DataFrame(rows, columns=["track_id", "frame", "x_px", "y_px", "heading_deg"])
     table["heading_deg"] = table["heading_deg"].astype(np.float32)
-    table["orientation"] = orientation(table["heading_deg"].to_numpy(), ORIENTATIONS)
+    table["orientation"] = find_orientations(table["heading_deg"].to_numpy(), ORIENTATIONS)
     table["orientations"] = ORIENTATIONS
     table["body_length_px"] = LENGTH
     table = table.reindex(columns=FEATURES.names, fill_value=0)

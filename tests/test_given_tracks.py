@@ -43,8 +43,8 @@ from finloop.extract.load_given import find_tracks_path
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import GIVEN, tracks_schema
 from finloop.extract.tracks import SilhouettePlace
-from finloop.features.head import head_first, match_head_end
-from finloop.features.metrics import against_given
+from finloop.features.head import decide_head_end, match_head_end
+from finloop.features.metrics import compare_heads_with_external
 from finloop.features.table import measure_features
 from finloop.io.numbers import load_numbers
 from finloop.io.poses import load_poses
@@ -177,7 +177,7 @@ def test_swapped_heads_decide_and_are_reported(tracks_run):
     told = match_head_end(line, heads, np.full(heads.shape, np.nan))
     ends = np.where((told == 1)[:, None], line[:, -1], line[:, 0])  # the tail as it was told
     given.loc[swapped, ["head_x_px", "head_y_px"]] = ends[swapped]
-    made = against_given(tracks, given, 25.0)
+    made = compare_heads_with_external(tracks, given, 25.0)
     assert made["head_disagreement_share"] == pytest.approx(swapped.mean())
     p = settings("features")
     plain, _ = measure_features(tracks, 25.0, p)
@@ -458,11 +458,11 @@ def test_which_end_is_told_to_be_the_head():
 def test_a_head_that_is_told_now_and_then_leads_the_frames_between():
     line = np.linspace([40, 0], [0, 0], 9)[None] + np.arange(30)[:, None, None] * [2.0, 0]
     widths = np.tile(np.linspace(6, 2, 9), (30, 1))
-    first, sure = head_first(line, widths, 25.0)
+    first, sure = decide_head_end(line, widths, 25.0)
     assert first.all()
     told = np.zeros(30, np.int8)
     told[[3, 20]] = -1
-    led, doubt = head_first(line, widths, 25.0, told)
+    led, doubt = decide_head_end(line, widths, 25.0, told)
     assert not led.any()
     assert np.allclose(sure + doubt, 1)
 

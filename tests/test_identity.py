@@ -16,8 +16,8 @@ import stages.plots.identity
 from finloop.identity import appearance, motion
 from finloop.identity.film import IDENTITIES
 from finloop.identity.joins import (
-    Pairs,
-    best_joins,
+    TrackPairs,
+    find_best_joins,
     join_in_passes,
     simultaneous_pairs,
     successor_pairs,
@@ -56,7 +56,7 @@ def test_drift_is_none_on_a_straight_way_and_that_of_a_random_walk(rng):
 
 def test_the_ratio_of_places_is_that_of_densities(rng):
     """Over the whole tank the density of the same animal adds up to one, as that of any does."""
-    drift = motion.Drift(np.array([1.0, 2.0]), np.array([1.5, 1.5]), np.zeros(2), 400.0, 4)
+    drift = motion.GapDrift(np.array([1.0, 2.0]), np.array([1.5, 1.5]), np.zeros(2), 400.0, 4)
     place = rng.uniform(-10, 10, (200_000, 2))
     ratio = np.exp(drift.log_ratio(np.ones(len(place)), np.hypot(*place.T)))
     assert ratio.mean() == pytest.approx(1.0, rel=0.04)
@@ -71,10 +71,10 @@ def test_a_track_is_joined_to_one_that_begins_where_it_leads():
     before = [(t[:12], way[:12]) for way in ways]
     after = [(t[16:], way[16:]) for way in ways[::-1]]
     frames, places = zip(*before, *after, strict=True)
-    ends = motion.track_ends(list(frames), list(places), 4)
+    ends = motion.measure_track_ends(list(frames), list(places), 4)
     pairs = successor_pairs(ends.start, ends.stop, np.zeros(4, int))
-    score = motion.log_ratios(ends, motion.measure_drift(table_of(*ways, *ways)), pairs)
-    joins = best_joins(4, pairs, score, 0.05, 0.5, np.random.default_rng(0))
+    score = motion.motion_log_ratios(ends, motion.measure_drift(table_of(*ways, *ways)), pairs)
+    joins = find_best_joins(4, pairs, score, 0.05, 0.5, np.random.default_rng(0))
     assert joins.before.tolist() == [-1, -1, 1, 0]
 
 
@@ -111,9 +111,9 @@ def test_the_best_set_of_few_pairs_is_that_of_the_whole_matrix(rng):
     for part in (2, 7, 20):  # tracks that pairs connect: many parts, and one
         a, b = np.nonzero(np.triu(rng.random((20, 20)) < 0.4, 1))
         same = a // part == b // part
-        pairs = Pairs(a[same], b[same])
+        pairs = TrackPairs(a[same], b[same])
         score, stranger = rng.normal(0, 3, same.sum()), 0.2
-        before = best_joins(20, pairs, score, stranger, 0.0, rng).before
+        before = find_best_joins(20, pairs, score, stranger, 0.0, rng).before
         whole = np.full((20, 40), -1e6)
         whole[pairs] = score - 2 * np.log(stranger)
         whole[np.arange(20), 20 + np.arange(20)] = 0
@@ -124,11 +124,11 @@ def test_the_best_set_of_few_pairs_is_that_of_the_whole_matrix(rng):
 
 
 def test_equal_scores_are_equally_probable(rng):
-    pairs, score = Pairs(np.array([0, 0, 1, 1]), np.array([2, 3, 2, 3])), np.full(4, 6.0)
-    found = best_joins(4, pairs, score, 1e-6, 0.3, rng)
+    pairs, score = TrackPairs(np.array([0, 0, 1, 1]), np.array([2, 3, 2, 3])), np.full(4, 6.0)
+    found = find_best_joins(4, pairs, score, 1e-6, 0.3, rng)
     assert sorted(found.before[2:]) == [0, 1]
     assert found.probability[2:] == pytest.approx(0.5, abs=0.15)
-    assert (best_joins(4, pairs, score, 1e-6, 0.75, rng).before == -1).all()
+    assert (find_best_joins(4, pairs, score, 1e-6, 0.75, rng).before == -1).all()
 
 
 def test_probabilities_are_near_those_of_all_sets_of_joins(rng):
@@ -147,8 +147,8 @@ def test_probabilities_are_near_those_of_all_sets_of_joins(rng):
         total += one
         for join in joined:
             weight[join] += one
-    pairs = Pairs(*np.nonzero(np.isfinite(score)))
-    found = best_joins(6, pairs, score[pairs], stranger, 0.01, rng)
+    pairs = TrackPairs(*np.nonzero(np.isfinite(score)))
+    found = find_best_joins(6, pairs, score[pairs], stranger, 0.01, rng)
     for b in starts:
         if found.before[b] >= 0:
             truth = weight[found.before[b], b] / total
@@ -160,24 +160,24 @@ def test_tracks_that_are_joined_tell_more_together(rng):
 
     def scores(chains):
         if chains == [[0, 1, 2]]:
-            return Pairs(np.zeros(0, int), np.zeros(0, int)), np.zeros(0)
+            return TrackPairs(np.zeros(0, int), np.zeros(0, int)), np.zeros(0)
         if chains == [[0, 1], [2]]:
-            return Pairs(np.array([0]), np.array([1])), np.full(1, 20.0)
-        pairs = Pairs(np.array([0, 1, 0]), np.array([1, 2, 2]))
+            return TrackPairs(np.array([0]), np.array([1])), np.full(1, 20.0)
+        pairs = TrackPairs(np.array([0, 1, 0]), np.array([1, 2, 2]))
         return pairs, np.array([20.0, -20.0, -20.0])
 
     def best_names(count, pairs, log_ratio):
-        return best_joins(count, pairs, log_ratio, 0.01, 0.5, rng)
+        return find_best_joins(count, pairs, log_ratio, 0.01, 0.5, rng)
 
     assert best_names(3, *scores([[0], [1], [2]])).before.tolist() == [-1, 0, -1]
     assert join_in_passes(3, scores, 0.9, best_names).before.tolist() == [-1, 0, 1]
 
 
 def test_where_no_join_is_sure_passes_are_one():
-    pairs = Pairs(np.array([0, 0, 1, 1]), np.array([2, 3, 2, 3]))
+    pairs = TrackPairs(np.array([0, 0, 1, 1]), np.array([2, 3, 2, 3]))
 
     def best_names(count, pairs, log_ratio):
-        return best_joins(count, pairs, log_ratio, 1e-6, 0.3, np.random.default_rng(0))
+        return find_best_joins(count, pairs, log_ratio, 1e-6, 0.3, np.random.default_rng(0))
 
     joins = join_in_passes(4, lambda _: (pairs, np.full(4, 6.0)), 0.9, best_names)
     np.testing.assert_array_equal(joins, best_names(4, pairs, np.full(4, 6.0)))
@@ -195,8 +195,10 @@ def looks_of(rng, animals, spread, tracks=30, pictures=20):
 def looked_at(tracks, time):
     """The log ratio of all pairs (n, n) of tracks that are seen in one frame each."""
     n = len(tracks)
-    pairs = Pairs(*np.indices((n, n)).reshape(2, -1))
-    return appearance.log_ratios(tracks, simultaneous_pairs(time, time), pairs).reshape(n, n)
+    pairs = TrackPairs(*np.indices((n, n)).reshape(2, -1))
+    return appearance.appearance_log_ratios(tracks, simultaneous_pairs(time, time), pairs).reshape(
+        n, n
+    )
 
 
 def test_components_of_some_pictures_describe_them_all(rng, monkeypatch):
@@ -205,7 +207,9 @@ def test_components_of_some_pictures_describe_them_all(rng, monkeypatch):
     whole, some = [], []
     for most, made in ((1000, whole), (50, some)):
         monkeypatch.setattr(appearance, "_PICTURES", most)
-        made.append(appearance.descriptors(rng.random((300, 2)), pictures.__getitem__, 3)[:, 2:])
+        made.append(
+            appearance.appearance_descriptors(rng.random((300, 2)), pictures.__getitem__, 3)[:, 2:]
+        )
     apart = [np.linalg.norm(one[0][:-1] - one[0][1:], axis=1) for one in (whole, some)]
     np.testing.assert_allclose(apart[0] / apart[1], (apart[0] / apart[1]).mean(), rtol=1e-4)
 

@@ -13,8 +13,8 @@ from finloop.base.settings import settings
 from finloop.clip.check import Quality
 from finloop.clip.rewrite import ClipResult, choose_repairs, make_clip
 from finloop.clip.shake import Shift, undo_shift
-from finloop.clip.verdict import findings
-from finloop.clip.write import open_source
+from finloop.clip.verdict import list_findings
+from finloop.clip.write import open_clip_source
 from finloop.drawn.carp.film import film
 from finloop.io.movie import VideoWriter
 from finloop.io.table import load_table
@@ -49,7 +49,7 @@ def clip_of(
     write_frames(VideoWriter(shot, width, height, Fraction(rate), frames[0].ndim == 3), frames)
     home.mkdir(exist_ok=True)
     p = settings("clip", source="file", path=str(shot), **values)
-    one = make_clip(p, open_source(p), home)
+    one = make_clip(p, open_clip_source(p), home)
     return one, [x.copy() for x in read_frames(home / CLIP_NAME, colour=frames[0].ndim == 3)]
 
 
@@ -67,7 +67,7 @@ def test_a_film_in_which_nothing_is_wrong_is_the_same_to_the_byte(tmp_path, carp
     clip_of(tmp_path, carp, **OFF)
     assert (tmp_path / "clip" / CLIP_NAME).read_bytes() == clip
     assert one.mended == frozenset() and one.arena.all()
-    assert one.numbers["mended_steady"] == 0
+    assert one.metrics["mended_steady"] == 0
 
 
 def test_flicker_is_taken_out_of_every_channel(tmp_path):
@@ -137,7 +137,7 @@ def test_sixteen_bits_are_mended_as_eight(tmp_path, carp):
         cv2.imwrite(str(folder / f"{k}.png"), deep)
     p = settings("clip", source="file", path=str(folder), frame_rate_hz=25.0)
     (tmp_path / "clip").mkdir()
-    one = make_clip(p, open_source(p), tmp_path / "clip")
+    one = make_clip(p, open_clip_source(p), tmp_path / "clip")
     assert one.mended == {"even_light"} and one.quality.light_flicker_pct < 0.4
 
 
@@ -168,6 +168,6 @@ def test_what_cannot_be_mended_is_left():
 
 def test_findings_say_what_was_and_what_is():
     filmed, now = quality(light_flicker_pct=5.0), quality(light_flicker_pct=0.1)
-    words = {one.word: one for one in findings(now, filmed, {"even_light"})}
+    words = {one.word: one for one in list_findings(now, filmed, {"even_light"})}
     assert words["flicker"].good and "5" in words["flicker"].text
-    assert words["drift"] == {one.word: one for one in findings(now)}["drift"]
+    assert words["drift"] == {one.word: one for one in list_findings(now)}["drift"]

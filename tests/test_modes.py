@@ -66,7 +66,7 @@ from finloop.edit.modes import MODES, PAPER
 from finloop.edit.schema import ACCELERATE, FADE, FRAME, SPRITE, STATES, STRAIGHT, VERDICTS, Goal
 from finloop.edit.schema import FILM as IN_FILM
 from finloop.features.swimming_type import LEFT, RIGHT
-from finloop.features.table import direction_deg, orientation, wrap_deg
+from finloop.features.table import find_orientations, orientation_heading_deg, wrap_deg
 from finloop.loops.positions import quadrant, quadrant_of
 from finloop.modes.hybrid import Hybrid
 from finloop.modes.loops import loop_ends
@@ -96,8 +96,8 @@ def posed_gateways(pose):
     made = gateways(table, every=5)
     row = made["row"].to_numpy()
     leads = row + (made["direction"] == "out")  # to what follows on the row
-    number = orientation(table["heading_deg"].to_numpy()[leads], ORIENTATIONS)
-    turn = wrap_deg(-direction_deg(number, ORIENTATIONS))
+    number = find_orientations(table["heading_deg"].to_numpy()[leads], ORIENTATIONS)
+    turn = wrap_deg(-orientation_heading_deg(number, ORIENTATIONS))
     made = made.assign(orientation=number, turn_deg=turn)
     made["rank"] = made.groupby(["direction", "sprite", "orientation"]).cumcount() + 1
     return made
@@ -710,7 +710,7 @@ def test_every_switch_goes_through_a_gateway_as_it_is_listed(pose):
     heading, number = table["heading_deg"].to_numpy(float), table["source"].to_numpy()
     sector = np.zeros(len(table), int)
     if pose == FILM:
-        sector = orientation(heading, ORIENTATIONS)
+        sector = find_orientations(heading, ORIENTATIONS)
     for tick in into:
         gate = "in", sector[tick - 1], number[tick - 1], number[tick]
         assert table["seam"][tick] == pytest.approx(listed[gate])  # steps of a film whose own is 1

@@ -23,7 +23,7 @@ from finloop.animate.shoal import swim
 from finloop.base.errors import FinloopError
 from finloop.base.line import MM, PX, TANK, Line, check_line
 from finloop.edit.schema import PATH
-from finloop.features.line import track_line
+from finloop.features.line import track_as_path
 from finloop.io.line import load_line
 from finloop.io.table import save_table
 from finloop.plan.advance import advance
@@ -107,12 +107,12 @@ def test_a_track_of_the_film_has_times_and_headings_and_an_unknown_one_is_refuse
         [arc_track([5.0] * 30, track=3), arc_track([0.0] * 9, track=8)], ignore_index=True
     )
     table["time_s"] = table["frame"] / RATE
-    line = track_line(table, "track:8")
+    line = track_as_path(table, "track:8")
     assert list(line.rows) == list(range(31, 41)) and line.time_s[1] == 1 / RATE
     assert list(line.heading_deg) == [0] * 10 and line.unit == PX
     for name in ("track:9", "track:fish"):
         with pytest.raises(FinloopError, match="longest: 3, 8"):
-            track_line(table, name)
+            track_as_path(table, name)
 
 
 # --- in the tank

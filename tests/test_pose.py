@@ -6,7 +6,7 @@ import pytest
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
-from finloop.features.memory import memory_frames
+from finloop.features.memory import measure_memory_frames
 from finloop.io.record import load_json, remake_hint, save_record
 from finloop.io.table import load_list_columns, save_table
 from finloop.pose import film_poses
@@ -99,7 +99,7 @@ def test_a_posture_is_remembered_for_a_part_of_its_beat():
     poses = film_poses(tracks, features, settings("pose"))
     assert poses.memory_frames == pytest.approx(20 / 6, abs=0.4)
     noise = np.random.default_rng(0).normal(size=(500, 2))
-    assert memory_frames(noise, np.zeros(500, int)) < 1
+    assert measure_memory_frames(noise, np.zeros(500, int)) < 1
 
 
 @pytest.mark.parametrize("bends", [[0.0] * 10, swinging(10), [0.3] * 10])

@@ -25,7 +25,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.distance.reel import Reel, sprite_row
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
-from finloop.features.metrics import table1
+from finloop.features.metrics import orientation_table
 from finloop.features.table import FEATURES, measure_features, wrap_deg
 from finloop.features.table import FeaturesSettings as FeatureSettings
 from finloop.io.cutouts import CutoutWriter, open_cutouts
@@ -670,7 +670,7 @@ def test_a_sprite_that_need_not_be_turned_is_the_source(toy, sprites):
 
 
 def test_table_1_has_all_types_in_every_orientation(toy, sprites):
-    before, after = table1(toy.features), table1_after(sprites, toy.features)
+    before, after = orientation_table(toy.features), table1_after(sprites, toy.features)
     assert count_complete_orientations(before) < ORIENTATIONS == count_complete_orientations(after)
     np.testing.assert_allclose(after[["straight_pct", "left_pct", "right_pct"]].sum(axis=1), 100)
     np.testing.assert_allclose(after["amount_pct"], 100 / ORIENTATIONS)

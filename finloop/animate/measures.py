@@ -19,7 +19,7 @@ from finloop.base.distributions import wasserstein_distance
 from finloop.base.schema import Column, Schema
 from finloop.edit.measures import area_missed, picture_kind_shares, step_measures, turn_measures
 from finloop.edit.schema import FRAME, Goal
-from finloop.features.current import through_water
+from finloop.features.current import places_through_water
 from finloop.features.table import wrap_deg
 
 FILM_MOTION = "film"
@@ -149,7 +149,9 @@ def motion_of_film(features: pd.DataFrame, motion: MotionStatistics) -> tuple[Fl
     """Return speed [body lengths/s] and turn rate [°/s], (k,) each, of all tracks, over Δ."""
     length = motion.body_length_px / motion.size
     parts = [
-        _over_delta(through_water(track) / length, track["heading_deg"].to_numpy(float), motion)
+        _over_delta(
+            places_through_water(track) / length, track["heading_deg"].to_numpy(float), motion
+        )
         for _, track in features.groupby("track_id")
         if len(track) > motion.delta
     ]

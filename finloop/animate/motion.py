@@ -20,7 +20,7 @@ from finloop.base.arrays import Floats
 from finloop.base.axes import to_body_axes
 from finloop.base.errors import FinloopError
 from finloop.base.stretches import spread_rows
-from finloop.features.current import through_water
+from finloop.features.current import places_through_water
 from finloop.features.swimming_type import STRAIGHT as TYPE_STRAIGHT
 
 _LEARNT = 100_000  # rows to learn from; they show thousands of phases and turns
@@ -83,7 +83,7 @@ class TrackKinematics:
 
 
 Track = dict[str, NDArray[Any]]
-"""Columns of a feature table, the rows of one track; x_px, y_px as `through_water` has them."""
+"""Columns of a feature table, the rows of one track; x_px, y_px from `places_through_water`."""
 
 
 def track_kinematics(track: Track, delta: int, length_px: float, rate_hz: float) -> TrackKinematics:
@@ -160,7 +160,7 @@ def _tracks(features: pd.DataFrame, least: int) -> Iterator[Track]:
     """Yield tracks longer than `least`; of a long film as many as have `_LEARNT` rows."""
     edges = np.flatnonzero(np.diff(features["track_id"], prepend=-1, append=-1))
     columns: Track = {name: features[name].to_numpy(float) for name in _MOTION}
-    columns["x_px"], columns["y_px"] = through_water(features).T
+    columns["x_px"], columns["y_px"] = places_through_water(features).T
     columns["swimming_type"] = features["swimming_type"].to_numpy()
     long = np.flatnonzero(np.diff(edges) > least)
     rows = int(np.diff(edges)[long].sum())

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.errors import FinloopError
 from finloop.bpn.settings import BpnSettings
-from finloop.features.memory import block_frames
+from finloop.features.memory import held_out_block_frames
 
 INPUTS = {
     "motion_area_rel": "1",
@@ -220,7 +220,7 @@ def split_rows(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
         train, held_out = split_by_tracks(rows, p.held_out_ratio, rng)
     else:
         least = rows.delta_frames + _LEAST_HELD_OUT
-        block = block_frames(
+        block = held_out_block_frames(
             p.held_out_block_deltas, p.held_out_ratio, rows.delta_frames, rows.frame, least
         )
         train, held_out = split_by_blocks(rows, block, p.held_out_ratio, rng)

@@ -8,7 +8,7 @@ import pandas as pd
 
 from finloop.base.arrays import Complex, Ints, Mask
 from finloop.base.errors import FinloopError
-from finloop.features.memory import memory_frames
+from finloop.features.memory import measure_memory_frames
 from finloop.social.measures import frame_slots, middle_frame, shoal_table, spread_to_slots
 from finloop.social.neighbours import Neighbours, relative_neighbours, vectors
 from finloop.social.walls import Walls
@@ -138,7 +138,7 @@ def horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
     It is at most a quarter of the longest track, but at least Δ if that is no more than half of it.
     heading (n,): complex; track (n,): its number; delta: Δ in frames.
     """
-    memory = memory_frames(np.stack([heading.real, heading.imag], axis=1), track)
+    memory = measure_memory_frames(np.stack([heading.real, heading.imag], axis=1), track)
     longest = _longest_track(track)
     ticks = max(delta, round(min(memory, longest / _PART)))
     return max(1, min(ticks, (longest - 1) // 2))

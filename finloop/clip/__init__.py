@@ -6,6 +6,6 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "check": ["Tally", "check_film", "psnr_db"], "verdict": ["findings"],
+    "check": ["ClipTally", "check_film", "psnr_db"], "verdict": ["list_findings"],
     "write": ["circle_arena", "rectangle_arena"],
 })  # fmt: skip

@@ -2,7 +2,7 @@
 
 The normalised clip, as grey, is examined in runs of successive frames spread over it, so a long
 film takes no longer than five hundred frames. Light and doubled pictures are measured in every
-frame, while the clip is written (`Tally`).
+frame, while the clip is written (`ClipTally`).
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -63,13 +63,13 @@ class Quality:
     animal_white_pct: float
 
     @classmethod
-    def from_metrics(cls, numbers: Mapping[str, float], prefix: str = "") -> "Quality":
-        """Return the measures stored in `numbers` under `prefix` + name; NaN if one is missing."""
-        return cls(*(numbers.get(prefix + entry.name, np.nan) for entry in fields(cls)))
+    def from_metrics(cls, metrics: Mapping[str, float], prefix: str = "") -> "Quality":
+        """Return the measures that metrics hold as prefix + name; NaN if one is missing."""
+        return cls(*(metrics.get(prefix + entry.name, np.nan) for entry in fields(cls)))
 
 
 @dataclass
-class Tally:
+class ClipTally:
     """Brightness of a clip, its changes and samples of its frames, gathered frame by frame."""
 
     frames: int = 0
@@ -85,8 +85,11 @@ class Tally:
     _first: np.ndarray | None = None
     _last: np.ndarray | None = None
 
-    def add(self, frame: np.ndarray) -> None:
-        """Measure one frame (h, w[, 3]); keep copies of at most `SAMPLES`, evenly spread."""
+    def add_frame(self, frame: np.ndarray) -> None:
+        """Measure the next frame (h, w[, 3]), and copy it if it is one of the spread samples.
+
+        At most `SAMPLES` copies are kept.
+        """
         self.brightness_sum += float(np.mean(cv2.mean(frame)[: 3 if frame.ndim == 3 else 1]))
         low, high, *_ = cv2.minMaxLoc(frame.reshape(frame.shape[0], -1))
         self.darkest, self.brightest = min(self.darkest, int(low)), max(self.brightest, int(high))
@@ -111,7 +114,7 @@ class Tally:
         return self.brightness_sum / max(self.frames, 1)
 
     @property
-    def plain(self) -> bool:
+    def is_plain(self) -> bool:
         """Return whether all pixels of all frames have about the same grey level."""
         return self.brightest - self.darkest < PLAIN_LEVELS
 
@@ -128,21 +131,23 @@ def psnr_db(pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> float:
     return 10 * np.log10(255**2 * pixels / squares) if squares else float("inf")
 
 
-def spread_runs(frames: int, stride: int = 1) -> list[tuple[int, int]]:
-    """Return the runs [start, stop) of successive frames, spread over a film, that are examined.
+def choose_examined_runs(frames: int, key_frame_distance: int = 1) -> list[tuple[int, int]]:
+    """Return runs (start, stop) of successive frames, spread over a film, that are examined.
 
     A film of at most `RUNS` × `LENGTH` frames is a single run; a longer one has `RUNS` runs of
-    `LENGTH` frames, which begin at multiples of `stride`.
+    `LENGTH` frames, which begin at key frames. frames: length of the film; stop is not included.
     """
     if frames <= RUNS * LENGTH:
         return [(0, frames)]
-    starts = np.linspace(0, frames - LENGTH, RUNS).astype(int) // stride * stride
+    starts = (
+        np.linspace(0, frames - LENGTH, RUNS).astype(int) // key_frame_distance * key_frame_distance
+    )
     return [(int(start), int(start) + LENGTH) for start in starts]
 
 
-def _still_tank(samples: Sequence[Picture]) -> Picture:
-    """Return the still tank (h, w[, 3]): the median of frames brought to one light and place."""
-    few = samples[:: -(-len(samples) // _SAMPLES)]
+def _still_tank(frames: Sequence[Picture]) -> Picture:
+    """Return the still tank (h, w[, 3]): the median of frames after light and shift are undone."""
+    few = frames[:: -(-len(frames) // _SAMPLES)]
     gains = [measure_gain(frame, few[0]) for frame in few]
     usual = np.median(gains, axis=0)
     few = [undo_gain(frame, bright / usual) for frame, bright in zip(few, gains, strict=True)]
@@ -161,6 +166,7 @@ def _still_tank(samples: Sequence[Picture]) -> Picture:
 
 
 def _median_picture(frames: Sequence[Picture]) -> Picture:
+    """Return the median of pictures of one size, a strip at a time to save memory."""
     middle = np.empty_like(frames[0])
     for top in range(0, len(middle), _STRIP):
         strip = np.stack([frame[top : top + _STRIP] for frame in frames])
@@ -170,29 +176,31 @@ def _median_picture(frames: Sequence[Picture]) -> Picture:
 
 
 def check_film(
-    read: Callable[..., Iterator[Picture]], rate_hz: float, tally: Tally, stride: int = 1
+    read_frames: Callable[..., Iterator[Picture]],
+    rate_hz: float,
+    tally: ClipTally,
+    key_frame_distance: int = 1,
 ) -> tuple[Quality, pd.DataFrame, Picture]:
     """Measure a film: return its quality, a table of measures per frame, and the still tank.
 
-    read(start=, stop=): streams its frames, grey (h, w) uint8. rate_hz: frames per second. tally:
-    of all its frames. stride: frames from one key frame to the next. The table has the columns
-    `CHECK`; the tank is a picture (h, w[, 3]).
+    read_frames(start=, stop=): streams grey frames (h, w) uint8. rate_hz: frames per second. tally:
+    of all its frames. The table has the columns `CHECK`; the tank is a picture (h, w[, 3]).
     """
     whole = _still_tank(list(tally.samples.values()))
-    tank, landmarks, last = grey(whole), find_landmarks(whole), STILL
+    tank, landmarks, last = to_grey(whole), find_landmarks(whole), STILL
     rows: list[dict[str, float]] = []
     movers: list[tuple[float, float, float, float]] = []
-    for start, stop in spread_runs(tally.frames, stride):
+    for start, stop in choose_examined_runs(tally.frames, key_frame_distance):
         before: Picture | None = None
         light_before = 1.0
-        for frame, picture in enumerate(read(start=start, stop=stop), start):
+        for frame, picture in enumerate(read_frames(start=start, stop=stop), start):
             here = picture.copy()  # the decoder reuses its memory
             bright = float(measure_gain(here, tank)[0])
             shift = measure_shift(here, landmarks, last)
             last = last if shift is UNKNOWN else shift
             row = {f"shift_{name}": value for name, value in shift._asdict().items()}
             if before is not None and frame % _EVERY == 1:
-                row["field_order"] = field_order(before, here)
+                row["field_order"] = measure_field_order(before, here)
                 row["noise"] = _measure_noise(before, here, light_before / bright)
                 steady = undo_shift(here, STILL if shift is UNKNOWN else shift, _THIN)
                 movers.append(_measure_movers(steady, tank[::_THIN, ::_THIN], bright))
@@ -201,25 +209,25 @@ def check_film(
     table = pd.DataFrame({"light": tally.lights, "change": tally.changes})
     table = table.join(pd.DataFrame(rows).set_index("frame")).rename_axis("frame").reset_index()
     table = table.reindex(columns=CHECK.names)
-    quality = _summarize(table, rate_hz, len(rows), np.array(movers).reshape(-1, 4))
+    quality = _summarize_quality(table, rate_hz, len(rows), np.array(movers).reshape(-1, 4))
     return quality, table, whole
 
 
-def grey(picture: Picture) -> Picture:
+def to_grey(picture: Picture) -> Picture:
     """Return a grey copy (h, w) uint8 of a picture, which is grey (h, w) or RGB (h, w, 3)."""
     return picture.copy() if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
 
 
-def field_order(before: Picture, frame: Picture) -> float:
+def measure_field_order(before: Picture, after: Picture) -> float:
     """Measure which field of interlaced film is earlier: above 0 the upper one, below 0 the lower.
 
-    In interlaced film two fields, half a frame apart in time, are woven into one picture. The later
-    field of a frame and the earlier one of the next are one step of time apart, the earlier and the
-    later three. The number is the relative difference between two mean squares of what moved in two
-    successive grey frames: lower field before against upper field now, and the reverse. Whole
-    pictures give 0, interlaced ones up to ±0.8; NaN where too little moved.
+    before, after: two successive grey frames. In interlaced film two fields, half a frame apart in
+    time, are woven into one picture. The later field of a frame and the earlier one of the next are
+    one step of time apart, the earlier and the later three. The number is the relative difference
+    between two mean squares of what moved: lower field before against upper field after, and the
+    reverse. Whole pictures give 0, interlaced ones up to ±0.8; NaN where too little moved.
     """
-    last, here = (picture[:, ::_FIELD_THIN].astype(np.float64) for picture in (before, frame))
+    last, here = (picture[:, ::_FIELD_THIN].astype(np.float64) for picture in (before, after))
     motion = np.abs(here - last) >= _MOTION
     rows = (len(last) - 1) // 2 * 2
     near = motion[:rows:2] | motion[1:rows:2] | motion[2 : rows + 1 : 2]
@@ -234,9 +242,12 @@ def field_order(before: Picture, frame: Picture) -> float:
     return (if_lower - if_upper) / whole if whole else 0.0
 
 
-def _measure_noise(before: Picture, here: Picture, brighter: float) -> float:
-    """Return the noise of two grey frames; `brighter`: the light of the first over the second's."""
-    few = here[::_THIN, ::_THIN].astype(np.float32) * brighter
+def _measure_noise(before: Picture, after: Picture, gain: float) -> float:
+    """Return the noise of two successive grey frames, as a standard deviation in grey levels.
+
+    gain: the light of the first over that of the second.
+    """
+    few = after[::_THIN, ::_THIN].astype(np.float32) * gain
     off = np.abs(few - before[::_THIN, ::_THIN])
     size = min(_TILES, off.shape[1]), min(_TILES, off.shape[0])
     tiles = cv2.resize(off, size, interpolation=cv2.INTER_AREA)
@@ -245,21 +256,30 @@ def _measure_noise(before: Picture, here: Picture, brighter: float) -> float:
 
 
 def _measure_movers(
-    here: Picture, tank: Picture, bright: float
+    frame: Picture, tank: Picture, gain: float
 ) -> tuple[float, float, float, float]:
-    """Measure what moves in a frame: number of pixels, median contrast, black and white ones."""
-    off = np.abs(here / bright - tank)
+    """Measure what moves in a frame: pixels, median contrast, black pixels and white pixels.
+
+    frame, tank: grey (h, w); gain: the light of the frame over that of the tank.
+    """
+    off = np.abs(frame / gain - tank)
     usual = _SIGMAS * 1.4826 * float(np.median(off))
     # Where the tank's median still holds an animal, it is the floor that differs.
-    floor = np.abs(here / bright - np.median(tank)) <= _LEAST
+    floor = np.abs(frame / gain - np.median(tank)) <= _LEAST
     away = (off > max(usual, _LEAST)) & ~floor
-    level = here[away]
+    level = frame[away]
     contrast = float(np.median(off[away])) if level.size else float("nan")
     return level.size, contrast, (level <= _BLACK).sum(), (level >= _WHITE).sum()
 
 
-def _summarize(table: pd.DataFrame, rate_hz: float, examined: int, movers: Floats) -> Quality:
-    """Summarize the measures of all frames; `examined`: number of frames that were examined."""
+def _summarize_quality(
+    table: pd.DataFrame, rate_hz: float, examined: int, movers: Floats
+) -> Quality:
+    """Return the quality of a film from the measures of its frames.
+
+    table: columns `CHECK`; rate_hz: frames per second; examined: number of frames that were
+    examined; movers: (n, 4), from `_measure_movers`.
+    """
     lamp = measure_light(table["light"].to_numpy(np.float64), rate_hz)
     place = table[["shift_x", "shift_y"]].to_numpy(np.float64)
     places = place[np.isfinite(place[:, 0])]

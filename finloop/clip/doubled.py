@@ -42,7 +42,7 @@ def picture_change(before: Picture, after: Picture) -> float:
     return float(blocks[-max(1, round(_MOST * blocks.size)) :].mean())
 
 
-class Doubled(NamedTuple):
+class RepeatedFrames(NamedTuple):
     """The frames of a film that repeat the picture of the frame before.
 
     A cadence is the regular rhythm of repeats that a conversion of the frame rate leaves. Without
@@ -55,7 +55,7 @@ class Doubled(NamedTuple):
     repeats: Mask  # (frames,) whether that is the picture of the frame before
 
 
-def find_repeats(changes: Floats) -> Doubled:
+def find_repeats(changes: Floats) -> RepeatedFrames:
     """Find the frames that repeat the frame before, from the changes (frames,) between frames.
 
     changes: grey levels, by `picture_change`; changes[k] is from frame k − 1 to k, changes[0] NaN.
@@ -64,17 +64,20 @@ def find_repeats(changes: Floats) -> Doubled:
     share = float(twice[decidable].mean()) if decidable.any() else 0.0
     all_new = np.arange(len(changes)), np.zeros(len(changes), bool)
     if twice.sum() < _FEW:
-        return Doubled(share, 1.0 if not twice.any() else float("nan"), *all_new)
+        return RepeatedFrames(share, 1.0 if not twice.any() else float("nan"), *all_new)
     rate, pictures, repeats = _find_cadence(decidable, twice)
     if np.mean(repeats[decidable] == twice[decidable]) < _AGREE:
-        return Doubled(share, float("nan"), *all_new)
+        return RepeatedFrames(share, float("nan"), *all_new)
     repeats = np.where(decidable, twice, repeats)  # the cadence may be off by a frame
     repeats[0] = False
-    return Doubled(share, rate, pictures - pictures[0], repeats)
+    return RepeatedFrames(share, rate, pictures - pictures[0], repeats)
 
 
 def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
-    """Return masks (frames,): where enough moves to decide, and which of these are doubled."""
+    """Return masks (frames,): where enough moves to decide, and which of these frames are doubled.
+
+    changes: as in `find_repeats`.
+    """
     padded = np.pad(np.nan_to_num(changes), _AROUND)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
     around = np.sort(windows, axis=1)[:, : -_THIRD + 1]
@@ -97,8 +100,8 @@ def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
 def _find_cadence(decidable: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
     """Return the cadence of a rate conversion: pictures a frame, their numbers, doubled frames.
 
-    Frame k shows picture floor(k · rate + phase). The rate is the peak of the spectrum of the new
-    (or doubled, if rarer) frames, refined between its bins.
+    decidable, twice: from `_find_doubled`. Frame k shows picture floor(k · rate + phase). The rate
+    is the peak of the spectrum of the new (or doubled, if rarer) frames, refined between its bins.
     """
     frames = len(decidable)
     rare = twice if 2 * twice.sum() < decidable.sum() else decidable & ~twice
@@ -114,6 +117,7 @@ def _find_cadence(decidable: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
     beat, phase = float(rates[best]), float(np.angle(waves[best])) / (2 * np.pi)
 
     def rises(phase: float) -> Mask:
+        """Return in which frames the number of the picture rises."""
         return np.floor(place * beat + phase) > np.floor((place - 1) * beat + phase)
 
     tries = [phase + beat * share for share in np.linspace(0, 1, _PHASES)]

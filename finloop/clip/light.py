@@ -27,7 +27,7 @@ def measure_gain(frame: Picture, tank: Picture) -> Floats:
     It is a ratio of sums over the pixels that are tank in both, and neither black nor white; 1
     where there are none.
     """
-    here, there = (_spread_pixels(picture) for picture in (frame, tank))
+    here, there = (_sample_pixels(picture) for picture in (frame, tank))
     low, high = _LIT
     lit = ((there > low) & (there < high) & (here < high)).all(axis=1)
     if not lit.any():
@@ -41,8 +41,8 @@ def measure_gain(frame: Picture, tank: Picture) -> Floats:
     return np.asarray(np.where(ratio > 0, ratio, 1.0))
 
 
-def _spread_pixels(picture: Picture) -> Floats:
-    """Return some pixels (n, channels), evenly spread."""
+def _sample_pixels(picture: Picture) -> Floats:
+    """Return about 1500 pixels (n, channels) of a picture, evenly spread."""
     step = max(1, round((picture.shape[0] * picture.shape[1] / _PIXELS) ** 0.5))
     few = picture[::step, ::step].astype(np.float64)
     return few.reshape(few.shape[0] * few.shape[1], -1)
@@ -55,7 +55,7 @@ def undo_gain(frame: Picture, gains: Floats) -> Picture:
     return np.asarray(cv2.LUT(frame, table))
 
 
-class Light(NamedTuple):
+class LightMeasures(NamedTuple):
     """Flicker and drift of a film's light, in per cent of its mean brightness."""
 
     flicker_pct: float  # root mean square of the fast part over the mean, in the median second
@@ -63,29 +63,34 @@ class Light(NamedTuple):
     drift_pct: float  # range of the slow part, darkest to brightest moment, over the mean
 
 
-def measure_light(lights: Floats, rate_hz: float) -> Light:
+def measure_light(brightness: Floats, rate_hz: float) -> LightMeasures:
     """Measure flicker and drift from the brightness (frames,) of successive frames, in any unit.
 
     rate_hz: frames per second. Changes slower than three seconds are drift, the rest is flicker.
     """
-    mean = float(lights.mean())
-    half = min(round(_SLOW_S * rate_hz / 2), (len(lights) - 1) // 2)
-    padded = np.pad(lights, half, mode="reflect") if half else lights
+    mean = float(brightness.mean())
+    half = min(round(_SLOW_S * rate_hz / 2), (len(brightness) - 1) // 2)
+    padded = np.pad(brightness, half, mode="reflect") if half else brightness
     slow = np.convolve(padded, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid")
-    fast = lights - slow
+    fast = brightness - slow
     second = max(2, round(rate_hz))
     parts = [fast[k : k + second] for k in range(0, len(fast), second)]
     usual = float(np.median([np.mean(part**2) for part in parts])) ** 0.5
     low, high = np.quantile(slow, (0.01, 0.99))
-    return Light(100 * usual / mean, _peak_frequency(fast, rate_hz), 100 * float(high - low) / mean)
+    return LightMeasures(
+        100 * usual / mean, _peak_frequency(fast, rate_hz), 100 * float(high - low) / mean
+    )
 
 
-def _peak_frequency(fast: Floats, rate_hz: float) -> float:
-    """Return the frequency [Hz] that has most of the power; NaN if it is spread out."""
-    length = min(len(fast), _WINDOW)
-    starts = range(0, len(fast) - length + 1, length)
+def _peak_frequency(flicker: Floats, rate_hz: float) -> float:
+    """Return the frequency [Hz] that has most of the flicker's power; NaN if it is spread out.
+
+    flicker: (frames,); rate_hz: frames per second.
+    """
+    length = min(len(flicker), _WINDOW)
+    starts = range(0, len(flicker) - length + 1, length)
     window, size = np.hanning(length), _FINER * length
-    waves = np.stack([np.fft.rfft(fast[k : k + length] * window, size) for k in starts])
+    waves = np.stack([np.fft.rfft(flicker[k : k + length] * window, size) for k in starts])
     power = (np.abs(waves) ** 2).sum(axis=0)
     peak = int(np.argmax(power))
     near = power[max(0, peak - 2 * _FINER) : peak + 2 * _FINER + 1].sum()

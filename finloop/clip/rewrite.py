@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from finloop.base.arrays import Mask, Picture
-from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, Quality, Tally, check_film, grey
-from finloop.clip.doubled import Doubled, find_repeats
+from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, ClipTally, Quality, check_film, to_grey
+from finloop.clip.doubled import RepeatedFrames, find_repeats
 from finloop.clip.light import measure_gain, undo_gain
 from finloop.clip.settings import ClipSettings, File
 from finloop.clip.shake import (
@@ -29,7 +29,7 @@ from finloop.clip.shake import (
     undo_shift,
 )
 from finloop.clip.verdict import DOUBLED_PCT, DRIFT_PCT, FLICKER_PCT, INTERLACED, SHAKE_PX
-from finloop.clip.write import ClipSource, open_source, write_clip
+from finloop.clip.write import ClipSource, open_clip_source, write_clip
 from finloop.io.footage.source import NumberedFrames, Order
 from finloop.io.picture import save_picture
 from finloop.io.table import save_table
@@ -67,41 +67,41 @@ class ClipResult:
     """A new clip: its facts, the tally of its frames, its arena (h, w), and its quality."""
 
     facts: VideoFacts
-    tally: Tally
+    tally: ClipTally
     arena: Mask
     filmed: Quality  # of the film before any repair
     quality: Quality
     mended: frozenset[str]  # the repairs that were made, of `REPAIRED_BY`
 
     @property
-    def numbers(self) -> dict[str, float]:
+    def metrics(self) -> dict[str, float]:
         """Return metrics by name: quality of clip and unrepaired film; each repair, 0 or 1."""
-        numbers = dict(vars(self.quality))
+        metrics = dict(vars(self.quality))
         if self.mended:
-            numbers |= {f"filmed_{name}": value for name, value in vars(self.filmed).items()}
+            metrics |= {f"filmed_{name}": value for name, value in vars(self.filmed).items()}
         words = sorted(_PICTURES | _TAKING)
-        return numbers | {f"mended_{word}": int(word in self.mended) for word in words}
+        return metrics | {f"mended_{word}": int(word in self.mended) for word in words}
 
 
 def make_clip(
     p: ClipSettings,
     source: ClipSource,
     folder: Path,
-    watch: Watch = lambda *_: nullcontext(lambda: None),
+    show_progress: Watch = lambda *_: nullcontext(lambda: None),
 ) -> ClipResult:
     """Write the normalised clip of a film and its check to a folder; repair a user's own footage.
 
     The check is a table (`CHECK_NAME`) and the still tank's picture (`TANK_NAME`). FinloopError as
     in `write_clip`.
     """
-    with watch("clip", source.facts.frames) as advance:
+    with show_progress("clip", source.facts.frames) as advance:
         facts, tally, arena = write_clip(source, p, folder, advance)
     filmed, tank = _check_clip(facts, tally, folder)
     result = ClipResult(facts, tally, arena, filmed, filmed, frozenset())
     if not isinstance(p, File):
         return result
     fields: Order = ""
-    twice: Doubled | None = None
+    twice: RepeatedFrames | None = None
     corrector: _FrameCorrector | None = None
     for kind in (_PICTURES, _TAKING):
         todo = choose_repairs(p, result.quality, min(arena.shape)) & kind
@@ -119,7 +119,7 @@ def make_clip(
         if todo & _TAKING:
             corrector = _FrameCorrector(tank, "even_light" in todo, "steady" in todo)
         again = _reopen_film(p, fields, twice, corrector)
-        with watch("mend", again.facts.frames) as advance:
+        with show_progress("mend", again.facts.frames) as advance:
             facts, tally, arena = write_clip(again, p, folder, advance)
         if corrector:
             arena = arena & corrector.common_mask()
@@ -129,20 +129,25 @@ def make_clip(
     return result
 
 
-def choose_repairs(p: File, q: Quality, smaller_px: int) -> set[str]:
-    """Return the repairs, keys of `REPAIRED_BY`, that a film of a quality gets by the parameters.
+def choose_repairs(p: File, quality: Quality, smaller_side_px: int) -> set[str]:
+    """Return the names of the repairs that a film needs, or that the parameters demand.
 
-    smaller_px: the picture's smaller side, which limits the shake that can be repaired.
+    They are keys of `REPAIRED_BY`. smaller_side_px: the picture's, which limits the shake that can
+    be repaired.
     """
-    far = q.shake_most_px <= FARTHEST * smaller_px and q.shake_apart_px <= APART * q.shake_px
-    converted = isfinite(q.doubled_rate) and q.doubled_rate < 1
+    far = (
+        quality.shake_most_px <= FARTHEST * smaller_side_px
+        and quality.shake_apart_px <= APART * quality.shake_px
+    )
+    converted = isfinite(quality.doubled_rate) and quality.doubled_rate < 1
     faults = {
-        "deinterlace": abs(q.field_order) >= INTERLACED,
-        "undouble": q.doubled_pct >= DOUBLED_PCT and converted,
-        "even_light": q.light_flicker_pct >= FLICKER_PCT or q.light_drift_pct >= DRIFT_PCT,
-        "steady": q.shake_px >= SHAKE_PX and far,
+        "deinterlace": abs(quality.field_order) >= INTERLACED,
+        "undouble": quality.doubled_pct >= DOUBLED_PCT and converted,
+        "even_light": quality.light_flicker_pct >= FLICKER_PCT
+        or quality.light_drift_pct >= DRIFT_PCT,
+        "steady": quality.shake_px >= SHAKE_PX and far,
     }
-    possible = {"undouble": converted, "steady": isfinite(q.shake_px)}
+    possible = {"undouble": converted, "steady": isfinite(quality.shake_px)}
     modes = {name: getattr(p, REPAIRED_BY[name]) for name in faults}
     return {
         name
@@ -151,9 +156,13 @@ def choose_repairs(p: File, q: Quality, smaller_px: int) -> set[str]:
     }
 
 
-def _drop_repeats(take: NumberedFrames, twice: Doubled, rate_hz: float) -> NumberedFrames:
+def _drop_repeats(
+    frames: NumberedFrames, repeated: RepeatedFrames, rate_hz: float
+) -> NumberedFrames:
     """Yield the frames that do not repeat the frame before; picture k at k / rate_hz seconds."""
-    for (_, frame), picture, repeats in zip(take, twice.pictures, twice.repeats, strict=False):
+    for (_, frame), picture, repeats in zip(
+        frames, repeated.pictures, repeated.repeats, strict=False
+    ):
         if not repeats:
             yield float(picture) / rate_hz, frame
 
@@ -172,9 +181,9 @@ class _FrameCorrector:
     _marks: Landmarks | None = None
     _last: Shift = field(default=STILL)
 
-    def correct(self, take: NumberedFrames) -> NumberedFrames:
+    def correct(self, frames: NumberedFrames) -> NumberedFrames:
         """Yield the frames, light and place corrected, times and numbers unchanged."""
-        for time_s, (number, frame) in take:
+        for time_s, (number, frame) in frames:
             if self.light:
                 frame = undo_gain(frame, measure_gain(frame, self.tank))
             if self.place:
@@ -182,8 +191,9 @@ class _FrameCorrector:
             yield time_s, (number, frame)
 
     def _steady_frame(self, frame: Picture) -> Picture:
+        """Return a frame moved back by its shift against the still tank, and remember the shift."""
         self._marks = self._marks or find_landmarks(self.tank)
-        by = measure_shift(grey(frame), self._marks, self._last)
+        by = measure_shift(to_grey(frame), self._marks, self._last)
         by = self._last if by is UNKNOWN else by
         self._last = by
         self.right_px, self.left_px = max(self.right_px, by.x), max(self.left_px, -by.x)
@@ -191,7 +201,7 @@ class _FrameCorrector:
         return undo_shift(frame, by)
 
     def common_mask(self) -> Mask:
-        """Return the mask (h, w) of the pixels that every frame so far shows after its shift."""
+        """Return the mask (h, w) of the pixels that every corrected frame shows after its shift."""
         height, width = self.tank.shape[:2]
         mask = np.zeros((height, width), bool)
         sides = (self.up_px, self.down_px, self.left_px, self.right_px)
@@ -201,14 +211,19 @@ class _FrameCorrector:
 
 
 def _reopen_film(
-    p: File, fields: Order, twice: Doubled | None, corrector: _FrameCorrector | None
+    p: File, fields: Order, repeated: RepeatedFrames | None, corrector: _FrameCorrector | None
 ) -> ClipSource:
-    source = open_source(p, fields)
+    """Open a film again so that its frames are read without repeats and corrected.
+
+    fields: the earlier field, "" if the film is not interlaced; repeated, corrector: None where no
+    such repair is needed.
+    """
+    source = open_clip_source(p, fields)
     facts, takes = source.facts, source.takes
-    if twice is not None:
-        rate = facts.frame_rate * _simplest_fraction(twice.rate, len(twice.repeats))
-        takes = [_drop_repeats(take, twice, float(rate)) for take in takes]
-        facts = replace(facts, frame_rate=rate, frames=int((~twice.repeats).sum()))
+    if repeated is not None:
+        rate = facts.frame_rate * _simplest_fraction(repeated.rate, len(repeated.repeats))
+        takes = [_drop_repeats(take, repeated, float(rate)) for take in takes]
+        facts = replace(facts, frame_rate=rate, frames=int((~repeated.repeats).sum()))
     if corrector is not None:
         takes = [corrector.correct(take) for take in takes]
     return replace(source, facts=facts, takes=takes)
@@ -223,7 +238,8 @@ def _simplest_fraction(rate: float, frames: int) -> Fraction:
     )
 
 
-def _check_clip(facts: VideoFacts, tally: Tally, folder: Path) -> tuple[Quality, Picture]:
+def _check_clip(facts: VideoFacts, tally: ClipTally, folder: Path) -> tuple[Quality, Picture]:
+    """Write the check of a clip beside it; return the clip's quality and the still tank."""
     read = partial(read_frames, folder / CLIP_NAME)
     quality, table, tank = check_film(read, facts.frame_rate_hz, tally, KEY_FRAME_EVERY)
     save_table(folder / CHECK_NAME, table, CHECK)

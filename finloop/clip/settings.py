@@ -35,7 +35,7 @@ class Carp(CarpFilm):
 
 @dataclass(frozen=True)
 class File:
-    """Own footage: films, folders of pictures, or TIFF stacks.
+    """The user's own footage: films, folders of pictures, or TIFF stacks.
 
     Pixels are those of the upright picture: x right, y down from the centre of the upper left one.
     """
@@ -105,7 +105,7 @@ class File:
         ]  # fmt: skip
 
     def _settings_of_film(self, values: dict[str, Any]) -> tuple[Any, list[str]]:
-        """Return these parameters with the values of one film, or what is wrong with those."""
+        """Return these parameters with the values of one film, and what is wrong with them."""
         if not isinstance(values.get("path"), str):
             return None, [f"a film of the list needs a path, got {values!r}"]
         return check_values("clip", {"file": File}, {**vars(self), **values})

@@ -53,14 +53,15 @@ UNKNOWN = Shift(float("nan"), float("nan"), float("nan"))
 
 
 def _smooth_grey(picture: Picture) -> Picture:
-    """Convert to grey and smooth, so that slopes are those of edges and not of noise."""
+    """Return a picture (h, w[, 3]) in grey and smoothed, so that slopes are those of edges."""
     grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     return np.asarray(cv2.GaussianBlur(grey, (7, 7), 1.2))
 
 
-def _shrink(soft: Picture) -> np.ndarray:
-    size = tuple(max(1, side // _LESS) for side in soft.shape[::-1])
-    return cv2.resize(soft, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+def _shrink_picture(picture: Picture) -> np.ndarray:
+    """Return a grey picture (h, w), `_LESS` times smaller, as float32."""
+    size = tuple(max(1, side // _LESS) for side in picture.shape[::-1])
+    return cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.float32)
 
 
 def find_landmarks(tank: Picture) -> Landmarks:
@@ -88,14 +89,14 @@ def find_landmarks(tank: Picture) -> Landmarks:
     usual = float(np.median(share[share > 0])) if len(tiles) else 1.0
     trust = np.minimum(1.0, usual / share[tiles])
     return Landmarks(
-        xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _shrink(soft)
+        xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _shrink_picture(soft)
     )
 
 
 def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift:
-    """Measure the shift of a frame against the still tank; `UNKNOWN` if too few marks show it.
+    """Return the shift of a frame against the still tank; `UNKNOWN` if too few marks show it.
 
-    last: shift of the frame before, where the search begins.
+    tank: its landmarks; last: shift of the frame before, where the search begins.
     """
     if len(tank.x) < 12:
         return UNKNOWN
@@ -118,11 +119,16 @@ def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift
     return _judge_shift(place, off, weight, sigma, tank)
 
 
-def _choose_start(soft: Picture, tank: Landmarks, last: Shift) -> Floats:
-    """Return where the search begins: no shift, the last one, or the phase correlation's."""
+def _choose_start(picture: Picture, tank: Landmarks, last: Shift) -> Floats:
+    """Return the shift (2,) [px] where the search begins, the one that fits best of three.
+
+    The three are no shift, that of the frame before, and that of a phase correlation. picture: the
+    frame, from `_smooth_grey`.
+    """
 
     def misfit(place: Floats) -> float:
-        value = _sample_marks(soft, tank, place)
+        """Return how much the frame differs from the tank after a shift, in grey levels."""
+        value = _sample_marks(picture, tank, place)
         light = float(np.median(value)) / max(1.0, float(np.median(tank.level)))
         return float(np.median(np.abs(value - light * tank.level)))
 
@@ -131,49 +137,52 @@ def _choose_start(soft: Picture, tank: Landmarks, last: Shift) -> Floats:
         starts.append(np.array([last.x, last.y]))
     misfits = [misfit(place) for place in starts]
     if min(misfits) > _NEAR and min(tank.small.shape) >= 16:
-        small = _shrink(soft)
+        small = _shrink_picture(picture)
         window = cv2.createHanningWindow(small.shape[::-1], cv2.CV_32F)
         starts.append(_LESS * np.array(cv2.phaseCorrelate(tank.small, small, window)[0]))
         misfits.append(misfit(starts[-1]))
     return starts[int(np.argmin(misfits))]
 
 
-def _sample_marks(soft: Picture, tank: Landmarks, place: Floats) -> Floats:
-    """Return grey levels where the marks lie after a shift, between pixels bilinearly."""
-    height, width = soft.shape
-    x = np.clip(tank.x + place[0], 0, width - 1.001)
-    y = np.clip(tank.y + place[1], 0, height - 1.001)
+def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats:
+    """Return the grey levels of a frame where the marks lie after a shift (2,), bilinear."""
+    height, width = picture.shape
+    x = np.clip(tank.x + shift_px[0], 0, width - 1.001)
+    y = np.clip(tank.y + shift_px[1], 0, height - 1.001)
     left, top = x.astype(int), y.astype(int)
     u, v = x - left, y - top
-    above = soft[top, left] * (1 - u) + soft[top, left + 1] * u
-    below = soft[top + 1, left] * (1 - u) + soft[top + 1, left + 1] * u
+    above = picture[top, left] * (1 - u) + picture[top, left + 1] * u
+    below = picture[top + 1, left] * (1 - u) + picture[top + 1, left + 1] * u
     return np.asarray(above * (1 - v) + below * v)
 
 
 def _judge_shift(
-    place: Floats, off: Floats, weight: Floats, sigma: float, tank: Landmarks
+    shift_px: Floats, residual: Floats, weight: Floats, sigma: float, tank: Landmarks
 ) -> Shift:
-    """Return the shift, if enough of the picture supports it, and how far apart its tiles lie."""
+    """Return a shift and how far its tiles lie apart; `UNKNOWN` if too few tiles support it.
+
+    residual, weight: (marks,), grey levels left and the weight of each mark; sigma: usual residual.
+    """
     apart = []
     for slope in (tank.right, tank.down):
         count = np.bincount(tank.tile, weight * slope**2, _TILES**2)
-        push = np.bincount(tank.tile, weight * slope * off, _TILES**2)
+        push = np.bincount(tank.tile, weight * slope * residual, _TILES**2)
         informed = np.sort(count)[: round((1 - _BEST) * len(count))].sum()
         if informed * _SURE**2 < sigma**2:
             return UNKNOWN
         sure = count * (2 * _SURE) ** 2 > sigma**2
         if sure.any():
             apart.append(float(np.median(np.abs(push[sure] / count[sure]))))
-    return Shift(float(place[0]), float(place[1]), max(apart, default=float("nan")))
+    return Shift(float(shift_px[0]), float(shift_px[1]), max(apart, default=float("nan")))
 
 
-def undo_shift(frame: Picture, by: Shift, every: int = 1) -> Picture:
-    """Return a frame moved back by a shift, thinned to every n-th pixel in both directions.
+def undo_shift(frame: Picture, shift: Shift, stride: int = 1) -> Picture:
+    """Return a frame moved back by a shift, thinned to every `stride`-th pixel in both directions.
 
     What was not filmed repeats the border.
     """
-    size = [-(-side // every) for side in frame.shape[1::-1]]
-    matrix = np.array([[every, 0, by.x], [0, every, by.y]])
+    size = [-(-side // stride) for side in frame.shape[1::-1]]
+    matrix = np.array([[stride, 0, shift.x], [0, stride, shift.y]])
     return np.asarray(
         cv2.warpAffine(
             frame, matrix, size, flags=cv2.INTER_LANCZOS4 | cv2.WARP_INVERSE_MAP,

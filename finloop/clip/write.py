@@ -18,7 +18,7 @@ import pandas as pd
 
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import prefetch
-from finloop.clip.check import Tally
+from finloop.clip.check import ClipTally
 from finloop.clip.settings import CIRCLE, Carp, ClipSettings, File, Zebrafish
 from finloop.drawn.carp.film import film, is_tank_large_enough
 from finloop.drawn.truth import TRUTH
@@ -58,7 +58,7 @@ class ClipSource:
     truth: list[dict[str, Any]]  # rows about the drawn carp that collect while `takes` is read
 
 
-def open_source(p: ClipSettings, fields: Order = "") -> ClipSource:
+def open_clip_source(p: ClipSettings, fields: Order = "") -> ClipSource:
     """Open the film, or the drawing, that the parameters name; its frames are read later.
 
     fields: which field of the user's footage is earlier, if it is to be deinterlaced. FinloopError
@@ -69,7 +69,7 @@ def open_source(p: ClipSettings, fields: Order = "") -> ClipSource:
 
 def write_clip(
     source: ClipSource, p: ClipSettings, folder: Path, advance: Callable[[], None] = lambda: None
-) -> tuple[VideoFacts, Tally, np.ndarray]:
+) -> tuple[VideoFacts, ClipTally, np.ndarray]:
     """Write clip, facts, arena, frame numbers and a carp's truth to a folder.
 
     Return the facts, the tally of the frames, and the arena. `advance()` is called after each
@@ -104,6 +104,7 @@ def write_clip(
 
 
 def _open_carp(p: Carp) -> ClipSource:
+    """Return the source of a drawn film of carp; FinloopError if they have no room."""
     if not is_tank_large_enough(p):
         raise FinloopError(
             came=f"{p.fish} carp of {p.body_length_px:g} px have no room in a tank of "
@@ -119,6 +120,7 @@ def _open_carp(p: Carp) -> ClipSource:
     truth: list[dict[str, Any]] = []
 
     def take() -> NumberedFrames:
+        """Yield the drawn frames with time and number, and collect their truth."""
         for number, (frame, rows) in enumerate(film(p)):
             truth.extend(rows)
             yield float(number / rate), (number, frame)
@@ -127,6 +129,10 @@ def _open_carp(p: Carp) -> ClipSource:
 
 
 def _open_films(p: Zebrafish | File, fields: Order) -> ClipSource:
+    """Return the source of the zebrafish clips, or of the user's footage.
+
+    fields: which field is earlier, "" if the film is not interlaced.
+    """
     if isinstance(p, Zebrafish):
         paths = fetch_zebrafish_clips(p.parts, cache_folder())
         films = [open_footage(path, colour=False) for path in paths]
@@ -147,6 +153,7 @@ def _open_films(p: Zebrafish | File, fields: Order) -> ClipSource:
     starts = accumulate(lengths, initial=0)
 
     def stream_from(footage: Footage, start: int) -> NumberedFrames:
+        """Yield the frames of one film, numbered from `start`."""
         for time_s, (number, picture) in prefetch(footage.stream_numbered(loss)):
             yield time_s, (start + number, picture)
 
@@ -155,24 +162,29 @@ def _open_films(p: Zebrafish | File, fields: Order) -> ClipSource:
 
 
 def _write_takes(
-    writer: VideoWriter, source: ClipSource, truth: WriteRows | None, advance: Callable[[], None]
-) -> tuple[FrameCounts, Tally, array]:
+    writer: VideoWriter,
+    source: ClipSource,
+    write_truth: WriteRows | None,
+    advance: Callable[[], None],
+) -> tuple[FrameCounts, ClipTally, array]:
     """Write the takes one after the other, re-timed to a constant rate from their first frames.
 
-    Return the timing, the tally, and the source's numbers of the frames that were written.
+    write_truth: writes rows about drawn carp; None for filmed fish. Return the timing, the tally,
+    and the source's numbers of the frames that were written.
     """
-    timing, tally, source_frames = FrameCounts(), Tally(), array("i")
+    timing, tally, source_frames = FrameCounts(), ClipTally(), array("i")
 
     def flush_truth(least: int) -> None:
-        if truth and len(source.truth) >= least:
-            truth(pd.DataFrame(source.truth))
+        """Write the collected rows of truth if they are at least so many."""
+        if write_truth and len(source.truth) >= least:
+            write_truth(pd.DataFrame(source.truth))
             source.truth.clear()
 
     for take in source.takes:
         for number, frame in resample_nearest(take, source.facts.frame_rate, timing):
             writer.write(frame)
             source_frames.append(number)
-            tally.add(frame)
+            tally.add_frame(frame)
             if tally.frames == _SAMPLE:  # is there space for a clip as its beginning suggests?
                 size = writer.bytes_per_frame() * (source.facts.frames - writer.frames)
                 what = f"the clip of {source.facts.frames} frames"
@@ -187,7 +199,7 @@ def _write_takes(
             wanted="at least 2 frames: without motion there is nothing to follow",
             do="copy or record the film again",
         )
-    if tally.plain:
+    if tally.is_plain:
         raise FinloopError(
             came=f"all {tally.frames} frames show an even grey of {tally.brightness_mean:.0f} "
             "(0 = black, 255 = white)",
@@ -197,47 +209,64 @@ def _write_takes(
     return timing, tally, source_frames
 
 
-def _make_arena(p: ClipSettings, width: int, height: int) -> np.ndarray:
-    """Return the mask (height, width) of the pixels where animals can be."""
+def _make_arena(p: ClipSettings, width_px: int, height_px: int) -> np.ndarray:
+    """Return the mask (height_px, width_px) of the pixels where animals can be."""
     if isinstance(p, Zebrafish):
-        return rectangle_arena(width, height, *TANK_PX)
+        return rectangle_arena(width_px, height_px, *TANK_PX)
     if not isinstance(p, File) or p.arena is None:
-        return np.ones((height, width), bool)
+        return np.ones((height_px, width_px), bool)
     if isinstance(p.arena, str):
-        return load_mask(Path(p.arena).expanduser(), width, height)
+        return load_mask(Path(p.arena).expanduser(), width_px, height_px)
     shape = circle_arena if len(p.arena) == CIRCLE else rectangle_arena
-    return shape(width, height, *p.arena)
+    return shape(width_px, height_px, *p.arena)
 
 
 def rectangle_arena(
-    width: int, height: int, left_px: float, top_px: float, width_px: float, height_px: float
+    picture_width: int,
+    picture_height: int,
+    left_px: float,
+    top_px: float,
+    width_px: float,
+    height_px: float,
 ) -> np.ndarray:
-    """Return the mask of a picture's pixels (height, width) whose centres lie in a rectangle.
+    """Return the mask of a picture's pixels whose centres lie in a rectangle.
 
-    The left and top edges belong to it, the right and bottom ones do not: 10 px wide from 0 is the
-    columns 0 … 9. FinloopError if no pixel of the picture lies in it.
+    The mask is (picture_height, picture_width). The left and top edges belong to it, the right and
+    bottom ones do not: 10 px wide from 0 is the columns 0 … 9. FinloopError if no pixel of the
+    picture lies in it.
     """
-    x, y = np.arange(width), np.arange(height)[:, None]
+    x, y = np.arange(picture_width), np.arange(picture_height)[:, None]
     mask = (x >= left_px) & (x < left_px + width_px) & (y >= top_px) & (y < top_px + height_px)
     size = f"{width_px:g}×{height_px:g} px"
-    return _refuse_empty(mask, f"rectangle of {size} with its corner at ({left_px:g}, {top_px:g})")
+    return _refuse_empty_arena(
+        mask, f"rectangle of {size} with its corner at ({left_px:g}, {top_px:g})"
+    )
 
 
-def circle_arena(width: int, height: int, x_px: float, y_px: float, radius_px: float) -> np.ndarray:
-    """Return the mask of a picture's pixels (height, width) whose centres lie in or on a circle.
+def circle_arena(
+    picture_width: int, picture_height: int, x_px: float, y_px: float, radius_px: float
+) -> np.ndarray:
+    """Return the mask of a picture's pixels whose centres lie in a circle or on it.
 
-    FinloopError if no pixel of the picture lies in it.
+    The mask is (picture_height, picture_width). x_px, y_px: centre of the circle. FinloopError if
+    no pixel of the picture lies in it.
     """
-    x, y = np.arange(width), np.arange(height)[:, None]
+    x, y = np.arange(picture_width), np.arange(picture_height)[:, None]
     mask = (x - x_px) ** 2 + (y - y_px) ** 2 <= radius_px**2
-    return _refuse_empty(mask, f"circle of radius {radius_px:g} px about ({x_px:g}, {y_px:g})")
+    return _refuse_empty_arena(
+        mask, f"circle of radius {radius_px:g} px about ({x_px:g}, {y_px:g})"
+    )
 
 
-def _refuse_empty(mask: np.ndarray, shape: str) -> np.ndarray:
+def _refuse_empty_arena(mask: np.ndarray, description: str) -> np.ndarray:
+    """Return the mask of an arena; FinloopError if no pixel lies in it.
+
+    description: of the arena's shape, for the message.
+    """
     if not mask.any():
         height, width = mask.shape
         raise FinloopError(
-            came=f"the arena lies outside the picture: a {shape}",
+            came=f"the arena lies outside the picture: a {description}",
             wanted=f"an arena that covers part of the picture, x 0 … {width - 1}, "
             f"y 0 … {height - 1} (x right, y down, in the upright picture)",
             do="correct clip.arena",

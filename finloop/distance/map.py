@@ -23,7 +23,7 @@ from finloop.base.stretches import sample_stretches
 from finloop.distance.picture import BODY, FILM
 from finloop.distance.reel import Reel
 from finloop.distance.settings import DistanceSettings
-from finloop.features.table import step_of
+from finloop.features.table import natural_step_frames
 
 EXACT = 1e-4
 """Largest error of a distance between pictures of values 0 … 1."""
@@ -50,10 +50,10 @@ STEPS = Schema(
 )
 """Eq. 5 from every mapped row to a later frame of its track, null where there is none.
 
-step: to the frame a natural step later (`features.table.step_of`), in the pose of the map; its
-median over the film is the unit of loops and gateways. headed: to the same frame, both headed to
-the right; its median is the unit of the seams of an animation. as_filmed: to the next frame,
-without turning the fish.
+step: to the frame a natural step later (`features.table.natural_step_frames`), in the pose of the
+map; its median over the film is the unit of loops and gateways. headed: to the same frame, both
+headed to the right; its median is the unit of the seams of an animation. as_filmed: to the next
+frame, without turning the fish.
 """
 
 
@@ -345,7 +345,7 @@ def compare_frames(
     """
     size, pose = p.picture_size_px, p.frame_of_reference
     rows, order, kind, area = _sort_frames(film.features, p)
-    features, later = film.features.iloc[rows], step_of(film.features)
+    features, later = film.features.iloc[rows], natural_step_frames(film.features)
     # Pictures are in the sorted order, so a band is a slice and needs no copy.
     x = about_mean(film.frames(rows[order], size, pose))
     steps = step_table(features, x, np.argsort(order), later)

@@ -16,7 +16,7 @@ from finloop.base.arrays import Floats, Mask, Reals
 from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.errors import FinloopError
 from finloop.distance.picture import BODY, centre_cutout, successive_distances, typical_length
-from finloop.features.table import count_orientations, direction_deg, step_of
+from finloop.features.table import count_orientations, natural_step_frames, orientation_heading_deg
 
 Pictures = NDArray[np.float32]
 Rows = NDArray[np.intp]
@@ -112,7 +112,7 @@ class Reel:
     @cached_property
     def step_ends(self) -> tuple[Rows, Rows]:
         """Return the first rows (k,) and the last rows (k,) of all natural steps of the tracks."""
-        keys, frames = self.features[_KEY].to_numpy(), step_of(self.features)
+        keys, frames = self.features[_KEY].to_numpy(), natural_step_frames(self.features)
         first = np.flatnonzero((keys[frames:] - keys[:-frames] == (0, frames)).all(axis=1))
         return first, first + frames
 
@@ -204,7 +204,7 @@ class Reel:
         They are turned, and mirrored, as the next sprite would be in this orientation. At the end
         of a track it is the sprite's own frame.
         """
-        ahead = float(direction_deg(orientation, self.orientations))
+        ahead = float(orientation_heading_deg(orientation, self.orientations))
         pictures = []
         for sprite, length in zip(self.sprites.itertuples(), self._sprite_lengths_px, strict=True):
             row, side = int(sprite.row), -1 if sprite.mirrored else 1

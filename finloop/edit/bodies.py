@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask
 from finloop.edit.schema import FRAME, RowPicture
-from finloop.features.table import count_orientations, direction_deg, wrap_deg
+from finloop.features.table import count_orientations, orientation_heading_deg, wrap_deg
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose
 
@@ -105,7 +105,7 @@ class Bodies:
 
     def line_deg(self, orientation: int, rotation_deg: float) -> Floats:
         """Return the direction [°] in which a sprite, drawn in an orientation and turned, swims."""
-        return direction_deg(orientation, count_orientations(self.sprites)) + rotation_deg
+        return orientation_heading_deg(orientation, count_orientations(self.sprites)) + rotation_deg
 
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
         """Return the filmed body behind each of some pictures (…), frames or sprites.

@@ -12,7 +12,7 @@ from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.edit.joins import Joins, PictureSequence, cross_fades, inertialize
 from finloop.edit.schema import EDIT, FRAME, INERTIAL, SPRITE, STATES, TERMS
 from finloop.edit.stretch import Decision, Stretch, Swim
-from finloop.features.table import direction_deg, orientation, wrap_deg
+from finloop.features.table import find_orientations, orientation_heading_deg, wrap_deg
 
 _NO_COSTS = (np.nan,) * len(TERMS)
 
@@ -185,8 +185,8 @@ def _picture_columns(
 ) -> dict[str, NDArray[Any]]:
     """Return the columns of pictures (ticks,) drawn for a fish with this heading (ticks,)."""
     count, frame, number = sources.orientations, pictures.frame, pictures.number
-    sector = orientation(heading, count)
-    residual = wrap_deg(heading - direction_deg(sector, count))
+    sector = find_orientations(heading, count)
+    residual = wrap_deg(heading - orientation_heading_deg(sector, count))
     frame_scale = sources.scale[np.where(frame, number, 0)]
     sprite_scale = sources.sprite_scale[np.where(frame, 0, number)]
     return {

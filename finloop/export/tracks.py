@@ -15,7 +15,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.poses import BLOCK, Poses, iterate_blocks
 from finloop.base.schema import lists_to_points
 from finloop.features.area import interpolate_lines
-from finloop.features.head import tail_first
+from finloop.features.head import begins_at_tail
 
 HEAD, TAIL, CENTRE = "head", "tail", "centre"
 SCORER = "finloop"
@@ -51,7 +51,7 @@ def poses(
     rows = pd.concat([tracks, features], axis=1).assign(individual=individual)[individual.isin(ids)]
     rows = rows.sort_values(["frame", "individual"], ignore_index=True)
     line = lists_to_points(rows, "backbone").astype(float)
-    line = np.where(tail_first(line, rows)[:, None, None], line[:, ::-1], line)
+    line = np.where(begins_at_tail(line, rows)[:, None, None], line[:, ::-1], line)
     places = interpolate_lines(line, np.linspace(0, line.shape[1] - 1, body_points + 2))
     centre = rows[["x_px", "y_px"]].to_numpy(float)
     confidence = rows["head_confidence"].to_numpy(float)[:, None].repeat(body_points + 2, 1)

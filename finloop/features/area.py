@@ -36,11 +36,12 @@ def interpolate_lines(lines: Reals, places: Floats) -> Floats:
     return (1 - share) * lines[:, low] + share * lines[:, low + 1]
 
 
-def signed_area(control: Reals) -> Floats:
-    """Return the area (rows,) [px²] of the closed uniform cubic B-spline of (rows, m, 2) points.
+def signed_spline_area(control: Reals) -> Floats:
+    """Return the signed area (rows,) [px²] that closed cubic B-splines enclose.
 
-    Positive where the curve runs anticlockwise as seen on screen (y down). For a fish, whose points
-    run from head to tail, that is a bend to its right; see `bend`.
+    control: (rows, m, 2) px, the control points of uniform splines. Positive where the curve runs
+    anticlockwise as seen on screen (y down). For a fish, whose points run from head to tail, that
+    is a bend to its right; see `measure_bend`.
     """
     x, y = control[..., 0], control[..., 1]
     total = np.zeros(control.shape[:-2])
@@ -49,17 +50,20 @@ def signed_area(control: Reals) -> Floats:
     return -0.5 * total
 
 
-def closed_spline(control: Reals, per_knot: int = 16) -> Floats:
-    """Return points (m · per_knot, 2) along the closed cubic B-spline of control points (m, 2)."""
+def closed_spline_points(control: Reals, points_per_knot: int = 16) -> Floats:
+    """Return points (m · points_per_knot, 2) along the closed cubic B-spline of m control points.
+
+    control: (m, 2).
+    """
     m = len(control)
     spline = scipy.interpolate.BSpline(np.arange(m + 7.0), np.vstack([control, control[:3]]), 3)
-    return spline(np.linspace(3, m + 3, m * per_knot, endpoint=False))
+    return spline(np.linspace(3, m + 3, m * points_per_knot, endpoint=False))
 
 
-def bend(backbone: Reals, length_px: Reals) -> Floats:
+def measure_bend(backbone: Reals, length_px: Reals) -> Floats:
     """Return the signed motion area (rows,) [squared body length], + = bent to the fish's left.
 
     backbone: (rows, n, 2) px, from head to tail; length_px: (rows,). `motion_area` of the feature
     table is its absolute value.
     """
-    return -signed_area(control_points(backbone)) / length_px**2
+    return -signed_spline_area(control_points(backbone)) / length_px**2

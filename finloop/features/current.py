@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Reals
-from finloop.features.memory import memory_frames
+from finloop.features.memory import measure_memory_frames
 
 # Measured: sunfish 0.02, trout 0.03, a drawn shark in a current 0.31, a carp in a small tub 1.3.
 _STAYS = 1.0  # body lengths within which an animal stays in its place
@@ -23,14 +23,14 @@ _MEMORIES = 6.0  # memories in a beat: a sine is forgotten after a sixth of its 
 
 
 def measure_current(
-    places: Reals, heading_deg: Reals, tail: Reals, bent: Reals, tracks: Sequence[slice],
+    places: Reals, heading_deg: Reals, tail: Reals, bend: Reals, tracks: Sequence[slice],
     rate_hz: float,
 ) -> float:  # fmt: skip
     """Return the speed [body lengths/s] of animals that stay in place in a current; else 0.
 
     It is the speed through the water. It follows from how fast and how far the tail beats: fish
     cruise at a Strouhal number of 0.3. places (n, 2): in body lengths; heading_deg (n,); tail (n,):
-    its tip's offset from the head's axis, body lengths; bent (n,): signed motion area; tracks: the
+    its tip's offset from the head's axis, body lengths; bend (n,): signed motion area; tracks: the
     rows of each; rate_hz: frames per second.
     """
     if max(float(np.hypot(*np.ptp(places[one], axis=0))) for one in tracks) >= _STAYS:
@@ -41,11 +41,11 @@ def measure_current(
     if wide < _LEAST_BEAT:
         return 0.0
     track = np.repeat(np.arange(len(tracks)), [one.stop - one.start for one in tracks])
-    beats = rate_hz / (_MEMORIES * memory_frames(np.asarray(bent)[:, None], track))
+    beats = rate_hz / (_MEMORIES * measure_memory_frames(np.asarray(bend)[:, None], track))
     return beats * min(wide / _STROUHAL, _MOST_STRIDE)
 
 
-def through_water(features: pd.DataFrame) -> Floats:
+def places_through_water(features: pd.DataFrame) -> Floats:
     """Return places (n, 2) [px] of every row as if its track were filmed in still water.
 
     Without a current (column `current`, body lengths/s) they are as filmed. With one, each row is

@@ -25,7 +25,7 @@ _CERTAIN = 1e6  # log odds; more than all evidence about a track
 _MEMORY_S = 0.4  # nearer frames repeat the same evidence
 
 
-def tail_first(lines: Reals, features: pd.DataFrame) -> Mask:
+def begins_at_tail(lines: Reals, features: pd.DataFrame) -> Mask:
     """Return a mask (rows,) of the lines (rows, n, 2) px that begin at their fish's tail.
 
     features: the same rows of a feature table, which has the places of the heads.
@@ -52,10 +52,10 @@ def match_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8
     return np.sign(swapped - same).astype(np.int8)
 
 
-def head_first(
+def decide_head_end(
     backbone: Reals, half_width: Reals, rate_hz: float, given_head: NDArray[np.int8] | None = None
 ) -> tuple[Mask, Floats]:
-    """Decide whether the first point is the head, for one track; return that and its probability.
+    """Return whether the first backbone point is the head, frame by frame, and how surely.
 
     Parameters
     ----------
@@ -81,41 +81,51 @@ def head_first(
     evidence /= max(1.0, _MEMORY_S * rate_hz)
     stay = _stay_odds(backbone, length).tolist()
     total = evidence if given_head is None else evidence + 2 * _CERTAIN * given_head
-    first = _viterbi(total.tolist(), stay)
-    probability = _posterior(evidence.tolist(), stay)
+    first = _most_probable_states(total.tolist(), stay)
+    probability = _state_probabilities(evidence.tolist(), stay)
     return first, np.where(first, probability, 1 - probability)
 
 
 def _width_evidence(half_width: Reals) -> Floats:
-    """Return log odds (frames,) that the first point is the head, from the widths of both ends."""
+    """Return log odds (frames,) that the first point is the head, from the widths of both ends.
+
+    half_width: (frames, n) px.
+    """
     part = half_width.shape[1] * 3 // 8
     first, last = half_width[:, 1:part].mean(1), half_width[:, -part:-1].mean(1)
     return np.clip((first - last) / np.maximum(first + last, 1e-9) / _BLUNT, -_MOST, _MOST)
 
 
-def _travel_evidence(backbone: Reals, length: float) -> Floats:
-    """Return log odds (frames,) that the first point is the head, from the travel."""
+def _travel_evidence(backbone: Reals, length_px: float) -> Floats:
+    """Return log odds (frames,) that the first point is the head, from the travel.
+
+    backbone: (frames, n, 2) px; length_px: body length.
+    """
     if len(backbone) < 2:
         return np.zeros(len(backbone))
     middle = backbone.mean(1)
     travel = np.gradient(middle, axis=0)
     axis = backbone[:, 0] - backbone[:, -1]
     axis /= np.maximum(np.hypot(*axis.T), 1e-9)[:, None]
-    return np.clip((travel * axis).sum(1) / length / _FORWARD, -_MOST, _MOST)
+    return np.clip((travel * axis).sum(1) / length_px / _FORWARD, -_MOST, _MOST)
 
 
-def _stay_odds(backbone: Reals, length: float) -> Floats:
-    """Return log odds (frames - 1,) that both ends stay in the next step, not exchanged."""
+def _stay_odds(backbone: Reals, length_px: float) -> Floats:
+    """Return log odds (frames − 1,) that head and tail do not change places in the next step.
+
+    backbone: (frames, n, 2) px; length_px: body length.
+    """
     ends = backbone[:, [0, -1]]
     same = ((ends[1:] - ends[:-1]) ** 2).sum((1, 2))
     exchanged = ((ends[1:, ::-1] - ends[:-1]) ** 2).sum((1, 2))
-    return (exchanged - same) / (2 * (_WANDER * length) ** 2)
+    return (exchanged - same) / (2 * (_WANDER * length_px) ** 2)
 
 
-def _viterbi(evidence: list[float], stay_odds: list[float]) -> Mask:
-    """Return the most probable states (frames,), True for 0; both arguments are log odds.
+def _most_probable_states(evidence: list[float], stay_odds: list[float]) -> Mask:
+    """Return the most probable answers (frames,) whether the first point is the head (Viterbi).
 
-    It uses plain numbers, which are twenty times as fast here as arrays of two states.
+    evidence: (frames,) log odds of each frame by itself; stay_odds: (frames − 1,) log odds of each
+    step. It uses plain numbers, which are twenty times as fast here as arrays of two states.
     """
     from_first = []  # of each step, for state 0 and 1: whether state 0 is the better one before
     odds = evidence[0]
@@ -128,18 +138,21 @@ def _viterbi(evidence: list[float], stay_odds: list[float]) -> Mask:
     return np.array(states[::-1])
 
 
-def _posterior(evidence: list[float], stay_odds: list[float]) -> Floats:
-    """Return the probability (frames,) of state 0 given the whole track (forward-backward)."""
+def _state_probabilities(evidence: list[float], stay_odds: list[float]) -> Floats:
+    """Return the probability (frames,) that the first point is the head, given the whole track.
+
+    evidence, stay_odds: as in `_most_probable_states`. It is the forward-backward algorithm.
+    """
     ahead, behind = evidence[:1], [0.0]
     for own, stay in zip(evidence[1:], stay_odds, strict=True):
-        ahead.append(own + _message(ahead[-1], stay))
+        ahead.append(own + _pass_odds(ahead[-1], stay))
     for own, stay in zip(evidence[:0:-1], reversed(stay_odds), strict=True):
-        behind.append(_message(behind[-1] + own, stay))
+        behind.append(_pass_odds(behind[-1] + own, stay))
     odds = np.array(ahead) + behind[::-1]
     return 1 / (1 + np.exp(np.clip(-odds, -_MOST_ODDS, _MOST_ODDS)))
 
 
-def _message(odds: float, stay: float) -> float:
+def _pass_odds(odds: float, stay: float) -> float:
     """Return the log odds of a frame's state from its neighbour's and from those of staying.
 
     log((e^(odds + stay) + 1) / (e^odds + e^stay)), written so that nothing overflows.

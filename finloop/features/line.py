@@ -7,11 +7,11 @@ from finloop.base.errors import FinloopError
 from finloop.base.line import PX, TRACK, Line, check_line
 
 
-def track_line(features: pd.DataFrame, name: str, parameter: str = "matching.path") -> Line:
-    """Return the track that `name` names, such as `track:8`, as a path with times and headings.
+def track_as_path(features: pd.DataFrame, name: str, parameter: str = "matching.path") -> Line:
+    """Return a track of the film as a path with times and headings.
 
-    features: the feature table; the path is in px, s and degrees. FinloopError if there is no such
-    track; it mentions `parameter`.
+    features: the feature table; name: of the track, such as `track:8`. The path is in px, s and
+    degrees. FinloopError, which mentions `parameter`, if there is no such track.
     """
     numbers = features["track_id"]
     text = name.removeprefix(TRACK).strip()

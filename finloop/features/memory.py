@@ -17,12 +17,13 @@ _MEMORIES = 3.0  # memories in Δ: half a beat, as a sine is forgotten after a s
 _PARTS = 4  # least Δ in the longest track: the last one has no motion, and blocks need some
 
 
-def memory_frames(postures: Reals, track: Ints) -> float:
-    """Return the memory [frames] of postures (n, k): the time after which one is half forgotten.
+def measure_memory_frames(postures: Reals, track: Ints) -> float:
+    """Return the memory [frames] of a film: the time after which a posture is half forgotten.
 
-    That is the lag τ at which the mean square of posture(t + τ) − posture(t) reaches half of that
-    between any two postures, linear between whole frames; the longest track's length if it never
-    does. track (n,): the track of each row, in the order of frames.
+    postures: (n, k), any numbers of them; track (n,): the track of each row, in the order of
+    frames. The memory is the lag τ at which the mean square of posture(t + τ) − posture(t) reaches
+    half of that between any two postures, linear between whole frames; the longest track's length
+    if it never does.
     """
     values = np.asarray(postures, float)
     most = int(np.bincount(np.unique(track, return_inverse=True)[1]).max())
@@ -36,24 +37,28 @@ def memory_frames(postures: Reals, track: Ints) -> float:
     return float(most)
 
 
-def block_frames(block: float, held_out: float, delta: int, frame: Ints, least: int) -> int:
+def held_out_block_frames(
+    block_deltas: float, held_out_share: float, delta_frames: int, frames: Ints, least_frames: int
+) -> int:
     """Return the length [frames] of the blocks of time that are held out to test a prediction.
 
-    It is `block` times Δ, but at most the share `held_out` of the film, or `least` frames if that
-    is more. delta: Δ in frames; frame (n,): frame numbers of the rows.
+    It is `block_deltas` times Δ, but at most the share `held_out_share` of the film, or
+    `least_frames` if that is more. delta_frames: Δ; frames (n,): frame numbers of the rows.
     """
-    film = int(np.ptp(frame)) + 1 if len(frame) else 1
-    return min(max(1, round(block * delta)), max(least, int(held_out * film)))
+    film = int(np.ptp(frames)) + 1 if len(frames) else 1
+    return min(
+        max(1, round(block_deltas * delta_frames)), max(least_frames, int(held_out_share * film))
+    )
 
 
-def measure_delta(bends: Sequence[Reals], rate_hz: float) -> float:
-    """Return Δ [s] for `features.delta_s=auto`, from the bend of each track (n,).
+def measure_delta_s(bends: Sequence[Reals], rate_hz: float) -> float:
+    """Return Δ [s], the time in which motion is measured, for `features.delta_s=auto`.
 
-    It is the paper's Δ, but at most three memories, half a tail beat, so that a quick animal's
-    motion is not smoothed away. It is also at most a quarter of the longest track, so that there is
-    something to learn from. rate_hz: frames per second.
+    bends: of each track (n,). Δ is the paper's, but at most three memories, half a tail beat, so
+    that a quick animal's motion is not smoothed away. It is also at most a quarter of the longest
+    track, so that there is something to learn from. rate_hz: frames per second.
     """
     longest = max(len(bend) for bend in bends)
     track = np.repeat(np.arange(len(bends)), [len(bend) for bend in bends])
-    memory = memory_frames(np.concatenate(bends)[:, None], track)
+    memory = measure_memory_frames(np.concatenate(bends)[:, None], track)
     return min(_PAPER_DELTA_S, min(_MEMORIES * memory, longest / _PARTS) / rate_hz)

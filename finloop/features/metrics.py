@@ -8,16 +8,16 @@ from finloop.features.area import interpolate_lines
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.features.table import (
     count_orientations,
-    delta_of,
-    head_tail_points,
+    infer_delta_frames,
     orient_backbones,
+    read_head_and_tail,
     wrap_deg,
 )  # fmt: skip
 
 _MOVING = 0.1  # body lengths in Δ from which a fish has a direction of travel
 
 
-def table1(features: pd.DataFrame) -> pd.DataFrame:
+def orientation_table(features: pd.DataFrame) -> pd.DataFrame:
     """Return Table 1 of the fish paper: a row per orientation, its frames by swimming type in %.
 
     `max_area_…` is the largest motion area relative to the clip's largest of that type of turn;
@@ -41,22 +41,24 @@ def table1(features: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def longest_track(features: pd.DataFrame) -> pd.DataFrame:
+def rows_of_longest_track(features: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of the track with the most frames."""
     return features[features["track_id"] == features["track_id"].mode()[0]]
 
 
-def summary(features: pd.DataFrame, long: int = 60) -> dict[str, float]:
+def summarize_features(features: pd.DataFrame, long_frames: int = 60) -> dict[str, float]:
     """Return counts, medians and shares of a feature table by name, for metrics.json.
 
-    long: frames from which a track counts as a long one.
+    long_frames: frames from which a track counts as a long one.
     """
     lengths = features.groupby("track_id").size()
     kinds = features["swimming_type"]
     return {
         "fish_frames": len(features),
         "tracks": len(lengths),
-        f"fish_frames_in_tracks_of_{long}_frames": int(lengths[lengths >= long].sum()),
+        f"fish_frames_in_tracks_of_{long_frames}_frames": int(
+            lengths[lengths >= long_frames].sum()
+        ),
         "body_length_median_px": float(features["body_length_px"].median()),
         "straight_pct": float(100 * (kinds == STRAIGHT).mean()),
         "left_pct": float(100 * (kinds == LEFT).mean()),
@@ -66,11 +68,11 @@ def summary(features: pd.DataFrame, long: int = 60) -> dict[str, float]:
         "displacement_median_body_lengths": float(features["displacement"].median()),
         "head_confidence_min": float(features["head_confidence"].min()),
         "head_confidence_below_0_9_pct": float(100 * (features["head_confidence"] < 0.9).mean()),
-        **heading_agreement(features),
+        **measure_heading_agreement(features),
     }
 
 
-def in_mm(
+def metrics_in_mm(
     features: pd.DataFrame, tank_px: tuple[int, int], rate_hz: float, mm_per_px: float
 ) -> dict[str, float]:
     """Return body length, median speed and tank size in millimetres by name, for metrics.json.
@@ -81,20 +83,23 @@ def in_mm(
     speed = features["displacement"] * features["body_length_px"]
     return {
         "body_length_median_mm": float(features["body_length_px"].median()) * mm_per_px,
-        "speed_median_mm_s": float(speed.median()) * mm_per_px * rate_hz / delta_of(features),
+        "speed_median_mm_s": float(speed.median())
+        * mm_per_px
+        * rate_hz
+        / infer_delta_frames(features),
         "tank_width_mm": tank_px[0] * mm_per_px,
         "tank_height_mm": tank_px[1] * mm_per_px,
     }
 
 
-def heading_agreement(features: pd.DataFrame) -> dict[str, float]:
+def measure_heading_agreement(features: pd.DataFrame) -> dict[str, float]:
     """Return how well headings agree with the motion in moving rows, by name, for metrics.json.
 
     The metrics are the number of these rows, the share headed within 90° of their motion, and the
     median angle. Swaps of head and tail lower the share. The motion is the displacement over Δ, the
     heading that in the middle of it. In a current the film shows no such motion.
     """
-    delta = delta_of(features)
+    delta = infer_delta_frames(features)
     start = np.flatnonzero(features["displacement"] > _MOVING)
     if start.size == 0 or features["current"].any():
         return {"moving_fish_frames": 0}
@@ -108,7 +113,7 @@ def heading_agreement(features: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def against_truth(
+def compare_with_truth(
     features: pd.DataFrame, backbones: np.ndarray, truth: pd.DataFrame
 ) -> dict[str, float]:
     """Return errors against the drawn carp's ground truth by name, for metrics.json.
@@ -124,7 +129,7 @@ def against_truth(
     lines = lists_to_points(true, "backbone")
     lines = interpolate_lines(lines, np.linspace(0, lines.shape[1] - 1, backbones.shape[1]))
     own = backbones[found]
-    as_it_is, exchanged = _mean_distance(own, lines), _mean_distance(own[:, ::-1], lines)
+    as_it_is, exchanged = _mean_line_distance(own, lines), _mean_line_distance(own[:, ::-1], lines)
     swapped, apart = as_it_is > exchanged, np.minimum(as_it_is, exchanged) / length
     fish, true = fish.reset_index(drop=True), true.reset_index(drop=True)
     centre = np.hypot(fish["x_px"] - true["x_px"], fish["y_px"] - true["y_px"])
@@ -160,7 +165,9 @@ def against_truth(
     }
 
 
-def against_given(tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float) -> dict[str, float]:
+def compare_heads_with_external(
+    tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float
+) -> dict[str, float]:
     """Return how well another program's heads agree with our own by name, for metrics.json.
 
     The metrics are the share of rows with a head of the program, the share in which the ends are
@@ -172,7 +179,7 @@ def against_given(tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float) -> 
     tracks: the columns `finloop.features.table.USED`; given: schema GIVEN, the same rows.
     """
     own, _ = orient_backbones(tracks, rate_hz)
-    head, tail = head_tail_points(given)
+    head, tail = read_head_and_tail(given)
     tail = np.where(np.isfinite(tail), tail, own[:, own.shape[1] // 2])
     ours, theirs = own[:, 0] - own[:, -1], head - tail
     comparable = np.isfinite(theirs).all(axis=1)
@@ -187,8 +194,8 @@ def against_given(tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float) -> 
     }
 
 
-def _mean_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the mean distance (rows,) of corresponding points of lines (rows, n, 2)."""
+def _mean_line_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the mean distance (rows,) of corresponding points of lines a and b (rows, n, 2)."""
     return np.hypot(*(a - b).transpose(2, 0, 1)).mean(1)
 
 

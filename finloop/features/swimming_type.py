@@ -25,72 +25,75 @@ _SELDOM = 0.9  # quantile of a film's frames; turns start above it, and may cont
 _TURNS_DEG = 45.0
 
 
-class Thresholds(NamedTuple):
+class TurnThresholds(NamedTuple):
     """The change of heading over Δ [°] and the signed bend [body length²] that make a turn."""
 
     turn_deg: float
     bend: float
 
 
-BRISK = Thresholds(16.0, 0.04)
+BRISK = TurnThresholds(16.0, 0.04)
 """Thresholds of a brisk fish: zebrafish, and the drawn carp, whose turns are known."""
 
 
-def thresholds(headings_deg: Sequence[Reals], bends: Sequence[Reals], span: int) -> Thresholds:
+def measure_turn_thresholds(
+    headings_deg: Sequence[Reals], bends: Sequence[Reals], delta_frames: int
+) -> TurnThresholds:
     """Return the change of heading and the bend that make a turn, measured in a film.
 
-    headings_deg, bends: of each track (n,), degrees and signed body length²; span: Δ in frames.
-    They start from those of a brisk fish. If a fish turns more slowly, or bends less, they are the
-    values it exceeds in a tenth of its frames; both are lowered together until a tenth of them
-    reach the score of a turn. If no track turns by 45° in all, there is no turn to find, and tail
-    beats would count as turns; then they stay those of a brisk fish.
+    headings_deg, bends: of each track (n,), degrees and signed body length². They start from those
+    of a brisk fish. If a fish turns more slowly, or bends less, they are the values it exceeds in a
+    tenth of its frames; both are lowered together until a tenth of them reach the score of a turn.
+    If no track turns by 45° in all, there is no turn to find, and tail beats would count as turns;
+    then they stay those of a brisk fish.
     """
     ranges = [np.ptp(np.unwrap(one, period=360)) for one in map(np.asarray, headings_deg)]
     if max(ranges) < _TURNS_DEG:
         return BRISK
-    turns = np.concatenate([heading_change(one, span) for one in headings_deg])
+    turns = np.concatenate([heading_change(one, delta_frames) for one in headings_deg])
     bent = np.concatenate(list(bends))
-    limits = Thresholds(*map(min, BRISK, (_seldom(turns), _seldom(bent))))
-    lower = min(1.0, _seldom(turn_score(turns, bent, limits)))
-    return Thresholds(lower * limits.turn_deg, lower * limits.bend)
+    limits = TurnThresholds(*map(min, BRISK, (_upper_tenth(turns), _upper_tenth(bent))))
+    lower = min(1.0, _upper_tenth(turn_score(turns, bent, limits)))
+    return TurnThresholds(lower * limits.turn_deg, lower * limits.bend)
 
 
-def _seldom(values: Reals) -> float:
-    """Return the size that a tenth of the values (n,) reach; above 0."""
+def _upper_tenth(values: Reals) -> float:
+    """Return the size, above 0, that a tenth of the values (n,) reach."""
     return max(float(np.quantile(np.abs(values), _SELDOM)), 1e-9)
 
 
-def turn_score(turn_deg: Reals, bend: Reals, limits: Thresholds) -> Floats:
+def turn_score(turn_deg: Reals, bend: Reals, thresholds: TurnThresholds) -> Floats:
     """Return the turn score of frames (n,): from 1 on a turn to the left, from −1 to the right.
 
     It is the mean of turn_deg (n,), the change of heading over Δ, and bend (n,), signed, each over
-    its threshold in `limits`.
+    its threshold.
     """
-    return 0.5 * (turn_deg / limits.turn_deg + bend / limits.bend)
+    return 0.5 * (turn_deg / thresholds.turn_deg + bend / thresholds.bend)
 
 
-def heading_change(heading_deg: Reals, span: int) -> Floats:
-    """Return the change of heading (frames,) [°] over `span` frames around each frame, + = left.
+def heading_change(heading_deg: Reals, span_frames: int) -> Floats:
+    """Return the change of heading (frames,) [°] over a span around each frame, + = left.
 
-    Near the ends of a track, where the span does not fit, it is shortened and the change scaled up.
+    heading_deg: (frames,). Near the ends of a track, where the span does not fit, it is shortened
+    and the change scaled up.
     """
     heading = np.unwrap(np.asarray(heading_deg, float), period=360)
     last = len(heading) - 1
     frame = np.arange(len(heading))
-    before = np.clip(frame - span // 2, 0, max(last - 1, 0))
-    after = np.clip(frame - span // 2 + span, 0, last)
-    return (heading[after] - heading[before]) * span / np.maximum(after - before, 1)
+    before = np.clip(frame - span_frames // 2, 0, max(last - 1, 0))
+    after = np.clip(frame - span_frames // 2 + span_frames, 0, last)
+    return (heading[after] - heading[before]) * span_frames / np.maximum(after - before, 1)
 
 
-def swimming_type(
-    turn_deg: Reals, bend: Reals, limits: Thresholds, release: float
+def classify_swimming_types(
+    turn_deg: Reals, bend: Reals, thresholds: TurnThresholds, end_score: float
 ) -> NDArray[np.int8]:
     """Return the swimming types (frames,) int8 of consecutive frames: 0 straight, 1 left, −1 right.
 
-    turn_deg, bend (frames,): change of heading over Δ, and signed bend; limits: their thresholds. A
-    turn is a run of frames whose `score` stays above `release` and somewhere reaches 1.
+    turn_deg, bend (frames,): change of heading over Δ, and signed bend. A turn is a run of frames
+    whose `turn_score` stays above `end_score` and somewhere reaches 1.
     """
-    scores = turn_score(turn_deg, bend, limits)
-    left = skimage.filters.apply_hysteresis_threshold(scores, release, 1.0)
-    right = skimage.filters.apply_hysteresis_threshold(-scores, release, 1.0)
+    scores = turn_score(turn_deg, bend, thresholds)
+    left = skimage.filters.apply_hysteresis_threshold(scores, end_score, 1.0)
+    right = skimage.filters.apply_hysteresis_threshold(-scores, end_score, 1.0)
     return (LEFT * left + RIGHT * right).astype(np.int8)

@@ -15,12 +15,17 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
-from finloop.features.area import bend, interpolate_lines
-from finloop.features.current import measure_current, through_water
-from finloop.features.head import head_first, match_head_end
-from finloop.features.memory import measure_delta
+from finloop.features.area import interpolate_lines, measure_bend
+from finloop.features.current import measure_current, places_through_water
+from finloop.features.head import decide_head_end, match_head_end
+from finloop.features.memory import measure_delta_s
 from finloop.features.settings import FeaturesSettings
-from finloop.features.swimming_type import Thresholds, heading_change, swimming_type, thresholds
+from finloop.features.swimming_type import (
+    TurnThresholds,
+    classify_swimming_types,
+    heading_change,
+    measure_turn_thresholds,
+)
 
 _STEPS = 5  # natural steps in Δ, as in the paper's film
 _HEAD_SHARE = 1 / 3  # of the body; the head is bone and does not bend (§2.2)
@@ -50,12 +55,12 @@ FEATURES = Schema(
 )
 
 
-def delta_frames(delta_s: float, rate_hz: float) -> int:
+def delta_in_frames(delta_s: float, rate_hz: float) -> int:
     """Return Δ, the time over which motion is measured, in whole frames, at least 1."""
     return max(1, round(delta_s * rate_hz))
 
 
-def delta_of(features: pd.DataFrame) -> int:
+def infer_delta_frames(features: pd.DataFrame) -> int:
     """Return Δ [frames] of a feature table: how many displacements are empty at a track's end.
 
     The longest track decides: a displacement needs a frame Δ later.
@@ -63,21 +68,21 @@ def delta_of(features: pd.DataFrame) -> int:
     return int(features["displacement"].isna().groupby(features["track_id"]).sum().max())
 
 
-def step_of(features: pd.DataFrame) -> int:
+def natural_step_frames(features: pd.DataFrame) -> int:
     """Return the frames of a natural step, the unit of picture distances: Δ / 5, at least 1.
 
     That is one frame of the paper's film (25 Hz, Δ of 5 frames). In a film of many frames per Δ,
     the step from frame to frame would shrink as the camera gets faster.
     """
-    return max(1, round(delta_of(features) / _STEPS))
+    return max(1, round(infer_delta_frames(features) / _STEPS))
 
 
-def wrap_deg(angle: Reals) -> Floats:
+def wrap_deg(angle_deg: Reals) -> Floats:
     """Return angles [°] of any shape, wrapped to (−180, 180]."""
-    return 180.0 - (180.0 - np.asarray(angle, float)) % 360.0
+    return 180.0 - (180.0 - np.asarray(angle_deg, float)) % 360.0
 
 
-def orientation(heading_deg: Reals, orientations: int) -> NDArray[np.int8]:
+def find_orientations(heading_deg: Reals, orientations: int) -> NDArray[np.int8]:
     """Return the numbers, 1 … `orientations`, of the sectors in which headings [°] lie (§3.3).
 
     Sector 1 is centred on 0°, to the right; they count anticlockwise. The paper has 24 (Table 1).
@@ -86,9 +91,9 @@ def orientation(heading_deg: Reals, orientations: int) -> NDArray[np.int8]:
     return (np.floor(np.asarray(heading_deg) / sector + 0.5) % orientations + 1).astype(np.int8)
 
 
-def direction_deg(number: NDArray[np.integer] | int, orientations: int) -> Floats:
+def orientation_heading_deg(orientation: NDArray[np.integer] | int, orientations: int) -> Floats:
     """Return the heading [°], in [0, 360), at the centre of an orientation, 1 … `orientations`."""
-    return (np.asarray(number, float) - 1) * (360 / orientations)
+    return (np.asarray(orientation, float) - 1) * (360 / orientations)
 
 
 def count_orientations(table: pd.DataFrame) -> int:
@@ -96,7 +101,7 @@ def count_orientations(table: pd.DataFrame) -> int:
     return int(table["orientations"].iloc[0])
 
 
-def heading(backbone: Reals) -> Floats:
+def measure_headings(backbone: Reals) -> Floats:
     """Return the heading (rows,) [°] of backbones (rows, n, 2) px, which run from head to tail.
 
     It is the direction of the chord from one third of the body to the head end: that part does not
@@ -124,24 +129,24 @@ def measure_features(
             "the table that the stage `extract` writes, whose rows are those of the cut-outs",
             "make it again: `dvc repro --force extract`",
         )
-    every = spans(tracks)
+    every = track_slices(tracks)
     backbone, confidence = orient_backbones(tracks, rate_hz, given)
     place, length = (tracks[name].to_numpy(float) for name in (["x_px", "y_px"], "length_px"))
-    bent, direction = bend(backbone, length), heading(backbone)
+    bent, direction = measure_bend(backbone, length), measure_headings(backbone)
     delta_s = settings.delta_s
     if delta_s == "auto":
-        delta_s = measure_delta([bent[one] for one in every], rate_hz)
-    delta = delta_frames(delta_s, rate_hz)
-    limits = turn_thresholds(direction, bent, every, delta, settings)
+        delta_s = measure_delta_s([bent[one] for one in every], rate_hz)
+    delta = delta_in_frames(delta_s, rate_hz)
+    limits = choose_turn_thresholds(direction, bent, every, delta, settings)
     types = [
-        swimming_type(
+        classify_swimming_types(
             heading_change(direction[one], delta), bent[one], limits, settings.turn_end_threshold
         )
         for one in every
     ]
     current = settings.water_current_bl_s
     if current == "auto":
-        tail = _tail_offset(backbone, direction, length)
+        tail = _tail_tip_offsets(backbone, direction, length)
         current = measure_current(place / length[:, None], direction, tail, bent, every, rate_hz)
     area = np.abs(bent)
     ends = {"": place, "head_": backbone[:, 0], "tail_": backbone[:, -1]}
@@ -151,7 +156,7 @@ def measure_features(
         "time_s": tracks["frame"].to_numpy() / rate_hz,
         **{f"{end}{axis}_px": at[:, k] for end, at in ends.items() for k, axis in enumerate("xy")},
         "heading_deg": direction,
-        "orientation": orientation(direction, settings.orientations),
+        "orientation": find_orientations(direction, settings.orientations),
         "orientations": settings.orientations,
         "body_length_px": length,
         "motion_area": area,
@@ -162,46 +167,56 @@ def measure_features(
         "head_confidence": confidence,
     }
     table = pd.DataFrame(values)
-    moved, turned = _over_delta(table, every, delta)
+    moved, turned = _measure_motion_over_delta(table, every, delta)
     table = table.assign(displacement=moved, included_angle_deg=turned)
     return table[FEATURES.names], backbone.astype(np.float32)
 
 
-def _over_delta(table: pd.DataFrame, tracks: Sequence[slice], delta: int) -> tuple[Floats, Floats]:
+def _measure_motion_over_delta(
+    table: pd.DataFrame, tracks: Sequence[slice], delta_frames: int
+) -> tuple[Floats, Floats]:
     """Return displacement [body lengths] and included angle [°] (n,) of the rows of tracks."""
-    way = through_water(table)
+    way = places_through_water(table)
     direction, length = (table[name].to_numpy(float) for name in ("heading_deg", "body_length_px"))
     moved, turned = np.full((2, len(table)), np.nan)
     for one in tracks:
-        last = max(one.stop - delta, one.start)
-        now, then = slice(one.start, last), slice(one.start + delta, last + delta)
+        last = max(one.stop - delta_frames, one.start)
+        now, then = slice(one.start, last), slice(one.start + delta_frames, last + delta_frames)
         moved[now] = np.hypot(*(way[then] - way[now]).T) / np.median(length[one])
         turned[now] = wrap_deg(direction[then] - direction[now])
     return moved, turned
 
 
-def _tail_offset(backbone: Floats, heading_deg: Floats, length: Floats) -> Floats:
-    """Return the offset (rows,) of the tail's tip from the head's axis [body lengths], + = left."""
+def _tail_tip_offsets(backbone: Floats, heading_deg: Floats, length_px: Floats) -> Floats:
+    """Return the offset (rows,) of the tail's tip from the head's axis [body lengths], + = left.
+
+    backbone: (rows, n, 2) px, from head to tail; heading_deg, length_px: (rows,).
+    """
     dx, dy = (backbone[:, -1] - backbone[:, 0]).T
     back = np.radians(heading_deg)
-    return (-dx * np.sin(back) - dy * np.cos(back)) / length
+    return (-dx * np.sin(back) - dy * np.cos(back)) / length_px
 
 
-def turn_thresholds(
-    direction: Reals, bent: Reals, tracks: Sequence[slice], delta: int, settings: FeaturesSettings
-) -> Thresholds:
+def choose_turn_thresholds(
+    heading_deg: Reals,
+    bend: Reals,
+    tracks: Sequence[slice],
+    delta_frames: int,
+    settings: FeaturesSettings,
+) -> TurnThresholds:
     """Return the thresholds of turns: those of the settings; for `auto`, measured in the film.
 
-    direction [°], bent (n,): heading and bend of all rows; tracks: the rows of each; delta: Δ in
-    frames.
+    heading_deg, bend (n,): of all rows; tracks: the rows of each.
     """
     given = settings.turn_threshold_deg, settings.bend_threshold
-    measured = thresholds([direction[one] for one in tracks], [bent[one] for one in tracks], delta)
+    measured = measure_turn_thresholds(
+        [heading_deg[one] for one in tracks], [bend[one] for one in tracks], delta_frames
+    )
     pairs = zip(given, measured, strict=True)
-    return Thresholds(*(own if value == "auto" else value for value, own in pairs))
+    return TurnThresholds(*(own if value == "auto" else value for value, own in pairs))
 
 
-def spans(tracks: pd.DataFrame) -> list[slice]:
+def track_slices(tracks: pd.DataFrame) -> list[slice]:
     """Return a slice of rows for each track of a table that is sorted by `track_id`."""
     first = np.flatnonzero(np.diff(tracks["track_id"].to_numpy(), prepend=np.nan))
     return [slice(*one) for one in pairwise([*first.tolist(), len(tracks)])]
@@ -217,15 +232,15 @@ def orient_backbones(
     """
     backbone = lists_to_points(tracks, "backbone").astype(float)
     width = lists_to_array(tracks["half_width_px"])
-    ends = None if given is None else match_head_end(backbone, *head_tail_points(given))
+    ends = None if given is None else match_head_end(backbone, *read_head_and_tail(given))
     first, confidence = np.empty(len(tracks), bool), np.empty(len(tracks))
-    for one in spans(tracks):
+    for one in track_slices(tracks):
         end = None if ends is None else ends[one]
-        first[one], confidence[one] = head_first(backbone[one], width[one], rate_hz, end)
+        first[one], confidence[one] = decide_head_end(backbone[one], width[one], rate_hz, end)
     return np.where(first[:, None, None], backbone, backbone[:, ::-1]), confidence
 
 
-def head_tail_points(given: pd.DataFrame) -> tuple[Floats, Floats]:
+def read_head_and_tail(given: pd.DataFrame) -> tuple[Floats, Floats]:
     """Return head and tail, (rows, 2) px each, of another program; NaN where unknown."""
     head, tail = (given[[f"{end}_x_px", f"{end}_y_px"]].to_numpy(float) for end in ("head", "tail"))
     return head, tail

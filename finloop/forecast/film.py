@@ -17,9 +17,9 @@ from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.axes import to_body_axes
 from finloop.base.errors import FinloopError
 from finloop.distance.picture import typical_length
-from finloop.features.current import through_water
-from finloop.features.memory import block_frames, memory_frames
-from finloop.features.table import delta_of
+from finloop.features.current import places_through_water
+from finloop.features.memory import held_out_block_frames, measure_memory_frames
+from finloop.features.table import infer_delta_frames
 from finloop.forecast.settings import ForecastSettings
 from finloop.pose.film import FilmPoses
 
@@ -77,7 +77,7 @@ def film_states(
     codes: (n, c) of the rows' postures, the most important first; mirror: from `posture_mirror`.
     FinloopError if too few rows have a past and a future, or no fish turns or moves in them.
     """
-    delta, n = delta_of(features), len(features)
+    delta, n = infer_delta_frames(features), len(features)
     track, frame = (features[name].to_numpy(np.int64) for name in ("track_id", "frame"))
     lags = np.unique(np.round(np.array(p.lags) * delta)).astype(np.int64)
     square = (np.asarray(codes, float) ** 2).mean(0).cumsum()
@@ -113,7 +113,7 @@ def film_states(
         np.where(is_mirror, (states @ whole)[both], states[both]),
         np.where(is_mirror, (control * side)[both], control[both]), usable[both], whole, side, lags,
         scale, np.sqrt(np.nanmean(control**2, axis=0)), frame[both], delta, rate_hz, n,
-        memory_frames(codes, track),
+        measure_memory_frames(codes, track),
     )  # fmt: skip
 
 
@@ -127,7 +127,7 @@ def posture_mirror(poses: FilmPoses, look: Reals) -> Reals | None:
 
 def _motion(features: pd.DataFrame, rate_hz: float) -> Floats:
     """Return forward, sideways and turning speed (n, 3); NaN at a track's first row."""
-    place = through_water(features)
+    place = places_through_water(features)
     heading = np.radians(features["heading_deg"].to_numpy(float))
     length = typical_length(features).to_numpy(float)
     step, turn = (np.diff(values, axis=0, prepend=values[:1]) for values in (place, heading))
@@ -154,7 +154,7 @@ def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
     shorter than two stretches.
     """
     rows, least = film.rows, int(film.lags[-1]) + 2
-    block = block_frames(
+    block = held_out_block_frames(
         p.held_out_block_deltas, p.held_out_ratio, film.delta, film.frame[rows], least
     )
     first, last = (film.frame[rows] - film.lags[-1]) // block, (film.frame[rows] + 1) // block

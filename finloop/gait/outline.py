@@ -18,7 +18,7 @@ from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.base.schema import lists_to_points
 from finloop.curve.contour import Curve, centroid, orient_clockwise
-from finloop.features.head import tail_first
+from finloop.features.head import begins_at_tail
 from finloop.gait.period import Period, assess, period, remove_beat, with_phase_zero
 
 POINTS = 128
@@ -54,7 +54,7 @@ def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats,
             "the same frames in both",
             "remake both: dvc repro features",
         )
-    tail_leads = tail_first(backbone, features)[:, None, None]
+    tail_leads = begins_at_tail(backbone, features)[:, None, None]
     return outline.astype(float), np.where(tail_leads, backbone[:, ::-1], backbone)
 
 

@@ -21,7 +21,12 @@ from finloop.base.arrays import Floats
 from finloop.base.schema import Column, Schema
 from finloop.distance.picture import BODY, distance
 from finloop.distance.reel import Reel
-from finloop.features.table import count_orientations, delta_of, direction_deg, wrap_deg
+from finloop.features.table import (
+    count_orientations,
+    infer_delta_frames,
+    orientation_heading_deg,
+    wrap_deg,
+)
 from finloop.gateways.settings import GatewaysSettings
 
 IN, OUT = "in", "out"
@@ -86,7 +91,7 @@ def nearness(
         ahead_deg, own_deg = (_heading(sprites, heading[at]) for at in (after, row))
     else:
         orientation = features["orientation"].to_numpy()[rows]
-        pose_deg = direction_deg(orientation, count_orientations(features))
+        pose_deg = orientation_heading_deg(orientation, count_orientations(features))
         ahead_deg = np.where(after > row, sprites["turn_deg"], 0.0)
         own_deg = np.zeros(len(sprites))
     ahead, own = np.empty((2, len(sprites), len(rows)))
@@ -164,7 +169,7 @@ def _ways_in(
 ) -> pd.DataFrame:
     """Return sprite, row, rank, distance: the best rows of each sprite and orientation."""
     track, frame = (features[name].to_numpy()[near.rows] for name in ("track_id", "frame"))
-    delta = delta_of(features)
+    delta = infer_delta_frames(features)
     lasts = _frames_ahead(features)[near.rows] >= settings.least * delta
     ways: list[tuple[int, int, int, float]] = []
     for number in np.unique(near.orientation):

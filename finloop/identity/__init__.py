@@ -7,5 +7,5 @@ the probability that a later track is the same animal; `joins` finds the best se
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "film": ["IDENTITIES", "identities"],
+    "film": ["IDENTITIES", "identify_animals"],
 })  # fmt: skip

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
 from finloop.base.stretches import spread_rows
-from finloop.identity.joins import Pairs, Tracks
+from finloop.identity.joins import TrackPairs, Tracks
 
 # scikit-learn is imported where it is used: the import takes a second, and plots do not need it.
 if TYPE_CHECKING:
@@ -32,18 +32,18 @@ _PICTURES, _TRACKS = 10_000, 1_000
 _BLOCK = 2_000  # pictures held at once
 
 
-def descriptors(
-    measures: Floats, pictures: Callable[[Tracks], NDArray[np.float32]], components: int
+def appearance_descriptors(
+    measures: Floats, read_pictures: Callable[[Tracks], NDArray[np.float32]], most_components: int
 ) -> Floats:
     """Return a descriptor (rows, d) of each row: body measures, and components of its picture.
 
-    measures (rows, m): of any unit; pictures: returns those of some row numbers, (k, pixels);
-    components: most principal components. Each measure is scaled to a standard deviation of 1, and
-    so are all components together.
+    measures (rows, m): of any unit; read_pictures: returns the pictures (k, pixels) of some row
+    numbers; most_components: how many principal components of a picture at most. Each measure is
+    scaled to a standard deviation of 1, and so are all components together.
     """
     rows = np.arange(len(measures))
-    some = pictures(spread_rows(rows, _PICTURES)).astype(float)
-    count = min(components, *(side - 1 for side in some.shape))
+    some = read_pictures(spread_rows(rows, _PICTURES)).astype(float)
+    count = min(most_components, *(side - 1 for side in some.shape))
     if count < 1:
         return _standardise(measures)
     from sklearn.decomposition import PCA
@@ -51,7 +51,7 @@ def descriptors(
     few = PCA(count, svd_solver="arpack", random_state=0).fit(some)
     del some
     blocks = np.split(rows, range(_BLOCK, len(rows), _BLOCK))
-    codes = np.concatenate([few.transform(pictures(block).astype(float)) for block in blocks])
+    codes = np.concatenate([few.transform(read_pictures(block).astype(float)) for block in blocks])
     return np.hstack([_standardise(measures), codes / max(float(codes.std()), 1e-12)])
 
 
@@ -60,7 +60,9 @@ def _standardise(values: Floats) -> Floats:
     return (values - values.mean(0)) / np.maximum(values.std(0), 1e-9)
 
 
-def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats:
+def appearance_log_ratios(
+    tracks: Sequence[Floats], at_once: TrackPairs, pairs: TrackPairs
+) -> Floats:
     """Return the log ratio (e,) that each pair of tracks looks like one animal rather than two.
 
     tracks: for each, the descriptors (k, d) of its pictures, in the order of time. at_once: the
@@ -73,10 +75,12 @@ def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats
     for fold in range(_FOLDS):
         test = np.zeros(len(tracks), bool)
         test[long[fold::_FOLDS]] = True
-        first, last = _ends(tracks, _discriminant(tracks, long[~test[long]]))
-        one_animal.append(_distance(first[test], last[test]))
+        first, last = _mean_descriptors_at_ends(
+            tracks, _find_discriminant(tracks, long[~test[long]])
+        )
+        one_animal.append(_descriptor_distances(first[test], last[test]))
         a, b = (track[test[at_once.a] & test[at_once.b]] for track in at_once)
-        two.append(_distance(first[a], last[b]))
+        two.append(_descriptor_distances(first[a], last[b]))
     distances = [np.concatenate(apart) for apart in (one_animal, two)]
     counts = [len(apart) for apart in distances]
     if min(counts) < _LEAST:
@@ -91,28 +95,36 @@ def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats
     slope, offset = float(learnt.coef_[0, 0]), float(learnt.intercept_[0])
     if slope >= 0:  # farther apart would mean more alike: nothing was learnt
         return np.zeros(len(pairs.a))
-    first, last = _ends(tracks, _discriminant(tracks, long))
+    first, last = _mean_descriptors_at_ends(tracks, _find_discriminant(tracks, long))
     most = float(np.log(min(counts)))
-    apart = np.minimum(_distance(last[pairs.a], first[pairs.b]), farthest)
+    apart = np.minimum(_descriptor_distances(last[pairs.a], first[pairs.b]), farthest)
     return np.clip(slope * apart + offset, -most, most)
 
 
-def _discriminant(tracks: Sequence[Floats], learnt: Tracks) -> "LinearDiscriminantAnalysis | None":
-    """Return the directions that distinguish these tracks; None for fewer than two tracks."""
-    if len(learnt) < 2:
+def _find_discriminant(
+    tracks: Sequence[Floats], numbers: Tracks
+) -> "LinearDiscriminantAnalysis | None":
+    """Return the directions that distinguish some tracks; None for fewer than two of them.
+
+    tracks: descriptors (k, d) of each; numbers: of the tracks to learn from.
+    """
+    if len(numbers) < 2:
         return None
     from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 
-    learnt = spread_rows(learnt, _TRACKS)
-    label = np.repeat(learnt, [len(tracks[i]) for i in learnt])
+    numbers = spread_rows(numbers, _TRACKS)
+    label = np.repeat(numbers, [len(tracks[i]) for i in numbers])
     directions = LinearDiscriminantAnalysis(solver="eigen", shrinkage=_SHRUNK)
-    return directions.fit(np.concatenate([tracks[i] for i in learnt]), label)
+    return directions.fit(np.concatenate([tracks[i] for i in numbers]), label)
 
 
-def _ends(
+def _mean_descriptors_at_ends(
     tracks: Sequence[Floats], directions: "LinearDiscriminantAnalysis | None"
 ) -> tuple[Floats, Floats]:
-    """Return the means (n, c) of each track's first and last part, in discriminant directions."""
+    """Return the mean descriptor (n, c) of each track's first part, and that of its last part.
+
+    directions: discriminant directions in which they are given; None leaves them as they are.
+    """
     part = [max(1, len(track) // _PARTS) for track in tracks]
     first = np.array([track[:k].mean(0) for track, k in zip(tracks, part, strict=True)])
     last = np.array([track[-k:].mean(0) for track, k in zip(tracks, part, strict=True)])
@@ -122,6 +134,6 @@ def _ends(
     return directions.transform(first), directions.transform(last)
 
 
-def _distance(a: Floats, b: Floats) -> Floats:
-    """Return the distances (n,) of descriptors (n, c)."""
+def _descriptor_distances(a: Floats, b: Floats) -> Floats:
+    """Return the distances (n,) of descriptors a from descriptors b, (n, c) each."""
     return np.linalg.norm(a - b, axis=1)

@@ -13,14 +13,14 @@ from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_t
 from finloop.base.stretches import spread_rows
 from finloop.distance.picture import BODY
 from finloop.distance.reel import Reel
-from finloop.features.head import tail_first
-from finloop.features.table import spans
+from finloop.features.head import begins_at_tail
+from finloop.features.table import track_slices
 from finloop.identity import appearance, motion
 from finloop.identity.joins import (
     Chains,
-    Pairs,
     TrackJoins,
-    best_joins,
+    TrackPairs,
+    find_best_joins,
     join_in_passes,
     simultaneous_pairs,
     successor_pairs,
@@ -39,8 +39,8 @@ USED = ["backbone_x_px", "backbone_y_px", "half_width_px", "length_px", "area_px
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """The evidence for the identities in a film.
+class IdentityEvidence:
+    """The evidence for the identities of the animals in a film.
 
     reel: its feature table and cut-outs. measures (n, d): of every row's body. segment (n,): each
     row's part of the film, between cuts; no join leads across a cut.
@@ -54,7 +54,7 @@ class Evidence:
 
 def collect_evidence(
     reel: Reel, tracks: pd.DataFrame, cuts: Sequence[int], p: IdentitySettings
-) -> Evidence:
+) -> IdentityEvidence:
     """Collect the evidence for the identities in a film: body measures and parts of the film.
 
     tracks: `USED` columns of the table of tracks, row by row of the reel; cuts: first frames of the
@@ -62,18 +62,18 @@ def collect_evidence(
     """
     segment = np.searchsorted(np.array(cuts, int), reel.features["frame"], side="right")
     widths = lists_to_array(tracks["half_width_px"])[:, ::_EVERY][:, 1:-1]
-    back = tail_first(lists_to_points(tracks, "backbone"), reel.features)
+    back = begins_at_tail(lists_to_points(tracks, "backbone"), reel.features)
     widths = np.where(back[:, None], widths[:, ::-1], widths)  # from head to tail
     body = tracks[["length_px", "area_px", "contrast"]].to_numpy(float)
-    return Evidence(reel, np.hstack([body, widths]), segment, p)
+    return IdentityEvidence(reel, np.hstack([body, widths]), segment, p)
 
 
-def identities(film: Evidence) -> pd.DataFrame:
+def identify_animals(evidence: IdentityEvidence) -> pd.DataFrame:
     """Return the animal of each track (schema IDENTITIES); animal 0 has the most frames."""
-    features = film.reel.features
+    features = evidence.reel.features
     rows = np.arange(len(features))
-    parts = [rows[span] for span in spans(features)]
-    joins = _join_tracks(film, parts)
+    parts = [rows[span] for span in track_slices(features)]
+    joins = _join_tracks(evidence, parts)
     frame, track = features["frame"].to_numpy(), features["track_id"].to_numpy()
     first, last = (np.array([rows[k] for rows in parts]) for k in (0, -1))
     has = joins.before >= 0
@@ -109,18 +109,20 @@ def identities_from_names(features: pd.DataFrame, animals: pd.Series) -> pd.Data
     return result[IDENTITIES.names].astype(IDENTITIES.kinds)
 
 
-def trial_gaps(film: Evidence, gaps: NDArray[np.intp], rng: np.random.Generator) -> Floats:
-    """Return the shares (2,) of trial gaps that are joined right and wrong; NaN without any.
+def measure_trial_gaps(
+    evidence: IdentityEvidence, gap_frames: NDArray[np.intp], rng: np.random.Generator
+) -> Floats:
+    """Return which shares of trial gaps are joined right and wrong, (2,); NaN without any gap.
 
     Frames are removed from the middle of every track that is long enough, as many as in one of the
-    film's own `gaps` (k,) [frames], and all tracks are joined anew. A gap that is not joined counts
-    as neither.
+    film's own gaps `gap_frames` (k,), and all tracks are joined anew. A gap that is not joined
+    counts as neither.
     """
     parts, halves = list[NDArray[np.intp]](), list[int]()
-    frame = film.reel.features["frame"].to_numpy()
-    for span in spans(film.reel.features):
+    frame = evidence.reel.features["frame"].to_numpy()
+    for span in track_slices(evidence.reel.features):
         a, b = span.start, span.stop
-        gap = int(rng.choice(gaps)) if len(gaps) else 1
+        gap = int(rng.choice(gap_frames)) if len(gap_frames) else 1
         middle = int(np.searchsorted(frame[a:b], (frame[a] + frame[b - 1] - gap) // 2)) + a
         after = int(np.searchsorted(frame[a:b], frame[middle - 1] + gap)) + a
         if middle - a >= _LEAST_HALF <= b - after:
@@ -128,7 +130,7 @@ def trial_gaps(film: Evidence, gaps: NDArray[np.intp], rng: np.random.Generator)
             parts += [np.arange(a, middle), np.arange(after, b)]
         else:
             parts.append(np.arange(a, b))
-    before = _join_tracks(film, parts).before
+    before = _join_tracks(evidence, parts).before
     before_half = before[np.array(halves, int) + 1]
     if not len(before_half):
         return np.full(2, np.nan)
@@ -136,52 +138,59 @@ def trial_gaps(film: Evidence, gaps: NDArray[np.intp], rng: np.random.Generator)
     return np.array([right.mean(), (~right & (before_half >= 0)).mean()])
 
 
-def _join_tracks(film: Evidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
-    """Return which tracks, given by their rows, are one animal, by motion and appearance."""
-    reel, p = film.reel, film.settings
+def _join_tracks(evidence: IdentityEvidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
+    """Return which tracks are one animal, by motion and appearance.
+
+    parts: the rows of each track.
+    """
+    reel, p = evidence.reel, evidence.settings
     features = reel.features
     frame = features["frame"].to_numpy()
     place = features[["x_px", "y_px"]].to_numpy(float) / reel.length_px
     whole = features[["track_id", "frame"]].assign(x=place[:, 0], y=place[:, 1])
     drift = motion.measure_drift(whole)
-    ends = motion.track_ends(
+    ends = motion.measure_track_ends(
         [frame[rows] for rows in parts], [place[rows] for rows in parts], drift.before
     )
-    segment = np.array([film.segment[rows[0]] for rows in parts])
+    segment = np.array([evidence.segment[rows[0]] for rows in parts])
     some = [spread_rows(rows, p.looked_at) for rows in parts]
     every = np.concatenate(some)
-    looks = appearance.descriptors(
-        film.measures[every],
+    looks = appearance.appearance_descriptors(
+        evidence.measures[every],
         lambda few: reel.frames(every[few], p.size_px, BODY).reshape(len(few), -1),
         p.components,
     )
     by_track = np.split(looks, np.cumsum([len(rows) for rows in some])[:-1])
 
-    def scores(chains: Chains) -> tuple[Pairs, Floats]:
-        between = motion.chain_ends(ends, chains)
+    def scores(chains: Chains) -> tuple[TrackPairs, Floats]:
+        """Return the pairs of chains that may be joined, and the log ratio of each join."""
+        between = motion.select_chain_ends(ends, chains)
         pairs = successor_pairs(
             between.start, between.stop, segment[[chain[0] for chain in chains]]
         )
         looks = [np.concatenate([by_track[k] for k in chain]) for chain in chains]
-        look_ratio = appearance.log_ratios(
+        look_ratio = appearance.appearance_log_ratios(
             looks, simultaneous_pairs(between.start, between.stop), pairs
         )
-        return pairs, motion.log_ratios(between, drift, pairs) + look_ratio
+        return pairs, motion.motion_log_ratios(between, drift, pairs) + look_ratio
 
     best = partial(
-        best_joins, strangers=p.new_animal_probability, least=p.min_join_probability,
-        rng=np.random.default_rng(p.seed),
+        find_best_joins, stranger_probability=p.new_animal_probability,
+        least_probability=p.min_join_probability, rng=np.random.default_rng(p.seed),
     )  # fmt: skip
     return join_in_passes(len(parts), scores, p.sure, best)
 
 
-def _number_animals(joins: TrackJoins, lengths: list[int]) -> NDArray[np.intp]:
-    """Return the number of each track's animal, 0 for the one with the most rows."""
-    root = np.arange(len(lengths))
+def _number_animals(joins: TrackJoins, track_rows: list[int]) -> NDArray[np.intp]:
+    """Return the number of each track's animal, 0 for the one with the most rows.
+
+    track_rows: how many rows each track has.
+    """
+    root = np.arange(len(track_rows))
     while (has_before := joins.before[root] >= 0).any():
         root = np.where(has_before, joins.before[root], root)
-    rows = np.bincount(root, weights=lengths, minlength=len(lengths))
+    rows = np.bincount(root, weights=track_rows, minlength=len(track_rows))
     order = np.argsort(-rows, kind="stable")
-    number = np.empty(len(lengths), np.intp)
-    number[order] = np.arange(len(lengths))
+    number = np.empty(len(track_rows), np.intp)
+    number[order] = np.arange(len(track_rows))
     return number[root]

@@ -20,7 +20,7 @@ Chains = list[list[int]]
 """Tracks of one animal each, in the order of time."""
 
 
-class Pairs(NamedTuple):
+class TrackPairs(NamedTuple):
     """Pairs of track numbers: a (e,) and b (e,); of a pair that may be joined a is the earlier."""
 
     a: Tracks
@@ -37,19 +37,21 @@ class TrackJoins(NamedTuple):
     probability: Floats
 
 
-def successor_pairs(start: Reals, stop: Reals, segment: Tracks, most: int = _SOONEST) -> Pairs:
-    """Pair every track with the `most` that begin soonest after its end, in its segment.
+def successor_pairs(
+    start: Reals, stop: Reals, segment: Tracks, most_successors: int = _SOONEST
+) -> TrackPairs:
+    """Pair every track with those that begin soonest after its end, in the same part of the film.
 
     start, stop (n,): first and last frame of each track; segment (n,): its part of the film between
     cuts, rising with the frames. In a pair, `a` is the earlier track.
     """
     order = np.argsort(start, kind="stable")
     low = np.searchsorted(start[order], stop, side="right")
-    high = np.minimum(np.searchsorted(segment[order], segment, "right"), low + most)
+    high = np.minimum(np.searchsorted(segment[order], segment, "right"), low + most_successors)
     return _pair_with_ranges(order, low, high)
 
 
-def simultaneous_pairs(start: Reals, stop: Reals) -> Pairs:
+def simultaneous_pairs(start: Reals, stop: Reals) -> TrackPairs:
     """Return all pairs a < b of tracks that have a frame in common.
 
     start, stop (n,): first and last frame of each track.
@@ -58,71 +60,77 @@ def simultaneous_pairs(start: Reals, stop: Reals) -> Pairs:
     low = np.empty(len(order), np.intp)
     low[order] = np.arange(len(order)) + 1
     a, b = _pair_with_ranges(order, low, np.searchsorted(start[order], stop, side="right"))
-    return Pairs(np.minimum(a, b), np.maximum(a, b))
+    return TrackPairs(np.minimum(a, b), np.maximum(a, b))
 
 
-def _pair_with_ranges(order: Tracks, low: Tracks, high: Tracks) -> Pairs:
+def _pair_with_ranges(order: Tracks, low: Tracks, high: Tracks) -> TrackPairs:
     """Pair every track k with the tracks order[low[k]:high[k]]."""
     count = np.maximum(high - low, 0)
     offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    return Pairs(np.repeat(np.arange(len(order)), count), order[np.repeat(low, count) + offset])
+    return TrackPairs(
+        np.repeat(np.arange(len(order)), count), order[np.repeat(low, count) + offset]
+    )
 
 
-def best_joins(
-    tracks: int, pairs: Pairs, log_ratio: Floats, strangers: float, least: float,
-    rng: np.random.Generator,
+def find_best_joins(
+    tracks: int, pairs: TrackPairs, log_ratio: Floats, stranger_probability: float,
+    least_probability: float, rng: np.random.Generator,
 ) -> TrackJoins:  # fmt: skip
     """Return the most probable set of joins; every track has at most one on each side.
 
-    log_ratio (e,): of each of the `pairs`, how much more probable one animal is than two; no other
-    joins are made. strangers: probability that an animal comes or goes. A join less probable than
-    `least` is left out.
+    tracks: their number. log_ratio (e,): of each of the `pairs`, how much more probable one animal
+    is than two; no other joins are made. stranger_probability: that an animal comes or goes. A join
+    less probable than `least_probability` is left out.
 
     The probability of a join is its share of the best sets when all scores are disturbed by noise
     (perturb and maximise: Papandreou and Yuille, Perturb-and-MAP random fields, ICCV 2011). The
     noise of a join is the mean of two Gumbel variables, one for each of its tracks.
     """
-    sets = _JoinSets(pairs, tracks)
-    alone = np.full((2, tracks), np.log(strangers))
-    before = sets.best(log_ratio, alone)
+    sets = _JoinSearch(pairs, tracks)
+    alone = np.full((2, tracks), np.log(stranger_probability))
+    before = sets.find_best(log_ratio, alone)
     times = np.zeros(tracks)
     for _ in range(_DRAWS):
         noise = rng.gumbel(size=(2, len(log_ratio))).mean(0)
-        times += before == sets.best(log_ratio + noise, alone + rng.gumbel(size=alone.shape))
+        times += before == sets.find_best(log_ratio + noise, alone + rng.gumbel(size=alone.shape))
     probability = np.where(before >= 0, times / _DRAWS, 1.0)
-    sure = probability >= least
+    sure = probability >= least_probability
     return TrackJoins(np.where(sure, before, -1), np.where(sure, probability, 1.0))
 
 
 def join_in_passes(
     tracks: int,
-    scores: Callable[[Chains], tuple[Pairs, Floats]],
-    sure: float,
-    best_of: Callable[[int, Pairs, Floats], TrackJoins],
+    score_pairs: Callable[[Chains], tuple[TrackPairs, Floats]],
+    sure_probability: float,
+    find_joins: Callable[[int, TrackPairs, Floats], TrackJoins],
 ) -> TrackJoins:
-    """Return the joins of `tracks` tracks, made in several passes, the sure joins first.
+    """Return the joins of tracks, made in several passes, the sure joins first.
 
-    Tracks that a join of at least the probability `sure` connects are one chain in the next pass:
-    then more of an animal is visible, and fewer ends are open. scores: returns pairs of chains and
-    the log ratio of a join of each; best_of: `best_joins`, for a number of chains.
+    tracks: their number. Tracks that a join of at least `sure_probability` connects are one chain
+    in the next pass: then more of an animal is visible, and fewer ends are open. score_pairs:
+    returns pairs of chains and the log ratio of a join of each; find_joins: `find_best_joins`, for
+    a number of chains.
     """
     before, probability = np.full(tracks, -1), np.ones(tracks)
     chains: Chains = [[track] for track in range(tracks)]
     while True:
-        joins = best_of(len(chains), *scores(chains))
+        joins = find_joins(len(chains), *score_pairs(chains))
         made = joins.before >= 0
-        is_sure = made & (joins.probability >= sure)
+        is_sure = made & (joins.probability >= sure_probability)
         new = is_sure if is_sure.any() else made
         first, last = (np.array([chain[k] for chain in chains], np.intp) for k in (0, -1))
         before[first[new]] = last[joins.before[new]]
         probability[first[new]] = joins.probability[new]
         if not is_sure.any():
             return TrackJoins(before, probability)
-        chains = _chains(before)
+        chains = _chain_tracks(before)
 
 
-def _chains(before: Tracks) -> Chains:
-    """Chain tracks: each after its predecessor, in the order of their first tracks."""
+def _chain_tracks(before: Tracks) -> Chains:
+    """Return chains of tracks, each after its predecessor, in the order of their first tracks.
+
+    before (n,): the predecessor of each track, −1 for none.
+    """
     after = np.full(len(before), -1)
     after[before[before >= 0]] = np.flatnonzero(before >= 0)
     chains: Chains = [[int(track)] for track in np.flatnonzero(before < 0)]
@@ -133,10 +141,10 @@ def _chains(before: Tracks) -> Chains:
 
 
 class _Component(NamedTuple):
-    """Tracks (m,) that pairs connect. Column k of its assignment is start k, m + k end k alone.
+    """Tracks (m,) that pairs connect, and the matrix (m, 2m) of the assignment between them.
 
-    edges: number of each edge in the order of all edges; column, start: of their sparse matrix (m,
-    2m).
+    Column k of the matrix is start k, column m + k is end k without a join. edges: number of each
+    edge in the order of all edges; column, start: of the sparse matrix.
     """
 
     tracks: Tracks
@@ -145,10 +153,11 @@ class _Component(NamedTuple):
     start: Tracks
 
 
-class _JoinSets:
+class _JoinSearch:
     """Finds sets of joins by assignment, component by component: faster than all at once."""
 
-    def __init__(self, pairs: Pairs, tracks: int) -> None:
+    def __init__(self, pairs: TrackPairs, tracks: int) -> None:
+        """Divide the pairs of tracks into components; tracks: their number."""
         self._starts, self._tracks = pairs.b, tracks
         links = coo_array((np.ones(len(pairs.a)), pairs), (tracks, tracks))
         part = connected_components(links, directed=False)[1]
@@ -171,7 +180,7 @@ class _JoinSets:
             if m > 1
         ]  # fmt: skip
 
-    def best(self, score: Floats, alone: Floats) -> Tracks:
+    def find_best(self, score: Floats, alone: Floats) -> Tracks:
         """Return the predecessor (n,) of each track, −1 for none, in the best-scored set of joins.
 
         score (e,): of the pairs; alone (2, n): of an end, and of a start, without a join.

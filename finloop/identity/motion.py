@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Reals
-from finloop.identity.joins import Chains, Pairs
+from finloop.identity.joins import Chains, TrackPairs
 
 _BEFORE = (2, 4, 8, 16, 32)  # frames over which a velocity may be measured; the best is chosen
 _LEAST = 30  # least trial gaps that measure an error
@@ -37,24 +37,24 @@ class TrackEnds:
     leaving: Floats
 
 
-def track_ends(frames: list[Reals], places: list[Floats], before: int) -> TrackEnds:
+def measure_track_ends(frames: list[Reals], places: list[Floats], velocity_steps: int) -> TrackEnds:
     """Return where each track begins and ends, and its velocities there.
 
-    frames, places: of each track, (k,) frame numbers and (k, 2) body lengths; before: steps between
-    rows over which a velocity is measured, if the track has as many.
+    frames, places: of each track, (k,) frame numbers and (k, 2) body lengths; velocity_steps: steps
+    between rows over which a velocity is measured, if the track has as many.
     """
-    tracks = [(f, p, min(before, len(f) - 1)) for f, p in zip(frames, places, strict=True)]
+    tracks = [(f, p, min(velocity_steps, len(f) - 1)) for f, p in zip(frames, places, strict=True)]
     return TrackEnds(
         np.array([track[0] for track in frames]),
         np.array([track[-1] for track in frames]),
         np.array([track[0] for track in places]),
         np.array([track[-1] for track in places]),
-        np.array([_velocity(f, p, 0, n) for f, p, n in tracks]),
-        np.array([_velocity(f, p, -1 - n, -1) for f, p, n in tracks]),
+        np.array([_mean_velocity(f, p, 0, n) for f, p, n in tracks]),
+        np.array([_mean_velocity(f, p, -1 - n, -1) for f, p, n in tracks]),
     )
 
 
-def chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
+def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
     """Return where chains of tracks begin and end: the start of the first, the end of the last."""
     first, last = ([chain[k] for chain in chains] for k in (0, -1))
     return TrackEnds(
@@ -63,15 +63,18 @@ def chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
     )  # fmt: skip
 
 
-def _velocity(frames: Reals, places: Floats, a: int, b: int) -> Floats:
-    """Return the mean velocity (2,) between rows a and b; 0 for a track of one row."""
+def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floats:
+    """Return the mean velocity (2,) between two rows of a track; 0 for a track of one row.
+
+    frames (k,), places (k, 2): of the track; first, last: numbers of the rows.
+    """
     if len(frames) < 2:
         return np.zeros(2)
-    return (places[b] - places[a]) / max(frames[b] - frames[a], 1)
+    return (places[last] - places[first]) / max(frames[last] - frames[first], 1)
 
 
 @dataclass(frozen=True)
-class Drift:
+class GapDrift:
     """How far animals are, after a gap, from the place predicted half way through it.
 
     gaps (k,): frames, ascending; error (k,): median distance, body lengths; before: frames over
@@ -84,21 +87,21 @@ class Drift:
     tank: float  # area, body lengths²
     before: int
 
-    def log_ratio(self, gap: Floats, apart: Floats) -> Floats:
+    def log_ratio(self, gap_frames: Floats, distance: Floats) -> Floats:
         """Return the log of how much more probable a place is for the same animal than for any.
 
-        gap (e,): frames; apart (e,): distance d between the two predicted places, body lengths. It
+        gap_frames (e,); distance (e,): d between the two predicted places, body lengths. The result
         is log((1 − ε) A m² / (π (m² + d²)²) + ε), for the median m of d over such a gap, a tank of
         area A, and ε for animals that may be anywhere. The density is Student's t in the plane,
         with two degrees of freedom: most animals swim on, some dart, and those that touch dart more
         often.
         """
-        error = np.maximum(np.interp(gap, self.gaps, self.error), _NO_ERROR)
-        near = error**2 / (np.pi * (error**2 + apart**2) ** 2)
+        error = np.maximum(np.interp(gap_frames, self.gaps, self.error), _NO_ERROR)
+        near = error**2 / (np.pi * (error**2 + distance**2) ** 2)
         return np.log((1 - _TAIL) * np.minimum(near * self.tank, _SUREST) + _TAIL)
 
 
-def measure_drift(tracks: pd.DataFrame) -> Drift:
+def measure_drift(tracks: pd.DataFrame) -> GapDrift:
     """Return how far a predicted place is off after a gap, by gaps cut into complete tracks.
 
     tracks: track_id, frame, x, y (body lengths), sorted by track and frame. The gaps double from
@@ -112,7 +115,7 @@ def measure_drift(tracks: pd.DataFrame) -> Drift:
     trials = [(before, *_measure_errors(tracks, before)) for before in _BEFORE]
     common = min(len(error) for _, error, _ in trials if error) if trials[0][1] else 0
     if not common:
-        return Drift(np.ones(1), np.full(1, anywhere), np.zeros(1), tank, _BEFORE[0])
+        return GapDrift(np.ones(1), np.full(1, anywhere), np.zeros(1), tank, _BEFORE[0])
     before, error, share = min(
         (trial for trial in trials if trial[1]),
         key=lambda trial: np.log(np.add(trial[1][:common], 1e-6)).sum(),
@@ -120,24 +123,27 @@ def measure_drift(tracks: pd.DataFrame) -> Drift:
     gaps = 2.0 ** np.arange(len(error))
     last = max(anywhere, error[-1])
     beyond = gaps[-1] * (last / max(error[-1], _NO_ERROR)) ** 2 + 1
-    return Drift(
+    return GapDrift(
         np.append(gaps, beyond), np.append(error, last), np.append(share, 0.0), tank, before
     )
 
 
-def _measure_errors(tracks: pd.DataFrame, before: int) -> tuple[list[float], list[float]]:
-    """Return, for gaps of 1, 2, 4 … frames, median error and share of the velocity that lasts."""
+def _measure_errors(tracks: pd.DataFrame, velocity_frames: int) -> tuple[list[float], list[float]]:
+    """Return, for gaps of 1, 2, 4 … frames, median error and share of the velocity that lasts.
+
+    tracks: as in `measure_drift`; velocity_frames: over which a velocity is measured.
+    """
     place, key = tracks[["x", "y"]].to_numpy(float), tracks[["track_id", "frame"]].to_numpy()
     error, shares = list[float](), list[float]()
     gap = 1
     while True:
-        ahead = 2 * before + gap  # rows and frames in the same track
+        ahead = 2 * velocity_frames + gap  # rows and frames in the same track
         first = np.flatnonzero((key[ahead:] - key[:-ahead] == (0, ahead)).all(1))
         if len(first) < _LEAST:
             return error, shares
-        end = first + before
-        leaving = (place[end] - place[first]) / before
-        arriving = (place[end + gap + before] - place[end + gap]) / before
+        end = first + velocity_frames
+        leaving = (place[end] - place[first]) / velocity_frames
+        arriving = (place[end + gap + velocity_frames] - place[end + gap]) / velocity_frames
         went = place[end + gap] - place[end]
         share = float(np.clip((leaving * went).sum() / max(gap * (leaving**2).sum(), 1e-12), 0, 1))
         shares.append(share)
@@ -146,11 +152,11 @@ def _measure_errors(tracks: pd.DataFrame, before: int) -> tuple[list[float], lis
         gap *= 2
 
 
-def log_ratios(ends: TrackEnds, drift: Drift, pairs: Pairs) -> Floats:
-    """Return the log ratio (e,), one animal against any two, of pairs a, b of tracks by motion.
+def motion_log_ratios(ends: TrackEnds, drift: GapDrift, pairs: TrackPairs) -> Floats:
+    """Return the log ratio (e,) that two tracks are one animal rather than any two, by motion.
 
-    b begins after a has ended. The place half way is predicted from both sides: from the end of a
-    and from the start of b.
+    pairs: a, b of tracks; b begins after a has ended. The place half way is predicted from both
+    sides: from the end of a and from the start of b.
     """
     a, b = pairs
     gap = (ends.start[b] - ends.stop[a]).astype(float)

@@ -13,7 +13,7 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel
 from finloop.base.nearest import Nearest, assign_parts
 from finloop.base.parallel import ALONE, Workers, ordered_map
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.jumps.settings import JumpsSettings
 from finloop.jumps.signature import (
     RowSource,
@@ -189,13 +189,13 @@ def film_jumps(
     reel, _ = source.film()
     track = reel.features["track_id"].to_numpy()
     row_parts = signature_parts(source, settings, workers)
-    block = max(1, round(settings.block * delta_of(reel.features)))
+    block = max(1, round(settings.block * infer_delta_frames(reel.features)))
     sides = sides_apart(partial(draw_straight, source, settings.look_px), track)
     hand = handedness(row_parts, block)
     alike = sides < settings.sides_most and hand < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)
     values = signatures(row_parts, reel.step_ends, settings)
-    least = max(1, round(settings.min_jump_deltas * delta_of(reel.features)))
+    least = max(1, round(settings.min_jump_deltas * infer_delta_frames(reel.features)))
     search = Search.from_values(values, track, settings.candidates, least, mirror)
     visible, tables = VisibleDistance.from_source(source, workers), []
     rows = blocks(len(track), _LOT)

@@ -18,8 +18,8 @@ from finloop.base.parallel import Workers, ordered_map
 from finloop.base.stretches import spread_rows
 from finloop.distance.picture import distance_pair_by_pair
 from finloop.distance.reel import Reel
-from finloop.features.current import through_water
-from finloop.features.table import delta_of
+from finloop.features.current import places_through_water
+from finloop.features.table import infer_delta_frames
 from finloop.jumps.settings import JumpsSettings
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, draw
@@ -139,7 +139,7 @@ def blocks(n: int, most: int) -> list[Ints]:
 def signature_parts(source: RowSource, settings: JumpsSettings, workers: Workers) -> SignatureParts:
     """Compute the signature parts pose, change, motion, look of all rows and mirror images."""
     reel, poses = source.film()
-    span = max(1, round(delta_of(reel.features) / 4))
+    span = max(1, round(infer_delta_frames(reel.features) / 4))
     pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
     change = np.stack([change_per_row(codes, reel.goes_on, span) for codes in pose])
     straight = partial(draw_straight, source, settings.look_px)
@@ -203,7 +203,7 @@ def film_motion(reel: Reel, span: int) -> Floats:
     Body lengths a frame through the water, and ° a frame, anticlockwise; averaged over ± span rows.
     """
     features = reel.features
-    place = through_water(features) / reel.lengths_px[:, None]
+    place = places_through_water(features) / reel.lengths_px[:, None]
     speed = motion(place, features["heading_deg"].to_numpy(float), reel.goes_on, span)
     return np.stack([speed, speed * (1, -1, -1)])
 

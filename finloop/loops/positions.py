@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.kernel import kernel
-from finloop.features.current import through_water
+from finloop.features.current import places_through_water
 from finloop.loops.graph import JUMP, Leg, LoopGraph
 
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
@@ -61,7 +61,7 @@ def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
     ends: rising feature rows. Rows (earlier) and columns (later) are named A, B …. A cell is ""
     unless its column is later in the same track.
     """
-    x, y = through_water(features)[ends].T
+    x, y = places_through_water(features)[ends].T
     track = features["track_id"].to_numpy()[ends]
     later = (track[:, None] == track) & (ends[:, None] < ends)
     quadrants = quadrant(x - x[:, None], y[:, None] - y)

@@ -23,8 +23,8 @@ from finloop.base.kernel import kernel
 from finloop.base.schema import Column, Schema, columns
 from finloop.distance.map import MapFacts
 from finloop.distance.picture import typical_length
-from finloop.features.current import through_water
-from finloop.features.table import delta_of, wrap_deg
+from finloop.features.current import places_through_water
+from finloop.features.table import infer_delta_frames, wrap_deg
 from finloop.loops.graph import LoopGraph, can_play_for_ever, in_component, rank_groups
 from finloop.loops.settings import LoopsSettings
 
@@ -103,7 +103,7 @@ def find_candidates(
     track = features["track_id"].to_numpy(np.int32)
     weight = binomial_weights(settings.compared_neighbour_frames)
     value = filter_diagonals(pairs, track, weight, limit)
-    delta = delta_of(features)
+    delta = infer_delta_frames(features)
     radius, least = max(1, round(settings.apart * delta)), least_frames(delta, settings)
     at = np.flatnonzero(minima(pairs, value, track, radius, least))
     a = (np.searchsorted(pairs.start, at, side="right") - 1).astype(np.int32)
@@ -250,7 +250,7 @@ def _explain_no_loops(
     goal = "at least one pair of similar frames between which the film can jump"
     track = features["track_id"].to_numpy()
     longest = int(np.unique(track, return_counts=True)[1].max())
-    least = least_frames(delta_of(features), settings)
+    least = least_frames(infer_delta_frames(features), settings)
     if len(np.unique(track)) == 1 and longest <= least:
         return NoLoops(
             f"one track of {longest} frames, and the ends of a loop are at least {least} apart "
@@ -324,7 +324,7 @@ def travel_of(a: Rows, b: Rows, features: pd.DataFrame) -> Travel:
     moved less than `TRAVEL` body lengths has no direction of travel.
     """
     track = features["track_id"].to_numpy()
-    x, y = through_water(features).T * ((1,), (-1,))
+    x, y = places_through_water(features).T * ((1,), (-1,))
     length = typical_length(features).to_numpy(float)
     unit = np.exp(1j * np.radians(features["heading_deg"].to_numpy(float)))
 
@@ -336,7 +336,7 @@ def travel_of(a: Rows, b: Rows, features: pd.DataFrame) -> Travel:
     total = np.r_[0, np.cumsum(unit)]
     mean = (total[b + 1] - total[a]) / (b + 1 - a)
     travels = [travel(a, b, (track[a] == track[b]) & (np.abs(mean) >= RESULTANT))]
-    delta = delta_of(features)
+    delta = infer_delta_frames(features)
     first = np.searchsorted(track, track)  # tracks lie one after another, their numbers rise
     last = np.searchsorted(track, track, side="right") - 1
     for end in (a, b):

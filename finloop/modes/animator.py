@@ -25,7 +25,7 @@ from finloop.edit.joins import joins
 from finloop.edit.pictures import Pictures, without_ghosts
 from finloop.edit.schema import FADE, Goal
 from finloop.edit.stretch import Swim
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.loops.graph import loop_graph
 from finloop.modes.player import PaperMode, PaperPlayer
 from finloop.modes.sprites import Sprites
@@ -176,7 +176,9 @@ def prepare_mode_assets(made: FilmData, p: AnimateSettings) -> ModeAssets:
     """
     at_size = scale_film(made.reel, made.outline_px, made.arena, p, made.floor)
     reel = at_size.reel
-    motion = learn(reel.features, made.rate_hz, delta_of(reel.features)).scale_to(reel.size)
+    motion = learn(reel.features, made.rate_hz, infer_delta_frames(reel.features)).scale_to(
+        reel.size
+    )
     world = World(
         tank(at_size.area, at_size.reach_px), motion, p.goal_radius_bl * motion.body_length_px,
         head_ahead_px(reel.features, reel.size),

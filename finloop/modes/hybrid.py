@@ -19,7 +19,7 @@ from finloop.base.arrays import Floats, Ints
 from finloop.bpn.model import MotionModel
 from finloop.edit.schema import ENTER, NO_WAY, PHASE, SLIDE, STRAIGHT
 from finloop.edit.stretch import Decision, Stretch
-from finloop.features.table import orientation, wrap_deg
+from finloop.features.table import find_orientations, wrap_deg
 from finloop.loops.settings import LoopsSettings
 from finloop.modes.animator import FilmData, PaperAnimator, make_animator, prepare_mode_assets
 from finloop.modes.hybrid_settings import HybridSettings
@@ -131,7 +131,7 @@ class Hybrid:
 
     def gates(self, fish: Fish) -> Starts | None:
         """Return the rows that gateways lead to from the sprite on screen; None without any."""
-        number = int(orientation(np.array(fish.heading), self.network.sprites.orientations))
+        number = int(find_orientations(np.array(fish.heading), self.network.sprites.orientations))
         gates = self.gateways.into.get((fish.sprite, 0 if self.loops.film.body else number))
         if gates is None:
             return None

@@ -34,7 +34,7 @@ from finloop.edit.joins import joins
 from finloop.edit.pictures import Pictures, without_ghosts
 from finloop.edit.schema import FADE, Goal
 from finloop.edit.stretch import Swim
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.forecast.sampling import Sampler
 from finloop.plan.cost import Rarity
 from finloop.plan.graph import motion_graph, neighbour_jumps, without_dead_ends
@@ -219,7 +219,7 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
     )
     facts, rate_hz = made.map_facts, made.rate_hz
     features = reel.features
-    delta = delta_of(features)
+    delta = infer_delta_frames(features)
     motion = learn(features, rate_hz, delta).scale_to(reel.size)
     bodies = Bodies(made.poses, reel.goes_on, reel.sprites)
     pictures = Pictures(reel, facts.size, bodies)

@@ -16,7 +16,7 @@ from finloop.animate.motion import MotionStatistics
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, kernel_part, leaf_kernel
 from finloop.distance.picture import BODY, typical_length
-from finloop.features.current import through_water
+from finloop.features.current import places_through_water
 from finloop.forecast.sampling import Sampler, Similar
 from finloop.loops.graph import LoopGraph, endless_rows
 
@@ -129,7 +129,7 @@ def motion_graph(
     """
     n = len(features)
     scale = motion.body_length_px / typical_length(features).to_numpy(float)
-    place = through_water(features) * scale[:, None]
+    place = places_through_water(features) * scale[:, None]
     track = features["track_id"].to_numpy()
     has_next = np.append(track[1:] == track[:-1], False) & ~barred & ~np.append(barred[1:], True)
     moved = np.zeros((n, 2))

@@ -6,7 +6,7 @@ import pandas as pd
 
 from finloop.base.errors import FinloopError
 from finloop.base.line import TRACK, Line
-from finloop.features.line import track_line
+from finloop.features.line import track_as_path
 from finloop.io.line import load_line
 from finloop.plan.matching_settings import MatchingSettings
 
@@ -37,5 +37,5 @@ def line_of(path: str, unit: str, features: pd.DataFrame) -> Line:
     FinloopError if there is no such track or file.
     """
     if path.startswith(TRACK):
-        return track_line(features, path)
+        return track_as_path(features, path)
     return load_line(Path(path).expanduser(), unit)

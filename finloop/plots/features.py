@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from finloop.base.cutout import Cutouts
 from finloop.base.schema import lists_to_points
 from finloop.base.stretches import spread_rows
-from finloop.features.area import closed_spline, control_points
-from finloop.features.head import tail_first
-from finloop.features.metrics import longest_track
+from finloop.features.area import closed_spline_points, control_points
+from finloop.features.head import begins_at_tail
+from finloop.features.metrics import rows_of_longest_track
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, WORDS
-from finloop.features.table import count_orientations, direction_deg
+from finloop.features.table import count_orientations, orientation_heading_deg
 from finloop.plots.parts import Picture, arrows, convert_to_colour, in_rows, over_tank, write
 
 _WAYS = 200  # tracks drawn, at most; more hide one another
@@ -30,7 +30,7 @@ TYPES = {  # Okabe-Ito colours, which colour-blind people distinguish, too
 
 def figure7(features: pd.DataFrame) -> Figure:
     """Draw Fig. 7 of the fish paper for the longest track: (a) motion area, (b) swimming type."""
-    track = longest_track(features)
+    track = rows_of_longest_track(features)
     figure = Figure(figsize=(10, 4.5), layout="constrained")
     area, kind = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     area.plot(track["frame"], track["motion_area_rel"], lw=0.9, color="0.25")
@@ -70,7 +70,7 @@ def draw_rose(features: pd.DataFrame) -> Figure:
     count = count_orientations(features)
     figure = Figure(figsize=(6, 6), layout="constrained")
     axes = figure.add_subplot(projection="polar")
-    angle = np.radians(direction_deg(np.arange(1, count + 1), count))
+    angle = np.radians(orientation_heading_deg(np.arange(1, count + 1), count))
     base = np.zeros(count)
     for code, (word, colour) in TYPES.items():
         of_kind = features.loc[features["swimming_type"] == code, "orientation"]
@@ -107,7 +107,7 @@ def specimens(
     table, tracks: the feature table and the tracks, row by row the same.
     """
     lines = lists_to_points(tracks, "backbone")
-    lines = np.where(tail_first(lines, table)[:, None, None], lines[:, ::-1], lines)
+    lines = np.where(begins_at_tail(lines, table)[:, None, None], lines[:, ::-1], lines)
     for number in numbers.tolist():
         row, cutout = table.iloc[number], cutouts[number]
         yield Specimen(row, lines[number], cutout.over(background), cutout.x0_px, cutout.y0_px)
@@ -158,7 +158,7 @@ def _draw_tile(specimen: Specimen, size: int) -> Picture:
         return np.round(16 * (inside * scale - 0.5 + [left, top])).astype(np.int32)
 
     control = control_points(specimen.backbone[None])[0]
-    cv2.polylines(tile, [place(closed_spline(control))], True, _SPLINE, 1, cv2.LINE_AA, 4)
+    cv2.polylines(tile, [place(closed_spline_points(control))], True, _SPLINE, 1, cv2.LINE_AA, 4)
     cv2.polylines(tile, [place(specimen.backbone)], False, _BACKBONE, 1, cv2.LINE_AA, 4)
     for x, y in place(control):
         cv2.circle(tile, (int(x), int(y)), 40, _CONTROL, -1, cv2.LINE_AA, 4)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Picture
 from finloop.distance.reel import Reel
-from finloop.features.current import through_water
-from finloop.features.table import delta_of, wrap_deg
+from finloop.features.current import places_through_water
+from finloop.features.table import infer_delta_frames, wrap_deg
 from finloop.loops.search import travel_of
 from finloop.plots.loops import SIZE_PX, fish_rows, on_light
 from finloop.plots.parts import draw_arrow
@@ -57,7 +57,7 @@ def most_improper(
     a, b = pairs["a"].to_numpy(), pairs["b"].to_numpy()
     travel = travel_of(a, b, features)
     off = np.where(travel.off_deg > most_deg, travel.off_deg, 0.0)
-    way = np.diff(through_water(features)[np.stack([a, b])], axis=0)[0]
+    way = np.diff(places_through_water(features)[np.stack([a, b])], axis=0)[0]
     length = features["body_length_px"].to_numpy(float)[a]
     off[:, 0] *= np.minimum(np.hypot(*way.T) / length, 1.0)
     places = off[:, :1] if off[:, 0].any() else off
@@ -77,7 +77,7 @@ def rows_on_way(loop: ImproperLoop, features: pd.DataFrame) -> Rows:
     """Return the rows of a loop's path: from a to b, or Δ/2 to both sides of its improper end."""
     if loop.place == 0:
         return np.arange(loop.a, loop.b + 1)
-    end, delta = (loop.a, loop.b)[loop.place - 1], delta_of(features)
+    end, delta = (loop.a, loop.b)[loop.place - 1], infer_delta_frames(features)
     rows = end - delta // 2 + np.arange(delta + 1)
     track = features["track_id"].to_numpy()
     rows = rows[(rows >= 0) & (rows < len(track))]

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.cutout import Cutout
-from finloop.features.table import count_orientations, direction_deg
+from finloop.features.table import count_orientations, orientation_heading_deg
 from finloop.plots.parts import Picture, in_rows, on_grey, write
 
 _INK = (150, 30, 30)
@@ -45,7 +45,7 @@ def draw_sprites(
             tiles.append(tile(row, 1, above, below))
         bands += in_rows(tiles, columns)
     row = next(sprites.iloc[[int(sprites["motion_area_rel"].argmax())]].itertuples())
-    turns = {o: f"{direction_deg(o, count):.0f} deg" for o in range(1, count + 1)}
+    turns = {o: f"{orientation_heading_deg(o, count):.0f} deg" for o in range(1, count + 1)}
     tiles = [tile(row, o, f"orientation {o}", angle) for o, angle in turns.items()]
     return np.vstack([*bands, *in_rows(tiles, columns)])
 

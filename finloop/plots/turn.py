@@ -11,9 +11,9 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Picture
-from finloop.features.area import closed_spline, control_points
+from finloop.features.area import closed_spline_points, control_points
 from finloop.features.swimming_type import STRAIGHT, WORDS
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.plots.features import Specimen
 from finloop.plots.parts import draw_arrow
 
@@ -30,7 +30,7 @@ def strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
     straight swimming, goes to one side over both k, and bends the fish most in the middle. The
     strongest one changes the heading most. None: the film has no clear turn.
     """
-    delta = delta_of(features)
+    delta = infer_delta_frames(features)
     for k in delta * np.arange(1, _MOST + 1 if delta else 1):
         total = _clear_turns(features, int(k), delta)
         if total.any():
@@ -75,7 +75,7 @@ def figure5(
     upper, lower = parts
     panels = upper.subplots(2, len(rows))
     side = round(_WINDOW * max(float(one.row["body_length_px"]) for one in fish))
-    delta, k = delta_of(features), int(rows[1] - rows[0])
+    delta, k = infer_delta_frames(features), int(rows[1] - rows[0])
     angles = turned_deg(features, rows[:-1], k, delta)
     times = [f"t0{f' + {n}k' if n > 1 else ' + k' if n else ''}" for n in range(len(rows))]
     for number, (one, letter) in enumerate(zip(fish, "abc", strict=True)):
@@ -130,7 +130,7 @@ def _draw_measures(
     limits = axes.get_xlim(), axes.get_ylim()
     backbone = specimen.backbone - corner
     control = control_points(backbone[None])[0]
-    curve = closed_spline(control)
+    curve = closed_spline_points(control)
     axes.fill(*curve.T, color=_AREA, alpha=0.35, lw=0, label="motion area")
     axes.plot(*np.vstack([curve, curve[:1]]).T, color=_AREA, lw=1.6, label="closed B-spline")
     axes.plot(*backbone.T, color=_BACKBONE, lw=2, label="backbone")

@@ -10,8 +10,8 @@ import pandas as pd
 from finloop.base.arrays import Floats, Reals
 from finloop.base.schema import ANY, Column, Schema, lists_to_points
 from finloop.distance.picture import typical_length
-from finloop.features.head import tail_first
-from finloop.features.memory import memory_frames
+from finloop.features.head import begins_at_tail
+from finloop.features.memory import measure_memory_frames
 from finloop.pose.settings import PoseSettings
 from finloop.puppet.pose import Pose, poses_from_features
 from finloop.puppet.shapes import PoseShapes
@@ -91,7 +91,7 @@ def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) ->
     has fewer than two rows.
     """
     lines = lists_to_points(tracks, "backbone").astype(float)
-    lines = np.where(tail_first(lines, features)[:, None, None], lines[:, ::-1], lines)
+    lines = np.where(begins_at_tail(lines, features)[:, None, None], lines[:, ::-1], lines)
     spread = tail_spread(tracks, lines, p.tail_width_ratio)
     apart = p.separate_tail == "yes" or (p.separate_tail == "auto" and spread > p.tail_spread)
     if apart:
@@ -100,7 +100,7 @@ def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) ->
     pose = poses_from_features(features, lines)
     shapes = PoseShapes.fit(pose.posture, p.explained_variance_ratio, p.max_film_distance_quantile)
     codes = shapes.encode(pose.posture).astype(np.float32).astype(float)  # as files hold them
-    memory = memory_frames(codes, features["track_id"].to_numpy())
+    memory = measure_memory_frames(codes, features["track_id"].to_numpy())
     return _build_poses(features, codes, shapes, (apart, spread, memory))
 
 

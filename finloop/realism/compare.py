@@ -8,7 +8,7 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.realism.auc import Auc, Scores, auc
 from finloop.realism.classifier import score_held_out_windows
 from finloop.realism.instrument import Swimming
@@ -120,7 +120,7 @@ def film_sample(
     film: drawn and measured again; features: columns of `FEATURES`, of the whole film.
     """
     frame_s, largest = features["frame"].to_numpy(float) / rate_hz, film.table["motion_area"].max()
-    return Sample(film, frame_s, float(largest), rate_hz, delta_of(features), p)
+    return Sample(film, frame_s, float(largest), rate_hz, infer_delta_frames(features), p)
 
 
 @dataclass(frozen=True)

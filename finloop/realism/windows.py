@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.axes import to_body_axes
-from finloop.features.current import through_water
+from finloop.features.current import places_through_water
 
 CHANNELS = ("forward", "sideways", "turning", "area")
 """Forward, sideways: body lengths/s; turning: °/s, + = left; area: of the film's largest."""
@@ -105,7 +105,7 @@ def track_channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Float
     largest: motion area of the film's most bent fish.
     """
     length = float(track["body_length_px"].median())
-    travel = np.diff(through_water(track), axis=0) * (rate_hz / length)
+    travel = np.diff(places_through_water(track), axis=0) * (rate_hz / length)
     heading = np.unwrap(track["heading_deg"].to_numpy(float), period=360)
     angle = np.radians((heading[1:] + heading[:-1]) / 2)
     return np.column_stack([

@@ -11,7 +11,7 @@ from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.joins import Joins, JoinTimes, joins
 from finloop.edit.pictures import Pictures
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.jumps.settings import JumpsSettings as Weights
 from finloop.jumps.signature import change_per_row
 from finloop.pose.film import FilmPoses
@@ -123,7 +123,11 @@ def retarget_track(
         rows = rows.without(track.rows)
     pictures = film.pictures
     how = joins(
-        others.joins, others.join, pictures.bodies, delta_of(reel.features), pictures.bending_helps
+        others.joins,
+        others.join,
+        pictures.bodies,
+        infer_delta_frames(reel.features),
+        pictures.bending_helps,
     )
     sources, way = _choose_rows(way, rows, how, film, p)
     drawn_scale = (reel.length_px / reel.lengths_px).astype(float)
@@ -203,7 +207,7 @@ def _scale_track(
     mean = np.repeat(shapes.mean[None], len(points), 0)
     heading = None
     if len(at) == 1:
-        delta = delta_of(film.reel.features)
+        delta = infer_delta_frames(film.reel.features)
         heading = _way_rad(points[:, 0], max(1, round(delta / 4)), _STILL * length_px / delta)
     none = np.zeros((len(points), len(shapes.shapes)))
     pose = align_postures(mean, points, at, length_px, heading)
@@ -235,7 +239,9 @@ def _sources(way: _Way, rows: FilmRows, film: RetargetData, p: RetargetSettings)
     place = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
     codes = way.codes if way.has_postures else None
     asked = rows.query_vectors(place, np.unwrap(pose.heading_rad), codes)
-    numbers = cheapest_rows(rows, asked, p.candidates, p.switch, delta_of(film.reel.features))
+    numbers = cheapest_rows(
+        rows, asked, p.candidates, p.switch, infer_delta_frames(film.reel.features)
+    )
     return RowSequence.from_rows(numbers, rows.follows, len(film.reel))
 
 

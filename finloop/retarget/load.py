@@ -13,8 +13,8 @@ from finloop.base.errors import FinloopError
 from finloop.base.line import TRACK
 from finloop.base.schema import lists_to_points
 from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.features.head import tail_first
-from finloop.features.line import track_line
+from finloop.features.head import begins_at_tail
+from finloop.features.line import track_as_path
 from finloop.features.table import FEATURES
 from finloop.io.poses import load_poses
 from finloop.io.record import load_record
@@ -37,7 +37,7 @@ def load_track(film: RetargetData, p: RetargetSettings) -> Track:
     assert p.tracks is not None
     steps = film.poses.pose.posture.shape[1] // 2 - 1
     if p.tracks.startswith(TRACK):
-        rows = track_line(film.reel.features, p.tracks, "retarget.tracks").rows
+        rows = track_as_path(film.reel.features, p.tracks, "retarget.tracks").rows
         assert rows is not None
         return own_track(film, rows, p.tracks)
     path = Path(p.tracks).expanduser()
@@ -79,7 +79,7 @@ def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
         )
     rows = _rows(features, p)
     line = lists_to_points(tracks.iloc[rows], "backbone").astype(float)
-    first = tail_first(line, features.iloc[rows])
+    first = begins_at_tail(line, features.iloc[rows])
     line = np.where(first[:, None, None], line[:, ::-1], line)
     frame = features["frame"].to_numpy(np.int64)[rows]
     name = f"track {features['track_id'].iloc[rows[0]]} of {folder}"

@@ -13,7 +13,7 @@ from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.nearest import Nearest
 from finloop.distance.reel import Reel
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.jumps.settings import JumpsSettings as Weights
 from finloop.jumps.signature import change_per_row, deviation, film_motion, motion
 from finloop.pose.film import FilmPoses
@@ -48,7 +48,7 @@ class FilmRows:
         look: light and skin of each row, then of each mirror image, from the stage `jumps`;
         weights: of the parts; bent: whether the track has postures.
         """
-        n, span = len(reel), max(1, round(delta_of(reel.features) / 4))
+        n, span = len(reel), max(1, round(infer_delta_frames(reel.features) / 4))
         sides = len(look) // n
         pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
         change = np.stack([change_per_row(one, reel.goes_on, span) for one in pose])

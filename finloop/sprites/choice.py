@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Reals
 from finloop.base.errors import FinloopError
 from finloop.distance.picture import distance_pair_by_pair, successive_distances
-from finloop.features.current import through_water
+from finloop.features.current import places_through_water
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.sprites.settings import SpritesSettings
 
@@ -58,7 +58,7 @@ def swimmer_table(
     back = np.radians(table["heading_deg"].to_numpy(float))
     dx = (table["tail_x_px"] - table["head_x_px"]).to_numpy(float)
     dy = (table["tail_y_px"] - table["head_y_px"]).to_numpy(float)
-    path = pd.DataFrame(through_water(table)).groupby(table["track_id"], sort=False)
+    path = pd.DataFrame(places_through_water(table)).groupby(table["track_id"], sort=False)
     place = path.transform(lambda x: smooth(x.to_numpy(float))).to_numpy()
     travel = np.diff(place, axis=0, append=place[-1:])
     last = (of_track.cumcount(ascending=False) == 0).to_numpy()

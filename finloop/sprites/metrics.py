@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.distance.picture import distance_pair_by_pair, successive_distances
-from finloop.features.metrics import table1
+from finloop.features.metrics import orientation_table
 from finloop.features.swimming_type import STRAIGHT
 from finloop.features.table import count_orientations
 from finloop.sprites.choice import SIDES, Choice, DrawPictures, closure, cycle_heading
@@ -25,7 +25,7 @@ def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
         "swimming_type": np.repeat(types, count),
         "motion_area": np.repeat(sprites["bend"].abs().to_numpy(), count),
     })  # fmt: skip
-    table = table1(pictures)
+    table = orientation_table(pictures)
     for word, side in SIDES.items():
         own, film = (
             rows.loc[rows["swimming_type"] == side, "motion_area"].max()
@@ -60,7 +60,9 @@ def sprite_metrics(
         "scale_min": sprites["scale"].min(),
         "scale_max": sprites["scale"].max(),
         "mirrored_turns": sum(sequences[word]["mirrored"].any() for word in SIDES),
-        "orientations_with_all_types_before": count_complete_orientations(table1(features)),
+        "orientations_with_all_types_before": count_complete_orientations(
+            orientation_table(features)
+        ),
         "orientations_with_all_types_after": count_complete_orientations(after),
         "tail_beat_hz": rate_hz / len(sequences["straight"]),
     }

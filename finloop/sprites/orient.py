@@ -18,7 +18,7 @@ from finloop.base.arrays import Floats
 from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.schema import Column, Schema, columns
 from finloop.distance.reel import Reel
-from finloop.features.table import direction_deg, wrap_deg
+from finloop.features.table import orientation_heading_deg, wrap_deg
 from finloop.sprites.choice import SIDES, Choice, cycle_heading, smooth, turn_phases
 from finloop.sprites.settings import SpritesSettings
 
@@ -100,7 +100,7 @@ def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
         cutout = film[row.row]
         mirror = row.heading_deg if row.mirrored else None
         for orientation in range(1, row.orientations + 1):
-            turn = float(direction_deg(orientation, row.orientations)) - row.heading_deg
+            turn = float(orientation_heading_deg(orientation, row.orientations)) - row.heading_deg
             sprite = turn_cutout(cutout, row.x_px, row.y_px, turn, mirror)
             yield sprite._replace(sprite=row.sprite, orientation=orientation)
 

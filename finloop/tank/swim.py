@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from finloop.base.schema import lists_to_array, lists_to_points
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import FRAME, SPRITE, row_picture
-from finloop.features.head import tail_first
-from finloop.features.table import count_orientations, direction_deg
+from finloop.features.head import begins_at_tail
+from finloop.features.table import count_orientations, orientation_heading_deg
 
 Floats = NDArray[np.floating]
 Rows = NDArray[np.intp]
@@ -85,7 +85,7 @@ def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
     """
     line = lists_to_points(tracks, "backbone").astype(float)
     half_width = lists_to_array(tracks["half_width_px"]).astype(float)
-    backwards = tail_first(line, features)
+    backwards = begins_at_tail(line, features)
     line[backwards], half_width[backwards] = line[backwards, ::-1], half_width[backwards, ::-1]
     local = line - tracks[["x_px", "y_px"]].to_numpy(float)[:, None]
     return FilmBodies(local * (1, -1), half_width, features["heading_deg"].to_numpy(float))
@@ -157,7 +157,9 @@ def _find_bodies(
         row[is_sprite] = which["row"]
         axis[is_sprite], mirrored[is_sprite] = which["heading_deg"], which["mirrored"]
         orientation = edit[f"{prefix}orientation"][is_sprite].to_numpy(int)
-        turn[is_sprite] += direction_deg(orientation, count_orientations(sprites)) - axis[is_sprite]
+        turn[is_sprite] += (
+            orientation_heading_deg(orientation, count_orientations(sprites)) - axis[is_sprite]
+        )
     return BodyPlacement(row.astype(np.intp), turn, scale, mirrored, axis)
 
 

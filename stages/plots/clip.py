@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from finloop.base.arrays import Picture
-from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, grey
+from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, to_grey
 from finloop.clip.light import measure_gain, undo_gain
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.several import list_film_folders
@@ -31,7 +31,7 @@ def _draw_film(name: str, clip: Path) -> Picture:
     middle = [facts.frames // 2]
     (frame,) = read_chosen_frames(clip / CLIP_NAME, middle, colour=facts.colour)
     (plain,) = read_chosen_frames(clip / CLIP_NAME, middle)
-    tank = grey(load_picture(clip / TANK_NAME))
+    tank = to_grey(load_picture(clip / TANK_NAME))
     table = load_table(clip / CHECK_NAME, CHECK)
     even = undo_gain(plain, measure_gain(plain, tank))
     return film_check(frame, np.abs(even.astype(np.float32) - tank), table, facts.frame_rate_hz,

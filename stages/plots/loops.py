@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from finloop.features.table import delta_of
+from finloop.features.table import infer_delta_frames
 from finloop.io.picture import save_figure
 from finloop.loops.graph import loop_graph
 from finloop.loops.positions import position_table, table_ends
@@ -56,7 +56,7 @@ def _draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figur
         yield "fig10", figure10(three, reel, facts.pose, facts.step_median)
     ends = table_ends(graph.ends, track)
     yield "fig11", draw.figure11(position_table(ends, features), ends, features)
-    gap = least_frames(delta_of(features), p)
+    gap = least_frames(infer_delta_frames(features), p)
     best, worst = (
         list(draw.loop_examples(ranked.iloc[draw.separate_loops(ranked, gap, BEST)], reel, facts))
         for ranked in (loops, loops[::-1])
