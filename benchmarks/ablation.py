@@ -25,7 +25,7 @@ from finloop.animate.shoal import swim
 from finloop.base.errors import FinloopError
 from finloop.base.line import TANK, Line
 from finloop.base.parallel import Processes, ordered_map
-from finloop.edit.schema import by_fish
+from finloop.edit.schema import split_by_fish
 from finloop.modes.matching import MatchingAnimator, matching_animator
 from finloop.plan.matching_settings import merge_settings
 from finloop.plan.path_measures import find_departures, path_metrics, path_table, swimming_limits
@@ -92,7 +92,7 @@ def _measure_seed(part: str, seed: int) -> dict[str, float]:
         trials = []
         for number in range(TRIALS):
             edit, goals = plans.trial(number)
-            for one, theirs in zip(by_fish(edit), goals, strict=True):
+            for one, theirs in zip(split_by_fish(edit), goals, strict=True):
                 trials.append(measures.measure_plan(one, theirs, plans.player, film))
         sample = plans.sample(7000 + seed, SECONDS)
         found = dict(pd.DataFrame(trials).mean())

@@ -18,8 +18,8 @@ from scipy.sparse import csr_array
 
 from benchmarks.pipeline import ROOT
 from benchmarks.speed import time_call, time_pairs
-from finloop.curve.dynamics import Material, Problem, SolverOptions, solve
-from finloop.curve.stiffness import off_diagonal, stiffness
+from finloop.curve.dynamics import Material, Problem, SolverOptions, solve_motion
+from finloop.curve.stiffness import off_diagonal_share, stiffness_matrix
 from finloop.curve.wavelet import CUBIC, inverse_transform, wavelet_transform
 
 CURVES, POINTS, LEVELS = 1000, 1024, 6
@@ -92,7 +92,7 @@ def bend_hoop(n: int) -> tuple[NDArray, NDArray]:
 def integrate_with_scipy(problem: Problem) -> NDArray:
     """Integrate (3.15) in the φ basis with scipy's DOP853, (t, n, 2)."""
     n = len(problem.rest)
-    k = stiffness(problem.wavelet, n, 0)
+    k = stiffness_matrix(problem.wavelet, n, 0)
     size = 2 * n
 
     def slope(time: float, state: NDArray) -> NDArray:
@@ -116,15 +116,17 @@ def main() -> None:
     """Measure, print, write."""
     rows = compare_transforms()
     problem = Problem(*bend_hoop(POINTS), MATERIAL, TIMES)
-    ours = solve(problem)
+    ours = solve_motion(problem)
     mine, theirs, ratio, _ = time_pairs(
-        lambda: solve(problem), lambda: integrate_with_scipy(problem)
+        lambda: solve_motion(problem), lambda: integrate_with_scipy(problem)
     )
     off = np.abs(ours.displacement - integrate_with_scipy(problem)).max()
     rows.append((f"exact solution, {POINTS} points / solve_ivp at {TIGHT:g}", mine, theirs, ratio))
     print(f"exact solution against solve_ivp: {off:.1e} apart, {1 / ratio:.0f} times as fast")
     for levels in (1, 4, 8):
-        seconds = min(time_call(partial(stiffness, "coif2", LARGE, levels))[0] for _ in range(5))
+        seconds = min(
+            time_call(partial(stiffness_matrix, "coif2", LARGE, levels))[0] for _ in range(5)
+        )
         rows.append(
             (
                 f"K, {LARGE} × {LARGE}, {levels} levels / the limit",
@@ -134,8 +136,8 @@ def main() -> None:
             )
         )
     basis = csr_array(wavelet_transform(np.eye(POINTS), "coif2", 4))
-    k = stiffness("coif2", POINTS, 0)
-    done = time_pairs(lambda: stiffness("coif2", POINTS, 4), lambda: change_basis(k, basis))
+    k = stiffness_matrix("coif2", POINTS, 0)
+    done = time_pairs(lambda: stiffness_matrix("coif2", POINTS, 4), lambda: change_basis(k, basis))
     rows.append((f"K, {POINTS} × {POINTS}, 4 levels / sparse W K Wᵀ", *done[:3]))
     table = pd.DataFrame(rows, columns=["what", "ours_s", "theirs_s", "ratio"])
     table = table.assign(
@@ -146,7 +148,7 @@ def main() -> None:
 
     shares = pd.DataFrame(
         {
-            name: [100 * off_diagonal(stiffness(name, POINTS, at)) for at in range(7)]
+            name: [100 * off_diagonal_share(stiffness_matrix(name, POINTS, at)) for at in range(7)]
             for name in WAVELETS
         }
     )
@@ -165,7 +167,7 @@ def main() -> None:
         ("explicit-euler", MASSLESS, SolverOptions(inverse="schulz")),
         ("decoupled", MASSLESS, SolverOptions()),
     ):
-        seconds, motion = time_call(partial(solve, few[material], method, options))
+        seconds, motion = time_call(partial(solve_motion, few[material], method, options))
         way = options.integrator if method == "runge-kutta" else ""
         way = options.inverse if method.endswith("euler") else way
         print(

@@ -23,9 +23,9 @@ import pandas as pd
 from benchmarks.pipeline import ROOT
 from benchmarks.speed import time_call
 from finloop.curve.contour import Curve
-from finloop.curve.glyph import glyph
-from finloop.morph.folds import folds
-from finloop.morph.layers import linear, physical
+from finloop.curve.glyph import glyph_outlines
+from finloop.morph.folds import count_polygon_folds
+from finloop.morph.layers import linear_morph, physical_morph
 from finloop.morph.simple import path_lengths, simple_morph
 
 FRAMES, POINTS = 60 + 2, 256
@@ -41,7 +41,7 @@ OTHERS = {
 
 def glyphs() -> dict[str, Curve]:
     """Return the outlines of all letters and digits with a single contour."""
-    outlines = {name: glyph(name) for name in string.ascii_letters + string.digits}
+    outlines = {name: glyph_outlines(name) for name in string.ascii_letters + string.digits}
     return {name: found[0] for name, found in outlines.items() if len(found) == 1}
 
 
@@ -65,17 +65,18 @@ def main() -> None:
     pairs = list(combinations(glyphs().values(), 2))
     for a, b in pairs[:40:8]:  # compiles
         simple_morph(a, b, FRAMES, POINTS)
-        physical(a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)
-    straight = [time_call(partial(linear, a, b, FRAMES, POINTS)) for a, b in pairs]
+        physical_morph(a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)
+    straight = [time_call(partial(linear_morph, a, b, FRAMES, POINTS)) for a, b in pairs]
     way = [path_lengths(frames)[-1] for _, frames in straight]
     swung = [
-        time_call(partial(physical, a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)) for a, b in pairs
+        time_call(partial(physical_morph, a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS))
+        for a, b in pairs
     ]
     found = [time_call(partial(simple_morph, a, b, FRAMES, POINTS)) for a, b in pairs]
     rows = [
         row(
             name,
-            [not folds(frames).any() for _, frames in results],
+            [not count_polygon_folds(frames).any() for _, frames in results],
             [seconds for seconds, _ in results],
             [path_lengths(frames)[-1] / far for (_, frames), far in zip(results, way, strict=True)],
         )
@@ -85,12 +86,12 @@ def main() -> None:
             ("here: simple", [(seconds, morph.frames) for seconds, morph in found]),
         )
     ]
-    unfolded = [not folds(frames).any() for _, frames in straight]
+    unfolded = [not count_polygon_folds(frames).any() for _, frames in straight]
     kept = [k for k, is_free in enumerate(unfolded) if is_free]
     rows.append(
         row(
             "here: simple, where linear is",
-            [not folds(found[k][1].frames).any() for k in kept],
+            [not count_polygon_folds(found[k][1].frames).any() for k in kept],
             [found[k][0] for k in kept],
             [path_lengths(found[k][1].frames)[-1] / way[k] for k in kept],
         )

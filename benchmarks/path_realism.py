@@ -21,7 +21,7 @@ from benchmarks.pipeline import write_table
 from finloop.animate.paths import lay_path
 from finloop.animate.route import Route
 from finloop.animate.shoal import swim
-from finloop.edit.build import edit_lists
+from finloop.edit.build import build_edit_lists
 from finloop.modes.matching import MatchingAnimator, MatchingData, matching_animator
 from finloop.plan.matching_settings import AllSettings
 from finloop.plan.planner import Planner
@@ -51,7 +51,7 @@ def animate_route(player: Planner, ticks: int, seed: int, route: Route | None = 
     if route is not None:
         way = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
         ticks = min(ticks, sum(way))
-    return edit_lists([made], ticks, player.sources), ()
+    return build_edit_lists([made], ticks, player.sources), ()
 
 
 def routes_of(

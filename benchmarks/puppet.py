@@ -22,7 +22,7 @@ from finloop.base.settings import settings
 from finloop.distance.picture import SPAN
 from finloop.features.table import USED, measure_features
 from finloop.project import Project
-from finloop.puppet import Pose, draw, poses_from_features
+from finloop.puppet import Pose, draw_in_pose, poses_from_features
 
 SIZE, ROWS, LEAST_HZ, MOST_RATIO = 110, 300, 3000, 4
 FILMS = {
@@ -47,7 +47,7 @@ def frames(folder: Path, overrides: list[str]) -> tuple[list[Cutout], list[Pose]
 def draw_frames(cutouts: list[Cutout], own: list[Pose], targets: list[Pose], sharp: bool) -> None:
     """Draw every frame in the pose of its target."""
     for cutout, pose, target in zip(cutouts, own, targets, strict=True):
-        draw(cutout, pose, target, (SIZE, SIZE), sharp=sharp)
+        draw_in_pose(cutout, pose, target, (SIZE, SIZE), sharp=sharp)
 
 
 def remap_frames(cutouts: list[Cutout], maps: tuple[np.ndarray, np.ndarray], flag: int) -> None:

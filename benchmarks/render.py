@@ -26,9 +26,9 @@ from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 from finloop.io.video import THREADS
 from finloop.pose import film_poses
 from finloop.project import Project
-from finloop.render.gallery import Gallery, Shelf
+from finloop.render.gallery import CutoutShelf, Gallery
 from finloop.render.marks import MarkPainter
-from finloop.render.painter import Painter, Placed
+from finloop.render.painter import Painter, PlacedFish
 
 SIZE = ["clip.width_px=1280", "clip.height_px=720", "clip.frames=100"]
 TICKS, LEAST_HZ, RATE = 300, 300, Fraction(25)
@@ -36,7 +36,7 @@ TICKS, LEAST_HZ, RATE = 300, 300, Fraction(25)
 
 def swim(
     gallery: Gallery, bodies: Bodies, fades: bool = False, seed: int = 0, bends: bool = False
-) -> list[Placed]:
+) -> list[PlacedFish]:
     """Return a fish on a wide circle, cross-faded with a partner or in the partner's posture."""
     rng = np.random.default_rng(seed)
     at, turn = rng.uniform(0, 2 * np.pi, 2)
@@ -52,10 +52,10 @@ def swim(
         "partner_rotation_deg": np.degrees(turn + angle), "partner_scale": 1.02,
         "partner_mirrored": False, "pose": pd.Series(list(codes) if bends else None, range(TICKS)),
     })  # fmt: skip
-    return [gallery.place(one) for one in edit.replace({np.nan: None}).itertuples()]
+    return [gallery.place_row(one) for one in edit.replace({np.nan: None}).itertuples()]
 
 
-def journey(way: list[Placed]) -> pd.DataFrame:
+def journey(way: list[PlacedFish]) -> pd.DataFrame:
     """Return the columns of the edit list that `MarkPainter` reads."""
     states = ["straight", "turn", "slide", "accelerate", "decelerate"]
     return pd.DataFrame(
@@ -83,7 +83,7 @@ def ways_to_draw(
     fading, bent = swim(gallery, bodies, True), swim(gallery, bodies, bends=True)
     painter = Painter(background)
 
-    def draw(fish: list[list[Placed]]) -> None:
+    def draw(fish: list[list[PlacedFish]]) -> None:
         for tick in zip(*fish, strict=True):
             painter.wipe()
             for one in tick:
@@ -108,7 +108,7 @@ def ways_to_draw(
     }
 
 
-def coders(background: np.ndarray, way: list[Placed], folder: Path) -> None:
+def coders(background: np.ndarray, way: list[PlacedFish], folder: Path) -> None:
     """Print how many frames per second the encoders write."""
     painter, frames = Painter(background), []
     for one in way[:100]:
@@ -142,7 +142,7 @@ def main() -> None:
             table, _ = measure_features(tracks, float(RATE), settings("features"))
             poses = film_poses(tracks, table, settings("pose"))
             bodies = Bodies(poses, np.zeros(len(table), bool), pd.DataFrame())
-            shelf = Shelf(project.cutouts, tracks[["x_px", "y_px"]].to_numpy())
+            shelf = CutoutShelf(project.cutouts, tracks[["x_px", "y_px"]].to_numpy())
             gallery = Gallery({FRAME: shelf}, bodies)
 
             def copies() -> None:

@@ -20,7 +20,7 @@ from benchmarks.pipeline import write_table
 from finloop.animate.encounters import nearest_distances, overlaps, places
 from finloop.animate.places import random_goals
 from finloop.animate.shoal import make_tasks, shoal
-from finloop.edit.build import edit_lists
+from finloop.edit.build import build_edit_lists
 from finloop.modes.matching import MatchingAnimator, matching_animator
 from finloop.project import Project
 
@@ -39,7 +39,7 @@ def measure_group(plans: MatchingAnimator, goal_s: float) -> dict[str, object]:
     begin = time.process_time()
     swims = shoal(player, todo, ticks)
     planned = time.process_time()
-    edit = edit_lists(swims, ticks, player.sources)
+    edit = build_edit_lists(swims, ticks, player.sources)
     listed = time.process_time()
     where, length = places(edit), world.motion.body_length_px
     near = np.concatenate([nearest_distances(tick) for tick in where.transpose(1, 0, 2)]) / length

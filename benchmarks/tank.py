@@ -16,7 +16,7 @@ import pandas as pd
 
 from finloop.io.movie import Mp4Writer
 from finloop.project import Project
-from finloop.tank.camera import PRESETS, TOUR, Room, camera_views
+from finloop.tank.camera import PRESETS, TOUR, TankRoom, camera_views
 from finloop.tank.scene import TankScene, choose_window
 from stages.settings import load
 from stages.tank import animated_fish
@@ -33,7 +33,7 @@ def main() -> None:
         every, times = animated_fish(p, project)
         fish = every[0]
         depth, aspect = p.water_depth_bl * fish.length_px, SIZE[0] / SIZE[1]
-        room = Room(facts.width_px, facts.height_px, depth, fish.length_px, aspect)
+        room = TankRoom(facts.width_px, facts.height_px, depth, fish.length_px, aspect)
         count = min(TICKS, len(fish))
         with TankScene(background, room, SIZE) as scene:
 
@@ -44,7 +44,7 @@ def main() -> None:
                 took = []
                 for tick in range(count):
                     start, worked = time.perf_counter(), time.process_time()
-                    frame = scene.frame([fish.shape_at(tick)], view, tick, times[tick])
+                    frame = scene.draw_frame([fish.shape_at(tick)], view, tick, times[tick])
                     if writer is not None:
                         writer.write(frame)
                     took.append((time.perf_counter() - start, time.process_time() - worked))

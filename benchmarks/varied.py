@@ -190,7 +190,7 @@ def _draw_cutouts(
         laid = PosedPicture(one.pixels, source, place_backbone(target[row]), how.mirror)
         top, left, bottom, right = laid.box
         box = max(top, 0), max(left, 0), min(bottom, base.side), min(right, base.side)
-        shown = laid.in_box(box)
+        shown = laid.draw_part(box)
         shown[..., :-1] = np.minimum(how.light * shown[..., :-1], shown[..., -1:])
         pixels = np.round(255 * shown).clip(0, 255).astype(np.uint8)
         x, y, w, h = cv2.boundingRect(pixels[..., -1])

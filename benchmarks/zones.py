@@ -26,7 +26,7 @@ from finloop.calibrate.rule import own_steps, simulate_points
 from finloop.features.table import infer_delta_frames
 from finloop.modes.matching import matching_animator
 from finloop.project import Project
-from finloop.social.measures import compare_groups, shoal_table
+from finloop.social.measures import compare_groups, measure_group
 from finloop.social.walls import Walls
 from finloop.social.zones import COUZIN, NO_ZONES, Zones
 from stages.calibrate import first_film
@@ -63,7 +63,7 @@ def package(film: FilmShoal) -> Iterator[tuple[str, pd.DataFrame]]:
     frame = np.tile(np.arange(places.shape[1]), film.fish)
     heading = np.degrees(np.arctan2(directions[..., 1], directions[..., 0])).ravel()
     walls = Walls(np.ones((int(np.ptp(y)) + 1, int(np.ptp(x)) + 1), bool), length)
-    yield "couzinswarm", shoal_table(frame, length * places.reshape(-1, 2), heading, walls)
+    yield "couzinswarm", measure_group(frame, length * places.reshape(-1, 2), heading, walls)
 
 
 def film_tables(folder: Path) -> pd.DataFrame:
@@ -89,7 +89,7 @@ def film_tables(folder: Path) -> pd.DataFrame:
                 heading = edit["heading_deg"].to_numpy(float)
                 frame = edit["tick"].to_numpy()
                 name = f"{MODE}_{'zones' if rule == 'zones' else 'alone'}"
-                tables.setdefault(name, []).append(shoal_table(frame, where, heading, film.walls))
+                tables.setdefault(name, []).append(measure_group(frame, where, heading, film.walls))
     films = {"film": film.table, "second_half": film.half(False)}
     rows = [
         compare_groups(films, {name: one}).assign(run=run)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:  # what members return; they import it themselves
     from finloop.forecast.sampling import Sampler
     from finloop.pose.film import FilmPoses
     from finloop.render.gallery import Gallery
-    from finloop.social.rule import Shoaling
+    from finloop.social.rule import SchoolRule
 
 PLACES = ("track_id", "frame", "x_px", "y_px")
 
@@ -307,16 +307,16 @@ class Project:
         return build_sampler(film, model, graph, self.settings("forecast"), mean)
 
     @cached_property
-    def rule(self) -> Shoaling:
+    def rule(self) -> SchoolRule:
         """Return the rule by which fish act on each other: the zones and steps of `calibrate`."""
-        from finloop.social.rule import SOCIAL_STEPS, Shoaling, SocialSteps
+        from finloop.social.rule import SOCIAL_STEPS, SchoolRule, SocialSteps
         from finloop.social.zones import Zones
 
         folder = self.data / "calibrate"
         table = load_table(folder / "steps.parquet", SOCIAL_STEPS)
         return load_json(
             folder / "zones.json",
-            lambda entry: Shoaling(
+            lambda entry: SchoolRule(
                 Zones(**entry["zones"]),
                 SocialSteps.from_table(table, entry["forward"], entry["onward"]),
                 entry["horizon_frames"], entry["alike"],
@@ -412,10 +412,10 @@ class Project:
         It can also bend a fish by the film's postures.
         """
         from finloop.edit.schema import FRAME, SPRITE
-        from finloop.render.gallery import Gallery, shelves
+        from finloop.render.gallery import Gallery, build_shelves
 
         stores = {FRAME: self.cutouts, SPRITE: self.sprite_cutouts}
-        return Gallery(shelves(stores, self.tracks(PLACES), self.sprites), self.bodies)
+        return Gallery(build_shelves(stores, self.tracks(PLACES), self.sprites), self.bodies)
 
     def gallery(self, drawn: EditSources) -> Gallery:
         """Return the gallery of the pictures that one edit list draws: frames and any sprites.
@@ -423,12 +423,12 @@ class Project:
         drawn: the edit list with its tables, from `edit_with_sources`.
         """
         from finloop.edit.schema import FRAME, SPRITE
-        from finloop.render.gallery import Gallery, shelves
+        from finloop.render.gallery import Gallery, build_shelves
 
         stores = {FRAME: self.cutouts}
         if drawn.sprites is not None:
             stores[SPRITE] = self.sprite_cutouts
-        return Gallery(shelves(stores, drawn.tracks, drawn.sprites), drawn.bodies)
+        return Gallery(build_shelves(stores, drawn.tracks, drawn.sprites), drawn.bodies)
 
 
 @lru_cache(1)

@@ -79,9 +79,9 @@ from finloop.modes.network import network_animator
 from finloop.plan.load_paths import load_lines
 from finloop.plan.matching_settings import merge_settings
 from finloop.pose.film import FilmPoses, film_poses
-from finloop.render.gallery import Gallery, place_ticks, shelves
+from finloop.render.gallery import Gallery, build_shelves, place_ticks
 from finloop.render.painter import Painter, Shadow
-from finloop.social.rule import SOCIAL_STEPS, Shoaling, SocialSteps, require_rule
+from finloop.social.rule import SOCIAL_STEPS, SchoolRule, SocialSteps, require_rule
 from finloop.sprites.choice import choose_frames, swimmer_table
 from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
 
@@ -308,7 +308,7 @@ def train_forecast(
     return build_sampler(states, predictor, similar_rows(states, jumps.look, jumps.visible, p), p)
 
 
-def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> Shoaling:
+def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> SchoolRule:
     """Measure the zones in which fish repel, align with and attract each other, and their steps.
 
     The zones are those of Couzin et al. 2002; a step is how a fish moves over a short time. If the
@@ -322,7 +322,7 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> Shoaling:
         warnings.warn(lack, stacklevel=2)
     rule = require_rule(film_rule(group, p)[0])
     own = rule.steps
-    table = apply_schema(own.table(), SOCIAL_STEPS)
+    table = apply_schema(own.to_table(), SOCIAL_STEPS)
     return replace(rule, steps=SocialSteps.from_table(table, own.forward, own.onward))
 
 
@@ -337,7 +337,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     poses: FilmPoses,
     forecast: Sampler | None = None,
     mode: str = "hybrid",
-    shoaling: Shoaling | None = None,
+    shoaling: SchoolRule | None = None,
     **changes: Any,
 ) -> pd.DataFrame:
     """Send fish to their goals: return an edit list, columns of `EDIT`, a row per tick and fish.
@@ -412,7 +412,7 @@ def write_video(
     p = settings("render", **changes)
     stores = {FRAME: reel.film} | ({} if reel.store is None else {SPRITE: reel.store})
     bodies = Bodies(poses, reel.goes_on, reel.sprites)
-    gallery = Gallery(shelves(stores, tracks.table, reel.sprites), bodies)
+    gallery = Gallery(build_shelves(stores, tracks.table, reel.sprites), bodies)
     length_px = reel.length_px * float(edit["scale"].median())
     shadow = Shadow(p.shadow_darkness, p.shadow_blur * length_px)
     painter = Painter(tracks.background, shadow=shadow)

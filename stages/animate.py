@@ -19,7 +19,7 @@ from finloop.io.table import load_table, save_csv, save_table
 from finloop.modes.phases import learn_phases, state_shares
 from finloop.plan import path_measures
 from finloop.project import Project
-from finloop.social.measures import SHOAL, compare_groups, halves, shoal_table
+from finloop.social.measures import SHOAL, compare_groups, measure_group, split_in_halves
 from finloop.social.walls import Walls
 
 ANIMATE, OUT, REPORT = Path("data/animate"), Path("data/animate/beside"), Path("reports/animate")
@@ -63,12 +63,12 @@ def compare_schools(project: Project) -> pd.DataFrame:
     if project.settings("matching").fish == 1 or "matching" not in _played_modes():
         return compare_groups({}, {})
     film = load_table(Path("data/calibrate/film.parquet"), SHOAL)
-    first, second = halves(film)
+    first, second = split_in_halves(film)
     columns = ["tick", "x_px", "y_px", "heading_deg"]
     edit = load_table(ANIMATE / "matching.parquet", EDIT, columns)
     length_px = project.size("matching") * float(project.features["body_length_px"].median())
     walls = Walls(project.arena, length_px)
-    shoal = shoal_table(
+    shoal = measure_group(
         edit["tick"].to_numpy(), edit[["x_px", "y_px"]].to_numpy(float),
         edit["heading_deg"].to_numpy(float), walls,
     )  # fmt: skip

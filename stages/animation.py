@@ -22,8 +22,8 @@ from finloop.edit.measures import (
     state_measures,
     step_measures,
 )
-from finloop.edit.pictures import drawn_steps, measure_discontinuities
-from finloop.edit.schema import CUT, EDIT, by_fish
+from finloop.edit.pictures import drawn_step_distances, measure_discontinuities
+from finloop.edit.schema import CUT, EDIT, split_by_fish
 from finloop.edit.stretch import Swim
 from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json, save_records
@@ -109,13 +109,13 @@ def _save_animation(
     rows = [
         measures.measure_plan(fish_edit, fish_goals, player, film_motion)
         | measure_pictures(fish_edit, animator, steps, project.rate_hz)
-        for fish_edit, fish_goals in zip(by_fish(edit), animator.goals_of(goals), strict=True)
+        for fish_edit, fish_goals in zip(split_by_fish(edit), animator.goals_of(goals), strict=True)
     ]
     numbers = average_measures(rows) | (
         save_more(folder, animator, swims, edit) if save_more else {}
     )
     save_json(folder / "measures.json", _finite_numbers(numbers))
-    motions = [measures.motion_of_edit(fish_edit, player) for fish_edit in by_fish(edit)]
+    motions = [measures.motion_of_edit(fish_edit, player) for fish_edit in split_by_fish(edit)]
     speed, turn_rate = np.concatenate(motions, axis=1)
     moves = measures.kinematics({mode: (speed, turn_rate)})
     save_table(folder / "motion.parquet", moves, measures.KINEMATICS)
@@ -137,7 +137,7 @@ def measure_pictures(
     pictures = animator.pictures
     joins, jumps = measure_discontinuities(edit, pictures)
     return {
-        **step_measures(drawn_steps(edit, pictures), steps["as_filmed"].to_numpy(float)),
+        **step_measures(drawn_step_distances(edit, pictures), steps["as_filmed"].to_numpy(float)),
         **discontinuity_measures(joins, steps["headed"].to_numpy(float)),
         **pose_measures(edit, pictures.bodies.poses.shapes),
         **state_measures(edit),
@@ -158,7 +158,7 @@ def _measure_seeds(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, floa
             edit, goals = animator.trial(seed)
             plans = [
                 measures.measure_plan(fish_edit, fish_goals, player, film_motion)
-                for fish_edit, fish_goals in zip(by_fish(edit), goals, strict=True)
+                for fish_edit, fish_goals in zip(split_by_fish(edit), goals, strict=True)
             ]
             rows.append(average_measures(plans) | encounters.measure_clearance(edit, player))
     return rows

@@ -19,7 +19,7 @@ from finloop.io.several import load_readable_parts
 from finloop.io.table import save_csv, save_table
 from finloop.project import Project
 from finloop.social.measures import SHOAL, compare_groups
-from finloop.social.rule import SOCIAL_STEPS, Shoaling
+from finloop.social.rule import SOCIAL_STEPS, SchoolRule
 from finloop.social.zones import NO_ZONES, Zones
 from stages.settings import load
 
@@ -44,14 +44,14 @@ def _simulate(film: FilmShoal, zones: Zones, p: CalibrateSettings) -> dict[str, 
     return tables
 
 
-def _save_rule(folder: Path, rule: Shoaling) -> None:
+def _save_rule(folder: Path, rule: SchoolRule) -> None:
     """Write the rule of a film's fish, which `Project.rule` loads, to `folder`."""
     own = rule.steps
     save_json(folder / "zones.json", {
         "zones": asdict(rule.zones), "horizon_frames": rule.horizon, "alike": rule.alike,
         "forward": own.forward, "onward": own.onward,
     })  # fmt: skip
-    save_table(folder / "steps.parquet", own.table(), SOCIAL_STEPS)
+    save_table(folder / "steps.parquet", own.to_table(), SOCIAL_STEPS)
 
 
 def main() -> None:

@@ -93,10 +93,10 @@ def _fish(matching: Mapping[str, Any]) -> Iterator[str]:
     if isinstance(paths, list) and len(paths) > fish:
         yield f"matching.path: {len(paths)} paths for {fish} fish (matching.fish)"
     if matching["follow_pairs"]:
-        from finloop.social.leader import leaders
+        from finloop.social.leader import leaders_by_follower
 
         try:
-            leaders(matching["follow_pairs"], fish)
+            leaders_by_follower(matching["follow_pairs"], fish)
         except FinloopError as error:
             yield f"matching.follow_pairs: {error.came}; matching.fish is {fish}"
 

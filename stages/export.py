@@ -15,14 +15,14 @@ from finloop.base.arrays import Picture
 from finloop.export.pictures import (
     READABLE,
     FishOnlyPainter,
-    add_film_source,
-    bounding_box,
-    cut_out,
+    add_film_sources,
+    box_of_all_fish,
+    cut_out_fish,
     flatten_poses,
-    sprite_cycle,
+    sprites_of_sequence,
 )
 from finloop.export.settings import ExportSettings
-from finloop.export.tracks import USED, deeplabcut, poses
+from finloop.export.tracks import USED, deeplabcut_tables, keypoints_of_tracks
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.movie import AlphaWebpWriter, WebmWriter
 from finloop.io.poses.save import save_netcdf, save_nwb
@@ -48,7 +48,7 @@ def _save_films(
     facts, edit, sprites = project.facts, drawn.edit, project.sprites
     gallery = project.gallery(drawn)
     rate, channels = facts.frame_rate, 3 if facts.colour else 1
-    cycles = {word: sprite_cycle(sprites, word, gallery) for word in WORDS}
+    cycles = {word: sprites_of_sequence(sprites, word, gallery) for word in WORDS}
     made: dict[str, Any] = {}
 
     def film(name: str, pictures: Iterable[Picture], crop: Box, webp_ticks: int) -> None:
@@ -67,14 +67,14 @@ def _save_films(
     ticks = edit["tick"].nunique()
     with progress("export", ticks + sum(len(rows) for rows, _ in cycles.values())) as advance:
         tank = FishOnlyPainter(facts.height_px, facts.width_px, channels)
-        crop = bounding_box(place_ticks(edit, gallery), tank)
-        pictures = cut_out(place_ticks(edit, gallery), tank, crop)
+        crop = box_of_all_fish(place_ticks(edit, gallery), tank)
+        pictures = cut_out_fish(place_ticks(edit, gallery), tank, crop)
         film(p.mode, pictures, crop, round(p.webp_seconds * rate))
         made[p.mode] |= {"left_px": crop.left, "top_px": crop.top, "loops": False}
         for word, (steps, half) in cycles.items():
             alone = FishOnlyPainter(2 * half + 1, 2 * half + 1, channels)
-            crop = bounding_box(steps, alone)
-            film(word, cut_out(steps, alone, crop), crop, len(steps))
+            crop = box_of_all_fish(steps, alone)
+            film(word, cut_out_fish(steps, alone, crop), crop, len(steps))
             made[word] |= {"pivot_x_px": half - crop.left, "pivot_y_px": half - crop.top}
             made[word] |= {"loops": word not in SIDES}
     return {
@@ -120,7 +120,7 @@ def main() -> None:
         edit, tracks, mm = drawn.edit, drawn.tracks, facts.mm_per_px
         length_px = project.size(p.mode) * float(features["body_length_px"].median())
         least, animals = round(p.tracks_min_s * facts.frame_rate), names(project, tracks)
-        points = poses(
+        points = keypoints_of_tracks(
             tracks, features, facts.frames, p.tracks_body_points, least, p.tracks_most, animals
         )
         made = _save_films(folder, p, project, drawn)
@@ -131,13 +131,13 @@ def main() -> None:
             shutil.copyfile(atlas, folder / atlas.name)
         if edit["pose"].notna().any():
             shutil.copyfile(project.data / "pose/shapes.json", folder / "shapes.json")
-        listed = add_film_source(edit, tracks, sprites, mm, length_px)
+        listed = add_film_sources(edit, tracks, sprites, mm, length_px)
         save_csv(folder / f"{p.mode}.csv", flatten_poses(listed), decimals=4, exact=True)
         save_table(folder / f"{p.mode}.parquet", listed, READABLE)
-        save_csv_in_blocks(folder / "tracks.csv", deeplabcut(points), decimals=3)
+        save_csv_in_blocks(folder / "tracks.csv", deeplabcut_tables(points), decimals=3)
         if mm is not None:
             in_mm = replace(points, places=points.places * mm)
-            save_csv_in_blocks(folder / "tracks_mm.csv", deeplabcut(in_mm), decimals=4)
+            save_csv_in_blocks(folder / "tracks_mm.csv", deeplabcut_tables(in_mm), decimals=4)
         if p.tracks_netcdf:
             save_netcdf(folder / "tracks.nc", points, facts.frame_rate, mm)
         if p.tracks_nwb:

@@ -14,23 +14,23 @@ from numpy.typing import NDArray
 from finloop.base.errors import FinloopError
 from finloop.drawn.dog.draw import film, limb_masks
 from finloop.drawn.dog.walk import DogFilm, gammas, phases, truth
-from finloop.gait.compare import CLOCKS, ClockComparison, compare
-from finloop.gait.cycles import film_of_regions, film_of_swim
+from finloop.gait.compare import CLOCKS, ClockComparison, compare_clocks
+from finloop.gait.cycles import swimmer_gait_contours, walker_gait_contours
 from finloop.gait.fit import (
     GaitContours,
-    Keys,
+    KeyFrames,
     build_subcycles,
-    fit,
+    fit_gait,
     hip_offsets,
     sort_into_subcycles,
 )
-from finloop.gait.limbs import region_contour, trace_contour
-from finloop.gait.model import Gait, record_of
+from finloop.gait.limbs import check_traced_contour, region_contour
+from finloop.gait.model import Gait, gait_to_record
 from finloop.gait.outline import swim_contours, track_outlines
 from finloop.gait.period import Period
 from finloop.gait.settings import GaitSettings
 from finloop.gait.tool import load_gait
-from finloop.gait.transfer import repeat, transfer
+from finloop.gait.transfer import animate_drawing, repeat_cycle
 from finloop.gait.truth import true_gamma
 from finloop.io.animation import save_animation
 from finloop.io.atomic import whole_folder
@@ -61,7 +61,7 @@ class GaitFit(NamedTuple):
 
     film: GaitContours
     gait: Gait
-    keys: Keys
+    keys: KeyFrames
     errors: ClockComparison
 
     def rms(self) -> dict[str, float]:
@@ -81,8 +81,10 @@ def _draw(fit: GaitFit, folder: Path, pictures: Pictures | None) -> None:
 def _fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, source: str) -> GaitFit:
     """Fit a gait to the contours of a film, and measure its errors on held-out frames."""
     basis: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
-    errors = compare(film, **basis)
-    gait, keys = fit(film, name, float(beat.frequency_hz), **basis, per_scale=p.gamma_per_scale)
+    errors = compare_clocks(film, **basis)
+    gait, keys = fit_gait(
+        film, name, float(beat.frequency_hz), **basis, per_scale=p.gamma_per_scale
+    )
     gait = replace(gait, source=source, confidence=beat.confidence, residuals=errors.rms)
     return GaitFit(film, gait, keys, errors)
 
@@ -108,7 +110,9 @@ def outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
             }  # fmt: skip
             if not beat.why:
                 try:
-                    fits.append(_fit_film(film_of_swim(fish), name, beat, p, f"{name} of the clip"))
+                    fits.append(
+                        _fit_film(swimmer_gait_contours(fish), name, beat, p, f"{name} of the clip")
+                    )
                     row |= fits[-1].rms()
                 except FinloopError as error:
                     row["why_not"] = error.came
@@ -152,7 +156,7 @@ def _gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[s
     """
     exact = GaitContours(truth(walk, EXACT_POINTS), phases(walk), walk.body_length_px, "swap")
     exact = replace(exact, offsets=hip_offsets(exact))
-    gait, _ = fit(exact, "exact", walk.frequency_hz, split=p.split, wavelet=p.wavelet)
+    gait, _ = fit_gait(exact, "exact", walk.frequency_hz, split=p.split, wavelet=p.wavelet)
     true = true_gamma(walk)
     for k, (name, sub) in table[["contour", "subcycle"]].iterrows():
         if name in true:
@@ -190,8 +194,8 @@ def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]
         assert p.regions is not None and p.regions_rate_hz is not None
         regions, rate = Path(p.regions), p.regions_rate_hz
         name, source = regions.name, f"regions in {regions.name}"
-    traces = load_regions(regions, region_contour, trace_contour)
-    walk, beat, contours = film_of_regions(
+    traces = load_regions(regions, region_contour, check_traced_contour)
+    walk, beat, contours = walker_gait_contours(
         traces.frames, rate, p.contour_points, p.split, traces.first
     )
     for note in contours.notes:
@@ -205,9 +209,9 @@ def _animate_drawing(
     """Write a drawing, of two key frames, moved by a gait, in all ENDINGS; return its metrics."""
     first, second = (load_svg(Path(key)) for key in keys)
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
-    result = transfer(first, second, gait, frames, p.contour_points)
+    result = animate_drawing(first, second, gait, frames, p.contour_points)
     rate = Fraction(frames * gait.frequency_hz).limit_denominator(1001)
-    cycles = repeat(result.morph, max(1, round(SECONDS * gait.frequency_hz)))
+    cycles = repeat_cycle(result.morph, max(1, round(SECONDS * gait.frequency_hz)))
     for ending in ENDINGS:  # a player of MP4 stops at its end, the others begin again
         morph = cycles if ending == ".mp4" else result.morph
         save_animation(folder / f"{name}{ending}", morph, rate, p.size_px)
@@ -254,7 +258,7 @@ def main() -> None:
             names = ("frequency_hz", "confidence", "cycles")
             facts = {name: getattr(fit.gait, name) for name in names} | fit.rms()
             numbers |= {f"{film}_{name}": value for name, value in facts.items()}
-            save_json(folder / f"{film}.json", record_of(fit.gait), indent=1)
+            save_json(folder / f"{film}.json", gait_to_record(fit.gait), indent=1)
             with whole_folder(REPORT / film) as figures_of_film:
                 _draw(fit, figures_of_film, pictures if film == "limbs" else None)
         if swimmer is None:

@@ -8,17 +8,23 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.curve.contour import Curve, area, resample_curve
-from finloop.curve.dynamics import Material, Problem, SolverOptions, energy, solve
-from finloop.curve.glyph import glyph
-from finloop.curve.stiffness import connection, off_diagonal, stiffness
+from finloop.curve.contour import Curve, resample_curve, signed_area
+from finloop.curve.dynamics import Material, Problem, SolverOptions, solve_motion, total_energy
+from finloop.curve.glyph import glyph_outlines
+from finloop.curve.stiffness import connection_coefficients, off_diagonal_share, stiffness_matrix
 from finloop.curve.wavelet import CUBIC, drop_details
 from finloop.io.animation import ENDINGS, save_animation
 from finloop.io.atomic import whole_folder
 from finloop.io.picture import save_figure, save_picture
 from finloop.io.svg import load_svg
 from finloop.io.table import save_csv
-from finloop.morph.layers import METHODS, Physics, Scales, morph, there_and_back
+from finloop.morph.layers import (
+    METHODS,
+    LinearOptions,
+    PhysicalOptions,
+    morph_drawings,
+    there_and_back,
+)
 from finloop.morph.match import match_curves
 from finloop.morph.settings import MorphSettings
 from finloop.plots.curve import figure2, figure3, figure6, figure7
@@ -32,10 +38,10 @@ GLYPH_POINTS, HOOP_POINTS = 1024, 256
 CONTROL = (4, 8, 16, 32)  # points of Fig. 7
 EULER = ("explicit-euler", "implicit-euler")
 SETTINGS = {  # of Fig. 5: e0, c, rho
-    "soft, light damping": Physics(1.0, 2.0, 1.0),
-    "stiff": Physics(6.0, 8.0, 1.0),
-    "heavy damping": Physics(1.0, 40.0, 1.0),
-    "no mass": Physics(1.0, 8.0, 0.0),
+    "soft, light damping": PhysicalOptions(1.0, 2.0, 1.0),
+    "stiff": PhysicalOptions(6.0, 8.0, 1.0),
+    "heavy damping": PhysicalOptions(1.0, 40.0, 1.0),
+    "no mass": PhysicalOptions(1.0, 8.0, 0.0),
 }
 
 
@@ -43,7 +49,7 @@ def _connection_tables() -> pd.DataFrame:
     """Return Tables 1 and 2 of the curve paper: connection coefficients of two wavelets."""
     parts = []
     for wavelet in TABLES:
-        mu, nu = connection(wavelet).mu, connection(wavelet).nu
+        mu, nu = connection_coefficients(wavelet).mu, connection_coefficients(wavelet).nu
         columns = {"mu_normalised": mu / mu[0], "nu_normalised": nu / nu[0], "mu": mu, "nu": nu}
         rows = pd.DataFrame(columns).round(DECIMALS) + 0.0  # no -0
         parts.append(rows.rename_axis("l").reset_index().assign(wavelet=wavelet))
@@ -54,7 +60,7 @@ def _release_hoop(p: MorphSettings) -> dict[str, float]:
     """Draw Figs. 6 and 7 of the curve paper, a bent hoop let go; return the solvers' errors."""
     outline = next(iter(load_svg(Path(p.hoop)).curves.values()))
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
-    radius = np.sqrt(abs(area(outline)) / np.pi)
+    radius = np.sqrt(abs(signed_area(outline)) / np.pi)
     ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     shape, rest = match_curves(outline, Curve(ring, True), HOOP_POINTS)
     shape = shape - shape.mean(axis=0) - rest
@@ -62,18 +68,18 @@ def _release_hoop(p: MorphSettings) -> dict[str, float]:
     material = Material(density=1.0, elastic=0.25, mass_damping=1.0)
     times = np.linspace(0, 3, 181)
     problem = Problem(rest, shape, material, times, wavelet=p.wavelet)
-    exact = solve(problem)
+    exact = solve_motion(problem)
     material = Material(0.0, 1.0, 1.0, 0.02)
     massless = Problem(rest, shape, material, np.linspace(0, 1, 61), wavelet=p.wavelet)
     numbers = {
-        f"{name}_error_{method.replace('-', '_')}": solve(case, method, options).error
+        f"{name}_error_{method.replace('-', '_')}": solve_motion(case, method, options).error
         for name, case, options, methods in (
             ("hoop", problem, SolverOptions(levels=3), ("runge-kutta", "decoupled")),
             ("massless", massless, SolverOptions(levels=3, substeps=40), EULER),
         )
         for method in methods
     }
-    total = energy(problem, exact)
+    total = total_energy(problem, exact)
     numbers["hoop_largest_rise_of_energy_share"] = float(np.diff(total).max() / total[0])
     ticks = np.arange(0, 72, 4)
     frames = exact.displacement + rest
@@ -89,16 +95,16 @@ def _release_hoop(p: MorphSettings) -> dict[str, float]:
 
 def _draw_curves(p: MorphSettings) -> dict[str, float]:
     """Draw Figs. 2 and 3 of the curve paper; return how much of the stiffness is off-diagonal."""
-    outline = max(glyph(p.glyph), key=lambda letter: len(letter.points))
+    outline = max(glyph_outlines(p.glyph), key=lambda letter: len(letter.points))
     letter: Curve = resample_curve(outline, GLYPH_POINTS)
     save_figure(
         REPORT / "fig2.png", figure2(letter, [(CUBIC, "cubic B-spline"), ("db4", "Daubechies")])
     )
-    k = stiffness(p.wavelet, 64, 2)
+    k = stiffness_matrix(p.wavelet, 64, 2)
     save_figure(REPORT / "fig3.png", figure3(k, 2, f"stiffness, {p.wavelet}, two scales"))
     return {
         f"off_diagonal_energy_{wavelet}_{levels}_levels_pct": 100
-        * off_diagonal(stiffness(wavelet, 256, levels))
+        * off_diagonal_share(stiffness_matrix(wavelet, 256, levels))
         for wavelet in dict.fromkeys((*TABLES, p.wavelet))
         for levels in (1, 2, 3)
     }
@@ -110,11 +116,16 @@ def main() -> None:
     numbers = _draw_curves(p) | _release_hoop(p)
     save_csv(REPORT / "connection.csv", _connection_tables(), decimals=DECIMALS, exact=True)
     drawings = load_svg(Path(p.first_drawing)), load_svg(Path(p.last_drawing))
-    scales, own = Scales(p.linear_level, p.wavelet), Physics(p.elasticity, p.damping, p.mass)
+    scales, own = (
+        LinearOptions(p.linear_level, p.wavelet),
+        PhysicalOptions(p.elasticity, p.damping, p.mass),
+    )
     with progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:
         morphs = {}
         for method in METHODS:
-            morphs[method] = morph(*drawings, method, p.frames, p.contour_points, scales, own)
+            morphs[method] = morph_drawings(
+                *drawings, method, p.frames, p.contour_points, scales, own
+            )
             advance()
         film = there_and_back(morphs[p.method]) if p.back else morphs[p.method]
         rate = Fraction(p.frame_rate_hz).limit_denominator(1001)
@@ -124,7 +135,7 @@ def main() -> None:
                 advance()
     save_picture(REPORT / "fig4.png", draw_morphs(morphs))
     swings = {
-        name: morph(*drawings, "physical", p.frames, p.contour_points, physics=physics)
+        name: morph_drawings(*drawings, "physical", p.frames, p.contour_points, physics=physics)
         for name, physics in SETTINGS.items()
     }
     save_picture(REPORT / "fig5.png", draw_morphs({"linear": morphs["linear"]} | swings))

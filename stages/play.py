@@ -15,7 +15,7 @@ from typing import Any
 
 import finloop.live
 from finloop.edit.modes import MODES, PAPER
-from finloop.edit.pictures import fade_distance
+from finloop.edit.pictures import cross_fade_distance
 from finloop.edit.schema import FRAME, SPRITE
 from finloop.live.message import MOST_FISH
 from finloop.live.server import tank_server
@@ -25,7 +25,7 @@ from finloop.live.web import HOST, bind_socket
 from finloop.modes.animator import Animator
 from finloop.modes.matching import NothingToUse
 from finloop.project import Project
-from finloop.render.gallery import PLACE, Gallery, shelves
+from finloop.render.gallery import PLACE, Gallery, build_shelves
 from finloop.render.painter import Painter, Shadow
 from stages.settings import load
 
@@ -71,11 +71,11 @@ def open_view(mode: str, fish: int | None, seed: int) -> Iterator[View]:
         shadow = Shadow(q.shadow_darkness, q.shadow_blur * size * scene.typical_length_px)
         painter = Painter(project.background, shadow=shadow)
         stores = {FRAME: project.cutouts, SPRITE: project.sprite_cutouts}
-        shelved = shelves(stores, project.tracks(PLACE), project.sprites)
+        shelved = build_shelves(stores, project.tracks(PLACE), project.sprites)
         gallery = Gallery(shelved, project.bodies, PICTURES)
 
         def ghost(row: Any) -> bool:
-            return row.mode != "matching" and fade_distance(row, pictures) > most
+            return row.mode != "matching" and cross_fade_distance(row, pictures) > most
 
         if "matching" in players:
             rehearse(players["matching"])

@@ -17,7 +17,7 @@ from finloop.animate.settings import AnimateSettings
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Workers, ordered_map
 from finloop.edit.modes import MODES
-from finloop.edit.schema import EDIT, by_fish
+from finloop.edit.schema import EDIT, split_by_fish
 from finloop.features.table import infer_delta_frames
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Mp4Writer
@@ -173,7 +173,7 @@ def _compare_swimming(
     for mode in MODES:
         path = ANIMATE / mode / "samples.parquet"
         if path.exists():
-            works[mode] = [(edit, ()) for edit in by_fish(load_table(path, EDIT))]
+            works[mode] = [(edit, ()) for edit in split_by_fish(load_table(path, EDIT))]
             instruments[mode] = instrument.adapt_to_animation(project.size(mode))
     measured = swimming_of(works, GalleryOpener(project), instruments, pool)
     if FILM not in measured:

@@ -14,12 +14,12 @@ from finloop.io.atomic import whole_folder
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 from finloop.io.table import load_table
 from finloop.project import PLACES, Project
-from finloop.render.beside import WORDS_PX, draw_beside, longest_tracks
+from finloop.render.beside import WORDS_PX, draw_side_by_side, longest_tracks_edit_list
 from finloop.render.gallery import Gallery, place_ticks
 from finloop.render.marks import MarkPainter
 from finloop.render.painter import Painter, Shadow
 from finloop.render.settings import RenderSettings
-from finloop.render.steps import FrameChangeMeter, film_steps, step_metrics
+from finloop.render.steps import FrameChangeMeter, film_frame_changes, frame_change_metrics
 from stages.settings import load
 
 OUT, REPORT = Path("data/render"), Path("reports/render")
@@ -48,7 +48,7 @@ def _save_films(
         for writer, _, _ in outputs:
             stack.enter_context(writer)
         for tick, fish in enumerate(shown):
-            change.append(steps.measure_step(clean.show(*fish)))
+            change.append(steps.measure_change(clean.show(*fish)))
             if p.marked_film:
                 marks.show(tick, *fish)
             for writer, painter, most in outputs:
@@ -64,7 +64,7 @@ def _save_comparison(path: Path, p: RenderSettings, project: Project, ticks: int
     """Write a film of the film's fish and that of every mode, side by side."""
     tracks, edits = project.tracks(PLACES), dict[str, pd.DataFrame]()
     place = tracks[["x_px", "y_px"]].to_numpy(float)
-    edits["Film"] = longest_tracks(tracks["track_id"].to_numpy(), place, ticks)
+    edits["Film"] = longest_tracks_edit_list(tracks["track_id"].to_numpy(), place, ticks)
     for mode, facts in MODES.items():
         edit = load_table(Path(f"data/animate/{mode}.parquet"), EDIT)
         edits[facts.title] = edit[edit["fish"] == 0].reset_index(drop=True)
@@ -74,7 +74,7 @@ def _save_comparison(path: Path, p: RenderSettings, project: Project, ticks: int
     length_px, gallery = project.scene.typical_length_px, project.whole_gallery
     shape, rate = (p.beside_px + WORDS_PX, len(edits) * p.beside_px, 3), project.facts.frame_rate
     with Mp4Writer(path, shape, rate, p.crf) as writer:
-        for frame in draw_beside(edits, gallery, project.background, length_px, p.beside_px):
+        for frame in draw_side_by_side(edits, gallery, project.background, length_px, p.beside_px):
             writer.write(frame)
 
 
@@ -88,9 +88,9 @@ def main() -> None:
         shadow = Shadow(p.shadow_darkness, p.shadow_blur * length_px)
         with progress("render", ticks) as advance:
             change = _save_films(p, drawn.edit, project, gallery, shadow, advance)
-            natural = film_steps(Painter(project.background), gallery, drawn.tracks)
+            natural = film_frame_changes(Painter(project.background), gallery, drawn.tracks)
         duration = {"frames": ticks, "duration_s": ticks / project.rate_hz}
-    save_metrics(REPORT / "metrics.json", step_metrics(change, natural) | duration)
+    save_metrics(REPORT / "metrics.json", frame_change_metrics(change, natural) | duration)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from finloop.edit.measures import discontinuity_measures, step_measures
-from finloop.edit.pictures import drawn_steps, measure_discontinuities
+from finloop.edit.pictures import drawn_step_distances, measure_discontinuities
 from finloop.edit.schema import EDIT
 from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json, save_records
@@ -36,7 +36,7 @@ def _retarget_film(p: RetargetSettings) -> Retargeted:
         steps, film = project.steps[["headed", "as_filmed"]].dropna(), retarget_data(project)
         others = JoinParameters(load("jumps"), load("animate"), load("matching").join)
         result = retarget_track(load_track(film, p), film, p, others)
-        mine = drawn_steps(result.edit, film.pictures)
+        mine = drawn_step_distances(result.edit, film.pictures)
         joins, _ = measure_discontinuities(result.edit, film.pictures)
     numbers = {
         **result.numbers,

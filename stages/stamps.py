@@ -86,10 +86,10 @@ def _retarget_files(groups: Groups) -> list[Path]:
     path = groups.get("retarget", {}).get("tracks")
     if not path:
         return []
-    from finloop.retarget.load import film_files, film_folder
+    from finloop.retarget.load import film_data_folder, film_track_files
 
-    folder = film_folder(Path(path).expanduser())
-    return [Path(path).expanduser()] if folder is None else film_files(folder)
+    folder = film_data_folder(Path(path).expanduser())
+    return [Path(path).expanduser()] if folder is None else film_track_files(folder)
 
 
 _LISTS: dict[str, Callable[[Groups], list[Path]]] = dict(

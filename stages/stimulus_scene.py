@@ -16,7 +16,7 @@ from finloop.base.errors import FinloopError
 from finloop.edit.schema import FRAME
 from finloop.live.tank import rehearse as rehearse_paths
 from finloop.project import Project
-from finloop.render.gallery import PLACE, Gallery, shelves
+from finloop.render.gallery import PLACE, Gallery, build_shelves
 from finloop.stimulus.display import load_display
 from finloop.stimulus.feed import Feed, TankCanvas
 from finloop.stimulus.log import FORMAT
@@ -103,7 +103,7 @@ def open_scene(plan: Protocol | None = None) -> Iterator[FilmedScene]:
     with Project() as project:
         brought = open_mode(project)
         reel, bodies = brought.pictures.reel, brought.pictures.bodies
-        gallery = Gallery(shelves({FRAME: reel.film}, project.tracks(PLACE), None), bodies)
+        gallery = Gallery(build_shelves({FRAME: reel.film}, project.tracks(PLACE), None), bodies)
         film_mm, length_px = project.facts.mm_per_px, brought.world.motion.body_length_px
         mm_per_px = fish_mm / length_px if fish_mm else film_mm and film_mm / reel.size
         pictures = PagePictures(gallery, reel.size)

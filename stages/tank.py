@@ -9,20 +9,20 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats
-from finloop.edit.schema import by_fish
+from finloop.edit.schema import split_by_fish
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import save_picture
 from finloop.io.viewer import save_viewer
 from finloop.project import Project
-from finloop.tank.body import lengths, typical_width
-from finloop.tank.camera import FOLLOW, PRESETS, Room, camera_views
+from finloop.tank.body import arc_lengths, typical_half_widths
+from finloop.tank.camera import FOLLOW, PRESETS, TankRoom, camera_views
 from finloop.tank.fish import FishSurface
-from finloop.tank.gltf import AnimatedFish, gltf_place, principal_shapes, tank_glb
+from finloop.tank.gltf import AnimatedFish, encode_tank_glb, principal_shapes, to_gltf_axes
 from finloop.tank.scene import TankScene, choose_window
 from finloop.tank.settings import TankSettings
-from finloop.tank.skin import Skins
-from finloop.tank.swim import USED, film_bodies, swimming_heights, tank_poses
+from finloop.tank.skin import FishSkins
+from finloop.tank.swim import USED, film_body_shapes, poses_in_tank, swimming_heights
 from stages.settings import load
 
 OUT, REPORT = Path("data/tank"), Path("reports/tank")
@@ -37,16 +37,16 @@ _SHEET_PX = 480  # width of a picture on the contact sheet
 def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface], Floats]:
     """Return the fish of an edit list's first seconds as moving surfaces, and the ticks' times."""
     edit, _, tracks, sprites, bodies = project.edit_with_sources(p.mode, "tank", USED)
-    edits = by_fish(edit[(edit["time_s"] < p.seconds) | (edit["tick"] == 0)])
+    edits = split_by_fish(edit[(edit["time_s"] < p.seconds) | (edit["tick"] == 0)])
     time = edits[0]["time_s"].to_numpy(float)
     columns = ["head_x_px", "head_y_px", "heading_deg"]
-    film = film_bodies(tracks, project.features[columns])
+    film = film_body_shapes(tracks, project.features[columns])
     table = pd.DataFrame() if sprites is None else sprites
-    fish_poses = [tank_poses(fish_edit, film, table, bodies) for fish_edit in edits]
-    typical = typical_width(film.half_width, film.backbone)
-    length = float(np.median(np.concatenate([lengths(pose.backbone) for pose in fish_poses])))
+    fish_poses = [poses_in_tank(fish_edit, film, table, bodies) for fish_edit in edits]
+    typical = typical_half_widths(film.half_width, film.backbone)
+    length = float(np.median(np.concatenate([arc_lengths(pose.backbone) for pose in fish_poses])))
     centres = tracks[["x_px", "y_px"]].to_numpy(float)
-    skins = Skins(film, typical, centres, project.cutouts.__getitem__)
+    skins = FishSkins(film, typical, centres, project.cutouts.__getitem__)
     surfaces = []
     for number, pose in enumerate(fish_poses):
         heights = swimming_heights(time, p.water_depth_bl * length, number)
@@ -74,7 +74,7 @@ def main() -> None:
         fish, time = animated_fish(p, project)
         first, ticks = fish[0], len(time)
         depth, size = p.water_depth_bl * first.length_px, (p.width_px, p.height_px)
-        room = Room(facts.width_px, facts.height_px, depth, first.length_px, size[0] / size[1])
+        room = TankRoom(facts.width_px, facts.height_px, depth, first.length_px, size[0] / size[1])
         cameras = {  # those that follow follow the first fish
             name: camera_views(name, room, first.place, first.poses.heading, rate)
             for name in (*PRESETS, p.camera)
@@ -83,7 +83,7 @@ def main() -> None:
 
             def picture(camera: str, tick: int) -> np.ndarray:
                 worn = [one.shape_at(tick) for one in fish]
-                return scene.frame(worn, cameras[camera], tick, time[tick])
+                return scene.draw_frame(worn, cameras[camera], tick, time[tick])
 
             save_picture(folder / "still.png", picture(FOLLOW, first.find_bent_tick()))
             moments = np.linspace(0, ticks - 1, 2 * MOMENTS + 1).astype(int)[1::2]
@@ -97,14 +97,14 @@ def main() -> None:
                     advance()
         bodies = [
             AnimatedFish(
-                principal_shapes(surface.points(), surface.poses.heading), surface.place,
-                surface.poses.heading,
+                principal_shapes(surface.points_of_all_ticks(), surface.poses.heading),
+                surface.place, surface.poses.heading,
             )
             for surface in fish
         ]  # fmt: skip
-        glb = tank_glb(room, background, first.typical_skin(), bodies, rate)
+        glb = encode_tank_glb(room, background, first.typical_skin(), bodies, rate)
         save_bytes(folder / "tank.glb", glb)
-        way = [gltf_place((place - room.middle) / room.length) for place in first.place]
+        way = [to_gltf_axes((place - room.middle) / room.length) for place in first.place]
         save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, way, rate)
     save_picture(REPORT / "contact_sheet.png", _join(rows))
     error_px = max(one.shape.error_px for one in bodies)

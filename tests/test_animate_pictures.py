@@ -15,10 +15,10 @@ from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.pictures import (
     Pictures,
-    draw_edit,
-    drawn_steps,
+    draw_edit_list,
+    drawn_step_distances,
     measure_discontinuities,
-    without_ghosts,
+    remove_ghost_fades,
 )
 from finloop.edit.schema import FRAME, SPRITE, row_picture
 from finloop.features.table import find_orientations, wrap_deg
@@ -189,16 +189,16 @@ def test_a_picture_is_the_cut_out_itself_at_the_drawn_size(pictures):
 
 def test_a_still_picture_makes_no_step_and_a_turn_does(pictures):
     edit = edit_of(pictures, (FRAME, 2, 0.0), (FRAME, 2, 0.0), (FRAME, 2, 40.0))
-    found = drawn_steps(edit, pictures)
+    found = drawn_step_distances(edit, pictures)
     assert found[0] == 0 and found[1] > 5
 
 
 @pytest.mark.parametrize("kind", [FRAME, SPRITE])
 def test_a_drawn_cross_fade_lies_between_its_pictures(pictures, kind):
     plain = edit_of(pictures, (kind, 0, 0.0), (kind, 0, 0.0), (kind, 4, 90.0))
-    whole = drawn_steps(plain, pictures)
+    whole = drawn_step_distances(plain, pictures)
     for weight in (0.25, 0.5):
-        made = drawn_steps(add_fade(plain, 1, plain.loc[2], weight), pictures)
+        made = drawn_step_distances(add_fade(plain, 1, plain.loc[2], weight), pictures)
         assert made == pytest.approx([weight * whole[1], (1 - weight) * whole[1]], rel=1e-4)
 
 
@@ -281,7 +281,9 @@ def in_own_pose(edit: pd.DataFrame, shown: Pictures) -> pd.DataFrame:
 
 
 def plain_and_posed(edit: pd.DataFrame, shown: Pictures):
-    return zip(draw_edit(edit, shown), draw_edit(in_own_pose(edit, shown), shown), strict=True)
+    return zip(
+        draw_edit_list(edit, shown), draw_edit_list(in_own_pose(edit, shown), shown), strict=True
+    )
 
 
 def test_in_its_own_pose_a_picture_is_drawn_as_without_one(pictures):
@@ -294,7 +296,7 @@ def test_in_its_own_pose_a_picture_is_drawn_as_without_one(pictures):
 
 def test_a_sprite_in_its_own_pose_is_its_row_turned(pictures):
     edit = edit_of(pictures, *((SPRITE, number, 40.0 * number) for number in range(4)))
-    step = drawn_steps(edit_of(pictures, (FRAME, 0, 0.0), (FRAME, 1, 0.0)), pictures)[0]
+    step = drawn_step_distances(edit_of(pictures, (FRAME, 0, 0.0), (FRAME, 1, 0.0)), pictures)[0]
     for one, posed in plain_and_posed(edit, pictures):
         assert np.linalg.norm(one - posed) < 2 * step  # the stored one was sampled twice
 
@@ -327,15 +329,15 @@ def test_what_is_unlike_does_not_fade_and_what_is_alike_does(pictures):
     ):
         edit = add_fade(edit, tick, other, weight)
     kept = edit.copy()
-    clean = without_ghosts(edit, pictures, 8.0)
+    clean = remove_ghost_fades(edit, pictures, 8.0)
     pd.testing.assert_frame_equal(edit, kept)
     assert list(clean["weight"]) == [0.6, 0.3, 0.0, 0.0, 0.0, 0.4]
     gone = clean.loc[3, PARTNER]
     assert gone.drop("partner_mirrored").isna().all()
     same = [c for c in edit.columns if not c.startswith("partner") and c != "weight"]
     pd.testing.assert_frame_equal(clean[same], edit[same])
-    assert list(without_ghosts(edit, pictures, 1e9)["weight"]) == list(edit["weight"])
-    assert not without_ghosts(edit, pictures, 0.0)["weight"].any()
+    assert list(remove_ghost_fades(edit, pictures, 1e9)["weight"]) == list(edit["weight"])
+    assert not remove_ghost_fades(edit, pictures, 0.0)["weight"].any()
 
 
 def test_a_ghost_once_gone_does_not_come_back(pictures):
@@ -343,4 +345,4 @@ def test_a_ghost_once_gone_does_not_come_back(pictures):
     alike, unlike = (edit_of(pictures, (FRAME, 2, h)).loc[0] for h in (0.0, 90.0))
     for tick, other, weight in ((1, unlike, 0.75), (2, alike, 0.5), (3, alike, 0.25)):
         edit = add_fade(edit, tick, other, weight)
-    assert not without_ghosts(edit, pictures, 8.0)["weight"].any()
+    assert not remove_ghost_fades(edit, pictures, 8.0)["weight"].any()

@@ -26,9 +26,9 @@ from finloop.io.several import PARTS_NAME, FilmPart
 from finloop.io.table import load_table, save_table
 from finloop.project import Project
 from finloop.social.measures import SHOAL, measure_values, wasserstein_distances
-from finloop.social.neighbours import neighbours, vectors
+from finloop.social.neighbours import all_neighbours, complex_vectors
 from finloop.social.rule import require_rule
-from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull, zone_means
+from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull_of_others, zone_means
 
 PX, OWN, STEP = 20.0, 0.6, 0.3
 ARENA = np.ones((300, 300), bool)
@@ -44,7 +44,7 @@ def swim(zones, fish=6, frames=1500, seed=0):
     places, headings = np.empty((2, frames, fish), complex)
     for t in range(frames):
         places[t], headings[t] = place, heading
-        mean = OWN * (1 + pull(neighbours(place, heading), zones))
+        mean = OWN * (1 + pull_of_others(all_neighbours(place, heading), zones))
         noise = rng.normal(0, 0.35, fish) + 1j * rng.normal(0, 0.35, fish)
         to = mean + noise
         heading = heading * to / np.abs(to)
@@ -235,7 +235,7 @@ def test_fish_that_are_points_shoal_as_the_film_does():
 def test_own_steps_leave_nothing_to_the_company():
     steps = own_steps(FILM, FILM.whole_steps(3000), TRUE)
     assert steps.onward == pytest.approx(OWN, rel=0.15)
-    pulls = pull(FILM.visible_neighbours(FILM.whole_steps(3000)), TRUE)
+    pulls = pull_of_others(FILM.visible_neighbours(FILM.whole_steps(3000)), TRUE)
     whole = own_steps(FILM, FILM.whole_steps(3000), NO_ZONES)
     left, before = (float((one.turn * pulls.conj()).real.mean()) for one in (steps, whole))
     assert before > 0.1 and abs(left) < 0.3 * before
@@ -291,7 +291,7 @@ def test_rounding_changes_no_number_of_the_film_and_how_points_swim(tmp_path, mo
     for shift in (0, 1e-12):
 
         def shift_vectors(*where, shift=shift):
-            place, heading = vectors(*where)
+            place, heading = complex_vectors(*where)
             return place * (1 + shift), heading
 
         monkeypatch.setattr(finloop.calibrate.film, "vectors", shift_vectors)

@@ -10,13 +10,13 @@ import pywt
 
 from finloop.base.errors import FinloopError
 from finloop.curve.stiffness import (
-    connection,
-    eigenvalues,
-    first_row,
-    off_diagonal,
-    stiffness,
+    connection_coefficients,
+    first_stiffness_row,
+    off_diagonal_share,
+    stiffness_eigenvalues,
+    stiffness_matrix,
 )
-from finloop.curve.wavelet import scales, wavelet_transform
+from finloop.curve.wavelet import scale_slices, wavelet_transform
 from finloop.plots.curve import figure3
 
 # As printed: α, μ, ν.
@@ -56,7 +56,7 @@ def pad_zeros(values, count):
 
 
 def test_table_1_to_all_twelve_digits():
-    table = connection("db4")
+    table = connection_coefficients("db4")
     ours_of_table = table.autocorrelation, table.mu / table.mu[0], table.nu / table.nu[0]
     for printed, ours in zip(TABLE_1.T, ours_of_table, strict=True):
         assert np.abs(pad_zeros(ours, 8) - printed).max() < 0.51e-12
@@ -65,7 +65,7 @@ def test_table_1_to_all_twelve_digits():
 
 def test_table_2_corrected():
     """The α printed are right to 11 digits, μ and ν to 9; the small ones stand as they should be."""
-    table = connection("coif2")
+    table = connection_coefficients("coif2")
     mu, nu = table.mu / table.mu[0], table.nu / table.nu[0]
     assert np.abs(pad_zeros(table.autocorrelation, 12) - TABLE_2[:, 0]).max() < 1e-11
     for column, ours in ((1, mu), (2, nu)):
@@ -80,7 +80,7 @@ def test_table_2_corrected():
 
 @pytest.mark.parametrize("wavelet", SMOOTH)
 def test_laws_of_connection_coefficients(wavelet):
-    table = connection(wavelet)
+    table = connection_coefficients(wavelet)
     mu, nu = (np.concatenate([half[:0:-1], half]) for half in (table.mu, table.nu))
     at = np.arange(len(mu)) - len(mu) // 2
     assert abs(mu.sum()) < 1e-10  # a constant strains nothing
@@ -108,7 +108,7 @@ def test_mu_is_the_integral():
     one = round(1 / step)
     for l in range(6):  # noqa: E741
         integral = (slope[l * one :] * slope[: len(slope) - l * one]).sum() * step
-        assert integral == pytest.approx(connection("db10").mu[l], abs=2e-3)
+        assert integral == pytest.approx(connection_coefficients("db10").mu[l], abs=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -124,20 +124,22 @@ def test_mu_is_the_integral():
 )
 def test_wavelets_without_stiffness_are_refused_with_the_reason(wavelet, word):
     with pytest.raises(FinloopError, match=word):
-        stiffness(wavelet, 64, 0)
+        stiffness_matrix(wavelet, 64, 0)
 
 
 @pytest.mark.parametrize("wavelet", ["db3", "db4", "coif2", "sym8", "db20"])
 def test_low_eigenvalues_are_the_circles(wavelet):
     """e₀ (2πk)², ever closer as n grows, from the FFT as from K itself."""
     wanted = (2 * np.pi * np.arange(4)) ** 2
-    errors = [np.abs(eigenvalues(wavelet, n)[:4] - wanted).max() for n in (64, 256)]
+    errors = [np.abs(stiffness_eigenvalues(wavelet, n)[:4] - wanted).max() for n in (64, 256)]
     assert errors[1] < max(errors[0] / 8, 1e-8)
     assert errors[1] < 1
-    dense = np.linalg.eigvalsh(stiffness(wavelet, 64, 0, 3.0).toarray())
-    fast = eigenvalues(wavelet, 64, 3.0)
+    dense = np.linalg.eigvalsh(stiffness_matrix(wavelet, 64, 0, 3.0).toarray())
+    fast = stiffness_eigenvalues(wavelet, 64, 3.0)
     assert np.allclose(np.sort(np.r_[fast, fast[1:-1]]), dense, atol=1e-8 * dense.max())
-    assert all(eigenvalues(wavelet, 2**m, e)[0] == 0 for m in range(3, 11) for e in (1, 0.3))
+    assert all(
+        stiffness_eigenvalues(wavelet, 2**m, e)[0] == 0 for m in range(3, 11) for e in (1, 0.3)
+    )
 
 
 @pytest.mark.parametrize(
@@ -145,10 +147,10 @@ def test_low_eigenvalues_are_the_circles(wavelet):
     [("db4", 64, 1), ("coif2", 64, 2), ("coif2", 32, 5), ("sym8", 16, 4)],
 )
 def test_every_block_is_the_transformed_k(wavelet, n, levels):
-    whole = stiffness(wavelet, n, levels, 2.0).toarray()
+    whole = stiffness_matrix(wavelet, n, levels, 2.0).toarray()
     basis = wavelet_transform(np.eye(n), wavelet, levels)
     assert np.allclose(
-        whole, 2 * basis @ stiffness(wavelet, n, 0).toarray() @ basis.T, atol=1e-9 * n**2
+        whole, 2 * basis @ stiffness_matrix(wavelet, n, 0).toarray() @ basis.T, atol=1e-9 * n**2
     )
     assert np.array_equal(whole, whole.T)
 
@@ -156,9 +158,9 @@ def test_every_block_is_the_transformed_k(wavelet, n, levels):
 def test_diagonal_blocks_are_mu_and_nu():
     """Eqs. 3.8, 3.9: at a scale of m functions, m² μ and m² ν round and round."""
     n, levels = 256, 3
-    whole = stiffness("coif2", n, levels).toarray()
-    table = connection("coif2")
-    for number, place in enumerate(scales(n, levels)):
+    whole = stiffness_matrix("coif2", n, levels).toarray()
+    table = connection_coefficients("coif2")
+    for number, place in enumerate(scale_slices(n, levels)):
         block = whole[place, place]
         m = len(block)
         values = table.nu if number else table.mu
@@ -166,20 +168,20 @@ def test_diagonal_blocks_are_mu_and_nu():
         for l in range(1 - len(values), len(values)):  # noqa: E741
             row[l % m] += m**2 * values[abs(l)]
         if number == 0:
-            assert np.allclose(row, first_row("coif2", m))
+            assert np.allclose(row, first_stiffness_row("coif2", m))
         # ψ of scale m hangs on the φ of scale 2m: twice as fine, a quarter as often.
         assert np.allclose(block, [np.roll(row, k) for k in range(m)], atol=1e-9 * n**2)
 
 
 def test_k_is_sparse_and_fine_control_points_may_be_fewer_than_taps():
-    k = stiffness("coif2", 1024, 3)
+    k = stiffness_matrix("coif2", 1024, 3)
     assert k.nnz < 0.09 * 1024**2
-    row = first_row("coif2", 4)  # Fig. 7: φ folded round
+    row = first_stiffness_row("coif2", 4)  # Fig. 7: φ folded round
     assert row.sum() == pytest.approx(0, abs=1e-9)
     with pytest.raises(FinloopError, match="12 taps"):
-        stiffness("coif2", 8, 1)
+        stiffness_matrix("coif2", 8, 1)
     with pytest.raises(FinloopError, match="100 points"):
-        first_row("coif2", 100)
+        first_stiffness_row("coif2", 100)
 
 
 @pytest.mark.parametrize(
@@ -188,17 +190,19 @@ def test_k_is_sparse_and_fine_control_points_may_be_fewer_than_taps():
 )
 def test_off_diagonal_energy(wavelet, one, more):
     """Not "less than 15 %" for the paper's own wavelets, but near it; the ψ block alone is."""
-    found = [100 * off_diagonal(stiffness(wavelet, 1024, levels)) for levels in (1, 2, 5)]
+    found = [
+        100 * off_diagonal_share(stiffness_matrix(wavelet, 1024, levels)) for levels in (1, 2, 5)
+    ]
     assert found[0] == pytest.approx(one, abs=0.051)
     assert found[1] == pytest.approx(more, abs=0.051)
     assert found[2] == pytest.approx(more, abs=0.1)
-    k = stiffness(wavelet, 1024, 1)
+    k = stiffness_matrix(wavelet, 1024, 1)
     details = k[512:, 512:]
-    assert 13.7 < 100 * off_diagonal(details) < 14.3
+    assert 13.7 < 100 * off_diagonal_share(details) < 14.3
 
 
 def test_figure_3_shows_k():
-    k = stiffness("coif2", 64, 2)
+    k = stiffness_matrix("coif2", 64, 2)
     ax = figure3(k, 2, "K").axes[0]
     shown = ax.images[0].get_array()
     assert shown.shape == (64, 64)

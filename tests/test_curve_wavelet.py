@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import orient_clockwise, resample_curve
-from finloop.curve.glyph import glyph
+from finloop.curve.glyph import glyph_outlines
 from finloop.curve.wavelet import (
     CUBIC,
     close_by_mirroring,
@@ -20,7 +20,7 @@ from finloop.curve.wavelet import (
     drop_details,
     filter_bank,
     inverse_transform,
-    scales,
+    scale_slices,
     wavelet_transform,
 )
 from finloop.plots.curve import figure2
@@ -97,7 +97,7 @@ def test_laws(points, wavelet, levels, factor):
     if wavelet in ("db1", "db4", "coif2", "sym8"):  # orthogonal: lengths stay
         assert np.allclose((coefficients**2).sum(), (points**2).sum())
     turned = wavelet_transform(np.roll(points, 1 << levels, axis=0), wavelet, levels)
-    for place in scales(32, levels):  # a step at a scale is 2^m steps of the points
+    for place in scale_slices(32, levels):  # a step at a scale is 2^m steps of the points
         size = place.stop - place.start
         step = (1 << levels) * size // 32
         assert np.allclose(turned[place], np.roll(coefficients[place], step, axis=0), atol=1e-8)
@@ -181,7 +181,7 @@ def test_what_cannot_be_transformed_is_refused(n, wavelet, levels, word):
 
 
 def test_figure_2_has_both_families_and_five_scales():
-    (three,) = glyph("3")
+    (three,) = glyph_outlines("3")
     curve = resample_curve(orient_clockwise(three), 1024)
     figure = figure2(curve, [(CUBIC, "spline"), ("db4", "D8")])
     assert len(figure.axes) == 10

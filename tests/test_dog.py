@@ -9,7 +9,7 @@ import pytest
 from toy_dog import feet_px, true_masks
 
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import Curve, area
+from finloop.curve.contour import Curve, signed_area
 from finloop.drawn.dog.draw import film, limb_masks
 from finloop.drawn.dog.shape import BODY, FORE, HEAD, HIND, LIMBS, pose
 from finloop.drawn.dog.walk import (
@@ -37,7 +37,7 @@ PHASE = np.linspace(0, 1, 97)[:-1]
 @pytest.mark.parametrize("shape", [FORE, HIND], ids=["fore", "hind"])
 def test_a_foot_that_stays_leaves_the_limb_as_it_was_drawn(shape):
     still = pose(shape, np.zeros(2), np.zeros(2), 128)
-    assert area(Curve(still, True)) > 0  # clockwise as seen
+    assert signed_area(Curve(still, True)) > 0  # clockwise as seen
     lengths = np.linalg.norm(np.diff(still, axis=0, append=still[:1]), axis=1)
     assert lengths.max() < 1.01 * lengths.mean()  # at the toes a chord is shorter than its arc
     # Moving foot and hip together moves all of it, but for the lean of the pastern, which goes by
@@ -87,7 +87,7 @@ def test_no_limb_folds_and_none_jumps():
         steps = np.linalg.norm(np.diff(points, axis=0), axis=2).max(axis=1)
         assert steps.max() < 0.012 * SMALL.trunk_px
         assert all(is_simple(frame) for frame in points[::40])
-        sizes = [area(Curve(frame, True)) for frame in points[::40]]
+        sizes = [signed_area(Curve(frame, True)) for frame in points[::40]]
         assert np.ptp(sizes) < 0.12 * np.mean(sizes)
 
 

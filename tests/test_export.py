@@ -27,12 +27,12 @@ from finloop.edit.schema import EDIT
 from finloop.export.pictures import (
     READABLE,
     FishOnlyPainter,
-    add_film_source,
-    bounding_box,
-    cut_out,
-    sprite_cycle,
+    add_film_sources,
+    box_of_all_fish,
+    cut_out_fish,
+    sprites_of_sequence,
 )
-from finloop.export.tracks import deeplabcut, poses
+from finloop.export.tracks import deeplabcut_tables, keypoints_of_tracks
 from finloop.extract.table import GIVEN, OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.identity.film import IDENTITIES
@@ -44,8 +44,8 @@ from finloop.io.poses.save import save_netcdf, save_nwb
 from finloop.io.record import save_json, save_record
 from finloop.io.table import save_csv_in_blocks, save_table
 from finloop.io.video import VideoFacts, save_facts
-from finloop.render.gallery import Gallery, Shelf
-from finloop.render.painter import Box, Painter, Placed, Turned, picture
+from finloop.render.gallery import CutoutShelf, Gallery
+from finloop.render.painter import Box, Painter, PlacedFish, TurnedPicture, pad_picture
 from finloop.sprites.orient import SPRITES
 
 ORIENTATIONS = 24  # conf/features/default.yaml
@@ -65,10 +65,10 @@ def drop(size=31, channels=2, turn=0):
 def journey(channels, count=9):
     """Fish that turn, grow, fade into one another and leave the picture."""
     rng = np.random.default_rng(1)
-    pictures = [picture(rough_picture(rng, 20, 27, channels), 12.7, 9.9) for _ in range(2)]
+    pictures = [pad_picture(rough_picture(rng, 20, 27, channels), 12.7, 9.9) for _ in range(2)]
     for k in range(count):
-        a, b = (Turned(one, 31.0 * k, 0.8 + 0.05 * k) for one in pictures)
-        yield (Placed(30.3 + 12 * k, 40.8 - k, a, b, 0.3 if k % 2 else 0.0),)
+        a, b = (TurnedPicture(one, 31.0 * k, 0.8 + 0.05 * k) for one in pictures)
+        yield (PlacedFish(30.3 + 12 * k, 40.8 - k, a, b, 0.3 if k % 2 else 0.0),)
 
 
 # --- the fish alone ------------------------------------------------------------------------------
@@ -80,7 +80,9 @@ def test_a_cutout_in_its_own_place_comes_back_bit_for_bit(channels):
     for _ in range(10):
         pixels = rough_picture(rng, *rng.integers(5, 30, 2), channels)
         alone = FishOnlyPainter(60, 80, channels - 1)
-        box = alone.show(Placed(30.0, 20.0, Turned(picture(pixels, 10.0, 8.0)), None, 0.0))
+        box = alone.show(
+            PlacedFish(30.0, 20.0, TurnedPicture(pad_picture(pixels, 10.0, 8.0)), None, 0.0)
+        )
         where = np.s_[12 - box.top :, 20 - box.left :]
         found = alone.cut(box)[where][: pixels.shape[0], : pixels.shape[1]]
         colours = pixels[..., :-1].repeat(3 if channels == 2 else 1, axis=2)
@@ -91,8 +93,10 @@ def test_a_cutout_in_its_own_place_comes_back_bit_for_bit(channels):
 def test_laid_over_any_tank_it_is_what_the_painter_paints(channels):
     tank = np.random.default_rng(2).integers(0, 256, (HEIGHT, WIDTH, channels - 1), np.uint8)
     alone, painter = FishOnlyPainter(HEIGHT, WIDTH, channels - 1), Painter(tank)
-    crop = bounding_box(journey(channels), alone)
-    for fish, frame in zip(journey(channels), cut_out(journey(channels), alone, crop), strict=True):
+    crop = box_of_all_fish(journey(channels), alone)
+    for fish, frame in zip(
+        journey(channels), cut_out_fish(journey(channels), alone, crop), strict=True
+    ):
         painter.show(*fish)
         alpha = frame[..., 3:] / 255
         faint = frame[..., 3:] * (frame[..., 3:] < 16)  # their colour is their neighbours'
@@ -105,9 +109,9 @@ def test_laid_over_any_tank_it_is_what_the_painter_paints(channels):
 
 def test_the_crop_holds_all_there_is_and_little_more():
     alone = FishOnlyPainter(HEIGHT, WIDTH, 1)
-    crop = bounding_box(journey(2), alone)
+    crop = box_of_all_fish(journey(2), alone)
     seen = np.zeros((HEIGHT, WIDTH), bool)
-    for frame in cut_out(journey(2), alone, Box(0, 0, HEIGHT, WIDTH)):
+    for frame in cut_out_fish(journey(2), alone, Box(0, 0, HEIGHT, WIDTH)):
         seen |= frame[..., 3] > 0
     rows, columns = (np.flatnonzero(seen.any(axis)) for axis in (1, 0))
     assert crop.top <= rows[0] and crop.bottom > rows[-1]
@@ -116,25 +120,25 @@ def test_the_crop_holds_all_there_is_and_little_more():
 
 
 def test_nothing_is_left_of_the_frame_before_and_a_fish_outside_is_not_there():
-    one = Turned(picture(drop(), 15.0, 15.0))
+    one = TurnedPicture(pad_picture(drop(), 15.0, 15.0))
     places = [(20, 20), (60, 50), (-500, 20), (20, 20)]
-    rows = [[Placed(x, y, one, None, 0.0)] for x, y in places]
+    rows = [[PlacedFish(x, y, one, None, 0.0)] for x, y in places]
     alone = FishOnlyPainter(HEIGHT, WIDTH, 1)
-    frames = [frame.copy() for frame in cut_out(rows, alone, Box(0, 0, HEIGHT, WIDTH))]
+    frames = [frame.copy() for frame in cut_out_fish(rows, alone, Box(0, 0, HEIGHT, WIDTH))]
     assert np.array_equal(frames[0], frames[3]) and not frames[2].any()
     assert mass_centre(frames[1][..., 3].astype(float)) == pytest.approx([60, 50], abs=0.3)
     assert frames[1][..., 3].sum() == frames[0][..., 3].sum()
     away = [rows[2]]
-    assert next(cut_out(away, alone, bounding_box(away, alone))).shape == (1, 1, 4)
+    assert next(cut_out_fish(away, alone, box_of_all_fish(away, alone))).shape == (1, 1, 4)
 
 
 def test_colour_reaches_out_under_the_edge():
     """Else a filter of the engine, or 4:2:0, would mix black into it."""
     pixels = np.full((8, 8, 2), 255, np.uint8)
     pixels[..., 0] = 200
-    row = Placed(40.0, 40.0, Turned(picture(pixels, 3.5, 3.5), 20.0), None, 0.0)
+    row = PlacedFish(40.0, 40.0, TurnedPicture(pad_picture(pixels, 3.5, 3.5), 20.0), None, 0.0)
     alone = FishOnlyPainter(HEIGHT, WIDTH, 1)
-    frame = next(cut_out([[row]], alone, bounding_box([[row]], alone)))
+    frame = next(cut_out_fish([[row]], alone, box_of_all_fish([[row]], alone)))
     solid = (frame[..., 3] >= 16).astype(np.uint8)
     beside = (cv2.dilate(solid, np.ones((5, 5))) > solid).astype(bool)
     assert (frame[beside][:, 3] == 0).any() and (frame[beside][:, 3] > 0).any()
@@ -176,7 +180,7 @@ def test_an_edit_list_says_what_it_shows():
         partner_orientation=pd.array([None, None, 1], dtype="Int8"),
         partner_kind=[None, "frame", "sprite"], partner=pd.array([None, 1, 1], dtype="Int32"),
     )  # fmt: skip
-    found = add_film_source(edit, tracks, sprite_table())
+    found = add_film_sources(edit, tracks, sprite_table())
     assert found["track_id"].tolist() == [9, 5, 5] and found["frame"].tolist() == [0, 70, 77]
     assert found["atlas"].tolist() == [None, "straight/01/00", "left/24/01"]
     assert found["partner_track_id"].fillna(-1).tolist() == [-1, 7, 5]
@@ -285,7 +289,7 @@ def straight_tracks(lengths, points=5):
 
 @pytest.mark.parametrize("body_points", [0, 1, 2, 3])
 def test_points_lie_from_head_to_tail_at_equal_distances(body_points):
-    found = poses(*straight_tracks({4: 6, 8: 9}), 20, body_points, 1, 10)
+    found = keypoints_of_tracks(*straight_tracks({4: 6, 8: 9}), 20, body_points, 1, 10)
     body = [f"body_{n + 1}" for n in range(body_points)]
     assert found.individuals == ("track_4", "track_8") and found.frames == 20
     assert found.keypoints == ("head", *body, "tail", "centre")
@@ -300,19 +304,23 @@ def test_points_lie_from_head_to_tail_at_equal_distances(body_points):
 
 def test_short_tracks_are_left_out_and_of_the_rest_the_longest_stay():
     tables = straight_tracks({1: 3, 2: 9, 3: 5, 4: 7})
-    assert poses(*tables, 20, 1, 4, 9).individuals == ("track_2", "track_3", "track_4")
-    few = poses(*tables, 20, 1, 4, 2)
+    assert keypoints_of_tracks(*tables, 20, 1, 4, 9).individuals == (
+        "track_2",
+        "track_3",
+        "track_4",
+    )
+    few = keypoints_of_tracks(*tables, 20, 1, 4, 2)
     assert few.individuals == ("track_2", "track_4") and len(few.frame) == 16
     said = r"no track has 10 frames; the longest has 9(.|\n)*tracks_min_s"
     with pytest.raises(FinloopError, match=said):
-        poses(*tables, 20, 1, 10, 9)
+        keypoints_of_tracks(*tables, 20, 1, 10, 9)
 
 
 def test_another_programs_animals_are_each_one_whatever_their_tracks():
     tracks, features = straight_tracks({1: 3, 2: 9, 3: 5, 4: 7})
     tracks.loc[tracks["track_id"] == 3, "frame"] += 20
     animals = tracks["track_id"].map({1: "berta", 2: "anna", 3: "berta", 4: "carl"})
-    found = poses(tracks, features, 40, 0, 8, 9, animals)
+    found = keypoints_of_tracks(tracks, features, 40, 0, 8, 9, animals)
     assert found.individuals == ("anna", "berta") and len(found.frame) == 9 + 3 + 5
     berta = found.individual == 1
     assert found.frame[berta].tolist() == [*range(2, 5), *range(22, 27)]
@@ -417,7 +425,7 @@ def test_formats_of_the_extra_name_it_where_it_is_missing(tmp_path, monkeypatch)
 def test_deeplabcuts_layout_is_read_by_pandas(tmp_path, block):
     given = some_poses()
     individual, frame = given.individual, given.frame
-    save_csv_in_blocks(tmp_path / "tracks.csv", deeplabcut(given, block), decimals=3)
+    save_csv_in_blocks(tmp_path / "tracks.csv", deeplabcut_tables(given, block), decimals=3)
     found = pd.read_csv(tmp_path / "tracks.csv", header=[0, 1, 2, 3], index_col=0)
     assert list(found.columns.names) == ["scorer", "individuals", "bodyparts", "coords"]
     assert found.index.tolist() == list(range(8)) and found.shape == (8, 18)
@@ -594,11 +602,11 @@ def test_what_cannot_be_exported_is_said_and_nothing_is_left(folder, harm, said)
 def test_a_cycle_keeps_the_mass_centre_in_the_middle():
     store = [Cutout(0, 0, 35, 25, drop()) for _ in range(12 * ORIENTATIONS)]
     own = np.array([35, 25]) + mass_centre(drop()[..., -1].astype(float))
-    gallery = Gallery({"sprite": Shelf(store, own[None].repeat(12, 0), ORIENTATIONS)})
-    steps, half = sprite_cycle(sprite_table(), "left", gallery)
+    gallery = Gallery({"sprite": CutoutShelf(store, own[None].repeat(12, 0), ORIENTATIONS)})
+    steps, half = sprites_of_sequence(sprite_table(), "left", gallery)
     alone = FishOnlyPainter(2 * half + 1, 2 * half + 1, 1)
-    crop = bounding_box(steps, alone)
+    crop = box_of_all_fish(steps, alone)
     assert len(steps) == 3 and {one.fish.scale for (one,) in steps} == {1.2}
-    for frame in cut_out(steps, alone, crop):
+    for frame in cut_out_fish(steps, alone, crop):
         at = mass_centre(frame[..., 3].astype(float)) + (crop.left, crop.top)
         assert at == pytest.approx([half, half], abs=0.02)

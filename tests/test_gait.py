@@ -9,19 +9,19 @@ import pytest
 from finloop.base.errors import FinloopError
 from finloop.gait.model import (
     Gait,
-    Layout,
-    at_phases,
-    clock,
-    cycle,
-    descriptor,
-    four_keys,
+    HalfCycleLayout,
+    contours_at_phases,
+    contours_of_cycle,
+    descriptor_slices,
+    four_key_frames,
+    gait_to_record,
     interpolate_contours,
+    key_1_share,
+    locate_in_subcycle,
     mirror_contours,
-    partner,
-    record_of,
+    opposite_limb,
     reversed_order,
-    scale_slices,
-    subcycle,
+    wavelet_descriptor,
 )
 from finloop.gait.tool import load_gait
 from finloop.io.record import save_json
@@ -43,7 +43,7 @@ SWIM = Gait("swim", "mirror", 4.0, GAMMA, split=0.2, wavelet="db4")
 @pytest.mark.parametrize("gamma", [-1.0, -0.4, 0.0, 0.8, 1.0])
 def test_clock_goes_from_one_to_zero_and_bends_by_gamma(gamma):
     tau = np.linspace(0, 1, 101)
-    f = clock(tau, gamma)
+    f = key_1_share(tau, gamma)
     assert (f[0], f[-1]) == (1, 0)
     assert (np.diff(f) <= 1e-15).all()
     np.testing.assert_allclose(f - (1 - tau), -gamma * tau * (1 - tau), atol=1e-15)
@@ -51,11 +51,11 @@ def test_clock_goes_from_one_to_zero_and_bends_by_gamma(gamma):
 
 
 def test_partner_is_the_other_side_if_it_is_there():
-    assert partner("fore_left", LIMBS) == "fore_right"
-    assert partner("fore_left", ["fore_left"]) == "fore_left"
-    assert partner("body", LIMBS) == "body"
+    assert opposite_limb("fore_left", LIMBS) == "fore_right"
+    assert opposite_limb("fore_left", ["fore_left"]) == "fore_left"
+    assert opposite_limb("body", LIMBS) == "body"
     for name in LIMBS:
-        assert partner(partner(name, LIMBS), LIMBS) == name
+        assert opposite_limb(opposite_limb(name, LIMBS), LIMBS) == name
 
 
 def test_a_mirror_keeps_the_direction_and_twice_is_the_identity():
@@ -75,19 +75,19 @@ def test_a_mirror_keeps_the_direction_and_twice_is_the_identity():
 
 @pytest.mark.parametrize("gait", [WALK, SWIM], ids=lambda gait: gait.name)
 def test_the_cycle_goes_through_its_keys_and_its_second_half_repeats_the_first(gait):
-    keys = four_keys(ONE, TWO, gait.symmetry)
-    frames = at_phases(ONE, TWO, gait, np.array([0, gait.split, 0.5, 0.5 + gait.split, 1]))
+    keys = four_key_frames(ONE, TWO, gait.symmetry)
+    frames = contours_at_phases(ONE, TWO, gait, np.array([0, gait.split, 0.5, 0.5 + gait.split, 1]))
     for name in LIMBS:
         for k in range(5):
             np.testing.assert_allclose(frames[name][k], keys[k % 4][name], atol=1e-12)
-    whole = cycle(ONE, TWO, gait, 20)
+    whole = contours_of_cycle(ONE, TWO, gait, 20)
     for name in LIMBS:
-        other = whole[partner(name, LIMBS)][:10]
+        other = whole[opposite_limb(name, LIMBS)][:10]
         expected = other if gait.symmetry == "swap" else mirror_contours(other)
         np.testing.assert_allclose(whole[name][10:], expected, atol=1e-12)
     # Across every key, the end of the cycle among them, steps are as small as the time step.
     ends = np.array([0.0, gait.split, 0.5, 0.5 + gait.split, 1.0])
-    for frames in at_phases(ONE, TWO, gait, np.r_[ends - 1e-7, ends + 1e-7]).values():
+    for frames in contours_at_phases(ONE, TWO, gait, np.r_[ends - 1e-7, ends + 1e-7]).values():
         assert np.abs(frames[:5] - frames[5:]).max() < 1e-4
 
 
@@ -95,42 +95,50 @@ def test_gamma_bends_between_the_keys_and_each_scale_by_its_own():
     source, to = ONE["body"], TWO["body"]
     tau = np.array([0.25, 0.5])
     one = interpolate_contours(source, to, tau, (0.7,), "db4", 4)
-    np.testing.assert_allclose(one, to + clock(tau, 0.7)[:, None, None] * (source - to))
+    np.testing.assert_allclose(one, to + key_1_share(tau, 0.7)[:, None, None] * (source - to))
     np.testing.assert_allclose(
         interpolate_contours(source, to, tau, (0.7, 0.7), "db4", 4), one, atol=1e-12
     )
     gammas = (-0.5, 0.0, 0.9)
-    moved = descriptor(interpolate_contours(source, to, tau, gammas, "db4", 4) - to, "db4", 4)
-    way = descriptor(source - to, "db4", 4)
-    for m, where in enumerate(scale_slices(32, 4)):
-        f = clock(tau, gammas[min(m, 2)])  # scales beyond those named go by the last
+    moved = wavelet_descriptor(
+        interpolate_contours(source, to, tau, gammas, "db4", 4) - to, "db4", 4
+    )
+    way = wavelet_descriptor(source - to, "db4", 4)
+    for m, where in enumerate(descriptor_slices(32, 4)):
+        f = key_1_share(tau, gammas[min(m, 2)])  # scales beyond those named go by the last
         np.testing.assert_allclose(moved[:, where], f[:, None, None] * way[where], atol=1e-12)
 
 
 def test_few_control_points_make_smoother_contours_and_all_change_nothing():
-    full = cycle(ONE, TWO, WALK, 8)["body"]
-    np.testing.assert_allclose(cycle(ONE, TWO, WALK, 8, control=32)["body"], full, atol=1e-12)
-    few = cycle(ONE, TWO, WALK, 8, control=4)["body"]
-    assert np.abs(descriptor(few, "db4", 4)[:, 4:]).max() < 1e-12
+    full = contours_of_cycle(ONE, TWO, WALK, 8)["body"]
+    np.testing.assert_allclose(
+        contours_of_cycle(ONE, TWO, WALK, 8, control=32)["body"], full, atol=1e-12
+    )
+    few = contours_of_cycle(ONE, TWO, WALK, 8, control=4)["body"]
+    assert np.abs(wavelet_descriptor(few, "db4", 4)[:, 4:]).max() < 1e-12
     np.testing.assert_allclose(few.mean(axis=1), full.mean(axis=1), atol=1e-12)
-    open_ones = cycle(ONE, TWO, WALK, 8, control=4, closed={"body": False})["body"]
+    open_ones = contours_of_cycle(ONE, TWO, WALK, 8, control=4, closed={"body": False})["body"]
     assert np.abs(open_ones[:, 0] - open_ones[:, -1]).max() > 0.1  # its ends do not meet
 
 
 def test_subcycles():
-    which, tau = subcycle(np.array([0.0, 0.1, 0.2, 0.5, 0.95, 1.25, -0.4]), 0.2)
+    which, tau = locate_in_subcycle(np.array([0.0, 0.1, 0.2, 0.5, 0.95, 1.25, -0.4]), 0.2)
     assert which.tolist() == [0, 0, 1, 2, 3, 1, 2]
     np.testing.assert_allclose(tau, [0, 0.5, 0, 0, 5 / 6, 1 / 6, 0.5], atol=1e-12)
 
 
 def test_offsets_keep_a_limb_at_its_hip():
     hips = {"fore_left": np.array([3.0, -1.0]), "fore_right": np.array([-3.0, 1.0])}
-    later = four_keys(ONE, TWO, "swap", Layout(offsets=hips))[2]
+    later = four_key_frames(ONE, TWO, "swap", HalfCycleLayout(offsets=hips))[2]
     np.testing.assert_allclose(later["fore_left"], ONE["fore_right"] + [3, -1])
     with pytest.raises(FinloopError, match="'fore_left' is not what it was"):
-        four_keys(ONE, TWO, "swap", Layout(offsets={name: np.ones(2) for name in hips}))
+        four_key_frames(
+            ONE, TWO, "swap", HalfCycleLayout(offsets={name: np.ones(2) for name in hips})
+        )
     with pytest.raises(FinloopError, match="two half cycles later"):
-        four_keys(ONE, TWO, "mirror", Layout(orders={"body": np.roll(np.arange(32), 1)}))
+        four_key_frames(
+            ONE, TWO, "mirror", HalfCycleLayout(orders={"body": np.roll(np.arange(32), 1)})
+        )
 
 
 @pytest.mark.parametrize(
@@ -150,7 +158,7 @@ def test_keys_that_do_not_belong_together_are_refused(change, said):
     one, two = dict(ONE), dict(TWO)
     change(one, two)
     with pytest.raises(FinloopError, match=said):
-        four_keys(one, two, "swap")
+        four_key_frames(one, two, "swap")
 
 
 def test_numbers_out_of_range_are_refused():
@@ -161,7 +169,7 @@ def test_numbers_out_of_range_are_refused():
         ("64 control points", WALK, 8, 64),
     ):
         with pytest.raises(FinloopError, match=said):
-            cycle(ONE, TWO, gait, frames, control=control)
+            contours_of_cycle(ONE, TWO, gait, frames, control=control)
 
 
 @pytest.mark.parametrize(
@@ -173,13 +181,13 @@ def test_a_gait_comes_back_from_its_file(tmp_path, spans):
         frames=72, residuals={"linear": 0.02, "gamma": 0.01},
     )  # fmt: skip
     path = tmp_path / "walk.json"
-    save_json(path, record_of(gait))
+    save_json(path, gait_to_record(gait))
     assert load_gait(path) == gait
     before = path.read_bytes()
-    save_json(path, record_of(load_gait(path)))
+    save_json(path, gait_to_record(load_gait(path)))
     assert path.read_bytes() == before
     with pytest.raises(FinloopError, match="frequency_hz"):
-        save_json(path, record_of(replace(gait, frequency_hz=float("nan"))))
+        save_json(path, gait_to_record(replace(gait, frequency_hz=float("nan"))))
     assert path.read_bytes() == before
 
 
@@ -211,7 +219,7 @@ def test_the_least_that_a_person_must_write(tmp_path):
 )
 def test_a_file_that_is_no_gait_is_refused_by_name(tmp_path, change, said):
     path = tmp_path / "walk.json"
-    save_json(path, record_of(WALK))
+    save_json(path, gait_to_record(WALK))
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(FinloopError, match=said):
         load_gait(path)

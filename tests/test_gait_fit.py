@@ -7,16 +7,16 @@ import pytest
 
 from finloop.base.errors import FinloopError
 from finloop.drawn.dog.walk import DogFilm, phases, truth
-from finloop.gait.compare import compare, holdouts
+from finloop.gait.compare import choose_held_out_frames, compare_clocks
 from finloop.gait.cycles import align_phase, foot_positions
-from finloop.gait.fit import GaitContours, fit, interpolate_keys
+from finloop.gait.fit import GaitContours, fit_gait, interpolate_key_frames
 from finloop.gait.model import (
     Gait,
-    Layout,
-    at_phases,
-    clock,
-    gamma_fit,
-    gamma_sums,
+    HalfCycleLayout,
+    contours_at_phases,
+    gamma_fraction,
+    gamma_from_fractions,
+    key_1_share,
     mirror_contours,
 )
 
@@ -49,7 +49,7 @@ TWO = {
 
 def _film(phases, gamma=TRUE, split=0.25, symmetry="swap", offsets=None, one=ONE, two=TWO):
     gait = Gait("x", symmetry, 1.0, gamma, split=split, wavelet="db4")
-    frames = at_phases(one, two, gait, phases, Layout(offsets=offsets))
+    frames = contours_at_phases(one, two, gait, phases, HalfCycleLayout(offsets=offsets))
     return GaitContours(frames, phases, 2.0, symmetry, offsets=offsets)
 
 
@@ -58,12 +58,14 @@ def test_closed_form_finds_what_made_the_frames_and_is_a_minimum(gamma):
     rng = np.random.default_rng(6)
     source, to = rng.normal(size=(2, 9))
     tau = rng.uniform(size=12)
-    frames = to + clock(tau, gamma)[:, None] * (source - to)
-    assert gamma_fit([gamma_sums(tau, frames, source, to)]) == pytest.approx(gamma, abs=1e-12)
+    frames = to + key_1_share(tau, gamma)[:, None] * (source - to)
+    assert gamma_from_fractions([gamma_fraction(tau, frames, source, to)]) == pytest.approx(
+        gamma, abs=1e-12
+    )
     noisy = frames + 0.1 * rng.normal(size=frames.shape)
-    best = gamma_fit([gamma_sums(tau, noisy, source, to)])
+    best = gamma_from_fractions([gamma_fraction(tau, noisy, source, to)])
     error = [
-        float(((noisy - to - clock(tau, g)[:, None] * (source - to)) ** 2).sum())
+        float(((noisy - to - key_1_share(tau, g)[:, None] * (source - to)) ** 2).sum())
         for g in (best - 1e-3, best, best + 1e-3)
     ]
     assert error[1] < min(error[0], error[2])
@@ -71,13 +73,16 @@ def test_closed_form_finds_what_made_the_frames_and_is_a_minimum(gamma):
 
 def test_no_motion_and_no_frames_have_no_gamma():
     still = np.ones(4)
-    assert gamma_fit([gamma_sums(np.array([0.5]), still[None], still, still)]) == 0
-    assert gamma_fit([gamma_sums(np.array([]), np.empty((0, 4)), still, 2 * still)]) == 0
+    assert gamma_from_fractions([gamma_fraction(np.array([0.5]), still[None], still, still)]) == 0
+    assert (
+        gamma_from_fractions([gamma_fraction(np.array([]), np.empty((0, 4)), still, 2 * still)])
+        == 0
+    )
 
 
 @pytest.mark.parametrize("start", [0.0, 0.125, 0.75])
 def test_limbs_of_a_synthesized_walk_give_back_gamma_and_keys(start):
-    gait, keys = fit(_film(start + np.arange(16) / 16), "walk", 1.5, wavelet="db4")
+    gait, keys = fit_gait(_film(start + np.arange(16) / 16), "walk", 1.5, wavelet="db4")
     for name in LIMBS:
         for letter in "AB":
             assert gait.gamma[name][letter] == pytest.approx(TRUE[name][letter], abs=1e-9)
@@ -90,8 +95,8 @@ def test_limbs_of_a_synthesized_walk_give_back_gamma_and_keys(start):
 def test_keys_between_frames_allow_for_the_bend_of_the_way():
     """Straight lines from frame to frame would be off by the bend (and γ by a tenth and more)."""
     film = _film(np.arange(48) / 24 + 1 / 48)
-    gait, keys = fit(film, "x", 1.0, wavelet="db4")
-    rough = interpolate_keys(film, 0.25)
+    gait, keys = fit_gait(film, "x", 1.0, wavelet="db4")
+    rough = interpolate_key_frames(film, 0.25)
     off = [
         sum(
             ((found.first[n] - ONE[n]) ** 2).sum() + ((found.second[n] - TWO[n]) ** 2).sum()
@@ -106,7 +111,9 @@ def test_keys_between_frames_allow_for_the_bend_of_the_way():
 
 def test_gamma_per_scale_comes_back():
     per_scale = {name: {"A": (0.5, -0.5, 0.9, 0.0), "B": (-0.7, 0.2, 0.1, 0.3)} for name in LIMBS}
-    gait, _ = fit(_film(np.arange(24) / 16, per_scale), "x", 1.0, wavelet="db4", per_scale=True)
+    gait, _ = fit_gait(
+        _film(np.arange(24) / 16, per_scale), "x", 1.0, wavelet="db4", per_scale=True
+    )
     for name in LIMBS:
         for letter in "AB":
             assert gait.gamma[name][letter] == pytest.approx(per_scale[name][letter], abs=1e-9)
@@ -114,18 +121,18 @@ def test_gamma_per_scale_comes_back():
 
 def test_half_a_cycle_is_enough_and_less_is_refused():
     """Limbs of one side in the first half are those of the other in the second."""
-    gait, _ = fit(_film(np.arange(9) / 16), "x", 1.0, wavelet="db4")
+    gait, _ = fit_gait(_film(np.arange(9) / 16), "x", 1.0, wavelet="db4")
     for name in LIMBS:
         assert gait.gamma[name]["B"] == pytest.approx(TRUE[name]["B"], abs=1e-9)
     with pytest.raises(FinloopError, match="half a cycle"):
-        fit(_film(np.arange(6) / 16), "x", 1.0)
+        fit_gait(_film(np.arange(6) / 16), "x", 1.0)
     with pytest.raises(FinloopError, match="does not always rise"):
-        fit(_film(np.array([0.0, 0.4, 0.3, 0.9])), "x", 1.0)
+        fit_gait(_film(np.array([0.0, 0.4, 0.3, 0.9])), "x", 1.0)
 
 
 def test_far_limbs_that_hang_elsewhere_keep_their_hips():
     offsets = {"fore_left": np.array([0.2, 0.1]), "fore_right": np.array([-0.2, -0.1])}
-    gait, keys = fit(_film(np.arange(16) / 16, offsets=offsets), "x", 1.0, wavelet="db4")
+    gait, keys = fit_gait(_film(np.arange(16) / 16, offsets=offsets), "x", 1.0, wavelet="db4")
     assert gait.gamma["fore_left"]["B"] == pytest.approx((-0.8,), abs=1e-9)
     np.testing.assert_allclose(keys.first["fore_right"], ONE["fore_right"], atol=1e-12)
 
@@ -139,7 +146,7 @@ def test_a_mirrored_cycle_and_another_split():
     np.testing.assert_allclose(
         film.contours["outline"][10], mirror_contours(film.contours["outline"][0]), atol=1e-12
     )
-    gait, _ = fit(film, "fish", 2.0, split=0.2, wavelet="db4")
+    gait, _ = fit_gait(film, "fish", 2.0, split=0.2, wavelet="db4")
     assert gait.gamma["outline"]["A"] == pytest.approx((-0.9,), abs=1e-9)
     assert gait.gamma["*"]["B"] == pytest.approx((0.4,), abs=1e-9)
     assert gait.support == {}
@@ -157,14 +164,14 @@ def test_keys_lie_between_the_frames_beside_and_over_cycles_are_their_mean():
         noisy.contours["fore_left"][[0, 16]].sum(0)
         + film.contours_half_cycle_later(later)["fore_left"].sum(0)
     ) / 4
-    np.testing.assert_allclose(interpolate_keys(noisy, 0.25).first["fore_left"], mean)
+    np.testing.assert_allclose(interpolate_key_frames(noisy, 0.25).first["fore_left"], mean)
     between = _film((np.arange(4) - 0.5) / 4 + 0.25, straight)  # key 2 amid two frames
     expected = between.contours["fore_left"][:2].mean(axis=0)
     twin = _film(between.phase + 0.5, straight)
     other = twin.contours_half_cycle_later(twin.contours)["fore_left"][:2].mean(axis=0)
     np.testing.assert_allclose(expected, other, atol=1e-12)
     np.testing.assert_allclose(
-        interpolate_keys(between, 0.25).second["fore_left"], expected, atol=1e-12
+        interpolate_key_frames(between, 0.25).second["fore_left"], expected, atol=1e-12
     )
 
 
@@ -172,28 +179,28 @@ def test_limbs_missing_in_some_frames_are_fitted_from_the_others():
     film = _film(np.arange(32) / 16)
     for name, frames in (("fore_left", [2, 9, 20]), ("hind_right", [0, 5])):
         film.contours[name][frames] = np.nan
-    gait, _ = fit(film, "x", 1.0, wavelet="db4")
+    gait, _ = fit_gait(film, "x", 1.0, wavelet="db4")
     for name in LIMBS:
         assert gait.gamma[name]["A"] == pytest.approx(TRUE[name]["A"], abs=1e-9)
     film.contours["fore_left"][:] = np.nan
     film.contours["fore_right"][:] = np.nan
     with pytest.raises(FinloopError, match="show 'fore_left' in A, 'fore_left' in B, 'fore_right'"):
-        fit(film, "x", 1.0)
+        fit_gait(film, "x", 1.0)
 
 
 def test_what_a_film_lacks_is_said():
     with pytest.raises(FinloopError, match="'fore_left' in A"):
-        fit(_film(np.arange(8) / 4), "x", 1.0)
+        fit_gait(_film(np.arange(8) / 4), "x", 1.0)
     film = _film(np.arange(32) / 16)
     film.contours["hind_left"][[0, 1, 2, 14, 15, 16, 17, 18, 30, 31]] = np.nan
     film.contours["hind_right"][[6, 7, 8, 9, 10, 22, 23, 24, 25, 26]] = np.nan
     with pytest.raises(FinloopError, match="no frame shows 'hind_left' near key 1\n"):
-        fit(film, "x", 1.0)
+        fit_gait(film, "x", 1.0)
 
 
 def test_support_is_from_the_foremost_place_to_the_hindmost():
     """The limb of _blob hangs down and swings: foremost at a negative angle."""
-    gait, keys = fit(_film(np.arange(16) / 16), "x", 1.0)
+    gait, keys = fit_gait(_film(np.arange(16) / 16), "x", 1.0)
     for ((start, stop),) in gait.support.values():
         assert 0 <= start < stop <= start + 1
     low = int(keys.first["hind_left"][:, 1].argmax())
@@ -202,15 +209,15 @@ def test_support_is_from_the_foremost_place_to_the_hindmost():
 
 
 def test_clocks_on_frames_left_out_stand_in_their_order():
-    quiet = compare(_film(np.arange(48) / 16), wavelet="db4")
+    quiet = compare_clocks(_film(np.arange(48) / 16), wavelet="db4")
     assert quiet.scheme == "cycles"
     assert quiet.rms["linear"] > 0.01
     assert max(quiet.rms[clock] for clock in ("gamma", "gamma_scale", "free")) < 1e-9
-    other = compare(_film(np.arange(24) / 16), wavelet="db4")  # no left-out frame has a twin
+    other = compare_clocks(_film(np.arange(24) / 16), wavelet="db4")  # no left-out frame has a twin
     assert other.rms["gamma"] < other.rms["free"] < other.rms["linear"]
     hind = quiet.by_scale.query("contour == 'hind_left' and subcycle == 'B'")
     assert hind["verdict"].iloc[0] == "buys" and hind["energy_share"].sum() == pytest.approx(1)
-    straight = compare(_film(np.arange(48) / 16, {"*": {"A": (0.0,), "B": (0.0,)}}))
+    straight = compare_clocks(_film(np.arange(48) / 16, {"*": {"A": (0.0,), "B": (0.0,)}}))
     assert set(straight.by_scale["verdict"]) == {"not seen"}
 
 
@@ -218,7 +225,7 @@ def test_noise_makes_gamma_buy_nothing_where_there_is_none():
     film = _film(np.arange(80) / 20, {"*": {"A": (0.0,), "B": (0.8,)}})
     rng = np.random.default_rng(6)
     noisy = {k: v + 0.02 * rng.normal(size=v.shape) for k, v in film.contours.items()}
-    found = compare(replace(film, contours=noisy))
+    found = compare_clocks(replace(film, contours=noisy))
     limbs = found.by_contour.set_index(["contour", "subcycle"])
     for name in LIMBS:
         assert limbs.loc[(name, "B"), "rms_gamma"] < limbs.loc[(name, "B"), "rms_linear"]
@@ -230,11 +237,11 @@ def test_noise_makes_gamma_buy_nothing_where_there_is_none():
 
 
 def test_what_is_left_out():
-    way, turns = holdouts(_film(np.arange(40) / 16))
+    way, turns = choose_held_out_frames(_film(np.arange(40) / 16))
     assert (way, [int(t.sum()) for t in turns]) == ("cycles", [16, 16, 8])
-    way, turns = holdouts(_film(np.arange(24) / 16))
+    way, turns = choose_held_out_frames(_film(np.arange(24) / 16))
     assert way == "every other frame" and (turns[0] ^ turns[1]).all()
-    one = compare(_film(np.arange(24) / 24), wavelet="db4")
+    one = compare_clocks(_film(np.arange(24) / 24), wavelet="db4")
     assert one.rms["gamma"] < one.rms["linear"]
 
 
@@ -246,9 +253,9 @@ def test_the_keys_that_a_film_starts_from_do_not_matter():
         contours={k: 2 * v for k, v in film.contours.items()},
         body_length=2 * film.body_length,
     )
-    for name, of in fit(film, "x", 1.0)[0].gamma.items():
-        assert of["A"] == pytest.approx(fit(large, "x", 1.0)[0].gamma[name]["A"], rel=1e-9)
-    assert compare(film).rms == pytest.approx(compare(large).rms, rel=1e-9)
+    for name, of in fit_gait(film, "x", 1.0)[0].gamma.items():
+        assert of["A"] == pytest.approx(fit_gait(large, "x", 1.0)[0].gamma[name]["A"], rel=1e-9)
+    assert compare_clocks(film).rms == pytest.approx(compare_clocks(large).rms, rel=1e-9)
 
 
 @pytest.mark.parametrize("late", [-0.03, 0.0, 0.02])

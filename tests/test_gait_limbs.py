@@ -6,12 +6,12 @@ from scipy.spatial import cKDTree
 from toy_dog import fill, true_masks
 
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import Curve, area, centroid
+from finloop.curve.contour import Curve, area_centroids, signed_area
 from finloop.drawn.dog.walk import NAMES, DogFilm, course_px, phases, truth
 from finloop.gait.limbs import (
     BORDER,
     EMPTY,
-    limbs,
+    limb_contours,
     match_contours,
     region_contour,
     smooth_track,
@@ -39,7 +39,7 @@ def regions():
 
 @pytest.fixture(scope="module")
 def whole(regions):
-    return limbs(regions, 64, 16)
+    return limb_contours(regions, 64, 16)
 
 
 @pytest.mark.parametrize("middle", [(30.0, 30.0), (30.4, 29.7)])
@@ -50,8 +50,8 @@ def test_the_contour_of_a_disc_is_a_circle_to_a_tenth_of_a_pixel(middle):
     radius = np.linalg.norm(found.points - middle, axis=1)
     assert radius.mean() == pytest.approx(18, abs=0.1)
     assert radius.std() < 0.15
-    assert area(found) > 0
-    assert centroid(found.points) == pytest.approx(middle, abs=0.1)
+    assert signed_area(found) > 0
+    assert area_centroids(found.points) == pytest.approx(middle, abs=0.1)
 
 
 def test_of_several_parts_the_largest_counts_and_its_holes_do_not():
@@ -61,7 +61,7 @@ def test_of_several_parts_the_largest_counts_and_its_holes_do_not():
     mask[5:9, 50:55] = True
     found = region_contour(mask)
     assert found.points[:, 0].max() == pytest.approx(39.5, abs=0.1)
-    assert area(found) == pytest.approx(900, rel=0.02)
+    assert signed_area(found) == pytest.approx(900, rel=0.02)
     mask[:] = False
     mask[5, 5] = True
     assert region_contour(mask) == EMPTY
@@ -73,7 +73,7 @@ def test_points_belong_together_however_a_contour_is_turned_moved_and_begun():
     given = [egg(angle=0.4 * np.sin(k), at=(3 * k, -k), start=37 * k) for k in range(12)]
     found = match_contours(given, 32)
     back = [
-        ((points - centroid(points)) @ [1, 1j]) * np.exp(-0.4j * np.sin(k))
+        ((points - area_centroids(points)) @ [1, 1j]) * np.exp(-0.4j * np.sin(k))
         for k, points in enumerate(found)
     ]
     # The grid in which starts are sought is 1/16 of the distance of two points.
@@ -155,7 +155,7 @@ def test_gamma_is_found_again_in_regions_of_whole_pixels(regions, with_body):
         {name: one for name, one in frame.items() if with_body or name != "body"}
         for frame in regions
     ]
-    points = limbs(frames, 64, 16).points
+    points = limb_contours(frames, 64, 16).points
     exact, wanted = truth(DOG, 64), true_gamma(DOG, 64)
     for name in NAMES:
         for which, label in enumerate("AB"):
@@ -168,7 +168,7 @@ def test_a_limb_that_some_frames_lack_is_said_and_the_others_stay(regions, whole
     frames = [dict(frame) for frame in regions]
     del frames[3]["fore_left"]
     frames[4]["fore_left"] = frames[9]["fore_left"] = BORDER
-    found = limbs(frames, 64, 16)
+    found = limb_contours(frames, 64, 16)
     (note,) = found.notes
     assert note == (
         "fore_left is left out of frames 3: not there; 4, 9: touches the border of the picture"
@@ -179,7 +179,7 @@ def test_a_limb_that_some_frames_lack_is_said_and_the_others_stay(regions, whole
     cut = regions[6]["hind_left"].points  # another limb hides a part
     frames = [dict(frame) for frame in regions]
     frames[6]["hind_left"] = Curve(np.minimum(cut, np.median(cut, axis=0)), True)
-    (note,) = limbs(frames, 64, 16).notes
+    (note,) = limb_contours(frames, 64, 16).notes
     assert note.startswith("hind_left is smaller than usual in frames 6:")
 
 
@@ -192,4 +192,4 @@ def test_regions_without_a_limb_are_refused(regions):
         ([], "0 frames"),
     ):
         with pytest.raises(FinloopError, match=said):
-            limbs(given, 64)
+            limb_contours(given, 64)

@@ -9,19 +9,19 @@ import pytest
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
-from finloop.curve.contour import Curve, area
+from finloop.curve.contour import Curve, signed_area
 from finloop.drawn.carp.film import motion
 from finloop.drawn.carp.midline import midline
 from finloop.drawn.carp.skin import half_width
 from finloop.gait.outline import (
     TrackContours,
-    asymmetry,
-    centre_and_direction,
-    contours,
-    in_body_frame,
+    body_centres_and_directions,
+    contour_asymmetry,
+    contours_from_snout,
     join_steady_frames,
+    move_to_body_frame,
     swim_contours,
-    tail_offset,
+    tail_sideways_positions,
     track_outlines,
 )
 
@@ -61,15 +61,19 @@ def off(found: np.ndarray, true: np.ndarray | float) -> np.ndarray:
 
 def test_contours_begin_at_the_snout_and_run_clockwise() -> None:
     outline, line = swimming()
-    found = contours(outline, line[:, 0], 64)
+    found = contours_from_snout(outline, line[:, 0], 64)
     assert np.abs(found[:, 0] - line[:, 0]).max() < 0.02 * LENGTH
-    assert all(area(Curve(one, True)) > 0 for one in found)
+    assert all(signed_area(Curve(one, True)) > 0 for one in found)
     for one in found:
         step = np.hypot(*np.diff(np.vstack([one, one[:1]]), axis=0).T)
         assert np.ptp(step[2:30]) < 0.05 * step.mean()  # not the tips, where corners are cut
     # Neither the direction nor the first point of what comes matters.
-    np.testing.assert_allclose(contours(outline[:, ::-1], line[:, 0], 64), found, atol=1e-9)
-    np.testing.assert_allclose(contours(np.roll(outline, 9, 1), line[:, 0], 64), found, atol=1e-9)
+    np.testing.assert_allclose(
+        contours_from_snout(outline[:, ::-1], line[:, 0], 64), found, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        contours_from_snout(np.roll(outline, 9, 1), line[:, 0], 64), found, atol=1e-9
+    )
 
 
 def test_the_beat_of_a_drawn_fish_is_found() -> None:
@@ -80,10 +84,12 @@ def test_the_beat_of_a_drawn_fish_is_found() -> None:
     assert found.length_px == pytest.approx(LENGTH, rel=0.01)
     assert np.ptp(off(found.period.phase, BEAT)) < 0.03
     # Phase 0 is where the tail is farthest to the left, which is up on the screen.
-    turned = tail_offset(found.points) @ np.exp(-2j * np.pi * found.period.phase)
+    turned = tail_sideways_positions(found.points) @ np.exp(-2j * np.pi * found.period.phase)
     assert np.angle(-turned) == pytest.approx(0, abs=0.05)
-    assert np.abs(off(found.period.phase[tail_offset(found.points).argmin()], 0.0)) < 0.06
-    assert tail_offset(found.points).max() > 0.05
+    assert (
+        np.abs(off(found.period.phase[tail_sideways_positions(found.points).argmin()], 0.0)) < 0.06
+    )
+    assert tail_sideways_positions(found.points).max() > 0.05
     # The head yaws in the body frame as it does on the film of a fish that stays in place.
     yaw = swimming()[1][:, 0, 1] / LENGTH
     np.testing.assert_allclose(found.points[:, 0, 1], yaw - yaw.mean(), atol=0.004)
@@ -123,9 +129,9 @@ def test_in_a_mirror_it_is_half_a_beat_later() -> None:
 def test_a_straight_fish_is_its_own_mirror_image() -> None:
     still, curled = midline(0, 0, 0, 0, 0, 0), midline(0, 0, 0, 0, 0, 1.0)
     lines = np.stack([still, curled])
-    found = contours(np.stack([carp_outline(line) for line in lines]), lines[:, 0], 128)
-    centre, angle = centre_and_direction(found, lines)
-    far = asymmetry(in_body_frame(found, centre, angle))
+    found = contours_from_snout(np.stack([carp_outline(line) for line in lines]), lines[:, 0], 128)
+    centre, angle = body_centres_and_directions(found, lines)
+    far = contour_asymmetry(move_to_body_frame(found, centre, angle))
     assert far[0] < 1e-3
     assert far[1] > 0.03
 

@@ -11,7 +11,14 @@ from conftest import ROOT
 from scratch import save_svg
 
 from finloop.base.errors import FinloopError
-from finloop.gait.tool import SHIPPED, gait_path, load_gait, main, shipped_gaits, timing
+from finloop.gait.tool import (
+    SHIPPED,
+    choose_frame_timing,
+    find_gait_file,
+    load_gait,
+    main,
+    shipped_gait_files,
+)
 from finloop.io.animation import ENDINGS
 from finloop.io.svg import load_svg
 
@@ -80,15 +87,15 @@ def test_what_a_viewer_should_know_is_said(tmp_path, capsys):
 
 
 def test_shipped_gaits_are_found_by_name_and_others_by_path(tmp_path):
-    assert gait_path("dog_walk", SHIPPED) == SHIPPED / "dog_walk.json"
+    assert find_gait_file("dog_walk", SHIPPED) == SHIPPED / "dog_walk.json"
     own = tmp_path / "own.json"
     own.write_bytes((SHIPPED / "dog_walk.json").read_bytes())
-    assert gait_path(str(own), SHIPPED) == own
+    assert find_gait_file(str(own), SHIPPED) == own
     with pytest.raises(FinloopError, match="dog_walk or "):
-        gait_path("cat", SHIPPED)
-    assert all(load_gait(path).name == name for name, path in shipped_gaits(SHIPPED).items())
+        find_gait_file("cat", SHIPPED)
+    assert all(load_gait(path).name == name for name, path in shipped_gait_files(SHIPPED).items())
     with pytest.raises(FinloopError, match="wanted: the path of"):
-        gait_path("cat", tmp_path / "nowhere")
+        find_gait_file("cat", tmp_path / "nowhere")
 
 
 def test_the_list_shows_each_gait(capsys):
@@ -96,7 +103,7 @@ def test_the_list_shows_each_gait(capsys):
         main(["--list"])
     assert stop.value.code == 0
     assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()] == list(
-        shipped_gaits(SHIPPED)
+        shipped_gait_files(SHIPPED)
     )
 
 
@@ -112,7 +119,7 @@ def test_the_list_shows_each_gait(capsys):
     ],
 )
 def test_tempo(hz, frames, rate, wanted):
-    assert timing(hz, frames, rate and Fraction(rate)) == wanted
+    assert choose_frame_timing(hz, frames, rate and Fraction(rate)) == wanted
 
 
 # --- bad input

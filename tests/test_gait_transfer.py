@@ -10,15 +10,15 @@ from conftest import ROOT
 from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, resample_curve
-from finloop.gait.ground import foot_displacement, ground, plant_feet, supports
+from finloop.gait.ground import foot_displacement, measure_ground, plant_feet, support_frames
 from finloop.gait.model import Gait, mirror_contours
 from finloop.gait.transfer import (
-    match_poses,
-    mirror_orders,
+    add_pooled_gamma,
+    animate_drawing,
+    match_key_poses,
+    mirrored_point_orders,
     renumber_curve,
-    repeat,
-    transfer,
-    with_pooled_gamma,
+    repeat_cycle,
 )
 from finloop.io.svg import load_svg
 
@@ -58,7 +58,7 @@ def rotate(points: np.ndarray, degrees: float) -> np.ndarray:
 
 @pytest.mark.parametrize(("name", "gait"), [("dog", WALK), ("fish", SWIM)])
 def test_shipped_drawings_go_without_folds_or_jumps(name, gait):
-    done = transfer(*poses(name), gait, 16, 64)
+    done = animate_drawing(*poses(name), gait, 16, 64)
     assert not any(count.any() for count in done.morph.folds.values())
     assert done.outside == {}
     for stack in done.morph.layers.values():
@@ -68,20 +68,20 @@ def test_shipped_drawings_go_without_folds_or_jumps(name, gait):
 
 def test_the_dog_stands_on_its_feet():
     uneven = replace(WALK, gamma={"*": {"A": (-1.0,), "B": (1.0,)}})
-    done = transfer(*poses("dog"), uneven, 16, 64)
+    done = animate_drawing(*poses("dog"), uneven, 16, 64)
     assert max(done.after.slide.values()) < 1e-4 < 0.03 < max(done.before.slide.values())
     one, two = poses("dog")  # the second pose may have another size
     large = Drawing({n: Curve(3 * c.points, c.closed) for n, c in two.curves.items()}, 1620, 1140)
-    found, wanted = (transfer(one, key, WALK, 4, 32).morph.layers for key in (large, two))
+    found, wanted = (animate_drawing(one, key, WALK, 4, 32).morph.layers for key in (large, two))
     assert found["tail"] == pytest.approx(wanted["tail"], abs=0.02)
-    done = transfer(*poses("dog"), WALK, 16, 64)
+    done = animate_drawing(*poses("dog"), WALK, 16, 64)
     assert max(done.after.slide.values()) < 1e-4 < max(done.before.slide.values()) < 0.005
     width = np.ptp(np.concatenate([c.points for c in poses("dog")[0].curves.values()])[:, 0])
     assert done.after.speed * 16 * width == pytest.approx(-168, rel=0.01)  # two steps as drawn
 
 
 def test_few_control_points_keep_the_ground():
-    whole, few = (transfer(*poses("dog"), WALK, 8, 64, control) for control in (None, 4))
+    whole, few = (animate_drawing(*poses("dog"), WALK, 8, 64, control) for control in (None, 4))
     assert max(few.after.slide.values()) < 1e-4
     far = np.abs(few.morph.layers["head"] - whole.morph.layers["head"]).max()
     assert far > 2
@@ -92,16 +92,16 @@ def test_few_control_points_keep_the_ground():
 
 def test_swap_passes_the_keys_of_left_and_right():
     one, two = poses("dog")
-    layers = transfer(one, two, replace(WALK, support={}), 8, 64).morph.layers
+    layers = animate_drawing(one, two, replace(WALK, support={}), 8, 64).morph.layers
     for name, other in (("fore_left", "fore_right"), ("hind_right", "hind_left"), ("body", "body")):
         assert np.abs(layers[name][4] - layers[other][0]).max() < 0.02
         assert np.abs(layers[name][6] - layers[other][2]).max() < 0.02
-    keys = match_poses(one, two, "swap", 64)
+    keys = match_key_poses(one, two, "swap", 64)
     assert np.abs(layers["fore_left"][[0, 2]] - [key["fore_left"] for key in keys]).max() < 0.01
 
 
 def test_mirror_passes_reflected_keys():
-    layers = transfer(*poses("fish"), SWIM, 12, 64).morph.layers
+    layers = animate_drawing(*poses("fish"), SWIM, 12, 64).morph.layers
     for name, other in (("tail", "tail"), ("eye_left", "eye_right"), ("mouth", "mouth")):
         here, there = layers[name][:6], layers[other][6:] * [1, -1] + [0, 300]
         near = np.abs(here[:, :, None] - there[:, None]).max(axis=-1).min(axis=2)
@@ -111,7 +111,7 @@ def test_mirror_passes_reflected_keys():
 def test_swing_follows_its_clock():
     one = legs(fore_left=(10, 5), fore_right=(50, 5))
     two = legs(fore_left=(30, 5), fore_right=(30, 5))
-    layers = transfer(one, two, replace(WALK, support={}), 16, 32).morph.layers
+    layers = animate_drawing(one, two, replace(WALK, support={}), 16, 32).morph.layers
     x = layers["fore_left"][:, :, 0].mean(axis=1) - BOOT[:, 0].mean()
     tau = np.arange(4) / 4
     x -= x[0] - 10
@@ -122,14 +122,14 @@ def test_swing_follows_its_clock():
 
 def test_ids_that_a_gait_does_not_name_go_by_the_mean():
     bare = replace(WALK, gamma={"fore_left": {"A": (-1.0, -0.5), "B": (1.0,)}})
-    assert with_pooled_gamma(bare).gamma["*"] == {"A": (-0.75,), "B": (1.0,)}
-    assert with_pooled_gamma(WALK) is WALK
+    assert add_pooled_gamma(bare).gamma["*"] == {"A": (-0.75,), "B": (1.0,)}
+    assert add_pooled_gamma(WALK) is WALK
 
 
 def test_a_far_limb_that_stands_higher_stays_there():
     one = legs(fore_left=(10, 5), fore_right=(50, 12))
     two = legs(fore_left=(30, 1), fore_right=(30, 12))
-    done = transfer(one, two, WALK, 16, 64)
+    done = animate_drawing(one, two, WALK, 16, 64)
     low = {name: stack[..., 1].max(axis=1) for name, stack in done.morph.layers.items()}
     assert low["fore_left"].max() == pytest.approx(45, abs=0.02)
     assert low["fore_right"] == pytest.approx(
@@ -139,7 +139,7 @@ def test_a_far_limb_that_stands_higher_stays_there():
 
 def test_what_leaves_the_picture_is_counted():
     one = legs(fore_left=(-5, 5), fore_right=(50, 5))
-    done = transfer(one, legs(fore_left=(20, 5), fore_right=(20, 5)), WALK, 8, 32)
+    done = animate_drawing(one, legs(fore_left=(20, 5), fore_right=(20, 5)), WALK, 8, 32)
     assert set(done.outside) == {"fore_left", "fore_right"}
     assert done.outside["fore_left"] == done.outside["fore_right"]  # each is there in its turn
 
@@ -147,17 +147,19 @@ def test_what_leaves_the_picture_is_counted():
 def test_exchanged_sides_are_told():
     one = legs(fore_left=(10, 5), fore_right=(50, 5))
     well = legs(fore_left=(30, 1), fore_right=(30, 5))
-    assert transfer(one, well, WALK, 8, 32).lifted == ()
+    assert animate_drawing(one, well, WALK, 8, 32).lifted == ()
     wrong = legs(fore_left=(30, 5), fore_right=(30, 1))
-    assert transfer(one, wrong, WALK, 8, 32).lifted == ("fore_right",)
-    assert transfer(*poses("dog"), WALK, 8, 32).lifted == ()
+    assert animate_drawing(one, wrong, WALK, 8, 32).lifted == ("fore_right",)
+    assert animate_drawing(*poses("dog"), WALK, 8, 32).lifted == ()
     far = legs(fore_left=(10, 5), fore_right=(50, 1))  # a far limb stands higher
-    assert transfer(far, legs(fore_left=(30, 4), fore_right=(30, 1)), WALK, 8, 32).lifted == ()
+    assert (
+        animate_drawing(far, legs(fore_left=(30, 4), fore_right=(30, 1)), WALK, 8, 32).lifted == ()
+    )
 
 
 def test_cycles_in_a_row():
-    done = transfer(*poses("fish"), SWIM, 6, 32).morph
-    three = repeat(done, 3)
+    done = animate_drawing(*poses("fish"), SWIM, 6, 32).morph
+    three = repeat_cycle(done, 3)
     assert len(three.tau) == 18
     assert (three.layers["tail"][12:] == done.layers["tail"]).all()
     assert done.tau[0] == 0 and done.tau[3] == 1 and done.tau[-1] < done.tau.max()
@@ -185,7 +187,7 @@ def test_left_and_right_limbs_are_numbered_alike():
     left = Curve(rotate(BOOT, 20), True)
     right = Curve(np.roll(rotate(BOOT, -15), 3, axis=0)[::-1] + [50, 0], True)
     pair = Drawing({"fore_left": left, "fore_right": right}, 100, 60)
-    first, second = match_poses(pair, pair, "swap", 64)
+    first, second = match_key_poses(pair, pair, "swap", 64)
     assert rotate(first["fore_right"] - [50, 0], 35) == pytest.approx(first["fore_left"], abs=0.7)
     assert second == {name: pytest.approx(points) for name, points in first.items()}
 
@@ -209,7 +211,7 @@ def test_mirror_orders_find_the_other_side_of_a_turned_tail():
     fork = np.array([[0, 5], [-40, 14], [-30, 0], [-40, -14], [0, -5]], float)
     key = renumber_curve(np.zeros((64, 2)), Curve(fork, True))
     one, two = rotate(key, 30), rotate(key, -20)
-    order = mirror_orders({"tail": one}, {"tail": two}, {"tail": True})["tail"]
+    order = mirrored_point_orders({"tail": one}, {"tail": two}, {"tail": True})["tail"]
     assert mirror_contours(one, 0.0, order) == pytest.approx(rotate(key, -30), abs=1.5)
 
 
@@ -225,10 +227,10 @@ def boot_cycle(slip: float, sink: float) -> np.ndarray:
 
 
 def test_supports_are_whole_frames_with_both_ends():
-    assert [run.tolist() for run in supports(((0.0, 0.5), (0.75, 1.25)), 8)] == [
+    assert [run.tolist() for run in support_frames(((0.0, 0.5), (0.75, 1.25)), 8)] == [
         [0, 1, 2, 3, 4], [6, 7, 8, 9, 10],
     ]  # fmt: skip
-    assert supports(((0.3, 0.31),), 8) == []
+    assert support_frames(((0.3, 0.31),), 8) == []
 
 
 def test_a_foot_drawn_with_an_open_line_counts_too():
@@ -254,22 +256,22 @@ def test_a_foot_that_rolls_does_not_slide():
 
 def test_a_good_foot_is_left_alone():
     stack = boot_cycle(0, 0)
-    found = ground({"foot": stack}, {"foot": FIRST})
+    found = measure_ground({"foot": stack}, {"foot": FIRST})
     assert found.speed == pytest.approx(-2)
     assert found.slide["foot"] == pytest.approx(0, abs=1e-9)
     assert plant_feet({"foot": stack}, {"foot": FIRST})["foot"] == pytest.approx(stack)
     assert plant_feet({"tail": stack}, {"foot": FIRST})["tail"] is stack
-    assert ground({"tail": stack}, {"foot": FIRST}) == (0.0, {})
+    assert measure_ground({"tail": stack}, {"foot": FIRST}) == (0.0, {})
 
 
 def test_a_bad_foot_is_mended_and_its_hip_is_not_moved():
     stack, good = boot_cycle(3, 2), boot_cycle(0, 0) + [1, 0]
     limbs, support = {"foot": stack, "good": good}, {"foot": FIRST, "good": FIRST}
-    before = ground(limbs, support)
+    before = measure_ground(limbs, support)
     done = plant_feet(limbs, support)
     assert before.slide["foot"] > 2.5
     foot = done["foot"]
-    # Measured apart from `ground`: the heel, which is the last point, in the frames on the ground.
+    # Measured apart from `measure_ground`: the heel, which is the last point, in the frames on the ground.
     assert np.diff(foot[:9, -1, 0]) == pytest.approx(before.speed, abs=1e-9)
     assert foot[:9, :, 1].max(axis=1) == pytest.approx(foot[0, :, 1].max())
     assert foot[..., 1].max() <= foot[0, :, 1].max() + 1e-9
@@ -312,13 +314,13 @@ def line(*points: tuple[float, float], closed: bool = False) -> Drawing:
 )  # fmt: skip
 def test_poses_that_do_not_fit_are_named(one, two, says):
     with pytest.raises(FinloopError, match=says):
-        transfer(one, two, WALK, 8, 32)
+        animate_drawing(one, two, WALK, 8, 32)
 
 
 def test_a_pair_must_be_of_one_kind():
     open_one = Curve(np.array([[0, 0], [9, 9], [5, 20]], float), False)
     pair = Drawing({"fore_left": Curve(BOOT, True), "fore_right": open_one}, 100, 60)
     with pytest.raises(FinloopError, match="is closed, the other open"):
-        transfer(pair, pair, WALK, 8, 32)
+        animate_drawing(pair, pair, WALK, 8, 32)
     with pytest.raises(FinloopError, match="curve of 100 points"):
-        transfer(*poses("fish"), SWIM, 8, 100, 4)
+        animate_drawing(*poses("fish"), SWIM, 8, 100, 4)

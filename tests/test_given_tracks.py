@@ -26,7 +26,7 @@ from finloop.base.poses import Poses, poses_from_arrays
 from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
-from finloop.export.tracks import deeplabcut
+from finloop.export.tracks import deeplabcut_tables
 from finloop.extract.film import Detections
 from finloop.extract.given import (
     ExternalTrackLinker,
@@ -565,7 +565,7 @@ def test_the_missing_extra_is_named(tmp_path, monkeypatch, film):
     monkeypatch.setattr(
         "finloop.io.poses.extra.import_module", lambda name: __import__("no_" + name)
     )
-    save_csv_in_blocks(tmp_path / "tracks.csv", deeplabcut(film[1]), decimals=3)
+    save_csv_in_blocks(tmp_path / "tracks.csv", deeplabcut_tables(film[1]), decimals=3)
     with pytest.raises(FinloopError, match="extra `tracks`") as caught:
         load_poses(tmp_path / "tracks.csv", None, 25.0)
     assert caught.value.do == "make tracks"
@@ -721,7 +721,7 @@ def by_library(folder, dataset, poses, kind):
     path = folder / f"a.{kind.split()[1]}"
     match kind:
         case "DeepLabCut csv":
-            save_csv_in_blocks(path, deeplabcut(poses), decimals=4)
+            save_csv_in_blocks(path, deeplabcut_tables(poses), decimals=4)
         case "DeepLabCut h5":
             save_poses.to_dlc_file(dataset, path, split_individuals=False)
         case "SLEAP h5":

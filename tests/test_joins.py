@@ -20,14 +20,20 @@ from toy_film import (
 from finloop.animate.settings import AnimateSettings
 from finloop.animate.shoal import play
 from finloop.base.settings import settings
-from finloop.edit.joins import Joins, PictureSequence, inertialize, joins, sum_past
+from finloop.edit.joins import (
+    JoinRules,
+    PictureSequence,
+    inertialize_pictures,
+    resolve_join_rules,
+    sum_past_values,
+)
 from finloop.edit.modes import MODES
 from finloop.edit.schema import CUT, FADE, FRAME, INERTIAL, SPRITE, Goal, row_picture
 from finloop.features.table import wrap_deg
 
 DECAY = 5.0
 BODIES = bodies_of(rich_film())
-HOW = Joins(INERTIAL, 3, DECAY, BODIES, lambda *_: True, np.zeros(len(BODIES.goes_on), bool))
+HOW = JoinRules(INERTIAL, 3, DECAY, BODIES, lambda *_: True, np.zeros(len(BODIES.goes_on), bool))
 
 
 def frames(*runs, mirrored=False, rot=0.0):
@@ -42,7 +48,7 @@ def shown_bodies(shown):
 
 
 def inertialize_shown(shown, how=HOW):
-    return inertialize(shown, np.zeros(len(shown.number)), how)
+    return inertialize_pictures(shown, np.zeros(len(shown.number)), how)
 
 
 def heading(shown, found):
@@ -83,7 +89,7 @@ def test_posture_velocity_and_heading_go_on_across_a_join_and_die_away():
 
 
 def test_a_spring_has_five_per_cent_left_when_its_time_is_over():
-    offset, velocity = replace(HOW, decay=5.0).spring()
+    offset, velocity = replace(HOW, decay=5.0).spring_response()
     assert offset[0] == 1 and velocity[0] == 0
     assert offset[5] == pytest.approx(0.05, abs=1e-4)
     assert offset[-1] < 0.002 and (np.diff(offset) < 0).all()
@@ -123,7 +129,9 @@ def test_while_the_film_rests_what_a_join_left_stays_as_it_is():
     assert np.allclose(stays[35:45], stays[34], atol=1e-6) and np.abs(stays[34]).max() > 0.05
     assert np.allclose(np.delete(held.turn_deg, np.r_[35:45]), turn[:count])
     assert held.posed.sum() == free.posed.sum() + 10
-    assert resting.moving(FRAME, shown.number) == resting.moving(SPRITE, shown.number) - 10
+    assert (
+        resting.count_moving(FRAME, shown.number) == resting.count_moving(SPRITE, shown.number) - 10
+    )
 
 
 def test_two_joins_in_a_row_carry_the_rest():
@@ -214,7 +222,7 @@ def test_the_time_of_a_join_is_measured_or_said(monkeypatch):
     def decay(memory, **changes):
         film = replace(BODIES, poses=replace(BODIES.poses, memory_frames=memory * RATE))
         p = settings("animate", **changes)
-        return joins(p, INERTIAL, film, DELTA, HOW.bending_helps).decay / RATE
+        return resolve_join_rules(p, INERTIAL, film, DELTA, HOW.bending_helps).decay / RATE
 
     assert decay(0.25) == pytest.approx(0.25)
     monkeypatch.setattr(AnimateSettings, "join_frames", 3)
@@ -224,7 +232,7 @@ def test_the_time_of_a_join_is_measured_or_said(monkeypatch):
     assert decay(0.01) == pytest.approx(6 / RATE)
     assert decay(9.0) == pytest.approx(0.4)
     assert decay(0.25, join_time_deltas=4.0) == pytest.approx(0.8)
-    assert joins(settings("animate"), CUT, BODIES, DELTA, HOW.bending_helps).fade == 0
+    assert resolve_join_rules(settings("animate"), CUT, BODIES, DELTA, HOW.bending_helps).fade == 0
 
 
 def test_what_is_left_of_jumps_is_what_a_filter_leaves():
@@ -232,4 +240,4 @@ def test_what_is_left_of_jumps_is_what_a_filter_leaves():
     weights, values = rng.normal(size=7), rng.normal(size=(30, 2))
     wanted = scipy.signal.lfilter(weights, [1.0], values, axis=0)
     for ticks in (30, 3):
-        assert sum_past(weights, values[:ticks]) == pytest.approx(wanted[:ticks], rel=1e-12)
+        assert sum_past_values(weights, values[:ticks]) == pytest.approx(wanted[:ticks], rel=1e-12)

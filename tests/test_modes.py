@@ -56,8 +56,8 @@ from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.distance.picture import BODY, FILM
 from finloop.edit.measures import (
-    area_missed,
     longest_repeat,
+    motion_area_errors,
     picture_kind_shares,
     picture_kinds,
     turn_measures,
@@ -617,7 +617,7 @@ def test_a_turn_bends_as_far_as_the_network_says(network):
     assert len(deepest) == len(asked)
     assert np.corrcoef(asked["motion_area"], deepest)[0, 1] > 0.8
     missed = np.median(np.abs(asked["motion_area"] - deepest))
-    assert area_missed(table)["turn_area_missed_median"] == pytest.approx(missed)
+    assert motion_area_errors(table)["turn_area_missed_median"] == pytest.approx(missed)
 
 
 @pytest.mark.parametrize("seed", range(4))

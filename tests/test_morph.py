@@ -16,8 +16,15 @@ from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve
 from finloop.io.animation import ENDINGS
 from finloop.io.svg import load_svg
-from finloop.morph.folds import folds
-from finloop.morph.layers import METHODS, Physics, Scales, fit_drawing, morph, there_and_back
+from finloop.morph.folds import count_polygon_folds
+from finloop.morph.layers import (
+    METHODS,
+    LinearOptions,
+    PhysicalOptions,
+    fit_drawing,
+    morph_drawings,
+    there_and_back,
+)
 from finloop.morph.tool import main
 
 ROOT = Path(__file__).parents[1]
@@ -57,7 +64,7 @@ def far(points, line):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_morph_has_every_frame_of_every_layer(method):
-    done = morph(A, B, method, 7, points=64)
+    done = morph_drawings(A, B, method, 7, points=64)
     assert list(done.layers) == ["box", "open_line"]  # as the first drawing has them
     assert {name: stack.shape for name, stack in done.layers.items()} == dict.fromkeys(
         done.layers, (7, 64, 2)
@@ -73,7 +80,7 @@ def test_a_morph_has_every_frame_of_every_layer(method):
 
 @pytest.mark.parametrize("method", ["linear", "simple"])
 def test_the_ends_are_the_drawings(method):
-    done = morph(A, B, method, 5, points=128)
+    done = morph_drawings(A, B, method, 5, points=128)
     for frame, box, line in ((0, SQUARE, LINE), (-1, TRIANGLE, LINE + [0, 60])):
         assert far(done.layers["box"][frame], box) < 1e-4
         ends = done.layers["open_line"][frame][[0, -1]]
@@ -82,7 +89,7 @@ def test_the_ends_are_the_drawings(method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_drawing_morphed_into_itself_stays(method):
-    done = morph(A, A, method, 4, points=64)
+    done = morph_drawings(A, A, method, 4, points=64)
     for stack in done.layers.values():
         np.testing.assert_allclose(stack, np.broadcast_to(stack[0], stack.shape), atol=1e-4)
     assert all(done.continuous.values())
@@ -90,34 +97,40 @@ def test_a_drawing_morphed_into_itself_stays(method):
 
 def test_frames_lie_on_the_grid_that_is_told():
     for side, decimals in ((100, 4), (101, 3), (1, 6), (24, 4), (3e7, -2)):
-        done = morph(fit_drawing(A, side, side), fit_drawing(B, side, side), "linear", 3, points=32)
+        done = morph_drawings(
+            fit_drawing(A, side, side), fit_drawing(B, side, side), "linear", 3, points=32
+        )
         assert done.decimals == decimals
         for stack in done.layers.values():
             np.testing.assert_array_equal(stack, np.round(stack, decimals))
     corner = drawing(box=SQUARE - 20 - 1e-9)
-    box = morph(corner, corner, "linear", 2, points=32).layers["box"]
+    box = morph_drawings(corner, corner, "linear", 2, points=32).layers["box"]
     assert (box == 0).any() and not np.signbit(box).any()
 
 
 @pytest.mark.parametrize(
     ("method", "one", "other"),
     [
-        ("physical", {"physics": Physics(elastic=8.0)}, {"physics": Physics(elastic=0.5)}),
-        ("linear", {"scales": Scales(3, "coif2")}, {"scales": Scales(3, "db4")}),
-        ("linear", {"scales": Scales(None)}, {"scales": Scales(3)}),
+        (
+            "physical",
+            {"physics": PhysicalOptions(elastic=8.0)},
+            {"physics": PhysicalOptions(elastic=0.5)},
+        ),
+        ("linear", {"scales": LinearOptions(3, "coif2")}, {"scales": LinearOptions(3, "db4")}),
+        ("linear", {"scales": LinearOptions(None)}, {"scales": LinearOptions(3)}),
     ],
 )
 def test_settings_reach_their_method(method, one, other):
-    first, second = (morph(A, B, method, 5, 64, **given) for given in (one, other))
+    first, second = (morph_drawings(A, B, method, 5, 64, **given) for given in (one, other))
     assert np.abs(first.layers["box"] - second.layers["box"]).max() > 0.01
 
 
 def test_what_is_counted_is_what_is_shown():
     twisted = drawing(box=EIGHT)
-    done = morph(twisted, twisted, "linear", 3, points=64)
+    done = morph_drawings(twisted, twisted, "linear", 3, points=64)
     assert (done.folds["box"] > 0).all()
     assert not done.continuous["box"]
-    np.testing.assert_array_equal(done.folds["box"], folds(done.layers["box"], True))
+    np.testing.assert_array_equal(done.folds["box"], count_polygon_folds(done.layers["box"], True))
 
 
 @settings(max_examples=30)
@@ -138,13 +151,13 @@ def test_fitted_drawings_keep_their_shape_and_touch_the_rim(size, into):
 
 def test_the_second_drawing_is_fitted_into_the_first():
     large = fit_drawing(B, 1000, 1000)
-    one, other = (morph(A, b, "linear", 3, points=32) for b in (B, large))
+    one, other = (morph_drawings(A, b, "linear", 3, points=32) for b in (B, large))
     for name in one.layers:
         np.testing.assert_allclose(one.layers[name], other.layers[name], atol=2e-4)
 
 
 def test_there_and_back_repeats_without_a_jump():
-    done = morph(A, B, "linear", 4, points=32)
+    done = morph_drawings(A, B, "linear", 4, points=32)
     shown = there_and_back(done)
     np.testing.assert_array_equal(shown.tau, done.tau[[0, 1, 2, 3, 2, 1]])
     np.testing.assert_array_equal(shown.layers["box"], done.layers["box"][[0, 1, 2, 3, 2, 1]])
@@ -152,7 +165,7 @@ def test_there_and_back_repeats_without_a_jump():
 
 
 def test_the_faces_do_not_fold():
-    done = morph(*map(load_svg, map(Path, FACES)), "simple", 60)
+    done = morph_drawings(*map(load_svg, map(Path, FACES)), "simple", 60)
     assert {name: int(count.max()) for name, count in done.folds.items()} == dict.fromkeys(
         done.layers, 0
     )
@@ -169,7 +182,7 @@ def test_all_that_does_not_belong_together_is_told_at_once():
          "open_line": Curve(LINE, True)}, 100, 100, {},
     )  # fmt: skip
     with pytest.raises(FinloopError) as error:
-        morph(a, b, "linear", 3)
+        morph_drawings(a, b, "linear", 3)
     said = error.value.came
     assert "'nose' only in the first" in said
     assert "'chin' only in the second" in said
@@ -190,7 +203,7 @@ def test_all_that_does_not_belong_together_is_told_at_once():
 )
 def test_impossible_numbers(method, frames, points, says):
     with pytest.raises(FinloopError, match=says):
-        morph(A, B, method, frames, points)
+        morph_drawings(A, B, method, frames, points)
 
 
 # --- the command
@@ -258,7 +271,7 @@ def test_the_command_tells_what_is_wrong_and_leaves_nothing(tmp_path, body, says
 )
 def test_a_contour_that_a_method_refuses_is_named(box, method, says):
     with pytest.raises(FinloopError, match=says):
-        morph(drawing(box=box), drawing(box=SQUARE), method, 3, points=64)
+        morph_drawings(drawing(box=box), drawing(box=SQUARE), method, 3, points=64)
 
 
 @pytest.mark.parametrize("output", ["out.gif", "out", "/dev/null/out.svg"])

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from finloop.base.errors import FinloopError
-from finloop.morph.folds import folds, is_simple, stays_simple
+from finloop.morph.folds import count_polygon_folds, is_simple, stays_simple
 
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
 
@@ -53,7 +53,7 @@ def folds_by_fractions(points, closed):
 
 
 def test_no_folds_in_simple_polygons():
-    assert folds(SQUARE).tolist() == [0]
+    assert count_polygon_folds(SQUARE).tolist() == [0]
     assert is_simple(circle(1000)) and is_simple(circle(3)) and is_simple(circle(1000)[::-1])
     assert is_simple(np.array([[0, 0], [1, 0], [2, 0], [2, 1], [0, 1]], float))  # straight on
 
@@ -62,7 +62,7 @@ def test_no_folds_in_simple_polygons():
 def test_star_polygons(n, by):
     """Each edge of {n / by} meets 2 (by − 1) others in crossings, every one shared by two."""
     star = circle(n, by=by) + np.random.default_rng(n).normal(0, 1e-9, (n, 2))
-    assert folds(star).tolist() == [n * (by - 1)]
+    assert count_polygon_folds(star).tolist() == [n * (by - 1)]
     assert not is_simple(star)
 
 
@@ -73,7 +73,7 @@ def test_touching_is_folding():
     twice = np.array([[0, 0], [1, 0], [1, 0], [1, 1], [0, 1]], float)
     for polygon in (bow, point_on_edge, spike, twice):
         assert not is_simple(polygon)
-        assert folds(polygon)[0] == folds_by_fractions(polygon, True) > 0
+        assert count_polygon_folds(polygon)[0] == folds_by_fractions(polygon, True) > 0
 
 
 def test_open_curves_have_no_last_edge():
@@ -82,22 +82,24 @@ def test_open_curves_have_no_last_edge():
     u = np.array([[0, 0], [0, 1], [1, 1], [1, -1], [-1, -1], [-1, 2], [3, 2]], float)
     assert is_simple(u, closed=False) and not is_simple(u)
     assert is_simple(SQUARE[:2], closed=False)
-    assert folds(np.array([[0, 0], [2, 0], [1, 0]], float), closed=False).tolist() == [1]
+    assert count_polygon_folds(
+        np.array([[0, 0], [2, 0], [1, 0]], float), closed=False
+    ).tolist() == [1]
 
 
 def test_one_unit_in_the_last_place():
     """A vertex beside an edge, on it, and beyond by the smallest step there is."""
     for height, count in ((np.nextafter(0.1, 1), 0), (0.1, 2), (np.nextafter(0.1, 0), 2)):
         low = np.array([[0, 0.1], [2, 0.1], [2, 3], [1, height], [0, 3]])
-        assert (folds(low)[0] > 0) == (count > 0)
-        assert folds(low)[0] == folds_by_fractions(low, True)
+        assert (count_polygon_folds(low)[0] > 0) == (count > 0)
+        assert count_polygon_folds(low)[0] == folds_by_fractions(low, True)
     slope = np.array([[0, 0], [3, 0.3], [3, 2], [1, 0.1], [0, 2]])
-    assert folds(slope)[0] == folds_by_fractions(slope, True)
+    assert count_polygon_folds(slope)[0] == folds_by_fractions(slope, True)
 
 
 def test_a_batch_is_its_frames():
     stack = np.stack([circle(64), circle(64, by=3), circle(64, 2.0)])
-    assert folds(stack).tolist() == [folds(frame)[0] for frame in stack]
+    assert count_polygon_folds(stack).tolist() == [count_polygon_folds(frame)[0] for frame in stack]
 
 
 coordinate = st.integers(0, 5).map(float)
@@ -114,8 +116,8 @@ near = st.tuples(st.integers(0, 3), st.integers(-2, 2)).map(lambda v: v[0] / 10 
 )
 def test_counts_as_fractions_do(points, closed):
     points = np.array(points)
-    assert folds(points, closed)[0] == folds_by_fractions(points, closed)
-    assert is_simple(points, closed) == (folds(points, closed)[0] == 0)
+    assert count_polygon_folds(points, closed)[0] == folds_by_fractions(points, closed)
+    assert is_simple(points, closed) == (count_polygon_folds(points, closed)[0] == 0)
 
 
 def test_rigid_motions_stay_simple():
@@ -151,7 +153,7 @@ def test_proved_motions_show_no_fold_at_any_moment(seed, n, much, closed):
     start = circle(n)[rng.permutation(n)] if much > 1.2 else circle(n)
     ends = np.stack([start, start + rng.normal(0, much, (n, 2))])
     share = np.linspace(0, 1, 301)[:, None, None]
-    folded = folds((1 - share) * ends[0] + share * ends[1], closed).any()
+    folded = count_polygon_folds((1 - share) * ends[0] + share * ends[1], closed).any()
     proved = stays_simple(ends, closed)
     assert not (proved and folded)
 
@@ -168,6 +170,6 @@ def test_small_motions_are_proved(seed):
 def test_bad_stacks():
     for bad in (SQUARE[:2], np.zeros((3, 4, 3)), np.zeros(4)):
         with pytest.raises(FinloopError, match="polygons of shape"):
-            folds(bad)
+            count_polygon_folds(bad)
     with pytest.raises(FinloopError, match="not finite"):
-        folds(SQUARE * np.nan)
+        count_polygon_folds(SQUARE * np.nan)

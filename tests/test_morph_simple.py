@@ -9,15 +9,15 @@ from hypothesis import strategies as st
 
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, resample_curve
-from finloop.curve.contour import area as area_of
-from finloop.curve.glyph import glyph
+from finloop.curve.contour import signed_area as area_of
+from finloop.curve.glyph import glyph_outlines
 from finloop.curve.wavelet import drop_details
-from finloop.morph.folds import folds, is_simple, stays_simple
-from finloop.morph.layers import linear, physical
-from finloop.morph.match import match_curves, misfit
+from finloop.morph.folds import count_polygon_folds, is_simple, stays_simple
+from finloop.morph.layers import linear_morph, physical_morph
+from finloop.morph.match import match_curves, misfit_by_start
 from finloop.morph.simple import (
     cut_ears,
-    join_plain_ends,
+    join_simplified_poses,
     path_lengths,
     shorten_polygon,
     simple_morph,
@@ -27,7 +27,7 @@ from finloop.morph.simple import (
 GLYPHS = {
     name: outlines[0]
     for name in string.ascii_letters + string.digits
-    if len(outlines := glyph(name)) == 1
+    if len(outlines := glyph_outlines(name)) == 1
 }
 
 
@@ -35,7 +35,11 @@ def simple_frames(a, b, frames, points):
     return simple_morph(a, b, frames, points).frames
 
 
-METHODS = (linear, simple_frames, lambda a, b, f, n: physical(a, b, f, n, 1.0, 8.0, 1.0))
+METHODS = (
+    linear_morph,
+    simple_frames,
+    lambda a, b, f, n: physical_morph(a, b, f, n, 1.0, 8.0, 1.0),
+)
 
 
 def area(points):
@@ -95,7 +99,7 @@ def test_a_curve_is_found_again(seed, start, back):
     points = resample_curve(star_shaped(np.random.default_rng(seed)), 64)
     points = resample_curve(points, 64).points
     other = np.roll(points, start, axis=0)[:: -1 if back else 1] + [30, -7]
-    far = misfit(points, other if not back else other[::-1])
+    far = misfit_by_start(points, other if not back else other[::-1])
     assert far.min() < 1e-9 * far.max()
     one, two = match_curves(Curve(points, True), Curve(other, True), 64)
     assert abs(centre(one) - centre(two)).max() < 0.2  # resampling starts between the points
@@ -104,7 +108,7 @@ def test_a_curve_is_found_again(seed, start, back):
 def test_the_best_of_all_start_points():
     a, b = (resample_curve(GLYPHS[name], 64).points for name in "k5")
     every = [((centre(a) - centre(np.roll(b, -s, axis=0))) ** 2).sum() for s in range(64)]
-    np.testing.assert_allclose(misfit(a, b), every, rtol=1e-9)
+    np.testing.assert_allclose(misfit_by_start(a, b), every, rtol=1e-9)
     one, two = match_curves(GLYPHS["k"], GLYPHS["5"], 64)
     np.testing.assert_array_equal(one, a)
     assert ((centre(one) - centre(two)) ** 2).sum() == pytest.approx(min(every))
@@ -149,13 +153,13 @@ def test_eq_4_1():
     a, b = GLYPHS["C"], GLYPHS["S"]
     one, two = match_curves(a, b, 256)
     tau = np.linspace(0, 1, 7)[:, None, None]
-    np.testing.assert_allclose(linear(a, b, 7, 256), (1 - tau) * one + tau * two, atol=1e-9)
-    np.testing.assert_allclose(linear(a, b, 7, 256, 0), linear(a, b, 7, 256), atol=1e-9)
+    np.testing.assert_allclose(linear_morph(a, b, 7, 256), (1 - tau) * one + tau * two, atol=1e-9)
+    np.testing.assert_allclose(linear_morph(a, b, 7, 256, 0), linear_morph(a, b, 7, 256), atol=1e-9)
     for source, target in ((a, b), (winding(1), winding(1.2))):
         ends = drop_details(np.stack(match_curves(source, target, 256)), "db4", 4, source.closed)
-        coarse = linear(source, target, 7, 256, 4, "db4")
+        coarse = linear_morph(source, target, 7, 256, 4, "db4")
         np.testing.assert_allclose(coarse, (1 - tau) * ends[0] + tau * ends[1], atol=1e-9)
-        assert abs(coarse - linear(source, target, 7, 256)).max() > 1e-3 * np.ptp(ends)
+        assert abs(coarse - linear_morph(source, target, 7, 256)).max() > 1e-3 * np.ptp(ends)
 
 
 def test_physics():
@@ -165,7 +169,7 @@ def test_physics():
     a, b = Curve(1.5 * ring + [9, 0], True), Curve(ring, True)
 
     def radius(elastic, damping, mass):
-        frames = physical(a, b, 101, 64, elastic, damping, mass)
+        frames = physical_morph(a, b, 101, 64, elastic, damping, mass)
         np.testing.assert_allclose(
             frames.mean(axis=1)[:, 0] / 9,
             (size := abs(centre(frames)[:, 0] @ [1, 1j])) * 2 - 2,
@@ -232,7 +236,7 @@ def test_plain_ends_can_always_be_joined():
             if area(other) * area(points[-1]) < 0:
                 other = other[::-1]
             other = np.roll(other, start, axis=0) + [500, 40]
-            poses = join_plain_ends(points[-1], other, True)
+            poses = join_simplified_poses(points[-1], other, True)
             assert stays_simple(poses)
             np.testing.assert_array_equal(poses[[0, -1]], [points[-1], other])
     one, done = straighten_curve(resample_curve(winding(3), 64).points)
@@ -240,7 +244,7 @@ def test_plain_ends_can_always_be_joined():
     assert done and also and stays_simple(one, False)
     for turn in np.deg2rad([0, 90, 179, 180, 181]):
         turned = other[-1] @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
-        assert stays_simple(join_plain_ends(one[-1], turned, False), False)
+        assert stays_simple(join_simplified_poses(one[-1], turned, False), False)
 
 
 # --- the morph
@@ -251,7 +255,7 @@ def test_glyphs(pair):
     a, b = (GLYPHS[name] for name in pair)
     found = simple_morph(a, b, 62, 256)
     frames = found.frames
-    assert found.proved and not folds(frames).any()
+    assert found.proved and not count_polygon_folds(frames).any()
     assert sum(map(folds_seen, frames)) == 0
     one, two = match_curves(a, b, 256)
     np.testing.assert_array_equal(frames[0], one)
@@ -269,14 +273,14 @@ def test_linear_where_that_is_simple():
         a, b = (GLYPHS[name] for name in pair)
         found = simple_morph(a, b, 62, 256)
         assert found.way == "linear" and found.proved
-        np.testing.assert_array_equal(found.frames, linear(a, b, 62, 256))
+        np.testing.assert_array_equal(found.frames, linear_morph(a, b, 62, 256))
 
 
 def test_a_fold_between_frames_is_no_linear_morph():
     """m → J: all 62 linear frames are simple, but it folds for a moment between two of them."""
-    straight = linear(GLYPHS["m"], GLYPHS["J"], 62, 256)
-    finer = linear(GLYPHS["m"], GLYPHS["J"], 61 * 200 + 1, 256)
-    assert not folds(straight).any() and folds(finer).any()
+    straight = linear_morph(GLYPHS["m"], GLYPHS["J"], 62, 256)
+    finer = linear_morph(GLYPHS["m"], GLYPHS["J"], 61 * 200 + 1, 256)
+    assert not count_polygon_folds(straight).any() and count_polygon_folds(finer).any()
     assert simple_morph(GLYPHS["m"], GLYPHS["J"], 62, 256).way != "linear"
 
 
@@ -293,7 +297,7 @@ def test_a_fold_between_frames_is_no_linear_morph():
 def test_tangles(a, b):
     for frames in (62, 4):
         found = simple_morph(a, b, frames, 256)
-        assert found.proved and not folds(found.frames, a.closed).any()
+        assert found.proved and not count_polygon_folds(found.frames, a.closed).any()
         assert sum(folds_seen(frame, a.closed) for frame in found.frames) == 0
 
 
@@ -306,14 +310,14 @@ def test_any_simple_polygons(seed, back):
     if not all(is_simple(resample_curve(curve, 128).points) for curve in (a, b)):
         return
     found = simple_morph(a, b, 20, 128)
-    assert found.proved and not folds(found.frames).any()
+    assert found.proved and not count_polygon_folds(found.frames).any()
 
 
 def test_too_coarse_to_shorten():
     """Ears are taken off instead: simple all the same."""
     assert not shorten_polygon(resample_curve(comb(15, 8), 32).points)[1]
     found = simple_morph(comb(15, 8), GLYPHS["S"], 62, 32)
-    assert found.proved and not folds(found.frames).any()
+    assert found.proved and not count_polygon_folds(found.frames).any()
 
 
 def test_size_and_place_do_not_matter():
@@ -331,4 +335,6 @@ def test_curves_that_meet_themselves():
         simple_frames(eight, GLYPHS["C"], 5, 64)
     with pytest.raises(FinloopError, match="second curve, at 64 points, meets itself"):
         simple_frames(GLYPHS["C"], eight, 5, 64)
-    assert folds(linear(eight, GLYPHS["C"], 5, 64))[0] > 0  # the linear one only counts
+    assert (
+        count_polygon_folds(linear_morph(eight, GLYPHS["C"], 5, 64))[0] > 0
+    )  # the linear one only counts

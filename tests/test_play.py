@@ -27,7 +27,7 @@ from finloop.animate.arena import tank as arena_tank
 from finloop.animate.company import Plans
 from finloop.animate.shoal import swim
 from finloop.base.errors import FinloopError
-from finloop.edit.build import edit_list
+from finloop.edit.build import build_edit_list
 from finloop.edit.modes import MODES, PAPER
 from finloop.edit.schema import FRAME, PATH, SPRITE, TERMS, TURN
 from finloop.features.swimming_type import LEFT, RIGHT
@@ -61,7 +61,7 @@ def say(view, **wish):
 def test_left_alone_it_is_the_edit_list_of_animate(mode, rest):
     ticks, players = 240, resting_players(rest)
     found = swim(players[mode], [], ticks, np.random.default_rng([7, 0]))
-    wanted = edit_list(found, ticks, players[mode].sources)
+    wanted = build_edit_list(found, ticks, players[mode].sources)
     tank = LiveTank(players, mode, 1, 7)
     first = np.array([tank.fish[0].row_at(0)[:-1]], ROW)
     rows = pd.DataFrame(np.append(first, played_rows(tank, ticks - 1)))

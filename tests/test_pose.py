@@ -72,7 +72,7 @@ def test_few_codes_stand_for_the_backbones_and_mirror_as_they_do():
     line = np.stack([np.stack(tracks[f"backbone_{axis}_px"]) for axis in "xy"], -1)
     assert np.abs(poses.pose.backbone_px() - line).max() < 1.0
     assert poses.codes.shape[1] <= 3
-    other = poses.shapes.decode(poses.codes @ poses.shapes.mirror)
+    other = poses.shapes.decode(poses.codes @ poses.shapes.mirror_matrix)
     assert other == pytest.approx(mirror_posture(poses.shapes.decode(poses.codes)), abs=1e-6)
 
 

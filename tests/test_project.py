@@ -39,7 +39,7 @@ def test_a_file_is_loaded_once(project, monkeypatch):
         monkeypatch.setattr(finloop.project, name, count_loads(getattr(finloop.project, name)))
     for _ in range(2):
         drawn = project.edit_with_sources("network", "render", sprites=True, bodies=True)
-        project.gallery(drawn).frame(0)
+        project.gallery(drawn).film_picture(0)
         assert project.arena.shape == project.background.shape[:2]
         assert len(project.reel) == len(project.film_reel) == len(project.outlines)
         assert len(project.steps) and len(project.jumps) and project.loops is not None

@@ -10,13 +10,13 @@ from finloop.base.errors import FinloopError
 from finloop.puppet import (
     Pose,
     PoseShapes,
-    Tail,
+    TailParameters,
     align_body_and_tail,
-    blend,
-    draw,
+    draw_in_pose,
+    mix_pictures,
     poses_from_features,
 )
-from finloop.puppet.pose import bends, mirror_posture, steps
+from finloop.puppet.pose import backbone_bends, backbone_steps, mirror_posture
 
 STEPS, SIZE, LENGTH, WIDE = 32, (121, 121), 60.0, 7.0
 MIDDLE = (60.0, 60.0, 0.0, LENGTH)
@@ -75,39 +75,42 @@ FRAME = BODY.pixels / np.float32(255)
 @pytest.mark.parametrize("turn", [0.0, 0.6, -2.0, 4.0])
 @pytest.mark.parametrize("sharp", [True, False])
 def test_a_frame_in_its_own_pose_is_itself(turn, sharp):
-    bent = cut(draw(BODY, pose(), pose(turn), SIZE))
-    again = draw(bent, pose(turn), pose(turn), SIZE, sharp=sharp)
+    bent = cut(draw_in_pose(BODY, pose(), pose(turn), SIZE))
+    again = draw_in_pose(bent, pose(turn), pose(turn), SIZE, sharp=sharp)
     assert np.abs(again - bent.pixels / 255).max() < 1e-3
 
 
 def test_grey_is_drawn_as_colour_is():
     grey = BODY._replace(pixels=np.ascontiguousarray(BODY.pixels[..., [1, 3]]))
-    drawn = draw(BODY, pose(), pose(2.0), SIZE)
-    assert np.allclose(draw(grey, pose(), pose(2.0), SIZE), drawn[..., [1, 3]], atol=5e-3)
+    drawn = draw_in_pose(BODY, pose(), pose(2.0), SIZE)
+    assert np.allclose(draw_in_pose(grey, pose(), pose(2.0), SIZE), drawn[..., [1, 3]], atol=5e-3)
 
 
 def test_a_pose_that_moves_moves_the_picture():
-    start = draw(BODY, pose(), pose(1.0), SIZE)
+    start = draw_in_pose(BODY, pose(), pose(1.0), SIZE)
     there = pose(1.0).move_to(67, 51, 0, LENGTH)
-    assert np.abs(draw(BODY, pose(), there, SIZE) - np.roll(start, (-9, 7), (0, 1))).max() < 1e-3
+    assert (
+        np.abs(draw_in_pose(BODY, pose(), there, SIZE) - np.roll(start, (-9, 7), (0, 1))).max()
+        < 1e-3
+    )
     quarter = pose(1.0).move_to(60, 60, np.pi / 2, LENGTH)
-    assert np.abs(draw(BODY, pose(), quarter, SIZE) - np.rot90(start)).max() < 1e-3
+    assert np.abs(draw_in_pose(BODY, pose(), quarter, SIZE) - np.rot90(start)).max() < 1e-3
 
 
 def test_a_pose_of_another_size_scales_the_picture():
-    large = draw(BODY, pose(), pose(1.0).move_to(120, 120, 0, 2 * LENGTH), (241, 241))
-    small = draw(BODY, pose(), pose(1.0), SIZE)
+    large = draw_in_pose(BODY, pose(), pose(1.0).move_to(120, 120, 0, 2 * LENGTH), (241, 241))
+    small = draw_in_pose(BODY, pose(), pose(1.0), SIZE)
     assert large[..., 3].sum() == pytest.approx(4 * small[..., 3].sum(), rel=0.01)
-    half = draw(cut(large), pose(1.0).move_to(120, 120, 0, 2 * LENGTH), pose(1.0), SIZE)
+    half = draw_in_pose(cut(large), pose(1.0).move_to(120, 120, 0, 2 * LENGTH), pose(1.0), SIZE)
     assert np.abs(half - small).mean() < 0.01
 
 
 def test_mirrored_is_the_mirror_image():
     finned = straight_body(fin=10)
-    bent = draw(finned, pose(), pose(1.5), SIZE)
-    other = draw(finned, pose(), pose(1.5).mirror(), SIZE, mirrored=True)
+    bent = draw_in_pose(finned, pose(), pose(1.5), SIZE)
+    other = draw_in_pose(finned, pose(), pose(1.5).mirror(), SIZE, mirrored=True)
     assert np.abs(other - bent[::-1]).max() < 1e-3
-    twice = draw(cut(other), pose(1.5).mirror(), pose(1.5), SIZE, mirrored=True)
+    twice = draw_in_pose(cut(other), pose(1.5).mirror(), pose(1.5), SIZE, mirrored=True)
     assert np.abs(twice - cut(bent).pixels / 255).max() < 0.01
     assert np.array_equal(pose(1.5).mirror().mirror().posture, pose(1.5).posture)
     assert np.allclose(pose(1.5).mirror().posture, pose(-1.5).posture)
@@ -115,8 +118,8 @@ def test_mirrored_is_the_mirror_image():
 
 @pytest.mark.parametrize("turn", [1.0, 2.5, 4.0])
 def test_a_striped_body_bends_and_comes_back(turn):
-    bent = draw(BODY, pose(), pose(turn), SIZE)
-    back = draw(cut(bent), pose(turn), pose(), SIZE)
+    bent = draw_in_pose(BODY, pose(), pose(turn), SIZE)
+    back = draw_in_pose(cut(bent), pose(turn), pose(), SIZE)
     solid = cv2.erode((FRAME[..., 3] > 0.99).astype(np.uint8), np.ones((5, 5))) > 0
     assert np.abs(back - FRAME)[solid].mean() < 0.015
     assert np.abs(back - FRAME)[solid].max() < 0.25  # a stripe is 10 px long
@@ -125,7 +128,7 @@ def test_a_striped_body_bends_and_comes_back(turn):
 @pytest.mark.parametrize("turn, wide", [(2.5, 7.0), (5.0, 7.0), (5.0, 14.0), (-5.0, 14.0)])
 def test_every_place_of_the_body_is_in_one_place(turn, wide):
     """Also where the body is wider than its bend is round: radius 12 px."""
-    drawn = draw(straight_body(wide), pose(), pose(turn), SIZE)
+    drawn = draw_in_pose(straight_body(wide), pose(), pose(turn), SIZE)
     solid, along, beside = sides(drawn)
     for start in np.arange(0.1, 0.9, 0.1):
         for flank in (beside > 2, beside < -2):
@@ -137,14 +140,14 @@ def test_every_place_of_the_body_is_in_one_place(turn, wide):
 
 @pytest.mark.parametrize("turn", [1.0, 3.0, 5.0])
 def test_no_skin_is_lost_in_a_bend(turn):
-    area = draw(BODY, pose(), pose(turn), SIZE)[..., 3].sum()
+    area = draw_in_pose(BODY, pose(), pose(turn), SIZE)[..., 3].sum()
     assert area == pytest.approx(FRAME[..., 3].sum(), rel=0.02 if turn < 4 else 0.06)
 
 
 def test_a_tail_beside_the_head_is_not_seen_twice():
     """A ring: its tail lies where the straight line beyond its head would go on."""
-    ring = draw(BODY, pose(), pose(5.9), SIZE)
-    back = draw(cut(ring), pose(5.9), pose(), SIZE)
+    ring = draw_in_pose(BODY, pose(), pose(5.9), SIZE)
+    back = draw_in_pose(cut(ring), pose(5.9), pose(), SIZE)
     assert back[..., 3].sum() == pytest.approx(FRAME[..., 3].sum(), rel=0.12)
     x = np.nonzero(back[..., 3] > 0.1)[1]
     assert x.min() > 60 - LENGTH / 2 - 3 and x.max() < 60 + LENGTH / 2 + 3
@@ -152,8 +155,8 @@ def test_a_tail_beside_the_head_is_not_seen_twice():
 
 def test_the_far_side_of_a_bend_is_not_seen_beyond_the_near_one():
     """Straightened, cross-sections of a fan go on beyond its middle, where other skin lies."""
-    fan = draw(straight_body(14), pose(), pose(5.0), SIZE)
-    back = draw(cut(fan), pose(5.0), pose(), SIZE)
+    fan = draw_in_pose(straight_body(14), pose(), pose(5.0), SIZE)
+    back = draw_in_pose(cut(fan), pose(5.0), pose(), SIZE)
     assert back[:40, :, 3].sum() < 0.01 * back[..., 3].sum()
 
 
@@ -161,8 +164,8 @@ def test_an_open_fin_is_whole():
     finned = straight_body(fin=10)
     fin = finned.pixels[..., 3].sum() / 255 - FRAME[..., 3].sum()
     for turn in (-1.5, 1.5):
-        drawn = draw(finned, pose(), pose(turn), SIZE)
-        without = draw(BODY, pose(), pose(turn), SIZE)
+        drawn = draw_in_pose(finned, pose(), pose(turn), SIZE)
+        without = draw_in_pose(BODY, pose(), pose(turn), SIZE)
         squeeze = 1 - turn / LENGTH * (WIDE + 5)  # on the inner side, wider on the outer one
         extra = (drawn - without)[..., 3]
         assert extra.sum() == pytest.approx(squeeze * fin, rel=0.1)
@@ -173,31 +176,33 @@ def test_an_open_fin_is_whole():
 def test_the_outline_has_no_fringe(light):
     pixels = BODY.pixels.copy()
     pixels[..., :3] = pixels[..., 3:] // 255 * light if light == 0 else pixels[..., 3:]
-    drawn = draw(BODY._replace(pixels=pixels), pose(), pose(2.0).move_to(60.3, 59.6, 0.4, 70), SIZE)
+    drawn = draw_in_pose(
+        BODY._replace(pixels=pixels), pose(), pose(2.0).move_to(60.3, 59.6, 0.4, 70), SIZE
+    )
     assert drawn.min() >= 0 and drawn.max() <= 1
     assert np.array_equal(drawn[..., 0], drawn[..., 3] * (light == 255))
 
 
 def test_a_longer_backbone_has_the_same_places_along_it():
-    drawn = draw(BODY, pose(), pose(length=1.25), SIZE)
+    drawn = draw_in_pose(BODY, pose(), pose(length=1.25), SIZE)
     solid, along, _ = sides(drawn)
     x = np.indices(SIZE)[1]
     true = (60 + 1.25 * LENGTH / 2 - x) / (1.25 * LENGTH)
     assert np.abs(along - true)[solid].max() < 0.02
-    assert abs(draw(BODY, pose(), pose(), SIZE)[60, :, 3].sum() - LENGTH) < 1
+    assert abs(draw_in_pose(BODY, pose(), pose(), SIZE)[60, :, 3].sum() - LENGTH) < 1
 
 
 def test_a_backbone_of_few_points():
     two = pose(1.0, count=2)
-    bent = draw(BODY, pose(count=2), two, SIZE)
-    assert np.abs(draw(cut(bent), two, two, SIZE) - cut(bent).pixels / 255).max() < 1e-3
+    bent = draw_in_pose(BODY, pose(count=2), two, SIZE)
+    assert np.abs(draw_in_pose(cut(bent), two, two, SIZE) - cut(bent).pixels / 255).max() < 1e-3
     assert bent[..., 3].sum() == pytest.approx(FRAME[..., 3].sum(), rel=0.05)
 
 
 def test_a_frame_clipped_at_the_border_of_the_film():
     clipped = BODY._replace(pixels=np.ascontiguousarray(BODY.pixels[:62, 20:]), x0_px=20)
-    whole = draw(BODY, pose(), pose(1.0), SIZE)
-    part = draw(clipped, pose(), pose(1.0), SIZE)
+    whole = draw_in_pose(BODY, pose(), pose(1.0), SIZE)
+    part = draw_in_pose(clipped, pose(), pose(1.0), SIZE)
     _, _, beside = sides(whole)
     there = (whole[..., 3] > 0.99) & (beside > 2)
     assert np.abs(part - whole)[there].max() < 1e-3
@@ -205,16 +210,16 @@ def test_a_frame_clipped_at_the_border_of_the_film():
 
 
 def test_what_lies_outside_the_picture_is_cut_off():
-    whole = draw(BODY, pose(), pose(1.0), SIZE)
-    corner = draw(BODY, pose(), pose(1.0).move_to(20, 30, 0, LENGTH), (60, 70))
+    whole = draw_in_pose(BODY, pose(), pose(1.0), SIZE)
+    corner = draw_in_pose(BODY, pose(), pose(1.0).move_to(20, 30, 0, LENGTH), (60, 70))
     assert np.allclose(corner, whole[30:90, 40:110], atol=1e-3)
-    assert not draw(BODY, pose(), pose().move_to(-500, 0, 0, LENGTH), SIZE).any()
+    assert not draw_in_pose(BODY, pose(), pose().move_to(-500, 0, 0, LENGTH), SIZE).any()
 
 
 def test_two_frames_in_one_pose_blend_in_light_alone():
     dark = BODY._replace(pixels=BODY.pixels // np.array([2, 2, 2, 1], np.uint8))
-    one, other = (draw(frame, pose(), pose(1.0), SIZE) for frame in (BODY, dark))
-    half = blend(one, other, 0.5)
+    one, other = (draw_in_pose(frame, pose(), pose(1.0), SIZE) for frame in (BODY, dark))
+    half = mix_pictures(one, other, 0.5)
     assert np.allclose(half, (one + other) / 2, atol=1e-6)
     assert np.allclose(half[..., 3], one[..., 3], atol=1e-6)
 
@@ -259,7 +264,7 @@ def test_few_shapes_explain_the_postures():
     assert len(shapes.variance_shares) <= 3  # one way to bend, and the fish's size
     assert 0.999 <= shapes.variance_shares.sum() <= 1
     back = shapes.decode(shapes.encode(posture))
-    assert np.abs(bends(back) - bends(posture)).max() < 0.05
+    assert np.abs(backbone_bends(back) - backbone_bends(posture)).max() < 0.05
     assert np.allclose(mirror_posture(shapes.mean), shapes.mean, atol=1e-9)
     assert np.allclose(shapes.shapes @ shapes.shapes.T, np.eye(len(shapes.shapes)))
 
@@ -288,11 +293,15 @@ def test_a_pose_beyond_all_filmed_is_moved_towards_the_film():
         near, clamped = shapes.nearest_codes(codes)
         assert not clamped.any() and np.array_equal(near, codes)
     wild = posture[0].copy()
-    bends(wild)[:] = np.linspace(4, -4, 8)
+    backbone_bends(wild)[:] = np.linspace(4, -4, 8)
     near, clamped = shapes.nearest_codes(shapes.encode(wild))
     assert clamped and not shapes.nearest_codes(near * (1 - 1e-9)).clamped
-    most = np.abs(bends(posture)).max()
-    assert most - 0.3 < np.abs(bends(shapes.decode(near))).max() < most + 2 * shapes.gap * 8**0.5
+    most = np.abs(backbone_bends(posture)).max()
+    assert (
+        most - 0.3
+        < np.abs(backbone_bends(shapes.decode(near))).max()
+        < most + 2 * shapes.gap * 8**0.5
+    )
 
 
 @pytest.mark.parametrize("rows", [1, 0])
@@ -305,7 +314,7 @@ def test_shapes_want_postures(rows):
 
 # --- a fat body with a thin tail
 
-TAIL = Tail(thin=0.4, smoothing=0.5, body=5 / 8, whole=0.95)
+TAIL = TailParameters(thin=0.4, smoothing=0.5, body=5 / 8, whole=0.95)
 
 
 def mouse(tail, points=33):
@@ -338,4 +347,4 @@ def test_a_bend_shorter_than_the_body_is_wide_is_smoothed():
         "backbone_x_px": [bent[:, 0]], "backbone_y_px": [bent[:, 1]], "half_width_px": [width],
     })  # fmt: skip
     assert np.abs(align_body_and_tail(tracks, bent[None], TAIL)[0, 3:17, 1]).max() < 1
-    assert np.allclose(steps(pose().posture), 1 / STEPS)
+    assert np.allclose(backbone_steps(pose().posture), 1 / STEPS)

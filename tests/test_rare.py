@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from finloop.animate.kinematics import towards_by, wrap
-from finloop.edit.bodies import movement
+from finloop.edit.bodies import measure_movement
 from finloop.plan.cost import Rarity
 from finloop.puppet import Pose
 
@@ -24,7 +24,7 @@ def pose_of(heading_deg, bend):
 def rarity_of(heading_deg, bend, seen=np.nan, share=0.1):
     goes_on = np.arange(len(bend)) < len(bend) - 1
     seen = np.full(len(bend), seen) if np.ndim(seen) == 0 else seen
-    moved = movement(pose_of(heading_deg, bend))
+    moved = measure_movement(pose_of(heading_deg, bend))
     return Rarity.from_movement(moved, bend[:, None], goes_on, seen, SPRING, share)
 
 
@@ -41,19 +41,19 @@ def test_a_step_costs_its_share_of_the_time_that_the_film_takes_for_as_large_a_o
 def test_where_a_step_is_not_known_the_bodys_movement_stands_in():
     rng = np.random.default_rng(0)
     heading, bend = rng.normal(0, 20, 40).cumsum(), rng.normal(0, 0.2, 40)
-    moved, bends = movement(pose_of(heading, bend))
+    moved, bends = measure_movement(pose_of(heading, bend))
     seen = np.append(3 * moved, np.nan)
     seen[10:30] = np.nan
     assert rarity_of(heading, bend, seen).steps[1:] == pytest.approx(3 * moved)
     assert bends.max() < moved.max()
-    assert movement(pose_of(heading, np.zeros(40))).bends == pytest.approx(0)
-    spun = movement(pose_of(np.array([10.0, 100.0]), np.zeros(2))).whole
+    assert measure_movement(pose_of(heading, np.zeros(40))).bends == pytest.approx(0)
+    spun = measure_movement(pose_of(np.array([10.0, 100.0]), np.zeros(2))).whole
     assert spun == pytest.approx(np.sqrt((0.5 + 0 + 0.5) / 3))  # by 90 degrees: √2 · radius
     placed = pose_of(heading, bend)
     lines = placed.move_to(0.0, 0.0, placed.heading_rad, 1.0).backbone_px()
     assert moved == pytest.approx(np.sqrt((np.diff(lines, axis=0) ** 2).sum(-1).mean(-1)))
     turned = pose_of(heading + 70, bend)
-    assert movement(turned).whole == pytest.approx(moved)
+    assert measure_movement(turned).whole == pytest.approx(moved)
 
 
 def test_a_join_costs_more_the_farther_it_is_and_going_on_costs_nothing():

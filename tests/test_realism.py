@@ -409,7 +409,7 @@ def test_another_process_is_sent_no_tables_and_opens_the_same_pictures(carp):
     sent = pickle.dumps(here)
     assert len(sent) < 1000
     with here() as own, pickle.loads(sent)() as other:
-        np.testing.assert_array_equal(own.frame(3).pixels, other.frame(3).pixels)
+        np.testing.assert_array_equal(own.film_picture(3).pixels, other.film_picture(3).pixels)
         np.testing.assert_array_equal(own.bodies.poses.codes, other.bodies.poses.codes)
 
 

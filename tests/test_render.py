@@ -48,17 +48,26 @@ from finloop.plots.render import (
     ticks_around_switch,
 )  # fmt: skip
 from finloop.puppet import PlacedBackbone
-from finloop.render.gallery import Gallery, Shelf, place_rows, place_ticks
+from finloop.render.gallery import CutoutShelf, Gallery, place_rows, place_ticks
 from finloop.render.marks import (
     COLOURS,
     MarkPainter,
     goal_stretches,
-    goal_ticks,
-    rgb,
+    rgb_from_hex,
     tick_categories,
+    ticks_with_goal,
 )  # fmt: skip
-from finloop.render.painter import Bent, Box, Painter, Picture, Placed, Shadow, Turned, picture
-from finloop.render.steps import FrameChangeMeter, film_steps, step_metrics
+from finloop.render.painter import (
+    BentPicture,
+    Box,
+    PaddedPicture,
+    Painter,
+    PlacedFish,
+    Shadow,
+    TurnedPicture,
+    pad_picture,
+)
+from finloop.render.steps import FrameChangeMeter, film_frame_changes, frame_change_metrics
 from finloop.sprites.orient import SPRITES
 
 BLACK = np.zeros((90, 120), np.uint8)
@@ -74,7 +83,7 @@ def drop(size=31, channels=2, level=1.0):
 
 def fish(pixels=None, **how):
     pixels = drop() if pixels is None else pixels
-    return Turned(picture(pixels, *mass_centre(pixels[..., -1].astype(float))), **how)
+    return TurnedPicture(pad_picture(pixels, *mass_centre(pixels[..., -1].astype(float))), **how)
 
 
 def paint_fish(x, y, one, partner=None, weight=0.0, tank=BLACK):
@@ -99,7 +108,7 @@ def test_a_fish_in_its_own_place_is_the_cutout_bit_for_bit(tank_channels):
         wanted = tank.copy()
         wanted[y0 : y0 + len(pixels), x0 : x0 + pixels.shape[1]] = cutout.over(tank)
         for angle in (0.0, 360.0, -720.0):
-            own = Turned(picture(pixels, x - x0, y - y0), angle, 1.0)
+            own = TurnedPicture(pad_picture(pixels, x - x0, y - y0), angle, 1.0)
             assert np.array_equal(paint_fish(x, y, own, tank=tank), wanted), (trial, angle)
 
 
@@ -107,7 +116,7 @@ def test_every_alpha_over_every_level_is_rounded_as_the_cutout():
     level, alpha = np.meshgrid(np.arange(256, dtype=np.uint8), np.arange(256, dtype=np.uint8))
     for colour in (np.zeros_like(alpha), alpha // 2, alpha):
         pixels = np.dstack([colour, alpha])
-        shown = paint_fish(0.0, 0.0, Turned(picture(pixels, 0.0, 0.0)), tank=level)
+        shown = paint_fish(0.0, 0.0, TurnedPicture(pad_picture(pixels, 0.0, 0.0)), tank=level)
         assert np.array_equal(shown, Cutout(0, 0, 0, 0, pixels).over(level))
 
 
@@ -129,7 +138,7 @@ def test_the_kernel_gives_back_polynomials_of_the_second_degree():
     slope = np.round(20 + 3 * x + 0.5 * x * (x - 1) + 4 * y).astype(np.uint8)
     pixels = np.dstack([slope, np.full_like(slope, 255)])
     for u, v in ((5.0, 5.0), (5.1, 6.7), (6.25, 4.5), (7.9, 3.01)):
-        shown = paint_fish(40 - u, 40 - v, Turned(picture(pixels, 0.0, 0.0)))[40, 40]
+        shown = paint_fish(40 - u, 40 - v, TurnedPicture(pad_picture(pixels, 0.0, 0.0)))[40, 40]
         assert shown == pytest.approx(20 + 3 * u + 0.5 * u * (u - 1) + 4 * v, abs=0.501)
 
 
@@ -137,8 +146,8 @@ def test_the_kernel_gives_back_polynomials_of_the_second_degree():
 def test_quarter_turns_are_anticlockwise_and_exact(quarter):
     pixels = drop()
     middle = (pixels.shape[0] - 1) / 2
-    upright = paint_fish(50, 40, Turned(picture(pixels, middle, middle)))
-    turned = paint_fish(50, 40, Turned(picture(pixels, middle, middle), 90.0 * quarter))
+    upright = paint_fish(50, 40, TurnedPicture(pad_picture(pixels, middle, middle)))
+    turned = paint_fish(50, 40, TurnedPicture(pad_picture(pixels, middle, middle), 90.0 * quarter))
     around = np.s_[40 - 15 : 40 + 16, 50 - 15 : 50 + 16]
     assert np.array_equal(turned[around], np.rot90(upright[around], quarter))
 
@@ -163,7 +172,7 @@ def test_scale_scales_areas():
 def test_a_turn_there_and_back_loses_little():
     there = paint_fish(60, 45, fish(rotation_deg=33.0))
     again = np.dstack([there, there])
-    back = paint_fish(60, 45, Turned(picture(again, 60.0, 45.0), -33.0))
+    back = paint_fish(60, 45, TurnedPicture(pad_picture(again, 60.0, 45.0), -33.0))
     assert np.abs(back.astype(int) - paint_fish(60, 45, fish())).max() <= 6
 
 
@@ -172,9 +181,9 @@ def test_a_turn_there_and_back_loses_little():
 def test_a_crossfade_is_linear_between_either_alone(weight, channels):
     rng = np.random.default_rng(1)
     tank = rng.integers(0, 256, (90, 120, channels - 1), np.uint8).squeeze()
-    a = Turned(picture(rough_picture(rng, 20, 31, channels), 14.2, 9.1), 12.0, 1.1)
-    tall = picture(rough_picture(rng, 31, 12, channels), 5.5, 16.0)
-    b = Turned(tall, 5.0, 1.5)  # stands out at both ends
+    a = TurnedPicture(pad_picture(rough_picture(rng, 20, 31, channels), 14.2, 9.1), 12.0, 1.1)
+    tall = pad_picture(rough_picture(rng, 31, 12, channels), 5.5, 16.0)
+    b = TurnedPicture(tall, 5.0, 1.5)  # stands out at both ends
     alone = [paint_fish(60.3, 44.6, one, tank=tank).astype(float) for one in (a, b)]
     faded = paint_fish(60.3, 44.6, a, b, weight, tank=tank)
     assert np.abs(faded - ((1 - weight) * alone[0] + weight * alone[1])).max() <= 1.001
@@ -198,7 +207,9 @@ def test_a_fish_of_the_tanks_colour_is_not_seen(level):
     pixels = np.dstack([np.round(alpha * level / 255), alpha]).astype(np.uint8)
     tank = np.full_like(BLACK, level)
     for angle in range(0, 180, 13):
-        shown = paint_fish(60.37, 44.81, Turned(picture(pixels, 12.0, 12.0), angle, 1.2), tank=tank)
+        shown = paint_fish(
+            60.37, 44.81, TurnedPicture(pad_picture(pixels, 12.0, 12.0), angle, 1.2), tank=tank
+        )
         assert np.abs(shown.astype(int) - level).max() <= (1 if level == 90 else 0)
 
 
@@ -209,7 +220,7 @@ def test_a_bright_fish_never_overflows():
     for angle in range(0, 360, 31):
         pixels = rough_picture(rng, 20, 20, 4)
         black = pixels * np.array([0, 0, 0, 1], np.uint8)
-        turned = (Turned(picture(one, 9.5, 9.5), angle, 1.3) for one in (pixels, black))
+        turned = (TurnedPicture(pad_picture(one, 9.5, 9.5), angle, 1.3) for one in (pixels, black))
         bright, dark = (paint_fish(60.4, 44.3, one, tank=white) for one in turned)
         assert (bright >= dark).all()  # what overflowed would begin at 0 again
 
@@ -229,14 +240,14 @@ def test_fish_that_overlap_hide_each_other_in_order():
     solid = np.full((11, 11, 2), 255, np.uint8)
     dark = np.dstack([np.zeros((11, 11)), solid[..., 1]]).astype(np.uint8)
     painter = Painter(BLACK)
-    painter.draw(50, 40, Turned(picture(solid, 5.0, 5.0)))
-    painter.draw(50, 40, Turned(picture(dark, 5.0, 5.0)))
+    painter.draw(50, 40, TurnedPicture(pad_picture(solid, 5.0, 5.0)))
+    painter.draw(50, 40, TurnedPicture(pad_picture(dark, 5.0, 5.0)))
     assert painter.frame[40, 50] == 0
 
 
 def test_what_lies_outside_is_cut_off():
     rng = np.random.default_rng(4)
-    one = Turned(picture(rough_picture(rng, 15, 25, 2), 12.0, 7.0), 25.0)
+    one = TurnedPicture(pad_picture(rough_picture(rng, 15, 25, 2), 12.0, 7.0), 25.0)
     wide = np.full((190, 220), 80, np.uint8)
     edges = (-3.3, 20.0), (119.0, 89.5), (60.2, -7.7), (60.0, 95.0)
     for x, y in (*edges, (-200.0, 30.0), (1e6, -1e6)):
@@ -244,7 +255,7 @@ def test_what_lies_outside_is_cut_off():
         painter = Painter(wide[50:140, 50:170])
         box = painter.draw(x, y, one)
         assert np.array_equal(painter.frame, far[50:140, 50:170])
-        assert box.empty == (abs(x) > 150)
+        assert box.is_empty == (abs(x) > 150)
 
 
 def test_a_grey_fish_on_a_canvas_of_colour_is_grey_and_colours_keep_their_order():
@@ -279,18 +290,18 @@ def test_a_wiped_canvas_is_the_floor_and_the_background_is_untouched():
 
 
 def placed_at(x, y):
-    return Placed(x, y, fish(), None, 0.0)
+    return PlacedFish(x, y, fish(), None, 0.0)
 
 
 def test_the_box_holds_all_that_was_drawn():
     for angle in range(0, 360, 11):
         painter = Painter(BLACK)
         pixels = np.full((9, 40, 2), 255, np.uint8)
-        box = painter.draw(60.3, 45.4, Turned(picture(pixels, 8.0, 4.0), angle, 1.3))
+        box = painter.draw(60.3, 45.4, TurnedPicture(pad_picture(pixels, 8.0, 4.0), angle, 1.3))
         rows, columns = np.nonzero(painter.frame)
         found = Box(rows.min(), columns.min(), rows.max() + 1, columns.max() + 1)
         assert np.all(np.abs(np.subtract(found, box)) <= 3)
-        assert Box.around([found, box]) == box
+        assert Box.enclose([found, box]) == box
 
 
 # --- edit lists ----------------------------------------------------------------------------------
@@ -301,7 +312,7 @@ def gallery(count=3, keep=512):
     store = [Cutout(0, i, 10 + 3 * i, 20, drop(level=1 - 0.2 * i)) for i in range(count)]
     own = mass_centre(drop()[..., -1].astype(float))
     centres = own + [[10 + 3 * i, 20] for i in range(count)]
-    return Gallery({"frame": Shelf(store, centres)}, keep=keep)
+    return Gallery({"frame": CutoutShelf(store, centres)}, keep=keep)
 
 
 # --- several fish
@@ -324,7 +335,7 @@ def test_of_several_fish_the_one_with_the_highest_number_is_on_top():
     for lower, upper in ticks:
         painter, wanted, other = Painter(TANK), Painter(TANK), Painter(TANK)
         boxes = [wanted.draw(*lower), wanted.draw(*upper)]
-        assert painter.show(lower, upper) == Box.around(boxes)
+        assert painter.show(lower, upper) == Box.enclose(boxes)
         assert np.array_equal(painter.frame, wanted.frame)
         other.show(upper, lower)
         assert not np.array_equal(painter.frame, other.frame)
@@ -334,7 +345,9 @@ def square(x, level=200, alpha=255, side=20):
     """A square fish of one grey level, about x, 45.5; with x half-way, of whole pixels."""
     pixels = np.full((side, side, 2), alpha, np.uint8)
     pixels[..., 0] = level
-    return Placed(x, 45.5, Turned(picture(pixels, (side - 1) / 2, (side - 1) / 2)), None, 0.0)
+    return PlacedFish(
+        x, 45.5, TurnedPicture(pad_picture(pixels, (side - 1) / 2, (side - 1) / 2)), None, 0.0
+    )
 
 
 def paint_shadows(*fish, share=0.5, blur=2.0):
@@ -429,7 +442,7 @@ def bend_fish(one, heading=0.0, posture=None, mirrored=False, scale=1.0):
     """A fish headed right, drawn headed there in a posture."""
     source = PlacedBackbone(one.picture.x_px, one.picture.y_px, 0.0, 20.0, straight())
     posture = straight() if posture is None else posture
-    return Bent(one.picture, source, posture, np.radians(heading), 20.0 * scale, mirrored)
+    return BentPicture(one.picture, source, posture, np.radians(heading), 20.0 * scale, mirrored)
 
 
 @pytest.mark.parametrize(("angle", "scale"), [(0.0, 1.0), (33.0, 1.0), (-140.0, 1.3)])
@@ -448,7 +461,7 @@ def test_a_bend_moves_the_tail_and_what_is_off_the_canvas_is_cut_off():
     bent = [bend_fish(fish(), 0.0, posture) for posture in (straight(), curl)]
     assert (paint_fish(60, 45, bent[0]) != paint_fish(60, 45, bent[1])).any()
     painter = Painter(BLACK)
-    assert painter.draw(-500, 40, bend_fish(fish())).empty
+    assert painter.draw(-500, 40, bend_fish(fish())).is_empty
     painter.draw(2, 2, bend_fish(fish(), 0.0, curl))
     painter.wipe()
     assert not painter.frame.any()
@@ -464,16 +477,16 @@ def test_rows_are_drawn_as_they_say():
         partner_rotation_deg=[np.nan, -20.0], partner_scale=[np.nan, 0.5],
     )  # fmt: skip
     first, second = place_rows(edit, shelf)
-    pictures = [shelf.frame(i) for i in range(3)]
-    assert first == (30.0, 45.0, Turned(pictures[0]), None, 0.0)
-    turned = Turned(pictures[2], 30.0, 1.5), Turned(pictures[1], -20.0, 0.5)
+    pictures = [shelf.film_picture(i) for i in range(3)]
+    assert first == (30.0, 45.0, TurnedPicture(pictures[0]), None, 0.0)
+    turned = TurnedPicture(pictures[2], 30.0, 1.5), TurnedPicture(pictures[1], -20.0, 0.5)
     assert second == (90.0, 45.0, *turned, 0.25)
 
 
 def test_the_gallery_holds_no_more_than_it_may():
     shelf = gallery(5, keep=2)
     for number in (0, 1, 2, 3, 4, 4, 3):
-        assert isinstance(shelf.frame(number), Picture)
+        assert isinstance(shelf.film_picture(number), PaddedPicture)
     info = shelf.picture.cache_info()
     assert (info.currsize, info.hits, info.misses) == (2, 2, 5)
 
@@ -518,7 +531,7 @@ def test_what_cannot_be_drawn_is_said_at_once(harm, said):
     ],
 )
 def test_a_sprite_that_is_in_no_orientation_is_refused(harm, said):
-    shelf = Shelf([Cutout(0, 0, 10, 20, drop())] * 48, np.full((2, 2), 25.0), 24)
+    shelf = CutoutShelf([Cutout(0, 0, 10, 20, drop())] * 48, np.full((2, 2), 25.0), 24)
     with pytest.raises(FinloopError, match=said):
         place_rows(edit_list(3, **{"kind": "sprite"} | harm), Gallery({"sprite": shelf}))
 
@@ -538,7 +551,7 @@ def test_a_step_is_the_distance_of_the_two_pictures():
         painter = Painter(tank[..., 0] if channels == 1 else tank)
         steps, shown = FrameChangeMeter(painter), []
         for x in (-50.0, 3.0, 30.0, 33.7, 90.0, 90.0, 300.0, 300.0):
-            step = steps.measure_step(painter.show(placed_at(x, 40.0)))
+            step = steps.measure_change(painter.show(placed_at(x, 40.0)))
             shown.append(painter.canvas.astype(float))
             if len(shown) == 1:
                 assert np.isnan(step)
@@ -555,20 +568,22 @@ def test_steps_of_the_film_join_consecutive_frames_of_one_track():
         "track_id": [2, 2, 2, 7, 7], "frame": [7, 8, 10, 11, 12],
         "x_px": places[:, 0], "y_px": places[:, 1],
     })  # fmt: skip
-    found = film_steps(painter, shelf, tracks)
-    pictures = [paint_fish(*places[i], Turned(shelf.frame(i))).astype(float) for i in range(5)]
+    found = film_frame_changes(painter, shelf, tracks)
+    pictures = [
+        paint_fish(*places[i], TurnedPicture(shelf.film_picture(i))).astype(float) for i in range(5)
+    ]
     wanted = [np.linalg.norm(pictures[a] - pictures[b]) for a, b in ((0, 1), (3, 4))]
     assert found == pytest.approx(wanted)
-    assert len(film_steps(painter, shelf, tracks, most=1)) == 1
-    assert len(film_steps(painter, shelf, tracks.iloc[:1])) == 0
+    assert len(film_frame_changes(painter, shelf, tracks, most=1)) == 1
+    assert len(film_frame_changes(painter, shelf, tracks.iloc[:1])) == 0
 
 
 def test_step_numbers_are_one_where_nothing_differs():
     steps = np.linspace(1, 2, 101)
-    numbers = step_metrics([np.nan, *steps], steps)
+    numbers = frame_change_metrics([np.nan, *steps], steps)
     assert numbers["picture_step_ratio"] == 1
     assert numbers["picture_steps_above_film_p95_share"] == pytest.approx(0.05, abs=0.01)
-    assert step_metrics([np.nan], steps) == {}
+    assert frame_change_metrics([np.nan], steps) == {}
 
 
 # --- marks and pictures --------------------------------------------------------------------------
@@ -596,15 +611,15 @@ def test_parts_and_aims():
     mixed = edit.assign(kind=["sprite"] * 15 + ["frame"] * 15, mirrored=[False] * 25 + [True] * 5)
     assert all(set(part) == {"sprite", "film", "mirror image"} for part in tick_categories(mixed))
     assert len(tick_categories(edit.assign(state="hovers"))[1]) == 1
-    assert list(goal_ticks(edit)) == [True] * 20 + [False] * 10
-    assert goal_ticks(edit.assign(goal="")).all()
-    assert rgb("#0072B2") == (0, 114, 178)
+    assert list(ticks_with_goal(edit)) == [True] * 20 + [False] * 10
+    assert ticks_with_goal(edit.assign(goal="")).all()
+    assert rgb_from_hex("#0072B2") == (0, 114, 178)
 
 
 def test_marks_lie_below_the_fish_and_the_way_grows():
     edit = journey()
     store = [Cutout(0, 0, 0, 0, np.full((5, 5, 2), 255, np.uint8))]
-    shelf = Gallery({"frame": Shelf(store, [[2, 2]])})
+    shelf = Gallery({"frame": CutoutShelf(store, [[2, 2]])})
     marked, clean = Painter(TANK, colour=True), Painter(TANK, colour=True)
     marks = MarkPainter(marked, edit, GOALS)
     marks_seen = []
@@ -620,7 +635,7 @@ def test_marks_lie_below_the_fish_and_the_way_grows():
         assert not above.any()  # all else is on the floor, and shown at once
         if tick == 15:
             way = marked.frame[round(edit["y_px"][6]), round(edit["x_px"][6])].astype(int)
-            assert np.abs(way - rgb(COLOURS["straight"])).max() < 90
+            assert np.abs(way - rgb_from_hex(COLOURS["straight"])).max() < 90
     assert marks_seen[-1] > marks_seen[1] + 100
     wandered = marked.floor[round(edit["y_px"][25]), round(edit["x_px"][25])].astype(int)
     assert np.ptp(wandered) == 0 and wandered[0] < 140  # grey, and no more of the states' colours

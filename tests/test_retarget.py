@@ -23,21 +23,21 @@ from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
 from finloop.edit.schema import EDIT
-from finloop.export.tracks import deeplabcut
+from finloop.export.tracks import deeplabcut_tables
 from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table, save_csv_in_blocks
 from finloop.plots.retarget import MOMENTS, choose_ticks
 from finloop.project import Project
 from finloop.puppet import Pose
-from finloop.puppet.pose import bends
-from finloop.retarget import JoinParameters, Track, retarget_track, track_of
-from finloop.retarget.load import film_files, load_track
-from finloop.retarget.motion import forward_share, motion_of
-from finloop.retarget.place import find_placement, find_points_outside, shift_into
-from finloop.retarget.posture import align_postures, asked_postures, likely_codes, on_body
-from finloop.retarget.rows import FilmRows, cheapest_rows
+from finloop.puppet.pose import backbone_bends
+from finloop.retarget import JoinParameters, Track, retarget_track, track_from_poses
+from finloop.retarget.load import film_track_files, load_track
+from finloop.retarget.motion import forward_share, resample_track
+from finloop.retarget.place import find_placement, find_points_outside, find_shift_into
+from finloop.retarget.posture import align_postures, fit_postures, most_likely_codes, places_on_body
+from finloop.retarget.rows import FilmRows, find_cheapest_rows
 from finloop.retarget.settings import RetargetSettings
-from finloop.retarget.track import body_points, resample_body_lines
+from finloop.retarget.track import body_keypoint_numbers, resample_body_lines
 from stages.stamps import file_stamp
 
 OTHERS = JoinParameters(settings("jumps"), settings("animate"), settings("matching").join)
@@ -88,7 +88,7 @@ def tracker_poses(line):
 
 def of_poses(poses, made, rate_hz=25.0, **changes):
     p = how(**changes)
-    return retarget_track(track_of(poses, rate_hz, STEPS, p), made, p, OTHERS)
+    return retarget_track(track_from_poses(poses, rate_hz, STEPS, p), made, p, OTHERS)
 
 
 def asked_points(animation):
@@ -142,12 +142,12 @@ def test_a_mirrored_track_gives_the_mirrored_animation(mirrored_material, carp, 
     assert (other.edit["source"] == plain.edit["source"]).all()
     assert (other.edit["mirrored"] != plain.edit["mirrored"]).all()
     codes, flipped = (np.stack(one.edit["pose"]) for one in (plain, other))
-    assert np.allclose(codes @ mirrored_material.poses.shapes.mirror, flipped, atol=1e-4)
+    assert np.allclose(codes @ mirrored_material.poses.shapes.mirror_matrix, flipped, atol=1e-4)
     own = load_track(mirrored_material, how(tracks="track:0"))
     again = retarget_track(own, mirrored_material, how(scale=1.0), OTHERS).edit
     assert again["source"].tolist() == own.rows.tolist() and again["mirrored"].all()
     assert np.allclose(
-        np.stack(again["pose"]), own.codes @ mirrored_material.poses.shapes.mirror, atol=1e-5
+        np.stack(again["pose"]), own.codes @ mirrored_material.poses.shapes.mirror_matrix, atol=1e-5
     )
 
 
@@ -191,7 +191,7 @@ def test_another_carp_is_where_it_was_and_bent_as_it_was(mirrored_material, carp
 def test_a_csv_of_deeplabcut_gives_what_its_poses_give(mirrored_material, carp, tmp_path):
     poses = tracker_poses(carp)
     path = tmp_path / "tracks.csv"
-    save_csv_in_blocks(path, deeplabcut(poses), decimals=3)
+    save_csv_in_blocks(path, deeplabcut_tables(poses), decimals=3)
     p = how(tracks=str(path))
     animation = retarget_track(load_track(mirrored_material, p), mirrored_material, p, OTHERS)
     assert (
@@ -232,7 +232,7 @@ def test_few_points_say_where_and_the_film_says_how_it_is_bent(mirrored_material
 
 def test_postures_of_the_film_go_on_over_a_switch(mirrored_material, carp):
     p = how(body_keypoints=("Nose", "tail_tip"))
-    track = track_of(tracker_poses(carp), 25.0, STEPS, p)
+    track = track_from_poses(tracker_poses(carp), 25.0, STEPS, p)
     cut = OTHERS._replace(join="cut")
     jumps = []
     for others in (OTHERS, cut):
@@ -245,12 +245,12 @@ def test_postures_of_the_film_go_on_over_a_switch(mirrored_material, carp):
 
 def test_points_of_the_body_are_told_from_eyes_and_ordered_from_head_to_tail(carp):
     poses = tracker_poses(carp)
-    order = body_points(NAMES, poses.places, how())
+    order = body_keypoint_numbers(NAMES, poses.places, how())
     assert [NAMES[one] for one in order] == ["Nose", "b1", "b2", "b3", "tail_tip"]
-    named = body_points(NAMES, poses.places, how(body_keypoints=("b1", "b2", "b3")))
+    named = body_keypoint_numbers(NAMES, poses.places, how(body_keypoints=("b1", "b2", "b3")))
     assert [NAMES[one] for one in named] == ["b1", "b2", "b3"]
     without = ["nowhere" if one == "tail_tip" else one for one in NAMES]
-    assert [without[one] for one in body_points(without, poses.places, how())] == ["Nose"]
+    assert [without[one] for one in body_keypoint_numbers(without, poses.places, how())] == ["Nose"]
 
 
 def test_points_that_reach_part_of_the_body_leave_the_rest_to_the_film(mirrored_material, carp):
@@ -278,34 +278,34 @@ def straight(frames, gaps=()):
 
 
 def test_short_gaps_are_filled_and_long_ones_end_a_stretch():
-    motion = motion_of(straight(40, (5, 6, 20)), 25.0, how())
+    motion = resample_track(straight(40, (5, 6, 20)), 25.0, how())
     assert np.allclose(motion.points, straight(40).points)
     assert motion.numbers["gaps_filled_frames"] == 3 and motion.numbers["left_out_s"] == 0
     track = straight(40)
     track.points[[5, 6, 20], 3] = np.nan  # a point is missing: filled, too
     track.points[-4:] = np.nan
-    motion = motion_of(track, 25.0, how())
+    motion = resample_track(track, 25.0, how())
     assert np.allclose(motion.points, straight(36).points)
     assert motion.numbers["gaps_filled_frames"] == 3 and motion.numbers["file_frames"] == 40
     assert motion.numbers["left_out_s"] == pytest.approx(4 / 25)
     assert motion.numbers["file_frames_used_pct"] == pytest.approx(90)
-    motion = motion_of(straight(60, range(20, 30)), 25.0, how())
+    motion = resample_track(straight(60, range(20, 30)), 25.0, how())
     assert motion.time_s[[0, -1]] == pytest.approx([30 / 25, 59 / 25])
     assert motion.numbers["left_out_s"] == pytest.approx(20 / 25)
     assert motion.numbers["stretches_left_out"] == 1
     assert any("0.8 s are left out" in one for one in stages.retarget.notes(
         motion.numbers | {"with_postures": 1, "duration_s": 1.2, "outside_ticks": 0}
     ))  # fmt: skip
-    motion = motion_of(straight(60), 25.0, how(start_s=0.4, end_s=1.2))
+    motion = resample_track(straight(60), 25.0, how(start_s=0.4, end_s=1.2))
     assert motion.time_s[[0, -1]] == pytest.approx([0.4, 1.2])
 
 
 def test_smoothing_takes_tremble_and_leaves_a_straight_way():
     track = straight(80)
-    plain = motion_of(track, 25.0, how(smooth_s=0.1)).points
+    plain = resample_track(track, 25.0, how(smooth_s=0.1)).points
     assert np.allclose(plain[15:-15], track.points[15:-15])
     tremble = np.where(np.arange(80) % 2, 0.5, -0.5)[:, None, None]
-    shaken = motion_of(track._replace(points=track.points + tremble), 25.0, how(smooth_s=0.1))
+    shaken = resample_track(track._replace(points=track.points + tremble), 25.0, how(smooth_s=0.1))
     assert np.abs(shaken.points - plain)[15:-15].max() < 0.01
 
 
@@ -324,14 +324,16 @@ def test_codes_come_back_from_bends_alone_and_poses_from_points(mirrored_materia
     again = align_postures(pose.posture, line, at, 40.0)
     assert np.allclose(again.backbone_px(), line)
     assert np.allclose(np.exp(1j * again.heading_rad), np.exp(1j * pose.heading_rad))
-    asked = asked_postures(line, at, exact, 40.0)
+    asked = fit_postures(line, at, exact, 40.0)
     off = np.hypot(*np.moveaxis(asked.pose.backbone_px() - line, -1, 0))
     assert off.max() < 0.6 and np.median(off) < 0.1 and not asked.clamped.any()
-    bare = bends(pose.posture)
+    bare = backbone_bends(pose.posture)
     size = np.abs(codes).max()
-    assert np.abs(likely_codes(bare, at, exact) - codes).max() < 0.05 * size
+    assert np.abs(most_likely_codes(bare, at, exact) - codes).max() < 0.05 * size
     assert np.allclose(
-        likely_codes(-bare, at, exact), likely_codes(bare, at, exact) @ shapes.mirror, atol=1e-6
+        most_likely_codes(-bare, at, exact),
+        most_likely_codes(bare, at, exact) @ shapes.mirror_matrix,
+        atol=1e-6,
     )
 
 
@@ -340,7 +342,7 @@ def test_a_posture_that_the_film_never_shows_is_drawn_to_the_nearest(mirrored_ma
     angle = np.linspace(0, 2 * np.pi, STEPS)  # a ring
     way = np.stack([-np.cos(angle), np.sin(angle)], -1) * mirrored_material.reel.length_px / STEPS
     ring = np.concatenate([np.zeros((1, 2)), np.cumsum(way, 0)])[None]
-    asked = asked_postures(ring, at, shapes, mirrored_material.reel.length_px)
+    asked = fit_postures(ring, at, shapes, mirrored_material.reel.length_px)
     assert asked.clamped.all()
     assert not shapes.nearest_codes(asked.codes).clamped.any()
 
@@ -361,7 +363,7 @@ def test_points_lie_on_the_line_that_they_were_taken_from(carp):
 def test_the_middle_and_both_ends_of_a_body_are_found_on_it():
     posture = np.array([[0.4, 0.0, 0.0, 0.0, 0.5, 0.5]])
     pose = Pose(*(np.array([one]) for one in (10.0, 20.0, np.pi / 2, 8.0)), posture)
-    found = on_body(pose, np.array([0.0, np.nan, 1.0]))[0]
+    found = places_on_body(pose, np.array([0.0, np.nan, 1.0]))[0]
     assert np.allclose(found, [[10, 20 - 3.2], [10, 20], [10, 20 + 4.8]])
 
 
@@ -374,7 +376,7 @@ def test_the_cheapest_rows_are_those_of_all_sequences():
     values, seen = rng.normal(size=(n, 3)), 0.2 * rng.normal(size=(n, 2))
     follows = np.where(np.arange(n) % 6 == 5, -1, np.arange(n) + 1)
     asked = rng.normal(size=(ticks, 3))
-    found = cheapest_rows(FilmRows(n, values, seen, follows, [], 1), asked, n, switch, delta)
+    found = find_cheapest_rows(FilmRows(n, values, seen, follows, [], 1), asked, n, switch, delta)
 
     def step(a, b):
         if follows[a] == b:
@@ -391,7 +393,7 @@ def test_the_cheapest_rows_are_those_of_all_sequences():
     for wanted in asked[1:]:
         least = (least[:, None] + moves).min(0) + np.linalg.norm(values - wanted, axis=1) / delta
     assert price(found) == pytest.approx(least.min())
-    dear = cheapest_rows(FilmRows(n, values, seen, follows, [], 1), asked[:5], n, 99.0, delta)
+    dear = find_cheapest_rows(FilmRows(n, values, seen, follows, [], 1), asked[:5], n, 99.0, delta)
     assert (np.diff(dear) == 1).all()  # never switches
 
 
@@ -409,7 +411,7 @@ def test_a_way_is_moved_into_the_tank_or_made_smaller():
     assert np.allclose((bodies - 500 + shift).mean((0, 1)), [79.5, 49.5], atol=1.5)  # the middle
     assert find_placement(bodies, arena, 16, how())[1] == 1  # as given
     large = 2 * centre[:, None] + np.array([[-8, 0], [0, 0], [8, 0]])
-    assert shift_into(large, arena, 16) is None
+    assert find_shift_into(large, arena, 16) is None
     with pytest.raises(
         FinloopError, match=r"8.5 × 6.2 body lengths[\s\S]*retarget.placement=shrink"
     ):
@@ -439,10 +441,10 @@ def test_a_fish_that_rests_and_crosses_once_is_moved_to_where_it_fits(height, ce
         and not find_points_outside(pixels + (x, y), arena).any()
     }
     assert len(places) == 4 and -(-max(arena.shape) // 240) == cell
-    shift = shift_into(bodies, arena, length)
+    shift = find_shift_into(bodies, arena, length)
     assert shift is not None and tuple(shift) in places
     assert find_placement(bodies, arena, length, how(placement="shrink"))[1] == 1
-    assert shift_into(bodies * 1.05, arena, length) is None
+    assert find_shift_into(bodies * 1.05, arena, length) is None
 
 
 @pytest.mark.parametrize("placement", ["fit", "shrink"])
@@ -564,7 +566,7 @@ def retarget_stamp(group):
 def test_a_track_that_has_changed_has_another_stamp(tmp_path):
     film = tmp_path / "film/data"
     path = film / "extract/tracks.parquet"
-    files = film_files(film)
+    files = film_track_files(film)
     for one in files:
         one.parent.mkdir(parents=True, exist_ok=True)
         one.write_text("")

@@ -11,14 +11,14 @@ from finloop.animate.arena import tank
 from finloop.animate.rule import Rule
 from finloop.animate.shoal import make_tasks, shoal
 from finloop.base.errors import FinloopError
-from finloop.edit.build import edit_lists
+from finloop.edit.build import build_edit_lists
 from finloop.edit.schema import Goal
 from finloop.live.message import parse_message
 from finloop.live.tank import LiveTank
 from finloop.live.view import View
 from finloop.modes.matching import MatchingAnimator, add_rules
 from finloop.plan.objectives import rule_target
-from finloop.social.measures import shoal_table
+from finloop.social.measures import measure_group
 from finloop.social.zones import NO_ZONES, Zones
 
 NEAR = Zones(0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 3.0)  # attraction alone
@@ -61,14 +61,14 @@ def swim_group(player, ticks=TICKS, seed=0, goals=()):
     plans = MatchingAnimator(player, None, 1.0, 1.0)
     todo = plans._tasks(goals, plans.seekers, np.random.default_rng(seed))
     assert len(todo) == p.fish
-    return edit_lists(shoal(player, todo, ticks), ticks, player.sources)
+    return build_edit_lists(shoal(player, todo, ticks), ticks, player.sources)
 
 
 def gaps(player, edit):
     """Nearest-neighbour distances in the second half, body lengths."""
     later = edit[edit["tick"] > TICKS // 2]
     places, heading = later[["x_px", "y_px"]].to_numpy(), later["heading_deg"].to_numpy()
-    table = shoal_table(later["tick"].to_numpy(), places, heading, player.world.walls)
+    table = measure_group(later["tick"].to_numpy(), places, heading, player.world.walls)
     return float(table["neighbour_distance"].median())
 
 

@@ -51,10 +51,10 @@ from finloop.animate.shoal import (
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.base.settings import settings
-from finloop.edit.build import edit_lists
+from finloop.edit.build import build_edit_lists
 from finloop.edit.measures import average_measures
 from finloop.edit.modes import MODES
-from finloop.edit.schema import EDIT, PATH, Goal, by_fish
+from finloop.edit.schema import EDIT, PATH, Goal, split_by_fish
 from finloop.io.numbers import load_numbers
 from finloop.io.parameters import build_settings, read_parameters
 from finloop.io.table import load_table, save_table
@@ -80,7 +80,7 @@ def spacious():
 def swim_group(player, fish, ticks, goals=(), seed=0):
     """What several fish do, as an edit list."""
     todo = make_tasks(goals, fish, np.random.default_rng(seed))
-    return edit_lists(shoal(player, todo, ticks), ticks, player.sources)
+    return build_edit_lists(shoal(player, todo, ticks), ticks, player.sources)
 
 
 # --- fish of one tank
@@ -93,7 +93,7 @@ def test_nobody_swims_through_another_and_all_goals_are_reached():
         goals = random_goals(player.world, 12, np.random.default_rng(1))
         swims = shoal(player, make_tasks(goals, 6, np.random.default_rng(2)), ticks)
         assert all((one.reached >= 0).all() for one in swims)
-        met[through] = overlaps(edit_lists(swims, ticks, player.sources), player).sum()
+        met[through] = overlaps(build_edit_lists(swims, ticks, player.sources), player).sum()
     assert met[False] == 0 < met[True]
 
 
@@ -101,14 +101,14 @@ def test_fish_that_do_not_meet_swim_as_each_would_alone():
     player, ticks = spacious(), 60
     goals = random_goals(player.world, 6, np.random.default_rng(3))
     together = shoal(player, make_tasks(goals, 3, np.random.default_rng(5)), ticks)
-    table = edit_lists(together, ticks, player.sources)
+    table = build_edit_lists(together, ticks, player.sources)
     apart = [np.hypot(*(a - b).T).min() for a, b in combinations(encounters.places(table), 2)]
     assert min(apart) > 4 * LENGTH
     alone = [
         swim(player, task.goals, ticks, task.rng)
         for task in make_tasks(goals, 3, np.random.default_rng(5))
     ]
-    pd.testing.assert_frame_equal(table, edit_lists(alone, ticks, player.sources))
+    pd.testing.assert_frame_equal(table, build_edit_lists(alone, ticks, player.sources))
 
 
 def test_planning_keeps_no_hold_of_what_it_was_given():
@@ -142,7 +142,7 @@ def test_the_live_tank_swims_the_same():
         live.advance()
     shown = [[live.fish[k].row_at(t)[:12] for t in range(ticks)] for k in range(fish)]
     columns = ["kind", "source", "x_px", "y_px"]
-    for own, one in zip(by_fish(table), shown, strict=True):
+    for own, one in zip(split_by_fish(table), shown, strict=True):
         theirs = pd.DataFrame(one, columns=live.fish[0].row_at(0)._fields[:12])
         assert own[columns].values.tolist() == theirs[columns].values.tolist()
 
@@ -187,7 +187,7 @@ def test_one_fish_swims_the_path_and_the_others_keep_clear_of_it():
     path = lay_path(ring, player.world.tank, player.world.motion, None)
     swims = shoal(player, make_tasks([], 3, np.random.default_rng(0), path.route), 300)
     assert set(swims[0].names) == {PATH} and set(swims[1].names + swims[2].names) == {""}
-    table = edit_lists(swims, 300, player.sources)
+    table = build_edit_lists(swims, 300, player.sources)
     x, y = encounters.places(table)[0].T
     assert np.median(np.abs(np.hypot(x - 400, y - 300) - 100)) < LENGTH / 2
     assert not overlaps(table, player).any()
@@ -217,7 +217,7 @@ def test_each_fish_has_a_path_or_goals_of_its_own():
     swims = shoal(player, todo, 500)
     assert [set(swims[fish].names) == {PATH} for fish in range(4)] == [True, False, True, False]
     assert all((swims[fish].reached >= 0).all() for fish in (1, 3))
-    table = edit_lists(swims, 500, player.sources)
+    table = build_edit_lists(swims, 500, player.sources)
     assert not overlaps(table, player).any()
     for fish, (cx, cy) in ((0, (290, 200)), (2, (480, 400))):
         x, y = encounters.places(table)[fish].T
@@ -242,7 +242,7 @@ def test_who_begins_a_path_on_the_way_of_another_is_not_run_into():
         )
     ]
     swims = shoal(player, todo, 200)
-    assert not overlaps(edit_lists(swims, 200, player.sources), player).any()
+    assert not overlaps(build_edit_lists(swims, 200, player.sources), player).any()
 
 
 def test_there_is_a_path_a_fish_at_most(tmp_path):
@@ -267,7 +267,7 @@ def test_one_table_has_all_fish_one_after_the_other_and_comes_back_from_disk(tmp
         save_table(tmp_path / "one.parquet", one, EDIT)
         loaded.append(load_table(tmp_path / "one.parquet", EDIT))
     assert (loaded[0].dtypes == loaded[1].dtypes).all() and list(loaded[0]) == EDIT.names
-    for number, one in enumerate(by_fish(table)):
+    for number, one in enumerate(split_by_fish(table)):
         assert list(one.index) == list(range(50)) and set(one["fish"]) == {number}
 
 
@@ -342,7 +342,7 @@ def test_where_few_places_leave_room_samples_are_drawn_at_other_ones(monkeypatch
 
     few = next(seed for seed in range(40) if room(seed) and not room(seed + 1))
     p = replace(own_world.settings, seed=few)
-    edits = by_fish(sample_animations(plans, 1.2, p))
+    edits = split_by_fish(sample_animations(plans, 1.2, p))
     assert len(edits) == 6
     assert not edits[0].drop(columns="fish").equals(edits[3].drop(columns="fish"))
     monkeypatch.setattr(samples, "_SEEDS", 1)
@@ -353,7 +353,7 @@ def test_where_few_places_leave_room_samples_are_drawn_at_other_ones(monkeypatch
 def test_samples_number_each_fish_on():
     for fish, works in ((1, 3), (3, 3), (4, 4)):
         plans = planner_of({"fish": fish, "seconds": 2.0, "trial_goals": 1})
-        made = by_fish(sample_animations(plans, 6.0, plans.world.settings))
+        made = split_by_fish(sample_animations(plans, 6.0, plans.world.settings))
         assert [set(edit["fish"]) for edit in made] == [{number} for number in range(works)]
         assert sum(len(edit) for edit in made) == pytest.approx(6 * RATE, abs=works)
         assert all(list(edit["tick"]) == list(range(len(edit))) for edit in made)
@@ -380,7 +380,7 @@ def test_pairs_are_counted_at_each_tick():
     assert overlaps(table, player).tolist() == [1, 1, 3, 0]
     numbers = encounters.measure_clearance(table, player)
     assert numbers["overlapping_pairs_per_1000_ticks"] == pytest.approx(1250)
-    assert encounters.measure_clearance(by_fish(table)[0], player) == {}
+    assert encounters.measure_clearance(split_by_fish(table)[0], player) == {}
 
 
 def test_the_nearest_neighbour_is_that_of_every_pair():

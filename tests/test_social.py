@@ -12,12 +12,18 @@ from finloop.base.errors import FinloopError
 from finloop.io.table import load_table, save_table
 from finloop.social import measures
 from finloop.social import zones as zones_module
-from finloop.social.leader import contradiction, leaders
-from finloop.social.measures import SHOAL, compare_groups, shoal_table, wasserstein_distances
-from finloop.social.neighbours import neighbours, relative_neighbours, vectors
-from finloop.social.rule import Others, Self, Shoaling, SocialSteps, shoaling_place
+from finloop.social.leader import describe_contradiction, leaders_by_follower
+from finloop.social.measures import SHOAL, compare_groups, measure_group, wasserstein_distances
+from finloop.social.neighbours import all_neighbours, complex_vectors, neighbours_among
+from finloop.social.rule import (
+    DecidingFish,
+    OtherFish,
+    SchoolRule,
+    SocialSteps,
+    next_place_in_school,
+)
 from finloop.social.walls import Walls
-from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull, zone_means
+from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull_of_others, zone_means
 
 ZONES = Zones(1.0, 3.0, 8.0, 90.0, 1.5, 0.7, 0.4)
 PX = 20.0  # of a body length
@@ -32,7 +38,7 @@ def shoal(seed, count=7):
 
 
 def neighbour_pull(place, heading, zones=ZONES):
-    return pull(neighbours(place, heading), zones)
+    return pull_of_others(all_neighbours(place, heading), zones)
 
 
 def pull_of(*others, zones=ZONES):
@@ -40,7 +46,7 @@ def pull_of(*others, zones=ZONES):
     places = np.array([place for place, _ in others], complex)
     headings = np.exp(1j * np.radians([heading for _, heading in others]))
     return complex(
-        pull(relative_neighbours(np.array(0j), np.array(1 + 0j), (places, headings)), zones)
+        pull_of_others(neighbours_among(np.array(0j), np.array(1 + 0j), (places, headings)), zones)
     )
 
 
@@ -58,7 +64,7 @@ def test_zones_turn_move_and_are_mirrored_with_the_shoal_in_any_order(seed, angl
     order = np.random.default_rng(seed).permutation(len(place))
     again = neighbour_pull(place[order], heading[order])
     assert again == pytest.approx(plain[order], abs=1e-12)
-    means = zone_means(neighbours(place, heading), COUZIN.radii, COUZIN.blind_deg)
+    means = zone_means(all_neighbours(place, heading), COUZIN.radii, COUZIN.blind_deg)
     assert means.shape == (7, 3) and np.abs(means).max() <= 1 + 1e-12
 
 
@@ -93,7 +99,7 @@ def test_who_is_alone_is_wished_nothing():
     assert neighbour_pull(np.array([3 + 1j]), np.array([1j])) == 0
     absent = np.array([3 + 1j, np.nan]), np.array([1j, np.nan])
     assert neighbour_pull(*absent)[0] == 0
-    assert pull(neighbours(*shoal(3)), NO_ZONES) == pytest.approx(0)
+    assert pull_of_others(all_neighbours(*shoal(3)), NO_ZONES) == pytest.approx(0)
 
 
 class NoBlas(np.ndarray):
@@ -105,11 +111,11 @@ class NoBlas(np.ndarray):
 
 
 def test_a_pull_is_a_sum_that_no_blas_rounds(monkeypatch):
-    seen = neighbours(*shoal(1))
+    seen = all_neighbours(*shoal(1))
     means = zone_means(seen, ZONES.radii, ZONES.blind_deg)
     wanted = means[:, 0] * 1.5 + means[:, 1] * 0.7 + means[:, 2] * 0.4
     monkeypatch.setattr(zones_module, "zone_means", lambda *_: means.view(NoBlas))
-    assert pull(seen, ZONES) == pytest.approx(wanted)
+    assert pull_of_others(seen, ZONES) == pytest.approx(wanted)
 
 
 def test_zones_have_widths():
@@ -130,8 +136,8 @@ def test_zones_that_are_none_are_refused(bad):
 
 
 def test_followers_know_their_leaders():
-    assert leaders([[2, 1], [3, 2], [4, 2]], 4) == {2: 1, 3: 2, 4: 2}
-    assert leaders([], 3) == {}
+    assert leaders_by_follower([[2, 1], [3, 2], [4, 2]], 4) == {2: 1, 3: 2, 4: 2}
+    assert leaders_by_follower([], 3) == {}
 
 
 @pytest.mark.parametrize(
@@ -148,16 +154,17 @@ def test_followers_know_their_leaders():
 )
 def test_contradictory_leaders_are_refused(pairs, named):
     with pytest.raises(FinloopError, match="contradict each other") as caught:
-        leaders(pairs, 4)
+        leaders_by_follower(pairs, 4)
     assert named in caught.value.came and "matching.follow_pairs" in caught.value.do
 
 
 def test_who_would_close_a_circle_is_told():
-    assert contradiction({2: 1}, 3, 2) is None
+    assert describe_contradiction({2: 1}, 3, 2) is None
     assert (
-        contradiction({2: 1, 3: 2}, 1, 3) == "fish 1 follows fish 3 follows fish 2 follows fish 1"
+        describe_contradiction({2: 1, 3: 2}, 1, 3)
+        == "fish 1 follows fish 3 follows fish 2 follows fish 1"
     )
-    assert contradiction({2: 1}, 2, 3) is None  # it changes its leader
+    assert describe_contradiction({2: 1}, 2, 3) is None  # it changes its leader
 
 
 # --- steps, and the place that is swum to
@@ -180,7 +187,7 @@ def test_steps_that_are_alike_are_drawn():
     assert mirrored == pytest.approx(own.move[[3], None].conj())
     many, _ = own.draw(own.wall[[3]], own.last[[3]], 1000, rng)
     assert many.shape == (1, 80)  # no more than there are, and their mirror images
-    again = SocialSteps.from_table(own.table(), own.forward, own.onward)
+    again = SocialSteps.from_table(own.to_table(), own.forward, own.onward)
     assert np.array_equal(again.turn, own.turn) and np.array_equal(again.wall, own.wall)
 
 
@@ -192,12 +199,12 @@ def test_a_pull_adds_to_the_own_turn():
 
 
 def place_of(others, zones=ZONES, x=300.0, y=200.0, walls=OPEN, seed=0):
-    rule = Shoaling(zones, steps(), 5, 10)
-    company = Others(
+    rule = SchoolRule(zones, steps(), 5, 10)
+    company = OtherFish(
         np.array([place for place, _ in others]).reshape(-1, 2), np.array([h for _, h in others])
     )
-    own = Self(x, y, 0.0, 1.0)
-    return shoaling_place(own, company, rule, walls, np.random.default_rng(seed))
+    own = DecidingFish(x, y, 0.0, 1.0)
+    return next_place_in_school(own, company, rule, walls, np.random.default_rng(seed))
 
 
 def test_a_fish_is_drawn_to_the_company_it_has():
@@ -224,7 +231,7 @@ def test_a_place_beside_a_wall_is_in_the_tank_if_a_step_is():
 
 def table(places, headings, frame=None):
     frame = np.zeros(len(places), int) if frame is None else np.array(frame)
-    return shoal_table(frame, np.array(places, float), np.array(headings, float), OPEN)
+    return measure_group(frame, np.array(places, float), np.array(headings, float), OPEN)
 
 
 def test_measures_of_fish_whose_places_are_known():
@@ -280,7 +287,7 @@ def test_memory_of_the_measures_does_not_grow_by_pairs():
     OPEN.depth  # noqa: B018  (kept by the tank, whoever swims in it)
     tracemalloc.start()
     try:
-        shoal_table(np.repeat(np.arange(frames), fish), *where, OPEN)
+        measure_group(np.repeat(np.arange(frames), fish), *where, OPEN)
         most = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
@@ -297,11 +304,17 @@ def test_shoals_are_as_far_apart_as_they_are():
 
 
 def test_a_wall_is_away_from_where_it_is():
-    place, heading = vectors(np.array([[20.0, 100.0]]), np.array([90.0]), PX)  # y counts down
+    place, heading = complex_vectors(
+        np.array([[20.0, 100.0]]), np.array([90.0]), PX
+    )  # y counts down
     assert place == pytest.approx([1 - 5j]) and heading == pytest.approx([1j])
     walls = Walls(np.ones((200, 400), bool), PX)
     up, ahead = np.array([10 - 1j]), np.array([1 + 0j])
-    assert np.angle(walls.near(place, ahead)[0]) == pytest.approx(0, abs=0.01)  # it is behind
-    assert np.angle(walls.near(up, ahead)[0]) == pytest.approx(-np.pi / 2, abs=0.01)
-    assert abs(walls.near(place, ahead)[0]) == pytest.approx(1 / (1 + 21 / PX), rel=0.01)
-    assert walls.inside(np.array([1 - 5j, -1 - 5j, 1 - 50j])).tolist() == [True, False, False]
+    assert np.angle(walls.vectors_from_wall(place, ahead)[0]) == pytest.approx(
+        0, abs=0.01
+    )  # it is behind
+    assert np.angle(walls.vectors_from_wall(up, ahead)[0]) == pytest.approx(-np.pi / 2, abs=0.01)
+    assert abs(walls.vectors_from_wall(place, ahead)[0]) == pytest.approx(
+        1 / (1 + 21 / PX), rel=0.01
+    )
+    assert walls.is_inside(np.array([1 - 5j, -1 - 5j, 1 - 50j])).tolist() == [True, False, False]

@@ -11,7 +11,7 @@ from browser import Visit, chromium, hold_time, visit
 from finloop.base.errors import FinloopError
 from finloop.live.page import pack_message
 from finloop.puppet import PlacedBackbone
-from finloop.render.painter import Bent, Painter, picture
+from finloop.render.painter import BentPicture, Painter, pad_picture
 from finloop.stimulus.display import DisplayCalibration
 from finloop.stimulus.drawn import POSTURE
 from finloop.stimulus.log import parse_frames
@@ -87,9 +87,11 @@ def state_of(posture, x=160.25, y=120.5, heading=0.7, size=LENGTH, number=10, pa
 
 
 def bent_of(one, posture, heading=0.7, size=LENGTH, mirrored=False):
-    held = picture(one.pixels, *one.line[:2])
+    held = pad_picture(one.pixels, *one.line[:2])
     source = PlacedBackbone(held.x_px, held.y_px, *one.line[2:], one.posture.astype(float))
-    return Bent(held, source, posture.astype(float), float(np.float32(heading)), size, mirrored)
+    return BentPicture(
+        held, source, posture.astype(float), float(np.float32(heading)), size, mirrored
+    )
 
 
 def tank_of(*shape, seed=0):

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import area
+from finloop.curve.contour import signed_area
 from finloop.io.svg import FLATNESS, MOST_BYTES, MOST_DRAWN, MOST_NESTED, load_svg
 
 DRAWINGS = Path(__file__).parents[1] / "data/drawings"
@@ -197,7 +197,7 @@ def test_a_path_goes_on_after_it_was_closed(tmp_path):
 def test_areas_of_basic_shapes(tmp_path, shape, wanted):
     curve = load_curve(tmp_path, shape)
     assert curve.closed
-    assert abs(area(curve)) == pytest.approx(wanted, rel=1e-3)
+    assert abs(signed_area(curve)) == pytest.approx(wanted, rel=1e-3)
     if "circle" in shape:
         np.testing.assert_allclose(np.hypot(*(curve.points - [50, 40]).T), 20, rtol=1e-9)
 

@@ -18,18 +18,25 @@ from toy_fish import (
 )  # fmt: skip
 
 from finloop.base.errors import FinloopError
-from finloop.render.painter import Painter, Turned, picture
+from finloop.render.painter import Painter, TurnedPicture, pad_picture
 from finloop.sprites.orient import turn_cutout
-from finloop.tank.body import AROUND, RINGS, normals, surface, triangles, typical_width
+from finloop.tank.body import (
+    AROUND,
+    RINGS,
+    fish_surfaces,
+    surface_normals,
+    surface_triangles,
+    typical_half_widths,
+)
 from finloop.tank.camera import CAMERAS, VIEW_DEG, camera_views
-from finloop.tank.light import Floor, WaterSurface
+from finloop.tank.light import LitFloor, WaterSurface
 from finloop.tank.scene import choose_window
-from finloop.tank.skin import Skins
-from finloop.tank.swim import film_bodies, swimming_heights
+from finloop.tank.skin import FishSkins
+from finloop.tank.swim import film_body_shapes, swimming_heights
 
 
 def straight(scale=1.0):
-    return surface(scale * line(0)[None], scale * WIDTH[None], WIDTH / LENGTH, scale * LENGTH)
+    return fish_surfaces(scale * line(0)[None], scale * WIDTH[None], WIDTH / LENGTH, scale * LENGTH)
 
 
 # --- the body ------------------------------------------------------------------------------------
@@ -37,21 +44,21 @@ def straight(scale=1.0):
 
 @pytest.mark.parametrize("bend", [0.0, 0.8, -1.6])
 def test_the_body_is_closed_and_its_outside_is_outside(bend):
-    points, out = surface(line(bend)[None], WIDTH[None], WIDTH / LENGTH, LENGTH)
+    points, out = fish_surfaces(line(bend)[None], WIDTH[None], WIDTH / LENGTH, LENGTH)
     corners = points.reshape(-1, 3)
     _, same = np.unique(np.round(corners, 6) + 0.0, axis=0, return_inverse=True)
-    faces = same.reshape(-1)[triangles()]
+    faces = same.reshape(-1)[surface_triangles()]
     faces = faces[[len(set(face)) == 3 for face in faces.tolist()]]
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     ways = pd.Series(map(tuple, edges.tolist())).value_counts()
     assert all(ways[a, b] == ways.get((b, a), 0) for a, b in ways.index)  # every edge, both ways
-    a, b, c = corners[triangles()].swapaxes(0, 1)
+    a, b, c = corners[surface_triangles()].swapaxes(0, 1)
     volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
     box = LENGTH * 2 * WIDTH.max() * np.ptp(corners[:, 2])
     assert 0.15 * box < volume < 0.7 * box
     assert np.linalg.norm(out, axis=-1) == pytest.approx(1)
     facing = np.cross(b - a, c - a)
-    mean = out.reshape(-1, 3)[triangles()].mean(1)
+    mean = out.reshape(-1, 3)[surface_triangles()].mean(1)
     large = np.linalg.norm(facing, axis=1) > 1e-3
     assert ((facing * mean).sum(1)[large] > 0).mean() > 0.98
 
@@ -69,20 +76,20 @@ def test_a_straight_fish_is_as_wide_as_filmed_and_the_same_on_both_sides():
 
 def test_bodies_turn_scale_and_mirror_with_their_backbones():
     bent = line(0.7)
-    points, out = surface(bent[None], WIDTH[None], WIDTH / LENGTH, LENGTH)
+    points, out = fish_surfaces(bent[None], WIDTH[None], WIDTH / LENGTH, LENGTH)
     turn = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
-    there = surface((bent @ turn[:2, :2].T)[None], WIDTH[None], WIDTH / LENGTH, LENGTH)
+    there = fish_surfaces((bent @ turn[:2, :2].T)[None], WIDTH[None], WIDTH / LENGTH, LENGTH)
     assert there[0] == pytest.approx(points @ turn.T) and there[1] == pytest.approx(out @ turn.T)
-    twice = surface(2 * bent[None], 2 * WIDTH[None], WIDTH / LENGTH, 2 * LENGTH)
+    twice = fish_surfaces(2 * bent[None], 2 * WIDTH[None], WIDTH / LENGTH, 2 * LENGTH)
     assert twice[0] == pytest.approx(2 * points)
-    other = surface((bent * (1, -1))[None], WIDTH[None], WIDTH / LENGTH, LENGTH)
+    other = fish_surfaces((bent * (1, -1))[None], WIDTH[None], WIDTH / LENGTH, LENGTH)
     assert other[0] == pytest.approx(points[:, :, ::-1] * (1, -1, 1))
 
 
 def test_an_open_fin_does_not_make_the_body_fat():
     wide = WIDTH.copy()
     wide[8:12] *= 3
-    points = surface(line(0)[None], wide[None], WIDTH / LENGTH, LENGTH)[0]
+    points = fish_surfaces(line(0)[None], wide[None], WIDTH / LENGTH, LENGTH)[0]
     assert np.abs(points[..., 1]).max() < 1.25 * WIDTH.max()
 
 
@@ -91,7 +98,7 @@ def test_normals_of_a_ball():
         np.linspace(0, np.pi, RINGS), np.linspace(np.pi, -np.pi, AROUND), indexing="ij"
     )
     ball = np.stack([np.cos(angle), np.sin(angle) * np.sin(turn), np.sin(angle) * np.cos(turn)], -1)
-    found = normals(ball[None])[0]
+    found = surface_normals(ball[None])[0]
     assert (found * ball).sum(-1)[:-1].min() > 0.97
 
 
@@ -100,7 +107,7 @@ def test_normals_of_a_ball():
 
 def test_backbones_of_the_film_run_from_head_to_tail():
     tracks, heads, _ = toy()
-    film = film_bodies(tracks, heads)
+    film = film_body_shapes(tracks, heads)
     for row, bend in enumerate((0.9, -0.5)):
         moved = film.backbone[row] - film.backbone[row, 0]
         assert moved == pytest.approx(line(bend), abs=1e-4)
@@ -116,7 +123,7 @@ def test_from_above_it_covers_what_the_painter_draws(row, angle, scale):
     one = cutouts[row]
     x, y = tracks.loc[row, ["x_px", "y_px"]].to_numpy(float) - [one.x0_px, one.y0_px]
     painter = Painter(np.zeros((150, 200, 3), np.uint8))
-    painter.draw(88.4, 71.7, Turned(picture(one.pixels, x, y), angle, scale))
+    painter.draw(88.4, 71.7, TurnedPicture(pad_picture(one.pixels, x, y), angle, scale))
     assert overlap(fish_mask(fish_of(edit), 0, (150, 200)), painter.frame.max(2) > 90) > 0.88
 
 
@@ -131,7 +138,9 @@ def test_sprites_are_turned_and_mirrored_as_their_pictures_are(sprite, orientati
         mirror_axis_deg=one.heading_deg if one.mirrored else None,
     )  # fmt: skip
     painter = Painter(np.zeros((150, 200, 3), np.uint8))
-    painter.draw(90, 75, Turned(picture(shown.pixels, x - shown.x0_px, y - shown.y0_px), 20.0))
+    painter.draw(
+        90, 75, TurnedPicture(pad_picture(shown.pixels, x - shown.x0_px, y - shown.y0_px), 20.0)
+    )
     edit = edit_list(1, kind="sprite", source=sprite, orientation=orientation, rotation_deg=20.0)
     assert overlap(fish_mask(fish_of(edit), 0, (150, 200)), painter.frame.max(2) > 90) > 0.88
 
@@ -151,7 +160,7 @@ def test_a_cross_fade_is_half_way_between():
 def test_the_mass_centre_is_where_the_list_puts_it():
     fish = fish_of(edit_list(1, x_px=120.25, y_px=33.5, rotation_deg=77.0))
     assert fish.place[0, :2] == pytest.approx([120.25, -33.5])
-    assert fish.head[0, :2] == pytest.approx([120.25, -33.5] + fish.poses.backbone[0, 0])
+    assert fish.head_places[0, :2] == pytest.approx([120.25, -33.5] + fish.poses.backbone[0, 0])
     seen = fish_mask(fish, 0, (150, 200))
     assert np.argwhere(seen).mean(0) == pytest.approx([33.5, 120.25], abs=0.7)
 
@@ -182,9 +191,9 @@ def test_no_water_is_seen_on_the_skin():
     """Premultiplied colours fade to black at the rim: a white fish stays white all around."""
     tracks, heads, cutouts = toy()
     white = [one._replace(pixels=np.repeat(one.pixels[..., -1:], 4, axis=2)) for one in cutouts]
-    film = film_bodies(tracks, heads)
-    typical = typical_width(film.half_width, film.backbone)
-    skins = Skins(film, typical, tracks[["x_px", "y_px"]].to_numpy(), white.__getitem__)
+    film = film_body_shapes(tracks, heads)
+    typical = typical_half_widths(film.half_width, film.backbone)
+    skins = FishSkins(film, typical, tracks[["x_px", "y_px"]].to_numpy(), white.__getitem__)
     assert np.quantile(skins.skin(0)[16:48, 14:], 0.01) > 225
 
 
@@ -241,7 +250,7 @@ def test_cameras_do_not_jump(camera):
 
 def test_the_shadow_lies_away_from_the_sun_and_the_rest_is_the_film():
     background = np.full((150, 200), 120, np.uint8)
-    floor = Floor(background, ROOM)
+    floor = LitFloor(background, ROOM)
     fish = fish_of(edit_list(1, x_px=100.0, y_px=75.0))
     points = fish.shape_at(0)[0]
     without = floor.draw_floor([points + (1000, 0, 0)], 3.0).astype(int)

@@ -28,7 +28,13 @@ from finloop.io.table import save_table
 from finloop.io.video import FACTS_NAME, VideoFacts, read_frames, save_facts
 from finloop.io.viewer import _load_viewer_script
 from finloop.tank.camera import camera_views
-from finloop.tank.gltf import AnimatedFish, Glb, gltf_place, principal_shapes, tank_glb
+from finloop.tank.gltf import (
+    AnimatedFish,
+    GlbDocument,
+    encode_tank_glb,
+    principal_shapes,
+    to_gltf_axes,
+)
 from finloop.tank.scene import TankScene, choose_window
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -70,12 +76,12 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
     fish = fish_of(edit_list(2, x_px=[70.0, 140.0], y_px=[50.0, 100.0], rotation_deg=[20.0, 200.0]))
     size = (208, 156)
     room = ROOM._replace(aspect=size[0] / size[1])
-    view = camera_views("top", room, fish.head, fish.poses.heading, 25.0)
+    view = camera_views("top", room, fish.head_places, fish.poses.heading, 25.0)
     floor = np.full((150, 200), 128, np.uint8)
     floor[:40, :40] = 60
     with TankScene(floor, room, size) as scene:
         for tick in range(2):
-            shown = scene.frame([fish.shape_at(tick)], view, tick, 0.0).astype(int)
+            shown = scene.draw_frame([fish.shape_at(tick)], view, tick, 0.0).astype(int)
             vivid = np.abs(shown[..., 0] - shown[..., 2]) > 42  # red or blue: the fish alone is
             seen = vivid[3:153, 4:204]  # the film within the picture
             assert shown[13:33, 14:34].mean() < 80 < 110 < shown[-30:-10, 20:40].mean() < 140
@@ -85,7 +91,7 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
             assert not (seen & ~near).any()
             at = np.argwhere(seen).mean(0)[::-1]
             assert at == pytest.approx(fish.place[tick, :2] * (1, -1), abs=2)
-        again = scene.frame([fish.shape_at(1)], view, 1, 0.0)
+        again = scene.draw_frame([fish.shape_at(1)], view, 1, 0.0)
         assert np.array_equal(again, shown)  # the same window draws the same again
         left = fish.poses.backbone[1, 8] - fish.poses.backbone[1, 4]
         left = np.array([left[1], -left[0]]) / np.linalg.norm(left)
@@ -100,11 +106,13 @@ def test_several_fish_are_drawn_each_with_its_shadow():
     size = (208, 156)
     room, floor = ROOM._replace(aspect=size[0] / size[1]), np.full((150, 200), 128, np.uint8)
     one, other = (fish_of(edit_list(1, x_px=x, y_px=75.0)) for x in (60.0, 140.0))
-    view = camera_views("top", room, one.head, one.poses.heading, 25.0)
+    view = camera_views("top", room, one.head_places, one.poses.heading, 25.0)
     shown = {}
     for name, fish in {"one": [one], "other": [other], "both": [one, other]}.items():
         with TankScene(floor, room, size, len(fish)) as scene:
-            shown[name] = scene.frame([own.shape_at(0) for own in fish], view, 0, 0.0).astype(int)
+            shown[name] = scene.draw_frame([own.shape_at(0) for own in fish], view, 0, 0.0).astype(
+                int
+            )
     left, right = np.s_[:, :100], np.s_[:, 108:]
     assert np.array_equal(shown["both"][left], shown["one"][left])
     assert np.array_equal(shown["both"][right], shown["other"][right])
@@ -116,7 +124,7 @@ def test_several_fish_are_drawn_each_with_its_shadow():
 
 def test_few_shapes_that_mix_give_every_shape_back():
     fish = fish_of(swimming())
-    points = fish.points().astype(float)
+    points = fish.points_of_all_ticks().astype(float)
     heading = fish.poses.heading
     found = principal_shapes(points, heading)
     back = found.mean + np.einsum("tm,mvc->tvc", found.weights, found.modes)
@@ -133,10 +141,10 @@ def glb_of(*fish):
     background = np.full((150, 200, 3), (40, 90, 140), np.uint8)
     headings = [one.poses.heading for one in fish]
     every = [
-        AnimatedFish(principal_shapes(one.points(), heading), one.place, heading)
+        AnimatedFish(principal_shapes(one.points_of_all_ticks(), heading), one.place, heading)
         for one, heading in zip(fish, headings, strict=True)
     ]
-    return tank_glb(ROOM, background, fish[0].typical_skin(), every, 25.0)
+    return encode_tank_glb(ROOM, background, fish[0].typical_skin(), every, 25.0)
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -162,7 +170,7 @@ def test_vtk_reads_the_scene_and_finds_the_fish_at_every_tick(count, tmp_path):
         wanted = [fish.shape_at(tick)[0].reshape(-1, 3) - ROOM.middle for fish in every]
         seen = [points for points in meshes if len(points) == len(wanted[0])]
         for points, one in zip(seen, wanted, strict=True):
-            there = np.array([gltf_place(point / LENGTH) for point in one])
+            there = np.array([to_gltf_axes(point / LENGTH) for point in one])
             assert np.abs(points - there).max() < 0.002
         assert sizes[0] == 4 and len(sizes) == 4 + 2 * count  # floor, water, glass, edges; shadows
 
@@ -207,7 +215,7 @@ def test_the_files_own_numbers_are_true():
 
 def test_numbers_that_are_none_are_not_written():
     with pytest.raises(ValueError, match="NaN"):
-        Glb().add_array(np.array([0.0, np.nan], np.float32))
+        GlbDocument().add_array(np.array([0.0, np.nan], np.float32))
 
 
 # --- the stage -----------------------------------------------------------------------------------

@@ -22,8 +22,8 @@ from finloop.animate.world import World
 from finloop.base.settings import settings, values_of
 from finloop.distance.picture import BODY
 from finloop.edit.bodies import Bodies
-from finloop.edit.build import edit_list
-from finloop.edit.joins import joins
+from finloop.edit.build import build_edit_list
+from finloop.edit.joins import resolve_join_rules
 from finloop.edit.schema import WHY
 from finloop.edit.stretch import Swim
 from finloop.features.table import wrap_deg
@@ -42,7 +42,7 @@ from finloop.plan.sources import FilmSource
 from finloop.plan.world import Brisk, FilmWorld, learn_brisk
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, PoseShapes
-from finloop.social.rule import Shoaling, SocialSteps
+from finloop.social.rule import SchoolRule, SocialSteps
 from finloop.social.zones import Zones
 
 ORIENTATIONS = 24
@@ -350,7 +350,9 @@ def cast_of(film_: MotionGraph, hulls=(HULL, HULL)) -> Cast:
 def matching_of(own_world=None, hulls=(HULL, HULL), prediction=None, film_too=True) -> Planner:
     """A planner of mode `matching`: by the film, and as a forecast predicts if there is one."""
     world = film_world_of() if own_world is None else own_world
-    how = joins(world.settings, world.settings.join, bodies_of(world.film), DELTA, lambda *_: True)
+    how = resolve_join_rules(
+        world.settings, world.settings.join, bodies_of(world.film), DELTA, lambda *_: True
+    )
     rows = np.minimum(sprites()["row"].to_numpy(), len(world.film.has_next) - 2)
     by_film = FilmSource(world) if film_too else None
     return Planner(world, by_film, prediction, cast_of(world.film, hulls), how, None, rows)
@@ -388,7 +390,7 @@ def paper_player(mode: PaperMode, join="fade", hulls=(HULL, HULL)) -> PaperPlaye
     network = mode if isinstance(mode, Network) else getattr(mode, "network", None)
     play = mode if isinstance(mode, Loops) else getattr(mode, "loops", None)
     film_ = rich_film() if play is None else play.film
-    how = joins(settings("animate"), join, bodies_of(film_), DELTA, lambda *_: True)
+    how = resolve_join_rules(settings("animate"), join, bodies_of(film_), DELTA, lambda *_: True)
     world = (network or play).world
     kept = None if network is None else network.sprites
     return PaperPlayer(mode, world, film_, kept, cast_of(film_, hulls), how)
@@ -434,11 +436,11 @@ def empty_reasons() -> dict[str, None]:
     return dict.fromkeys(WHY)
 
 
-def shoaling(zones: Zones) -> Shoaling:
+def shoaling(zones: Zones) -> SchoolRule:
     """Steps of about two body lengths ahead, and zones that change them."""
     turn = np.exp(1j * np.random.default_rng(1).normal(0, 0.5, 200))
     own = SocialSteps(np.full(200, 0.2 + 0j), np.full(200, 2.0 + 0j), 2 * turn, turn, 2.0, 0.7)
-    return Shoaling(zones, own, 15, 10)
+    return SchoolRule(zones, own, 15, 10)
 
 
 def spot(x, y, touch=TOUCH, head=HEAD) -> Target:
@@ -449,4 +451,4 @@ def spot(x, y, touch=TOUCH, head=HEAD) -> Target:
 def edit_of(player, goals, ticks, seed) -> tuple[Swim, pd.DataFrame]:
     """A swim, and its edit list."""
     found = swim(player, goals, ticks, np.random.default_rng(seed))
-    return found, edit_list(found, ticks, player.sources)
+    return found, build_edit_list(found, ticks, player.sources)

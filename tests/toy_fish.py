@@ -6,16 +6,16 @@ import pandas as pd
 
 from finloop.base.cutout import Cutout
 from finloop.edit.schema import WHY
-from finloop.tank.body import typical_width
-from finloop.tank.camera import Room
+from finloop.tank.body import typical_half_widths
+from finloop.tank.camera import TankRoom
 from finloop.tank.fish import FishSurface
-from finloop.tank.skin import Skins
-from finloop.tank.swim import film_bodies, tank_poses
+from finloop.tank.skin import FishSkins
+from finloop.tank.swim import film_body_shapes, poses_in_tank
 
 P, LENGTH = 33, 60.0
 S = np.linspace(0, 1, P)
 WIDTH = LENGTH * 0.1 * np.sqrt(np.abs(np.sin(np.pi * S**0.7))) * (1.05 - 0.75 * S)
-ROOM = Room(200, 150, 120, LENGTH)
+ROOM = TankRoom(200, 150, 120, LENGTH)
 
 
 def mass_centre(alpha):
@@ -104,10 +104,10 @@ def edit_list(n, **columns):
 
 def fish_of(edit):
     tracks, heads, cutouts = toy()
-    film = film_bodies(tracks, heads)
-    typical = typical_width(film.half_width, film.backbone)
-    pose = tank_poses(edit, film, SPRITE)
-    skins = Skins(film, typical, tracks[["x_px", "y_px"]].to_numpy(), cutouts.__getitem__)
+    film = film_body_shapes(tracks, heads)
+    typical = typical_half_widths(film.half_width, film.backbone)
+    pose = poses_in_tank(edit, film, SPRITE)
+    skins = FishSkins(film, typical, tracks[["x_px", "y_px"]].to_numpy(), cutouts.__getitem__)
     place = np.c_[pose.centre, np.full(len(edit), 40.0)]
     return FishSurface(pose, place, skins, typical, LENGTH)
 

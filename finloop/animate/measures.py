@@ -17,7 +17,12 @@ from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.base.distributions import wasserstein_distance
 from finloop.base.schema import Column, Schema
-from finloop.edit.measures import area_missed, picture_kind_shares, step_measures, turn_measures
+from finloop.edit.measures import (
+    motion_area_errors,
+    picture_kind_shares,
+    step_measures,
+    turn_measures,
+)
 from finloop.edit.schema import FRAME, Goal
 from finloop.features.current import places_through_water
 from finloop.features.table import wrap_deg
@@ -45,7 +50,7 @@ def measure_plan(
         **kinematic_distances(motion_of_edit(edit, player), film),
         **turn_measures(edit),
         **picture_kind_shares(edit),
-        **area_missed(edit),
+        **motion_area_errors(edit),
         "frames_outside": count_ticks_outside(edit, player),
     }
 

@@ -12,10 +12,10 @@ from finloop.animate.state import State
 from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.edit.build import EditInputs
-from finloop.edit.joins import Joins
+from finloop.edit.joins import JoinRules
 from finloop.edit.schema import Goal
 from finloop.edit.stretch import Stretch
-from finloop.social.rule import Shoaling
+from finloop.social.rule import SchoolRule
 
 
 class AnyPlayer(Protocol):
@@ -26,7 +26,7 @@ class AnyPlayer(Protocol):
         """Return the tank, and what the film teaches of swimming."""
 
     @property
-    def joins(self) -> Joins:
+    def joins(self) -> JoinRules:
         """Return how pictures are joined to those before them."""
 
     @property
@@ -38,7 +38,7 @@ class AnyPlayer(Protocol):
         """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
 
     @property
-    def shoaling(self) -> Shoaling | None:
+    def shoaling(self) -> SchoolRule | None:
         """Return how fish swim by zones; None if it is unknown."""
 
     @property

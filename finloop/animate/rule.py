@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from finloop.base.arrays import Reals
-from finloop.social.rule import Others, Shoaling
+from finloop.social.rule import OtherFish, SchoolRule
 
 BY_ZONES, FOLLOWING = "company", "leader"
 """The goals, in an edit list, of a fish that swims by zones, or behind a leader."""
@@ -12,8 +12,8 @@ BY_ZONES, FOLLOWING = "company", "leader"
 class Rule(NamedTuple):
     """A rule of swimming with others. leader: column of the one to follow; None: all, by zones."""
 
-    others: Others
-    shoaling: Shoaling | None = None
+    others: OtherFish
+    shoaling: SchoolRule | None = None
     leader: int | None = None
 
     @property
@@ -22,11 +22,11 @@ class Rule(NamedTuple):
         return BY_ZONES if self.leader is None else FOLLOWING
 
     @classmethod
-    def by_zones(cls, ways: Reals, shoaling: Shoaling) -> "Rule":
+    def by_zones(cls, ways: Reals, shoaling: SchoolRule) -> "Rule":
         """Return the rule to swim by zones with other fish; ways (n, 3): their x, y px, heading."""
-        return cls(Others(ways[:, :2], ways[:, 2]), shoaling)
+        return cls(OtherFish(ways[:, :2], ways[:, 2]), shoaling)
 
     @classmethod
     def from_leader(cls, leader: Reals) -> "Rule":
         """Return the rule to follow a leader; leader (3,): its x, y px, heading."""
-        return cls(Others(leader[None, :2], leader[None, 2]), None, 0)
+        return cls(OtherFish(leader[None, :2], leader[None, 2]), None, 0)

@@ -19,7 +19,7 @@ from finloop.animate.route import Route
 from finloop.animate.rule import Rule
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
-from finloop.edit.build import edit_list
+from finloop.edit.build import build_edit_list
 from finloop.edit.schema import PATH, Goal
 from finloop.edit.stretch import Swim
 from finloop.social.rule import require_rule
@@ -205,7 +205,7 @@ def play(
     player: AnyPlayer, goals: Sequence[Goal], ticks: int, rng: np.random.Generator
 ) -> pd.DataFrame:
     """Return the edit list of one fish for `ticks` ticks: to the goals in turn, then anywhere."""
-    return edit_list(swim(player, goals, ticks, rng), ticks, player.sources)
+    return build_edit_list(swim(player, goals, ticks, rng), ticks, player.sources)
 
 
 class NoRoom(FinloopError):

@@ -9,8 +9,8 @@ import pandas as pd
 from finloop.base.arrays import Complex, Ints, Mask
 from finloop.base.errors import FinloopError
 from finloop.features.memory import measure_memory_frames
-from finloop.social.measures import frame_slots, middle_frame, shoal_table, spread_to_slots
-from finloop.social.neighbours import Neighbours, relative_neighbours, vectors
+from finloop.social.measures import frame_slots, measure_group, middle_frame, spread_to_slots
+from finloop.social.neighbours import Neighbours, complex_vectors, neighbours_among
 from finloop.social.walls import Walls
 
 _PART = 4  # the horizon is at most 1 / _PART of the longest track
@@ -24,7 +24,7 @@ class FilmShoal:
     place, heading, frame (n,): of each row; later, earlier (n,): row of the same track `horizon`
     frames later and earlier, or −1; index (n,): the row's frame among the frames with fish; slot
     (n,): its place in that frame; places, headings (frames, m): NaN for absent fish; table:
-    `shoal_table`.
+    `measure_group`.
     """
 
     place: Complex
@@ -84,7 +84,7 @@ class FilmShoal:
         places = self.places[own]
         places[np.arange(len(rows)), self.slot[rows]] = np.nan
         others = places, self.headings[own]
-        return relative_neighbours(self.place[rows, None], self.heading[rows, None], others)
+        return neighbours_among(self.place[rows, None], self.heading[rows, None], others)
 
     def moves(self, rows: Ints) -> Complex:
         """Return displacements (k,) in BL from k rows to the later ones, in the frame of the body.
@@ -112,7 +112,7 @@ def film_shoal(
     walls = Walls(arena, float(np.median(features["body_length_px"])))
     frame, track = (features[name].to_numpy(np.int64) for name in ("frame", "track_id"))
     where = features[["x_px", "y_px"]].to_numpy(float), features["heading_deg"].to_numpy(float)
-    place, heading = vectors(*where, walls.length)
+    place, heading = complex_vectors(*where, walls.length)
     slots = frame_slots(frame)
     if horizon == "auto":
         ticks = horizon_frames(heading, track, delta)
@@ -128,7 +128,7 @@ def film_shoal(
         )
     return FilmShoal(
         place, heading, frame, later, earlier, slots[0], slots[1], spread_to_slots(place, *slots),
-        spread_to_slots(heading, *slots), ticks, walls, shoal_table(frame, *where, walls),
+        spread_to_slots(heading, *slots), ticks, walls, measure_group(frame, *where, walls),
     )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ from finloop.base.arrays import Complex, Floats, Ints, Mask, Reals
 from finloop.calibrate.film import FilmShoal
 from finloop.calibrate.settings import CalibrateSettings
 from finloop.social.neighbours import Neighbours
-from finloop.social.zones import COUZIN, Zones, weighted_sum, zone_means
+from finloop.social.zones import COUZIN, Zones, weigh_zone_pulls, zone_means
 
 _EQUAL = 1e-12  # share of the residual: of equally good zones the smaller ones are taken
 _ZONES = (1, 2, 3)  # columns of a regression
@@ -80,7 +80,7 @@ def fit_zones(film: FilmShoal, p: CalibrateSettings) -> Fitted:
         pulls = zone_means(film.visible_neighbours(half), zones.radii, zones.blind_deg)
         wall, after = _wall_pull(film, half), film.directions(half)
         left, left_alone = (
-            float((np.abs(after - a - weighted_sum(pulls, b) - c * wall) ** 2).sum())
+            float((np.abs(after - a - weigh_zone_pulls(pulls, b) - c * wall) ** 2).sum())
             for a, *b, c in (with_zones, alone)
         )
         shares.append(1 - left / left_alone)
@@ -89,7 +89,7 @@ def fit_zones(film: FilmShoal, p: CalibrateSettings) -> Fitted:
 
 def _wall_pull(film: FilmShoal, rows: Ints) -> Complex:
     """Return the vectors W (k,) of k rows: away from the wall, complex, in the body's frame."""
-    return film.walls.near(film.place[rows], film.heading[rows])
+    return film.walls.vectors_from_wall(film.place[rows], film.heading[rows])
 
 
 class Rings:
@@ -180,7 +180,7 @@ def _solve(sums: _Sums, weights: Sequence[float | None]) -> Floats:
 
 def _columns(pulls: Complex, wall: Complex, weights: Sequence[float | None]) -> Complex:
     """Return columns (n, 5): own direction with the zones of fixed weight, the zones, W."""
-    return np.column_stack([1.0 + weighted_sum(pulls, _or_zero(weights)), pulls, wall])
+    return np.column_stack([1.0 + weigh_zone_pulls(pulls, _or_zero(weights)), pulls, wall])
 
 
 def _or_zero(weights: Sequence[float | None]) -> Floats:

@@ -11,15 +11,15 @@ from finloop.base.arrays import Complex, Ints
 from finloop.calibrate.film import LEAST, FilmShoal
 from finloop.calibrate.fit import Fitted, default_zones, fit_zones
 from finloop.calibrate.settings import CalibrateSettings
-from finloop.social.measures import shoal_table
-from finloop.social.neighbours import neighbours
-from finloop.social.rule import Shoaling, SocialSteps
-from finloop.social.zones import Zones, pull
+from finloop.social.measures import measure_group
+from finloop.social.neighbours import all_neighbours
+from finloop.social.rule import SchoolRule, SocialSteps
+from finloop.social.zones import Zones, pull_of_others
 
 _BURN_IN = 0.1  # share of the steps until the first places are forgotten
 
 
-def film_rule(film: FilmShoal, p: CalibrateSettings) -> tuple[Shoaling, Fitted | None]:
+def film_rule(film: FilmShoal, p: CalibrateSettings) -> tuple[SchoolRule, Fitted | None]:
     """Return the rule of a film's fish, and the fit of its zones.
 
     Where the film shows too few fish together the fit is None, and the zones are `default_zones`.
@@ -27,7 +27,7 @@ def film_rule(film: FilmShoal, p: CalibrateSettings) -> tuple[Shoaling, Fitted |
     fit = None if shortage(film) else fit_zones(film, p)
     zones = fit.zones if fit else default_zones(p)
     steps = own_steps(film, film.whole_steps(p.rows), zones)
-    return Shoaling(zones, steps, film.horizon, p.alike), fit
+    return SchoolRule(zones, steps, film.horizon, p.alike), fit
 
 
 def shortage(film: FilmShoal) -> str:
@@ -52,12 +52,12 @@ def own_steps(film: FilmShoal, rows: Ints, zones: Zones) -> SocialSteps:
     rows (k,): each has a row before and one after (`whole_steps`). A least-squares fit gives how
     much a pull of 1 moves and turns a fish: as much as its own direction does.
     """
-    pulls, own = pull(film.visible_neighbours(rows), zones), film.heading[rows]
+    pulls, own = pull_of_others(film.visible_neighbours(rows), zones), film.heading[rows]
     move, turn = film.moves(rows), film.directions(rows)
     before = (film.place[rows] - film.place[film.earlier[rows]]) * own.conj()
     forward, onward = (_fit_own_part(vector, 1 + pulls) for vector in (move, turn))
     return SocialSteps(
-        film.walls.near(film.place[rows], own), before, move - forward * pulls,
+        film.walls.vectors_from_wall(film.place[rows], own), before, move - forward * pulls,
         turn - onward * pulls, forward, onward,
     )  # fmt: skip
 
@@ -86,10 +86,12 @@ def simulate_points(
     first, every_fish = round(_BURN_IN * count), np.arange(fish)
     places, headings = np.empty((2, count, fish), complex)
     for number in range(first + count):
-        pulls = pull(neighbours(place, heading), zones)
-        moves, turns = steps.draw(walls.near(place, heading), last * heading.conj(), p.alike, rng)
+        pulls = pull_of_others(all_neighbours(place, heading), zones)
+        moves, turns = steps.draw_similar_steps(
+            walls.vectors_from_wall(place, heading), last * heading.conj(), p.alike, rng
+        )
         ways = heading * (moves.T + steps.forward * pulls)
-        inside = walls.inside(place + ways)
+        inside = walls.is_inside(place + ways)
         which = inside.argmax(axis=0)  # the first move inside the tank; without one a fish stays
         to = np.where(inside.any(axis=0), place + ways[which, every_fish], place)
         heading = heading * steps.add_pull_to_turns(turns[every_fish, which], pulls)
@@ -98,4 +100,4 @@ def simulate_points(
             places[number - first], headings[number - first] = place, heading
     at = np.stack([places.real, -places.imag], axis=-1).reshape(-1, 2) * walls.length
     frame = np.repeat(np.arange(count), fish)
-    return shoal_table(frame, at, np.degrees(np.angle(headings)).ravel(), walls)
+    return measure_group(frame, at, np.degrees(np.angle(headings)).ravel(), walls)

@@ -7,7 +7,7 @@ Polylines (`contour`), filters and transform (`wavelet`, §2), connection coeffi
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "dynamics": ["Material", "Problem", "Trajectory", "energy", "solve"],
-    "stiffness": ["connection"],
+    "dynamics": ["Material", "Problem", "Trajectory", "total_energy", "solve_motion"],
+    "stiffness": ["connection_coefficients"],
     "wavelet": ["drop_details", "filter_bank", "inverse_transform", "wavelet_transform"],
 })  # fmt: skip

@@ -1,7 +1,7 @@
 """Planar curves (curve paper §2.2): closed and open contours, their orientation, equal arc length.
 
 x is right and y is down, as on a screen and in SVG. The paper's curves run clockwise; as seen on
-such a screen that is the direction of positive `area`.
+such a screen that is the direction of positive `signed_area`.
 """
 
 import numpy as np
@@ -11,8 +11,8 @@ from finloop.base.drawing import Curve
 from finloop.base.errors import FinloopError
 
 
-def area(curve: Curve) -> float:
-    """Return the area within the polygon of the points, positive if it runs clockwise on screen.
+def signed_area(curve: Curve) -> float:
+    """Return the area within a curve's polygon, positive if it runs clockwise on screen.
 
     In the square of the points' unit; y is down. Clockwise is the paper's orientation (§2.2). An
     open curve is closed by its chord.
@@ -21,7 +21,7 @@ def area(curve: Curve) -> float:
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
-def centroid(points: Floats) -> Floats:
+def area_centroids(points: Floats) -> Floats:
     """Return the centres (…, 2) of the areas within closed polygons (…, n, 2), in their unit."""
     p = points - points[..., :1, :]
     q = np.roll(p, -1, axis=-2)
@@ -35,13 +35,13 @@ def orient_clockwise(curve: Curve) -> Curve:
 
     A closed curve keeps its first point; an open curve comes back unchanged.
     """
-    if not curve.closed or area(curve) >= 0:
+    if not curve.closed or signed_area(curve) >= 0:
         return curve
     return Curve(np.roll(curve.points[::-1], 1, axis=0), True)
 
 
 def resample_curve(curve: Curve, n: int) -> Curve:
-    """Resample the polyline to n points at equal distances along it (t(l) = l / L, §2.2).
+    """Resample a curve to n points at equal distances along its polyline (t(l) = l / L, §2.2).
 
     A closed curve keeps its first point, an open curve both ends. The new polygon cuts corners, so
     it is never longer than the curve. FinloopError if n is below 3 (closed curve) or 2 (open).

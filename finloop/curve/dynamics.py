@@ -3,8 +3,8 @@
 Glossary: *rest* u₀ (n, d) the natural shape; *displacement* u from it; ρ *density*, e₀ *elastic*,
 s₁ *mass_damping*, s₂ *stiffness_damping*; Q a force per length, at every point.
 
-`solve` is the entry. In the φ basis K is circulant, and an FFT decouples it exactly. This is the
-method "modal", the reference for the errors of all other methods. The parameter of a curve runs
+`solve_motion` is the entry. In the φ basis K is circulant, and an FFT decouples it exactly. This is
+the method "modal", the reference for the errors of all other methods. The parameter of a curve runs
 from 0 to 1, so with e₀ = ρ = 1 mode m swings m times in a unit of time, at any n.
 
 An open curve moves as one half of the closed curve that `curve.wavelet.close_by_mirroring` makes.
@@ -25,7 +25,7 @@ from scipy.sparse.linalg import splu
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
-from finloop.curve.stiffness import eigenvalues, stiffness
+from finloop.curve.stiffness import stiffness_eigenvalues, stiffness_matrix
 from finloop.curve.wavelet import inverse_transform, wavelet_transform
 
 METHODS = ("modal", "runge-kutta", "explicit-euler", "implicit-euler", "decoupled")
@@ -34,7 +34,7 @@ SCHULZ_ITERATIONS = 100
 
 _MOST_EVALUATIONS = 50_000  # of a force that depends on place and time
 
-Field = Callable[[float, Floats], Floats]
+ForceField = Callable[[float, Floats], Floats]
 """The force Q (n, d) as a function of time and the points' places (n, d)."""
 Numbers = NDArray[np.inexact]
 
@@ -67,16 +67,16 @@ class Problem:
     material: Material
     times: Floats
     velocity: Floats | None = None
-    force: Floats | Field | None = None
+    force: Floats | ForceField | None = None
     wavelet: str = "coif2"
 
     def state_at_start(self) -> Floats:
-        """Return displacement and velocity at times[0], (2, n, d)."""
+        """Return displacement and velocity of the points at times[0], (2, n, d)."""
         u = np.asarray(self.displacement, np.float64)
         return np.stack([u, np.zeros_like(u) if self.velocity is None else self.velocity])
 
     def force_at(self, time: float, displacement: Floats) -> Floats:
-        """Return the force Q (n, d) on the points at a time, for displacements (n, d) from rest."""
+        """Return the force Q (n, d) on points displaced by (n, d) from rest, at a time."""
         if callable(self.force):
             return np.broadcast_to(self.force(time, self.rest + displacement), displacement.shape)
         return np.zeros_like(displacement) + (0 if self.force is None else self.force)
@@ -84,7 +84,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """Settings of the methods of `curve.dynamics.solve`.
+    """Settings of the methods of `curve.dynamics.solve_motion`.
 
     All methods but "modal" use `levels` of the wavelet basis. "runge-kutta" uses the relative
     tolerance `rtol` and scipy's `integrator`. Euler takes `substeps` between two times and inverts
@@ -102,7 +102,7 @@ class SolverOptions:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Displacements from rest and velocities, each (t, n, d), at `times` (t,), and their error.
+    """Motion of a curve: displacements from rest and velocities, each (t, n, d), and their error.
 
     `error` is the largest deviation from the exact displacement, relative to the largest exact
     displacement; "modal" estimates it itself, 0 for a closed form. `facts` holds steps, residuals
@@ -117,17 +117,17 @@ class Trajectory:
 
 
 class Solution(NamedTuple):
-    """Displacements from rest and velocities, each (t, n, d), and counts of the method by name."""
+    """Result of one method: displacements and velocities, each (t, n, d), and counts by name."""
 
     displacement: Floats
     velocity: Floats
     facts: dict[str, float]
 
 
-def solve(
+def solve_motion(
     problem: Problem, method: str = "modal", options: SolverOptions | None = None
 ) -> Trajectory:
-    """Return the motion of a curve that is released: M q̈ + C q̇ + K q = Q (Eq. 3.3).
+    """Return the motion of a curve that is bent and released: M q̈ + C q̇ + K q = Q (Eq. 3.3).
 
     q is the displacement from rest, Q the force; M, C, K are mass, damping and stiffness. method:
     "modal" is exact. "runge-kutta" has adaptive steps (Eq. 3.15). "explicit-euler" and
@@ -143,9 +143,9 @@ def solve(
     if method == "decoupled":
         solution = _solve_decoupled(problem, options)
     elif method == "runge-kutta":
-        solution = runge_kutta(problem, options)
+        solution = solve_by_runge_kutta(problem, options)
     else:
-        solution = euler(problem, options, method == "implicit-euler")
+        solution = solve_by_euler(problem, options, method == "implicit-euler")
     off = np.abs(solution.displacement - exact.displacement).max()
     size = np.abs(exact.displacement).max()
     error = float(off / size) if size else float(off)
@@ -155,7 +155,7 @@ def solve(
 
 
 def _check_problem(problem: Problem, method: str) -> Problem:
-    """Return the problem with arrays in its fields; FinloopError if the method cannot solve it."""
+    """Convert a problem's fields to arrays; FinloopError if the method cannot solve it."""
     material, force = problem.material, problem.force
     times, rest = np.asarray(problem.times, np.float64), np.asarray(problem.rest, np.float64)
     u = np.asarray(problem.displacement, np.float64)
@@ -202,7 +202,7 @@ def _check_problem(problem: Problem, method: str) -> Problem:
 
 @dataclass(frozen=True)
 class Oscillators:
-    """m independent oscillators: density ρ, the same for all; damping c (m,); stiffness k (m,)."""
+    """Independent oscillators, m in number: one density ρ, dampings c (m,), stiffnesses k (m,)."""
 
     density: float
     damping: Floats
@@ -234,8 +234,8 @@ class Response(NamedTuple):
     pushed_rate: Floats
 
 
-def response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Response:
-    """Return the factors of the solution of Eq. 3.16 at times (t,) since the start.
+def oscillator_response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Response:
+    """Return the factors that solve Eq. 3.16 for oscillators at times (t,) since the start.
 
     forced: False sets the factor `pushed` of the force to 0, and saves half of the time. The
     formulas neither cancel nor overflow near double roots, which are the limit of real and of
@@ -247,7 +247,7 @@ def response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Re
         rate = k / oscillators.damping
         place = np.exp(-rate * t)
         none = np.zeros_like(place)
-        pushed = t * _mean_decay(rate * t) / oscillators.damping
+        pushed = t * _mean_of_decay(rate * t) / oscillators.damping
         return Response(place, none, pushed, -rate * place, none, place / oscillators.damping)
     # The roots are r = −γ ± √(γ² − k / ρ).
     gamma, square = oscillators.damping / (2 * oscillators.density), k / oscillators.density
@@ -258,7 +258,7 @@ def response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Re
     speed = even * t
     apart, turn = 2 * root[real] * t, root[~real] * t
     even[:, real] *= (1 + np.exp(-apart)) / 2
-    speed[:, real] *= _mean_decay(apart)
+    speed[:, real] *= _mean_of_decay(apart)
     even[:, ~real] *= np.cos(turn)
     speed[:, ~real] *= np.sin(turn) / np.where(turn > 0, turn, 1) + (turn == 0)
     place = even + gamma * speed
@@ -276,16 +276,16 @@ def response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Re
     )
 
 
-def _mean_decay(x: Floats) -> Floats:
-    """Return (1 − e^−x) / x, which is 1 at 0."""
+def _mean_of_decay(x: Floats) -> Floats:
+    """Return the mean of e^−s for s from 0 to x, (1 − e^−x) / x; it is 1 at 0."""
     return np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1)
 
 
 def _force_response(total: Floats, product: Floats, slow: Floats, place: Floats) -> Floats:
-    """Return (1 − place) / product, and its limit at 0, without loss of digits.
+    """Return how far a constant force moves oscillators: (1 − place) / product, exact at 0 too.
 
     −x, −y are the roots in steps of t, `total` = x + y, `product` = xy, `slow` the x nearer 0. With
-    D = `_mean_decay` the value is (D(x) − D(y)) / (y − x), or a power series if both are small.
+    D = `_mean_of_decay` the value is (D(x) − D(y)) / (y − x), or a power series if both are small.
     """
     term, before = np.ones_like(product), np.zeros_like(product)
     series = np.zeros_like(product)
@@ -295,20 +295,22 @@ def _force_response(total: Floats, product: Floats, slow: Floats, place: Floats)
         term, before = near * term - spread * before, term
     far = product < 0.01 * total**2  # x is much nearer 0 than y
     x, y = np.where(far, slow, 0), np.where(far, total - slow, 1)
-    apart = (_mean_decay(x) - _mean_decay(y)) / (y - x)
+    apart = (_mean_of_decay(x) - _mean_of_decay(y)) / (y - x)
     rest = (1 - place) / np.where(product > 0, product, 1)
     return np.where((total < 0.5) & (product < 0.25), series, np.where(far, apart, rest))
 
 
-def motion(
+def oscillator_motion(
     oscillators: Oscillators, a: Numbers, v: Numbers, times: Floats, force: Numbers | None
 ) -> tuple[Numbers, Numbers]:
-    """Return exact places and speeds, each (t, m, d), of m oscillators under a constant force.
+    """Return exact places and speeds, (t, m, d) each, of m oscillators under a constant force.
 
     a, v (m, d): places and speeds at the start, may be complex as FFTs are; times (t,): since the
     start; force (m, d), or None for none.
     """
-    table = Response(*(part[..., None] for part in response(oscillators, times, force is not None)))
+    table = Response(
+        *(part[..., None] for part in oscillator_response(oscillators, times, force is not None))
+    )
     places, speeds = table.place * a + table.speed * v, table.place_rate * a + table.speed_rate * v
     if force is not None:
         places, speeds = places + table.pushed * force, speeds + table.pushed_rate * force
@@ -319,7 +321,7 @@ def motion(
 
 
 class Basis(NamedTuple):
-    """A basis in which the stiffness K is diagonal, or treated as diagonal.
+    """A basis for the coefficients of a curve in which the stiffness K is, or counts as, diagonal.
 
     to: function from points (n, d) to coefficients (m, d); points: its inverse, from (…, m, d) to
     (…, n, d); k: the diagonal (m,) of the stiffness K.
@@ -331,18 +333,18 @@ class Basis(NamedTuple):
 
 
 def _solve_modal(problem: Problem, options: SolverOptions) -> Solution:
-    """Return the exact motion: a Fourier transform makes K diagonal, as K is circulant."""
+    """Return the exact motion, by a Fourier transform, which makes the circulant K diagonal."""
     n = len(problem.rest)
     basis = Basis(
         lambda points: np.fft.rfft(points, axis=0),
         lambda modes: np.fft.irfft(modes, n, axis=-2),
-        eigenvalues(problem.wavelet, n, problem.material.elastic),
+        stiffness_eigenvalues(problem.wavelet, n, problem.material.elastic),
     )
     return _solve_in_basis(basis, problem, options)
 
 
 def _solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
-    """Return the motion by Eq. 3.16: only the diagonal of K, in the wavelet basis.
+    """Return the motion by Eq. 3.16, with only the diagonal of K in the wavelet basis.
 
     The neglected entries beside the diagonal cause a considerable error.
     """
@@ -350,31 +352,34 @@ def _solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
     basis = Basis(
         lambda points: wavelet_transform(points, wavelet, levels),
         lambda coefficients: inverse_transform(np.asarray(coefficients, float), wavelet, levels),
-        stiffness(wavelet, n, levels, problem.material.elastic).diagonal(),
+        stiffness_matrix(wavelet, n, levels, problem.material.elastic).diagonal(),
     )
     return _solve_in_basis(basis, problem, options)
 
 
 def _solve_in_basis(basis: Basis, problem: Problem, options: SolverOptions) -> Solution:
-    """Return the motion of independent oscillators, one for each coefficient of the basis."""
+    """Return the motion of one independent oscillator for each coefficient of the basis."""
     material, (u, v) = problem.material, problem.state_at_start()
     c = material.mass_damping * (material.density or 1.0) + material.stiffness_damping * basis.k
     modes = Oscillators(material.density, c, basis.k)
     facts = {f"{kind}_roots": float(count) for kind, count in modes.count_root_kinds().items()}
     if callable(problem.force):
-        return _integrate_field(basis, modes, problem, facts, options.tolerance)
+        return _integrate_changing_force(basis, modes, problem, facts, options.tolerance)
     push = None if problem.force is None else basis.to(problem.force_at(0.0, u))
-    places, speeds = motion(modes, basis.to(u), basis.to(v), problem.times - problem.times[0], push)
+    places, speeds = oscillator_motion(
+        modes, basis.to(u), basis.to(v), problem.times - problem.times[0], push
+    )
     return Solution(basis.points(places), basis.points(speeds), {**facts, "estimate": 0.0})
 
 
-def _integrate_field(
+def _integrate_changing_force(
     basis: Basis, modes: Oscillators, problem: Problem, facts: dict[str, float], tolerance: float
 ) -> Solution:
-    """Return the motion under a force of place and time, by scipy's integrators.
+    """Return the motion under a force that depends on place and time, by scipy's integrators.
 
-    The integrator's tolerance is lowered until the places change by at most `tolerance`, relative
-    to the farthest place: the estimate of the error. FinloopError if the force changes too fast.
+    modes: the oscillators; facts: counts to add to the result. The integrator's tolerance is
+    lowered until the places change by at most `tolerance`, relative to the farthest place: the
+    estimate of the error. FinloopError if the force changes too fast.
     """
     too_fast = FinloopError(
         f"the force changes too fast for {_MOST_EVALUATIONS} evaluations",
@@ -425,7 +430,7 @@ def _integrate_field(
 
 
 class WaveletSystem(NamedTuple):
-    """Eq. 3.3 in the wavelet basis: damping C and stiffness K (n, n), and the transform."""
+    """Eq. 3.3 in the wavelet basis: damping C and stiffness K (n, n), the transform, the force."""
 
     c: csr_array
     k: csr_array
@@ -435,9 +440,9 @@ class WaveletSystem(NamedTuple):
 
 
 def _wavelet_system(problem: Problem, options: SolverOptions) -> WaveletSystem:
-    """Return the matrices and the force of a problem in the wavelet basis."""
+    """Return the matrices, the transform and the force of a problem in the wavelet basis."""
     n, material = len(problem.rest), problem.material
-    k = stiffness(problem.wavelet, n, options.levels, material.elastic)
+    k = stiffness_matrix(problem.wavelet, n, options.levels, material.elastic)
     m = (material.density or 1.0) * eye_array(n)  # M = ρI: the basis functions are orthonormal
     c = csr_array(material.mass_damping * m + material.stiffness_damping * k)
 
@@ -457,7 +462,7 @@ def _wavelet_system(problem: Problem, options: SolverOptions) -> WaveletSystem:
     return WaveletSystem(c, k, to, points, push)
 
 
-def runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
+def solve_by_runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
     """Return the motion by an adaptive Runge–Kutta formula of scipy (Eq. 3.15).
 
     The density must not be 0. FinloopError if the formula fails.
@@ -497,7 +502,7 @@ def runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
     return Solution(system.points(q), system.points(rate), {"evaluations": float(evaluations)})
 
 
-def euler(problem: Problem, options: SolverOptions, implicit: bool) -> Solution:
+def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> Solution:
     """Return the motion of a curve without mass, C q̇ + K q = Q, by Euler's steps (§3.3).
 
     Explicit, q(t + Δt) = q + Δt C⁻¹(Q − K q): FinloopError if Δt is too long for stable steps.
@@ -525,8 +530,8 @@ def euler(problem: Problem, options: SolverOptions, implicit: bool) -> Solution:
                 f"set options.substeps to {int(np.ceil(substeps * step * fastest / 2))} or "
                 "more, or use implicit-euler",
             )
-    inverse, facts = _inverse(csr_array(c + step * k) if implicit else c, options.inverse)
-    rate_of = _inverse(c, "sparse")[0] if implicit else inverse
+    inverse, facts = _build_solver(csr_array(c + step * k) if implicit else c, options.inverse)
+    rate_of = _build_solver(c, "sparse")[0] if implicit else inverse
     q = to(problem.displacement)
     course = [q]
     for begin in times[:-1]:
@@ -539,21 +544,26 @@ def euler(problem: Problem, options: SolverOptions, implicit: bool) -> Solution:
     return Solution(points(np.stack(course)), points(np.stack(rates)), facts)
 
 
-def _inverse(matrix: csr_array, kind: str) -> tuple[Callable[[Floats], Floats], dict[str, float]]:
-    """Return a function that solves with the matrix, and facts about the factors or iterations."""
-    if kind == "schulz":
-        x, iterations, residual = schulz(matrix.toarray())
+def _build_solver(
+    matrix: csr_array, method: str
+) -> tuple[Callable[[Floats], Floats], dict[str, float]]:
+    """Return a function that solves equations with a matrix, and facts about its factors.
+
+    method: "sparse" factors or "schulz" iteration.
+    """
+    if method == "schulz":
+        x, iterations, residual = invert_by_schulz(matrix.toarray())
         facts = {"schulz_iterations": float(iterations), "schulz_residual": residual}
         return lambda right: x @ right, facts
-    if kind == "sparse":
+    if method == "sparse":
         factors = splu(csc_array(matrix))
         facts = {"factors_nonzero": float(factors.nnz)}
         return lambda right: factors.solve(np.ascontiguousarray(right)), facts
-    raise FinloopError(f"options.inverse {kind!r}", "sparse or schulz", "choose one of the two")
+    raise FinloopError(f"options.inverse {method!r}", "sparse or schulz", "choose one of the two")
 
 
-def schulz(matrix: Floats, tolerance: float = 1e-10) -> tuple[Floats, int, float]:
-    """Invert a matrix (n, n) by Schulz iteration, X ← 2X − XCX from Cᵀ / ‖CᵀC‖, C the matrix.
+def invert_by_schulz(matrix: Floats, tolerance: float = 1e-10) -> tuple[Floats, int, float]:
+    """Invert a matrix C (n, n) by Schulz iteration, X ← 2X − XCX from Cᵀ / ‖CᵀC‖.
 
     Return the inverse (n, n), the number of iterations, and the largest entry of |I − XC|, at most
     `tolerance`. The paper names no norm; this one is the largest row sum, which bounds every
@@ -577,13 +587,13 @@ def schulz(matrix: Floats, tolerance: float = 1e-10) -> tuple[Floats, int, float
 # --- energy and momentum
 
 
-def energy(problem: Problem, motion: Trajectory) -> Floats:
+def total_energy(problem: Problem, motion: Trajectory) -> Floats:
     """Return the kinetic plus elastic energy (t,) at every time: ½ ρ ∫ |u̇|² + ½ ∫ e₀ |u′|².
 
     u is the displacement from rest, ρ the density, e₀ the elastic constant.
     """
     n = len(problem.rest)
-    k = eigenvalues(problem.wavelet, n, problem.material.elastic)
+    k = stiffness_eigenvalues(problem.wavelet, n, problem.material.elastic)
     twice = np.full(len(k), 2.0)  # rfft leaves out the mirror images
     twice[[0, -1]] = 1
     modes = np.abs(np.fft.rfft(motion.displacement, axis=1)) ** 2
@@ -592,8 +602,8 @@ def energy(problem: Problem, motion: Trajectory) -> Floats:
     return (elastic + kinetic) / 2
 
 
-def momentum(problem: Problem, motion: Trajectory) -> Floats:
-    """Return the momentum ρ ∫ u̇ (t, d) at every time; without force it decays as e^(−s₁ t).
+def total_momentum(problem: Problem, motion: Trajectory) -> Floats:
+    """Return the momentum (t, d) at every time, ρ ∫ u̇; without force it decays as e^(−s₁ t).
 
     u̇ is the velocity, ρ the density, s₁ the material's `mass_damping`.
     """

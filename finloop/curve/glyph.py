@@ -11,7 +11,7 @@ from finloop.curve.contour import Curve
 FONT = "DejaVu Sans"
 
 
-def glyph(character: str, size: float = 1000.0) -> list[Curve]:
+def glyph_outlines(character: str, size: float = 1000.0) -> list[Curve]:
     """Return the closed contours of a character's outline; y is down, the baseline at y = 0.
 
     size: side of the font's em square (the height of a line), in the contours' unit. Segments are

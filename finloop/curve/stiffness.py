@@ -17,11 +17,11 @@ from scipy.sparse import csr_array
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.curve.wavelet import (
-    check_transform,
+    check_transform_filters,
+    count_halvings,
     filter_bank,
     inverse_transform,
-    most_levels,
-    scales,
+    scale_slices,
     wavelet_transform,
 )
 
@@ -29,7 +29,7 @@ _ALMOST = 1e-6  # an eigenvalue this near a bound lies on it: tabled filters are
 
 
 @dataclass(frozen=True)
-class Connection:
+class ConnectionCoefficients:
     """Connection coefficients of a wavelet: integrals of products of derivatives (§3.2).
 
     mu, nu (P,): of two scaling functions, and of two wavelets, l = 0 … P − 1 apart; the sign of l
@@ -43,7 +43,7 @@ class Connection:
 
 
 @cache
-def connection(wavelet: str) -> Connection:
+def connection_coefficients(wavelet: str) -> ConnectionCoefficients:
     """Return the connection coefficients μ and ν of an orthogonal wavelet (Eqs. 3.11, 3.14).
 
     μ is the null vector of Eq. 3.11, scaled by Σ l² μ_l = −2: ∫ φ'' x² = 2, integrated by parts,
@@ -60,7 +60,7 @@ def connection(wavelet: str) -> Connection:
             "use db4, coif2, sym8, …",
         )
     alpha = 2 * np.correlate(low, low, "full")[taps - 1 :]
-    smooth = _smoothness(alpha)
+    smooth = _sobolev_smoothness(alpha)
     if smooth <= 1:
         raise FinloopError(
             f"φ of the wavelet {wavelet} lies in H^s for s < {smooth:.2f} only: its derivative is "
@@ -69,7 +69,7 @@ def connection(wavelet: str) -> Connection:
             "use a smoother wavelet: db3 or longer, coif1, sym4, …",
         )
     size = taps - 1  # μ_l is 0 beyond the support
-    transfer = _transfer(alpha, size)
+    transfer = _refinement_matrix(alpha, size)
     half = transfer[size - 1 :, size - 1 :].copy()
     half[:, 1:] += transfer[size - 1 :, size - 2 :: -1]  # μ_l = μ_{−l}
     mu = np.linalg.svd(4 * half - np.eye(size))[2][-1]
@@ -79,28 +79,32 @@ def connection(wavelet: str) -> Connection:
     nu[: len(even)] += 8 * even
     for table in (alpha, mu, nu):
         table.setflags(write=False)
-    return Connection(alpha, mu, nu)
+    return ConnectionCoefficients(alpha, mu, nu)
 
 
-def _transfer(alpha: Floats, size: int) -> Floats:
-    """Return T_lk = α_{2l − k} / 2 for |l|, |k| < size: how refinement maps inner products."""
+def _refinement_matrix(alpha: Floats, size: int) -> Floats:
+    """Return the matrix T_lk = α_{2l − k} / 2, |l|, |k| < size: how refinement maps inner products.
+
+    alpha: as in `ConnectionCoefficients.autocorrelation`.
+    """
     index = np.arange(1 - size, size)
     far = np.abs(2 * index[:, None] - index)
     return np.where(far < len(alpha), alpha[np.minimum(far, len(alpha) - 1)], 0) / 2
 
 
-def _smoothness(alpha: Floats) -> float:
-    """Return how smooth the scaling function φ is: the supremum, at most 2, of s with φ in H^s.
+def _sobolev_smoothness(alpha: Floats) -> float:
+    """Return how smooth the scaling function φ is: the largest s, at most 2, with φ in H^s.
 
-    The method is Villemoes's (1992): if the shifts of φ sum to every line, the transfer operator
-    keeps the moments 0 … 3 of a sequence at 0, and shrinks it by at most 4^−s a step. If they do
-    not, φ has a jump or worse, and the result is 0.5.
+    alpha: as in `ConnectionCoefficients.autocorrelation`. The method is Villemoes's (1992): if the
+    shifts of φ sum to every line, the transfer operator keeps the moments 0 … 3 of a sequence at 0,
+    and shrinks it by at most 4^−s a step. If they do not, φ has a jump or worse, and the result is
+    0.5.
     """
     size = len(alpha) + 1  # even the shortest filter needs room for four moments
     index = np.arange(1 - size, size) / size
     moments = np.linalg.qr(np.stack([index**p for p in range(4)], axis=1), "complete")[0]
     vanishing = moments[:, 4:]  # sequences without moments 0 … 3
-    image = _transfer(alpha, size) @ vanishing
+    image = _refinement_matrix(alpha, size) @ vanishing
     if np.abs(moments[:, :4].T @ image).max() > _ALMOST:
         return 0.5
     rate = float(np.abs(np.linalg.eigvals(vanishing.T @ image)).max())
@@ -108,40 +112,43 @@ def _smoothness(alpha: Floats) -> float:
     return exponent if abs(exponent - 1) > _ALMOST else 1.0
 
 
-def first_row(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
-    """Return the first row (n,) of the stiffness K in the φ basis, a symmetric circulant (Eq. 3.8).
+def first_stiffness_row(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
+    """Return the first row (n,) of the stiffness matrix K of n scaling functions φ (Eq. 3.8).
 
-    n may be shorter than the wavelet, as for the control points of Fig. 7: φ is folded round.
-    FinloopError if n is no power of two, or the wavelet has no finite coefficients (`connection`).
+    K is a symmetric circulant. elastic: the constant e₀. n may be shorter than the wavelet, as for
+    the control points of Fig. 7: φ is folded round. FinloopError if n is no power of two, or the
+    wavelet has no finite coefficients (`connection_coefficients`).
     """
-    most_levels(n)
-    mu = connection(wavelet).mu
+    count_halvings(n)
+    mu = connection_coefficients(wavelet).mu
     apart = np.arange(1 - len(mu), len(mu))
     row = np.zeros(n)
     np.add.at(row, apart % n, mu[np.abs(apart)])
     return elastic * n**2 * row
 
 
-def eigenvalues(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
-    """Return the eigenvalues (n // 2 + 1,) of the stiffness K, in the order of `numpy.fft.rfft`.
+def stiffness_eigenvalues(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
+    """Return the eigenvalues (n // 2 + 1,) of the stiffness matrix K of a curve of n points.
 
-    FinloopError as in `first_row`.
+    Their order is that of `numpy.fft.rfft`. elastic: the constant e₀. FinloopError as in
+    `first_stiffness_row`.
     """
-    values = np.fft.rfft(first_row(wavelet, n, elastic)).real.copy()
+    values = np.fft.rfft(first_stiffness_row(wavelet, n, elastic)).real.copy()
     values[0] = 0  # exactly: a shift strains nothing
     return np.maximum(values, 0)
 
 
-def stiffness(wavelet: str, n: int, levels: int, elastic: float = 1.0) -> csr_array:
-    """Return the stiffness K (n, n) in the wavelet basis, ordered as by `wavelet_transform`.
+def stiffness_matrix(wavelet: str, n: int, levels: int, elastic: float = 1.0) -> csr_array:
+    """Return the stiffness matrix K (n, n) in the wavelet basis, ordered as by `wavelet_transform`.
 
-    levels: 0 gives K in the φ basis. A step at one scale is 2, 4, … steps at finer scales, so the
-    first row of a scale gives all its rows. FinloopError as in `first_row`, or if n cannot be
-    halved `levels` times, or the wavelet is longer than the curve.
+    n: points of the curve; elastic: the constant e₀; levels: 0 gives K in the basis of scaling
+    functions φ. A step at one scale is 2, 4, … steps at finer scales, so the first row of a scale
+    gives all its rows. FinloopError as in `first_stiffness_row`, or if n cannot be halved `levels`
+    times, or the wavelet is longer than the curve.
     """
-    check_transform(n, wavelet, levels)
-    row = first_row(wavelet, n, elastic)
-    slices = scales(n, levels)
+    check_transform_filters(n, wavelet, levels)
+    row = first_stiffness_row(wavelet, n, elastic)
+    slices = scale_slices(n, levels)
     units = np.zeros((n, len(slices)))
     units[[scale.start for scale in slices], range(len(slices))] = 1
     functions = inverse_transform(units, wavelet, levels)
@@ -171,7 +178,7 @@ def stiffness(wavelet: str, n: int, levels: int, elastic: float = 1.0) -> csr_ar
     return csr_array((np.concatenate(values), entries), shape=(n, n))
 
 
-def off_diagonal(matrix: csr_array) -> float:
-    """Return which share of Σ K_ij² is off the diagonal, 0-1; §3.3 reports less than 0.15."""
+def off_diagonal_share(matrix: csr_array) -> float:
+    """Return the share, 0-1, of a matrix's summed squares that lies off its diagonal."""
     total = float((matrix.data**2).sum())
     return 1 - float((matrix.diagonal() ** 2).sum()) / total

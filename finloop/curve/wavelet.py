@@ -35,13 +35,13 @@ _TOLERANCE = (
 
 @cache
 def filter_bank(wavelet: str) -> Floats:
-    """Return a wavelet's four filters (4, taps): analysis low, high, synthesis low, high.
+    """Return a wavelet's four filters (4, taps): analysis low, high, then synthesis low, high.
 
     wavelet: CUBIC or a discrete wavelet of PyWavelets, such as "db4". FinloopError if the wavelet
     is unknown, or its filters do not reconstruct a curve.
     """
     if wavelet == CUBIC:
-        bank = _cubic_spline()
+        bank = _cubic_spline_filters()
     elif wavelet in pywt.wavelist(kind="discrete"):
         bank = np.array(pywt.Wavelet(wavelet).filter_bank)
     else:
@@ -50,9 +50,9 @@ def filter_bank(wavelet: str) -> Floats:
             f"{CUBIC} or a discrete wavelet of PyWavelets",
             "choose db4, coif2, sym8, bior4.4, …: pywt.wavelist(kind='discrete') lists them",
         )
-    if _loss(bank) < _TOLERANCE:
-        bank = _exact(bank)
-    loss = _loss(bank)
+    if _reconstruction_loss(bank) < _TOLERANCE:
+        bank = _make_lossless(bank)
+    loss = _reconstruction_loss(bank)
     if loss > LOSSLESS:
         raise FinloopError(
             f"the filters of the wavelet {wavelet} lose {loss:.1g} of a curve",
@@ -63,8 +63,8 @@ def filter_bank(wavelet: str) -> Floats:
     return bank
 
 
-def _cubic_spline() -> Floats:
-    """Return Cohen–Daubechies–Feauveau filters of the cubic spline, 4 + 4 vanishing moments."""
+def _cubic_spline_filters() -> Floats:
+    """Return filters (4, taps) of the biorthogonal cubic spline with 4 + 4 vanishing moments."""
     spline = np.array([1, 4, 6, 4, 1]) / 16  # cos⁴(ξ/2)
     sine = np.array([-1, 2, -1]) / 4  # sin²(ξ/2)
     dual, power = np.zeros(7), np.ones(1)
@@ -78,11 +78,12 @@ def _cubic_spline() -> Floats:
     return np.stack([low[0], -sign * low[1], low[1], sign * low[0]])
 
 
-def _exact(bank: Floats) -> Floats:
-    """Return the nearest filters that reconstruct: Σ_i s[i] a[taps − 1 − i + 2k] = δ_k0.
+def _make_lossless(bank: Floats) -> Floats:
+    """Return the nearest filters (4, taps) that reconstruct a curve exactly.
 
-    Newton steps of least norm. The filters of an orthogonal wavelet stay mirror images of each
-    other. For a biorthogonal wavelet only the analysis changes, so the synthesis keeps its spline.
+    Σ_i s[i] a[taps − 1 − i + 2k] = δ_k0 for synthesis s and analysis a, by Newton steps of least
+    norm. The filters of an orthogonal wavelet stay mirror images of each other. For a biorthogonal
+    wavelet only the analysis changes, so the synthesis keeps its spline.
     """
     taps = bank.shape[1]
     orthogonal = np.allclose(bank[2], bank[0, ::-1], rtol=0, atol=_TOLERANCE)
@@ -104,8 +105,8 @@ def _exact(bank: Floats) -> Floats:
     return np.stack([dual[::-1], -sign * low, low, sign * dual[::-1]])
 
 
-def _loss(bank: Floats) -> float:
-    """Return how far analysis plus synthesis is from a pure delay, summed over both filters."""
+def _reconstruction_loss(bank: Floats) -> float:
+    """Return how much of a signal four filters (4, taps) lose; 0 = they only delay it."""
     taps = bank.shape[1]
     parts = []
     for phase in (0, 1):  # even samples, odd samples
@@ -121,7 +122,7 @@ def _loss(bank: Floats) -> float:
 # --- the transform
 
 
-def most_levels(n: int) -> int:
+def count_halvings(n: int) -> int:
     """Return how many times n points can be halved; FinloopError if n is no power of two."""
     if n < 2 or n & (n - 1):
         raise FinloopError(
@@ -130,13 +131,13 @@ def most_levels(n: int) -> int:
     return n.bit_length() - 1
 
 
-def check_transform(n: int, wavelet: str, levels: int) -> Floats:
+def check_transform_filters(n: int, wavelet: str, levels: int) -> Floats:
     """Return a wavelet's filters (4, taps) after checking that they can transform n points.
 
     FinloopError if n is no power of two, n cannot be halved `levels` times, or the wavelet is
     longer than the curve: then no coefficient would be local.
     """
-    bank, most = filter_bank(wavelet), most_levels(n)
+    bank, most = filter_bank(wavelet), count_halvings(n)
     if not 0 <= levels <= most:
         raise FinloopError(
             f"{levels} levels for a curve of {n} points", f"0 to {most} levels", "set fewer levels"
@@ -150,8 +151,8 @@ def check_transform(n: int, wavelet: str, levels: int) -> Floats:
     return bank
 
 
-def scales(n: int, levels: int) -> list[slice]:
-    """Return the slices of n coefficients that belong to each scale: levels + 1 slices.
+def scale_slices(n: int, levels: int) -> list[slice]:
+    """Return which of n wavelet coefficients belong to each scale: levels + 1 slices.
 
     The approximation comes first, then the details from coarse to fine.
     """
@@ -163,29 +164,32 @@ def wavelet_transform(points: Floats, wavelet: str, levels: int) -> Floats:
     """Return the wavelet coefficients (…, n, k) of curves of points (…, n, k) (Eq. 2.8).
 
     The transform runs along n; k is 2 for plane curves. The approximation comes first, then the
-    details from coarse to fine. FinloopError as in `check_transform`.
+    details from coarse to fine. FinloopError as in `check_transform_filters`.
     """
-    bank = check_transform(points.shape[-2], wavelet, levels)
+    bank = check_transform_filters(points.shape[-2], wavelet, levels)
     out = np.array(points, np.float64, order="C")
     # Written as Σ_i w[i] x[2n + i − before], the sum of Eq. 2.8 runs forward.
-    _analyse(out.reshape(-1, *points.shape[-2:]), bank[:2, ::-1].copy(), levels)
+    _transform_in_place(out.reshape(-1, *points.shape[-2:]), bank[:2, ::-1].copy(), levels)
     return out
 
 
 def inverse_transform(coefficients: Floats, wavelet: str, levels: int) -> Floats:
     """Return the points (…, n, k) of wavelet coefficients (…, n, k), undoing `wavelet_transform`.
 
-    This is Eq. 2.9. FinloopError as in `check_transform`.
+    This is Eq. 2.9. FinloopError as in `check_transform_filters`.
     """
-    bank = check_transform(coefficients.shape[-2], wavelet, levels)
+    bank = check_transform_filters(coefficients.shape[-2], wavelet, levels)
     out = np.array(coefficients, np.float64, order="C")
-    _synthesise(out.reshape(-1, *coefficients.shape[-2:]), bank[2:].copy(), levels)
+    _invert_in_place(out.reshape(-1, *coefficients.shape[-2:]), bank[2:].copy(), levels)
     return out
 
 
 @kernel
-def _spread(padded, source, half, k, first):  # type: ignore[no-untyped-def]
-    """Fill `padded` with rows of `source` (half · k,) from row `first` on, periodically."""
+def _fill_periodically(padded, source, half, k, first):  # type: ignore[no-untyped-def]
+    """Fill `padded` with rows of `source` from row `first` on, beginning again after its last row.
+
+    source (half · k,): `half` rows of k numbers each.
+    """
     start = (first % half) * k
     size = half * k
     for i in range(len(padded)):
@@ -196,8 +200,8 @@ def _spread(padded, source, half, k, first):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _analyse(curves, filters, levels):  # type: ignore[no-untyped-def]
-    """Transform curves (b, n, k) in place as `wavelet_transform` does, filters (2, taps).
+def _transform_in_place(curves, filters, levels):  # type: ignore[no-untyped-def]
+    """Replace curves (b, n, k) by their wavelet coefficients, with filters (2, taps).
 
     Even and odd samples are stored separately. Every tap then adds one run of numbers to another,
     which compilers make fast for every k.
@@ -220,7 +224,7 @@ def _analyse(curves, filters, levels):  # type: ignore[no-untyped-def]
                     split[0, r * k + j] = curve[2 * r * k + j]
                     split[1, r * k + j] = curve[(2 * r + 1) * k + j]
             for p in range(2):
-                _spread(padded[p, : (half + last - first) * k], split[p], half, k, first)
+                _fill_periodically(padded[p, : (half + last - first) * k], split[p], half, k, first)
             low, high = curve[:size], curve[size : 2 * size]
             low[:] = 0.0
             high[:] = 0.0
@@ -235,8 +239,8 @@ def _analyse(curves, filters, levels):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _synthesise(curves, filters, levels):  # type: ignore[no-untyped-def]
-    """Transform curves (b, n, k) in place as `inverse_transform` does, filters (2, taps)."""
+def _invert_in_place(curves, filters, levels):  # type: ignore[no-untyped-def]
+    """Replace wavelet coefficients (b, n, k) by their curves, with filters (2, taps)."""
     count, n, k = curves.shape
     taps = filters.shape[1]
     before = taps // 2 - 1
@@ -251,7 +255,7 @@ def _synthesise(curves, filters, levels):  # type: ignore[no-untyped-def]
             size = half * k
             for p in range(2):
                 source = curve[p * size : (p + 1) * size]
-                _spread(padded[p, : (half + last - first) * k], source, half, k, first)
+                _fill_periodically(padded[p, : (half + last - first) * k], source, half, k, first)
             split[:, :size] = 0.0
             for i in range(taps):
                 p = (i - before) % 2
@@ -269,7 +273,7 @@ def _synthesise(curves, filters, levels):  # type: ignore[no-untyped-def]
 
 
 def close_by_mirroring(points: Floats) -> Floats:
-    """Return open curves (…, n, k) followed by their reverse: closed curves (…, 2n, k).
+    """Append the reverse to open curves (…, n, k), which gives closed curves (…, 2n, k).
 
     A periodized transform joins the last point to the first. In an open curve that join is a jump,
     and coarse scales would pull the ends towards each other.
@@ -299,9 +303,9 @@ def curves_from_control(points: Floats, wavelet: str, level: int) -> Floats:
 
 
 def drop_details(points: Floats, wavelet: str, level: int, closed: bool = True) -> Floats:
-    """Return curves (…, n, k) rebuilt from 1/2^level as many control points (Fig. 2).
+    """Rebuild curves (…, n, k) from 1/2^level as many control points (Fig. 2).
 
-    closed: False mirrors open curves first. FinloopError as in `check_transform`.
+    closed: False mirrors open curves first. FinloopError as in `check_transform_filters`.
     """
     if not closed:
         return drop_details(close_by_mirroring(points), wavelet, level)[..., : points.shape[-2], :]

@@ -25,7 +25,7 @@ _LOT = 10_000  # rows whose movement is measured at a time
 
 
 class Body(NamedTuple):
-    """Filmed bodies (…) as drawn: feature row, mirrored or not, heading on screen in degrees."""
+    """Bodies (…) of the film as drawn: row, mirrored or not, heading on screen in degrees."""
 
     row: Rows
     mirrored: Mask
@@ -37,7 +37,7 @@ class Body(NamedTuple):
 
 
 class Movement(NamedTuple):
-    """How far (n − 1,) the body moves about its centre from each row to the next, in body lengths.
+    """How far (n − 1,) an animal turns and bends from each row to the next, in body lengths.
 
     Both are root mean squares over the points of the backbone. whole: turning and bending; bends:
     bending alone, with the heading kept.
@@ -47,8 +47,8 @@ class Movement(NamedTuple):
     bends: Floats
 
 
-def movement(pose: Pose) -> Movement:
-    """Return how far the body turns and bends from each of n poses to the next."""
+def measure_movement(pose: Pose) -> Movement:
+    """Measure how far the body turns and bends from each of n poses to the next."""
 
     def measure_lot(first: int) -> Floats:
         lot = pose[first : first + _LOT + 1]
@@ -65,7 +65,7 @@ def movement(pose: Pose) -> Movement:
 
 @dataclass(frozen=True)
 class Bodies:
-    """The film's postures, which rows are followed by another, and the rows behind the sprites.
+    """The film's postures, which of its rows continue a track, and the rows behind the sprites.
 
     poses: of n rows; goes_on (n,): whether the next row is the next frame of the same track;
     sprites (s rows): columns row, mirrored, heading_deg, turn_deg, orientations, or an empty table.
@@ -77,17 +77,17 @@ class Bodies:
 
     @cached_property
     def heading_deg(self) -> Floats:
-        """Return the heading (n,) [°] of every row as filmed, anticlockwise."""
+        """Heading (n,) of every row as filmed, in degrees, anticlockwise."""
         return np.degrees(self.poses.pose.heading_rad)
 
     @cached_property
     def movement(self) -> Movement:
-        """Return how far [body lengths] the body turns and bends from each row to the next."""
-        return movement(self.poses.pose)
+        """How far [body lengths] the body turns and bends from each row to the next."""
+        return measure_movement(self.poses.pose)
 
     @cached_property
     def _sprite_bodies(self) -> tuple[Rows, Mask, Floats, Floats]:
-        """Return each sprite's row, mirror flag, filmed direction and turn to the next frame."""
+        """Row, mirror flag, filmed direction and turn to the next frame of each sprite."""
         if not len(self.sprites):
             return np.zeros(1, np.intp), np.zeros(1, bool), np.zeros(1), np.zeros(1)
         row = self.sprites["row"].to_numpy(np.intp)
@@ -96,22 +96,23 @@ class Bodies:
         return row, self.sprites["mirrored"].to_numpy(bool), axis, turn
 
     @cached_property
-    def _speed(self) -> Floats:
-        """Return the change of codes (n, c) a frame at every row, over the frames beside it."""
+    def _code_speeds(self) -> Floats:
+        """Change of the pose codes (n, c) per frame at every row, over the frames beside it."""
         codes, more = self.poses.codes, self.goes_on
         after = np.arange(len(codes)) + more
         before = np.arange(len(codes)) - np.append(False, more[:-1])
         return (codes[after] - codes[before]) / np.maximum(after - before, 1)[:, None]
 
-    def line_deg(self, orientation: int, rotation_deg: float) -> Floats:
-        """Return the direction [°] in which a sprite, drawn in an orientation and turned, swims."""
+    def sprite_direction_deg(self, orientation: int, rotation_deg: float) -> Floats:
+        """Return the direction [°] in which a sprite swims, in an orientation and turned."""
         return orientation_heading_deg(orientation, count_orientations(self.sprites)) + rotation_deg
 
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
-        """Return the filmed body behind each of some pictures (…), frames or sprites.
+        """Return the filmed bodies behind pictures (…), frames or sprites.
 
         frame: whether each is a frame, else a sprite; number: its row or sprite number; turn_deg:
-        by how much a frame is turned, or the direction in which a sprite swims; mirrored: a frame.
+        by how much a frame is turned, or the direction in which a sprite swims; mirrored: whether a
+        frame is mirrored.
         """
         rows, flips, axis, _ = self._sprite_bodies
         sprite = np.where(frame, 0, number)
@@ -122,28 +123,30 @@ class Bodies:
         return Body(row, mirror, turn_deg + np.where(frame, heading, sway))
 
     def edit_row_body(self, shown: RowPicture) -> Body:
-        """Return the filmed body behind a picture of an edit list."""
+        """Return the filmed body behind a picture that an edit list names."""
         frame, turn = np.array(shown.kind == FRAME), np.asarray(shown.rotation_deg, float)
         if not frame:
-            turn = np.asarray(self.line_deg(int(shown.orientation), shown.rotation_deg), float)
+            turn = np.asarray(
+                self.sprite_direction_deg(int(shown.orientation), shown.rotation_deg), float
+            )
         return self.picture_bodies(frame, np.array(shown.source), turn, np.array(shown.mirrored))
 
     def next_body(self, body: Body) -> Body:
-        """Return the bodies that the film shows next, or the same bodies where nothing follows."""
+        """Return the bodies that the film shows next, or the same ones at the end of a track."""
         row = body.row + self.goes_on[body.row]
         side = np.where(body.mirrored, -1, 1)
         turn = side * wrap_deg(self.heading_deg[row] - self.heading_deg[body.row])
         return Body(row, body.mirrored, body.heading_deg + turn)
 
-    def line_turn_deg(self, frame: Mask, number: Rows) -> Floats:
+    def sprite_turn_deg(self, frame: Mask, number: Rows) -> Floats:
         """Return by how much [°] each of some sprites (…) turns to its next frame; 0 for frames.
 
         frame (…): whether each picture is a frame; number (…): its row or sprite number.
         """
         return np.where(frame, 0.0, self._sprite_bodies[3][np.where(frame, 0, number)])
 
-    def same_moment(self, one: Body, other: Body, frames: int) -> Mask:
-        """Return whether bodies (…) are at most some frames apart in a track, mirrored alike."""
+    def are_near_in_film(self, one: Body, other: Body, frames: int) -> Mask:
+        """Return a mask (…) of pairs at most `frames` apart in a track, mirrored alike."""
         track = np.append(0, np.cumsum(~self.goes_on[:-1]))
         near = np.abs(one.row - other.row) <= frames
         return near & (track[one.row] == track[other.row]) & (one.mirrored == other.mirrored)
@@ -154,14 +157,15 @@ class Bodies:
 
     def speed(self, body: Body) -> Floats:
         """Return by how much the pose codes (…, c) of bodies, as drawn, change per frame."""
-        return self._mirror_codes(self._speed[body.row], body.mirrored)
+        return self._mirror_codes(self._code_speeds[body.row], body.mirrored)
 
     def _mirror_codes(self, codes: Floats, mirrored: Mask) -> Floats:
-        return np.where(mirrored[..., None], codes @ self.poses.shapes.mirror, codes)
+        """Return pose codes (…, c), mirrored where a mask (…) says so."""
+        return np.where(mirrored[..., None], codes @ self.poses.shapes.mirror_matrix, codes)
 
 
 def resting_rows(bodies: Bodies, share: float) -> Mask:
-    """Return whether the animal keeps its place and posture at each feature row (n,).
+    """Return a mask (n,) of the rows at which the animal keeps its place and posture.
 
     It rests where it moves, since the row before, less than `share` of the film's root mean square
     movement, of its centre and of the body about it. A camera sees a resting animal as one picture

@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask, Reals
-from finloop.edit.joins import Joins, PictureSequence, cross_fades, inertialize
+from finloop.edit.joins import JoinRules, PictureSequence, cross_fade_partners, inertialize_pictures
 from finloop.edit.schema import EDIT, FRAME, INERTIAL, SPRITE, STATES, TERMS
 from finloop.edit.stretch import Decision, Stretch, Swim
 from finloop.features.table import find_orientations, orientation_heading_deg, wrap_deg
@@ -19,12 +19,12 @@ _NO_COSTS = (np.nan,) * len(TERMS)
 
 @dataclass(frozen=True)
 class EditInputs:
-    """What an edit list can show (n rows of the film, s sprites), and how pictures are joined.
+    """The pictures that an edit list can show, n rows of the film and s sprites, and their joins.
 
     body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,), sprite_scale (s,): drawn size
     / filmed size; goes_on (n,): whether a row is followed by the next one; sprite_after (s,): the
-    sprite that follows each; orientations: of each sprite; modes: the one that plays frames, and
-    the one that plays sprites.
+    sprite that follows each; orientations: of each sprite; joins: how pictures are joined; modes:
+    the one that plays frames, and the one that plays sprites.
     """
 
     rate_hz: float
@@ -35,20 +35,20 @@ class EditInputs:
     sprite_scale: Reals
     sprite_after: Ints
     orientations: int
-    joins: Joins
+    joins: JoinRules
     modes: tuple[str, str]
 
-    def following(self, kind: str, number: int) -> int:
-        """Return the number of the next sprite or feature row, or this one where none follows."""
+    def next_number(self, kind: str, number: int) -> int:
+        """Return the number of the next sprite or row; at the end, the given number."""
         if kind == SPRITE:
             return int(self.sprite_after[number])
         return number + int(self.goes_on[number])
 
 
-def edit_list(swim: Swim, ticks: int, sources: EditInputs, fish: int = 0) -> pd.DataFrame:
-    """Return the first ticks of one fish's animation as an edit list (schema `EDIT`).
+def build_edit_list(swim: Swim, ticks: int, sources: EditInputs, fish: int = 0) -> pd.DataFrame:
+    """Build the edit list (schema `EDIT`) of the first ticks of one fish's animation.
 
-    fish: its number, from 0.
+    swim: the animation; ticks: their number; sources: what can be shown; fish: its number, from 0.
     """
     table = pd.DataFrame(edit_columns(swim.stretches, swim.names, ticks, sources))
     faded = table["weight"] > 0
@@ -61,14 +61,17 @@ def edit_list(swim: Swim, ticks: int, sources: EditInputs, fish: int = 0) -> pd.
     return table[EDIT.names]
 
 
-def edit_lists(swims: Sequence[Swim], ticks: int, sources: EditInputs) -> pd.DataFrame:
-    """Return the edit list (schema `EDIT`) of several fish: `ticks` rows each, fish after fish."""
-    each = [edit_list(swim, ticks, sources, fish) for fish, swim in enumerate(swims)]
+def build_edit_lists(swims: Sequence[Swim], ticks: int, sources: EditInputs) -> pd.DataFrame:
+    """Build the edit list (schema `EDIT`) of several fish, `ticks` rows each, fish after fish."""
+    each = [build_edit_list(swim, ticks, sources, fish) for fish, swim in enumerate(swims)]
     return each[0] if len(each) == 1 else pd.concat(each, ignore_index=True)
 
 
 def _decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]:
-    """Return the columns `WHY` (ticks,) by name, filled on the first tick of each stretch."""
+    """Return the columns `WHY` (ticks,) by name: why each stretch was chosen.
+
+    They are filled on the first tick of each stretch.
+    """
     start = np.cumsum([0] + [len(s.way) for s in stretches])[:-1]
     first = start[start < ticks]
     decisions = [s.decision for s in stretches[: len(first)]]
@@ -98,7 +101,8 @@ def edit_columns(
 ) -> dict[str, NDArray[Any]]:
     """Return the columns (ticks,) of `EDIT` that say what is drawn, as arrays without nulls.
 
-    names: the goal of each stretch. The partner's columns have a meaning where `weight` > 0.
+    names: the goal of each stretch; sources: what can be shown. The partner's columns have a
+    meaning where `weight` > 0.
     """
     lengths = np.array([len(s.way) for s in stretches])
     owner = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
@@ -140,7 +144,7 @@ def edit_columns(
 def resolve_mirror_images(
     frame: Mask, number: Ints, rot: Floats, heading_deg: Reals
 ) -> PictureSequence:
-    """Return pictures (ticks,) in which each number n + i became row i, `mirrored`.
+    """Return pictures (ticks,) in which each number n + i became row i, mirrored.
 
     frame: whether each picture is a frame; number: its row i, n + i for row i upside down, or a
     sprite; rot: a frame's rotation, degrees; heading_deg (n,): of the rows as filmed. Row i is
@@ -166,12 +170,12 @@ def _join_columns(
     how, own = sources.joins, _picture_columns(pictures, heading, sources)
     pose = np.full(len(heading), None, object)
     if how.kind == INERTIAL and len(heading):
-        join = inertialize(pictures, heading, how)
+        join = inertialize_pictures(pictures, heading, how)
         new = join.begins
         for tick in np.flatnonzero(join.posed):
             pose[tick] = join.codes[tick]
         own["rotation_deg"] = wrap_deg(own["rotation_deg"] + join.turn_deg).astype(np.float32)
-    partner, weight = cross_fades(pictures, new, how.fade, sources.following)
+    partner, weight = cross_fade_partners(pictures, new, how.fade, sources.next_number)
     other = _picture_columns(partner, heading, sources)
     return {
         **own, "partner": other.pop("source"),
@@ -183,7 +187,7 @@ def _join_columns(
 def _picture_columns(
     pictures: PictureSequence, heading: Floats, sources: EditInputs
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns of pictures (ticks,) drawn for a fish with this heading (ticks,)."""
+    """Return the columns (ticks,) that name pictures; heading (ticks,): of the fish, degrees."""
     count, frame, number = sources.orientations, pictures.frame, pictures.number
     sector = find_orientations(heading, count)
     residual = wrap_deg(heading - orientation_heading_deg(sector, count))

@@ -30,7 +30,7 @@ from finloop.features.table import wrap_deg
 _DECAY = 4.743865  # (1 + a) exp(−a) = 0.05
 _REACH = 2.0  # times the duration of a join, after which less than 0.1 % of its offset is left
 
-Helps = Callable[[int, int, bool, bool], bool]
+BendingTest = Callable[[int, int, bool, bool], bool]
 """Whether a row looks more like another one in that one's posture; whether each is mirrored."""
 
 
@@ -43,86 +43,95 @@ class JoinTimes(Protocol):
 
     @property
     def join_time_deltas(self) -> Literal["auto"] | float:
-        """Return the time of a join, Δ, or "auto"."""
+        """Time of a join, Δ, or "auto"."""
 
     @property
     def join_frames(self) -> int:
-        """Return the fewest ticks of a join whose time is "auto"."""
+        """Fewest ticks of a join whose time is "auto"."""
 
     @property
     def join_least(self) -> float:
-        """Return the shortest time of a join that is "auto", Δ."""
+        """Shortest time of a join that is "auto", Δ."""
 
     @property
     def join_most(self) -> float:
-        """Return the longest time of a join that is "auto", Δ."""
+        """Longest time of a join that is "auto", Δ."""
 
     @property
     def rest(self) -> float:
-        """Return the share of the movement below which the film rests."""
+        """Share of the film's movement below which the animal rests."""
 
     @property
     def cross_fade_deltas(self) -> float:
-        """Return the time of a cross-fade, Δ."""
+        """Time of a cross-fade, Δ."""
 
 
 @dataclass(frozen=True)
-class Joins:
-    """How pictures are joined. kind: INERTIAL, FADE or CUT; fade: ticks of a cross-fade.
+class JoinRules:
+    """How pictures that do not follow each other are joined.
 
-    decay: ticks after which 5 % of an offset are left; bodies: the film's; bending_helps: see
-    `Helps`; rests (n,): whether the animal rests at each row of the film.
+    kind: INERTIAL, FADE or CUT; fade: ticks of a cross-fade; decay: ticks after which 5 % of an
+    offset are left; bodies: the film's; bending_helps: see `BendingTest`; rests (n,): whether the
+    animal rests at each row of the film.
     """
 
     kind: str
     fade: int
     decay: float
     bodies: Bodies
-    bending_helps: Helps
+    bending_helps: BendingTest
     rests: Mask
 
     @property
     def reach(self) -> int:
-        """Return for how many ticks, at which the film moves, a join can change later pictures."""
-        return max(self.fade, self._ticks) + 3
+        """Number of ticks, at which the film moves, for which a join changes later pictures."""
+        return max(self.fade, self._spring_ticks) + 3
 
     @property
-    def _ticks(self) -> int:
+    def _spring_ticks(self) -> int:
+        """Number of ticks after which the offset of a join is gone."""
         return int(np.ceil(_REACH * self.decay)) if self.kind == INERTIAL else 0
 
-    def moving(self, kind: str, number: Ints) -> int:
-        """Return how many pictures count as time after a join: all but frames at rest.
+    def count_moving(self, kind: str, number: Ints) -> int:
+        """Count the pictures that are not frames at rest.
 
-        kind: SPRITE (all count) or FRAME; number (k,): rows, plus n for mirror images.
+        Only these count as time after a join. kind: SPRITE (all count) or FRAME; number (k,): rows,
+        plus n for mirror images.
         """
         return len(number) if kind == SPRITE else int((~self.rests[number % len(self.rests)]).sum())
 
-    def spring(self) -> tuple[Floats, Floats]:
-        """Return how much of an offset of 1, and of a velocity of 1, is left after each tick (k,).
+    def spring_response(self) -> tuple[Floats, Floats]:
+        """Return what is left, after each tick (k,), of an offset of 1 and of a velocity of 1.
 
         Both are offsets; the velocity is 1 a tick. See x(τ) in this module's text.
         """
-        rate, ticks = _DECAY / self.decay, np.arange(self._ticks)
+        rate, ticks = _DECAY / self.decay, np.arange(self._spring_ticks)
         left = np.exp(-rate * ticks)
         return (1 + rate * ticks) * left, ticks * left
 
 
-def joins(p: JoinTimes, kind: str, bodies: Bodies, delta: int, bending_helps: Helps) -> Joins:
-    """Return how pictures are joined, by INERTIAL, FADE or CUT, with the times p (Δ) in ticks."""
+def resolve_join_rules(
+    p: JoinTimes, kind: str, bodies: Bodies, delta: int, bending_helps: BendingTest
+) -> JoinRules:
+    """Return how pictures are joined, with the times of the parameters converted to ticks.
+
+    p: times in Δ; kind: INERTIAL, FADE or CUT; bodies: the film's; delta: Δ in ticks.
+    """
     if p.join_time_deltas == "auto":
         time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)
         ticks = max(time * delta, float(p.join_frames))
     else:
         ticks = max(p.join_time_deltas * delta, 1.0)
     fade = 0 if kind == CUT else round(p.cross_fade_deltas * delta)
-    return Joins(kind, fade, ticks, bodies, bending_helps, resting_rows(bodies, p.rest))
+    return JoinRules(kind, fade, ticks, bodies, bending_helps, resting_rows(bodies, p.rest))
 
 
 @dataclass(frozen=True)
 class PictureSequence:
-    """Pictures (ticks,): whether each is a frame, its number, and a frame's rotation in degrees.
+    """The pictures of some ticks: whether each is a frame, its number, and how a frame is turned.
 
-    number: the row of a frame, else the sprite; mirrored: whether a frame is mirrored.
+    All are (ticks,). number: the row of a frame, else the sprite; rot: degrees; mirrored: whether a
+    frame is mirrored.
     """
 
     frame: Mask
@@ -131,16 +140,17 @@ class PictureSequence:
     mirrored: Mask
 
 
-def sum_past(weights: Floats, values: Floats) -> Floats:
-    """Return Σ_k weights[k] · values[t − k] at every tick t, as (n, c) like values.
+def sum_past_values(weights: Floats, values: Floats) -> Floats:
+    """Return the weighted sum of past values, Σ_k weights[k] · values[t − k], at every tick t.
 
-    `scipy.signal.lfilter` does the same, but its import takes 0.9 s in every process.
+    The result is (n, c) like values. `scipy.signal.lfilter` does the same, but its import takes 0.9
+    s in every process.
     """
     return np.apply_along_axis(lambda one: np.convolve(weights, one)[: len(one)], 0, values)
 
 
-class Inertial(NamedTuple):
-    """What inertialization adds to pictures (ticks,).
+class InertializedPictures(NamedTuple):
+    """What inertialization adds to pictures (ticks,): poses, rotations and cross-fades.
 
     begins (k,): ticks of joins between pictures of different moments, whose light may differ; codes
     (ticks, c): of the pose to draw in; posed (ticks,): whether that pose is drawn; turn_deg
@@ -153,7 +163,9 @@ class Inertial(NamedTuple):
     turn_deg: Floats
 
 
-def inertialize(shown: PictureSequence, line_deg: Floats, how: Joins) -> Inertial:
+def inertialize_pictures(
+    shown: PictureSequence, line_deg: Floats, how: JoinRules
+) -> InertializedPictures:
     """Return the poses and rotations that inertialization adds to pictures (ticks,), and its joins.
 
     line_deg (ticks,): direction for which each sprite is drawn, degrees.
@@ -162,7 +174,7 @@ def inertialize(shown: PictureSequence, line_deg: Floats, how: Joins) -> Inertia
     own = bodies.picture_bodies(frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored)
     last, new = own.select(np.s_[:-1]), own.select(np.s_[1:])
     follows = bodies.next_body(last)  # due after each picture; a sprite turns as the fish does
-    sprite_turn = np.diff(line_deg) - bodies.line_turn_deg(frame[:-1], number[:-1])
+    sprite_turn = np.diff(line_deg) - bodies.sprite_turn_deg(frame[:-1], number[:-1])
     turned = follows.heading_deg + np.where(frame[:-1], 0.0, sprite_turn)
     follows = follows._replace(heading_deg=turned)
     natural = (new.row == follows.row) & (new.mirrored == follows.mirrored)
@@ -172,14 +184,14 @@ def inertialize(shown: PictureSequence, line_deg: Floats, how: Joins) -> Inertia
     at = np.flatnonzero(~natural) + 1
     old = follows.select(at - 1)
     before = wrap_deg(old.heading_deg - last.heading_deg[at - 1])
-    offset, velocity = _jumps(own, old, at, before, bodies)
+    offset, velocity = _join_offsets(own, old, at, before, bodies)
     here = own.select(at)
     pairs = np.stack([here.row, old.row, here.mirrored, old.mirrored], -1).tolist()
     plain = at[[not how.bending_helps(one, other, bool(a), bool(b)) for one, other, a, b in pairs]]
     offset[plain, :-1] = velocity[plain, :-1] = 0
-    springs = how.spring()
+    springs = how.spring_response()
     clock = np.cumsum(moves) - 1
-    left = sum_past(springs[0], offset[moves]) + sum_past(springs[1], velocity[moves])
+    left = sum_past_values(springs[0], offset[moves]) + sum_past_values(springs[1], velocity[moves])
     left = left[clock]
     latest_join = np.full(clock[-1] + 1, -(2**31))
     latest_join[clock[at]] = clock[at]
@@ -190,16 +202,17 @@ def inertialize(shown: PictureSequence, line_deg: Floats, how: Joins) -> Inertia
     doubtful = posed & (np.linalg.norm(left[:, :-1], axis=1) > shapes.gap)
     if doubtful.any():
         codes[doubtful] = shapes.nearest_codes(codes[doubtful]).codes
-    begins = at[~bodies.same_moment(old, here, how.fade)]
-    return Inertial(begins, codes.astype(np.float32), posed, left[:, -1])
+    begins = at[~bodies.are_near_in_film(old, here, how.fade)]
+    return InertializedPictures(begins, codes.astype(np.float32), posed, left[:, -1])
 
 
-def _jumps(
+def _join_offsets(
     own: Body, old: Body, at: Ints, before_deg: Floats, bodies: Bodies
 ) -> tuple[Floats, Floats]:
-    """Return the jumps (ticks, c + 1) of codes and heading at ticks `at`, and of their velocities.
+    """Return the jumps (ticks, c + 1) of pose codes and heading at joins, and of their velocities.
 
-    own: bodies of all ticks; old: bodies expected at `at`; before_deg: turn before each.
+    own: bodies of all ticks; at: ticks of the joins; old: bodies expected there; before_deg: turn
+    before each.
     """
     here, ticks = own.select(at), len(own.row)
     ahead = np.minimum(at + 1, ticks - 1)
@@ -214,7 +227,7 @@ def _jumps(
     return offset, velocity
 
 
-def cross_fades(
+def cross_fade_partners(
     shown: PictureSequence, begins: Ints, fade: int, following: Callable[[str, int], int]
 ) -> tuple[PictureSequence, Floats]:
     """Return the pictures (ticks,) that fade out, and their shares (ticks,): 0 where none does.

@@ -24,7 +24,7 @@ FILM, POSED, MIRRORED, SPRITE_SHOWN, PREDICTED = SHOWN = (
 
 
 def picture_kinds(edit: pd.DataFrame) -> pd.Series:
-    """Return which of `SHOWN` each tick of an edit list shows, as a series (ticks,) of names."""
+    """Return what each tick of an edit list shows, (ticks,): a name of `SHOWN`."""
     frame = edit["kind"] == FRAME
     choices = [~frame, edit["state"] == STATES[FORECAST], edit["mirrored"], edit["pose"].notna()]
     names = [SPRITE_SHOWN, PREDICTED, MIRRORED, POSED]
@@ -34,8 +34,8 @@ def picture_kinds(edit: pd.DataFrame) -> pd.Series:
 def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
     """Return the percentage of ticks that show each of `SHOWN`, and the number of switches.
 
-    film_pct: film, bent or mirrored or not; stuck_pct: on the spot because no way leads on;
-    switches: between sprites and film; switches_without_gateway: those by no gateway.
+    film_pct: film, bent or mirrored or not; stuck_pct: turning on the spot because every way leaves
+    the tank; switches: between sprites and film; switches_without_gateway: those by no gateway.
     """
     names, frame = picture_kinds(edit), (edit["kind"] == FRAME).to_numpy()
     switched = np.append(False, frame[1:] != frame[:-1])
@@ -51,11 +51,11 @@ def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def area_missed(edit: pd.DataFrame) -> dict[str, float]:
-    """Return the median error of the motion area in turns by the network (Fig. 18); {} without.
+def motion_area_errors(edit: pd.DataFrame) -> dict[str, float]:
+    """Return the median error of the motion area in turns by the network (Fig. 18).
 
-    The error is that of the most bent sprite shown against the area that the network asked for, as
-    a share of the film's largest.
+    It is {} without such turns. The error is that of the most bent sprite shown against the area
+    that the network asked for, as a share of the film's largest.
     """
     missed = (edit["sprite_area"] - edit["motion_area"]).abs().dropna()
     return {} if missed.empty else {"turn_area_missed_median": float(missed.median())}
@@ -67,10 +67,10 @@ def average_measures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
-    """Return the number of turns, and in what percentage of them the heading error never rises.
+    """Return the number of turns, and percentages of good and of narrow turns.
 
-    Also the percentage of turns with little room. The heading error is the angle between the
-    heading and the direction to the aim. Without turns percentages are NaN.
+    In a good turn the heading error, the angle between heading and direction to the aim, never
+    rises. A narrow one has too little room. Without turns percentages are NaN.
     """
     turning = (edit["state"] == STATES[TURN]).to_numpy()
     begins = edit["reason"].notna().to_numpy()
@@ -89,27 +89,28 @@ def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def step_measures(mine: Floats, film: Floats) -> dict[str, float]:
-    """Return how large the steps of an animation are, against the film's own.
+    """Return how large the steps between an animation's pictures are, compared with the film's.
 
     mine, film: distances (Eq. 5) between successive pictures. Results: median and 95th percentile
     over the film's median; percentages above the film's 95th and 99.5th percentile.
     """
     above = 100 * float((mine > np.quantile(film, 0.995)).mean())
-    return _compare_with_film(mine, film, "step", "steps") | {"steps_above_film_p995_pct": above}
+    return _ratios_to_film(mine, film, "step", "steps") | {"steps_above_film_p995_pct": above}
 
 
 def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
-    """Return the number of joins, and how large their discontinuities are, against film steps.
+    """Return the number of joins, and how large their discontinuities are beside film steps.
 
     seams: distances (Eq. 5) of joins, without cross-fade; film: those of its successive pictures.
     Results: median and 95th percentile over the film's median; percentage above the film's 95th.
     """
     if seams.size == 0:
         return {"jumps": 0.0}
-    return {"jumps": float(seams.size)} | _compare_with_film(seams, film, "seam", "jumps")
+    return {"jumps": float(seams.size)} | _ratios_to_film(seams, film, "seam", "jumps")
 
 
-def _compare_with_film(mine: Floats, film: Floats, name: str, plural: str) -> dict[str, float]:
+def _ratios_to_film(mine: Floats, film: Floats, name: str, plural: str) -> dict[str, float]:
+    """Return distances compared with the film's: ratios to its median, share above its 95th."""
     middle = float(np.median(film))
     return {
         f"{name}_ratio_median": float(np.median(mine)) / middle,
@@ -135,7 +136,7 @@ def state_measures(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def longest_repeat(edit: pd.DataFrame) -> int:
-    """Return the ticks of the longest run of pictures that is shown again later, after its end."""
+    """Return the length in ticks of the longest run of pictures that is shown again later."""
     pictures, longest = _number_pictures(edit), 0
     for lag in range(1, len(pictures)):
         if len(pictures) - lag <= longest:
@@ -156,7 +157,7 @@ def _number_pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
 def rhythm_measures(
     edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float
 ) -> dict[str, float]:
-    """Return the longest time that a picture stays, and the number and least spacing of jumps.
+    """Return the longest time that a picture stays, the number and the least spacing of jumps.
 
     jumps (k,): ticks of transitions; only those from frame to frame count. Times are seconds; the
     spacing is NaN with fewer than two jumps.

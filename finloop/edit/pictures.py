@@ -14,9 +14,9 @@ from finloop.base.arrays import Floats, Ints
 from finloop.distance.picture import SPAN, centre_cutout, distance_pair_by_pair
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies, Body
-from finloop.edit.joins import Helps
+from finloop.edit.joins import BendingTest
 from finloop.edit.schema import FRAME, SPRITE, row_partner, row_picture
-from finloop.puppet import Pose, blend, draw
+from finloop.puppet import Pose, draw_in_pose, mix_pictures
 
 Picture = NDArray[np.float32]
 _REMEMBERED = 100_000  # pairs of rows
@@ -49,7 +49,7 @@ class Pictures:
             return centre_cutout(cutout, centre, reel.length_px / scale, self.size, turn)[::-1]
         return centre_cutout(cutout, centre, reel.length_px / scale, self.size, turn)
 
-    def target(self, body: Body, scale: float, codes: Floats, turn_deg: float = 0.0) -> Pose:
+    def target_pose(self, body: Body, scale: float, codes: Floats, turn_deg: float = 0.0) -> Pose:
         """Return the pose, in px of the picture, that draws a body in the posture of codes (c,).
 
         scale: drawn size / filmed size; turn_deg: turns it further than its heading on screen.
@@ -63,14 +63,17 @@ class Pictures:
         """Draw a filmed body in a target pose; return the picture (size, size, channels)."""
         row, size = int(body.row), (self.size, self.size)
         cutout, pose = self.reel.film[row], self.bodies.poses.pose[row]
-        return draw(cutout, pose, target, size, mirrored=bool(body.mirrored), sharp=False)
+        return draw_in_pose(cutout, pose, target, size, mirrored=bool(body.mirrored), sharp=False)
 
     @cached_property
-    def bending_helps(self) -> Helps:
-        """Return a test: whether a row looks more like another one in that one's posture."""
-        return lru_cache(_REMEMBERED)(self._bending_helps)
+    def bending_helps(self) -> BendingTest:
+        """Test of whether a row looks more like another one in that one's posture."""
+        return lru_cache(_REMEMBERED)(self._check_bending_helps)
 
-    def _bending_helps(self, row: int, other: int, mirrored: bool, other_mirrored: bool) -> bool:
+    def _check_bending_helps(
+        self, row: int, other: int, mirrored: bool, other_mirrored: bool
+    ) -> bool:
+        """Return whether a row looks more like another one in that one's posture."""
         middle, size = (self.size - 1) / 2, self.size / SPAN
         bodies = [
             Body(np.array(number), np.array(flip), np.zeros(()))
@@ -91,20 +94,20 @@ class Pictures:
 
     @cached_property
     def right_facing_sprites(self) -> Picture:
-        """Return pictures (s, size, size, channels) of all sprites, headed right."""
+        """Pictures (s, size, size, channels) of all sprites, headed right."""
         return self.reel.sprite_pictures(self.size)
 
     @cached_property
     def sprite_successors(self) -> Picture:
-        """Return pictures of what the film shows after each sprite, as if the sprite headed right.
+        """Pictures of what the film shows after each sprite, as if the sprite headed right.
 
-        Pictures (s, size, size, channels): each is turned as the next sprite would be.
+        They are (s, size, size, channels); each is turned as the next sprite would be.
         """
         return self.reel.after_sprites(self.size)
 
 
-def fade_distance(row: Any, pictures: Pictures) -> float:
-    """Return the distance (Eq. 5) between the picture of a tick and the partner that fades out.
+def cross_fade_distance(row: Any, pictures: Pictures) -> float:
+    """Return the distance (Eq. 5) between the two pictures of a cross-fade.
 
     row: a row of an edit list as a named tuple, with `weight` > 0.
     """
@@ -112,7 +115,7 @@ def fade_distance(row: Any, pictures: Pictures) -> float:
     return float(distance_pair_by_pair(own, partner))
 
 
-def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
+def remove_ghost_fades(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
     """Return the edit list without cross-fades between pictures that are too unlike.
 
     most: the largest distance (Eq. 5) that stays. Two unlike fish on top of each other look like
@@ -121,7 +124,7 @@ def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.Da
     ghosts: list[int] = []
     for row in edit[edit["weight"] > 0].itertuples():
         before = bool(ghosts) and ghosts[-1] == row.Index - 1
-        if before or fade_distance(row, pictures) > most:
+        if before or cross_fade_distance(row, pictures) > most:
             ghosts.append(row.Index)
     clean = edit.copy()
     clean.loc[ghosts, "weight"] = 0.0
@@ -131,16 +134,16 @@ def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.Da
     return clean
 
 
-def drawn_steps(edit: pd.DataFrame, pictures: Pictures) -> Floats:
-    """Return the distances (ticks − 1,) (Eq. 5) between the drawn pictures of successive ticks.
+def drawn_step_distances(edit: pd.DataFrame, pictures: Pictures) -> Floats:
+    """Return the distances (ticks − 1,) (Eq. 5) between the pictures of successive ticks.
 
     Joins, poses and cross-fades are included.
     """
-    drawn = pairwise(draw_edit(edit, pictures))
+    drawn = pairwise(draw_edit_list(edit, pictures))
     return np.array([float(distance_pair_by_pair(after, before)) for before, after in drawn])
 
 
-def draw_edit(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
+def draw_edit_list(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
     """Yield the picture (size, size, channels) that an edit list shows at each tick."""
     for row in edit.itertuples():
         names = [row_picture(row), row_partner(row)] if row.weight else [row_picture(row)]
@@ -148,9 +151,9 @@ def draw_edit(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
             shown = [pictures(*name) for name in names]
         else:
             drawn = [pictures.bodies.edit_row_body(name) for name in names]
-            target = pictures.target(drawn[0], row.scale, row.pose)
+            target = pictures.target_pose(drawn[0], row.scale, row.pose)
             shown = [pictures.draw_body(body, target) for body in drawn]
-        yield blend(*shown, row.weight) if row.weight else shown[0]
+        yield mix_pictures(*shown, row.weight) if row.weight else shown[0]
 
 
 def measure_discontinuities(
@@ -178,17 +181,20 @@ def measure_discontinuities(
                 continue
         elif now.kind == SPRITE and now.source == next_sprite[before.source]:
             continue
-        distances.append(float(distance_pair_by_pair(*_join_pictures(before, now, pictures))))
+        distances.append(float(distance_pair_by_pair(*_draw_join(before, now, pictures))))
         ticks.append(tick)
     return np.array(distances), np.array(ticks, np.intp)
 
 
-def _join_pictures(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Picture]:
-    """Draw a row of an edit list, and what the film shows after the row before; both head right."""
+def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Picture]:
+    """Draw the pictures after and before a join, both headed right.
+
+    They are the row `now` of an edit list, and what the film shows after the row `before`.
+    """
     turn, bodies = -float(now.heading_deg), pictures.bodies
     if now.pose is not None:
         body = bodies.edit_row_body(row_picture(now))
-        target = pictures.target(body, now.scale, now.pose, turn)
+        target = pictures.target_pose(body, now.scale, now.pose, turn)
         drawn = pictures.draw_body(body, target)
         if before.pose is not None:
             follows = bodies.next_body(bodies.edit_row_body(row_picture(before)))

@@ -145,18 +145,18 @@ class RowPicture(NamedTuple):
 
 
 def row_picture(row: Any) -> RowPicture:
-    """Return the picture that a row of an edit list, a named tuple, shows."""
+    """Return the picture that a row (named tuple) of an edit list shows."""
     return RowPicture(*(getattr(row, name) for name in RowPicture._fields))
 
 
 def row_partner(row: Any) -> RowPicture:
-    """Return the picture that fades out at a row of an edit list, a named tuple."""
+    """Return the picture that fades out at a row (named tuple) of an edit list."""
     rest = (getattr(row, f"partner_{name}") for name in RowPicture._fields[2:])
     return RowPicture(row.partner_kind, row.partner, *rest)
 
 
 def filmed_edit_list(rows: Ints, places_px: Floats) -> pd.DataFrame:
-    """Return an edit list (schema `EDIT`) that shows feature rows (n,), one a tick, as filmed.
+    """Return an edit list (schema `EDIT`) that shows rows (n,) of the film, one a tick, as filmed.
 
     So the film is drawn and measured like an animation. places_px (n, 2): x, y of each.
     """
@@ -172,6 +172,6 @@ def filmed_edit_list(rows: Ints, places_px: Floats) -> pd.DataFrame:
     return pd.DataFrame(rest | own, index=np.arange(len(rows)))
 
 
-def by_fish(edit: pd.DataFrame) -> list[pd.DataFrame]:
-    """Return the edit list of each fish by itself, its rows counted from 0."""
+def split_by_fish(edit: pd.DataFrame) -> list[pd.DataFrame]:
+    """Split an edit list into one list for each fish, with rows counted from 0."""
     return [one.reset_index(drop=True) for _, one in edit.groupby("fish")]

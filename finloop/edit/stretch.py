@@ -59,7 +59,7 @@ class Decision(NamedTuple):
 
 @dataclass(frozen=True)
 class Stretch:
-    """Some ticks (n,) in one state. way (n, 3): x, y px, heading deg; number (n,): of the pictures.
+    """Some ticks (n,) that one decision gives. way (n, 3): x, y px, heading in degrees.
 
     state: index in `STATES`; kind: SPRITE or FRAME; rot (n,): by how much frames are turned,
     degrees; phase (n,): place in the cycle, in frames, where sprites of one are played; new:
@@ -89,12 +89,12 @@ class Stretch:
 
     @property
     def pictures(self) -> Ints:
-        """Return the numbers (n,) of the pictures: a frame's row, or −1 − a sprite's number."""
+        """Numbers (n,) of the pictures: a frame's row, or −1 − a sprite's number."""
         return self.number if self.kind == FRAME else -1 - self.number
 
     @cached_property
     def path_and_pictures(self) -> Floats:
-        """Return x, y px, heading in degrees and picture number of each tick, as (n, 4)."""
+        """x, y px, heading in degrees and picture number of each tick, (n, 4)."""
         return np.column_stack([self.way, self.pictures])
 
     def remaining_path(self, gone: int) -> Floats:
@@ -105,7 +105,7 @@ class Stretch:
         return self.path_and_pictures[min(gone, len(self.way) - 1) :]
 
     def cut(self, ticks: int) -> "Stretch":
-        """Return the stretch with only its first `ticks` ≥ 1 ticks."""
+        """Return the stretch shortened to its first `ticks` ticks, at least 1."""
         if ticks >= len(self.way):
             return self
         known = {
@@ -147,7 +147,7 @@ def describe_decision(decision: Decision, goal: str, motion_area: float) -> str:
 
 
 def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
-    """Return what the fish does next and why, without why it leaves the film."""
+    """Return in words what the fish does next and why, but not why it leaves the film."""
     if decision.reason == TURNING:
         side, room = "left" if decision.turn_deg > 0 else "right", ""
         if decision.room < 1:
@@ -176,7 +176,7 @@ def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
 
 
 def _describe_costs(decision: Decision) -> str:
-    """Return how many ways there were, the cost of the chosen one and that of the next best."""
+    """Return in words how many ways there were, the cost of the chosen and of the next best."""
     if not decision.ways:
         return "; as planned before"
     if math.isnan(decision.value_s):
@@ -197,7 +197,7 @@ def _describe_costs(decision: Decision) -> str:
 
 
 def _count_ways(decision: Decision) -> str:
-    """Return how many ways there were, and how many of them fail each test of Fig. 19."""
+    """Return in words how many ways there were, and how many fail each test of Fig. 19."""
     failed = {
         "leave the tank or end": decision.ways_tank,
         "lead away": decision.ways_quadrant,

@@ -7,6 +7,6 @@ DeepLabCut's layout.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "pictures": ["cut_out", "sprite_cycle", "add_film_source", "bounding_box"],
-    "tracks": ["poses", "deeplabcut"],
+    "pictures": ["cut_out_fish", "sprites_of_sequence", "add_film_sources", "box_of_all_fish"],
+    "tracks": ["keypoints_of_tracks", "deeplabcut_tables"],
 })  # fmt: skip

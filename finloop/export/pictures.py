@@ -14,7 +14,7 @@ from finloop.base.arrays import Picture
 from finloop.base.schema import Column, Schema, columns
 from finloop.edit.schema import EDIT, SPRITE
 from finloop.render.gallery import Gallery
-from finloop.render.painter import Box, Painter, Placed
+from finloop.render.painter import Box, Painter, PlacedFish
 
 _WHITE = 255
 RIM = 3  # px of colour added under the edge of the fish, and beyond
@@ -42,17 +42,17 @@ class FishOnlyPainter:
     """
 
     def __init__(self, height: int, width: int, channels: int) -> None:
-        """Create a canvas of this size, with 1 or 3 channels."""
+        """Create both canvases: height and width in px, 1 or 3 channels."""
         black = np.zeros((height, width, channels), np.uint8)
         self.black, self.white = Painter(black), Painter(black + np.uint8(_WHITE))
 
-    def show(self, *fish: Placed) -> Box:
-        """Paint these fish alone, the lowest first; return the box that they cover."""
+    def show(self, *fish: PlacedFish) -> Box:
+        """Paint only these fish, the lowest first; return the box that they cover."""
         self.white.show(*fish)
         return self.black.show(*fish)
 
-    def cut(self, box: Box) -> Picture:
-        """Return what was painted within a box, (h, w, 4) RGBA uint8 premultiplied by alpha.
+    def cut_box(self, box: Box) -> Picture:
+        """Return what was painted within a box: RGBA (h, w, 4) uint8, premultiplied by alpha.
 
         Both canvases are rounded: a colour may exceed its alpha by 1.
         """
@@ -63,46 +63,47 @@ class FishOnlyPainter:
         return np.concatenate([rgb, alpha], axis=2)
 
 
-def bounding_box(frames: Iterable[Sequence[Placed]], alone: FishOnlyPainter) -> Box:
+def box_of_all_fish(frames: Iterable[Sequence[PlacedFish]], alone: FishOnlyPainter) -> Box:
     """Return the smallest box of the canvas that holds all fish of all ticks, and their rim.
 
-    frames: the fish of every tick.
+    frames: the fish of every tick; alone: the painter that paints them.
     """
-    boxes = [box for fish in frames if not (box := alone.show(*fish)).empty]
+    boxes = [box for fish in frames if not (box := alone.show(*fish)).is_empty]
     if not boxes:
         return Box(0, 0, 1, 1)
-    return Box.around(boxes).grow(RIM).within(alone.black.canvas.shape)
+    return Box.enclose(boxes).grow(RIM).clip_to(alone.black.canvas.shape)
 
 
-def cut_out(
-    frames: Iterable[Sequence[Placed]], alone: FishOnlyPainter, crop: Box
+def cut_out_fish(
+    frames: Iterable[Sequence[PlacedFish]], alone: FishOnlyPainter, crop: Box
 ) -> Iterator[Picture]:
-    """Yield the fish of each tick without background: the part `crop`, (h, w, 4) uint8 RGBA.
+    """Yield the fish of each tick without background: RGBA (h, w, 4) uint8 of the box `crop`.
 
-    Its alpha is straight. The array is drawn on again: take a copy to keep it. frames: the fish of
-    every tick; `crop` is that of `bounding_box`, or a smaller one.
+    Alpha is straight, not premultiplied. The array is drawn on again: take a copy to keep it.
+    frames: the fish of every tick; alone: the painter that paints them; `crop` is that of
+    `box_of_all_fish`, or a smaller one.
     """
     frame = np.zeros((crop.bottom - crop.top, crop.right - crop.left, 4), np.uint8)
     last = Box(0, 0, 0, 0)
     for fish in frames:
         frame[last.slices] = 0
-        box = alone.show(*fish).grow(RIM).common(crop)
+        box = alone.show(*fish).grow(RIM).intersect(crop)
         last = Box(0, 0, 0, 0)
-        if not box.empty:
+        if not box.is_empty:
             last = Box(
                 box.top - crop.top, box.left - crop.left,
                 box.bottom - crop.top, box.right - crop.left,
             )  # fmt: skip
-            frame[last.slices] = _straighten_alpha(alone.cut(box))
+            frame[last.slices] = _straighten_alpha(alone.cut_box(box))
         yield frame
 
 
 def _straighten_alpha(pixels: Picture) -> Picture:
     """Return premultiplied RGBA (h, w, 4) uint8 with straight alpha, the colour extended outwards.
 
-    A faint pixel's own colour is rounded too coarsely (at alpha 1 it is 0 or 255): it gets the mean
-    around it, as transparent pixels within `RIM` do. Else 4:2:0 and filters would bring noise, or
-    black, into the edge.
+    The colour of a faint pixel is rounded too coarsely (at alpha 1 it is 0 or 255): it gets the
+    mean around it, as transparent pixels within `RIM` do. Else 4:2:0 and filters would bring noise,
+    or black, into the edge.
     """
     alpha = pixels[..., 3:].astype(np.float32)
     around = cv2.boxFilter(pixels.astype(np.float32), -1, (2 * RIM + 1,) * 2, borderType=0)
@@ -114,34 +115,34 @@ def _straighten_alpha(pixels: Picture) -> Picture:
     return np.concatenate([np.rint(colour).clip(0, 255).astype(np.uint8), pixels[..., 3:]], axis=2)
 
 
-def sprite_cycle(
+def sprites_of_sequence(
     sprites: pd.DataFrame, sequence: str, gallery: Gallery
-) -> tuple[list[tuple[Placed]], int]:
-    """Return the sprites of a sequence, on the spot and headed right, and half the canvas [px].
+) -> tuple[list[tuple[PlacedFish]], int]:
+    """Return the sprites of a sequence, headed right and not moving, and half their canvas [px].
 
     Each step of the sequence has one fish. The mass centre is the middle pixel of a square canvas,
     2 half + 1 px wide.
     """
     rows = sprites[sprites["sequence"] == sequence]
     steps = [
-        gallery.rotate_picture(SPRITE, int(sprite), 1, 0.0, float(scale))
+        gallery.turn_picture(SPRITE, int(sprite), 1, 0.0, float(scale))
         for sprite, scale in zip(rows["sprite"], rows["scale"], strict=True)
     ]
     half = RIM + max(math.ceil(step.scale * math.hypot(*step.picture.near.shape)) for step in steps)
-    return [(Placed(half, half, step, None, 0.0),) for step in steps], half
+    return [(PlacedFish(half, half, step, None, 0.0),) for step in steps], half
 
 
-def add_film_source(
+def add_film_sources(
     edit: pd.DataFrame, tracks: pd.DataFrame, sprites: pd.DataFrame,
     mm_per_px: float | None = None, length_px: float = np.nan,
 ) -> pd.DataFrame:  # fmt: skip
-    """Return an edit list (EDIT) with the film's track and frame of every row, and mm (READABLE).
+    """Add to an edit list the film's track and frame of every row, and lengths in mm (READABLE).
 
-    tracks: track_id and frame of every cut-out; sprites: schema SPRITES; mm_per_px: None where
-    unknown; length_px: body length of the animal as drawn.
+    edit: schema EDIT; tracks: track_id and frame of every cut-out; sprites: schema SPRITES;
+    mm_per_px: None where unknown; length_px: body length of the animal as drawn.
     """
-    source = _source_columns(edit, "", "source", tracks, sprites)
-    partner = _source_columns(edit, "partner_", "partner", tracks, sprites)
+    source = _film_source_columns(edit, "", "source", tracks, sprites)
+    partner = _film_source_columns(edit, "partner_", "partner", tracks, sprites)
     scale = np.nan if mm_per_px is None else mm_per_px
     mm = {name: edit[name.replace("_mm", "_px")] * scale for name in _MM}
     speed = edit["speed"].astype(float) * length_px * scale
@@ -152,7 +153,7 @@ def add_film_source(
 
 
 def flatten_poses(listed: pd.DataFrame) -> pd.DataFrame:
-    """Return an edit list (READABLE) without lists, for CSV: `pose` becomes pose_1, pose_2, ….
+    """Replace the lists in `pose` of an edit list (READABLE) by columns pose_1, pose_2 … for CSV.
 
     A row without a pose has empty cells there. Where no scale is known, columns in mm are left out.
     """
@@ -165,9 +166,14 @@ def flatten_poses(listed: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([listed.drop(columns=["pose", *unknown]), spread], axis=1)
 
 
-def _source_columns(
+def _film_source_columns(
     edit: pd.DataFrame, prefix: str, source: str, tracks: pd.DataFrame, sprites: pd.DataFrame
 ) -> pd.DataFrame:
+    """Return track, frame and sprite name (atlas) of the picture in each row of an edit list.
+
+    prefix, source: of the columns: "" and "source", or "partner_" and "partner"; other arguments as
+    in `add_film_sources`.
+    """
     kind, number = edit[f"{prefix}kind"], edit[source].fillna(0).to_numpy(int)
     is_sprite, none = (kind == SPRITE).to_numpy(), kind.isna().to_numpy()
     cutout, rows = np.where(is_sprite, 0, number), sprites.iloc[np.where(is_sprite, number, 0)]

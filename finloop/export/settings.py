@@ -11,7 +11,7 @@ from finloop.edit.modes import Shown
 
 @dataclass(frozen=True)
 class ExportSettings:
-    """Which edit list and which tracks are handed on, and how fine."""
+    """Parameters of `export`: which edit list and which tracks are exported, and how fine."""
 
     mode: Shown
     webm_crf: Annotated[int, Field(ge=0, le=63)]

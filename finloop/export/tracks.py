@@ -23,11 +23,11 @@ USED = ("track_id", "frame", "x_px", "y_px", "backbone_x_px", "backbone_y_px")
 """The columns of a table of tracks from which poses are made."""
 
 
-def poses(
+def keypoints_of_tracks(
     tracks: pd.DataFrame, features: pd.DataFrame, frames: int, body_points: int, least_frames: int,
     most: int, animals: pd.Series | None = None,
 ) -> Poses:  # fmt: skip
-    """Return head, equidistant points of the backbone, tail and mass centre (px) of the tracks.
+    """Return head, equidistant body points, tail and mass centre (px) of the longest tracks.
 
     The confidence of head, body and tail is `head_confidence`; that of the mass centre is 1.
     FinloopError if no track is long enough.
@@ -66,7 +66,7 @@ def poses(
     )
 
 
-def deeplabcut(poses: Poses, block: int = BLOCK) -> Iterator[pd.DataFrame]:
+def deeplabcut_tables(poses: Poses, block: int = BLOCK) -> Iterator[pd.DataFrame]:
     """Yield tables in DeepLabCut's layout, `block` frames each, a row per frame of the clip.
 
     Columns: x, y (px) and likelihood (0 … 1) of every keypoint of every individual.

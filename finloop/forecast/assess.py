@@ -16,7 +16,7 @@ from finloop.features.area import measure_bend
 from finloop.forecast.film import MOTION, FilmStates, Partition
 from finloop.forecast.model import Forecast
 from finloop.forecast.sampling import RolloutState, Sampler, draw_next_row, start_at_row, step
-from finloop.puppet.pose import Pose, steps
+from finloop.puppet.pose import Pose, backbone_steps
 
 HELD_OUT = Schema(
     Column("row", "int32", "1"),
@@ -174,7 +174,7 @@ def motion_area(postures: Floats) -> Floats:
     """Return the motion area (k,) [BL²] of postures (k, 2 + 2 n): between body and chord (§2.2)."""
     none = np.zeros(len(postures))
     lines = Pose(none, none, none, none + 1, postures).backbone_px()
-    return np.abs(measure_bend(lines, steps(postures).sum(1)))
+    return np.abs(measure_bend(lines, backbone_steps(postures).sum(1)))
 
 
 def held_out_table(ensemble: Ensemble) -> pd.DataFrame:

@@ -122,7 +122,7 @@ def posture_mirror(poses: FilmPoses, look: Reals) -> Reals | None:
 
     look: light and skin (table LOOK); it has more rows than `poses` if the fish may be mirrored.
     """
-    return poses.shapes.mirror if len(look) > len(poses.codes) else None
+    return poses.shapes.mirror_matrix if len(look) > len(poses.codes) else None
 
 
 def _motion(features: pd.DataFrame, rate_hz: float) -> Floats:

@@ -9,7 +9,10 @@ drawing (`transfer`), feet on the ground (`ground`). `tool` is the command line.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "cycles": ["film_of_regions", "film_of_swim"], "fit": ["GaitContours", "Keys"],
-    "model": ["Gait", "Layout", "at_phases", "four_keys", "gamma_fit"],
+    "cycles": ["swimmer_gait_contours", "walker_gait_contours"],
+    "fit": ["GaitContours", "KeyFrames"],
+    "model": [
+        "Gait", "HalfCycleLayout", "contours_at_phases", "four_key_frames", "gamma_from_fractions",
+    ],
     "outline": ["track_outlines", "swim_contours"], "period": ["Period"],
 })  # fmt: skip

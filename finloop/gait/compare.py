@@ -20,8 +20,8 @@ from finloop.gait.fit import (
     GaitContours,
     Subcycle,
     check_phases,
-    correct_keys,
-    fit_gammas,
+    correct_key_frames,
+    fit_all_gammas,
     sort_into_subcycles,
 )
 from finloop.gait.model import contour_from_descriptor, gamma_per_coefficient
@@ -37,7 +37,7 @@ _WHOLE = -1  # in the column scale: all scales together
 
 @dataclass(frozen=True)
 class ClockComparison:
-    """How far each clock's predictions are from the frames held out of the fit."""
+    """How well each of the four CLOCKS predicts the contours of frames held out of the fit."""
 
     scheme: str  # what is held out at a time: "cycles" or "every other frame"
     rms: dict[str, float]  # by clock: RMS distance of contours / body length
@@ -48,8 +48,8 @@ class ClockComparison:
     by_scale: pd.DataFrame
 
 
-def holdouts(film: GaitContours) -> tuple[str, list[Mask]]:
-    """Return which frames to hold out at a time: the name of the scheme, and masks (frames,).
+def choose_held_out_frames(film: GaitContours) -> tuple[str, list[Mask]]:
+    """Choose the frames to hold out of each fit: return the scheme's name and masks (frames,).
 
     A film of two cycles or more holds out one cycle at a time; an incomplete last cycle has a mask
     of its own. A shorter film holds out every other frame.
@@ -62,27 +62,27 @@ def holdouts(film: GaitContours) -> tuple[str, list[Mask]]:
     return "every other frame", [frames % 2 == half for half in range(2)]
 
 
-def compare(
+def compare_clocks(
     film: GaitContours, *, split: float = 0.25, wavelet: str = "coif2", coarse: int = 4
 ) -> ClockComparison:
-    """Compare the four clocks: fit each to some frames and predict the held-out frames.
+    """Fit each of the four CLOCKS to a part of the film, and measure its error in the other frames.
 
-    split: phase of key 2, in cycles; wavelet, coarse: of the descriptor. A mask is skipped if the
-    remaining frames cannot be fitted; if all are, the last error is raised. FinloopError as in
-    `gait.fit.fit`.
+    split: phase of key 2, in cycles; wavelet: of the descriptor; coarse: coefficients of its
+    coarsest scale. Frames to hold out are skipped if the others cannot be fitted; if all are, the
+    last error is raised. FinloopError as in `gait.fit.fit_gait`.
     """
     check_phases(film)
-    scheme, masks = holdouts(film)
+    scheme, masks = choose_held_out_frames(film)
     rows: list[dict[str, Any]] = []
     problem: FinloopError | None = None
     for mask in masks:
         try:
-            rows += list(_errors(film, mask, split, wavelet, coarse))
+            rows += list(_held_out_errors(film, mask, split, wavelet, coarse))
         except FinloopError as error:
             problem = error
     if problem is not None and not rows:
         raise problem
-    _, subcycles = correct_keys(film, split, wavelet, coarse)
+    _, subcycles = correct_key_frames(film, split, wavelet, coarse)
     table = pd.DataFrame(rows).groupby(_KEYS, sort=False).sum().reset_index()
     contours = table[table["scale"] == _WHOLE].drop(columns="scale").reset_index(drop=True)
     total = contours["frames"].sum()
@@ -90,16 +90,20 @@ def compare(
     for c in CLOCKS:
         contours[f"rms_{c}"] = np.sqrt(contours.pop(c) / contours["frames"]) / film.body_length
     scales = table[table["scale"] != _WHOLE].reset_index(drop=True)
-    return ClockComparison(scheme, rms, contours, _by_scale(film, scales, subcycles))
+    return ClockComparison(scheme, rms, contours, _errors_by_scale(film, scales, subcycles))
 
 
-def _errors(
+def _held_out_errors(
     film: GaitContours, mask: Mask, split: float, wavelet: str, coarse: int
 ) -> Iterator[dict[str, Any]]:
-    """Yield squared errors by clock on a mask: rows by contour, subcycle and scale, or _WHOLE."""
+    """Yield a table row for each contour, subcycle and scale: the clocks' summed squared errors.
+
+    mask (frames,): frames held out of the fit; split, wavelet, coarse as in `compare_clocks`. The
+    scale _WHOLE stands for all scales together.
+    """
     still = LEAST_MOTION * film.body_length
-    _, subcycles = correct_keys(_select_frames(film, ~mask), split, wavelet, coarse)
-    per_limb, per_scale = (fit_gammas(subcycles, per, still) for per in (False, True))
+    _, subcycles = correct_key_frames(_select_frames(film, ~mask), split, wavelet, coarse)
+    per_limb, per_scale = (fit_all_gammas(subcycles, per, still) for per in (False, True))
     tests = sort_into_subcycles(_select_frames(film, mask), split, wavelet, coarse)
     for (name, sub), model in subcycles.items():
         test = tests[name][sub]
@@ -127,38 +131,41 @@ def _errors(
 
 
 def _select_frames(film: GaitContours, mask: Mask) -> GaitContours:
-    """Return the film's frames within a mask."""
+    """Return the part of a film that shows the frames of a mask (frames,)."""
     contours = {name: points[mask] for name, points in film.contours.items()}
     return replace(film, phase=film.phase[mask], contours=contours)
 
 
 def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
-    """Return the monotone clock (s,) at tau (s,) that fits a subcycle best (isotonic regression).
+    """Fit any clock that falls from 1 to 0 to a subcycle; return its values (s,) at tau (s,).
 
-    It falls from 1 to 0, as `gait.model.clock` does, but may have any shape.
+    tau: shares 0-1 of the subcycle. The fit is an isotonic regression, the best clock possible.
     """
-    way = (model.start - model.end).ravel()
-    norm = float(way @ way)
+    change = (model.start - model.end).ravel()
+    norm = float(change @ change)
     samples = model.samples
     if norm == 0 or not len(samples.tau):
         return 1 - tau
     order = np.argsort(samples.tau, kind="stable")
     flat = (samples.coefficients - model.end).reshape(len(order), -1)
-    falling = scipy.optimize.isotonic_regression(flat[order] @ way / norm, increasing=False).x
+    falling = scipy.optimize.isotonic_regression(flat[order] @ change / norm, increasing=False).x
     nodes = np.concatenate([[0.0], samples.tau[order], [1.0]])
     return np.interp(tau, nodes, np.concatenate([[1.0], np.clip(falling, 0, 1), [0.0]]))
 
 
-def _by_scale(
+def _errors_by_scale(
     film: GaitContours, table: pd.DataFrame, subcycles: dict[tuple[str, int], Subcycle]
 ) -> pd.DataFrame:
-    """Return the table `ClockComparison.by_scale` from squared errors."""
+    """Return the table `ClockComparison.by_scale` from the table of squared errors.
+
+    subcycles: those fitted to all frames, by contour id and 0 for A, 1 for B.
+    """
     gammas, share, count = [], [], []
     for name, letter, m in table[_KEYS].itertuples(index=False):
         model = subcycles[name, "AB".index(letter)]
-        way, scale = model.start - model.end, model.scales[m]
+        change, scale = model.start - model.end, model.scales[m]
         gammas.append(model.gammas(True, LEAST_MOTION * film.body_length)[m])
-        share.append(float((way[scale] ** 2).sum() / max((way**2).sum(), 1e-300)))
+        share.append(float((change[scale] ** 2).sum() / max((change**2).sum(), 1e-300)))
         count.append(scale.stop - scale.start)
     linear, gamma_scale, frames = table["linear"], table["gamma_scale"], table["frames"]
     rms_linear = np.sqrt(linear / frames) / film.body_length

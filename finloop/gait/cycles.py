@@ -16,10 +16,10 @@ import scipy
 
 from finloop.base.arrays import Floats
 from finloop.gait.fit import GaitContours, hip_offsets
-from finloop.gait.limbs import Limbs, Region, limbs
-from finloop.gait.model import subcycle
+from finloop.gait.limbs import Limbs, Region, limb_contours
+from finloop.gait.model import locate_in_subcycle
 from finloop.gait.outline import TrackContours, join_steady_frames
-from finloop.gait.period import Period, fill_gaps, period, require_periodic
+from finloop.gait.period import Period, fill_gaps, find_period, require_periodic
 
 OUTLINE = "outline"
 FOOT = 16  # the lowest 1/FOOT of a limb's contour is its foot
@@ -27,16 +27,16 @@ REACH = 0.06  # cycles: half width of the search for key 1
 STEPS = 61
 
 
-def film_of_swim(swim: TrackContours) -> GaitContours:
-    """Return the contours and phases of the steady frames of a fish, in body lengths.
+def swimmer_gait_contours(swim: TrackContours) -> GaitContours:
+    """Return a fish's contours and phases in its steady frames, in body lengths.
 
-    FinloopError if no motion repeats.
+    swim: the contours of one track. FinloopError if no motion repeats.
     """
     points, phase = join_steady_frames([swim])
     return GaitContours({OUTLINE: points}, phase, 1.0, "mirror")
 
 
-def film_of_regions(
+def walker_gait_contours(
     frames: list[dict[str, Region | None]],
     frame_rate_hz: float,
     n: int,
@@ -48,30 +48,30 @@ def film_of_regions(
     frames: contours by id for each frame, in px; n: points of a contour; split: phase of key 2, in
     cycles; first: the number of the first frame, for messages. Limbs are in the body frame, px. The
     period is computed twice, because the body's track is smoothed over a cycle. FinloopError as in
-    `gait.limbs.limbs`, or if no motion repeats.
+    `gait.limbs.limb_contours`, or if no motion repeats.
     """
-    contours = limbs(frames, n, None, first)
-    beat = _limb_period(contours, frame_rate_hz)
-    contours = limbs(frames, n, round(frame_rate_hz / beat.frequency_hz), first)
-    beat = _limb_period(contours, frame_rate_hz)
+    contours = limb_contours(frames, n, None, first)
+    beat = _find_limb_period(contours, frame_rate_hz)
+    contours = limb_contours(frames, n, round(frame_rate_hz / beat.frequency_hz), first)
+    beat = _find_limb_period(contours, frame_rate_hz)
     steady = {name: points[beat.steady] for name, points in contours.points.items()}
     phase = align_phase(beat.phase[beat.steady], foot_positions(steady), split)
-    film = GaitContours(steady, phase, contours.length_px, "swap").complete()
+    film = GaitContours(steady, phase, contours.length_px, "swap").add_hidden_limbs()
     return replace(film, offsets=hip_offsets(film)), beat, contours
 
 
-def _limb_period(contours: Limbs, frame_rate_hz: float) -> Period:
-    """Return the period of all limbs together; FinloopError if they do not repeat."""
+def _find_limb_period(contours: Limbs, frame_rate_hz: float) -> Period:
+    """Return the common period of all limbs; FinloopError if their motion does not repeat."""
     points = contours.points
     signal = np.concatenate([of.reshape(len(of), -1) for of in points.values()], axis=1)
-    beat = period(fill_gaps(signal), frame_rate_hz, _limb_signal(points))
+    beat = find_period(fill_gaps(signal), frame_rate_hz, _key_1_signal(points))
     return require_periodic(beat, f"the limbs {', '.join(points)}")
 
 
-def _limb_signal(points: dict[str, Floats]) -> Floats:
-    """Return a signal (frames,) that is greatest at key 1: right fore and left hind limbs ahead.
+def _key_1_signal(points: dict[str, Floats]) -> Floats:
+    """Return a signal (frames,), greatest at key 1, where right fore and left hind limbs lead.
 
-    The other limbs are behind. Among ids that are neither fore nor hind, the right are ahead.
+    points: contours (frames, n, 2) by id. Among ids that are neither fore nor hind, the right lead.
     """
     total = np.zeros(len(next(iter(points.values()))))
     for name, limb in points.items():
@@ -82,10 +82,10 @@ def _limb_signal(points: dict[str, Floats]) -> Floats:
 
 
 def foot_positions(limbs: Mapping[str, Floats]) -> Floats:
-    """Return how far ahead each foot is, (frames, limbs): x, in the unit of the contours, or NaN.
+    """Return how far forward each foot is in each frame: x (frames, limbs), NaN where hidden.
 
-    limbs: contours (frames, n, 2) by id, x ahead and y down. A foot is the lowest 1/FOOT of the
-    points.
+    limbs: contours (frames, n, 2) by id, x forward and y down; the result has their unit. A foot is
+    the lowest 1/FOOT of the points.
     """
     feet = []
     for points in limbs.values():
@@ -94,42 +94,46 @@ def foot_positions(limbs: Mapping[str, Floats]) -> Floats:
     return np.stack(feet, axis=1)
 
 
-def align_phase(phase: Floats, ahead: Floats, split: float) -> Floats:
-    """Return the phase (frames,), shifted and stretched so that the feet turn round at the keys.
+def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
+    """Shift and stretch the phase (frames,) so that the feet turn round at the key frames.
 
-    phase: in cycles; ahead (frames, k): how far ahead k feet are; split: phase of key 2. Least
+    phase: in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key 2. Least
     squares over the shift, at most about REACH, and the stretch. Rows with NaN are ignored.
     """
-    whole = np.isfinite(ahead).all(axis=1)
+    whole = np.isfinite(foot_x).all(axis=1)
     if whole.sum() < 12:  # the fit has eight numbers per foot
         return phase
-    phases, way = phase[whole], ahead[whole] - ahead[whole].mean(axis=0)
+    phases, centred_x = phase[whole], foot_x[whole] - foot_x[whole].mean(axis=0)
     middle = float(phases.mean())
 
-    def off(change: Floats) -> float:
-        return _fit_residual(phases - change[0] + change[1] * (phases - middle), way, split)
+    def residual(change: Floats) -> float:
+        return _fit_residual(phases - change[0] + change[1] * (phases - middle), centred_x, split)
 
     moves = np.linspace(-REACH, REACH, STEPS)
-    first = float(moves[np.argmin([off(np.array([move, 0.0])) for move in moves])])
+    first = float(moves[np.argmin([residual(np.array([move, 0.0])) for move in moves])])
     best = scipy.optimize.minimize(
-        off,
+        residual,
         (first, 0.0),
         method="Nelder-Mead",
         options={
             "initial_simplex": [(first, 0.0), (first + 0.004, 0.0), (first, 0.003)],
             "xatol": 1e-5,
-            "fatol": 1e-12 * float((way**2).sum()),
+            "fatol": 1e-12 * float((centred_x**2).sum()),
         },
     ).x
     return phase - best[0] + best[1] * (phase - middle)
 
 
-def _fit_residual(phase: Floats, way: Floats, split: float) -> float:
-    """Return the squared residual of four parabolas, joined at the keys, fitted to (frames, k)."""
-    which, tau = subcycle(phase, split)
+def _fit_residual(phase: Floats, foot_x: Floats, split: float) -> float:
+    """Return the squared error of four parabolas, joined at the keys, fitted to foot positions.
+
+    phase (frames,): in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key
+    2.
+    """
+    which, tau = locate_in_subcycle(phase, split)
     terms, row = np.zeros((len(phase), 8)), np.arange(len(phase))
     terms[row, which] = 1 - tau
     terms[row, (which + 1) % 4] = tau
     terms[row, 4 + which] = tau * (1 - tau)
-    left = way - terms @ np.linalg.lstsq(terms, way, rcond=None)[0]
+    left = foot_x - terms @ np.linalg.lstsq(terms, foot_x, rcond=None)[0]
     return float((left**2).sum())

@@ -16,18 +16,18 @@ from finloop.base.errors import FinloopError
 from finloop.gait.model import (
     POOLED,
     Gait,
-    Layout,
+    HalfCycleLayout,
     Symmetry,
-    clock,
     contour_from_descriptor,
-    cycle,
-    descriptor,
-    gamma_fit,
-    gamma_sums,
-    half_cycle_later,
-    partner,
-    scale_slices,
-    subcycle,
+    contours_half_cycle_later,
+    contours_of_cycle,
+    descriptor_slices,
+    gamma_fraction,
+    gamma_from_fractions,
+    key_1_share,
+    locate_in_subcycle,
+    opposite_limb,
+    wavelet_descriptor,
 )
 
 WIDEST = 0.125
@@ -35,8 +35,8 @@ WIDEST = 0.125
 Gammas = dict[str, dict[str, tuple[float, ...]]]
 LEAST = 2  # fewest frames between the keys of a subcycle
 ROUNDS = 3
-"""Rounds of `correct_keys`. They bring γ of the drawn dog within 6 % at any frame rate, from 44 %
-without correction. With more rounds the cubics follow the noise of few frames."""
+"""Rounds of `correct_key_frames`. They bring γ of the drawn dog within 6 % at any frame rate, from
+44 % without correction. With more rounds the cubics follow the noise of few frames."""
 LEAST_MOTION = 1e-9  # body lengths: a scale that moves less between the keys gets γ = 0
 
 
@@ -49,18 +49,20 @@ class GaitContours:
     contours: Mapping[str, Points]
     phase: Points  # (frames,) in cycles, rising; the whole part counts the cycles
     body_length: float  # in the unit of the contours
-    # symmetry, offsets: as in `gait.model.Layout`
+    # symmetry, offsets: as in `gait.model.HalfCycleLayout`
     symmetry: Symmetry
     offsets: Mapping[str, Points] | None = None
 
     def contours_half_cycle_later(self, contours: Mapping[str, Points]) -> dict[str, Points]:
-        """Return the animal's contours by id as they are half a cycle later, by its symmetry."""
-        return half_cycle_later(contours, self.symmetry, Layout(offsets=self.offsets))
+        """Return the contours, by id, that the animal has half a cycle later, by its symmetry."""
+        return contours_half_cycle_later(
+            contours, self.symmetry, HalfCycleLayout(offsets=self.offsets)
+        )
 
-    def complete(self) -> "GaitContours":
-        """Return the film with hidden limbs added as NaN, if the animal is seen from the side.
+    def add_hidden_limbs(self) -> "GaitContours":
+        """Return the film with limbs that it never shows added as NaN; a fish is left unchanged.
 
-        A hidden limb follows from its partner by symmetry, see `gait.model.partner`.
+        Later a hidden limb follows from its partner by symmetry, see `gait.model.opposite_limb`.
         """
         if self.symmetry != "swap":
             return self
@@ -73,21 +75,23 @@ class GaitContours:
 
     @property
     def cycles(self) -> float:
-        """Return the number of gait cycles in the film: frames times the median step of phase."""
+        """Number of gait cycles that the film shows: frames times the median step of phase."""
         return float(len(self.phase) * np.median(np.diff(self.phase)))
 
 
 @dataclass(frozen=True)
-class Keys:
-    """The key frames 1, 2 and 1' (half a cycle after 1): contours (n, 2) by id."""
+class KeyFrames:
+    """The key frames 1, 2 and 1' (half a cycle after 1) of a gait: contours (n, 2) by id."""
 
     first: dict[str, Points]
     second: dict[str, Points]
     first_later: dict[str, Points]
 
-    def ends(self, name: str, which: int) -> tuple[Points, Points]:
-        """Return the contours (n, 2) of an id at which subcycle A (0) or B (1) begins and ends."""
-        start, end = (self.first, self.second) if which == 0 else (self.second, self.first_later)
+    def subcycle_ends(self, name: str, subcycle_number: int) -> tuple[Points, Points]:
+        """Return a contour (n, 2) at the start and at the end of subcycle A (number 0) or B (1)."""
+        start, end = (
+            (self.first, self.second) if subcycle_number == 0 else (self.second, self.first_later)
+        )
         return start[name], end[name]
 
 
@@ -108,18 +112,18 @@ def check_phases(film: GaitContours) -> None:
 
 
 def hip_offsets(film: GaitContours) -> dict[str, Points]:
-    """Return how far right and down of its partner each limb hangs: (2,) by id, the contours' unit.
+    """Return how far right and down of its partner each limb is attached: (2,) by id.
 
-    It is the mean over the film of the difference between a limb and its partner half a cycle
-    later, when both are at the same point of their motion. 0 if the film is shorter than a cycle,
-    or lacks one of the two limbs.
+    In the unit of the contours. It is the mean difference between a limb and its partner half a
+    cycle later, when both are at the same point of their motion. 0 if the film is shorter than a
+    cycle, or lacks one of the two limbs.
     """
     out = {name: np.zeros(2) for name in film.contours}
     if film.cycles < 1 - 1e-6:
         return out
     centre = {name: points.mean(axis=1) for name, points in film.contours.items()}
     for name, here in centre.items():
-        twin = partner(name, film.contours)
+        twin = opposite_limb(name, film.contours)
         if name < twin:
             own, twins = (np.isfinite(centre[limb]).all(axis=1) for limb in (name, twin))
             if own.any() and twins.any():
@@ -133,14 +137,13 @@ def hip_offsets(film: GaitContours) -> dict[str, Points]:
     return out
 
 
-def interpolate_keys(film: GaitContours, split: float) -> Keys:
-    """Return key frames by linear interpolation, the mean over all cycles and both halves.
+def interpolate_key_frames(film: GaitContours, split: float) -> KeyFrames:
+    """Return the key frames, interpolated between the film's frames nearest in phase.
 
-    split: phase of key 2, in cycles. Weights fall linearly to 0 at one frame's step from the key's
-    phase. So one cycle gives the interpolation between the two frames beside the phase, and several
-    cycles give its mean. Missing frames widen the weights up to WIDEST. For the error of the
-    interpolation see `gait.fit.correct_keys`. FinloopError if a contour is missing in every frame
-    near a key; the message names all such contours.
+    split: phase of key 2, in cycles. All cycles and both halves count. Weights fall linearly to 0
+    at one frame's step from the key's phase. Missing frames widen the weights up to WIDEST. For the
+    error of the interpolation see `gait.fit.correct_key_frames`. FinloopError if a contour is
+    missing in every frame near a key; the message names all such contours.
     """
     phase, here = film.phase, film.contours
     there = film.contours_half_cycle_later(here)
@@ -169,12 +172,12 @@ def interpolate_keys(film: GaitContours, split: float) -> Keys:
             f"each contour in a frame within {WIDEST:g} of a cycle of both keys",
             "use more cycles, or omit the contours that the film does not show",
         )
-    return Keys(keys[0], keys[1], film.contours_half_cycle_later(keys[0]))
+    return KeyFrames(keys[0], keys[1], film.contours_half_cycle_later(keys[0]))
 
 
 @dataclass(frozen=True)
-class Samples:
-    """The s frames that show one contour in one subcycle.
+class SubcycleFrames:
+    """The frames of a film that show one contour in one subcycle, s in number.
 
     tau (s,): shares 0-1 of the subcycle; coefficients (s, n, 2): of the contour; frame (s,):
     numbers of the frames in the film.
@@ -187,83 +190,86 @@ class Samples:
 
 def sort_into_subcycles(
     film: GaitContours, split: float, wavelet: str, coarse: int
-) -> dict[str, list[Samples]]:
+) -> dict[str, list[SubcycleFrames]]:
     """Sort a film's frames into subcycles: return, by contour id, those in A and those in B.
 
-    By symmetry they include the frames of C and D. split: phase of key 2, in cycles; wavelet,
-    coarse: of the descriptor.
+    By symmetry they include the frames of C and D. split: phase of key 2, in cycles; wavelet: of
+    the descriptor; coarse: coefficients of its coarsest scale.
     """
     later = film.contours_half_cycle_later(film.contours)
     second = np.mod(film.phase, 1.0) >= 0.5
-    which, tau = subcycle(np.mod(film.phase, 0.5), split)
-    out = dict[str, list[Samples]]()
+    which, tau = locate_in_subcycle(np.mod(film.phase, 0.5), split)
+    out = dict[str, list[SubcycleFrames]]()
     for name, points in film.contours.items():
         points = np.where(second[:, None, None], later[name], points)
         present = np.isfinite(points).all(axis=(1, 2))
         out[name] = []
         for sub in range(2):
             frame = np.flatnonzero(present & (which == sub))
-            coefficients = descriptor(points[frame], wavelet, coarse)
-            out[name].append(Samples(tau[frame], coefficients, frame))
+            coefficients = wavelet_descriptor(points[frame], wavelet, coarse)
+            out[name].append(SubcycleFrames(tau[frame], coefficients, frame))
     return out
 
 
 @dataclass(frozen=True)
 class Subcycle:
-    """One contour in one subcycle, as n wavelet coefficients."""
+    """A contour in one subcycle: wavelet coefficients of the film's frames and both key frames."""
 
-    samples: Samples  # the film's frames in the subcycle
+    samples: SubcycleFrames  # the film's frames in the subcycle
     # start, end: the key frames at both ends, (n, 2)
     start: Points
     end: Points
     scales: list[slice]  # the slice of each scale in the n coefficients
 
-    def sums(self, scale: slice = slice(None)) -> tuple[float, float]:
-        """Return the sums from which `gamma_fit` finds γ, for a slice of the coefficients."""
+    def gamma_fraction(self, scale: slice = slice(None)) -> tuple[float, float]:
+        """Return the fraction that gives γ, for a slice of the coefficients."""
         frames = self.samples.coefficients[:, scale].reshape(len(self.samples.tau), -1)
-        return gamma_sums(
+        return gamma_fraction(
             self.samples.tau, frames, self.start[scale].ravel(), self.end[scale].ravel()
         )
 
     def gammas(self, per_scale: bool, still: float) -> tuple[float, ...]:
-        """Return one γ per scale, coarse to fine, or a single one for all scales.
+        """Fit γ to the film's frames: return one per scale, coarse to fine, or one for all scales.
 
         still: γ is 0 where points move less than this (RMS), in the unit of the contours.
         """
         out = []
         for scale in self.scales if per_scale else [slice(None)]:
-            way = np.linalg.norm(self.start[scale].ravel() - self.end[scale].ravel())
-            moves = way > still * np.sqrt(len(self.start))
-            out.append(gamma_fit([self.sums(scale)]) if moves else 0.0)
+            distance = np.linalg.norm(self.start[scale].ravel() - self.end[scale].ravel())
+            moves = distance > still * np.sqrt(len(self.start))
+            out.append(gamma_from_fractions([self.gamma_fraction(scale)]) if moves else 0.0)
         return tuple(out)
 
     def predict(self, tau: Points, gamma: Points) -> Points:
-        """Return the predicted coefficients (s, n, 2) at tau (s,), shares 0-1 of the subcycle.
+        """Predict wavelet coefficients (s, n, 2) at tau (s,), shares 0-1 of the subcycle.
 
         gamma: (n,), one for each coefficient, or (1,) for all.
         """
-        return self.end + clock(tau[:, None], gamma)[..., None] * (self.start - self.end)
+        return self.end + key_1_share(tau[:, None], gamma)[..., None] * (self.start - self.end)
 
 
 def build_subcycles(
-    keys: Keys, samples: Mapping[str, list[Samples]], wavelet: str, coarse: int
+    keys: KeyFrames, samples: Mapping[str, list[SubcycleFrames]], wavelet: str, coarse: int
 ) -> dict[tuple[str, int], Subcycle]:
-    """Join key frames and the film's frames: return subcycles by contour and 0 for A, 1 for B.
+    """Return the subcycles between key frames, by contour id and number (0 for A, 1 for B).
 
-    samples: by id, the frames in A and in B.
+    samples: by contour id, the frames in A and those in B; wavelet, coarse as in
+    `sort_into_subcycles`.
     """
     out = {}
     for name, pair in samples.items():
         for sub, frames in enumerate(pair):
-            start, end = (descriptor(key, wavelet, coarse) for key in keys.ends(name, sub))
-            out[name, sub] = Subcycle(frames, start, end, scale_slices(len(start), coarse))
+            start, end = (
+                wavelet_descriptor(key, wavelet, coarse) for key in keys.subcycle_ends(name, sub)
+            )
+            out[name, sub] = Subcycle(frames, start, end, descriptor_slices(len(start), coarse))
     return out
 
 
-def fit_gammas(
+def fit_all_gammas(
     subcycles: Mapping[tuple[str, int], Subcycle], per_scale: bool, still: float
 ) -> Gammas:
-    """Return γ of every contour, by id and then by "A" and "B": one per scale, or one for all.
+    """Fit γ of every contour: return by id, then by "A" and "B", one per scale or one for all.
 
     still: γ is 0 where points move less than this (RMS), in the unit of the contours.
     """
@@ -273,17 +279,17 @@ def fit_gammas(
     return out
 
 
-def correct_keys(
+def correct_key_frames(
     film: GaitContours, split: float, wavelet: str, coarse: int
-) -> tuple[Keys, dict[tuple[str, int], Subcycle]]:
+) -> tuple[KeyFrames, dict[tuple[str, int], Subcycle]]:
     """Return key frames corrected for the curvature of the motion, and the subcycles between them.
 
-    The subcycles have keys (id, 0 for A or 1 for B). `interpolate_keys` is linear between two
+    The subcycles have keys (id, 0 for A or 1 for B). `interpolate_key_frames` is linear between two
     frames beside a key, which flattens the curved motion. A model of the film, a cubic for each
-    coefficient of each subcycle, gives the error: the same interpolation of the model is off by as
-    much. ROUNDS times that difference is subtracted. A frame exactly at a key's phase stays that
-    key. FinloopError as in `interpolate_keys`, or if a subcycle of a contour has fewer than LEAST
-    frames between its keys.
+    coefficient of each subcycle, gives the error: interpolating the model is wrong by as much.
+    ROUNDS times that difference is subtracted. A frame exactly at a key's phase stays that key.
+    split, wavelet, coarse as in `sort_into_subcycles`. FinloopError as in `interpolate_key_frames`,
+    or if a subcycle of a contour has fewer than LEAST frames between its keys.
     """
     samples = sort_into_subcycles(film, split, wavelet, coarse)
     few = [
@@ -298,11 +304,13 @@ def correct_keys(
             f"{LEAST} or more of each contour in each subcycle",
             "use more cycles or a higher frame rate, or omit these contours",
         )
-    linear = keys = interpolate_keys(film, split)
+    linear = keys = interpolate_key_frames(film, split)
     subcycles = build_subcycles(keys, samples, wavelet, coarse)
     for _ in range(ROUNDS):
-        model = replace(film, contours=_smooth_contours(film, subcycles, split, wavelet, coarse))
-        short = interpolate_keys(model, split)
+        model = replace(
+            film, contours=_fit_smooth_contours(film, subcycles, split, wavelet, coarse)
+        )
+        short = interpolate_key_frames(model, split)
         first, second = (
             {name: key[name] + film_key[name] - model_key[name] for name in key}
             for key, film_key, model_key in (
@@ -310,32 +318,35 @@ def correct_keys(
                 (keys.second, linear.second, short.second),
             )
         )
-        keys = Keys(first, second, film.contours_half_cycle_later(first))
+        keys = KeyFrames(first, second, film.contours_half_cycle_later(first))
         subcycles = build_subcycles(keys, samples, wavelet, coarse)
     return keys, subcycles
 
 
-def _smooth_contours(
+def _fit_smooth_contours(
     film: GaitContours,
     subcycles: Mapping[tuple[str, int], Subcycle],
     split: float,
     wavelet: str,
     coarse: int,
 ) -> dict[str, Points]:
-    """Return the film's contours, each coefficient a cubic between the keys; NaN stays NaN."""
-    which, tau = subcycle(np.mod(film.phase, 0.5), split)
+    """Return the film's contours smoothed in time, each coefficient a cubic between the key frames.
+
+    NaN stays NaN. split, wavelet, coarse as in `sort_into_subcycles`.
+    """
+    which, tau = locate_in_subcycle(np.mod(film.phase, 0.5), split)
     out = dict[str, Points]()
     for name, points in film.contours.items():
         out[name] = np.empty_like(points)
         for sub in range(2):
-            model, own_tau = subcycles[name, sub], tau[which == sub]
+            model, film_tau = subcycles[name, sub], tau[which == sub]
             sample_tau = model.samples.tau
             rest = model.samples.coefficients - model.predict(sample_tau, np.zeros(1))
             size = np.linalg.lstsq(
                 _two_cubics(sample_tau), rest.reshape(len(rest), -1), rcond=None
             )[0]
-            bend = (_two_cubics(own_tau) @ size).reshape(-1, *model.end.shape)
-            coefficients = model.predict(own_tau, np.zeros(1)) + bend
+            bend = (_two_cubics(film_tau) @ size).reshape(-1, *model.end.shape)
+            coefficients = model.predict(film_tau, np.zeros(1)) + bend
             out[name][which == sub] = contour_from_descriptor(
                 coefficients, points.shape[1], wavelet, coarse
             )
@@ -349,12 +360,12 @@ def _smooth_contours(
 
 
 def _two_cubics(tau: Points) -> Points:
-    """Return the two cubics that are 0 at τ = 0 and 1, at tau (s,): (s, 2)."""
+    """Evaluate two cubics that are 0 at τ = 0 and 1: return their values (s, 2) at tau (s,)."""
     bow = tau * (1 - tau)
     return np.column_stack([bow, bow * (1 - 2 * tau)])
 
 
-def fit(
+def fit_gait(
     film: GaitContours,
     name: str,
     frequency_hz: float,
@@ -363,21 +374,23 @@ def fit(
     wavelet: str = "coif2",
     coarse: int = 4,
     per_scale: bool = False,
-) -> tuple[Gait, Keys]:
+) -> tuple[Gait, KeyFrames]:
     """Fit a gait to the contours of a film; return the gait and its key frames.
 
-    name: of the gait; split: phase of key 2, in cycles; coarse: approximation coefficients of the
-    descriptor; per_scale: fit one γ for each scale instead of one for all. The caller fills in the
-    gait's `source`, `confidence` and `residuals`. The γ of POOLED belongs to all contours together.
-    FinloopError as in `check_phases` and `correct_keys`.
+    name: of the gait; split: phase of key 2, in cycles; wavelet: of the descriptor; coarse:
+    coefficients of its coarsest scale; per_scale: fit one γ for each scale instead of one for all.
+    The caller fills in the gait's `source`, `confidence` and `residuals`. The γ of POOLED belongs
+    to all contours together. FinloopError as in `check_phases` and `correct_key_frames`.
     """
     check_phases(film)
-    keys, subcycles = correct_keys(film, split, wavelet, coarse)
+    keys, subcycles = correct_key_frames(film, split, wavelet, coarse)
     still = LEAST_MOTION * film.body_length
-    gamma = fit_gammas(subcycles, per_scale, still)
+    gamma = fit_all_gammas(subcycles, per_scale, still)
     for sub, letter in enumerate("AB"):
-        sums = [model.sums() for (_, which), model in subcycles.items() if which == sub]
-        gamma.setdefault(POOLED, {})[letter] = (gamma_fit(sums),)
+        fractions = [
+            model.gamma_fraction() for (_, which), model in subcycles.items() if which == sub
+        ]
+        gamma.setdefault(POOLED, {})[letter] = (gamma_from_fractions(fractions),)
     gait = Gait(
         name=name,
         symmetry=film.symmetry,
@@ -391,21 +404,21 @@ def fit(
     )
     if film.symmetry == "mirror":
         return gait, keys
-    return replace(gait, support=_support(film, keys, gait)), keys
+    return replace(gait, support=_ground_contact_phases(film, keys, gait)), keys
 
 
-def _support(
-    film: GaitContours, keys: Keys, gait: Gait
+def _ground_contact_phases(
+    film: GaitContours, keys: KeyFrames, gait: Gait
 ) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Return `Gait.support`: a foot is down from its foremost to its hindmost place.
+    """Return the spans of phase in which each foot is on the ground, by id, as in `Gait.support`.
 
-    The animal heads for screen right. A foot is the lowest point of a contour that has "left" or
-    "right" in its id.
+    A foot is down from its foremost to its hindmost place; the animal heads for screen right. A
+    foot is the lowest point of a contour that has "left" or "right" in its id.
     """
     frames = 240
     out = dict[str, tuple[tuple[float, float], ...]]()
-    layout = Layout(offsets=film.offsets)
-    for name, points in cycle(keys.first, keys.second, gait, frames, layout).items():
+    layout = HalfCycleLayout(offsets=film.offsets)
+    for name, points in contours_of_cycle(keys.first, keys.second, gait, frames, layout).items():
         if any(side in name for side in ("left", "right")):
             x = points[:, int(points[..., 1].mean(axis=0).argmax()), 0]
             start = int(x.argmax()) / frames

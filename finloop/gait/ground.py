@@ -40,47 +40,48 @@ class Ground(NamedTuple):
     slide: dict[str, float]
 
 
-def supports(spans: tuple[tuple[float, float], ...], frames: int) -> list[Ints]:
-    """Return the frame numbers of each span of support (from, to), ends included.
+def support_frames(spans: tuple[tuple[float, float], ...], frames: int) -> list[Ints]:
+    """Return the frame numbers of each span of phase (from, to) in which a foot is on the ground.
 
-    spans: phases in cycles; frames: frames of one cycle. A number may exceed `frames`.
+    spans: in cycles, both ends included; frames: number of frames of a cycle. A returned number may
+    exceed it.
     """
     room = 1e-9
     ends = [(np.ceil((a - room) * frames), np.floor((b + room) * frames)) for a, b in spans]
     return [np.arange(int(a), int(b) + 1) for a, b in ends if b >= a]
 
 
-def ground(limbs: Mapping[str, Points], support: Support) -> Ground:
-    """Return the ground speed that fits all supporting feet best, and how far each foot slides.
+def measure_ground(limbs: Mapping[str, Points], support: Support) -> Ground:
+    """Return the ground speed that fits all feet on the ground best, and how far each foot slides.
 
-    limbs: contours (frames, n, 2) of one cycle by id; support: spans of phase by id.
+    limbs: contours (frames, n, 2) of one cycle by id; support: spans of phase on the ground by id.
     """
-    return _ground(_paths(limbs, support))
+    return _fit_ground(_foot_paths(limbs, support))
 
 
 def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Points]:
-    """Return the limbs, sheared so that supporting feet move with the ground and none is below it.
+    """Return limbs sheared so that feet on the ground move with it and no foot is below it.
 
-    limbs: contours (frames, n, 2) of one cycle by id; support: spans of phase by id. During the
-    swing the correction changes smoothly from one support to the next. Ids outside `support` are
-    unchanged. FinloopError if a limb has no height.
+    limbs: contours (frames, n, 2) of one cycle by id; support: spans of phase on the ground by id.
+    While a foot is lifted, the correction changes smoothly from one span to the next. Ids outside
+    `support` are unchanged. FinloopError if a limb has no height.
     """
-    paths = _paths(limbs, support)
-    speed = _ground(paths).speed
+    paths = _foot_paths(limbs, support)
+    speed = _fit_ground(paths).speed
     return {
         name: _shear_limb(name, stack, paths[name], speed) if name in paths else stack
         for name, stack in limbs.items()
     }
 
 
-def foot_displacement(stack: Points) -> Points:
-    """Return how far the foot of a limb (f, n, 2) moves in x since the first frame: (f,)."""
-    return np.concatenate([[0.0], np.cumsum([_foot_step(*pair) for pair in pairwise(stack)])])
+def foot_displacement(limb: Points) -> Points:
+    """Return how far a limb's foot (frames, n, 2) moves in x since the first frame: (frames,)."""
+    return np.concatenate([[0.0], np.cumsum([_foot_shift(*pair) for pair in pairwise(limb)])])
 
 
-def _foot_step(here: Points, there: Points) -> float:
-    """Return the foot's motion in x at its contact, between two contours (n, 2), closed or open."""
-    middle = (here + there) / 2
+def _foot_shift(contour: Points, next_contour: Points) -> float:
+    """Return how far a foot moves in x, where it is on the ground, between two contours (n, 2)."""
+    middle = (contour + next_contour) / 2
     along = np.roll(middle, -1, axis=0) - np.roll(middle, 1, axis=0)
     across = along[:, ::-1] * [1, -1]  # length: the point's piece of contour
     y = middle[:, 1]
@@ -89,59 +90,70 @@ def _foot_step(here: Points, there: Points) -> float:
     arm = middle - touch
     turn = arm[:, 0] * across[:, 1] - arm[:, 1] * across[:, 0]
     motion = np.column_stack([across, turn])[foot]
-    displacement = ((there - here) * across).sum(axis=1)[foot]
+    displacement = ((next_contour - contour) * across).sum(axis=1)[foot]
     return float(np.linalg.lstsq(motion, displacement, rcond=None)[0][0])
 
 
-def _paths(limbs: Mapping[str, Points], support: Support) -> Paths:
-    """Return the frames of each support, and the displacement of the foot in them, by id."""
+def _foot_paths(limbs: Mapping[str, Points], support: Support) -> Paths:
+    """Return, by id, the frames of each span on the ground and the foot's displacement in them.
+
+    limbs, support as in `measure_ground`.
+    """
     paths: Paths = {}
     for name, stack in limbs.items():
-        if runs := supports(support.get(name, ()), len(stack)):
+        if runs := support_frames(support.get(name, ()), len(stack)):
             paths[name] = [(run, foot_displacement(stack[run % len(stack)])) for run in runs]
     return paths
 
 
-def _ground(paths: Paths) -> Ground:
-    """Return the ground speed that fits all paths of feet best, and how far each foot slides."""
+def _fit_ground(paths: Paths) -> Ground:
+    """Return the ground speed that fits all foot paths best, and how far each foot slides."""
     runs = [
-        (run - run.mean(), way - way.mean()) for supports in paths.values() for run, way in supports
+        (run - run.mean(), displacement - displacement.mean())
+        for supports in paths.values()
+        for run, displacement in supports
     ]
     spread = sum(float(run @ run) for run, _ in runs)
-    speed = sum(float(run @ way) for run, way in runs) / spread if spread else 0.0
+    speed = sum(float(run @ displacement) for run, displacement in runs) / spread if spread else 0.0
     slide = {
-        name: max(float(np.ptp(way - speed * run)) for run, way in supports)
+        name: max(float(np.ptp(displacement - speed * run)) for run, displacement in supports)
         for name, supports in paths.items()
     }
     return Ground(speed, slide)
 
 
-def _shear_limb(name: str, stack: Points, ways: list[tuple[Ints, Points]], speed: float) -> Points:
-    """Return the limb's contours, sheared so that its foot moves with the ground in supports."""
-    frames = len(stack)
-    top, low = stack[..., 1].min(axis=1), stack[..., 1].max(axis=1)
+def _shear_limb(
+    name: str, contours: Points, foot_paths: list[tuple[Ints, Points]], speed: float
+) -> Points:
+    """Return a limb's contours (frames, n, 2), sheared so that its foot moves with the ground.
+
+    name: of the limb, for messages; foot_paths: the frames of each span on the ground and the
+    foot's displacement in them; speed: of the ground, drawing units a frame.
+    """
+    frames = len(contours)
+    top, low = contours[..., 1].min(axis=1), contours[..., 1].max(axis=1)
     if not (low - top > FLAT * (low - top).max()).all():
         raise FinloopError(
             f"the limb {name!r} has no height", "a limb that stands on its foot", "draw it upright"
         )
-    level = float(np.median(low[np.concatenate([run for run, _ in ways]) % frames]))
+    level = float(np.median(low[np.concatenate([run for run, _ in foot_paths]) % frames]))
     shift = np.full((frames, 2), np.nan)
-    for run, way in ways:
-        frame, slid = run % frames, way - speed * run
+    for run, displacement in foot_paths:
+        frame, slid = run % frames, displacement - speed * run
         shift[frame] = np.stack([slid.mean() - slid, level - low[frame]], axis=1)
-    shift = _interpolate_shifts(shift)
+    shift = _fill_shifts(shift)
     shift[:, 1] = np.minimum(shift[:, 1], level - low)  # never below the ground
-    share = (stack[..., 1] - top[:, None]) / (low - top)[:, None] / (1 - FOOT)
-    return stack + np.minimum(share, 1)[..., None] * shift[:, None]
+    share = (contours[..., 1] - top[:, None]) / (low - top)[:, None] / (1 - FOOT)
+    return contours + np.minimum(share, 1)[..., None] * shift[:, None]
 
 
-def _interpolate_shifts(shift: Points) -> Points:
-    """Return the shifts (f, 2) of a cycle, missing ones (NaN) interpolated smoothly."""
+def _fill_shifts(shift: Points) -> Points:
+    """Return the shifts (f, 2) of a cycle with missing ones (NaN) interpolated smoothly."""
     frames, present = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
     out = shift.copy()
-    for here, there in zip(present, np.append(present[1:], present[0] + frames), strict=True):
-        between = np.arange(here + 1, there)
-        s = (between - here) / (there - here)
+    for start, end in zip(present, np.append(present[1:], present[0] + frames), strict=True):
+        between = np.arange(start + 1, end)
+        s = (between - start) / (end - start)
         s = (s * s * (3 - 2 * s))[:, None]
-        out[between % frames] = (1 - s) * shift[here] + s * shift[there % frames]
+        out[between % frames] = (1 - s) * shift[start] + s * shift[end % frames]
     return out

@@ -18,8 +18,14 @@ import skimage
 
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import Curve, area, centroid, orient_clockwise, resample_curve
-from finloop.gait.model import partner
+from finloop.curve.contour import (
+    Curve,
+    area_centroids,
+    orient_clockwise,
+    resample_curve,
+    signed_area,
+)
+from finloop.gait.model import opposite_limb
 from finloop.gait.period import fill_gaps
 
 BODY = "body"
@@ -36,7 +42,7 @@ Region = Curve | str  # a contour, or why a frame has none: MISSING, EMPTY or BO
 
 @dataclass(frozen=True)
 class Limbs:
-    """Contours of limbs in the body frame, px: x right, y down, the body's smoothed place at 0."""
+    """Contours of an animal's limbs in the body frame, px: x right, y down, the body at 0."""
 
     points: dict[str, Floats]  # by id, (frames, n, 2); NaN in frames that lack the limb
     course: Floats  # smoothed place of the body in the picture, (frames, 2)
@@ -46,7 +52,7 @@ class Limbs:
 
 
 def region_contour(mask: Mask, smooth_px: float = SMOOTH_PX) -> Region:
-    """Return the closed subpixel contour of the largest part of a mask (h, w), clockwise, px.
+    """Return the outline of the largest part of a mask (h, w): closed, clockwise, in px.
 
     The result is EMPTY or BORDER where there is no whole region. A Gaussian of SD `smooth_px`
     smooths the mask, and the contour runs at half height. This removes pixel steps; a corner of
@@ -68,17 +74,17 @@ def region_contour(mask: Mask, smooth_px: float = SMOOTH_PX) -> Region:
     curves = [curve for curve in curves if len(curve.points) > 3]
     if not curves:
         return EMPTY
-    largest = orient_clockwise(max(curves, key=lambda curve: abs(area(curve))))
+    largest = orient_clockwise(max(curves, key=lambda curve: abs(signed_area(curve))))
     return Curve(largest.points + np.array([columns[0] - pad, rows[0] - pad]), True)
 
 
-def trace_contour(curve: Curve, width: float, height: float) -> Region:
-    """Return a traced contour (px) unchanged, or BORDER if it leaves the picture."""
+def check_traced_contour(curve: Curve, width: float, height: float) -> Region:
+    """Return a traced contour unchanged, or BORDER if it leaves the picture (both in px)."""
     inside = (curve.points > 0).all() and (curve.points < [width, height]).all()
     return curve if inside else BORDER
 
 
-def limbs(
+def limb_contours(
     frames: Sequence[Mapping[str, Region | None]],
     n: int,
     smooth_frames: float | None = None,
@@ -99,12 +105,12 @@ def limbs(
             "trace each limb under its own id",
         )
     regions = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
-    notes = _check_regions(regions, first)
+    notes = _check_missing_regions(regions, first)
     where = [BODY] if BODY in regions else names
     centres = {
         name: np.array(
             [
-                centroid(region.points) if isinstance(region, Curve) else (np.nan, np.nan)
+                area_centroids(region.points) if isinstance(region, Curve) else (np.nan, np.nan)
                 for region in regions[name]
             ]
         )
@@ -117,21 +123,21 @@ def limbs(
     for name in names:
         if name != BODY and name not in points:
             # A limb and its partner together: their points correspond too.
-            pair = dict.fromkeys((name, partner(name, names)))
+            pair = dict.fromkeys((name, opposite_limb(name, names)))
             both = match_contours([region for each in pair for region in regions[each]], n)
             for each, of in zip(pair, np.split(both, len(pair)), strict=True):
                 points[each] = of - course[:, None]
     points = {name: points[name] for name in names if name != BODY}
-    return Limbs(points, course, _median_width([regions[name] for name in where]), notes)
+    return Limbs(points, course, _median_contour_width([regions[name] for name in where]), notes)
 
 
 def match_contours(regions: Sequence[Region], n: int) -> Floats:
-    """Return contours (frames, n, 2) whose points i correspond, px; NaN where a frame has none.
+    """Renumber the contours of all frames so that point i is the same place of the limb in each.
 
-    Points lie at equal distances along a contour. Each contour starts where, turned and moved, it
-    fits the mean shape best: the greatest |Σ a̅ b| of centred contours a, b as complex numbers, by
-    FFT. The start may lie between two points. Point 0 is the uppermost of the mean shape: the hip
-    or the shoulder.
+    Return (frames, n, 2), px; NaN where a frame has no contour. Points lie at equal distances along
+    a contour. Each contour starts where, turned and moved, it fits the mean shape best: the
+    greatest |Σ a̅ b| of centred contours a, b as complex numbers, by FFT. The start may lie between
+    two points. Point 0 is the uppermost of the mean shape: the hip or the shoulder.
     """
     curves = [orient_clockwise(region) if isinstance(region, Curve) else None for region in regions]
     there = [k for k, curve in enumerate(curves) if curve is not None]
@@ -160,7 +166,7 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
 
 
 def smooth_track(track: Floats, window: float | None) -> Floats:
-    """Return a track (frames, k) smoothed by the mean over `window` frames; None = a straight line.
+    """Smooth a track (frames, k) by the mean over `window` frames; None = a straight line.
 
     Within half a window of the ends, the means continue in a straight line. A track shorter than
     two windows becomes one straight line.
@@ -181,21 +187,24 @@ def smooth_track(track: Floats, window: float | None) -> Floats:
 
 
 def _fit_line(time: Floats, values: Floats, times: Floats) -> Floats:
-    """Return the least-squares line through values (m, k), evaluated at `times`."""
+    """Fit a straight line to values (m, k) at `time` (m,); return its values at `times`."""
     basis, there = (np.column_stack([np.ones(len(x)), x]) for x in (time, times))
     return np.asarray(there @ np.linalg.lstsq(basis, values, rcond=None)[0])
 
 
-def _median_width(regions: Sequence[Sequence[Region]]) -> float:
-    """Return the median width of all contours together, over the most complete frames."""
+def _median_contour_width(regions: Sequence[Sequence[Region]]) -> float:
+    """Return the median width of all contours together, px, over the most complete frames."""
     frames = zip(*regions, strict=True)
     contours = [[each.points for each in frame if isinstance(each, Curve)] for frame in frames]
     most = max(len(frame) for frame in contours)
     return float(np.median([np.ptp(np.concatenate(f)[:, 0]) for f in contours if len(f) == most]))
 
 
-def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:
-    """Return notes on frames that lack a limb; FinloopError if too many frames lack it."""
+def _check_missing_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:
+    """Return notes on frames that lack a limb; FinloopError if too many frames lack it.
+
+    regions: by id, one for each frame; first: number of the first frame.
+    """
     notes, wrong, hints = [], [], []
     often = {
         name
@@ -209,7 +218,7 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
             ]
             for why in (MISSING, EMPTY, BORDER)
         }
-        gaps = [f"{_format_runs(which)}: {why}" for why, which in lacking.items() if which]
+        gaps = [f"{_format_frame_numbers(which)}: {why}" for why, which in lacking.items() if which]
         if name not in often:
             wrong.append(f"{name!r} in frames {'; '.join(gaps)}")
             hints += difflib.get_close_matches(name, sorted(often), 1, 0.8)
@@ -222,10 +231,10 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
         if gaps:
             notes.append(f"{name} is left out of frames {'; '.join(gaps)}")
         size = np.array(
-            [area(region) if isinstance(region, Curve) else np.nan for region in frames]
+            [signed_area(region) if isinstance(region, Curve) else np.nan for region in frames]
         )
         if small := np.flatnonzero(np.abs(size) < HIDDEN * np.nanmedian(np.abs(size))).tolist():
-            which = _format_runs([first + k for k in small])
+            which = _format_frame_numbers([first + k for k in small])
             notes.append(
                 f"{name} is smaller than usual in frames {which}:"
                 " if something hides a part of it there, trace it whole or omit it"
@@ -241,9 +250,13 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
     return tuple(notes)
 
 
-def _format_runs(which: Sequence[int]) -> str:
-    """Return frame numbers as text, runs as "3-7"."""
-    cuts = [0, *(i for i in range(1, len(which)) if which[i] != which[i - 1] + 1), len(which)]
-    runs = [(which[a], which[b - 1]) for a, b in pairwise(cuts)]
+def _format_frame_numbers(numbers: Sequence[int]) -> str:
+    """Return frame numbers as text, with a run of them as "3-7"."""
+    cuts = [
+        0,
+        *(i for i in range(1, len(numbers)) if numbers[i] != numbers[i - 1] + 1),
+        len(numbers),
+    ]
+    runs = [(numbers[a], numbers[b - 1]) for a, b in pairwise(cuts)]
     words = [f"{a}-{b}" if b > a else f"{a}" for a, b in runs[:8]]
     return ", ".join(words) + (f" and {len(runs) - 8} more runs" if len(runs) > 8 else "")

@@ -33,10 +33,10 @@ from finloop.base.errors import FinloopError
 from finloop.base.settings import check_values
 from finloop.curve.wavelet import (
     close_by_mirroring,
+    count_halvings,
     drop_details,
     inverse_transform,
-    most_levels,
-    scales,
+    scale_slices,
     wavelet_transform,
 )
 
@@ -50,14 +50,14 @@ DO = "correct it by the examples in data/gaits/, or fit a gait: dvc repro gait"
 
 
 def _check_power_of_two(count: int) -> int:
-    """Return the count; ValueError unless it is a power of two."""
+    """Return the count unchanged; ValueError unless it is a power of two."""
     if count & (count - 1):
         raise ValueError("no power of two")
     return count
 
 
 def _check_spans(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """Return spans of phase (from, to); ValueError unless they rise and never overlap."""
+    """Return spans of phase (from, to) unchanged; ValueError if one is empty or two overlap."""
     if not all(0 <= start < end <= min(2, start + 1) for start, end in spans):
         raise ValueError("no list of [from, to], 0 ≤ from < to ≤ 2")
     order = sorted(spans)
@@ -82,8 +82,8 @@ class Gait:
     symmetry: Symmetry
     frequency_hz: Annotated[float, Field(gt=0, lt=1000)]
     # by id (or POOLED), then by "A" and "B": one γ, or one for each scale from coarse to fine, as
-    # `curve.wavelet.scales` has them with `coarse` coefficients in the approximation. The last γ
-    # holds for all finer scales
+    # `curve.wavelet.scale_slices` has them with `coarse` coefficients in the approximation. The
+    # last γ holds for all finer scales
     gamma: Annotated[Mapping[str, Subcycles], Field(min_length=1)]
     split: Annotated[float, Field(gt=0, lt=0.5)] = 0.25
     wavelet: str = "coif2"
@@ -100,21 +100,21 @@ class Gait:
     residuals: Mapping[str, Number] = field(default_factory=dict)
 
 
-def record_of(gait: Gait) -> dict[str, Any]:
-    """Return a gait as plain values for JSON, rounded to DECIMALS.
+def gait_to_record(gait: Gait) -> dict[str, Any]:
+    """Return a gait as plain values to write as JSON, rounded to DECIMALS.
 
-    FinloopError if the gait is invalid, so that `gait_of` would reject its record.
+    FinloopError if the gait is invalid, so that `gait_from_record` would reject its record.
     """
     content = json.loads(json.dumps(_round_floats(asdict(gait))))
     try:
-        gait_of(content)
+        gait_from_record(content)
     except ValueError as error:
         raise FinloopError(str(error), WANTED, DO) from error
     return content
 
 
-def gait_of(content: Any) -> Gait:
-    """Return the gait that plain values describe, from `record_of` or written by hand.
+def gait_from_record(content: Any) -> Gait:
+    """Return the gait that plain values describe, from `gait_to_record` or written by hand.
 
     ValueError, with all problems, if the content is no gait.
     """
@@ -124,90 +124,96 @@ def gait_of(content: Any) -> Gait:
     return gait
 
 
-def _round_floats(value: Any) -> Any:
-    """Return nested plain values with their floats rounded to DECIMALS."""
-    if isinstance(value, dict):
-        return {key: _round_floats(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_round_floats(item) for item in value]
-    return round(float(value), DECIMALS) + 0.0 if isinstance(value, float) else value
+def _round_floats(content: Any) -> Any:
+    """Return nested plain values with all floats rounded to DECIMALS."""
+    if isinstance(content, dict):
+        return {key: _round_floats(item) for key, item in content.items()}
+    if isinstance(content, list | tuple):
+        return [_round_floats(item) for item in content]
+    return round(float(content), DECIMALS) + 0.0 if isinstance(content, float) else content
 
 
 # --- the clock of a subcycle (Fig. 11)
 
 
-def clock(tau: Points, gamma: float | Points) -> Points:
-    """Return how much of the first key frame is left at tau, f(τ) = 1 − (1 + γ)τ + γτ² (§4.2).
+def key_1_share(tau: Points, gamma: float | Points) -> Points:
+    """Return the share of a subcycle's first key frame at tau: f(τ) = 1 − (1 + γ)τ + γτ² (§4.2).
 
-    tau: shares 0-1 of a subcycle. f falls from 1 at τ = 0 to 0 at τ = 1; γ = 0 is linear. It is
-    monotone if |γ| ≤ 1: slow at its start for γ = −1, at its end for γ = 1.
+    tau: shares 0-1 of the subcycle's time. f falls from 1 at τ = 0 to 0 at τ = 1; γ = 0 is linear.
+    It is monotone if |γ| ≤ 1: slow at its start for γ = −1, at its end for γ = 1.
     """
     return 1 - (1 + gamma) * tau + gamma * tau**2
 
 
-def gamma_sums(tau: Points, frames: Points, start: Points, end: Points) -> tuple[float, float]:
-    """Return the numerator and denominator of γ by least squares, for frames of one subcycle.
+def gamma_fraction(tau: Points, frames: Points, start: Points, end: Points) -> tuple[float, float]:
+    """Return numerator and denominator of the γ that fits frames of a subcycle by least squares.
 
-    tau (s,): shares 0-1 of the subcycle; frames (s, k): their coordinates; start, end (k,): of the
-    key frames.
+    tau (s,): shares 0-1 of the subcycle; frames (s, k): coordinates; start, end (k,): coordinates
+    of the key frames at both ends.
     """
-    way = start - end
+    change = start - end
     bow = tau * (1 - tau)
-    rest = (frames - end) @ way - (1 - tau) * float(way @ way)
-    return -float(bow @ rest), float(bow @ bow) * float(way @ way)
+    rest = (frames - end) @ change - (1 - tau) * float(change @ change)
+    return -float(bow @ rest), float(bow @ bow) * float(change @ change)
 
 
-def gamma_fit(sums: Iterable[tuple[float, float]]) -> float:
-    """Return the γ that fits one or more sets of frames together, from their `gamma_sums`.
+def gamma_from_fractions(fractions: Iterable[tuple[float, float]]) -> float:
+    """Return the γ that fits one or more sets of frames together, from each `gamma_fraction`.
 
     Sets that move more count more. γ is 0 if nothing moves, or no frame lies between the keys.
     """
-    above, below = np.sum([*sums], axis=0)
+    above, below = np.sum([*fractions], axis=0)
     return float(above / below) if below > 0 else 0.0
 
 
 # --- contours as wavelet descriptors
 
 
-def _levels(n: int, coarse: int, closed: bool) -> int:
-    """Return how many halvings reduce n points, those of a mirrored contour, to `coarse`."""
-    return max(0, most_levels(n) - most_levels(2 * coarse) + 1 - (0 if closed else 1))
+def _count_halvings(n: int, coarse: int, closed: bool) -> int:
+    """Return how many halvings reduce a contour to `coarse` control points.
+
+    n: points of the contour, counted after mirroring if it is open (not closed).
+    """
+    return max(0, count_halvings(n) - count_halvings(2 * coarse) + 1 - (0 if closed else 1))
 
 
-def descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -> Points:
+def wavelet_descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -> Points:
     """Return the wavelet coefficients of contours (…, n, 2): closed (…, n, 2), open (…, 2n, 2).
 
-    coarse: number of coefficients in the approximation, a power of two.
+    coarse: number of coefficients of the coarsest scale, a power of two.
     """
     points = points if closed else close_by_mirroring(points)
-    return wavelet_transform(points, wavelet, _levels(points.shape[-2], coarse, closed))
+    return wavelet_transform(points, wavelet, _count_halvings(points.shape[-2], coarse, closed))
 
 
 def contour_from_descriptor(
     coefficients: Points, n: int, wavelet: str, coarse: int, closed: bool = True
 ) -> Points:
-    """Return contours (…, n, 2) from their wavelet coefficients: the inverse of `descriptor`."""
-    levels = _levels(coefficients.shape[-2], coarse, closed)
+    """Return contours of n points (…, n, 2) from their wavelet coefficients.
+
+    This undoes `wavelet_descriptor`, which explains the arguments.
+    """
+    levels = _count_halvings(coefficients.shape[-2], coarse, closed)
     return inverse_transform(coefficients, wavelet, levels)[..., :n, :]
 
 
-def scale_slices(n: int, coarse: int, closed: bool = True) -> list[slice]:
-    """Return the slice of each scale in the n coefficients of `descriptor`, coarse to fine.
+def descriptor_slices(n: int, coarse: int, closed: bool = True) -> list[slice]:
+    """Return which of n wavelet coefficients belong to each scale: slices, coarse to fine.
 
-    n: for an open contour, twice its points.
+    n: for an open contour, twice its points; coarse: coefficients of the coarsest scale.
     """
-    return scales(n, _levels(n, coarse, closed))
+    return scale_slices(n, _count_halvings(n, coarse, closed))
 
 
 def gamma_per_coefficient(
     gamma: tuple[float, ...], n: int, coarse: int, closed: bool = True
 ) -> Points:
-    """Return γ for each of n coefficients, (n,), from one γ per scale, coarse to fine.
+    """Return γ for each of n wavelet coefficients, (n,), from one γ per scale, coarse to fine.
 
-    The last γ holds for all finer scales.
+    n, coarse, closed as in `descriptor_slices`. The last γ holds for all finer scales.
     """
     out = np.empty(n)
-    for m, scale in enumerate(scale_slices(n, coarse, closed)):
+    for m, scale in enumerate(descriptor_slices(n, coarse, closed)):
         out[scale] = gamma[min(m, len(gamma) - 1)]
     return out
 
@@ -221,27 +227,30 @@ def interpolate_contours(
     coarse: int,
     closed: bool = True,
 ) -> Points:
-    """Return frames (f, n, 2) between two contours (n, 2): c(τ) = c_to + f(τ) (c_from − c_to).
+    """Return contours (f, n, 2) between two key frames (n, 2), at tau (f,), shares 0-1 of the time.
 
-    tau (f,): shares 0-1 of the way; gamma: one γ per scale, coarse to fine, or a single one. A
-    single γ moves every coefficient, and so every point, alike: no transform is needed.
+    c(τ) = c_to + f(τ) (c_from − c_to), f as in `key_1_share`. gamma: one γ per scale, coarse to
+    fine, or a single one. A single γ moves every coefficient, and so every point, alike: no
+    transform is needed. wavelet, coarse as in `wavelet_descriptor`.
     """
     if len(gamma) == 1:
-        return end + clock(tau, gamma[0])[:, None, None] * (start - end)
-    step = descriptor(start - end, wavelet, coarse, closed)
-    weights = clock(tau[:, None], gamma_per_coefficient(gamma, len(step), coarse, closed))
+        return end + key_1_share(tau, gamma[0])[:, None, None] * (start - end)
+    step = wavelet_descriptor(start - end, wavelet, coarse, closed)
+    weights = key_1_share(tau[:, None], gamma_per_coefficient(gamma, len(step), coarse, closed))
     return end + contour_from_descriptor(
         weights[..., None] * step, len(end), wavelet, coarse, closed
     )
 
 
-def _few_control(points: Points, control: int, wavelet: str, closed: bool = True) -> Points:
-    """Return contours (…, n, 2) rebuilt from only `control` control points each (Fig. 14)."""
+def _reduce_control_points(
+    points: Points, control: int, wavelet: str, closed: bool = True
+) -> Points:
+    """Return contours (…, n, 2) rebuilt from `control` control points each (Fig. 14)."""
     if control < 1 or control & (control - 1):
         raise FinloopError(
             f"{control} control points", "a power of two", "set 4, 16 or 64 control points"
         )
-    level = most_levels(points.shape[-2]) - most_levels(2 * control) + 1
+    level = count_halvings(points.shape[-2]) - count_halvings(2 * control) + 1
     if level < 0:
         raise FinloopError(
             f"{control} control points for contours of {points.shape[-2]} points",
@@ -254,7 +263,7 @@ def _few_control(points: Points, control: int, wavelet: str, closed: bool = True
 # --- symmetry
 
 
-def partner(name: str, names: Mapping[str, object] | set[str] | list[str]) -> str:
+def opposite_limb(name: str, names: Mapping[str, object] | set[str] | list[str]) -> str:
     """Return the id of the limb on the other side if it is among `names`, else the id itself."""
     for side, opposite in (("left", "right"), ("right", "left")):
         if side in name and (swapped := name.replace(side, opposite)) in names:
@@ -263,7 +272,7 @@ def partner(name: str, names: Mapping[str, object] | set[str] | list[str]) -> st
 
 
 def reversed_order(n: int, start: int = 0) -> Ints:
-    """Return the indices (n,) that reverse a closed contour and begin at point `start`."""
+    """Return the indices (n,) that reverse a closed contour and make `start` its first point."""
     return (start - np.arange(n)) % n
 
 
@@ -278,8 +287,8 @@ def mirror_contours(points: Points, middle: float = 0.0, order: Ints | None = No
 
 
 @dataclass(frozen=True)
-class Layout:
-    """How the second half of a cycle lies in the picture, compared with the first."""
+class HalfCycleLayout:
+    """How the second half of a gait cycle lies in the picture, compared with the first half."""
 
     middle: float = 0.0  # mirror: y of the axis
     # mirror, by id: the points' order, see `mirror_contours`; an id and its partner share one
@@ -289,13 +298,13 @@ class Layout:
     offsets: Mapping[str, Points] | None = None
 
 
-def four_keys(
+def four_key_frames(
     key1: Mapping[str, Points],
     key2: Mapping[str, Points],
     symmetry: Symmetry,
-    layout: Layout = Layout(),
+    layout: HalfCycleLayout = HalfCycleLayout(),
 ) -> tuple[dict[str, Points], dict[str, Points], dict[str, Points], dict[str, Points]]:
-    """Return keys 1, 2, 1', 2' (Fig. 9) from keys 1 and 2: contours (n, 2) by id.
+    """Return key frames 1, 2, 1', 2' (Fig. 9) from 1 and 2: contours (n, 2) by id.
 
     Point i of an id corresponds to point i in the other key, and, if the symmetry is "swap", to
     point i of its partner. FinloopError, with all problems, if ids or numbers of points differ
@@ -310,7 +319,7 @@ def four_keys(
     for name in key1:
         if name in key2 and len(key1[name]) != len(key2[name]):
             wrong.append(f"{name!r} has {len(key1[name])} points in key 1, {len(key2[name])} in 2")
-        twin = partner(name, key1)
+        twin = opposite_limb(name, key1)
         if name < twin and len(key1[name]) != len(key1[twin]):
             wrong.append(
                 f"{name!r} has {len(key1[name])} points, its partner {twin!r} {len(key1[twin])}"
@@ -322,17 +331,17 @@ def four_keys(
             "give the contours of a pair the same id and resample them alike",
         )
     keys = [{name: np.asarray(key[name], np.float64) for name in key1} for key in (key1, key2)]
-    later = [half_cycle_later(key, symmetry, layout) for key in keys]
+    later = [contours_half_cycle_later(key, symmetry, layout) for key in keys]
     return keys[0], keys[1], later[0], later[1]
 
 
-def half_cycle_later(
-    contours: Mapping[str, Points], symmetry: Symmetry, layout: Layout = Layout()
+def contours_half_cycle_later(
+    contours: Mapping[str, Points], symmetry: Symmetry, layout: HalfCycleLayout = HalfCycleLayout()
 ) -> dict[str, Points]:
-    """Return contours (…, n, 2) by id as they are half a cycle later, by symmetry.
+    """Return the contours (…, n, 2), by id, that an animal has half a cycle later, by symmetry.
 
-    Applied twice, it returns the same contours. FinloopError if the symmetry is none of SYMMETRIES,
-    or the layout does not undo itself.
+    Two calls give the first contours again. FinloopError if the symmetry is none of SYMMETRIES, or
+    if the layout does not undo itself.
     """
     if symmetry not in SYMMETRIES:
         raise FinloopError(
@@ -341,7 +350,7 @@ def half_cycle_later(
     orders, offsets = layout.orders or {}, layout.offsets or {}
     out = dict[str, Points]()
     for name in contours:
-        twin = partner(name, contours)
+        twin = opposite_limb(name, contours)
         if symmetry == "mirror":
             order = orders.get(name, reversed_order(contours[twin].shape[-2]))
             identity = np.array_equal(order[orders.get(twin, order)], np.arange(len(order)))
@@ -359,10 +368,10 @@ def half_cycle_later(
     return out
 
 
-def subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
-    """Return the subcycle (0…3 for A…D) of each phase, and the share tau of it, in [0, 1).
+def locate_in_subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
+    """Return the subcycle (0…3 for A…D) of each phase, and the share of it that is over, 0-1.
 
-    phase: in cycles, any shape, which the results share; split: phase of key 2.
+    phase: in cycles, an array of any shape, which both results share; split: phase of key 2.
     """
     if not 0 < split < 0.5:
         raise FinloopError(
@@ -379,46 +388,47 @@ def subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
 # --- the cycle
 
 
-def cycle(
+def contours_of_cycle(
     key1: Mapping[str, Points],
     key2: Mapping[str, Points],
     gait: Gait,
     frames: int,
-    layout: Layout = Layout(),
+    layout: HalfCycleLayout = HalfCycleLayout(),
     **options: Any,
 ) -> dict[str, Points]:
-    """Return a whole gait cycle, (frames, n, 2) by id, from two key frames and γ (Figs. 12–14).
+    """Return the contours of a whole gait cycle, (frames, n, 2) by id (Figs. 12–14).
 
-    Frame k is at phase k / frames, so the first frame follows the last. options: `closed` and
-    `control` of `at_phases`. FinloopError as there, or if `frames` is below 4.
+    key1, key2: key frames, contours (n, 2) by id. Frame k is at phase k / frames, so the first
+    frame follows the last. options: `closed` and `control` of `contours_at_phases`. FinloopError as
+    there, or if `frames` is below 4.
     """
     if frames < 4:
         raise FinloopError(
             f"a cycle of {frames} frames", "at least 4 frames", "set 24 frames or more"
         )
-    return at_phases(key1, key2, gait, np.arange(frames) / frames, layout, **options)
+    return contours_at_phases(key1, key2, gait, np.arange(frames) / frames, layout, **options)
 
 
-def at_phases(
+def contours_at_phases(
     key1: Mapping[str, Points],
     key2: Mapping[str, Points],
     gait: Gait,
     phases: Points,
-    layout: Layout = Layout(),
+    layout: HalfCycleLayout = HalfCycleLayout(),
     *,
     closed: Mapping[str, bool] | None = None,
     control: int | None = None,
 ) -> dict[str, Points]:
-    """Return contours (f, n, 2) by id at phases (f,) of a gait cycle, from two key frames and γ.
+    """Return contours (f, n, 2), by id, at phases (f,) of a gait cycle, in cycles.
 
-    key1, key2: contours (n, 2) by id; phases: in cycles; closed: by id, True if absent; control:
-    control points of each contour (Fig. 14), a power of two, None = all. FinloopError as in
-    `four_keys`, or if γ per scale or control points meet contours whose number of points is no
-    power of two.
+    key1, key2: key frames, contours (n, 2) by id; closed: by id, True if absent; control: control
+    points of each contour (Fig. 14), a power of two, None = all. FinloopError as in
+    `four_key_frames`, or if γ per scale or control points meet contours whose number of points is
+    no power of two.
     """
-    keys = four_keys(key1, key2, gait.symmetry, layout)
+    keys = four_key_frames(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)
-    which, tau = subcycle(np.mod(phases, 0.5), gait.split)
+    which, tau = locate_in_subcycle(np.mod(phases, 0.5), gait.split)
     out = dict[str, Points]()
     for name in key1:
         gammas = gait.gamma.get(name, gait.gamma.get(POOLED, {}))
@@ -431,11 +441,11 @@ def at_phases(
                 start, end, tau[which == sub], gamma, gait.wavelet, gait.coarse, loop
             )
         if control is not None:
-            frames = _few_control(frames, control, gait.wavelet, loop)
+            frames = _reduce_control_points(frames, control, gait.wavelet, loop)
         out[name] = frames
     # C and D are images of A and B, not computed again: reversed numbering changes the descriptor
     # a little.
-    later = half_cycle_later(out, gait.symmetry, layout)
+    later = contours_half_cycle_later(out, gait.symmetry, layout)
     return {
         name: np.where((phases < 0.5)[:, None, None], frames, later[name])
         for name, frames in out.items()

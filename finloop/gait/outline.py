@@ -17,20 +17,20 @@ import pandas as pd
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.base.schema import lists_to_points
-from finloop.curve.contour import Curve, centroid, orient_clockwise
+from finloop.curve.contour import Curve, area_centroids, orient_clockwise
 from finloop.features.head import begins_at_tail
-from finloop.gait.period import Period, assess, period, remove_beat, with_phase_zero
+from finloop.gait.period import Period, find_period, period_from_phase, remove_beat, set_phase_zero
 
 POINTS = 128
 STRAIGHT = 0.03
-"""Body lengths: a fish turns if its outline without the beat has more `asymmetry` than this."""
+"""Body lengths: a fish turns if its outline without the beat has more asymmetry than this."""
 
 TAIL = 1 / 16  # share of the contour on either side of the tail end that shows the beat
 
 
 @dataclass(frozen=True)
 class TrackContours:
-    """One track: contours (frames, n, 2) in the body frame, in body lengths, and their tail beat.
+    """One track's contours (frames, n, 2) in the body frame, in body lengths, and its tail beat.
 
     Point 0 is the snout, n / 2 the tail end; clockwise on screen. Phase 0 is where the tail is
     farthest to the left. Without a beat, every frame is aligned by its own pose. length_px: body
@@ -43,7 +43,7 @@ class TrackContours:
 
 
 def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats, Floats]:
-    """Return a track's outlines (frames, m, 2) and backbones (frames, k, 2), head first, px.
+    """Return a track's outlines (frames, m, 2) and backbones (frames, k, 2), head first, in px.
 
     track, features: rows of both tables for the same frames; `features` tell where the head is.
     """
@@ -61,35 +61,39 @@ def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats,
 def swim_contours(
     outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int = POINTS
 ) -> TrackContours:
-    """Return a fish's contours in the body frame and its tail beat, for consecutive frames.
+    """Return a fish's contours in the body frame and its tail beat, from consecutive frames.
 
     outline_px (frames, m, 2) in either direction; backbone_px (frames, k, 2) head first; n: points
     of a contour, even.
     """
-    points = contours(outline_px, backbone_px[:, 0], n)
+    points = contours_from_snout(outline_px, backbone_px[:, 0], n)
     length = float(np.median(np.hypot(*np.diff(backbone_px, axis=1).transpose(2, 0, 1)).sum(1)))
-    centre, angle = centre_and_direction(points, backbone_px)
-    own = in_body_frame(points, centre, angle) / length
+    centre, angle = body_centres_and_directions(points, backbone_px)
+    own = move_to_body_frame(points, centre, angle) / length
     # The midline's place, the mean of the two points equally far from the snout: a tail beat moves
     # it; fins that spread on both sides do not.
     y = own[..., 1]
     sideways = (y + y[:, -np.arange(n)])[:, : n // 2 + 1] / 2
-    beat = period(sideways, frame_rate_hz, -tail_offset(own))
+    beat = find_period(sideways, frame_rate_hz, -tail_sideways_positions(own))
     if not beat.cycles:
         return TrackContours(own, beat, length)
     smooth = remove_beat(np.column_stack([centre, angle]), beat.phase)
-    straightened = in_body_frame(points, smooth[:, :2], smooth[:, 2]) / length
+    straightened = move_to_body_frame(points, smooth[:, :2], smooth[:, 2]) / length
     flat = straightened.reshape(len(straightened), -1)
-    straight = asymmetry(remove_beat(flat, beat.phase).reshape(straightened.shape)) <= STRAIGHT
-    steady = assess(flat, beat.phase, beat.steady & straight, frame_rate_hz)
+    straight = (
+        contour_asymmetry(remove_beat(flat, beat.phase).reshape(straightened.shape)) <= STRAIGHT
+    )
+    steady = period_from_phase(flat, beat.phase, beat.steady & straight, frame_rate_hz)
     if not steady.cycles:
         why = f"it turns: where it is straight, {steady.why}"
         return TrackContours(own, replace(steady, why=why), length)
-    return TrackContours(straightened, with_phase_zero(steady, -tail_offset(straightened)), length)
+    return TrackContours(
+        straightened, set_phase_zero(steady, -tail_sideways_positions(straightened)), length
+    )
 
 
 def join_steady_frames(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
-    """Join the steady frames of periodic tracks: return contours (f, n, 2) and their phases (f,).
+    """Join the steady frames of all periodic tracks: return contours (f, n, 2) and phases (f,).
 
     Phases are in cycles and rise. Each stretch of steady frames begins a new cycle, so the phase
     counts the cycles of the result. FinloopError if no track is periodic; the message counts the
@@ -119,20 +123,20 @@ def join_steady_frames(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
     return np.concatenate(points), np.concatenate(phase)
 
 
-def contours(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
-    """Return outlines (frames, m, 2) as n points from the snout on, clockwise: (frames, n, 2) px.
+def contours_from_snout(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
+    """Return outlines (frames, m, 2) as n points, clockwise from the snout: (frames, n, 2) px.
 
-    snout_px (frames, 2): point 0 is the place on the outline nearest to it. Points lie at equal
+    snout_px (frames, 2): point 0 is the point of the outline nearest to it. Points lie at equal
     distances along the outline.
     """
     out = np.empty((len(outline_px), n, 2))
     for outline, snout, row in zip(outline_px, snout_px, out, strict=True):
         ring = orient_clockwise(Curve(outline, True)).points
         ends = np.roll(ring, -1, axis=0)
-        way = ends - ring
-        square = np.maximum((way**2).sum(axis=1), 1e-12)
-        share = np.clip(((snout - ring) * way).sum(axis=1) / square, 0, 1)
-        near = ring + share[:, None] * way
+        edge = ends - ring
+        square = np.maximum((edge**2).sum(axis=1), 1e-12)
+        share = np.clip(((snout - ring) * edge).sum(axis=1) / square, 0, 1)
+        near = ring + share[:, None] * edge
         i = int(((near - snout) ** 2).sum(axis=1).argmin())
         line = np.concatenate([near[i : i + 1], np.roll(ring, -i - 1, axis=0), near[i : i + 1]])
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
@@ -141,8 +145,8 @@ def contours(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
     return out
 
 
-def centre_and_direction(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
-    """Return the centre (frames, 2) of contours and the direction (frames,) of backbones.
+def body_centres_and_directions(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
+    """Return the centres (frames, 2) of contours and the directions (frames,) of backbones.
 
     points (frames, n, 2); backbone (frames, k, 2), head first, in the same unit. The direction is
     that of the line nearest to the backbone, towards the head: radians from x towards y, not
@@ -153,11 +157,11 @@ def centre_and_direction(points: Floats, backbone: Floats) -> tuple[Floats, Floa
     angle = np.arctan2(2 * xy, xx - yy) / 2
     ahead = backbone[:, 0] - backbone[:, -1]
     away = ahead[:, 0] * np.cos(angle) + ahead[:, 1] * np.sin(angle) < 0
-    return centroid(points), np.unwrap(angle + np.pi * away)
+    return area_centroids(points), np.unwrap(angle + np.pi * away)
 
 
-def in_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
-    """Return contours (frames, n, 2) moved and turned so that the body is at 0 and heads for +x.
+def move_to_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
+    """Move and turn contours (frames, n, 2) so that the body is at 0 and heads for +x.
 
     centre (frames, 2): place of the body; angle (frames,): its direction, radians from x towards y.
     """
@@ -166,8 +170,8 @@ def in_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
     return (points - centre[:, None]) @ turn
 
 
-def asymmetry(points: Floats) -> Floats:
-    """Return how asymmetric contours (frames, n, 2) in the body frame are, (frames,); 0 = straight.
+def contour_asymmetry(points: Floats) -> Floats:
+    """Return how far contours (frames, n, 2) in the body frame differ from their mirror images.
 
     It is half the RMS distance of points of the contour and its mirror image, in their unit.
     """
@@ -175,8 +179,8 @@ def asymmetry(points: Floats) -> Floats:
     return np.sqrt(((points - image) ** 2).sum(axis=2).mean(axis=1)) / 2
 
 
-def tail_offset(points: Floats) -> Floats:
-    """Return the tail end's sideways position (frames,) in the body frame, + to the right."""
+def tail_sideways_positions(points: Floats) -> Floats:
+    """Return how far right the tail end is in the body frame, (frames,), from (frames, n, 2)."""
     n = points.shape[1]
     reach = max(1, round(TAIL * n))
     return points[:, n // 2 - reach : n // 2 + reach + 1, 1].mean(axis=1)

@@ -38,7 +38,7 @@ _HALF_WINDOW = 0.75  # cycles before and after a frame in the window of `remove_
 
 @dataclass(frozen=True)
 class Period:
-    """Frequency and phase of a repeating motion, and the confidence in it."""
+    """Frequency and phase of a motion that repeats, and the confidence in them."""
 
     frequency_hz: float  # cycles a second over the steady frames; NaN if there is none
     phase: Floats  # (frames,) in cycles, rising, not wrapped; whole numbers are key frame 1
@@ -49,7 +49,7 @@ class Period:
     why: str  # why the motion is not periodic; empty if it is
 
 
-def period(
+def find_period(
     signal: Floats,
     frame_rate_hz: float,
     extreme: Floats | None = None,
@@ -80,7 +80,7 @@ def period(
     frames = len(signal)
     if frames < LEAST_FRAMES:
         return _no_period(frames, f"{frames} frames are too few, {LEAST_FRAMES} are needed")
-    modes = _modes(fill_gaps(np.where(whole[:, None], signal, np.nan)))
+    modes = _principal_modes(fill_gaps(np.where(whole[:, None], signal, np.nan)))
     if not modes.size:
         return _no_period(frames, "nothing moves")
     low = max(frame_rate_hz / frames, slowest_hz)
@@ -92,43 +92,43 @@ def period(
         )
     count = max(3, int(np.ceil(np.log(high / low) / np.log(_STEP))))
     grid = np.geomspace(low, high, count) / frame_rate_hz  # cycles a frame
-    share = np.stack([_windows(modes, frequency)[0] for frequency in grid])
-    path = _ridge(share, grid)
-    phase = _phase_along(modes, share, path, grid)
+    share = np.stack([_fit_sinusoids(modes, frequency)[0] for frequency in grid])
+    path = _best_frequency_path(share, grid)
+    phase = _phase_of_frequency_path(modes, share, path, grid)
     along = path, np.arange(frames)
-    beat = assess(modes, phase, (share[along] >= _STEADY) & whole, frame_rate_hz)
+    beat = period_from_phase(modes, phase, (share[along] >= _STEADY) & whole, frame_rate_hz)
     if not beat.cycles:
-        return replace(beat, why=_why_not(modes, share[along], beat.why))
+        return replace(beat, why=_explain_missing_period(modes, share[along], beat.why))
     if extreme is None:
         complete = signal[whole]
         mode = np.linalg.svd(complete - complete.mean(axis=0), full_matrices=False)[2][0]
         extreme = modes[:, 0] * np.sign(mode[np.abs(mode).argmax()])
-    return with_phase_zero(beat, np.asarray(extreme, float))
+    return set_phase_zero(beat, np.asarray(extreme, float))
 
 
-def assess(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:
-    """Return the period of a motion (frames, k) of known phase, with the confidence in it.
+def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:
+    """Return the period of a motion (frames, k) whose phase is known, with the confidence in it.
 
     phase (frames,): in cycles. good (frames,): where the motion may be steady; steady frames are
     its runs of at least one cycle.
     """
-    steady = _long_runs(good, phase)
+    steady = _find_steady_runs(good, phase)
     inner = steady[1:] & steady[:-1]
     cycles = float(np.diff(phase)[inner].sum())
     if cycles < _LEAST_CYCLES:
         return _no_period(
             len(phase), f"{cycles:.1f} cycles are steady, {_LEAST_CYCLES:g} are needed"
         )
-    confidence = _predicted_share(signal - remove_beat(signal, phase), phase, steady)
+    confidence = _cross_validated_share(signal - remove_beat(signal, phase), phase, steady)
     why = "" if confidence >= CONFIDENT else "no cycle is much like another"
     frequency = cycles / np.count_nonzero(inner) * frame_rate_hz
     return Period(float(frequency), phase, steady, confidence, cycles, why)
 
 
-def with_phase_zero(beat: Period, extreme: Floats) -> Period:
-    """Return the period with phase 0 where the fundamental of `extreme` (frames,) is greatest."""
+def set_phase_zero(beat: Period, extreme: Floats) -> Period:
+    """Shift the phase so that it is 0 where the fundamental of `extreme` (frames,) is greatest."""
     frames = beat.steady & np.isfinite(extreme)
-    terms = _harmonics(beat.phase[frames], 1)
+    terms = _harmonic_terms(beat.phase[frames], 1)
     _, cos, sin = np.linalg.lstsq(terms, extreme[frames], rcond=None)[0]
     phase = beat.phase - np.arctan2(sin, cos) / (2 * np.pi)
     return replace(beat, phase=phase - np.floor(phase.min()))
@@ -150,12 +150,12 @@ def require_periodic(beat: Period, name: str) -> Period:
 
 
 def _no_period(frames: int, why: str) -> Period:
-    """Return the period of a motion that does not repeat, and why."""
+    """Return the `Period` of a motion that does not repeat, with the reason `why`."""
     return Period(np.nan, np.zeros(frames), np.zeros(frames, bool), 0.0, 0.0, why)
 
 
 def fill_gaps(signal: Floats) -> Floats:
-    """Return a signal (frames, k) with NaN replaced by linear interpolation, column by column.
+    """Replace NaN in a signal (frames, k) by linear interpolation in each column.
 
     FinloopError if a column is all NaN.
     """
@@ -170,7 +170,7 @@ def fill_gaps(signal: Floats) -> Floats:
     return out
 
 
-def _modes(signal: Floats) -> Floats:
+def _principal_modes(signal: Floats) -> Floats:
     """Return the scores (frames, m) of the principal modes, strongest first; none if still."""
     centred = signal - signal.mean(axis=0)
     left, size, _ = np.linalg.svd(centred, full_matrices=False)
@@ -181,8 +181,8 @@ def _modes(signal: Floats) -> Floats:
     return left[:, :keep] * size[:keep]
 
 
-def _long_runs(good: Mask, phase: Floats) -> Mask:
-    """Return the frames in runs of at least a cycle in which the phase rises."""
+def _find_steady_runs(good: Mask, phase: Floats) -> Mask:
+    """Return a mask (frames,) of the good frames in runs of at least a cycle of rising phase."""
     good = good & np.r_[True, np.diff(phase) > 0]
     edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
     result = np.zeros(len(good), bool)
@@ -192,7 +192,7 @@ def _long_runs(good: Mask, phase: Floats) -> Mask:
 
 
 def remove_beat(values: Floats, phase: Floats) -> Floats:
-    """Return values (frames, k) without the part that repeats with the beat.
+    """Return values (frames, k) without the part that repeats with the tail beat.
 
     phase (frames,): of the beat, in cycles. At every frame a straight line plus a sinusoid of the
     beat is fitted over the cycle and a half about it (at both ends over the first or last such
@@ -211,16 +211,19 @@ def remove_beat(values: Floats, phase: Floats) -> Floats:
     return out
 
 
-def _harmonics(phase: Floats, count: int) -> Floats:
-    """Return a constant, and cosines and sines of the first harmonics: (frames, 1 + 2 count)."""
+def _harmonic_terms(phase: Floats, count: int) -> Floats:
+    """Return a constant, and cosines and sines of the first harmonics: (frames, 1 + 2 count).
+
+    phase (frames,): in cycles; count: number of harmonics.
+    """
     angle = 2 * np.pi * phase[:, None] * np.arange(1, count + 1)
     return np.hstack([np.ones((len(phase), 1)), np.cos(angle), np.sin(angle)])
 
 
-def _predicted_share(modes: Floats, phase: Floats, steady: Mask) -> float:
-    """Return the share of the modes' variance in each steady cycle that the others predict."""
+def _cross_validated_share(modes: Floats, phase: Floats, steady: Mask) -> float:
+    """Return the share of variance, 0-1, of each steady cycle that the other cycles predict."""
     y, moment = modes[steady], phase[steady]
-    terms = _harmonics(moment, _HARMONICS)
+    terms = _harmonic_terms(moment, _HARMONICS)
     cycle = np.floor(moment - moment[0]).astype(int)
     left = 0.0
     for number in np.unique(cycle):
@@ -231,8 +234,12 @@ def _predicted_share(modes: Floats, phase: Floats, steady: Mask) -> float:
     return max(0.0, 1 - left / total)
 
 
-def _why_not(modes: Floats, share: Floats, why: str) -> str:
-    """Return why there are too few steady cycles, `why` without a better reason."""
+def _explain_missing_period(modes: Floats, share: Floats, why: str) -> str:
+    """Return why a motion has too few steady cycles, or `why` if no better reason is known.
+
+    modes (frames, m): scores of the principal modes; share (frames,): variance that sinusoids
+    explain, 0-1.
+    """
     slow = np.pi * np.arange(len(modes)) / len(modes)
     first = modes[:, 0]
     # A motion one way, or there and back at most, holds less than a cycle.
@@ -246,8 +253,8 @@ def _why_not(modes: Floats, share: Floats, why: str) -> str:
 # --- the frequency and phase of every frame
 
 
-def _windows(modes: Floats, frequency: float) -> tuple[Floats, Complex, Floats]:
-    """Fit a sinusoid of `frequency` (cycles a frame) in a window about every frame.
+def _fit_sinusoids(modes: Floats, frequency: float) -> tuple[Floats, Complex, Floats]:
+    """Fit a sinusoid of `frequency` (cycles a frame) to the modes in a window about every frame.
 
     Least squares with a sine-shaped weight, together with a straight line (a turn, a drift). The
     first and last frames share the first and last whole window. Return the explained
@@ -276,11 +283,12 @@ def _windows(modes: Floats, frequency: float) -> tuple[Floats, Complex, Floats]:
     return share, (cos - 1j * sin)[start], apart
 
 
-def _ridge(share: Floats, grid: Floats) -> NDArray[np.intp]:
-    """Return the path of frequencies with the greatest sum of shares: indices (frames,) in `grid`.
+def _best_frequency_path(share: Floats, grid: Floats) -> NDArray[np.intp]:
+    """Return each frame's most likely frequency, as indices (frames,) in `grid`, by Viterbi.
 
-    From one frame to the next an index changes by at most one. A change costs more for a slow
-    beat, as a beat changes little within a cycle.
+    share (frequencies, frames): variance that each frequency explains, 0-1; their sum along the
+    path is greatest. From one frame to the next an index changes by at most one. A change costs
+    more for a slow beat, as a beat changes little within a cycle.
     """
     count, frames = share.shape
     cost = _OCTAVE * np.log2(grid[1] / grid[0]) / grid  # cycles a frame: slow beats move seldom
@@ -300,12 +308,15 @@ def _ridge(share: Floats, grid: Floats) -> NDArray[np.intp]:
     return path
 
 
-def _phase_along(modes: Floats, share: Floats, path: NDArray[np.intp], grid: Floats) -> Floats:
+def _phase_of_frequency_path(
+    modes: Floats, share: Floats, path: NDArray[np.intp], grid: Floats
+) -> Floats:
     """Return the common phase (frames,) of all modes (frames, m), in cycles, not wrapped.
 
-    The amplitudes (frames, m), turned from the middle of the window to the frame, are approximated
-    by one pattern of modes times one complex number a frame. A wave runs through the modes in one
-    direction, so the number's angle always rises.
+    share, grid as in `_best_frequency_path`, which returns `path`. The amplitudes (frames, m),
+    turned from the middle of the window to the frame, are approximated by one pattern of modes
+    times one complex number a frame. A wave runs through the modes in one direction, so the
+    number's angle always rises.
     """
     # The frequency of the greatest share near the ridge, interpolated.
     frame = np.arange(len(path))
@@ -317,7 +328,7 @@ def _phase_along(modes: Floats, share: Floats, path: NDArray[np.intp], grid: Flo
     amplitudes = np.empty(modes.shape, np.complex128)
     for place in np.unique(path):
         here = path == place
-        _, amplitude, apart = _windows(modes, grid[place])
+        _, amplitude, apart = _fit_sinusoids(modes, grid[place])
         turn = np.exp(2j * np.pi * frequency[here] * apart[here])
         amplitudes[here] = amplitude[here] * turn[:, None]
     pattern = np.linalg.svd(amplitudes, full_matrices=False)[2][0]

@@ -11,8 +11,8 @@ from typing import Any
 
 from finloop.base.errors import FinloopError
 from finloop.base.tool import format_frame_counts, frame_rate, run_tool
-from finloop.gait.model import DO, WANTED, Gait, gait_of
-from finloop.gait.transfer import LEAST_FRAMES, Transfer, repeat, transfer
+from finloop.gait.model import DO, WANTED, Gait, gait_from_record
+from finloop.gait.transfer import LEAST_FRAMES, Transfer, animate_drawing, repeat_cycle
 from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
 from finloop.io.record import load_json
 from finloop.io.svg import load_svg
@@ -24,16 +24,16 @@ MOST_BYTES = 1_000_000  # of a gait's file
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Read two key poses and a gait, write the cycle, print its summary; return the exit status."""
-    options = _parser().parse_args(arguments)
-    return run_tool(options.output, lambda: _write(options))
+    """Read two key poses and a gait, write the cycle, print a summary; return the exit status."""
+    options = _build_parser().parse_args(arguments)
+    return run_tool(options.output, lambda: _write_cycle(options))
 
 
-def _write(options: argparse.Namespace) -> str:
-    """Write the cycle and return its summary."""
+def _write_cycle(options: argparse.Namespace) -> str:
+    """Write the animated cycle that the command line's options describe; return its summary."""
     find_morph_writer(options.output)  # check the ending first
-    gait = load_gait(gait_path(options.gait, SHIPPED))
-    frames, rate = timing(gait.frequency_hz, options.frames, options.rate)
+    gait = load_gait(find_gait_file(options.gait, SHIPPED))
+    frames, rate = choose_frame_timing(gait.frequency_hz, options.frames, options.rate)
     if options.cycles < 1 or options.cycles * frames > MOST_FRAMES:
         raise FinloopError(
             f"{options.cycles} cycles of {frames} frames",
@@ -41,22 +41,22 @@ def _write(options: argparse.Namespace) -> str:
             "set fewer cycles or frames; SVG and Lottie repeat by themselves",
         )
     poses = load_svg(options.key1), load_svg(options.key2)
-    result = transfer(*poses, gait, frames, options.points, options.control)
-    save_animation(options.output, repeat(result.morph, options.cycles), rate, options.size)
-    return _summary(result, gait, float(frames / rate))
+    result = animate_drawing(*poses, gait, frames, options.points, options.control)
+    save_animation(options.output, repeat_cycle(result.morph, options.cycles), rate, options.size)
+    return _summarise_transfer(result, gait, float(frames / rate))
 
 
 def load_gait(path: Path) -> Gait:
-    """Read a gait's JSON file; FinloopError if the file is missing, no JSON, or no gait."""
-    return load_json(path, gait_of, WANTED, DO, MOST_BYTES)
+    """Read a gait from a JSON file; FinloopError if the file is missing, no JSON, or no gait."""
+    return load_json(path, gait_from_record, WANTED, DO, MOST_BYTES)
 
 
-def gait_path(name: str, shipped: Path) -> Path:
-    """Return the JSON file of a gait, given the name of a shipped gait or a path.
+def find_gait_file(name: str, shipped: Path) -> Path:
+    """Return the JSON file of a gait, from the name of a shipped gait or a path.
 
     shipped: folder of the shipped gaits. FinloopError if there is no such gait.
     """
-    paths = shipped_gaits(shipped)
+    paths = shipped_gait_files(shipped)
     if name in paths:
         return paths[name]
     if Path(name).is_file():
@@ -68,15 +68,17 @@ def gait_path(name: str, shipped: Path) -> Path:
     )
 
 
-def shipped_gaits(shipped: Path) -> dict[str, Path]:
+def shipped_gait_files(shipped: Path) -> dict[str, Path]:
     """Return the JSON files of the gaits in the folder `shipped`, by name."""
     return {path.stem: path for path in sorted(shipped.glob("*.json"))}
 
 
-def timing(frequency_hz: float, frames: int | None, rate: Fraction | None) -> tuple[int, Fraction]:
-    """Return frames per cycle, and frames per second, that keep the gait's frequency if possible.
+def choose_frame_timing(
+    frequency_hz: float, frames: int | None, rate: Fraction | None
+) -> tuple[int, Fraction]:
+    """Return frames per cycle and frames per second, keeping the gait's frequency if possible.
 
-    frames: per cycle; rate: per second; None = chosen to fit the other.
+    frames: per cycle; rate: frames per second; None = chosen to fit the other.
     """
     if frames is None:
         rate = rate or RATE
@@ -84,7 +86,7 @@ def timing(frequency_hz: float, frames: int | None, rate: Fraction | None) -> tu
     return frames, rate or Fraction(frames * frequency_hz).limit_denominator(1000)
 
 
-def _summary(result: Transfer, gait: Gait, seconds: float) -> str:
+def _summarise_transfer(result: Transfer, gait: Gait, seconds: float) -> str:
     """Return lines for the user: size of a cycle, how far feet slide, which contours fold.
 
     seconds: duration of the cycle.
@@ -116,18 +118,20 @@ def _summary(result: Transfer, gait: Gait, seconds: float) -> str:
     return "\n  ".join(lines)
 
 
-class _List(argparse.Action):
+class _ListGaits(argparse.Action):
     """Print the shipped gaits and exit, as --help does."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
-        for name, path in shipped_gaits(SHIPPED).items():
+        """Print each shipped gait with its frequency and symmetry, then exit."""
+        for name, path in shipped_gait_files(SHIPPED).items():
             gait = load_gait(path)
             kind = {"swap": "left and right exchange", "mirror": "left mirrors right"}
             print(f"{name}: {gait.frequency_hz:.3g} Hz, {kind[gait.symmetry]}; {gait.source}")
         parser.exit()
 
 
-def _parser() -> argparse.ArgumentParser:
+def _build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line's options."""
     parser = argparse.ArgumentParser(
         prog="python -m finloop.gait",
         description="Animate a drawing: two key poses and a gait give a cycle that repeats."
@@ -140,7 +144,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help=f"output file: {', '.join(ENDINGS)}"
     )
-    parser.add_argument("--list", action=_List, nargs=0, help="show the gaits and exit")
+    parser.add_argument("--list", action=_ListGaits, nargs=0, help="show the gaits and exit")
     parser.add_argument("--frames", type=int, help="per cycle (default: by the gait's frequency)")
     parser.add_argument(
         "--rate",

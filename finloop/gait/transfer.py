@@ -20,8 +20,16 @@ from finloop.base.arrays import Complex, Ints, Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, orient_clockwise, resample_curve
-from finloop.gait.ground import Ground, Support, ground, plant_feet, supports
-from finloop.gait.model import POOLED, Gait, Layout, Symmetry, cycle, partner, reversed_order
+from finloop.gait.ground import Ground, Support, measure_ground, plant_feet, support_frames
+from finloop.gait.model import (
+    POOLED,
+    Gait,
+    HalfCycleLayout,
+    Symmetry,
+    contours_of_cycle,
+    opposite_limb,
+    reversed_order,
+)
 from finloop.morph.layers import build_morph, check_pairs, check_sizes, fit_drawing
 
 UPRIGHT = 0.02
@@ -33,7 +41,7 @@ DIGITS = (5,)  # significant digits of the larger side: 0.01 px if the drawing h
 
 @dataclass(frozen=True)
 class Transfer:
-    """A drawing set in motion: one gait cycle, and what may look wrong in it."""
+    """One gait cycle of an animated drawing, and what may look wrong in it."""
 
     # one cycle, frame k at phase k / frames; tau rises from 0 at key 1 to 1 at key 1', then falls
     morph: Morph
@@ -47,7 +55,7 @@ class Transfer:
     lifted: tuple[str, ...]
 
 
-def transfer(
+def animate_drawing(
     key1: Drawing,
     key2: Drawing,
     gait: Gait,
@@ -55,7 +63,7 @@ def transfer(
     points: int = 128,
     control: int | None = None,
 ) -> Transfer:
-    """Animate a drawing: return the cycle from its key poses 1 and 2, with its feet on the ground.
+    """Return a drawing's gait cycle between its key poses 1 and 2, with its feet on the ground.
 
     key1, key2: key poses with the same ids, each contour closed in both or open in both; the second
     is fitted into the picture of the first. frames: of the cycle, at least 4. points: of every
@@ -67,14 +75,16 @@ def transfer(
     check_pairs(key1, key2)
     key2 = fit_drawing(key2, key1.width, key1.height)
     closed = {name: curve.closed for name, curve in key1.curves.items()}
-    keys = match_poses(key1, key2, gait.symmetry, points)
+    keys = match_key_poses(key1, key2, gait.symmetry, points)
     swap = gait.symmetry == "swap"
     layout = (
-        Layout(offsets=_offsets(keys[0], gait))
+        HalfCycleLayout(offsets=_standing_offsets(keys[0], gait))
         if swap
-        else Layout(key1.height / 2, mirror_orders(*keys, closed))
+        else HalfCycleLayout(key1.height / 2, mirrored_point_orders(*keys, closed))
     )
-    layers = cycle(*keys, with_pooled_gamma(gait), frames, layout, closed=closed, control=control)
+    layers = contours_of_cycle(
+        *keys, add_pooled_gamma(gait), frames, layout, closed=closed, control=control
+    )
     width = float(np.ptp(np.concatenate([curve.points for curve in key1.curves.values()])[:, 0]))
     support = gait.support if swap else {}
     tau = 1 - np.abs(1 - 2 * np.arange(frames) / frames)
@@ -86,20 +96,20 @@ def transfer(
     }
     return Transfer(
         morph,
-        before=_ground(layers, support, width),
-        after=_ground(morph.layers, support, width),
+        before=_ground_in_widths(layers, support, width),
+        after=_ground_in_widths(morph.layers, support, width),
         outside={name: count for name, count in outside.items() if count},
         lifted=_find_lifted_feet(keys[1], gait, layout.offsets or {}) if swap else (),
     )
 
 
-def repeat(morph: Morph, cycles: int) -> Morph:
-    """Return the morph of one cycle repeated `cycles` times."""
+def repeat_cycle(morph: Morph, cycles: int) -> Morph:
+    """Return the morph of one gait cycle repeated `cycles` times."""
     return morph.take_frames(np.tile(np.arange(len(morph.tau)), cycles))
 
 
-def with_pooled_gamma(gait: Gait) -> Gait:
-    """Return the gait with a γ for ids that it lacks (POOLED): the mean over its limbs."""
+def add_pooled_gamma(gait: Gait) -> Gait:
+    """Return the gait with a mean γ (POOLED) for contours that it does not name."""
     if POOLED in gait.gamma or not gait.gamma:
         return gait
     pooled = {
@@ -109,8 +119,8 @@ def with_pooled_gamma(gait: Gait) -> Gait:
     return replace(gait, gamma={**gait.gamma, POOLED: pooled})
 
 
-def _offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
-    """Return how much lower a limb stands than its partner, if both feet are down in key 1.
+def _standing_offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
+    """Return, by id, how much lower (x, y) a limb stands than its partner if both stand in key 1.
 
     The far limbs of a drawing often stand higher in the picture: farther up on the ground.
     """
@@ -118,20 +128,24 @@ def _offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
         name
         for name in key1
         if any(
-            0 in run % LEAST_FRAMES for run in supports(gait.support.get(name, ()), LEAST_FRAMES)
+            0 in run % LEAST_FRAMES
+            for run in support_frames(gait.support.get(name, ()), LEAST_FRAMES)
         )
     }
     return {
         name: np.array([0, key1[name][:, 1].max() - key1[twin][:, 1].max()])
         for name in down
-        if (twin := partner(name, key1)) in down and twin != name
+        if (twin := opposite_limb(name, key1)) in down and twin != name
     }
 
 
 def _find_lifted_feet(
     key2: dict[str, Points], gait: Gait, offsets: Mapping[str, Points]
 ) -> tuple[str, ...]:
-    """Return `Transfer.lifted`, sorted."""
+    """Return the ids of feet that stand in key 2 but are drawn higher than their lifted partners.
+
+    offsets: as `_standing_offsets` returns them.
+    """
     down = {
         name
         for name, spans in gait.support.items()
@@ -139,16 +153,16 @@ def _find_lifted_feet(
     }
     out = []
     for name in down & key2.keys():
-        if (twin := partner(name, key2)) not in down and twin in gait.support:
+        if (twin := opposite_limb(name, key2)) not in down and twin in gait.support:
             lower = key2[twin][:, 1].max() - key2[name][:, 1].max()
             if lower + offsets.get(name, np.zeros(2))[1] > LIFT * np.ptp(key2[twin][:, 1]):
                 out.append(name)
     return tuple(sorted(out))
 
 
-def _ground(limbs: dict[str, Points], support: Support, width: float) -> Ground | None:
-    """Return the ground in widths of the drawing; None without feet."""
-    px = ground(limbs, support)
+def _ground_in_widths(limbs: dict[str, Points], support: Support, width: float) -> Ground | None:
+    """Return the ground's motion in widths of the drawing, `width` px; None without feet."""
+    px = measure_ground(limbs, support)
     if not px.slide:
         return None
     slide = {name: length / width for name, length in px.slide.items()}
@@ -158,10 +172,10 @@ def _ground(limbs: dict[str, Points], support: Support, width: float) -> Ground 
 # --- corresponding points
 
 
-def match_poses(
+def match_key_poses(
     key1: Drawing, key2: Drawing, symmetry: Symmetry, points: int
 ) -> tuple[dict[str, Points], dict[str, Points]]:
-    """Return the contours (points, 2) of both key poses by id, with corresponding rows.
+    """Return the contours (points, 2) of both key poses by id; equal rows are the same place.
 
     In a swap the rows of left and right limbs correspond too: the first of the pair in drawing
     order numbers all four contours. FinloopError if a limb is closed and its partner or its other
@@ -169,7 +183,7 @@ def match_poses(
     """
     first, second = dict[str, Points](), dict[str, Points]()
     for name, curve in key1.curves.items():
-        twin = partner(name, key1.curves) if symmetry == "swap" else name
+        twin = opposite_limb(name, key1.curves) if symmetry == "swap" else name
         kinds = {which.closed for which in (curve, key1.curves[twin], key2.curves[name])}
         if len(kinds) > 1:
             raise FinloopError(
@@ -184,65 +198,68 @@ def match_poses(
 
 
 def renumber_curve(model: Points, curve: Curve) -> Points:
-    """Return the curve resampled to n points (n, 2), numbered to be most like `model` (n, 2).
+    """Resample a curve to n points (n, 2), numbered so that they match `model` (n, 2) best.
 
     A closed curve may start between two points: an error of half a step would make feet slide.
     """
-    a, n = _complex(model), len(model)
+    a, n = _centred_complex_points(model), len(model)
     if not curve.closed:
         points = resample_curve(curve, n).points
         ways = [points, points[::-1]]
-        return max(ways, key=lambda way: float(_likeness(a @ _complex(way).conj())))
+        return max(
+            ways, key=lambda way: float(_contour_likeness(a @ _centred_complex_points(way).conj()))
+        )
     points = resample_curve(orient_clockwise(curve), n * FINE).points
     ways = [points[start::FINE] for start in range(FINE)]
     # Entry s is Σ a_(i+s) conj(b_i): point 0 of the curve goes to point s of the model.
-    b = np.stack([_complex(way) for way in ways])
-    alike = _likeness(np.fft.ifft(np.fft.fft(a) * np.fft.fft(b).conj()))
+    b = np.stack([_centred_complex_points(way) for way in ways])
+    alike = _contour_likeness(np.fft.ifft(np.fft.fft(a) * np.fft.fft(b).conj()))
     start, shift = np.unravel_index(int(alike.argmax()), alike.shape)
     return np.roll(ways[int(start)], int(shift), axis=0)
 
 
-def mirror_orders(
+def mirrored_point_orders(
     key1: Mapping[str, Points], key2: Mapping[str, Points], closed: Mapping[str, bool]
 ) -> dict[str, Ints]:
-    """Return, by id, the point order (n,) that makes mirrored key poses most like the other key.
+    """Return, by id, the order (n,) of points that makes mirrored key poses most like the others.
 
-    key1, key2: contours (n, 2) by id; closed: by id. `gait.model.four_keys` mirrors key 1 into 1'
-    and key 2 into 2' with these orders. The cycle blends 1' with 2 and 2' with 1. An id and its
-    partner share one order.
+    key1, key2: contours (n, 2) by id; closed: by id. `gait.model.four_key_frames` mirrors key 1
+    into 1' and key 2 into 2' with these orders. The cycle blends 1' with 2 and 2' with 1. An id and
+    its partner share one order.
     """
     orders = dict[str, Ints]()
     for name in key1:
-        twin = partner(name, key1)
+        twin = opposite_limb(name, key1)
         if twin in orders:
             orders[name] = orders[twin]
             continue
         pairs = [
-            (_complex(here[name]), _complex(there[twin] * [1, -1]))
+            (_centred_complex_points(here[name]), _centred_complex_points(there[twin] * [1, -1]))
             for here, there in ((key2, key1), (key1, key2))
         ]
         n = len(key1[name])
         if closed[name]:
             product = [np.fft.ifft(np.fft.fft(a) * np.fft.fft(b.conj())) for a, b in pairs]
             orders[name] = reversed_order(
-                n, int(np.sum([_likeness(z) for z in product], axis=0).argmax())
+                n, int(np.sum([_contour_likeness(z) for z in product], axis=0).argmax())
             )
         else:
             ways = (np.arange(n), np.arange(n)[::-1])
             orders[name] = max(
-                ways, key=lambda way: float(sum(_likeness(a @ b[way].conj()) for a, b in pairs))
+                ways,
+                key=lambda way: float(sum(_contour_likeness(a @ b[way].conj()) for a, b in pairs)),
             )
     return orders
 
 
-def _likeness(product: Complex) -> Points:
-    """Return how alike two contours are, from z = Σ a conj(b) of any shape.
+def _contour_likeness(product: Complex) -> Points:
+    """Return how alike two contours a, b are, from the sum z = Σ a conj(b), of any shape.
 
-    a, b: the contours' points as centred complex numbers. A turn of one contour lowers the likeness
-    a little.
+    a, b: the points as centred complex numbers. A turn of one contour lowers the likeness a little.
     """
     return np.abs(product) + UPRIGHT * product.real
 
 
-def _complex(points: Points) -> Complex:
+def _centred_complex_points(points: Points) -> Complex:
+    """Return points (n, 2) as complex numbers x + iy about their mean, (n,)."""
     return (points - points.mean(axis=0)) @ np.array([1, 1j])

@@ -3,7 +3,7 @@
 import numpy as np
 
 from finloop.drawn.dog.walk import NAMES, DogFilm, limb
-from finloop.gait.model import gamma_fit, gamma_sums
+from finloop.gait.model import gamma_fraction, gamma_from_fractions
 
 QUADRATURE = 401
 
@@ -22,5 +22,5 @@ def true_gamma(dog: DogFilm, n: int = 256) -> dict[str, dict[str, float]]:
             # The last phase belongs to this quarter: the foot lands in it.
             phase = (which + np.minimum(tau, 1 - 1e-12)) / 4
             c = limb(dog, name, phase, n).reshape(len(tau), -1)
-            out[name][label] = gamma_fit([gamma_sums(tau, c, c[0], c[-1])])
+            out[name][label] = gamma_from_fractions([gamma_fraction(tau, c, c[0], c[-1])])
     return out

@@ -22,7 +22,7 @@ from finloop.features.current import places_through_water
 from finloop.features.table import infer_delta_frames
 from finloop.jumps.settings import JumpsSettings
 from finloop.pose.film import FilmPoses
-from finloop.puppet import Pose, draw
+from finloop.puppet import Pose, draw_in_pose
 
 _SPAN = 1.25  # lengths of a straight fish across a picture
 _LOT = 1000  # pictures at a time
@@ -108,7 +108,7 @@ def draw_straight(source: RowSource, size: int, rows: NDArray[np.intp]) -> NDArr
     place = (np.array(number) for number in (middle, middle, 0.0, size / _SPAN))
     target = Pose(*place, poses.shapes.mean)
     return np.stack([
-        draw(reel.film[int(row)], poses.pose[row], target, (size, size), sharp=False)
+        draw_in_pose(reel.film[int(row)], poses.pose[row], target, (size, size), sharp=False)
         for row in rows
     ])  # fmt: skip
 
@@ -140,7 +140,7 @@ def signature_parts(source: RowSource, settings: JumpsSettings, workers: Workers
     """Compute the signature parts pose, change, motion, look of all rows and mirror images."""
     reel, poses = source.film()
     span = max(1, round(infer_delta_frames(reel.features) / 4))
-    pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
+    pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
     change = np.stack([change_per_row(codes, reel.goes_on, span) for codes in pose])
     straight = partial(draw_straight, source, settings.look_px)
     look = _components(straight, len(reel), settings.look_numbers, workers)

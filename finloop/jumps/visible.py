@@ -12,7 +12,7 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.parallel import Workers, ordered_map
 from finloop.distance.picture import SPAN, distance_pair_by_pair
 from finloop.jumps.signature import Pictures, RowSource, blocks
-from finloop.puppet import draw
+from finloop.puppet import draw_in_pose
 from finloop.puppet.lay import PictureSet, distances_in_pose, nearest_in_pose
 
 _LOT = 1000  # pictures at a time
@@ -80,7 +80,7 @@ def _draw_rows(source: RowSource, size: int, rows: Ints) -> Pictures:
     own = poses.pose[rows]
     there = own.move_to(middle, middle, 0.0, length)
     pictures = np.stack([
-        draw(reel.film[row], own[k], there[k], shape, sharp=False)
+        draw_in_pose(reel.film[row], own[k], there[k], shape, sharp=False)
         for k, row in enumerate(rows.tolist())
     ])  # fmt: skip
     return np.round(255 * pictures).clip(0, 255).astype(np.uint8)

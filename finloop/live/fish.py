@@ -26,7 +26,7 @@ from finloop.base.arrays import Floats
 from finloop.edit.build import EditInputs, edit_columns
 from finloop.edit.schema import AS_PREDICTED, JUMP, PATH, PLAY, Goal
 from finloop.edit.stretch import Stretch
-from finloop.social.rule import Shoaling
+from finloop.social.rule import SchoolRule
 
 HISTORY = 6000
 """How many ticks back the tank can go."""
@@ -63,7 +63,7 @@ class PathTask(NamedTuple):
 class RuleTask(NamedTuple):
     """A rule to follow: in a group, by zones (shoaling), or behind a fish (leader: its name)."""
 
-    shoaling: Shoaling | None = None
+    shoaling: SchoolRule | None = None
     leader: str | None = None
 
 
@@ -404,7 +404,7 @@ class LiveFish:
             recent.appendleft(one)
             ticks += len(one.stretch.way)
             if one is not last:
-                moved += joins.moving(one.stretch.kind, one.stretch.number)
+                moved += joins.count_moving(one.stretch.kind, one.stretch.number)
             if moved > joins.reach:
                 break
         stretches, names = [one.stretch for one in recent], [one.name for one in recent]

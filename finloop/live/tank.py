@@ -14,7 +14,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.live import fish as play_fish
 from finloop.live.fish import Ghost, LiveFish, Modes, RuleTask
-from finloop.social.leader import contradiction
+from finloop.social.leader import describe_contradiction
 from finloop.social.rule import require_rule
 
 
@@ -168,7 +168,7 @@ class LiveTank:
         followers = [one for one in self._select(which) if which is not None or one is not ahead]
         for follower in followers:
             number = self.fish.index(follower) + 1
-            if problem := contradiction(self.leaders, number, leader + 1):
+            if problem := describe_contradiction(self.leaders, number, leader + 1):
                 raise FinloopError(
                     problem,
                     "a leader that follows none of its followers",

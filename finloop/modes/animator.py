@@ -20,9 +20,9 @@ from finloop.base.arrays import Mask, Picture, Reals
 from finloop.distance.map import MapFacts
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
-from finloop.edit.build import edit_list
-from finloop.edit.joins import joins
-from finloop.edit.pictures import Pictures, without_ghosts
+from finloop.edit.build import build_edit_list
+from finloop.edit.joins import resolve_join_rules
+from finloop.edit.pictures import Pictures, remove_ghost_fades
 from finloop.edit.schema import FADE, Goal
 from finloop.edit.stretch import Swim
 from finloop.features.table import infer_delta_frames
@@ -140,7 +140,7 @@ class PaperAnimator:
         """
         found, edit = self._animate(goals, np.random.default_rng(self.p.seed))
         if self.player.joins.kind == FADE:
-            edit = without_ghosts(edit, self.pictures, self.p.fade_steps * self.step)
+            edit = remove_ghost_fades(edit, self.pictures, self.p.fade_steps * self.step)
         return [found], edit
 
     def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
@@ -157,7 +157,7 @@ class PaperAnimator:
     ) -> tuple[Swim, pd.DataFrame]:
         ticks = round(self.p.seconds * self.player.world.motion.rate_hz)
         found = swim(self.player, goals, ticks, rng)
-        return found, edit_list(found, ticks, self.player.sources)
+        return found, build_edit_list(found, ticks, self.player.sources)
 
 
 class ModeAssets(NamedTuple):
@@ -216,7 +216,7 @@ def make_animator(
     mode: its flow chart; way: the motion graph of the film; sprites: None in a mode without
     sprites; p: the group `animate`; join: how pictures are joined, "fade", "inertial" or "cut".
     """
-    how = joins(
+    how = resolve_join_rules(
         p, join, basis.pictures.bodies, basis.world.motion.delta, basis.pictures.bending_helps
     )
     player = PaperPlayer(mode, basis.world, way, sprites, basis.cast, how)

@@ -29,9 +29,9 @@ from finloop.distance.map import MapFacts, map_rows
 from finloop.distance.picture import BODY
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
-from finloop.edit.build import edit_lists
-from finloop.edit.joins import joins
-from finloop.edit.pictures import Pictures, without_ghosts
+from finloop.edit.build import build_edit_lists
+from finloop.edit.joins import resolve_join_rules
+from finloop.edit.pictures import Pictures, remove_ghost_fades
 from finloop.edit.schema import FADE, Goal
 from finloop.edit.stretch import Swim
 from finloop.features.table import infer_delta_frames
@@ -43,8 +43,8 @@ from finloop.plan.planner import Planner
 from finloop.plan.sources import FilmSource, PredictionSource
 from finloop.plan.world import FilmWorld, learn_brisk
 from finloop.pose.film import FilmPoses
-from finloop.social.leader import leaders
-from finloop.social.rule import Shoaling, require_rule
+from finloop.social.leader import leaders_by_follower
+from finloop.social.rule import SchoolRule, require_rule
 
 NO_SPRITES: Ints = np.zeros(0, np.intp)
 
@@ -71,7 +71,7 @@ class MatchingData(NamedTuple):
     forecast: Sampler | None = None
     lines: Sequence[Line | None] = ()
     mm_per_px: float | None = None
-    shoaling: Shoaling | None = None
+    shoaling: SchoolRule | None = None
     floor: Picture | None = None
     sprite_rows: Ints = NO_SPRITES
 
@@ -175,7 +175,7 @@ class MatchingAnimator:
         """
         todo, ticks = self._trial(number), self.world.duration
         goals = [task.goals for task in todo]
-        return edit_lists(shoal(self.player, todo, ticks), ticks, self.player.sources), goals
+        return build_edit_lists(shoal(self.player, todo, ticks), ticks, self.player.sources), goals
 
     def _trial(self, number: int) -> list[SwimTask]:
         p = self.world.settings
@@ -202,9 +202,9 @@ class MatchingAnimator:
         player, p = self.player, self.world.settings
         ticks = self.world.duration
         found = shoal(player, self.tasks(goals), ticks)
-        edit = edit_lists(found, ticks, player.sources)
+        edit = build_edit_lists(found, ticks, player.sources)
         if p.join == FADE:
-            edit = without_ghosts(edit, self.pictures, p.fade_steps * self.step)
+            edit = remove_ghost_fades(edit, self.pictures, p.fade_steps * self.step)
         return found, edit
 
 
@@ -227,11 +227,16 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
     for line in made.lines:
         if line is not None and line.rows is not None and not p.path_own_frames:
             barred[line.rows] = True
-    how = joins(p, p.join, bodies, motion.delta, pictures.bending_helps)
+    how = resolve_join_rules(p, p.join, bodies, motion.delta, pictures.bending_helps)
     seen = np.full(len(features), np.nan)
     seen[map_rows(features, made.steps)] = made.steps["as_filmed"]
     rarity = Rarity.from_movement(
-        bodies.movement, made.poses.codes, reel.goes_on, seen, how.spring()[0], p.rarity_weight
+        bodies.movement,
+        made.poses.codes,
+        reel.goes_on,
+        seen,
+        how.spring_response()[0],
+        p.rarity_weight,
     )
     jumps = neighbour_jumps(made.jumps, len(features))
     way = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative)
@@ -272,7 +277,7 @@ def add_rules(todo: Sequence[SwimTask], p: AllSettings) -> list[SwimTask]:
     todo: of all fish; the parameters number fish from 1. FinloopError if the rules contradict each
     other.
     """
-    led = leaders(p.follow_pairs, len(todo))
+    led = leaders_by_follower(p.follow_pairs, len(todo))
     return [
         task._replace(follows=led[fish] - 1)
         if fish in led

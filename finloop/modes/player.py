@@ -17,7 +17,7 @@ from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.edit.build import EditInputs
-from finloop.edit.joins import Joins
+from finloop.edit.joins import JoinRules
 from finloop.edit.schema import FRAME, TURN, Goal
 from finloop.edit.stretch import Stretch
 from finloop.modes.sprites import Sprites
@@ -53,7 +53,7 @@ class PaperPlayer:
     film: MotionGraph
     sprites: Sprites | None
     cast: Cast
-    joins: Joins
+    joins: JoinRules
 
     shoaling = None
     most_fish = 1

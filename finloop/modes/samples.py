@@ -9,7 +9,7 @@ import pandas as pd
 
 from finloop.animate.settings import AnimateSettings
 from finloop.animate.shoal import NoRoom
-from finloop.edit.schema import by_fish
+from finloop.edit.schema import split_by_fish
 from finloop.modes.animator import Animator
 
 _SEEDS = 100  # seeds tried for one animation: in a nearly full tank few have room for all fish
@@ -26,7 +26,7 @@ def sample_animations(animator: Animator, seconds: float, p: AnimateSettings) ->
     together = animator.fish
     for number in range(int(np.ceil(seconds / p.seconds / together))):
         rest = seconds / together - number * p.seconds
-        for one in by_fish(_with_room(animator, min(p.seconds, rest), seeds)):
+        for one in split_by_fish(_with_room(animator, min(p.seconds, rest), seeds)):
             parts.append(one.assign(fish=fish))
             fish += 1
     return pd.concat(parts, ignore_index=True)

@@ -8,5 +8,6 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "folds": ["is_simple", "stays_simple"],
-    "layers": ["Morph", "Physics", "morph", "there_and_back"], "match": ["match_curves"],
+    "layers": ["Morph", "PhysicalOptions", "morph_drawings", "there_and_back"],
+    "match": ["match_curves"],
 })  # fmt: skip

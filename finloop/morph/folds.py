@@ -1,9 +1,9 @@
 """Tests of whether a polygon meets itself, in one pose or at any moment of a motion.
 
-In one pose (`folds`, `is_simple`) the answer is exact (Shewchuk 1997, *Adaptive precision floating-
-point arithmetic and fast robust geometric predicates*): an orientation is computed in floats, and
-again without rounding if rounding could change its sign. Products must neither overflow nor
-underflow: magnitudes 0 or 1e-70 … 1e70 are safe.
+In one pose (`count_polygon_folds`, `is_simple`) the answer is exact (Shewchuk 1997, *Adaptive
+precision floating-point arithmetic and fast robust geometric predicates*): an orientation is
+computed in floats, and again without rounding if rounding could change its sign. Products must
+neither overflow nor underflow: magnitudes 0 or 1e-70 … 1e70 are safe.
 
 During a motion (`stays_simple`) the vertices move straight from one pose to the next. A simple
 polygon stays simple until a vertex touches an edge that does not end at it. Two quadratics in time
@@ -26,37 +26,37 @@ _SURE = (3 + 16 * 2.0**-53) * 2.0**-53  # Shewchuk's ccwerrboundA
 _SPLIT = 134217729.0  # 2^27 + 1
 
 
-def folds(stack: Reals, closed: bool = True) -> Ints:
-    """Count the pairs of edges that meet in each polygon, (f,), exactly; 0 = strictly simple.
+def count_polygon_folds(stack: Reals, closed: bool = True) -> Ints:
+    """Count the pairs of edges that meet in each polygon, (f,), exactly; 0 = it never meets itself.
 
     Neighbours count if they overlap in more than their vertex, an edge of length 0 counts as one
     more. stack: polygons (f, n, 2), or one (n, 2); n ≥ 3 (open: 2); the first vertex is not
     repeated. FinloopError if a coordinate is not finite, or there are too few vertices.
     """
-    stack = _stack(stack, closed)
-    return np.array([count_folds(points, closed, False) for points in stack], np.int64)
+    stack = _check_polygons(stack, closed)
+    return np.array([count_folds_unchecked(points, closed, False) for points in stack], np.int64)
 
 
 def is_simple(points: Reals, closed: bool = True) -> bool:
-    """Return whether no two edges of one polygon (n, 2) meet, as `folds` counts them."""
-    return count_folds(_stack(points, closed)[0], closed, True) == 0
+    """Return whether no two edges of a polygon (n, 2) meet, see `count_polygon_folds`."""
+    return count_folds_unchecked(_check_polygons(points, closed)[0], closed, True) == 0
 
 
-def stays_simple(path: Reals, closed: bool = True) -> bool:
+def stays_simple(poses: Reals, closed: bool = True) -> bool:
     """Return whether a polygon that moves straight from pose to pose (k, n, 2) never meets itself.
 
     True is a proof for every moment, not only for the poses. False may mean that two parts come too
     near each other to decide.
     """
-    path = _stack(path, closed)
-    if count_folds(path[0], closed, True):
+    poses = _check_polygons(poses, closed)
+    if count_folds_unchecked(poses[0], closed, True):
         return False
-    return bool(no_contact(path, closed))
+    return bool(stays_simple_unchecked(poses, closed))
 
 
-def _stack(stack: Reals, closed: bool) -> Floats:
-    """Return polygons as an array (f, n, 2); FinloopError if they have no such shape."""
-    polygons: Floats = np.ascontiguousarray(stack, np.float64)
+def _check_polygons(points: Reals, closed: bool) -> Floats:
+    """Return polygons as an array (f, n, 2); FinloopError if their shape or a number is wrong."""
+    polygons: Floats = np.ascontiguousarray(points, np.float64)
     polygons = polygons[None] if polygons.ndim == 2 else polygons
     if polygons.ndim != 3 or polygons.shape[2] != 2 or polygons.shape[1] < 2 + closed:
         raise FinloopError(
@@ -78,7 +78,7 @@ def _stack(stack: Reals, closed: bool) -> Floats:
 
 @kernel
 def _two_product(a: float, b: float) -> tuple[float, float]:
-    """Return a·b as a float, and its rounding error (Dekker)."""
+    """Return the product of two numbers as a float, and its rounding error (Dekker)."""
     product = a * b
     wide = _SPLIT * a
     a_high = wide - (wide - a)
@@ -92,7 +92,7 @@ def _two_product(a: float, b: float) -> tuple[float, float]:
 
 @kernel
 def _exact_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
-    """Return the determinant's sign, adding its six products without rounding (grow-expansion)."""
+    """Return the sign of (a − c) × (b − c), adding its six products without rounding."""
     left = (ax, -ay, bx, -by, cx, -cy)
     right = (by, bx, cy, cx, ay, ax)
     sums = np.zeros(12)
@@ -117,8 +117,8 @@ def _exact_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float
 
 
 @kernel
-def _orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
-    """Return the exact sign of (a − c) × (b − c)."""
+def _orientation_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
+    """Return the exact sign of (a − c) × (b − c): on which side of line ab point c lies."""
     left = (ax - cx) * (by - cy)
     right = (ay - cy) * (bx - cx)
     det = left - right
@@ -129,28 +129,36 @@ def _orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: floa
 
 @kernel
 def _segments_meet(points: Floats, a: int, b: int, c: int, d: int) -> bool:
-    """Return whether segments ab and cd with overlapping boxes share a point; a … d: rows."""
+    """Return whether two edges of a polygon share a point, if their bounding boxes overlap.
+
+    points (n, 2): the polygon; a, b and c, d: rows of it at the ends of the edges.
+    """
     ax, ay, bx, by = points[a, 0], points[a, 1], points[b, 0], points[b, 1]
     cx, cy, dx, dy = points[c, 0], points[c, 1], points[d, 0], points[d, 1]
-    abc = _orientation(ax, ay, bx, by, cx, cy)
-    abd = _orientation(ax, ay, bx, by, dx, dy)
+    abc = _orientation_sign(ax, ay, bx, by, cx, cy)
+    abd = _orientation_sign(ax, ay, bx, by, dx, dy)
     if abc * abd > 0:
         return False
     # If all four lie on one line, overlapping boxes are overlapping segments.
-    return _orientation(cx, cy, dx, dy, ax, ay) * _orientation(cx, cy, dx, dy, bx, by) <= 0
+    return (
+        _orientation_sign(cx, cy, dx, dy, ax, ay) * _orientation_sign(cx, cy, dx, dy, bx, by) <= 0
+    )
 
 
 @kernel
 def _turns_back(px: float, py: float, qx: float, qy: float, rx: float, ry: float) -> bool:
-    """Return whether the edges pq and qr, both longer than 0, share more than their corner q."""
-    if _orientation(px, py, qx, qy, rx, ry) != 0:
+    """Return whether edges pq and qr, both longer than 0, share more than their corner q."""
+    if _orientation_sign(px, py, qx, qy, rx, ry) != 0:
         return False
     return ((px > qx) == (rx > qx) and px != qx) or ((py > qy) == (ry > qy) and py != qy)
 
 
 @kernel
 def _edge_boxes(vertices: Floats, edges: int) -> Floats:
-    """Return boxes (edges, 4), left top right bottom, of the edges, from those of their ends."""
+    """Return the bounding boxes (edges, 4) of a polygon's edges: left, top, right, bottom.
+
+    vertices (n, 4): the boxes of its vertices; edges: their number, n − 1 if the polygon is open.
+    """
     n = len(vertices)
     boxes = np.empty((edges, 4))
     for i in range(edges):
@@ -163,7 +171,7 @@ def _edge_boxes(vertices: Floats, edges: int) -> Floats:
 
 @kernel
 def _merge_boxes(boxes: Floats) -> Floats:
-    """Return the boxes of blocks of BLOCK boxes."""
+    """Return the bounding boxes of groups of BLOCK consecutive boxes (n, 4)."""
     blocks = np.empty(((len(boxes) + BLOCK - 1) // BLOCK, 4))
     for k in range(len(blocks)):
         left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
@@ -175,17 +183,18 @@ def _merge_boxes(boxes: Floats) -> Floats:
 
 
 @kernel
-def _overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
-    """Return whether box i of a and box j of b overlap."""
+def _boxes_overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
+    """Return whether row i of the boxes a (n, 4) and row j of the boxes b overlap."""
     # & rather than `and`: four unpredictable branches take ten times as long
     return (a[i, 0] <= b[j, 2]) & (b[j, 0] <= a[i, 2]) & (a[i, 1] <= b[j, 3]) & (b[j, 1] <= a[i, 3])
 
 
 @kernel
-def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
-    """Count the pairs of edges that meet in one polygon (n, 2), as `folds` does, without checks.
+def count_folds_unchecked(points: Floats, closed: bool, first_only: bool) -> int:
+    """Count the pairs of edges that meet in one polygon (n, 2), without checking its shape.
 
-    first_only: stop at the first pair, so the result is 0 if and only if there is none.
+    This is the count of `count_polygon_folds`. first_only: stop at the first pair, so the result is
+    0 if and only if there is none.
     """
     n = len(points)
     edges = n if closed else n - 1
@@ -205,14 +214,14 @@ def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
     blocks = _merge_boxes(boxes)
     for block in range(len(blocks)):
         for partner in range(block, len(blocks)):
-            if not _overlap(blocks, block, blocks, partner):
+            if not _boxes_overlap(blocks, block, blocks, partner):
                 continue
             for i in range(block * BLOCK, min((block + 1) * BLOCK, edges)):
-                if not _overlap(boxes, i, blocks, partner):
+                if not _boxes_overlap(boxes, i, blocks, partner):
                     continue
                 first = i + 2 if block == partner else partner * BLOCK
                 for j in range(max(first, i + 2), min((partner + 1) * BLOCK, edges)):
-                    if not _overlap(boxes, i, boxes, j) or (closed and i == 0 and j == n - 1):
+                    if not _boxes_overlap(boxes, i, boxes, j) or (closed and i == 0 and j == n - 1):
                         continue
                     i_next, j_next = i + 1, j + 1 if j + 1 < n else 0
                     if _segments_meet(points, i, i_next, j, j_next):
@@ -229,8 +238,9 @@ def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
 def _stays_apart(before: Floats, after: Floats, v: int, i: int, j: int) -> bool:
     """Return whether it is proved that vertex v never touches edge ij between two poses.
 
-    u and w join vertex v to vertices i and j. There is no contact while u × w is not 0 or u · w is
-    positive. Both are quadratics in time, given by their Bernstein coefficients.
+    before, after (n, 2): the poses; v, i, j: rows. u and w join vertex v to vertices i and j. There
+    is no contact while u × w is not 0 or u · w is positive. Both are quadratics in time, given by
+    their Bernstein coefficients.
     """
     ax, ay = before[i, 0] - before[v, 0], before[i, 1] - before[v, 1]
     bx, by = after[i, 0] - after[v, 0], after[i, 1] - after[v, 1]
@@ -246,7 +256,7 @@ def _stays_apart(before: Floats, after: Floats, v: int, i: int, j: int) -> bool:
     d0, d2 = ax * cx + ay * cy, bx * dx + by * dy
     d1 = ((ax * dx + ay * dy) + (bx * cx + by * cy)) / 2
     waiting = np.empty((DEPTH + 2, 7))
-    _assign(waiting[0], (c0, c1, c2, d0, d1, d2, 0.0))
+    _copy_numbers(waiting[0], (c0, c1, c2, d0, d1, d2, 0.0))
     left = 1
     while left:
         left -= 1
@@ -259,30 +269,30 @@ def _stays_apart(before: Floats, after: Floats, v: int, i: int, j: int) -> bool:
         c, d = (c01 + c12) / 2, (d01 + d12) / 2
         if abs(c) <= room and d <= room:
             return False
-        _assign(waiting[left], (c, c12, c2, d, d12, d2, depth + 1))
-        _assign(waiting[left + 1], (c0, c01, c, d0, d01, d, depth + 1))
+        _copy_numbers(waiting[left], (c, c12, c2, d, d12, d2, depth + 1))
+        _copy_numbers(waiting[left + 1], (c0, c01, c, d0, d01, d, depth + 1))
         left += 2
     return True
 
 
 @kernel
-def _assign(row, values):  # type: ignore[no-untyped-def]
-    """Set row[:] = values; numba compiles this loop much faster than the slice."""
+def _copy_numbers(row, values):  # type: ignore[no-untyped-def]
+    """Copy values into a row of an array; numba compiles this loop much faster than a slice."""
     for i in range(len(values)):
         row[i] = values[i]
 
 
 @kernel
-def no_contact(path: Floats, closed: bool) -> bool:
-    """Return whether a polygon stays simple from pose to pose (k, n, 2), without checks.
+def stays_simple_unchecked(stack: Floats, closed: bool) -> bool:
+    """Return whether a moving polygon (k, n, 2) stays simple, without checking its shape.
 
     This is the test of `stays_simple`; the first pose must be simple.
     """
-    poses, n = len(path), path.shape[1]
+    poses, n = len(stack), stack.shape[1]
     edges = n if closed else n - 1
     points = np.empty((n, 4))  # bounding boxes of the moving vertices
     for k in range(poses - 1):
-        a, b = path[k], path[k + 1]
+        a, b = stack[k], stack[k + 1]
         for i in range(n):
             for axis in range(2):
                 points[i, axis] = min(a[i, axis], b[i, axis])
@@ -291,13 +301,13 @@ def no_contact(path: Floats, closed: bool) -> bool:
         point_blocks, line_blocks = _merge_boxes(points), _merge_boxes(lines)
         for block in range(len(point_blocks)):
             for partner in range(len(line_blocks)):
-                if not _overlap(point_blocks, block, line_blocks, partner):
+                if not _boxes_overlap(point_blocks, block, line_blocks, partner):
                     continue
                 for v in range(block * BLOCK, min((block + 1) * BLOCK, n)):
-                    if not _overlap(points, v, line_blocks, partner):
+                    if not _boxes_overlap(points, v, line_blocks, partner):
                         continue
                     for i in range(partner * BLOCK, min((partner + 1) * BLOCK, edges)):
-                        if v == i or not _overlap(points, v, lines, i):
+                        if v == i or not _boxes_overlap(points, v, lines, i):
                             continue
                         j = i + 1 if i + 1 < n else 0
                         if v != j and not _stays_apart(a, b, v, i, j):

@@ -15,9 +15,9 @@ from finloop.base.arrays import Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve
-from finloop.curve.dynamics import Material, Problem, solve
+from finloop.curve.dynamics import Material, Problem, solve_motion
 from finloop.curve.wavelet import close_by_mirroring, control_points, curves_from_control
-from finloop.morph.folds import folds, stays_simple
+from finloop.morph.folds import count_polygon_folds, stays_simple
 from finloop.morph.match import match_curves
 from finloop.morph.simple import simple_morph
 
@@ -29,7 +29,7 @@ FADE = 0.25
 """Final share of the time of a physical morph, in which the motion fades out: it ends at b."""
 
 
-class Scales(NamedTuple):
+class LinearOptions(NamedTuple):
     """Settings of the linear morph: how many scales of details it omits, and their wavelet.
 
     level: None omits none, and needs no wavelet.
@@ -39,7 +39,7 @@ class Scales(NamedTuple):
     wavelet: str = "coif2"
 
 
-class Physics(NamedTuple):
+class PhysicalOptions(NamedTuple):
     """Settings of the physical morph: elastic constant e₀, damping c and density ρ (`mass`).
 
     By default the curve swings a little and settles.
@@ -50,16 +50,16 @@ class Physics(NamedTuple):
     mass: float = 1.0
 
 
-def morph(
+def morph_drawings(
     a: Drawing,
     b: Drawing,
     method: str,
     frames: int,
     points: int = 256,
-    scales: Scales = Scales(),  # noqa: B008  (immutable)
-    physics: Physics = Physics(),  # noqa: B008  (immutable)
+    scales: LinearOptions = LinearOptions(),  # noqa: B008  (immutable)
+    physics: PhysicalOptions = PhysicalOptions(),  # noqa: B008  (immutable)
 ) -> Morph:
-    """Return the morph of drawing `a` into drawing `b`, which is fitted into the picture of `a`.
+    """Morph drawing `a` into drawing `b`, which is fitted into the picture of `a`.
 
     FinloopError if the drawings do not match, a number is out of range, or the method cannot morph
     a contour; the message names it.
@@ -87,12 +87,12 @@ def morph(
     b = fit_drawing(b, a.width, a.height)
     side = max(a.width, a.height)
     make: dict[str, Callable[[Curve, Curve], Points]] = {
-        "linear": lambda a, b: linear(a, b, frames, points, *scales),
-        "physical": lambda a, b: physical(a, b, frames, points, *physics),
+        "linear": lambda a, b: linear_morph(a, b, frames, points, *scales),
+        "physical": lambda a, b: physical_morph(a, b, frames, points, *physics),
         "simple": lambda a, b: simple_morph(a, b, frames, points).frames,
     }
     layers = {
-        name: _contour(name, curve, b.curves[name], side, make[method])
+        name: _morph_contour(name, curve, b.curves[name], side, make[method])
         for name, curve in a.curves.items()
     }
     digits = DIGITS if method == "simple" else DIGITS[:1]
@@ -107,7 +107,7 @@ def build_morph(
     digits: Sequence[int],
     repeats: bool = False,
 ) -> Morph:
-    """Return a morph from the frames of its layers, with rounded coordinates and counted folds.
+    """Build a morph from the frames of all contours: round the coordinates, then count the folds.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def build_morph(
     for count in digits:
         decimals = count - ceil(log10(max(a.width, a.height)))
         rounded = {name: np.round(stack, decimals) + 0.0 for name, stack in layers.items()}  # no −0
-        counts = {name: folds(stack, closed[name]) for name, stack in rounded.items()}
+        counts = {name: count_polygon_folds(stack, closed[name]) for name, stack in rounded.items()}
         if not any(count.any() for count in counts.values()):
             break
     return Morph(
@@ -144,12 +144,15 @@ def build_morph(
     )
 
 
-def _contour(
-    name: str, a: Curve, b: Curve, side: float, make: Callable[[Curve, Curve], Points]
+def _morph_contour(
+    name: str, a: Curve, b: Curve, side: float, morph_pair: Callable[[Curve, Curve], Points]
 ) -> Points:
-    """Return the frames (frames, points, 2) of one pair of contours; errors name it."""
+    """Return the frames (frames, points, 2) of one pair of contours a, b, made by `morph_pair`.
+
+    name: of the contour, for error messages; side: longer side of the picture.
+    """
     try:
-        stack = make(a, b)
+        stack = morph_pair(a, b)
     except FinloopError as error:
         raise FinloopError(f"contour {name!r}: {error.came}", error.wanted, error.do) from error
     if not (np.abs(stack) <= REACH * side).all():
@@ -161,15 +164,15 @@ def _contour(
     return stack
 
 
-def linear(
+def linear_morph(
     a: Curve, b: Curve, frames: int, points: int, level: int | None = None, wavelet: str = "coif2"
 ) -> Points:
-    """Return frames (frames, points, 2) of the linear morph from a to b (Eq. 4.1), ends included.
+    """Return the frames (frames, points, 2) of the linear morph from curve a to b (Eq. 4.1).
 
     A(τ) = (1 − τ) Aˢ + τ Aᵈ, with A the points of both curves. With a level, A are the control
     points for 1/2^level of the points, so the ends are coarse versions of the curves, and `points`
     is a power of two. FinloopError if one curve is open and the other closed, or, with a level, as
-    in `curve.wavelet.check_transform`.
+    in `curve.wavelet.check_transform_filters`.
     """
     ends = np.stack(match_curves(a, b, points))
     tau = np.linspace(0, 1, frames)[:, None, None]
@@ -179,10 +182,10 @@ def linear(
     return curves_from_control((1 - tau) * coarse[0] + tau * coarse[1], wavelet, level)[:, :points]
 
 
-def physical(
+def physical_morph(
     a: Curve, b: Curve, frames: int, points: int, elastic: float, damping: float, mass: float
 ) -> Points:
-    """Return frames (frames, points, 2) of b, bent into the shape of a and released (Fig. 5).
+    """Return the motion (frames, points, 2) of curve b, bent into the shape of a and released.
 
     The last frame is b. The motion is ρ ü + c u̇ + K u = 0 (Eq. 3.3) in a time of 1, ρ = mass, c =
     damping, K of e₀ = elastic. Mode m of a closed curve swings m √(e₀/ρ) times, of an open curve
@@ -201,7 +204,7 @@ def physical(
     material = Material(mass, elastic, damping / mass if mass > 0 else damping, 0.0)
     times = np.linspace(0, 1, frames)
     start = np.column_stack([offset, slowest])
-    modes = solve(Problem(np.zeros_like(start), start, material, times)).displacement
+    modes = solve_motion(Problem(np.zeros_like(start), start, material, times)).displacement
     course = modes[:, 0, 2] / slowest[0]
     swing = modes[:, :points, :2] + course[:, None, None] * place
     fade = np.clip((1 - times) / FADE, 0, 1)
@@ -209,7 +212,7 @@ def physical(
 
 
 def there_and_back(morph: Morph) -> Morph:
-    """Return the morph followed by its reverse, so that it repeats without a jump.
+    """Append the morph's frames in reverse, so that it repeats without a jump.
 
     The frames at both ends are not repeated: f frames become 2 f − 2.
     """
@@ -218,7 +221,7 @@ def there_and_back(morph: Morph) -> Morph:
 
 
 def fit_drawing(drawing: Drawing, width: float, height: float) -> Drawing:
-    """Return the drawing scaled to fit a picture and centred there, as SVG fits a viewBox.
+    """Scale a drawing to fit a picture and centre it there, as SVG fits a viewBox.
 
     width, height: of the picture, in the unit of its coordinates.
     """

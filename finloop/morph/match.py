@@ -10,12 +10,12 @@ import numpy as np
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import Curve, area, resample_curve
+from finloop.curve.contour import Curve, resample_curve, signed_area
 from finloop.morph.folds import is_simple
 
 
 def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
-    """Return points (n, 2) of both curves at equal distances along them, matched row by row.
+    """Resample two curves to n points at equal distances, (n, 2) each, so that rows correspond.
 
     The order of a is kept, b is renumbered. FinloopError if one is closed and the other open.
     """
@@ -35,15 +35,15 @@ def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
         )
     directions = [second, second[::-1]]
     if is_simple(first) and is_simple(second):  # if they turn opposite ways, the morph folds
-        opposite = area(Curve(first, True)) * area(Curve(second, True)) <= 0
+        opposite = signed_area(Curve(first, True)) * signed_area(Curve(second, True)) <= 0
         directions = directions[1:] if opposite else directions[:1]
-    fits = [(misfit(first, points), points) for points in directions]
+    fits = [(misfit_by_start(first, points), points) for points in directions]
     far, points = min(fits, key=lambda fit: fit[0].min())
     return first, np.roll(points, -int(far.argmin()), axis=0)
 
 
-def misfit(first: Floats, second: Floats) -> Floats:
-    """Return, for each start point s, how badly polygon b fits a: Σ_i ‖a_i − b_{i+s}‖².
+def misfit_by_start(first: Floats, second: Floats) -> Floats:
+    """Return, for each start point s of polygon b, how badly it fits a: Σ_i ‖a_i − b_{i+s}‖².
 
     first, second (n, 2): closed polygons a, b, which are centred first. The result is (n,).
     """

@@ -38,6 +38,6 @@ class MorphSettings:
     }
 
     def __post_init__(self) -> None:
-        """Refuse a number of points that the wavelet transform cannot halve."""
+        """Raise ValueError for a number of points that the wavelet transform cannot halve."""
         if self.contour_points & (self.contour_points - 1):
             raise ValueError("contour_points is no power of two")

@@ -30,9 +30,14 @@ import scipy
 from finloop.base.arrays import Points
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
-from finloop.curve.contour import Curve, area, centroid
-from finloop.morph.folds import count_folds, folds, no_contact, stays_simple
-from finloop.morph.match import match_curves, misfit
+from finloop.curve.contour import Curve, area_centroids, signed_area
+from finloop.morph.folds import (
+    count_folds_unchecked,
+    count_polygon_folds,
+    stays_simple,
+    stays_simple_unchecked,
+)
+from finloop.morph.match import match_curves, misfit_by_start
 
 GROWTH = 1.3  # factor of the time step, from one pose to the next
 STEP = 0.1  # longest time step, in areas of the curve
@@ -50,7 +55,7 @@ NUDGE = 0.1  # edges: how far a proof may stray from the straight motion between
 
 @dataclass(frozen=True)
 class SimpleMorph:
-    """Frames of a morph, and whether the motion between them is proved simple."""
+    """Frames of a morph that never meet themselves, and whether that is proved between them too."""
 
     frames: Points  # (f, n, 2), the first and last being the ends
     way: str  # "linear"; "plain" through plainer poses; "joined" through the plain last poses
@@ -61,7 +66,7 @@ class SimpleMorph:
 
 
 def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
-    """Return a morph from a to b of which no frame meets itself, and whether it is proved.
+    """Morph curve a into b so that no frame meets itself; return the frames and what is proved.
 
     frames: their number, ends included; points: of every frame. FinloopError if one curve is open
     and the other closed, or a curve, resampled, meets itself.
@@ -69,7 +74,7 @@ def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
     first, second = match_curves(a, b, points)
     closed = a.closed
     for name, ends in (("first", first), ("second", second)):
-        meets = folds(ends, closed)[0]
+        meets = count_polygon_folds(ends, closed)[0]
         if meets:
             raise FinloopError(
                 f"the {name} curve, at {points} points, meets itself {meets} times",
@@ -78,11 +83,11 @@ def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
             )
     tau = np.linspace(0, 1, frames)[:, None, None]
     straight = (1 - tau) * first + tau * second
-    if not folds(straight, closed).any() and _has_simple_motion(straight, closed):
+    if not count_polygon_folds(straight, closed).any() and _has_simple_motion(straight, closed):
         return SimpleMorph(straight, "linear", True)
     poses, way = _find_simple_path(first, second, closed)
-    stack, on_the_way = _frames(poses, frames, closed)
-    if folds(stack, closed).any():
+    stack, on_the_way = _frames_along_path(poses, frames, closed)
+    if count_polygon_folds(stack, closed).any():
         raise FinloopError(
             "a morph with frames too narrow to be distinguished from folded frames",
             "curves with some room between their parts",
@@ -93,35 +98,39 @@ def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
 
 
 def path_lengths(poses: Points) -> Points:
-    """Return how far the vertices have moved up to each pose (k, n, 2): the mean, (k,)."""
+    """Return the mean distance (k,) that the vertices have moved up to each pose (k, n, 2)."""
     steps = np.hypot(*np.moveaxis(np.diff(poses, axis=0), 2, 0)).mean(axis=1)
     return np.r_[0.0, np.cumsum(steps)]
 
 
 def _find_simple_path(first: Points, second: Points, closed: bool) -> tuple[Points, str]:
-    """Return poses (k, n, 2) from one end to the other with simple steps, and the kind of path."""
-    a, b = _plainer(first, closed), _plainer(second, closed)
+    """Find poses (k, n, 2) that lead from one curve to the other without folds; also name the path.
+
+    first, second (n, 2): the curves. The name is one of those of `SimpleMorph.way`.
+    """
+    a, b = _simplify_curve(first, closed), _simplify_curve(second, closed)
     best: tuple[float, Points] | None = None
-    for start in _starts(a, b) if closed else [0]:
+    for start in _candidate_starts(a, b) if closed else [0]:
         rolled = np.roll(b, -start, axis=1)
-        shortest = _shortest(a, rolled, closed, np.inf if best is None else best[0])
+        shortest = _find_shortest_path(a, rolled, closed, np.inf if best is None else best[0])
         if shortest:
             far, i, j = shortest
             best = far, np.concatenate([a[: i + 1], rolled[j::-1]])
     if best:
         return best[1], "plain"
-    return np.concatenate([a, join_plain_ends(a[-1], b[-1], closed)[1:-1], b[::-1]]), "joined"
+    return np.concatenate([a, join_simplified_poses(a[-1], b[-1], closed)[1:-1], b[::-1]]), "joined"
 
 
-def _starts(a: Points, b: Points) -> list[int]:
-    """Return start points to try: 0, and the best fits of poses of equal rank.
+def _candidate_starts(a: Points, b: Points) -> list[int]:
+    """Return start points of polygon b to try: 0, and those that fit polygon a best.
 
-    Neighbouring start points give similar paths, so only local minima count.
+    a, b (k, n, 2): poses of both, simplified step by step. Neighbouring start points give similar
+    paths, so only local minima count.
     """
     starts = [0]
     for share in (0.0, 0.5, 1.0):
         first, second = (poses[int(share * (len(poses) - 1))] for poses in (a, b))
-        far = misfit(first, second)
+        far = misfit_by_start(first, second)
         least = (far <= np.roll(far, 1)) & (far < np.roll(far, -1))
         starts += [int(s) for s in sorted(np.flatnonzero(least), key=far.__getitem__)[:2]]
     apart = len(far) // 32
@@ -132,17 +141,20 @@ def _starts(a: Points, b: Points) -> list[int]:
     return apart_starts
 
 
-def _shortest(a: Points, b: Points, closed: bool, below: float) -> tuple[float, int, int] | None:
-    """Return length, i, j of the shortest free path a → a_i → b_j → b shorter than `below`.
+def _find_shortest_path(
+    a: Points, b: Points, closed: bool, below: float
+) -> tuple[float, int, int] | None:
+    """Return length, i, j of the shortest path a → a_i → b_j → b without folds.
 
-    If two poses are not free, all pairs of less plain poses are skipped too.
+    a, b (k, n, 2): poses of both curves, simplified step by step. None if no path is shorter than
+    `below`. If two poses cannot be joined, all pairs of less simplified poses are skipped too.
     """
     before, after = path_lengths(a), path_lengths(b)
-    far = before[:, None] + _apart(a, b) + after
+    far = before[:, None] + _pose_distances(a, b) + after
     open_to = far < below
 
-    def free(i: int, j: int) -> bool:
-        if _free(a[i], b[j], closed):
+    def is_free(i: int, j: int) -> bool:
+        if _straight_motion_is_simple(a[i], b[j], closed):
             return True
         open_to[: i + 1, : j + 1] = False
         return False
@@ -150,19 +162,23 @@ def _shortest(a: Points, b: Points, closed: bool, below: float) -> tuple[float, 
     low, high = 0, min(len(a), len(b)) - 1
     while low < high:  # bisection: how plain must both be? This rules out many pairs
         middle = (low + high) // 2
-        low, high = (low, middle) if free(middle, middle) else (middle + 1, high)
+        low, high = (low, middle) if is_free(middle, middle) else (middle + 1, high)
     for way in np.argsort(far, axis=None):
         i, j = divmod(int(way), len(b))
-        if open_to[i, j] and free(i, j):
-            # One pose plainer if that is free too: the shortest free path almost folds.
-            if i + 1 < len(a) and j + 1 < len(b) and _free(a[i + 1], b[j + 1], closed):
+        if open_to[i, j] and is_free(i, j):
+            # One pose plainer if that is is_free too: the shortest is_free path almost folds.
+            if (
+                i + 1 < len(a)
+                and j + 1 < len(b)
+                and _straight_motion_is_simple(a[i + 1], b[j + 1], closed)
+            ):
                 return float(far[i, j]), i + 1, j + 1
             return float(far[i, j]), i, j
     return None
 
 
-def _plainer(points: Points, closed: bool) -> Points:
-    """Return poses (k, n, 2) from a curve to its plain form: round, a triangle or a line."""
+def _simplify_curve(points: Points, closed: bool) -> Points:
+    """Return poses (k, n, 2) that turn a curve (n, 2) into a round shape, a triangle or a line."""
     if not closed:
         poses, plain = straighten_curve(points)
     else:
@@ -179,8 +195,8 @@ def _plainer(points: Points, closed: bool) -> Points:
 
 
 @kernel
-def _apart(a: Points, b: Points) -> Points:
-    """Return the mean vertex distance (k, m) of poses a (k, n, 2) from poses b (m, n, 2)."""
+def _pose_distances(a: Points, b: Points) -> Points:
+    """Return the mean vertex distances (k, m) between poses a (k, n, 2) and b (m, n, 2)."""
     far = np.zeros((len(a), len(b)))
     for i in range(len(a)):
         for j in range(len(b)):
@@ -191,8 +207,8 @@ def _apart(a: Points, b: Points) -> Points:
 
 
 @kernel
-def _free(first: Points, second: Points, closed: bool) -> bool:
-    """Return whether the straight motion from one polygon to the other stays simple."""
+def _straight_motion_is_simple(first: Points, second: Points, closed: bool) -> bool:
+    """Return whether a polygon that moves straight to another (n, 2) never meets itself."""
     path = np.empty((PARTS + 1, len(first), 2))
     for k in range(PARTS + 1):
         share = k / PARTS
@@ -200,15 +216,16 @@ def _free(first: Points, second: Points, closed: bool) -> bool:
             for axis in range(2):
                 path[k, v, axis] = (1 - share) * first[v, axis] + share * second[v, axis]
     for k in (8, 4, 12, 2, 14):  # most motions that fold do so here: a quick first test
-        if count_folds(path[k], closed, True):
+        if count_folds_unchecked(path[k], closed, True):
             return False
-    return no_contact(path, closed)
+    return stays_simple_unchecked(path, closed)
 
 
-def _frames(poses: Points, frames: int, closed: bool) -> tuple[Points, bool]:
-    """Return frames at constant speed, smoothed in time as far as they stay simple.
+def _frames_along_path(poses: Points, frames: int, closed: bool) -> tuple[Points, bool]:
+    """Return frames at constant speed along poses, smoothed in time if they stay simple.
 
-    Also return whether each frame lies, up to its size, on the unsmoothed path.
+    poses (k, n, 2); frames: their number. Also return whether each frame lies, up to its size, on
+    the unsmoothed path.
     """
     on_the_way = True
     along = path_lengths(poses)
@@ -223,11 +240,14 @@ def _frames(poses: Points, frames: int, closed: bool) -> tuple[Points, bool]:
         if stays_simple(smooth, closed):
             even, on_the_way = smooth, False
             break
-    return (_within(even) if closed else even), on_the_way
+    return (_limit_areas(even) if closed else even), on_the_way
 
 
 def _smooth_in_time(stack: Points, width: float) -> Points:
-    """Smooth by a Gaussian in time, SD `width` frames, mirrored at the ends, which stay."""
+    """Smooth the frames (f, n, 2) of a motion by a Gaussian in time; both ends stay.
+
+    width: its standard deviation in frames. The motion is mirrored beyond its ends.
+    """
     f = len(stack)
     reach = min(int(3 * width) + 1, f - 1)
     longer = np.concatenate(
@@ -241,9 +261,9 @@ def _smooth_in_time(stack: Points, width: float) -> Points:
     return (rows @ longer.reshape(len(longer), -1)).reshape(stack.shape)
 
 
-def _within(stack: Points) -> Points:
-    """Return the frames, scaled to areas between those of the first and the last."""
-    sizes = [area(Curve(pose, True)) for pose in stack]
+def _limit_areas(stack: Points) -> Points:
+    """Scale frames (f, n, 2) so that their areas lie between those of the first and the last."""
+    sizes = [signed_area(Curve(pose, True)) for pose in stack]
     goals = np.clip(sizes, min(sizes[0], sizes[-1]), max(sizes[0], sizes[-1]))
     return np.stack(
         [
@@ -254,27 +274,28 @@ def _within(stack: Points) -> Points:
 
 
 def _has_simple_motion(stack: Points, closed: bool) -> bool:
-    """Return whether each simple frame has a proved simple motion to the next; see SimpleMorph.
+    """Return whether the motion between simple frames (f, n, 2) is proved simple.
 
-    An edge that turns round passes through length 0, where it meets its neighbours. Slight
-    smoothing on the way, with positive weights, lets it turn at a positive length.
+    The motion may stray as `SimpleMorph.proved` says. An edge that turns round passes through
+    length 0, where it meets its neighbours. Slight smoothing, with positive weights, lets it turn
+    at a positive length.
     """
     for k in range(len(stack) - 1):
         pair = stack[k : k + 2]
-        if no_contact(pair, closed):
+        if stays_simple_unchecked(pair, closed):
             continue
         middle = pair.mean(axis=0)
-        away = _smoothed_along(middle, closed) - middle
+        away = _smooth_contour(middle, closed) - middle
         edge = np.hypot(*np.diff(middle, axis=0).T).mean()
         sizes = (stray * edge / abs(away).max() for stray in (NUDGE / 100, NUDGE / 10, NUDGE))
         detours = (np.stack([pair[0], middle + size * away, pair[1]]) for size in sizes)
-        if not any(no_contact(detour, closed) for detour in detours):
+        if not any(stays_simple_unchecked(detour, closed) for detour in detours):
             return False
     return True
 
 
-def _smoothed_along(points: Points, closed: bool) -> Points:
-    """Return the polygon with each edge a mean of all edges, weighted by distance."""
+def _smooth_contour(points: Points, closed: bool) -> Points:
+    """Return the polygon (n, 2) with each edge replaced by a mean of the edges near it."""
     longer = np.r_[points, points[:1]] if closed else np.r_[points, points[-2::-1]]
     edges = np.diff(longer, axis=0)
     if not closed:
@@ -291,9 +312,9 @@ def _smoothed_along(points: Points, closed: bool) -> Points:
 
 
 def _resize_polygon(points: Points, goal: float) -> Points:
-    """Return a polygon (n, 2) scaled about the mean of its vertices to the area `goal`, signed."""
+    """Scale a polygon (n, 2) about the mean of its vertices to the signed area `goal`."""
     middle = points.mean(axis=0)
-    return middle + (points - middle) * np.sqrt(goal / area(Curve(points, True)))
+    return middle + (points - middle) * np.sqrt(goal / signed_area(Curve(points, True)))
 
 
 def shorten_polygon(points: Points) -> tuple[Points, bool]:
@@ -304,11 +325,11 @@ def shorten_polygon(points: Points) -> tuple[Points, bool]:
     """
     poses = [np.ascontiguousarray(points, np.float64)]
     edges = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
-    goal = area(Curve(points, True))
+    goal = signed_area(Curve(points, True))
     step, halved = edges.mean() ** 2, 0
     while 4 * np.pi * abs(goal) <= ROUND * edges.sum() ** 2:
         pose = _resize_polygon(_implicit_step(poses[-1], step), goal)
-        if no_contact(np.stack([poses[-1], pose]), True):
+        if stays_simple_unchecked(np.stack([poses[-1], pose]), True):
             poses.append(pose)
             edges = np.hypot(*(np.roll(pose, -1, axis=0) - pose).T)
             step, halved = min(step * GROWTH, STEP * abs(goal)), 0
@@ -320,9 +341,10 @@ def shorten_polygon(points: Points) -> tuple[Points, bool]:
 
 
 def _implicit_step(points: Points, step: float) -> Points:
-    """Solve (1 + 2 q_i) x_i − q_i (x_{i−1} + x_{i+1}) = points_i, q_i = step / |x_u|².
+    """Return a polygon (n, 2) after one implicit step of curve shortening, of length `step`.
 
-    The system is tridiagonal but for two corners, which Sherman and Morrison's formula adds.
+    It solves (1 + 2 q_i) x_i − q_i (x_{i−1} + x_{i+1}) = points_i, q_i = step / |x_u|². The system
+    is tridiagonal but for two corners, which Sherman and Morrison's formula adds.
     """
     edges = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
     q = step / ((np.roll(edges, 1) + edges) / 2) ** 2
@@ -345,7 +367,7 @@ def cut_ears(points: Points) -> tuple[Points, bool]:
     can stop the method before the triangle.
     """
     pose = np.ascontiguousarray(points, np.float64)
-    goal, n = area(Curve(pose, True)), len(pose)
+    goal, n = signed_area(Curve(pose, True)), len(pose)
     poses, corners = [pose], np.arange(n)
     while len(corners) > 3:
         before, after = np.roll(corners, 1), np.roll(corners, -1)
@@ -358,7 +380,7 @@ def cut_ears(points: Points) -> tuple[Points, bool]:
             share = span[:, None] / (len(span) + 1)
             cut = pose.copy()
             cut[(first + span) % n] = pose[first] + (pose[last] - pose[first]) * share
-            if tip[corner] >= 0 and no_contact(np.stack([pose, cut]), True):
+            if tip[corner] >= 0 and stays_simple_unchecked(np.stack([pose, cut]), True):
                 break
         else:
             return np.stack(poses), False
@@ -368,7 +390,7 @@ def cut_ears(points: Points) -> tuple[Points, bool]:
 
 
 def straighten_curve(points: Points) -> tuple[Points, bool]:
-    """Return poses (k, n, 2) from a simple open curve (n, 2) to a straight one, and whether it is.
+    """Return poses (k, n, 2) from an open simple curve (n, 2) to a line, and whether it is one.
 
     Straight means that every edge runs within 45° of the line from end to end.
     """
@@ -380,7 +402,7 @@ def straighten_curve(points: Points) -> tuple[Points, bool]:
         x, y = (np.interp(marks, along, values) for values in points.T)
         pose = np.stack([x - x.mean(), y - y.mean()], axis=1) / (shrink * part)
         pose += points.mean(axis=0)
-        if no_contact(np.stack([poses[-1], pose]), False):
+        if stays_simple_unchecked(np.stack([poses[-1], pose]), False):
             poses.append(pose)
             part, shrink = shrink * part, max(SHRINK, shrink**2)
         elif shrink < SLOWEST:
@@ -391,14 +413,14 @@ def straighten_curve(points: Points) -> tuple[Points, bool]:
 
 
 def _is_straight(points: Points) -> bool:
-    """Return whether every edge of an open curve runs within 45° of its chord."""
+    """Return whether every edge of an open curve (n, 2) runs within 45° of its chord."""
     edges, chord = np.diff(points, axis=0), points[-1] - points[0]
     ahead, aside = edges @ chord, edges @ [-chord[1], chord[0]]
     return bool((ahead > abs(aside)).all())
 
 
-def join_plain_ends(first: Points, second: Points, closed: bool) -> Points:
-    """Return JOIN poses from one plain pose (n, 2) to another: (JOIN, n, 2), both included.
+def join_simplified_poses(first: Points, second: Points, closed: bool) -> Points:
+    """Return JOIN poses from one round or straight pose (n, 2) to another: (JOIN, n, 2).
 
     Closed: two polygons of one turning sense; open: two lines. From a point that sees a whole plain
     polygon, the vertices lie at increasing angles, less than half a turn apart. This holds for
@@ -406,7 +428,7 @@ def join_plain_ends(first: Points, second: Points, closed: bool) -> Points:
     """
     share = np.linspace(0, 1, JOIN)[:, None]
     ends = first, second
-    centres = [centroid(end) if closed else end.mean(axis=0) for end in ends]
+    centres = [area_centroids(end) if closed else end.mean(axis=0) for end in ends]
     a, b = ((end - centre) @ [1, 1j] for end, centre in zip(ends, centres, strict=True))
     if closed:
         angle_a, angle_b = np.unwrap(np.angle(a)), np.unwrap(np.angle(b))

@@ -12,29 +12,40 @@ from finloop.base.drawing import Morph
 from finloop.base.tool import format_frame_counts, frame_rate, run_tool
 from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
 from finloop.io.svg import load_svg
-from finloop.morph.layers import METHODS, Physics, Scales, morph, there_and_back
+from finloop.morph.layers import (
+    METHODS,
+    LinearOptions,
+    PhysicalOptions,
+    morph_drawings,
+    there_and_back,
+)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Read two drawings, write the morph, print its summary; return the exit status."""
-    options = _parser().parse_args(arguments)
-    return run_tool(options.output, lambda: _write(options))
+    options = _build_parser().parse_args(arguments)
+    return run_tool(options.output, lambda: _write_morph(options))
 
 
-def _write(options: argparse.Namespace) -> str:
-    """Write the morph and return its summary."""
+def _write_morph(options: argparse.Namespace) -> str:
+    """Write the morph that the command line's options describe; return its summary."""
     find_morph_writer(options.output)  # check the ending first
     drawings = load_svg(options.a), load_svg(options.b)
-    physics = Physics(options.elastic, options.damping, options.mass)
-    result = morph(
-        *drawings, options.method, options.frames, options.points, Scales(options.level), physics
+    physics = PhysicalOptions(options.elastic, options.damping, options.mass)
+    result = morph_drawings(
+        *drawings,
+        options.method,
+        options.frames,
+        options.points,
+        LinearOptions(options.level),
+        physics,
     )
     film = there_and_back(result) if options.back else result
     save_animation(options.output, film, options.fps, options.size)
-    return _summary(result)
+    return _summarise_morph(result)
 
 
-def _summary(result: Morph) -> str:
+def _summarise_morph(result: Morph) -> str:
     """Return a line for the user: how many contours and frames a morph has, and where it folds."""
     frames = len(result.tau)
     text = f"{len(result.layers)} contours, {frames} frames, "
@@ -46,7 +57,8 @@ def _summary(result: Morph) -> str:
     return text + f"no folds in a frame; between frames not proved for {unproved}"
 
 
-def _parser() -> argparse.ArgumentParser:
+def _build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line's options."""
     parser = argparse.ArgumentParser(
         prog="python -m finloop.morph",
         description="Morph one drawing into another; contours of the same id form a pair.",
@@ -65,7 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
     parser.add_argument("--back", action="store_true", help="append the morph in reverse")
     parser.add_argument("--level", type=int, help="linear: scales omitted (default none)")
-    usual = Physics()
+    usual = PhysicalOptions()
     parser.add_argument("--elastic", type=float, default=usual.elastic, help="physical: stiffness")
     parser.add_argument("--damping", type=float, default=usual.damping, help="physical: damping")
     parser.add_argument("--mass", type=float, default=usual.mass, help="physical: mass")

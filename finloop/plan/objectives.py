@@ -12,7 +12,7 @@ from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_leaf, kernel_part, leaf_kernel
 from finloop.plan.cost import NO_STEERING, Steering, huber
 from finloop.plan.world import FilmWorld
-from finloop.social.rule import Self, shoaling_place
+from finloop.social.rule import DecidingFish, next_place_in_school
 
 
 class Objective(NamedTuple):
@@ -174,6 +174,6 @@ def rule_target(
     shoaling = rule.shoaling
     assert shoaling is not None
     last = fish.speed * shoaling.horizon / world.motion.rate_hz
-    own = Self(fish.x, fish.y, fish.heading, last)
-    place = shoaling_place(own, rule.others, shoaling, world.walls, rng)
+    own = DecidingFish(fish.x, fish.y, fish.heading, last)
+    place = next_place_in_school(own, rule.others, shoaling, world.walls, rng)
     return None if place is None else (np.array(world.tank.into(*place)), shoaling.horizon)

@@ -21,7 +21,7 @@ from finloop.animate.shoal import NoRoom
 from finloop.animate.state import Fish, Progress, State
 from finloop.base.arrays import Floats, Ints
 from finloop.edit.build import EditInputs
-from finloop.edit.joins import Joins
+from finloop.edit.joins import JoinRules
 from finloop.edit.schema import (
     AS_PREDICTED,
     FILM,
@@ -45,7 +45,7 @@ from finloop.plan.search import Candidates, SearchStart, search
 from finloop.plan.sources import MotionSource
 from finloop.plan.walls import fits
 from finloop.plan.world import FilmWorld
-from finloop.social.rule import Shoaling
+from finloop.social.rule import SchoolRule
 
 _PLACES = 200  # tries to draw a place clear of the other fish
 _FEWER = 4  # divides the beam of a fish that has others near it
@@ -66,8 +66,8 @@ class Planner:
     film: MotionSource | None
     prediction: MotionSource | None
     cast: Cast
-    joins: Joins
-    shoaling: Shoaling | None
+    joins: JoinRules
+    shoaling: SchoolRule | None
     sprite_rows: Ints
 
     most_fish = None

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from finloop.curve.contour import Curve
-from finloop.curve.wavelet import drop_details, scales
+from finloop.curve.wavelet import drop_details, scale_slices
 
 LEVELS = (0, 3, 4, 5, 6)  # the paper leaves out 1 and 2, which look like the curve
 INK, REST = "#0072B2", "#B0B0B0"
@@ -78,7 +78,7 @@ def figure3(matrix: csr_array, levels: int, title: str) -> Figure:
         norm=LogNorm(1e-6, 1),
         interpolation="nearest",
     )
-    for place in scales(n, levels)[1:]:
+    for place in scale_slices(n, levels)[1:]:
         ax.axhline(place.start - 0.5, color=INK, lw=0.8)
         ax.axvline(place.start - 0.5, color=INK, lw=0.8)
     ax.set(title=title, xlabel="coefficient, coarse to fine", ylabel="coefficient, coarse to fine")

@@ -10,8 +10,14 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Points
-from finloop.gait.fit import GaitContours, Keys, Subcycle
-from finloop.gait.model import Gait, Layout, at_phases, clock, four_keys
+from finloop.gait.fit import GaitContours, KeyFrames, Subcycle
+from finloop.gait.model import (
+    Gait,
+    HalfCycleLayout,
+    contours_at_phases,
+    four_key_frames,
+    key_1_share,
+)
 
 INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY = "#B0B0B0"
@@ -26,7 +32,7 @@ Pose = Mapping[str, Points]
 def figures(
     film: GaitContours,
     gait: Gait,
-    keys: Keys,
+    keys: KeyFrames,
     subcycles: Mapping[tuple[str, int], Subcycle],
     pictures: tuple[Sequence[NDArray[np.uint8]], Points] | None = None,
 ) -> Iterator[tuple[str, Figure]]:
@@ -66,7 +72,7 @@ def _figure8_contours(film: GaitContours) -> Figure:
     return _draw_sheet(rows, titles, [""] * len(rows), "contours of the film")
 
 
-def _figure9(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
+def _figure9(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
     """Draw (a) when limbs are on the ground or how far contours reach, (b) the four key frames."""
     figure = Figure(figsize=(9, 4.6), layout="constrained")
     parts: Any = figure.subfigures(2, 1, height_ratios=[1, 1.1])
@@ -83,7 +89,9 @@ def _figure9(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
     else:
         _draw_reach(ax, gait, keys, film)
     ax.set(xlim=(0, 1), xlabel="phase of the cycle")
-    poses = four_keys(keys.first, keys.second, film.symmetry, Layout(offsets=film.offsets))
+    poses = four_key_frames(
+        keys.first, keys.second, film.symmetry, HalfCycleLayout(offsets=film.offsets)
+    )
     titles = [f"key {name}" for name in KEY_NAMES]
     _draw_cells(parts[1].subplots(), [list(poses)], titles)
     return figure
@@ -105,7 +113,7 @@ def _draw_support(ax: Axes, gait: Gait) -> None:
     ax.set_title("● on the ground, ○ lifted", fontsize=9, pad=18)
 
 
-def _draw_reach(ax: Axes, gait: Gait, keys: Keys, film: GaitContours) -> None:
+def _draw_reach(ax: Axes, gait: Gait, keys: KeyFrames, film: GaitContours) -> None:
     """Draw how far each contour reaches to either side over the cycle."""
     phases = np.linspace(0, 1, 121)
     frames = _frames(gait, keys, film, phases)
@@ -118,7 +126,7 @@ def _draw_reach(ax: Axes, gait: Gait, keys: Keys, film: GaitContours) -> None:
     ax.legend(fontsize=8)
 
 
-def _figure10(film: GaitContours, keys: Keys, split: float) -> Figure:
+def _figure10(film: GaitContours, keys: KeyFrames, split: float) -> Figure:
     """Draw subcycle A up to key 2, at the phase `split`, with C mapped onto it by the symmetry."""
     inside = (np.mod(film.phase, 0.5) > 0) & (np.mod(film.phase, 0.5) < split)
     late = (np.mod(film.phase, 1) >= 0.5)[inside, None, None]
@@ -166,7 +174,7 @@ def _figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
             gamma = model.gammas(False, 0.0)[0]
             ink = INKS[sub]
             text = f"{'AB'[sub]}: γ = {gamma:+.2f}"
-            ax.plot(tau, clock(tau, np.array(gamma)), color=ink, lw=1.2)
+            ax.plot(tau, key_1_share(tau, np.array(gamma)), color=ink, lw=1.2)
             ax.plot(
                 model.samples.tau, flat @ way / max(float(way @ way), 1e-300), mark,
                 color=ink, ms=4.5, mfc="none", label=text,
@@ -178,7 +186,7 @@ def _figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
     return figure
 
 
-def _figure12(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
+def _figure12(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
     """Draw the synthesized cycle, subcycles A to D in rows."""
     edges = np.array([0, gait.split, 0.5, 0.5 + gait.split, 1])
     tau = np.arange(_COLUMNS) / _COLUMNS
@@ -188,7 +196,7 @@ def _figure12(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
     return _draw_sheet(rows, titles, list("ABCD"), "synthesized cycle")
 
 
-def _figure13(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
+def _figure13(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
     """Draw subcycle A, synthesized, in two rows."""
     phases = np.linspace(0, gait.split, 2 * _COLUMNS)
     rows = _rows(_frames(gait, keys, film, phases))
@@ -196,7 +204,7 @@ def _figure13(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
     return _draw_sheet(rows, titles, ["", ""], "subcycle A")
 
 
-def _figure14(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
+def _figure14(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
     """Draw the cycle with 4, 16 and 64 control points per contour, a row each."""
     phases = np.arange(_COLUMNS) / _COLUMNS
     rows = [_rows(_frames(gait, keys, film, phases, control))[0] for control in _CONTROL]
@@ -206,10 +214,10 @@ def _figure14(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
 
 
 def _frames(
-    gait: Gait, keys: Keys, film: GaitContours, phases: Points, control: int | None = None
+    gait: Gait, keys: KeyFrames, film: GaitContours, phases: Points, control: int | None = None
 ) -> dict[str, Points]:
-    layout = Layout(offsets=film.offsets)
-    return at_phases(keys.first, keys.second, gait, phases, layout, control=control)
+    layout = HalfCycleLayout(offsets=film.offsets)
+    return contours_at_phases(keys.first, keys.second, gait, phases, layout, control=control)
 
 
 def _rows(frames: Mapping[str, Points]) -> list[list[Pose]]:

@@ -5,7 +5,7 @@ import numpy as np
 from finloop.base.cutout import Cutouts
 from finloop.plots.parts import Picture, in_rows, on_grey, write
 from finloop.pose.film import FilmPoses
-from finloop.puppet import draw
+from finloop.puppet import draw_in_pose
 
 _INK = (150, 30, 30)
 SHAPES, TIMES = 4, (-2, -1, 0, 1, 2)
@@ -27,7 +27,7 @@ def draw_shapes(poses: FilmPoses, film: Cutouts, size: int = 150) -> Picture:
             codes = np.zeros(len(shapes.shapes))
             codes[number] = times * np.sqrt(shapes.variance[number])
             pose = poses.pose_from_codes(row, codes).move_to(middle, middle, 0, length)
-            picture = 255 * draw(film[row], poses.pose[row], pose, (size, size))
+            picture = 255 * draw_in_pose(film[row], poses.pose[row], pose, (size, size))
             tile = on_grey(picture[..., :-1], picture[..., -1:] / 255)
             write(tile, f"{number + 1}: {share:.1f} %, {times:+d} sd", (4, 12), _INK, 0.35)
             tiles.append(tile)

@@ -12,10 +12,16 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
-from finloop.edit.schema import FRAME, SPOT, Goal, by_fish
+from finloop.edit.schema import FRAME, SPOT, Goal, split_by_fish
 from finloop.plots.parts import Picture, arrows, convert_to_colour, in_rows, over_tank
-from finloop.render.marks import goal_stretches, goal_ticks, rgb, tick_categories, write
-from finloop.render.painter import Painter, Placed
+from finloop.render.marks import (
+    goal_stretches,
+    rgb_from_hex,
+    tick_categories,
+    ticks_with_goal,
+    write_text,
+)
+from finloop.render.painter import Painter, PlacedFish
 
 _WANDERING = "0.35"
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
@@ -33,7 +39,7 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
     way, fish = edit[["x_px", "y_px"]].to_numpy(float), edit["fish"].to_numpy()
     later = np.flatnonzero(fish[1:] == fish[:-1]) + 1
     steps = np.stack([way[later - 1], way[later]], axis=1)
-    aimed = goal_ticks(edit)[later]
+    aimed = ticks_with_goal(edit)[later]
     state = names.to_numpy()[later]
     axes.add_collection(LineCollection(list(steps[~aimed]), colors=_WANDERING, lw=0.7, alpha=0.7))
     for name, colour in colours.items():
@@ -46,7 +52,7 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
     axes.plot(starts["x_px"], starts["y_px"], "o", mfc="white", mec="black", ms=7, zorder=4)
     reached = {
         name: own["time_s"].iloc[stop]
-        for own in by_fish(edit) for name, _, stop in goal_stretches(own) if stop < len(own)
+        for own in split_by_fish(edit) for name, _, stop in goal_stretches(own) if stop < len(own)
     }  # fmt: skip
     for goal in goals:
         when = f"{goal.name}  {reached[goal.name]:.1f} s" if goal.name in reached else goal.name
@@ -144,7 +150,11 @@ def ticks_around_switch(tick: int, ticks: int) -> range:
 
 
 def cut_tiles(
-    edit: pd.DataFrame, ticks: Sequence[int], rows: Iterable[Placed], painter: Painter, half_px: int
+    edit: pd.DataFrame,
+    ticks: Sequence[int],
+    rows: Iterable[PlacedFish],
+    painter: Painter,
+    half_px: int,
 ) -> list[Tile]:
     """Return a tile around the fish at each of the given ticks of an edit list.
 
@@ -179,7 +189,7 @@ def draw_tiles(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: int =
 def _draw_tile(tile: Tile, size: int) -> Picture:
     big = cv2.resize(convert_to_colour(tile.film), (size, size), interpolation=cv2.INTER_CUBIC)
     bar = np.full((18, size, 3), 255, np.uint8)
-    bar[:, :5] = rgb(tile.colour)
+    bar[:, :5] = rgb_from_hex(tile.colour)
     share = f"  {100 * tile.weight:.0f} %" if tile.weight > 0 else ""
-    write(bar, f"{tile.tick} {tile.name}{share}", (9, 13), (0, 0, 0), 12)
+    write_text(bar, f"{tile.tick} {tile.name}{share}", (9, 13), (0, 0, 0), 12)
     return np.pad(np.vstack([bar, big]), ((1, 1), (1, 1), (0, 0)), constant_values=255)

@@ -9,7 +9,7 @@ import pandas as pd
 from finloop.base.arrays import Picture, Points
 from finloop.base.schema import lists_to_points
 from finloop.plots.parts import Colour, convert_to_colour, in_rows, write
-from finloop.render.painter import Painter, Placed
+from finloop.render.painter import Painter, PlacedFish
 
 _ASKED, _DRAWN, _INK = (86, 180, 233), (213, 94, 0), (150, 30, 30)
 _HALO = (255, 255, 255)
@@ -28,7 +28,7 @@ def choose_ticks(asked: pd.DataFrame) -> list[int]:
 
 
 def draw_backbones(
-    asked: pd.DataFrame, ticks: Sequence[int], fish: Iterable[Placed], painter: Painter,
+    asked: pd.DataFrame, ticks: Sequence[int], fish: Iterable[PlacedFish], painter: Painter,
     size_px: int,
 ) -> Picture:  # fmt: skip
     """Draw one tile per tick: the fish, the requested points (wide, blue), its backbone (red).

@@ -15,7 +15,7 @@ from finloop.features.memory import measure_memory_frames
 from finloop.pose.settings import PoseSettings
 from finloop.puppet.pose import Pose, poses_from_features
 from finloop.puppet.shapes import PoseShapes
-from finloop.puppet.tail import Tail, align_body_and_tail, tail_spread
+from finloop.puppet.tail import TailParameters, align_body_and_tail, visible_tail_spread
 
 POSES = Schema(
     Column("track_id", "int32", "1"),
@@ -34,7 +34,7 @@ class ShapeFacts:
 
     mean (d), shapes (c, d), weights (d), variance (c), total_variance, gap: see `PoseShapes`.
     trunk: whether body and tail have backbone points of their own; tail_spread: the number that
-    decides it (`puppet.tail.tail_spread`). memory_frames: see `FilmPoses`.
+    decides it (`puppet.tail.visible_tail_spread`). memory_frames: see `FilmPoses`.
     """
 
     mean: list[float]
@@ -92,10 +92,10 @@ def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) ->
     """
     lines = lists_to_points(tracks, "backbone").astype(float)
     lines = np.where(begins_at_tail(lines, features)[:, None, None], lines[:, ::-1], lines)
-    spread = tail_spread(tracks, lines, p.tail_width_ratio)
+    spread = visible_tail_spread(tracks, lines, p.tail_width_ratio)
     apart = p.separate_tail == "yes" or (p.separate_tail == "auto" and spread > p.tail_spread)
     if apart:
-        how = Tail(p.tail_width_ratio, p.tail_smoothing, p.tail_body, p.tail_whole)
+        how = TailParameters(p.tail_width_ratio, p.tail_smoothing, p.tail_body, p.tail_whole)
         lines = align_body_and_tail(tracks, lines, how)
     pose = poses_from_features(features, lines)
     shapes = PoseShapes.fit(pose.posture, p.explained_variance_ratio, p.max_film_distance_quantile)
@@ -130,7 +130,7 @@ def _build_poses(
     posture: Floats | None = None,
 ) -> FilmPoses:  # fmt: skip
     """Return the poses with codes (n, c); posture: those of the codes, None to compute them."""
-    whole = replace(shapes, codes=np.concatenate([codes, codes @ shapes.mirror]))
+    whole = replace(shapes, codes=np.concatenate([codes, codes @ shapes.mirror_matrix]))
     pose = Pose(
         features["x_px"].to_numpy(float), features["y_px"].to_numpy(float),
         np.radians(features["heading_deg"].to_numpy(float)),

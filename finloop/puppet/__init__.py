@@ -8,7 +8,8 @@ in one pose differ in light and skin, not in shape.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "drawing": ["PosedPicture", "blend", "draw"], "pose": ["Pose", "poses_from_features"],
+    "drawing": ["PosedPicture", "draw_in_pose", "mix_pictures"],
+    "pose": ["Pose", "poses_from_features"],
     "shapes": ["PoseShapes"], "strip": ["PlacedBackbone"],
-    "tail": ["Tail", "tail_spread", "align_body_and_tail"],
+    "tail": ["TailParameters", "align_body_and_tail", "visible_tail_spread"],
 })  # fmt: skip

@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Picture
 from finloop.base.cutout import Cutout
 from finloop.distance.picture import blur_for_shrinking
-from finloop.puppet.lay import DrawingMode, paint, plan
+from finloop.puppet.lay import DrawingMode, paint_strips, plan_strips
 from finloop.puppet.pose import Pose
 from finloop.puppet.strip import PlacedBackbone
 
 Premultiplied = NDArray[np.float32]
 
 
-def draw(
+def draw_in_pose(
     cutout: Cutout,
     pose: Pose,
     target: Pose,
@@ -23,7 +23,7 @@ def draw(
     mirrored: bool = False,
     sharp: bool = True,
 ) -> Premultiplied:
-    """Draw an animal in another pose: a picture (height, width, c), premultiplied, 0 … 1.
+    """Draw a cut-out in another pose: a picture (height, width, c), premultiplied, 0 … 1.
 
     Drawn in its own pose at its own place it is the frame itself. pose: px of the film; target: px
     of the new picture; size: its height and width, px; mirrored: whether the animal's left is drawn
@@ -32,11 +32,11 @@ def draw(
     """
     source = place_backbone(pose, cutout.x0_px, cutout.y0_px)
     strip = PosedPicture(cutout.pixels, source, place_backbone(target), mirrored, sharp)
-    return strip.in_box((0, 0, *size))
+    return strip.draw_part((0, 0, *size))
 
 
 class PosedPicture:
-    """A film's picture planned in another pose; `in_box` draws any part of the new picture.
+    """A picture of the film, prepared to be drawn in another pose, whole or in parts.
 
     box: rows and columns [px] that the animal may cover, half open: top, left, bottom, right.
     """
@@ -49,37 +49,38 @@ class PosedPicture:
         mirrored: bool,
         sharp: bool = True,
     ) -> None:
-        """Plan the drawing of a picture (h, w, c), 0 … 255, premultiplied; see `draw`.
+        """Prepare to draw a picture (h, w, c), 0 … 255, premultiplied, in another pose.
 
-        source, target: the animal's backbone in it and in the new picture.
+        source, target: the animal's backbone in it and in the new picture; mirrored, sharp as in
+        `draw_in_pose`.
         """
         across = source.size_px / target.size_px
         self._how = DrawingMode(across, mirrored, sharp)
         self._film = blur_for_shrinking(pixels.astype(np.float32), 1 / across)
-        self._plan = plan(self._film, source, target, self._how)
+        self._plan = plan_strips(self._film, source, target, self._how)
         self.box: tuple[int, int, int, int] = self._plan.box
 
-    def in_box(self, box: tuple[int, int, int, int]) -> Premultiplied:
-        """Draw part of the new picture: (bottom - top, right - left, c), premultiplied, 0 … 1.
+    def draw_part(self, box: tuple[int, int, int, int]) -> Premultiplied:
+        """Draw a part of the new picture: (bottom - top, right - left, c), premultiplied, 0 … 1.
 
         box: its rows and columns [px], half open: top, left, bottom, right.
         """
         top, left, bottom, right = box
         canvas = np.zeros((bottom - top, right - left, self._film.shape[2]), np.float32)
-        paint(canvas, self._film, self._plan, self._how, (top, left))
+        paint_strips(canvas, self._film, self._plan, self._how, (top, left))
         return canvas
 
 
-def blend(first: Premultiplied, second: Premultiplied, weight: float) -> Premultiplied:
+def mix_pictures(first: Premultiplied, second: Premultiplied, weight: float) -> Premultiplied:
     """Mix two pictures (h, w, c) of one pose: 1 − weight of the first, weight of the second.
 
-    Light and skin change; the shape, which is the same, stays.
+    Light and skin change; the shape is equal in both and stays.
     """
     return cv2.addWeighted(first, 1 - weight, second, weight, 0)
 
 
 def place_backbone(pose: Pose, x0_px: float = 0.0, y0_px: float = 0.0) -> PlacedBackbone:
-    """Return one pose's backbone, placed in a picture whose first pixel is at (x0_px, y0_px)."""
+    """Return the backbone of one pose in a picture whose first pixel is at (x0_px, y0_px)."""
     x, y, heading, size = pose.x_px, pose.y_px, pose.heading_rad, pose.size_px
     return PlacedBackbone(
         float(x - x0_px), float(y - y0_px), float(heading), float(size), pose.posture

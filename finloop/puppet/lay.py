@@ -38,7 +38,7 @@ class DrawingMode(NamedTuple):
 
 
 class StripLayout(NamedTuple):
-    """The strips of a film's picture and of the new one, and how far the animal reaches.
+    """Where to draw a film's picture: the strips of it and of the new picture, and their reach.
 
     there, here: strips of m cross-sections, in the film and in the new picture; reach: (m - 1, 2)
     px beside each step of the new one, left and right, 0 where nothing is visible. box: rows and
@@ -52,7 +52,7 @@ class StripLayout(NamedTuple):
 
 
 @finite_kernel
-def plan(
+def plan_strips(
     film: NDArray[np.float32], source: PlacedBackbone, target: PlacedBackbone, how: DrawingMode
 ) -> StripLayout:
     """Plan how to draw a film's picture along another backbone: both strips, and the area to draw.
@@ -60,11 +60,11 @@ def plan(
     film: (h, w, c) 0 … 255, alpha last; source, target: the backbone in it and in the new picture.
     """
     there, here = cross_sections(source), cross_sections(target)
-    reach = _reach(film, there) / how.across
+    reach = _visible_reach(film, there) / how.across
     low_x = low_y = HIDDEN
     high_x = high_y = -HIDDEN
     for i in range(len(reach)):
-        if min(_least(here.limits, i), _least(there.limits, i)) <= 2 * LEAST:
+        if min(_shortest_section(here.limits, i), _shortest_section(there.limits, i)) <= 2 * LEAST:
             reach[i, 0] = reach[i, 1] = 0
             continue
         if how.mirrored:
@@ -85,31 +85,35 @@ def plan(
 
 
 @finite_leaf
-def _least(limits, i):  # type: ignore[no-untyped-def]
-    """Return the length of the shortest cross-section at a step."""
+def _shortest_section(limits, i):  # type: ignore[no-untyped-def]
+    """Return the length of the shortest of the cross-sections at the two ends of step i."""
     return min(limits[i, 0], limits[i, 1], limits[i + 1, 0], limits[i + 1, 1])
 
 
 @finite_kernel
-def paint(
+def paint_strips(
     canvas: NDArray[np.float32], film: NDArray[np.float32], to: StripLayout, how: DrawingMode,
     corner: tuple[int, int],
 ) -> None:  # fmt: skip
-    """Draw the film's picture into the canvas as planned; `corner`: its first row and column.
+    """Draw a film's picture into a canvas along another backbone, as `plan_strips` planned.
 
     canvas: (H, W, c), zero, becomes 0 … 1; film: (h, w, c) 0 … 255; both premultiplied, alpha last.
-    Where two parts of the body meet, the one with more alpha is visible.
+    corner: row and column of the canvas's first pixel. Where two parts of the body meet, the one
+    with more alpha is visible.
     """
     for i in range(len(to.reach)):
         if to.reach[i, 0] + to.reach[i, 1] > 0:
-            _step(
+            _paint_step(
                 canvas, film, (to.there, to.here), (i, to.reach[i, 0], to.reach[i, 1]), how, corner
             )
 
 
 @finite_kernel
-def _reach(film, there):  # type: ignore[no-untyped-def]
-    """Return how far [px] the animal reaches beside each step (m - 1, 2), left and right."""
+def _visible_reach(film, there):  # type: ignore[no-untyped-def]
+    """Return how far [px] the animal is visible beside each step of a strip, (m - 1, 2).
+
+    film: (h, w, c), alpha last; there: the strip in it.
+    """
     height, width, channels = film.shape
     m = len(there.points)
     rays = np.empty((m, 2))
@@ -140,8 +144,8 @@ def _reach(film, there):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _section(strip, i):  # type: ignore[no-untyped-def]
-    """Return a cross-section as numbers: point, normal, and limits on its left and right."""
+def _section_numbers(strip, i):  # type: ignore[no-untyped-def]
+    """Return cross-section i of a strip: point, normal, and limits on its left and right."""
     return (
         (strip.points[i, 0], strip.points[i, 1]),
         (strip.normals[i, 0], strip.normals[i, 1]),
@@ -150,8 +154,11 @@ def _section(strip, i):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _span(y, front, rear):  # type: ignore[no-untyped-def]
-    """Return the range of x in a row of pixels between two cross-sections."""
+def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
+    """Return from where to where, in x, a row of pixels lies between two cross-sections.
+
+    y: the row; front, rear: the cross-sections, as `_section_numbers` returns them.
+    """
     (ax, ay), (anx, any_), _ = front
     (bx, by), (bnx, bny), _ = rear
     start, stop = -HIDDEN, HIDDEN
@@ -165,33 +172,39 @@ def _span(y, front, rear):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _step(canvas, film, strips, part, how, corner):  # type: ignore[no-untyped-def]
-    """Draw a step of the strip. part: its number, its reach to the left and to the right."""
+def _paint_step(canvas, film, strips, part, how, corner):  # type: ignore[no-untyped-def]
+    """Draw one step of a strip into the canvas.
+
+    strips: in the film and in the new picture; part: number of the step, its reach to the left and
+    to the right; corner: as in `paint_strips`.
+    """
     height, width, channels = canvas.shape
     (there, here), (i, left, right) = strips, part
-    front, rear = _section(here, i), _section(here, i + 1)
+    front, rear = _section_numbers(here, i), _section_numbers(here, i + 1)
     (ax, ay), (anx, any_), _ = front
     (bx, by), (bnx, bny), _ = rear
-    film_front, film_rear = _section(there, i), _section(there, i + 1)
+    film_front, film_rear = _section_numbers(there, i), _section_numbers(there, i + 1)
     xs = (ax + left * anx, ax - right * anx, bx + left * bnx, bx - right * bnx)
     ys = (ay + left * any_, ay - right * any_, by + left * bny, by - right * bny)
     top, left_px = corner
     low, high = max(min(xs), left_px), min(max(xs), left_px + width - 1.0)
     first, last = max(min(ys), top), min(max(ys), top + height - 1.0)
     for y in range(math.ceil(first), math.floor(last) + 1):
-        start, stop = _span(y, front, rear)
+        start, stop = _row_span(y, front, rear)
         for x in range(math.ceil(max(start, low)), math.floor(min(stop, high)) + 1):
             before = (x - ax) * any_ - (y - ay) * anx
             after = (bx - x) * bny - (by - y) * bnx
             if min(before, after) < -_SEAM or before + after < _SEAM:
                 continue
             share = before / (before + after)
-            t, along = _beside(x, y, front, rear, share)
+            t, along = _strip_place(x, y, front, rear, share)
             at = t * how.across, along * how.across, share
-            u, v = _place(at, film_front, film_rear, how.mirrored)
+            u, v = _film_place(at, film_front, film_rear, how.mirrored)
             if u >= HIDDEN:
                 continue
-            red, green, blue, alpha = _cubic(film, u, v) if how.sharp else _linear(film, u, v)
+            red, green, blue, alpha = (
+                _sample_cubically(film, u, v) if how.sharp else _sample_linearly(film, u, v)
+            )
             pixel = canvas[y - top, x - left_px]
             if alpha > pixel[channels - 1]:
                 pixel[0] = red
@@ -202,10 +215,10 @@ def _step(canvas, film, strips, part, how, corner):  # type: ignore[no-untyped-d
 
 
 @finite_kernel
-def _beside(x, y, front, rear, share):  # type: ignore[no-untyped-def]
-    """Return how far [px] (x, y) lies beside the backbone, + = left, on the strip, and along it.
+def _strip_place(x, y, front, rear, share):  # type: ignore[no-untyped-def]
+    """Return where on the strip a pixel (x, y) lies: how far beside the backbone, how far along.
 
-    Both count from the cross-section at `share` between `front` and `rear`.
+    Both in px, + = left, from the cross-section at `share` (0-1) between `front` and `rear`.
     """
     (ax, ay), (anx, any_), (aleft, aright) = front
     (bx, by), (bnx, bny), (bleft, bright) = rear
@@ -219,11 +232,12 @@ def _beside(x, y, front, rear, share):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _place(at, front, rear, mirrored):  # type: ignore[no-untyped-def]
-    """Return where (u, v) [px] in the film a place of the strip lies; the inverse of `_beside`.
+def _film_place(at, front, rear, mirrored):  # type: ignore[no-untyped-def]
+    """Return the place (u, v) [px] in the film that shows a place of the strip.
 
-    at: how far beside the backbone and along it, px of the film, and the share from the section
-    `front` to `rear`. (HIDDEN, HIDDEN) where the film's pose does not show it.
+    This undoes `_strip_place`. at: how far beside the backbone and along it, px of the film, and
+    the share from the section `front` to `rear`. (HIDDEN, HIDDEN) where the film's pose does not
+    show it.
     """
     (ax, ay), (anx, any_), (aleft, aright) = front
     (bx, by), (bnx, bny), (bleft, bright) = rear
@@ -243,8 +257,11 @@ def _place(at, front, rear, mirrored):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _linear(film, u, v):  # type: ignore[no-untyped-def]
-    """Return red (or grey), green, blue, alpha, 0 … 1, at (u, v) [px], by linear interpolation."""
+def _sample_linearly(film, u, v):  # type: ignore[no-untyped-def]
+    """Return the colour at (u, v) [px] by linear interpolation: red (or grey), green, blue, alpha.
+
+    film: 0 … 255; the result is 0 … 1.
+    """
     column, row = math.floor(u), math.floor(v)
     du, dv = np.float32(u - column), np.float32(v - row)
     red, green, blue, alpha = _sum_pixels(film, column, row, (_ONE - du, du), (_ONE - dv, dv))
@@ -252,8 +269,11 @@ def _linear(film, u, v):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _cubic(film, u, v):  # type: ignore[no-untyped-def]
-    """Return red (or grey), green, blue, alpha at (u, v) [px], by Keys' cubic interpolation."""
+def _sample_cubically(film, u, v):  # type: ignore[no-untyped-def]
+    """Return the colour at (u, v) [px] by Keys' cubic filter: red (or grey), green, blue, alpha.
+
+    film: 0 … 255; the result is 0 … 1.
+    """
     column, row = math.floor(u), math.floor(v)
     across, down = keys_weights(u - column), keys_weights(v - row)
     red, green, blue, alpha = _sum_pixels(film, column - 1, row - 1, across, down)
@@ -270,7 +290,11 @@ def _cubic(film, u, v):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _sum_pixels(film, left, top, across, down):  # type: ignore[no-untyped-def]
-    """Return the weighted sum of the pixels from (left, top) on; transparent outside."""
+    """Return the weighted sum of a square of pixels: red (or grey), green, blue, alpha.
+
+    left, top: its first pixel; across, down: weights of columns and rows. Outside, the film is
+    transparent.
+    """
     height, width, channels = film.shape
     red = green = blue = alpha = _ZERO
     taps = len(across)
@@ -318,7 +342,7 @@ class PictureSet(NamedTuple):
 
 @finite_kernel
 def distances_in_pose(film: PictureSet, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
-    """Return the distances (k,) of pictures `rows` and `to`, (k,), drawn in one pose (Eq. 5).
+    """Return the distances (k,) between pictures `rows` and `to`, (k,), drawn in one pose (Eq. 5).
 
     The distance is Euclidean, of pixels 0 … 1. Pictures `to` are drawn in the postures of `rows`,
     mirrored (k,) or not. If a picture is nearer as filmed, that distance counts.
@@ -327,7 +351,7 @@ def distances_in_pose(film: PictureSet, rows: Ints, to: Ints, mirrored: Mask) ->
     canvas = np.empty(film.pictures.shape[1:], np.float32)
     for k in range(len(rows)):
         pair = rows[k], to[k], mirrored[k]
-        apart[k] = _apart(film, pair, canvas)
+        apart[k] = _distance_in_pose(film, pair, canvas)
     return apart
 
 
@@ -335,11 +359,12 @@ def distances_in_pose(film: PictureSet, rows: Ints, to: Ints, mirrored: Mask) ->
 def nearest_in_pose(
     film: PictureSet, rows: Ints, to: tuple[Ints, Mask, Floats], unit: float, count: int
 ) -> Floats:
-    """Return the distances (k,) of `distances_in_pose`, −1 for pairs that cannot be among the best.
+    """Return the distances (k,) of the pairs that can be among the best of their row; −1 of others.
 
-    Each row keeps its `count` cheapest pairs. A pair costs its least cost plus the square of
-    (distance / unit). rows: (k,), rising. to: the second pictures, whether they are mirrored, and
-    the least costs, which rise within each row; (k,) each.
+    The distances are those of `distances_in_pose`. Each row keeps its `count` cheapest pairs. A
+    pair costs its least cost plus the square of (distance / unit). rows: (k,), rising. to: the
+    second pictures, whether they are mirrored, and the least costs, which rise within each row;
+    (k,) each.
     """
     partner, mirrored, least = to
     apart = np.full(len(rows), -1.0)
@@ -352,7 +377,7 @@ def nearest_in_pose(
         if many == count and least[k] > best[-1]:
             continue
         pair = rows[k], partner[k], mirrored[k]
-        apart[k] = _apart(film, pair, canvas)
+        apart[k] = _distance_in_pose(film, pair, canvas)
         worth = least[k] + (apart[k] / unit) ** 2
         if many == count and worth >= best[-1]:
             continue
@@ -366,8 +391,11 @@ def nearest_in_pose(
 
 
 @finite_kernel
-def _apart(film, pair, canvas):  # type: ignore[no-untyped-def]
-    """Compute Eq. 5 of a pair: picture, partner, whether it is mirrored. canvas: (s, s, c)."""
+def _distance_in_pose(film, pair, canvas):  # type: ignore[no-untyped-def]
+    """Return the distance of two pictures, drawn in one pose (Eq. 5).
+
+    pair: row of either picture, and whether the second is mirrored; canvas: (s, s, c), overwritten.
+    """
     pictures, postures, size_px = film
     row, to, mirrored = pair
     side, channels = pictures.shape[1], pictures.shape[3]
@@ -377,8 +405,10 @@ def _apart(film, pair, canvas):  # type: ignore[no-untyped-def]
     picture, partner = pictures[row], pictures[to].astype(np.float32)
     how = DrawingMode(1.0, mirrored, False)
     canvas[:] = 0
-    # No literals: numba would compile all kernels of `paint` again for them.
-    paint(canvas, partner, plan(partner, there, here, how), how, (np.int64(0), np.int64(0)))
+    # No literals: numba would compile all kernels of `paint_strips` again for them.
+    paint_strips(
+        canvas, partner, plan_strips(partner, there, here, how), how, (np.int64(0), np.int64(0))
+    )
     posed = plain = 0.0
     for y in range(side):
         from_y = side - 1 - y if mirrored else y

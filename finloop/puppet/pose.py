@@ -35,6 +35,7 @@ class Pose:
     posture: Floats
 
     def __len__(self) -> int:
+        """Return the number of poses."""
         return len(self.posture)
 
     def __getitem__(self, rows: Any) -> "Pose":
@@ -47,7 +48,7 @@ class Pose:
     def move_to(
         self, x_px: ArrayLike, y_px: ArrayLike, heading_rad: ArrayLike, size_px: ArrayLike
     ) -> "Pose":
-        """Return the same postures at other places, headings and sizes; a number applies to all."""
+        """Return the postures at other places, headings and sizes; a number applies to all."""
         place, shape = (x_px, y_px, heading_rad, size_px), self.posture.shape[:-1]
         x, y, heading, size = (np.broadcast_to(np.asarray(part, float), shape) for part in place)
         return Pose(x, y, heading, size, self.posture)
@@ -58,7 +59,7 @@ class Pose:
 
     @property
     def head_px(self) -> Points:
-        """Return the head end (…, 2) of the backbone: x, y in px."""
+        """Place of the head, the first end (…, 2) of the backbone: x, y in px."""
         ahead, left = self.posture[..., _AHEAD], self.posture[..., _LEFT]
         cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
         x = self.x_px + self.size_px * (cos * ahead - sin * left)
@@ -67,27 +68,31 @@ class Pose:
 
     @property
     def steps_px(self) -> Floats:
-        """Return the lengths (…, n) of the backbone's steps, px."""
-        return steps(self.posture) * self.size_px[..., None]
+        """Lengths (…, n) of the backbone's steps, in px."""
+        return backbone_steps(self.posture) * self.size_px[..., None]
 
     def backbone_px(self) -> Points:
         """Return the backbone's n + 1 points (…, n + 1, 2), from head to tail: x, y in px."""
-        angles, length = bends(self.posture) + self.heading_rad[..., None], self.steps_px[..., None]
+        angles, length = (
+            backbone_bends(self.posture) + self.heading_rad[..., None],
+            self.steps_px[..., None],
+        )
         way = np.stack([-np.cos(angles), np.sin(angles)], -1) * length
         head = self.head_px[..., None, :]
         return np.concatenate([head, head + way.cumsum(-2)], -2)
 
 
-def bends(posture: Floats) -> Floats:
-    """Return the directions (…, n) [rad] of backbone steps in postures (…, 2 + 2 n), as a view.
+def backbone_bends(posture: Floats) -> Floats:
+    """Return the directions (…, n) of backbone steps, in radians, from postures (…, 2 + 2 n).
 
-    They point towards the head and count from the heading, + = to the animal's left.
+    They point towards the head and count from the heading, + = to the animal's left. The result is
+    a view, so writing to it changes the postures.
     """
     return posture[..., _STEPS : _STEPS + posture.shape[-1] // 2 - 1]
 
 
-def steps(posture: Floats) -> Floats:
-    """Return the lengths (…, n) of backbone steps in postures (…, 2 + 2 n), as a view.
+def backbone_steps(posture: Floats) -> Floats:
+    """Return the lengths (…, n) of backbone steps from postures (…, 2 + 2 n), as a view.
 
     The unit is the animal's typical length.
     """
@@ -95,15 +100,15 @@ def steps(posture: Floats) -> Floats:
 
 
 def mirror_posture(posture: Floats) -> Floats:
-    """Return postures (…, 2 + 2 n) with left and right exchanged."""
+    """Exchange left and right in postures (…, 2 + 2 n)."""
     copy = posture.copy()
     copy[..., _LEFT] *= -1
-    bends(copy)[...] *= -1
+    backbone_bends(copy)[...] *= -1
     return copy
 
 
 def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:
-    """Return the poses (k) of the rows of a feature table.
+    """Return the poses (k) of an animal in the k rows of a feature table.
 
     backbones: (k, n + 1, 2) px, head first, from `features.table.measure_features`, or from
     `puppet.tail.align_body_and_tail` for an animal with a thin tail.

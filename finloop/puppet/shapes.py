@@ -14,7 +14,7 @@ import scipy
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
 from finloop.base.stretches import spread_rows
-from finloop.puppet.pose import bends, mirror_posture, steps
+from finloop.puppet.pose import backbone_bends, backbone_steps, mirror_posture
 
 _SAMPLE = 50_000  # postures whose nearest neighbours are searched; that suffices for a quantile
 _EXACT = 1e-5  # accuracy of codes, which files hold as float32
@@ -22,7 +22,7 @@ _ROUNDING = 1e-6  # relative difference of a shape's components that counts as e
 
 
 class NearestCodes(NamedTuple):
-    """Codes (…, c) of postures that the film almost shows, and whether (…) each was moved."""
+    """Pose codes (…, c) that the film shows or almost shows, and a mask (…) of those moved."""
 
     codes: Floats
     clamped: Mask
@@ -30,7 +30,7 @@ class NearestCodes(NamedTuple):
 
 @dataclass(frozen=True)
 class PoseShapes:
-    """Principal shapes of postures (…, d), see `puppet.pose`.
+    """The principal shapes of a film's postures (…, d), see `puppet.pose`, and their pose codes.
 
     mean: (d,) posture. shapes: (c, d) orthonormal, of weighted postures, the most important one
     first. weights: (d,), so that bends count by their mean square along the body, steps by their
@@ -63,9 +63,9 @@ class PoseShapes:
             )
         both = np.concatenate([postures, mirror_posture(postures)])
         weights = np.ones(both.shape[1])
-        count = bends(weights).size
-        bends(weights)[:] = count**-0.5
-        steps(weights)[:] = count**0.5
+        count = backbone_bends(weights).size
+        backbone_bends(weights)[:] = count**-0.5
+        backbone_steps(weights)[:] = count**0.5
         mean = both.mean(0)
         apart = both  # in place: in a film of hours these are the largest arrays
         apart -= mean
@@ -82,23 +82,23 @@ class PoseShapes:
 
     @property
     def variance_shares(self) -> Floats:
-        """Return the share (c,) of the postures' variance that each shape explains, 0 … 1."""
+        """Share (c,), 0-1, of the postures' variance that each shape explains."""
         return self.variance / (self.total_variance or 1.0)
 
     @cached_property
-    def mirror(self) -> Floats:
-        """Return the matrix (c, c) that mirrors codes: codes @ mirror."""
+    def mirror_matrix(self) -> Floats:
+        """Matrix (c, c) that mirrors pose codes (…, c): multiply codes @ matrix."""
         both = mirror_posture(np.ones_like(self.mean))
         return (self.shapes * both) @ self.shapes.T
 
     def encode(self, postures: Floats) -> Floats:
-        """Return the codes (…, c) of postures (…, d)."""
+        """Return the pose codes (…, c) of postures (…, d)."""
         away = postures - self.mean
         away *= self.weights  # in place: a film of hours has a million postures
         return away @ self.shapes.T
 
     def decode(self, codes: Floats) -> Floats:
-        """Return the postures (…, d) of codes (…, c)."""
+        """Return the postures (…, d) of pose codes (…, c)."""
         postures = codes @ self.shapes
         postures /= self.weights
         postures += self.mean
@@ -106,14 +106,15 @@ class PoseShapes:
 
     @cached_property
     def _tree(self) -> scipy.spatial.cKDTree:
+        """Search tree of all pose codes of the film."""
         return scipy.spatial.cKDTree(self.codes)
 
     def is_far_from_film(self, codes: Floats) -> Mask:
-        """Return whether (…) codes (…, c) are about `gap` or more away from all filmed ones."""
+        """Return a mask (…) of codes (…, c) that are about `gap` or more away from filmed ones."""
         return np.asarray(self._tree.query(codes)[0] > (1 - _EXACT) * self.gap - _EXACT)
 
     def nearest_codes(self, codes: Floats) -> NearestCodes:
-        """Move codes (…, c) that are far from all filmed ones straight towards the nearest one.
+        """Move pose codes (…, c) that are far from all filmed ones towards the nearest filmed one.
 
         They stop where they are within `gap` of it. Mirror images count as filmed.
         """
@@ -128,7 +129,7 @@ class PoseShapes:
 
 
 def _fix_signs(shapes: Floats) -> Floats:
-    """Make the first greatest component, but for rounding, of each shape (c, d) positive."""
+    """Flip each shape (c, d) so that its component of greatest size is positive."""
     size = np.abs(shapes)
     greatest = (size > (1 - _ROUNDING) * size.max(axis=1, keepdims=True)).argmax(axis=1)
     return shapes * np.sign(np.take_along_axis(shapes, greatest[:, None], axis=1))

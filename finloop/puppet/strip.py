@@ -27,7 +27,7 @@ _FREE = 0.5  # inner share of a cross-section that is not squeezed
 
 
 class PlacedBackbone(NamedTuple):
-    """An animal's backbone at its place in a picture; fields as in one `puppet.pose.Pose`."""
+    """The backbone of one animal in a picture; its fields are those of `puppet.pose.Pose`."""
 
     x_px: float
     y_px: float
@@ -37,7 +37,7 @@ class PlacedBackbone(NamedTuple):
 
 
 class Strip(NamedTuple):
-    """The m = n + 1 + 2 BEYOND cross-sections of a strip, along a backbone of n steps.
+    """The cross-sections of a strip along a backbone of n steps, m = n + 1 + 2 BEYOND in number.
 
     points: (m, 2) px on the backbone or beyond its ends, head first; normals: (m, 2) unit vectors
     to the animal's left; limits: (m, 2) px, how long a section is on its left and right.
@@ -50,7 +50,7 @@ class Strip(NamedTuple):
 
 @finite_kernel
 def cross_sections(line: PlacedBackbone) -> Strip:
-    """Return the cross-sections along a backbone and straight on beyond its ends."""
+    """Return the cross-sections along a backbone and on straight lines beyond its ends."""
     n = len(line.posture) // 2 - 1
     bends, steps = line.posture[2 : 2 + n], line.posture[2 + n :]
     m = n + 1 + 2 * BEYOND
@@ -70,22 +70,26 @@ def cross_sections(line: PlacedBackbone) -> Strip:
         points[i, 1] = points[i - 1, 1] + step * math.sin(angle)
         angle += (bends[after] - bends[before]) / 2
         normals[i, 0], normals[i, 1] = -math.sin(angle), -math.cos(angle)
-    return Strip(points, normals, _limits(points, normals))
+    return Strip(points, normals, _section_limits(points, normals))
 
 
 @finite_kernel
-def _limits(points, normals):  # type: ignore[no-untyped-def]
-    """Return the radii (m, 2) [px], left and right, of the largest circles that touch at one point.
+def _section_limits(points, normals):  # type: ignore[no-untyped-def]
+    """Return how long (m, 2) [px], left and right, cross-sections are before two of them meet.
 
-    The circle that touches B(i) with its normal N(i) and passes through B(j), d = B(j) − B(i), has
-    the radius |d|² / (2 d·N(i)): the least one over all j counts.
+    points, normals (m, 2) as in `Strip`. A limit is the radius of the largest circle that touches
+    the backbone at one point. The circle that touches B(i) with its normal N(i) and passes through
+    B(j), d = B(j) − B(i), has the radius |d|² / (2 d·N(i)): the least one over all j counts.
     """
     m = len(points)
-    head, tail = np.int64(BEYOND), m - 1 - BEYOND  # a literal would compile `_free` again
+    head, tail = (
+        np.int64(BEYOND),
+        m - 1 - BEYOND,
+    )  # a literal would compile `_is_nearest_to_end` again
     first, last = head, tail
-    while first > 0 and _free(points, first - 1, head):
+    while first > 0 and _is_nearest_to_end(points, first - 1, head):
         first -= 1
-    while last < m - 1 and _free(points, last + 1, tail):
+    while last < m - 1 and _is_nearest_to_end(points, last + 1, tail):
         last += 1
     curve = np.full((m, 2), 1 / LEAST)  # 1 / radius
     for i in range(first, last + 1):
@@ -99,8 +103,8 @@ def _limits(points, normals):  # type: ignore[no-untyped-def]
 
 
 @finite_kernel
-def _free(points, i, end):  # type: ignore[no-untyped-def]
-    """Return whether point i, beyond an end of the backbone, is nearest to that end."""
+def _is_nearest_to_end(points, i, end):  # type: ignore[no-untyped-def]
+    """Return whether of all backbone points the end is nearest to point i, which lies beyond it."""
     own = (points[end, 0] - points[i, 0]) ** 2 + (points[end, 1] - points[i, 1]) ** 2
     for j in range(BEYOND, len(points) - BEYOND):
         square = (points[j, 0] - points[i, 0]) ** 2 + (points[j, 1] - points[i, 1]) ** 2
@@ -127,7 +131,7 @@ def squeeze_offset(t: float, limit: float) -> float:
 
 @finite_kernel
 def unsqueeze_offset(o: float, limit: float) -> float:
-    """Return the place t [px] of the strip that is drawn o ≥ 0 [px] from the backbone, or HIDDEN.
+    """Return the place t ≥ 0 [px] of the strip that is drawn o [px] from the backbone, or HIDDEN.
 
     limit: length [px] of the cross-section; f, r as in `squeeze_offset`, which this inverts: t = o
     up to f; beyond it t = f + 2 r (1 − √(1 − (o − f) / r)).

@@ -15,7 +15,7 @@ from finloop.base.schema import lists_to_array, lists_to_points
 from finloop.extract.backbone import resample_line
 
 
-class Tail(NamedTuple):
+class TailParameters(NamedTuple):
     """Where a body ends and its tail begins, and how both are made alike in all frames.
 
     thin: the body ends where its width falls to this share of its largest. smoothing: of the
@@ -30,33 +30,33 @@ class Tail(NamedTuple):
     whole: float
 
 
-def tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
-    """Return how much the visible tail varies: its length's quantile 0.95 less 0.05, over all rows.
+def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
+    """Return how much the visible length of the tail varies: quantile 0.95 less 0.05 over all rows.
 
     The unit is the median length of the body without the tail. Arguments as in
     `align_body_and_tail`.
     """
-    end = _body_end(_half_widths(tracks, backbones), thin)
-    step, last = _steps(backbones.astype(float)), backbones.shape[1] - 1
+    end = _find_body_ends(_half_widths_head_first(tracks, backbones), thin)
+    step, last = _mean_step_lengths(backbones.astype(float)), backbones.shape[1] - 1
     low, high = np.quantile((last - end) * step, (0.05, 0.95))
     return float((high - low) / max(np.median(end * step), 1e-9))
 
 
-def align_body_and_tail(tracks: pd.DataFrame, backbones: Reals, how: Tail) -> Points:
-    """Return backbones (k, n, 2) px of body and tail; a point has the same place in all rows.
+def align_body_and_tail(tracks: pd.DataFrame, backbones: Reals, how: TailParameters) -> Points:
+    """Resample backbones (k, n, 2) px: a point is the same place of body or tail in all rows.
 
     The first points, from the head, divide the body, the others the whole tail; where no tail is
     visible, the line continues straight. tracks: backbone_x_px, backbone_y_px, half_width_px of k
     rows; backbones: (k, n, 2), head first, from `features.table.measure_features`.
     """
-    widths = _half_widths(tracks, backbones)
+    widths = _half_widths_head_first(tracks, backbones)
     lines = np.stack([
         _smooth_line(line, width, how.smoothing)
         for line, width in zip(backbones.astype(float), widths, strict=True)
     ])  # fmt: skip
     count = lines.shape[1]
     body = max(1, round(how.body * (count - 1)))
-    step, end = _steps(lines), _body_end(widths, how.thin)
+    step, end = _mean_step_lengths(lines), _find_body_ends(widths, how.thin)
     tail = np.quantile((count - 1 - end) * step, how.whole) / step  # in steps, as below
     shares = np.arange(count - body) / max(count - 1 - body, 1)
     before = end[:, None] * np.linspace(0, 1, body + 1)[:-1]
@@ -66,21 +66,24 @@ def align_body_and_tail(tracks: pd.DataFrame, backbones: Reals, how: Tail) -> Po
     return start + (places[..., None] - low) * (stop - start)
 
 
-def _steps(lines: Floats) -> Floats:
+def _mean_step_lengths(lines: Floats) -> Floats:
     """Return the mean length (k,) [px] of a step of each backbone (k, n, 2)."""
     return np.hypot(*np.diff(lines, axis=1).transpose(2, 0, 1)).mean(1)
 
 
-def _half_widths(tracks: pd.DataFrame, backbones: Reals) -> Floats:
-    """Return the half widths (k, n) [px] of the tracks, head first as the backbones are."""
+def _half_widths_head_first(tracks: pd.DataFrame, backbones: Reals) -> Floats:
+    """Return the half widths (k, n) [px] of tracks, head first as their backbones (k, n, 2) are."""
     width = lists_to_array(tracks["half_width_px"]).astype(float)
     first = lists_to_points(tracks, "backbone")[:, 0]
     near, far = (np.abs(first - backbones[:, end]).sum(1) for end in (0, -1))
     return np.where((near <= far)[:, None], width, width[:, ::-1])
 
 
-def _body_end(widths: Floats, thin: float) -> Floats:
-    """Return where bodies (k, n) end, in points from the head; n - 1 without a tail."""
+def _find_body_ends(widths: Floats, thin: float) -> Floats:
+    """Return where bodies end (k,), in points from the head; n - 1 if there is no tail.
+
+    widths (k, n): along the backbones, px; thin: as in `TailParameters`.
+    """
     points = np.arange(widths.shape[1])
     most = widths.max(1, keepdims=True)
     tail = (widths < thin * most) & (points > widths.argmax(1)[:, None])
@@ -93,7 +96,10 @@ def _body_end(widths: Floats, thin: float) -> Floats:
 
 
 def _smooth_line(line: Floats, width: Floats, smoothing: float) -> Floats:
-    """Smooth bends of a backbone (n, 2) that are shorter than it is wide; its ends stay."""
+    """Smooth bends of a backbone (n, 2) that are shorter than the body is wide; its ends stay.
+
+    width (n,): half widths, px; smoothing: as in `TailParameters`.
+    """
     count = len(line)
     step = max(np.hypot(*np.diff(line, axis=0).T).mean(), 1e-6)
     inner = width.copy()

@@ -15,7 +15,7 @@ from finloop.realism.compare import Sample, Sides, Verdict
 from finloop.realism.instrument import Swimming, Work
 from finloop.realism.windows import CHANNELS, Windows
 from finloop.render.gallery import Gallery, place_rows
-from finloop.render.marks import write
+from finloop.render.marks import write_text
 from finloop.render.painter import Painter
 
 ANIMATION, FILM = SIDES = ("animation", "film")
@@ -210,5 +210,5 @@ def draw_example(
         frame = np.full((size + WORDS_PX, 2 * size, 3), 255, np.uint8)
         for number, (picture, text) in enumerate(zip(pair, words, strict=True)):
             frame[WORDS_PX:, number * size : (number + 1) * size] = picture
-            write(frame, text, (number * size + 8, WORDS_PX - 9), (0, 0, 0), WORDS_PX // 2)
+            write_text(frame, text, (number * size + 8, WORDS_PX - 9), (0, 0, 0), WORDS_PX // 2)
         yield frame

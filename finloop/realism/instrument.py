@@ -27,7 +27,7 @@ from finloop.extract.table import SceneFacts
 from finloop.features.settings import FeaturesSettings as FeatureSettings
 from finloop.features.table import FEATURES, measure_features
 from finloop.render.gallery import Gallery, place_rows
-from finloop.render.painter import Painter, Placed
+from finloop.render.painter import Painter, PlacedFish
 
 _RIM = 16  # px around a fish, beside its own size on each side
 Work = tuple[pd.DataFrame, Sequence[int]]
@@ -81,7 +81,7 @@ class Instrument:
         size = facts.typical_area_px, facts.typical_length_px, facts.typical_contrast_grey
         return TypicalFish(*size, fins="none", thin=facts.thin)
 
-    def detections(self, fish: Iterable[Placed]) -> Iterator[Detections]:
+    def detections(self, fish: Iterable[PlacedFish]) -> Iterator[Detections]:
         """Yield the detections of extraction in each frame, which shows the tank with one fish.
 
         fish: the drawn fish, one per frame; places in the result are px of the tank.
@@ -90,7 +90,7 @@ class Instrument:
         for animal in fish:
             own = painter.show(animal)
             rim = _RIM + max(own.bottom - own.top, own.right - own.left, 0)
-            box = own.grow(rim).within(self.tank.shape)  # mostly tank, so the median is the tank's
+            box = own.grow(rim).clip_to(self.tank.shape)  # mostly tank, so the median is the tank's
             scene = Scene(
                 np.ascontiguousarray(self.tank[box.slices]), facts.polarity,  # type: ignore[arg-type]
                 facts.noise_grey, facts.threshold_grey,
@@ -100,7 +100,7 @@ class Instrument:
             drawn = np.ascontiguousarray(painter.frame[box.slices])
             yield _shift_detections(detector.detect(drawn, scene), box.left, box.top)
 
-    def measure(self, fish: Iterable[Placed], cuts: Sequence[int] = ()) -> pd.DataFrame:
+    def measure(self, fish: Iterable[PlacedFish], cuts: Sequence[int] = ()) -> pd.DataFrame:
         """Return the feature table (FEATURES) of drawn fish, one per tick; `frame` is the tick.
 
         cuts: ticks at which another fish begins. Where extraction follows no fish it is empty.

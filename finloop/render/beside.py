@@ -10,7 +10,7 @@ from finloop.base.arrays import Floats, Ints, Picture
 from finloop.edit.measures import picture_kinds
 from finloop.edit.schema import filmed_edit_list
 from finloop.render.gallery import Gallery, place_rows
-from finloop.render.marks import COLOURS, rgb, write
+from finloop.render.marks import COLOURS, rgb_from_hex, write_text
 from finloop.render.painter import Painter
 
 WORDS_PX = 40
@@ -18,8 +18,8 @@ WORDS_PX = 40
 _AROUND = 1.25  # body lengths that a panel shows on every side of the fish
 
 
-def longest_tracks(track: Ints, places: Floats, ticks: int) -> pd.DataFrame:
-    """Return the film's longest tracks, one after the other, as an edit list of `ticks` ticks.
+def longest_tracks_edit_list(track: Ints, places: Floats, ticks: int) -> pd.DataFrame:
+    """Return an edit list of `ticks` ticks that shows the film's longest tracks, one by one.
 
     track (n,): its number at each row of the film; places (n, 2): x, y px.
     """
@@ -30,31 +30,34 @@ def longest_tracks(track: Ints, places: Floats, ticks: int) -> pd.DataFrame:
     return filmed_edit_list(rows, places[rows])
 
 
-def draw_beside(
+def draw_side_by_side(
     edits: Mapping[str, pd.DataFrame], gallery: Gallery, tank: Picture, length_px: float, size: int
 ) -> Iterator[Picture]:
-    """Yield edit lists of one fish side by side, a picture per tick, each list titled below.
+    """Draw edit lists of one fish side by side: yield a picture (h, w, 3) uint8 for each tick.
 
-    edits: by title, as many ticks each; tank: the floor; length_px: of the fish; size: px of a
-    panel. Pictures (size + WORDS_PX, size · lists, 3) uint8.
+    edits: by the title below each, as many ticks each; tank: the floor; length_px: body length of
+    the fish; size: px of a panel. h is size + WORDS_PX, w is size · lists.
     """
     half_px = _AROUND * length_px
-    films = [_panels(edit, gallery, tank, half_px, size) for edit in edits.values()]
+    films = [_draw_panels(edit, gallery, tank, half_px, size) for edit in edits.values()]
     for panels in zip(*films, strict=True):
         frame = np.full((size + WORDS_PX, len(edits) * size, 3), 255, np.uint8)
         for number, (title, (picture, name)) in enumerate(zip(edits, panels, strict=True)):
             left = number * size
             frame[:size, left : left + size] = picture
-            frame[size : size + 6, left : left + size] = rgb(COLOURS[name])
-            write(frame, title, (left + 8, size + 22), (0, 0, 0), 15, 700)
-            write(frame, name, (left + 8, size + 36), (90, 90, 90), 12)
+            frame[size : size + 6, left : left + size] = rgb_from_hex(COLOURS[name])
+            write_text(frame, title, (left + 8, size + 22), (0, 0, 0), 15, 700)
+            write_text(frame, name, (left + 8, size + 36), (90, 90, 90), 12)
         yield frame
 
 
-def _panels(
+def _draw_panels(
     edit: pd.DataFrame, gallery: Gallery, tank: Picture, half_px: float, size: int
 ) -> Iterator[tuple[Picture, str]]:
-    """Yield a square picture around the fish and the name of what it shows, at every tick."""
+    """Yield, for each tick, a square picture around the fish and the name of what it shows.
+
+    tank: the floor; half_px: half of the tank's side that a panel shows; size: side of a panel, px.
+    """
     painter, names = Painter(tank, colour=True), picture_kinds(edit)
     for fish, name in zip(place_rows(edit, gallery), names, strict=True):
         painter.show(fish)

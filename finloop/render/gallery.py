@@ -17,7 +17,13 @@ from finloop.edit.bodies import Bodies
 from finloop.edit.schema import FRAME, SPRITE, RowPicture, row_partner, row_picture
 from finloop.features.table import count_orientations
 from finloop.puppet import PlacedBackbone
-from finloop.render.painter import Bent, Picture, Placed, Turned, picture
+from finloop.render.painter import (
+    BentPicture,
+    PaddedPicture,
+    PlacedFish,
+    TurnedPicture,
+    pad_picture,
+)
 
 PLACE = ["x_px", "y_px"]
 _PICTURE = ["kind", "orientation", "rotation_deg", "scale", "mirrored"]
@@ -27,7 +33,7 @@ _COLUMNS = [
 ]  # fmt: skip
 
 
-class Shelf(NamedTuple):
+class CutoutShelf(NamedTuple):
     """A store of cut-outs: n frames, or n sprites in each of `orientations` orientations.
 
     centres_px (n, 2): their mass centres in the film.
@@ -39,85 +45,97 @@ class Shelf(NamedTuple):
 
 
 class Gallery:
-    """The pictures that an edit list names; the most recent `keep` stay in memory.
+    """The pictures that edit lists name; the `keep` pictures used last stay in memory.
 
     shelves: by kind, FRAME or SPRITE; bodies: the film's postures, without which no frame can be
     drawn mirrored or in another pose.
     """
 
     def __init__(
-        self, shelves: Mapping[str, Shelf], bodies: Bodies | None = None, keep: int = 512
+        self, shelves: Mapping[str, CutoutShelf], bodies: Bodies | None = None, keep: int = 512
     ) -> None:
+        """Keep the stores of cut-outs; `keep`: number of pictures held in memory."""
         self.shelves, self.bodies = shelves, bodies
-        self.picture = lru_cache(keep)(self._picture)
+        self.picture = lru_cache(keep)(self._load_picture)
 
-    def _picture(self, kind: str, source: int, orientation: int, mirrored: bool) -> Picture:
-        """Return a stored cut-out as a picture to draw, perhaps with left and right exchanged."""
+    def _load_picture(
+        self, kind: str, source: int, orientation: int, mirrored: bool
+    ) -> PaddedPicture:
+        """Return a stored cut-out as a picture to draw; mirrored: left and right exchanged."""
         shelf = self.shelves[kind]
         cutout = shelf.store[sprite_row(source, orientation, shelf.orientations)]
         x_px, y_px = shelf.centres_px[source]
         x, y = x_px - cutout.x0_px, y_px - cutout.y0_px
         if mirrored:
-            return picture(cutout.pixels[:, ::-1], cutout.pixels.shape[1] - 1 - x, y)
-        return picture(cutout.pixels, x, y)
+            return pad_picture(cutout.pixels[:, ::-1], cutout.pixels.shape[1] - 1 - x, y)
+        return pad_picture(cutout.pixels, x, y)
 
-    def frame(self, row: int, mirrored: bool = False) -> Picture:
+    def film_picture(self, row: int, mirrored: bool = False) -> PaddedPicture:
         """Return the picture of a row of the film; mirrored: left and right exchanged."""
         return self.picture(FRAME, row, 1, mirrored)
 
-    def rotate_picture(
+    def turn_picture(
         self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float,
         mirrored: bool = False,
-    ) -> Turned:  # fmt: skip
-        """Return a frame, or a sprite in an orientation, as it is drawn: turned and scaled.
+    ) -> TurnedPicture:  # fmt: skip
+        """Return a frame, or a sprite in an orientation, turned and scaled as it is drawn.
 
         The arguments are the fields of `RowPicture`.
         """
         if kind != FRAME:
-            return Turned(self.picture(kind, source, int(orientation), False), rotation_deg, scale)
+            return TurnedPicture(
+                self.picture(kind, source, int(orientation), False), rotation_deg, scale
+            )
         if mirrored:
             assert self.bodies is not None
             rotation_deg += 2 * self.bodies.heading_deg[source] - 180
-        return Turned(self.frame(source, mirrored), rotation_deg, scale)
+        return TurnedPicture(self.film_picture(source, mirrored), rotation_deg, scale)
 
-    def place(self, row: Any) -> Placed:
-        """Return the fish and its partner that a row of an edit list, a named tuple, draws."""
+    def place_row(self, row: Any) -> PlacedFish:
+        """Return the fish, and its partner, that a row (named tuple) of an edit list draws."""
         names = [row_picture(row), row_partner(row)] if row.weight > 0 else [row_picture(row)]
         if row.pose is None:
-            drawn: list[Turned] | list[Bent] = [self.rotate_picture(*name) for name in names]
+            drawn: list[TurnedPicture] | list[BentPicture] = [
+                self.turn_picture(*name) for name in names
+            ]
         else:
             drawn = self._bend_bodies(names, row.pose)
         partner = drawn[1] if row.weight > 0 else None
-        return Placed(row.x_px, row.y_px, drawn[0], partner, row.weight)
+        return PlacedFish(row.x_px, row.y_px, drawn[0], partner, row.weight)
 
-    def _bend_bodies(self, names: Sequence[RowPicture], codes: Floats) -> list[Bent]:
-        """Return the pictures bent into one pose, with heading and size of the first picture."""
+    def _bend_bodies(self, names: Sequence[RowPicture], codes: Floats) -> list[BentPicture]:
+        """Return pictures bent into one pose, with heading and size of the first picture.
+
+        names: the pictures; codes (c,): of the pose.
+        """
         assert self.bodies is not None
         poses, shown = self.bodies.poses, [self.bodies.edit_row_body(name) for name in names]
         target = poses.pose_from_codes(int(shown[0].row), codes)
         heading = math.radians(shown[0].heading_deg)
         size_px, drawn = float(target.size_px) * names[0].scale, []
         for body in shown:
-            own, film = poses.pose[int(body.row)], self.frame(int(body.row))
+            own, film = poses.pose[int(body.row)], self.film_picture(int(body.row))
             source = PlacedBackbone(
                 film.x_px, film.y_px, float(own.heading_rad), float(own.size_px), own.posture
             )
             mirrored = bool(body.mirrored)
-            drawn.append(Bent(film, source, target.posture, heading, size_px, mirrored))
+            drawn.append(BentPicture(film, source, target.posture, heading, size_px, mirrored))
         return drawn
 
 
-def shelves(
+def build_shelves(
     stores: Mapping[str, Cutouts], tracks: pd.DataFrame, table: pd.DataFrame | None
-) -> dict[str, Shelf]:
-    """Return the cut-outs and their mass centres, those of film frames and those of sprites.
+) -> dict[str, CutoutShelf]:
+    """Return the stores of cut-outs with their mass centres, by kind: FRAME, and SPRITE if any.
 
-    tracks: x_px, y_px of every cut-out; table: the same and orientations of every sprite, None
-    without sprites. FinloopError if a table belongs to another store.
+    stores: by kind; tracks: x_px, y_px of every cut-out; table: these and orientations of every
+    sprite, None without sprites. FinloopError if a table belongs to another store.
     """
-    made = {FRAME: Shelf(stores[FRAME], tracks[PLACE].to_numpy())}
+    made = {FRAME: CutoutShelf(stores[FRAME], tracks[PLACE].to_numpy())}
     if table is not None:
-        made[SPRITE] = Shelf(stores[SPRITE], table[PLACE].to_numpy(), count_orientations(table))
+        made[SPRITE] = CutoutShelf(
+            stores[SPRITE], table[PLACE].to_numpy(), count_orientations(table)
+        )
     for kind, (store, centres, orientations) in made.items():
         if len(store) != len(centres) * orientations:
             raise FinloopError(
@@ -128,34 +146,34 @@ def shelves(
     return made
 
 
-def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
-    """Yield what each row of an edit list (schema EDIT) draws, and where.
+def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[PlacedFish]:
+    """Yield, for each row of an edit list (schema EDIT), the fish that it draws, and where.
 
     FinloopError at once, listing all that cannot be drawn.
     """
-    _refuse(edit, gallery)
-    return map(gallery.place, edit[_COLUMNS].itertuples(index=False))
+    _check_drawable(edit, gallery)
+    return map(gallery.place_row, edit[_COLUMNS].itertuples(index=False))
 
 
-def place_ticks(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[Placed, ...]]:
-    """Yield all fish that an edit list (schema EDIT) draws at each tick, the lowest first.
+def place_ticks(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[PlacedFish, ...]]:
+    """Yield, for each tick of an edit list (schema EDIT), all its fish, the lowest first.
 
     FinloopError at once, listing all that cannot be drawn.
     """
-    _refuse(edit, gallery)
+    _check_drawable(edit, gallery)
     rows = edit.sort_values(["tick", "fish"], kind="stable")[_COLUMNS].itertuples(index=False)
-    return zip(*[map(gallery.place, rows)] * edit["fish"].nunique(), strict=True)
+    return zip(*[map(gallery.place_row, rows)] * edit["fish"].nunique(), strict=True)
 
 
-def _refuse(edit: pd.DataFrame, gallery: Gallery) -> None:
-    """Raise if an edit list cannot be drawn: every kind of problem, each with its first tick."""
+def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
+    """Raise FinloopError if an edit list cannot be drawn; list each problem with its first tick."""
     shelves, bodies = gallery.shelves, gallery.bodies
     do = "make the edit list again: `dvc repro --force animate`"
     if edit.empty:
         raise FinloopError("the edit list is empty", "at least one tick", do)
     problems: list[str] = []
 
-    def refuse(bad: NDArray[np.bool_] | pd.Series, column: str, wanted: str) -> None:
+    def note_problem(bad: NDArray[np.bool_] | pd.Series, column: str, wanted: str) -> None:
         wrong = edit[np.asarray(bad, bool)]
         if len(wrong):
             tick, value = wrong.iloc[0]["tick"], wrong.iloc[0][column]
@@ -163,36 +181,36 @@ def _refuse(edit: pd.DataFrame, gallery: Gallery) -> None:
             problems.append(f"tick {tick}: {column} is {value}, wanted {wanted}{more}")
 
     sizes = {kind: len(shelf.centres_px) for kind, shelf in shelves.items()}
-    refuse(edit["tick"] != edit.groupby("fish").cumcount(), "tick", "0, 1, 2, … of each fish")
+    note_problem(edit["tick"] != edit.groupby("fish").cumcount(), "tick", "0, 1, 2, … of each fish")
     last = edit.groupby("fish")["tick"].transform("max")
-    refuse(last < last.max(), "fish", "as many ticks of each fish")
+    note_problem(last < last.max(), "fish", "as many ticks of each fish")
     for column in ("x_px", "y_px"):
-        refuse(~np.isfinite(edit[column].to_numpy(float)), column, "a place")
-    refuse(~edit["weight"].between(0, 1), "weight", "0 … 1")
+        note_problem(~np.isfinite(edit[column].to_numpy(float)), column, "a place")
+    note_problem(~edit["weight"].between(0, 1), "weight", "0 … 1")
     fades = (edit["weight"] > 0).to_numpy()
     for prefix, number, used in (
         ("", "source", np.full(len(edit), True)),
         ("partner_", "partner", fades),
     ):
         kind, row = edit[f"{prefix}kind"], edit[number].fillna(-1).to_numpy(int)
-        refuse(used & ~kind.isin(list(sizes)), f"{prefix}kind", " or ".join(sizes))
+        note_problem(used & ~kind.isin(list(sizes)), f"{prefix}kind", " or ".join(sizes))
         for name, size in sizes.items():
             bad = used & (kind == name) & ((row < 0) | (row >= size))
-            refuse(bad, number, f"a {name}, 0 … {size - 1}")
+            note_problem(bad, number, f"a {name}, 0 … {size - 1}")
         if SPRITE in shelves:
             most, column = shelves[SPRITE].orientations, f"{prefix}orientation"
             bad = used & (kind == SPRITE) & ~edit[column].fillna(0).between(1, most)
-            refuse(bad, column, f"an orientation, 1 … {most}")
+            note_problem(bad, column, f"an orientation, 1 … {most}")
         scale = edit[f"{prefix}scale"].to_numpy(float)
-        refuse(used & ~(np.isfinite(scale) & (scale > 0)), f"{prefix}scale", "more than 0")
+        note_problem(used & ~(np.isfinite(scale) & (scale > 0)), f"{prefix}scale", "more than 0")
         angle = edit[f"{prefix}rotation_deg"].to_numpy(float)
-        refuse(used & ~np.isfinite(angle), f"{prefix}rotation_deg", "an angle")
+        note_problem(used & ~np.isfinite(angle), f"{prefix}rotation_deg", "an angle")
     codes = 0 if bodies is None else bodies.poses.codes.shape[1]
     fits = [
         pose is None or (codes > 0 and np.shape(pose) == (codes,) and np.isfinite(pose).all())
         for pose in edit["pose"]
     ]
-    refuse(
+    note_problem(
         ~np.array(fits, bool),
         "pose",
         f"{codes} codes of shapes" if codes else "none: there are none",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from finloop.edit.measures import picture_kinds
 from finloop.edit.schema import Goal
-from finloop.render.painter import Box, Painter, Placed
+from finloop.render.painter import Box, Painter, PlacedFish
 
 COLOURS = {
     "straight": "#0072B2",
@@ -40,9 +40,10 @@ _SHIFT = 4  # cv2 takes sixteenths of a pixel
 
 
 def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
-    """Return what each tick of an edit list shows (ticks,), and the colour "#RRGGBB" of each.
+    """Return the name of what each tick of an edit list shows, (ticks,), and each name's colour.
 
-    Where all ticks show the same, it is their state.
+    Colours are "#RRGGBB". Where all ticks show the same kind of picture, the names are their
+    states.
     """
     names = picture_kinds(edit)
     names = names if names.nunique() > 1 else edit["state"]
@@ -52,25 +53,25 @@ def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
 
 
 def goal_stretches(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
-    """Return the stretches of ticks to each goal in turn: name ("" = wandering), first, end."""
+    """Return the stretches of ticks to each goal: name ("" = wandering), first tick, end."""
     goal = edit["goal"].to_numpy()
     edges = [0, *np.flatnonzero(goal[1:] != goal[:-1]) + 1, len(goal)]
     return [(goal[a], int(a), int(b)) for a, b in pairwise(edges)]
 
 
-def goal_ticks(edit: pd.DataFrame) -> NDArray[np.bool_]:
-    """Return the mask (ticks,) of ticks that lead to a goal; all True where there is no goal."""
+def ticks_with_goal(edit: pd.DataFrame) -> NDArray[np.bool_]:
+    """Return a mask (ticks,) of the ticks that lead to a goal; all True if none does."""
     aimed = (edit["goal"] != "").to_numpy()
     return aimed if aimed.any() else ~aimed
 
 
-def rgb(colour: str) -> tuple[int, int, int]:
+def rgb_from_hex(colour: str) -> tuple[int, int, int]:
     """Return red, green and blue, 0 … 255, of a colour "#RRGGBB"."""
     red, green, blue = bytes.fromhex(colour.removeprefix("#"))
     return red, green, blue
 
 
-def write(
+def write_text(
     picture: NDArray[np.uint8],
     text: str,
     place: tuple[int, int],
@@ -78,18 +79,19 @@ def write(
     size: int,
     weight: int = _REGULAR,
 ) -> None:
-    """Write a text into a picture (h, w, 3), in place.
+    """Write a text into a picture (h, w, 3), which is changed.
 
-    place: x, y px of the base line's left end; size: of the letters, px; weight: 400 regular, 700
-    bold.
+    place: x, y px of the base line's left end; colour: red, green, blue, 0 … 255; size: of the
+    letters, px; weight: 400 regular, 700 bold.
     """
     cv2.putText(picture, text, place, colour, _FONT, size, weight)  # a face keeps its last weight
 
 
 class MarkedTrack(NamedTuple):
-    """The marks of a fish. places (ticks, 2): its path, px; pens: RGB and width (px) by tick.
+    """The marks of one fish: its path, and the goals that it heads for.
 
-    goals: by the tick at which the goal changes, the new one's name, "" = wandering.
+    places (ticks, 2): the path, px; pens: RGB and width (px) by tick; goals: by the tick at which
+    the goal changes, the name of the new one, "" = wandering.
     """
 
     places: NDArray[np.float64]
@@ -98,18 +100,22 @@ class MarkedTrack(NamedTuple):
 
 
 class MarkPainter:
-    """Draws the fish of an edit list with their marks, tick by tick, with a painter of colour."""
+    """Draws the fish of an edit list and their marks tick by tick, with a painter in colour."""
 
     def __init__(self, painter: Painter, edit: pd.DataFrame, goals: Sequence[Goal]) -> None:
+        """Draw the goals on the floor, and lay out the caption in a corner."""
         height, width = painter.canvas.shape[:2]
         self._painter, self._goals = painter, {goal.name: goal for goal in goals}
         self._size = max(9, round(height / 36))
         self._line = max(1, round(height / 450))
         names, colours = tick_categories(edit)
-        colour, pale = [rgb(colours[name]) for name in names], (_pale(painter.floor), 1)
+        colour, pale = (
+            [rgb_from_hex(colours[name]) for name in names],
+            (_faint_colour(painter.floor), 1),
+        )
         pens = [
             (own, self._line) if goal else pale
-            for own, goal in zip(colour, goal_ticks(edit), strict=True)
+            for own, goal in zip(colour, ticks_with_goal(edit), strict=True)
         ]
         places = edit[["x_px", "y_px"]].to_numpy(float)
         self._tracks = [
@@ -128,21 +134,24 @@ class MarkPainter:
         ]  # fmt: skip
         gap = self._size // 2
         self._at_time = gap + (self._size + gap) * bool(self._colour)
-        self._at_words = self._at_time + self._width(max(self._times, key=len)) + 2 * gap
-        plate = self._at_words + max(map(self._width, set(self._words))) + gap, 2 * self._size
-        self._plate = _free_corner(places, plate, (height, width), gap)
+        self._at_words = self._at_time + self._text_width_px(max(self._times, key=len)) + 2 * gap
+        plate = (
+            self._at_words + max(map(self._text_width_px, set(self._words))) + gap,
+            2 * self._size,
+        )
+        self._plate = _find_free_corner(places, plate, (height, width), gap)
         self._current: list[str | None] = [None] * fish
         for name in self._goals:
             self._draw_goal(name, _WAITING)
 
-    def show(self, tick: int, *fish: Placed) -> None:
+    def show(self, tick: int, *fish: PlacedFish) -> None:
         """Draw the fish and all marks of a tick; ticks must come in order, since paths grow."""
         self._draw_floor(tick)
         self._painter.show(*fish)
         self._draw_caption(tick)
 
     def _draw_floor(self, tick: int) -> None:
-        """Bring the floor up to a tick: goals in their colours, the paths until then."""
+        """Draw what a tick adds to the floor: a new goal's colour and a piece of each path."""
         for fish, track in enumerate(self._tracks):
             if tick in track.goals:
                 if self._current[fish] in self._goals:
@@ -155,9 +164,10 @@ class MarkPainter:
                 colour, width = track.pens[tick]
                 ends = _subpixel_point(start), _subpixel_point(stop)
                 cv2.line(self._painter.floor, *ends, colour, width, cv2.LINE_AA, _SHIFT)
-                self._touch(np.stack([start, stop]), self._line + 2)
+                self._mark_floor_changed(np.stack([start, stop]), self._line + 2)
 
     def _draw_caption(self, tick: int) -> None:
+        """Draw the caption of a tick: time, state and goal, or the number of fish."""
         box = self._plate
         plate = self._painter.canvas[box.slices]
         np.right_shift(plate, 1, out=plate)  # half as bright: letters are legible on any tank
@@ -169,8 +179,8 @@ class MarkPainter:
             cv2.rectangle(canvas, corner, opposite, self._colour[tick], -1)
         base = middle + round(0.35 * size)
         for left, text in ((self._at_time, self._times[tick]), (self._at_words, self._words[tick])):
-            write(canvas, text, (box.left + left, base), white, size)
-        self._painter.touch(box)
+            write_text(canvas, text, (box.left + left, base), white, size)
+        self._painter.mark_changed(box)
 
     def _draw_goal(self, name: str, colour: tuple[int, int, int], reached: bool = False) -> None:
         """Draw a goal on the floor: a ring with its name beside it, on a dark edge."""
@@ -184,44 +194,49 @@ class MarkPainter:
                 dot = round((0.28 * self._size + edge) * 2**_SHIFT)
                 cv2.circle(floor, _subpixel_point(at), dot, tone, -1, cv2.LINE_AA, _SHIFT)
         left = round(goal.x_px + radius + 0.3 * self._size)
-        base, length = round(goal.y_px + 0.35 * self._size), self._width(name)
+        base, length = round(goal.y_px + 0.35 * self._size), self._text_width_px(name)
         if left + length > floor.shape[1]:
             left = round(goal.x_px - radius - 0.3 * self._size) - length
         beside = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)]
         for tone, moves in ((_EDGE, beside), (colour, [(0, 0)])):
             for x, y in moves:
-                write(floor, name, (left + x, base + y), tone, self._size, _BOLD)
+                write_text(floor, name, (left + x, base + y), tone, self._size, _BOLD)
         reach = max(2.0 * self._size, radius + line + 2)
-        self._touch(np.array([at, [left, base], [left + length, base]], float), reach)
+        self._mark_floor_changed(np.array([at, [left, base], [left + length, base]], float), reach)
 
-    def _width(self, text: str) -> int:
+    def _text_width_px(self, text: str) -> int:
+        """Return how wide, in px, a text is in the goals' letters."""
         return int(cv2.getTextSize((10_000, 100), text, (0, 0), _FONT, self._size, _BOLD)[2])
 
-    def _touch(self, points: NDArray[np.float64], reach: float) -> None:
-        """Tell the painter that the floor around these points (n, 2) is new."""
+    def _mark_floor_changed(self, points: NDArray[np.float64], reach: float) -> None:
+        """Report to the painter that the floor changed within `reach` px of points (n, 2)."""
         left, top = np.floor(points.min(axis=0) - reach).astype(int)
         right, bottom = np.ceil(points.max(axis=0) + reach).astype(int) + 1
         box = Box(int(top), int(left), int(bottom), int(right))
-        self._painter.touch(box.within(self._painter.canvas.shape))
+        self._painter.mark_changed(box.clip_to(self._painter.canvas.shape))
 
 
-def _pale(floor: NDArray[np.uint8]) -> tuple[int, int, int]:
-    """Return a faint colour on this floor, for a path that leads to no goal."""
+def _faint_colour(floor: NDArray[np.uint8]) -> tuple[int, int, int]:
+    """Return a faint colour (RGB) for a floor (h, w, 3), for a path that leads to no goal."""
     middle = np.median(floor[::8, ::8].reshape(-1, 3), axis=0)
     red, green, blue = (0.75 * middle if middle.mean() > 80 else middle + 40).astype(int).tolist()
     return red, green, blue
 
 
 def _subpixel_point(point: Sequence[float] | NDArray[np.float64]) -> tuple[int, int]:
-    """Return a point in the fixed-point form that cv2 takes with `shift`."""
+    """Return a point (x, y px) in the fixed-point form that cv2 takes with `shift`."""
     x, y = (round(float(one) * 2**_SHIFT) for one in point)
     return x, y
 
 
-def _free_corner(
+def _find_free_corner(
     places: NDArray[np.float64], size: tuple[int, int], shape: tuple[int, int], gap: int
 ) -> Box:
-    """Return the corner of the picture where a plate (width, height) hides the fish least often."""
+    """Return the corner of a picture where a plate hides the fish least often.
+
+    places (ticks, 2): of the fish, px; size: width and height of the plate; shape: height and width
+    of the picture; gap: from plate to edge; all px.
+    """
     (width, height), reach = size, np.array(size) / 2 + 2 * size[1]
     fewest, best = np.inf, Box(0, 0, 0, 0)
     for top in (gap, shape[0] - gap - height):
@@ -229,4 +244,4 @@ def _free_corner(
             near = np.abs(places - [left + width / 2, top + height / 2]) < reach
             if (hidden := near.all(axis=1).sum()) < fewest:
                 fewest, best = hidden, Box(top, left, top + height, left + width)
-    return best.within(shape)
+    return best.clip_to(shape)

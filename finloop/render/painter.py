@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats
 from finloop.base.kernel import kernel, leaf_kernel
 from finloop.base.sampling import keys_weights
-from finloop.puppet import PlacedBackbone, PosedPicture, blend
+from finloop.puppet import PlacedBackbone, PosedPicture, mix_pictures
 
 Image = NDArray[np.uint8]
 _PAD = 3  # transparent pixels around a picture: what the kernel reads beyond it
@@ -51,16 +51,16 @@ class Box(NamedTuple):
 
     @property
     def slices(self) -> tuple[slice, slice]:
-        """Return the slices of rows and columns that cut the box out of a canvas."""
+        """Slices of rows and columns that cut the box out of a canvas."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     @property
-    def empty(self) -> bool:
-        """Return whether the box contains nothing."""
+    def is_empty(self) -> bool:
+        """Whether the box contains no pixel."""
         return self.bottom <= self.top or self.right <= self.left
 
-    def within(self, shape: tuple[int, ...]) -> "Box":
-        """Return the part of the box that lies on a canvas of this shape (height, width …)."""
+    def clip_to(self, shape: tuple[int, ...]) -> "Box":
+        """Return the part of the box that lies on a canvas of a shape (height, width …)."""
         top, bottom = (min(max(edge, 0), shape[0]) for edge in (self.top, self.bottom))
         left, right = (min(max(edge, 0), shape[1]) for edge in (self.left, self.right))
         return Box(top, left, bottom, right)
@@ -69,7 +69,7 @@ class Box(NamedTuple):
         """Return the box enlarged by `rim` px on every side."""
         return Box(self.top - rim, self.left - rim, self.bottom + rim, self.right + rim)
 
-    def common(self, other: "Box") -> "Box":
+    def intersect(self, other: "Box") -> "Box":
         """Return the intersection of two boxes."""
         return Box(
             max(self.top, other.top), max(self.left, other.left),
@@ -77,17 +77,17 @@ class Box(NamedTuple):
         )  # fmt: skip
 
     @classmethod
-    def around(cls, boxes: Iterable["Box"]) -> "Box":
-        """Return the smallest box that holds all boxes."""
+    def enclose(cls, boxes: Iterable["Box"]) -> "Box":
+        """Return the smallest box that holds all the given boxes."""
         tops, lefts, bottoms, rights = zip(*boxes, strict=True)
         return cls(min(tops), min(lefts), max(bottoms), max(rights))
 
 
-class Picture(NamedTuple):
-    """A fish to draw: pixels (h, w, 2 or 4) uint8 with a transparent rim, premultiplied.
+class PaddedPicture(NamedTuple):
+    """A cut-out to draw: pixels (h, w, 2 or 4) uint8 with a transparent rim, premultiplied.
 
     near: (h, w) uint8, 0 where all that the kernel reads, between a pixel and the next, is
-    transparent. x_px, y_px: its mass centre, in its own pixels. Made by `picture`.
+    transparent. x_px, y_px: its mass centre, in its own pixels. Made by `pad_picture`.
     """
 
     pixels: Image
@@ -96,8 +96,8 @@ class Picture(NamedTuple):
     y_px: float
 
 
-class Layer(NamedTuple):
-    """A picture, see `Picture`, and where it is drawn.
+class PictureLayer(NamedTuple):
+    """A picture, see `PaddedPicture`, and how places on the canvas map to its pixels.
 
     Its pixel (u, v) is seen at (x, y): u = m0 x + m1 y + m2, v = m3 x + m4 y + m5.
     """
@@ -107,16 +107,16 @@ class Layer(NamedTuple):
     m: tuple[float, float, float, float, float, float]
 
 
-class Turned(NamedTuple):
-    """A picture to draw, turned anticlockwise and scaled about its mass centre."""
+class TurnedPicture(NamedTuple):
+    """A picture to draw turned anticlockwise and scaled, both about its mass centre."""
 
-    picture: Picture
+    picture: PaddedPicture
     rotation_deg: float = 0.0
     scale: float = 1.0
 
     def box_at(self, x_px: float, y_px: float) -> Box:
-        """Return where it can leave a trace: its turned corners, and 2 px for the kernel."""
-        cos, sin = (part * self.scale for part in self._axes())
+        """Return the box that the picture can cover with its mass centre at (x_px, y_px)."""
+        cos, sin = (part * self.scale for part in self._cos_and_sin())
         (height, width), reach = self.picture.pixels.shape[:2], _PAD - 2
         us = [edge - self.picture.x_px for edge in (reach, width - 1 - reach)]
         vs = [edge - self.picture.y_px for edge in (reach, height - 1 - reach)]
@@ -126,47 +126,47 @@ class Turned(NamedTuple):
             math.ceil(min(ys)), math.ceil(min(xs)), math.floor(max(ys)) + 1, math.floor(max(xs)) + 1
         )
 
-    def layer_at(self, x_px: float, y_px: float) -> Layer:
+    def layer_at(self, x_px: float, y_px: float) -> PictureLayer:
         """Return the picture with its mass centre at (x_px, y_px) of the canvas."""
-        cos, sin = (part / self.scale for part in self._axes())
+        cos, sin = (part / self.scale for part in self._cos_and_sin())
         pixels, near, u, v = self.picture
-        return Layer(
+        return PictureLayer(
             pixels, near,
             (cos, -sin, u - cos * x_px + sin * y_px, sin, cos, v - sin * x_px - cos * y_px),
         )  # fmt: skip
 
-    def _axes(self) -> tuple[float, float]:
-        """Return cosine and sine of the turn; exactly 1 and 0 for whole turns."""
+    def _cos_and_sin(self) -> tuple[float, float]:
+        """Return cosine and sine of the rotation; exactly 1 and 0 for whole turns."""
         angle = math.radians(math.remainder(self.rotation_deg, 360.0))
         return math.cos(angle), math.sin(angle)
 
 
-class Bent(NamedTuple):
+class BentPicture(NamedTuple):
     """A picture to draw in another posture (`finloop.puppet.pose`).
 
-    source: the animal's backbone in the picture's pixels. posture: the one to draw, headed
-    `heading_rad` on screen; size_px: of the animal there. mirrored: whether left is drawn as right.
+    source: the animal's backbone in the picture's pixels; posture: the one to draw; heading_rad,
+    size_px: of the drawn animal; mirrored: whether left is drawn as right.
     """
 
-    picture: Picture
+    picture: PaddedPicture
     source: PlacedBackbone
     posture: Floats
     heading_rad: float
     size_px: float
     mirrored: bool
 
-    def lay_at(self, x_px: float, y_px: float) -> PosedPicture:
-        """Return the picture in its new posture, its mass centre at (x_px, y_px) of the canvas."""
+    def pose_at(self, x_px: float, y_px: float) -> PosedPicture:
+        """Return the picture in its posture, its mass centre at (x_px, y_px) of the canvas."""
         target = PlacedBackbone(x_px, y_px, self.heading_rad, self.size_px, self.posture)
         return PosedPicture(self.picture.pixels, self.source, target, self.mirrored)
 
     def box_at(self, x_px: float, y_px: float) -> Box:
-        """Return where it can leave a trace."""
-        return Box(*self.lay_at(x_px, y_px).box)
+        """Return the box that the picture can cover with its mass centre at (x_px, y_px)."""
+        return Box(*self.pose_at(x_px, y_px).box)
 
 
-def picture(pixels: Image, x_px: float, y_px: float) -> Picture:
-    """Return a picture to draw, with a transparent rim, from a cut-out (h, w, 2 or 4) uint8.
+def pad_picture(pixels: Image, x_px: float, y_px: float) -> PaddedPicture:
+    """Add a transparent rim to a cut-out (h, w, 2 or 4) uint8, so that it can be drawn.
 
     x_px, y_px: its mass centre, px of the cut-out.
     """
@@ -174,28 +174,31 @@ def picture(pixels: Image, x_px: float, y_px: float) -> Picture:
     padded = np.pad(pixels, (rim, rim, (0, 0)))
     alpha = np.ascontiguousarray(padded[..., -1])
     near = cv2.dilate(alpha, np.ones((4, 4), np.uint8), anchor=(1, 1))  # pixels −1, 0, 1, 2
-    return Picture(padded, near, x_px + _PAD, y_px + _PAD)
+    return PaddedPicture(padded, near, x_px + _PAD, y_px + _PAD)
 
 
-class Placed(NamedTuple):
-    """What a row of an edit list draws, and where; the arguments of `Painter.draw`."""
+class PlacedFish(NamedTuple):
+    """A fish to draw and its mass centre on the canvas; its fields are arguments of `Painter.draw`.
+
+    partner: the picture that is cross-faded into it with the share `weight` (0 … 1), or None.
+    """
 
     x_px: float
     y_px: float
-    fish: Turned | Bent
-    partner: Turned | Bent | None
+    fish: TurnedPicture | BentPicture
+    partner: TurnedPicture | BentPicture | None
     weight: float
 
     @property
     def box(self) -> Box:
-        """Return the box of the canvas, px, in which the fish and its partner can leave a trace."""
+        """Box of the canvas, px, that the fish and its partner can cover."""
         fades = self.partner is not None and self.weight
         shown = (self.fish, self.partner if fades else None)
-        return Box.around(fish.box_at(self.x_px, self.y_px) for fish in shown if fish is not None)
+        return Box.enclose(fish.box_at(self.x_px, self.y_px) for fish in shown if fish is not None)
 
 
 class Shadow(NamedTuple):
-    """The shadow on the fish below. share: of the light that it takes; blur_px: SD of its blur."""
+    """A fish's shadow on those below it: `share` of the light taken, `blur_px`: SD of its blur."""
 
     share: float
     blur_px: float
@@ -205,14 +208,14 @@ NO_SHADOW = Shadow(0.0, 1.0)
 
 
 class Painter:
-    """A canvas to draw on, again and again; only what was drawn is wiped.
+    """A canvas on which fish are drawn tick after tick; only what was drawn is wiped.
 
     floor: (H, W, 1 or 3) uint8, the canvas without fish; callers that draw on it report where with
-    `touch`. canvas: the floor with fish.
+    `mark_changed`. canvas: the floor with fish.
     """
 
     def __init__(self, background: Image, colour: bool = False, shadow: Shadow = NO_SHADOW) -> None:
-        """Take the empty tank, (H, W) or (H, W, 3); `colour` makes a grey one RGB."""
+        """Begin with the empty tank, (H, W) or (H, W, 3); `colour` makes a grey one RGB."""
         floor = background if background.ndim == 3 else background[..., None]
         if colour and floor.shape[2] == 1:
             floor = floor.repeat(3, axis=2)
@@ -222,41 +225,41 @@ class Painter:
 
     @property
     def frame(self) -> Image:
-        """Return the canvas as (H, W) or (H, W, 3); a view."""
+        """The canvas as (H, W) or (H, W, 3), a view."""
         return self.canvas if self.canvas.shape[2] == 3 else self.canvas[..., 0]
 
-    def touch(self, box: Box) -> None:
+    def mark_changed(self, box: Box) -> None:
         """Mark a box of the canvas as changed, now or soon, so that `wipe` restores it."""
-        if not box.empty:
+        if not box.is_empty:
             self._touched.append(box)
 
     def wipe(self) -> None:
-        """Restore the floor where the canvas was changed."""
+        """Restore the floor wherever the canvas was changed."""
         for box in self._touched:
             self.canvas[box.slices] = self.floor[box.slices]
         self._touched.clear()
 
-    def show(self, *fish: Placed) -> Box:
-        """Draw these fish alone on the floor, the lowest first; return the box that they cover."""
+    def show(self, *fish: PlacedFish) -> Box:
+        """Draw some fish on the clean floor, the lowest first; return the box that they cover."""
         self.wipe()
         boxes: list[Box] = []
         for number, one in enumerate(fish):
             if self._shadow.share and number:
-                self._shade(one, fish[:number])
+                self._draw_shadow(one, fish[:number])
             boxes.append(self.draw(*one))
-        return Box.around([box for box in boxes if not box.empty] or boxes)
+        return Box.enclose([box for box in boxes if not box.is_empty] or boxes)
 
-    def _shade(self, upper: Placed, lower: Sequence[Placed]) -> None:
-        """Draw the shadow of a fish on those below it, see this module's text."""
+    def _draw_shadow(self, upper: PlacedFish, lower: Sequence[PlacedFish]) -> None:
+        """Draw the shadow of one fish on those below it, as the module's text says."""
         own, (share, blur_px) = upper.box, self._shadow
-        lower = [one for one in lower if not one.box.common(own).empty]
-        box = own.grow(math.ceil(3 * blur_px)).within(self.canvas.shape)
-        if not lower or box.empty:
+        lower = [one for one in lower if not one.box.intersect(own).is_empty]
+        box = own.grow(math.ceil(3 * blur_px)).clip_to(self.canvas.shape)
+        if not lower or box.is_empty:
             return
-        above = self._silhouette(upper, box)
+        above = self._coverage(upper, box)
         clear = np.ones_like(above)
         for one in lower:
-            below = self._silhouette(one, box)
+            below = self._coverage(one, box)
             common_px2 = np.maximum(0, above + below - 1).sum()
             clear *= 1 - min(1.0, common_px2 / (2 * np.pi * blur_px**2)) * below
         if clear.min() == 1:
@@ -265,8 +268,8 @@ class Painter:
         light = 1 - share * dark[..., None]
         self.canvas[box.slices] = np.rint(self.canvas[box.slices] * light).astype(np.uint8)
 
-    def _silhouette(self, one: Placed, box: Box) -> NDArray[np.float32]:
-        """Return the share of each pixel of a box (h, w) that a fish covers."""
+    def _coverage(self, one: PlacedFish, box: Box) -> NDArray[np.float32]:
+        """Return the share, 0-1, of each pixel of a box (h, w) that a fish covers."""
         shape = box.bottom - box.top, box.right - box.left, self.canvas.shape[2]
         black, white = (Painter(np.full(shape, level, np.uint8)) for level in (0, 255))
         moved = one._replace(x_px=one.x_px - box.left, y_px=one.y_px - box.top)
@@ -279,8 +282,8 @@ class Painter:
         self,
         x_px: float,
         y_px: float,
-        fish: Turned | Bent,
-        partner: Turned | Bent | None = None,
+        fish: TurnedPicture | BentPicture,
+        partner: TurnedPicture | BentPicture | None = None,
         weight: float = 0.0,
     ) -> Box:
         """Draw a fish with its mass centre at (x_px, y_px) of the canvas; return its box.
@@ -292,27 +295,29 @@ class Painter:
         channels = max(one.picture.pixels.shape[2] for one in (fish, other))
         if channels > self.canvas.shape[2] + 1:
             raise ValueError("a coloured fish needs a coloured canvas")
-        if isinstance(fish, Bent) and isinstance(other, Bent):
-            posed = [one.lay_at(x_px, y_px) for one in ((fish, other) if share else (fish,))]
-            box = Box.around(Box(*one.box) for one in posed).within(self.canvas.shape)
-            if not box.empty:
-                drawn = [one.in_box(box) for one in posed]
-                lay_pixels(self.canvas[box.slices], blend(*drawn, share) if share else drawn[0])
-        elif isinstance(fish, Turned) and isinstance(other, Turned):
+        if isinstance(fish, BentPicture) and isinstance(other, BentPicture):
+            posed = [one.pose_at(x_px, y_px) for one in ((fish, other) if share else (fish,))]
+            box = Box.enclose(Box(*one.box) for one in posed).clip_to(self.canvas.shape)
+            if not box.is_empty:
+                drawn = [one.draw_part(box) for one in posed]
+                draw_pixels(
+                    self.canvas[box.slices], mix_pictures(*drawn, share) if share else drawn[0]
+                )
+        elif isinstance(fish, TurnedPicture) and isinstance(other, TurnedPicture):
             parts = [one for one, w in ((fish, 1 - share), (other, share)) if w > 0]
-            box = Box.around(one.box_at(x_px, y_px) for one in parts).within(self.canvas.shape)
-            if not box.empty:
+            box = Box.enclose(one.box_at(x_px, y_px) for one in parts).clip_to(self.canvas.shape)
+            if not box.is_empty:
                 layers = fish.layer_at(x_px, y_px), other.layer_at(x_px, y_px)
-                lay(self.canvas, box, *layers, share)
+                draw_layers(self.canvas, box, *layers, share)
         else:
             raise ValueError("a fish and its partner are either both drawn in a pose, or neither")
-        self.touch(box)
+        self.mark_changed(box)
         return box
 
 
 @leaf_kernel
-def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
-    """Return red, green, blue (grey: thrice), alpha at (u, v), 0 ≤ colour ≤ alpha ≤ 255."""
+def _sample_cubically(pixels, near, u, v):  # type: ignore[no-untyped-def]
+    """Return the colour at (u, v): red, green, blue, alpha, 0 ≤ colour ≤ alpha ≤ 255."""
     channels = pixels.shape[2]
     column, row = math.floor(u), math.floor(v)
     red = green = blue = alpha = np.float32(0)
@@ -351,8 +356,11 @@ def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def _span(m, y, shape, ends):  # type: ignore[no-untyped-def]
-    """Return the half-open range of x, within `ends`, where the kernel can read for row y."""
+def _readable_span(m, y, shape, ends):  # type: ignore[no-untyped-def]
+    """Return the range of x, half open, where a picture can be sampled for row y of the canvas.
+
+    m: as in `PictureLayer`; shape: height and width of the picture; ends: largest range.
+    """
     start, stop = ends
     for slope, offset, most in (
         (m[0], m[1] * y + m[2], shape[1] - 2), (m[3], m[4] * y + m[5], shape[0] - 2),
@@ -370,16 +378,20 @@ def _span(m, y, shape, ends):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
-    """Return where (x, y) lies in a picture, (u, v), and whether the kernel can read around it."""
+    """Return where pixel (x, y) lies in a picture, (u, v), and whether it can be sampled there.
+
+    m: as in `PictureLayer`; shape: height and width of the picture.
+    """
     u, v = m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]
     return u, v, 1 <= u < shape[1] - 2 and 1 <= v < shape[0] - 2
 
 
 @kernel
-def lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
-    """Lay (1 − share) fish + share partner, both a `Layer`, over the canvas, in place.
+def draw_layers(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
+    """Draw the cross-fade (1 − share) fish + share partner over the canvas, which is changed.
 
-    canvas: (H, W, 1 or 3) uint8; box: top, left, bottom, right of what is drawn; share: 0 … 1.
+    canvas: (H, W, 1 or 3) uint8; box: top, left, bottom, right of what is drawn; fish, partner: a
+    `PictureLayer` each; share: 0 … 1.
     """
     top, left, bottom, right = box
     # Unpacked here: within the loop every access to a tuple would count its references.
@@ -388,21 +400,21 @@ def lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
     shape, other_shape = near.shape, other_near.shape
     keep, share = np.float32(1 - share), np.float32(share)
     for y in range(top, bottom):
-        start, stop = _span(m, y, shape, (left, right)) if keep > 0 else (right, left)
+        start, stop = _readable_span(m, y, shape, (left, right)) if keep > 0 else (right, left)
         if share > 0:
-            first, last = _span(n, y, other_shape, (left, right))
+            first, last = _readable_span(n, y, other_shape, (left, right))
             if first < last:
                 start, stop = min(start, first), max(stop, last)
         for x in range(start, stop):
             red = green = blue = alpha = np.float32(0)
             u, v, seen = _locate_pixel(m, x, y, shape)
             if keep > 0 and seen:
-                r, g, b, a = _sample(pixels, near, u, v)
+                r, g, b, a = _sample_cubically(pixels, near, u, v)
                 red, green, blue, alpha = keep * r, keep * g, keep * b, keep * a
             if share > 0:
                 u, v, seen = _locate_pixel(n, x, y, other_shape)
                 if seen:
-                    r, g, b, a = _sample(other, other_near, u, v)
+                    r, g, b, a = _sample_cubically(other, other_near, u, v)
                     red += share * r
                     green += share * g
                     blue += share * b
@@ -417,8 +429,11 @@ def lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def lay_pixels(canvas, drawn):  # type: ignore[no-untyped-def]
-    """Lay a premultiplied picture (h, w, 2 or 4), 0 … 1, over a canvas (h, w, 1 or 3) uint8."""
+def draw_pixels(canvas, drawn):  # type: ignore[no-untyped-def]
+    """Draw a premultiplied picture (h, w, 2 or 4), 0 … 1, over a canvas of its size.
+
+    canvas: (h, w, 1 or 3) uint8, which is changed.
+    """
     height, width, channels = drawn.shape
     for y in range(height):
         for x in range(width):

@@ -11,7 +11,7 @@ from finloop.edit.modes import Shown
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """Which edit list is filmed, and how."""
+    """Parameters of `render`: which edit list is filmed, and how."""
 
     mode: Shown
     marked_film: bool

@@ -8,22 +8,23 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.render.gallery import Gallery
-from finloop.render.painter import Box, Painter, Turned
+from finloop.render.painter import Box, Painter, TurnedPicture
 
 
 class FrameChangeMeter:
-    """Measures how much the picture changes from one drawn frame to the next (Eq. 5 on the screen).
+    """Measures how much the picture changes from one drawn frame to the next (Eq. 5).
 
     ‖F_t − F_(t−1)‖₂ over the whole picture in grey levels, colours by their root mean square. It
-    grows with distance and with the change of shape. `film_steps` measures the film the same way.
+    grows with distance and with the change of shape. `film_frame_changes` measures the film alike.
     """
 
     def __init__(self, painter: Painter) -> None:
+        """Measure the canvas of this painter."""
         self._painter = painter
         self._last: tuple[Box, NDArray[np.uint8]] | None = None
 
-    def measure_step(self, box: Box) -> float:
-        """Return the change of the canvas, grey levels, since the last call; NaN at the first one.
+    def measure_change(self, box: Box) -> float:
+        """Return the canvas's change since the last call, in grey levels; NaN at first.
 
         box: holds all that is drawn now.
         """
@@ -32,19 +33,19 @@ class FrameChangeMeter:
         if last is None:
             return math.nan
         before, patch = last
-        filled = [one for one in (before, box) if not one.empty]
+        filled = [one for one in (before, box) if not one.is_empty]
         if not filled:
             return 0.0
-        both, was = Box.around(filled).slices, self._painter.floor.copy()
+        both, was = Box.enclose(filled).slices, self._painter.floor.copy()
         was[before.slices] = patch
         change = canvas[both].astype(np.float32) - was[both]
         return math.sqrt(float(np.vdot(change, change)) / canvas.shape[2])
 
 
-def film_steps(
+def film_frame_changes(
     painter: Painter, gallery: Gallery, tracks: pd.DataFrame, most: int = 400
 ) -> NDArray[np.float64]:
-    """Return how much the fish alone change from frame to frame of the film (n,), grey levels.
+    """Return how much the fish change from frame to frame of the film, (n,), in grey levels.
 
     tracks: track_id, frame and mass centre, a row per frame; most: pairs of consecutive frames at
     most, spread over the film.
@@ -59,16 +60,19 @@ def film_steps(
         for row in pair:
             x, y = places[row]
             painter.wipe()
-            step = steps.measure_step(painter.draw(x, y, Turned(gallery.frame(int(row)))))
+            step = steps.measure_change(
+                painter.draw(x, y, TurnedPicture(gallery.film_picture(int(row))))
+            )
         found.append(step)
     painter.wipe()
     return np.array(found)
 
 
-def step_metrics(drawn: Sequence[float], film: NDArray[np.float64]) -> dict[str, float]:
-    """Return metrics that compare an animation's changes from frame to frame with the film's.
+def frame_change_metrics(drawn: Sequence[float], film: NDArray[np.float64]) -> dict[str, float]:
+    """Return metrics that compare an animation's frame changes with those of the film.
 
-    drawn: from `FrameChangeMeter`, the first one NaN; film: from `film_steps`; both in grey levels.
+    drawn: from `FrameChangeMeter`, the first one NaN; film: from `film_frame_changes`; both in grey
+    levels.
     """
     steps = np.asarray(drawn)[1:]
     if not len(steps) or not len(film):

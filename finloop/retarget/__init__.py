@@ -9,7 +9,7 @@ M. Gleicher, Retargetting Motion to New Characters, SIGGRAPH 1998.
 """
 
 from finloop.retarget.film import ASKED, JoinParameters, RetargetData, Retargeted, retarget_track
-from finloop.retarget.track import Track, track_of
+from finloop.retarget.track import Track, track_from_poses
 
 __all__ = [
     "ASKED",
@@ -18,5 +18,5 @@ __all__ = [
     "Retargeted",
     "Track",
     "retarget_track",
-    "track_of",
+    "track_from_poses",
 ]

@@ -7,7 +7,7 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.edit.bodies import Bodies
-from finloop.edit.joins import Joins, PictureSequence, cross_fades, inertialize
+from finloop.edit.joins import JoinRules, PictureSequence, cross_fade_partners, inertialize_pictures
 from finloop.edit.modes import RETARGET
 from finloop.edit.schema import EDIT, FILM, FRAME, INERTIAL, JUMP, PLAY, STATES
 from finloop.features.table import wrap_deg
@@ -18,7 +18,7 @@ from finloop.puppet import Pose
 class RowSequence:
     """The film rows that are shown: at each of T ticks a row (T,), and whether it is mirrored (T,).
 
-    switch: the ticks, from 1 on, at which another row is shown than the film's next one.
+    switch: the ticks, from 1 on, at which another row is shown than the next one of the film.
     """
 
     row: Ints
@@ -27,7 +27,7 @@ class RowSequence:
 
     @classmethod
     def from_rows(cls, numbers: Ints, follows: Ints, count: int) -> "RowSequence":
-        """Build a sequence from numbers (T,) of rows; a mirror image has its row's number + count.
+        """Build a sequence from row numbers (T,); a mirror image has its row's number + count.
 
         follows (m,): the number that comes next in the film, as in `FilmRows`; count: rows of the
         film.
@@ -35,46 +35,47 @@ class RowSequence:
         switch = np.flatnonzero(numbers[1:] != follows[numbers[:-1]]) + 1
         return cls(numbers % count, numbers >= count, switch)
 
-    def to_shown(self, heading_deg: Floats, bodies: Bodies) -> PictureSequence:
-        """Return the pictures to draw, turned to headings (T,) on screen, degrees."""
+    def to_pictures(self, heading_deg: Floats, bodies: Bodies) -> PictureSequence:
+        """Return the pictures to draw, turned to headings (T,) on screen, in degrees."""
         turn = wrap_deg(heading_deg - bodies.heading_deg[self.row])
         return PictureSequence(np.ones(len(self.row), bool), self.row, turn, self.mirrored)
 
 
-def film_codes(sources: RowSequence, heading_deg: Floats, how: Joins) -> Floats:
-    """Return the pose codes (T, c) that the shown rows have in the film.
+def shown_pose_codes(sources: RowSequence, heading_deg: Floats, how: JoinRules) -> Floats:
+    """Return the pose codes (T, c) that the shown rows have, smoothed over transitions if they are.
 
-    heading_deg (T,): on screen. If transitions are inertialized (`how.kind`), the codes are
-    smoothed over them.
+    heading_deg (T,): on screen; how: the kind of transitions. Only inertialized ones are smoothed.
     """
-    own = sources.to_shown(heading_deg, how.bodies)
+    shown = sources.to_pictures(heading_deg, how.bodies)
     codes = how.bodies.codes(
-        how.bodies.picture_bodies(own.frame, own.number, own.rot, own.mirrored)
+        how.bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
     )
     if how.kind != INERTIAL:
         return codes
-    states = inertialize(own, heading_deg, how)
+    states = inertialize_pictures(shown, heading_deg, how)
     return np.where(states.posed[:, None], states.codes, codes)
 
 
-def edit_list(
-    sources: RowSequence, pose: Pose, codes: Floats, scale: Floats, how: Joins, rate_hz: float
+def build_edit_list(
+    sources: RowSequence, pose: Pose, codes: Floats, scale: Floats, how: JoinRules, rate_hz: float
 ) -> pd.DataFrame:
-    """Return the edit list of a retargeted track (columns of `EDIT`), one line a tick.
+    """Build the edit list of a retargeted track (columns of `EDIT`), one line a tick.
 
     sources: the shown rows; pose (T): as drawn; codes (T, c): of these poses; scale (n,): at which
     each film row is drawn; how: the kind of transitions; rate_hz: ticks per second.
     """
     ticks, bodies = len(sources.row), how.bodies
     heading = wrap_deg(np.degrees(pose.heading_rad))
-    shown = sources.to_shown(heading, bodies)
+    shown = sources.to_pictures(heading, bodies)
     begins = sources.switch
     goes_on = bodies.goes_on
     if len(begins):  # within one passage light and skin are the same
         here = bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
         old = bodies.next_body(here.select(begins - 1))
-        begins = begins[~bodies.same_moment(old, here.select(begins), how.fade)]
-    partner, weight = cross_fades(shown, begins, how.fade, lambda _, row: row + int(goes_on[row]))
+        begins = begins[~bodies.are_near_in_film(old, here.select(begins), how.fade)]
+    partner, weight = cross_fade_partners(
+        shown, begins, how.fade, lambda _, row: row + int(goes_on[row])
+    )
     fades = weight > 0
     speed = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) * rate_hz / pose.size_px[1:]
     new = np.zeros(ticks, bool)

@@ -9,24 +9,29 @@ from finloop.base.arrays import Floats, Ints, Mask, Points, Reals
 from finloop.base.schema import ANY, Column, Schema, columns
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
-from finloop.edit.joins import Joins, JoinTimes, joins
+from finloop.edit.joins import JoinRules, JoinTimes, resolve_join_rules
 from finloop.edit.pictures import Pictures
 from finloop.features.table import infer_delta_frames
 from finloop.jumps.settings import JumpsSettings as Weights
 from finloop.jumps.signature import change_per_row
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose
-from finloop.retarget.edit import RowSequence, edit_list, film_codes
-from finloop.retarget.motion import RecordedMotion, motion_of
-from finloop.retarget.place import find_placement, find_points_outside, mirror_points, scale_of
+from finloop.retarget.edit import RowSequence, build_edit_list, shown_pose_codes
+from finloop.retarget.motion import RecordedMotion, resample_track
+from finloop.retarget.place import (
+    find_placement,
+    find_points_outside,
+    mirror_left_right,
+    track_scale,
+)
 from finloop.retarget.posture import (
     align_postures,
-    asked_postures,
-    body_share,
-    chord_share,
-    on_body,
+    backbone_length_share,
+    fit_postures,
+    places_on_body,
+    straight_distance_share,
 )
-from finloop.retarget.rows import FilmRows, cheapest_rows
+from finloop.retarget.rows import FilmRows, find_cheapest_rows
 from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import Track
 
@@ -62,12 +67,12 @@ class RetargetData(NamedTuple):
 
     @property
     def bodies(self) -> Bodies:
-        """Return the postures of the film's rows, without sprites."""
+        """The postures of the film's rows, without sprites."""
         return Bodies(self.poses, self.reel.goes_on, pd.DataFrame())
 
     @property
     def pictures(self) -> Pictures:
-        """Return the film's pictures, as an edit list names them."""
+        """The film's pictures, as an edit list names them."""
         return Pictures(self.reel, self.size, self.bodies)
 
 
@@ -93,46 +98,47 @@ class JoinParameters(NamedTuple):
     join: str
 
 
-def own_track(film: RetargetData, rows: Ints, name: str) -> Track:
-    """Return a track of the drawn film itself, with its postures.
+def track_from_film_rows(film: RetargetData, rows: Ints, name: str) -> Track:
+    """Return a track made of rows of the drawn film, with their postures.
 
-    rows (t,): its rows in the film; name: for messages.
+    rows (t,): rows of the film; name: for messages.
     """
     poses, features = film.poses, film.reel.features
     steps = poses.pose[rows].backbone_px()
     size = float(poses.pose.size_px[rows[0]])
     return Track(
         name, film.rate_hz, features["frame"].to_numpy(np.int64)[rows], steps,
-        np.linspace(0, 1, steps.shape[1]), size * body_share(poses.shapes), poses.codes[rows], rows,
+        np.linspace(0, 1, steps.shape[1]), size * backbone_length_share(poses.shapes),
+        poses.codes[rows], rows,
     )  # fmt: skip
 
 
 def retarget_track(
     track: Track, film: RetargetData, p: RetargetSettings, others: JoinParameters
 ) -> Retargeted:
-    """Retarget a recorded track to the film's fish; return the edit list and metrics.
+    """Let the film's fish follow a recorded track; return the edit list and metrics.
 
     film: the film whose frames are drawn. FinloopError if the track is too short, swims tail first,
     has no body length, or does not fit into the tank.
     """
     reel = film.reel
-    motion = motion_of(track, film.rate_hz, p)
+    motion = resample_track(track, film.rate_hz, p)
     way, scale = _scale_track(track, motion, film, p)
     rows = FilmRows.from_reel(reel, film.poses, film.look, others.weights, track.has_postures)
     if track.rows is not None and not p.allow_own_frames:
-        rows = rows.without(track.rows)
+        rows = rows.exclude_rows(track.rows)
     pictures = film.pictures
-    how = joins(
+    how = resolve_join_rules(
         others.joins,
         others.join,
         pictures.bodies,
         infer_delta_frames(reel.features),
         pictures.bending_helps,
     )
-    sources, way = _choose_rows(way, rows, how, film, p)
+    sources, way = _choose_rows_and_place(way, rows, how, film, p)
     drawn_scale = (reel.length_px / reel.lengths_px).astype(float)
-    edit = edit_list(sources, way.pose, way.codes, drawn_scale, how, film.rate_hz)
-    table = _table(motion, way, sources)
+    edit = build_edit_list(sources, way.pose, way.codes, drawn_scale, how, film.rate_hz)
+    table = _requested_motion_table(motion, way, sources)
     stay = np.diff(np.concatenate([[0], sources.switch, [len(edit)]])) / film.rate_hz
     return Retargeted(edit, table, {
         "ticks": len(edit),
@@ -152,8 +158,8 @@ def retarget_track(
     })  # fmt: skip
 
 
-class _Way(NamedTuple):
-    """A track in this tank: points (T, m, 2) px at shares (m,) of the body, with their poses (T).
+class _PlacedTrack(NamedTuple):
+    """A track in this tank: points (T, m, 2) px at shares (m,) of the body, and their poses (T).
 
     codes (T, c): of the postures; clamped (T,): which of them were changed; size: of the path,
     relative to its size at the track's scale.
@@ -171,15 +177,15 @@ class _Way(NamedTuple):
         """Whether the points determine how the animal is bent."""
         return len(self.at) > 2
 
-    def offsets(self, film: RetargetData, p: RetargetSettings) -> tuple[Points, float]:
-        """Return offsets (T, 2) px that move the backbones into the tank, and the path's size."""
+    def offsets_into_tank(self, film: RetargetData, p: RetargetSettings) -> tuple[Points, float]:
+        """Return offsets (T, 2) px that move backbones into the tank, and the path's size."""
         bodies = self.pose.backbone_px()
         shift, size = find_placement(bodies, film.arena, film.reel.length_px, p)
         centre = bodies.mean(1)
         return (size - 1) * (centre - centre.mean(0)) + shift, size
 
-    def move_by(self, offset: Points, size: float) -> "_Way":
-        """Shift the path by offsets (T, 2) px and multiply its size."""
+    def move_by(self, offset: Points, size: float) -> "_PlacedTrack":
+        """Return the track shifted by offsets (T, 2) px, with its size multiplied."""
         pose, (x, y) = self.pose, offset.T
         return self._replace(
             points=self.points + offset[:, None],
@@ -190,78 +196,88 @@ class _Way(NamedTuple):
 
 def _scale_track(
     track: Track, motion: RecordedMotion, film: RetargetData, p: RetargetSettings
-) -> tuple[_Way, float]:
-    """Scale a track to the size of this film's fish; return its path and the scale.
+) -> tuple[_PlacedTrack, float]:
+    """Scale a recorded track to the size of this film's fish; return it and the scale.
 
     A track without postures gets the mean posture.
     """
     shapes, length_px, at = film.poses.shapes, film.reel.length_px, track.at
-    share = body_share(shapes) if len(at) != 2 else chord_share(shapes, at) / np.ptp(at)
-    scale = scale_of(track, length_px * share, p)
+    share = (
+        backbone_length_share(shapes)
+        if len(at) != 2
+        else straight_distance_share(shapes, at) / np.ptp(at)
+    )
+    scale = track_scale(track, length_px * share, p)
     points, codes = scale * motion.points, motion.codes
     if p.mirrored:
-        points = mirror_points(points, film.arena.shape[1])
-        codes = None if codes is None else codes @ shapes.mirror
+        points = mirror_left_right(points, film.arena.shape[1])
+        codes = None if codes is None else codes @ shapes.mirror_matrix
     if track.has_postures:
-        return _Way(points, at, *asked_postures(points, at, shapes, length_px, codes)), scale
+        return _PlacedTrack(points, at, *fit_postures(points, at, shapes, length_px, codes)), scale
     mean = np.repeat(shapes.mean[None], len(points), 0)
     heading = None
     if len(at) == 1:
         delta = infer_delta_frames(film.reel.features)
-        heading = _way_rad(points[:, 0], max(1, round(delta / 4)), _STILL * length_px / delta)
+        heading = _travel_headings(
+            points[:, 0], max(1, round(delta / 4)), _STILL * length_px / delta
+        )
     none = np.zeros((len(points), len(shapes.shapes)))
     pose = align_postures(mean, points, at, length_px, heading)
-    return _Way(points, at, pose, none, np.zeros(len(points), bool)), scale
+    return _PlacedTrack(points, at, pose, none, np.zeros(len(points), bool)), scale
 
 
-def _choose_rows(
-    way: _Way, rows: FilmRows, how: Joins, film: RetargetData, p: RetargetSettings
-) -> tuple[RowSequence, _Way]:
-    """Choose the rows for a path; return them and the path at its place in the tank.
+def _choose_rows_and_place(
+    way: _PlacedTrack, rows: FilmRows, how: JoinRules, film: RetargetData, p: RetargetSettings
+) -> tuple[RowSequence, _PlacedTrack]:
+    """Choose the film rows for a track and place it in the tank; return both.
 
     The film's postures are known only after the rows are; then the backbones are moved into the
     tank. A path that shrinks for them is slower, so its rows are chosen again.
     """
     if way.has_postures:
-        way = way.move_by(*way.offsets(film, p))
-        return _sources(way, rows, film, p), way
-    sources, fish = _in_film_postures(way, rows, how, film, p)
-    offset, size = fish.offsets(film, p)
+        way = way.move_by(*way.offsets_into_tank(film, p))
+        return _choose_rows(way, rows, film, p), way
+    sources, fish = _choose_rows_without_postures(way, rows, how, film, p)
+    offset, size = fish.offsets_into_tank(film, p)
     if size < 1:
         way = way.move_by(offset, size)
-        sources, fish = _in_film_postures(way, rows, how, film, p)
-        offset, size = fish.offsets(film, p)
+        sources, fish = _choose_rows_without_postures(way, rows, how, film, p)
+        offset, size = fish.offsets_into_tank(film, p)
     return sources, fish.move_by(offset, size)
 
 
-def _sources(way: _Way, rows: FilmRows, film: RetargetData, p: RetargetSettings) -> RowSequence:
+def _choose_rows(
+    way: _PlacedTrack, rows: FilmRows, film: RetargetData, p: RetargetSettings
+) -> RowSequence:
+    """Return the film rows that follow a track at the least cost."""
     pose = way.pose
     place = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
     codes = way.codes if way.has_postures else None
     asked = rows.query_vectors(place, np.unwrap(pose.heading_rad), codes)
-    numbers = cheapest_rows(
+    numbers = find_cheapest_rows(
         rows, asked, p.candidates, p.switch, infer_delta_frames(film.reel.features)
     )
     return RowSequence.from_rows(numbers, rows.follows, len(film.reel))
 
 
-def _in_film_postures(
-    way: _Way, rows: FilmRows, how: Joins, film: RetargetData, p: RetargetSettings
-) -> tuple[RowSequence, _Way]:
-    """Return the rows for a path without postures, and the path in the postures of these rows."""
-    sources = _sources(way, rows, film, p)
+def _choose_rows_without_postures(
+    way: _PlacedTrack, rows: FilmRows, how: JoinRules, film: RetargetData, p: RetargetSettings
+) -> tuple[RowSequence, _PlacedTrack]:
+    """Choose rows for a track without postures; return them and the track in their postures."""
+    sources = _choose_rows(way, rows, film, p)
     heading = np.unwrap(way.pose.heading_rad)
-    codes = film_codes(sources, np.degrees(heading), how)
+    codes = shown_pose_codes(sources, np.degrees(heading), how)
     postures = film.poses.shapes.decode(codes)
     known = heading if len(way.at) == 1 else None
     pose = align_postures(postures, way.points, way.at, film.reel.length_px, known)
     return sources, way._replace(pose=pose, codes=codes)
 
 
-def _way_rad(place: Points, span: int, still_px: float) -> Floats:
-    """Return the heading (T,) of a point (T, 2) px: its direction of travel.
+def _travel_headings(place: Points, span: int, still_px: float) -> Floats:
+    """Return the heading (T,), in radians, of a point (T, 2) px: its direction of travel.
 
-    While the point hardly moves, the heading is interpolated.
+    span: ticks over which it is measured. While the point moves less than `still_px` a tick, the
+    heading is interpolated.
     """
     speed = change_per_row(place, np.arange(len(place)) < len(place) - 1, span)
     moves = np.flatnonzero(np.hypot(*speed.T) > still_px)
@@ -271,12 +287,15 @@ def _way_rad(place: Points, span: int, still_px: float) -> Floats:
     return np.interp(np.arange(len(place)), moves, heading)
 
 
-def _table(motion: RecordedMotion, way: _Way, sources: RowSequence) -> pd.DataFrame:
+def _requested_motion_table(
+    motion: RecordedMotion, way: _PlacedTrack, sources: RowSequence
+) -> pd.DataFrame:
+    """Return the table of every tick as requested and as drawn, with the columns of `ASKED`."""
     points, pose, at = way.points, way.pose, way.at
     backbone = pose.backbone_px()
     apart = np.full(len(points), np.nan)
     if len(at) > 1:
-        off = np.hypot(*np.moveaxis(on_body(pose, at) - points, -1, 0)).mean(1)
+        off = np.hypot(*np.moveaxis(places_on_body(pose, at) - points, -1, 0)).mean(1)
         apart = off / pose.steps_px.sum(-1)
     lists = {
         f"{name}_{axis}_px": pd.Series(list(line[..., k].astype(np.float32)), dtype=object)

@@ -20,9 +20,9 @@ from finloop.io.poses import load_poses
 from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.retarget.film import RetargetData, own_track
+from finloop.retarget.film import RetargetData, track_from_film_rows
 from finloop.retarget.settings import RetargetSettings
-from finloop.retarget.track import Track, choose_animal, track_from_backbones, track_of
+from finloop.retarget.track import Track, choose_animal, track_from_backbones, track_from_poses
 
 _SCENE, _TRACKS = "extract/scene.json", "extract/tracks.parquet"
 _FEATURES, _FACTS = "features/features.parquet", f"clip/{FACTS_NAME}"
@@ -39,27 +39,27 @@ def load_track(film: RetargetData, p: RetargetSettings) -> Track:
     if p.tracks.startswith(TRACK):
         rows = track_as_path(film.reel.features, p.tracks, "retarget.tracks").rows
         assert rows is not None
-        return own_track(film, rows, p.tracks)
+        return track_from_film_rows(film, rows, p.tracks)
     path = Path(p.tracks).expanduser()
-    folder = film_folder(path)
+    folder = film_data_folder(path)
     if folder is not None:
         return _load_film_track(folder, steps, p)
     rate = p.tracks_rate_hz or film.rate_hz
     software = None if p.software == "auto" else p.software
-    return track_of(load_poses(path, software, rate, "retarget.tracks"), rate, steps, p)
+    return track_from_poses(load_poses(path, software, rate, "retarget.tracks"), rate, steps, p)
 
 
-def film_folder(path: Path) -> Path | None:
-    """Return the folder data/ of another film; None if `path` is not a film's.
+def film_data_folder(path: Path) -> Path | None:
+    """Return the folder data/ of another film; None if a path is not that of a film.
 
-    path: that folder, or the folder extract/ in it.
+    path: the folder data/, or the folder extract/ in it.
     """
     folder = path.parent if path.name == "extract" else path
     return folder if (folder / _TRACKS).exists() else None
 
 
-def film_files(folder: Path) -> list[Path]:
-    """Return the four files that a track of another film is read from.
+def film_track_files(folder: Path) -> list[Path]:
+    """Return the four files from which a track of another film is read.
 
     folder: data/ of that film.
     """
@@ -67,6 +67,11 @@ def film_files(folder: Path) -> list[Path]:
 
 
 def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
+    """Load a track of another film from its folder data/.
+
+    steps: of a backbone of the drawn film. FinloopError if the film's tables do not match, or the
+    track is missing.
+    """
     scene = load_record(folder / _SCENE, SceneFacts, "extract")
     features = load_table(folder / _FEATURES, FEATURES)
     rate = p.tracks_rate_hz or load_facts(folder / _FACTS).frame_rate_hz
@@ -77,7 +82,7 @@ def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
             "two tables of one film with equally many rows",
             "make the tables of that film again: `dvc repro features`",
         )
-    rows = _rows(features, p)
+    rows = _select_track_rows(features, p)
     line = lists_to_points(tracks.iloc[rows], "backbone").astype(float)
     first = begins_at_tail(line, features.iloc[rows])
     line = np.where(first[:, None, None], line[:, ::-1], line)
@@ -86,7 +91,8 @@ def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
     return track_from_backbones(name, rate, frame, line, steps)
 
 
-def _rows(features: pd.DataFrame, p: RetargetSettings) -> Ints:
+def _select_track_rows(features: pd.DataFrame, p: RetargetSettings) -> Ints:
+    """Return the rows of the track that `retarget.animal` names, by default the longest."""
     counts = features["track_id"].value_counts().sort_index()
     names = [str(one) for one in counts.index]
     number = choose_animal(p.animal, names, counts.to_numpy())

@@ -16,7 +16,7 @@ _BACKWARDS = 0.25  # of the path; below this share head first, head and tail are
 
 
 class RecordedMotion(NamedTuple):
-    """The used stretch of a track, one point of time a tick of the animation.
+    """The part of a track that is used, resampled to one point of time a tick of the animation.
 
     time_s (T,): in the track's file; points (T, m, 2): px of the file; codes (T, c): pose codes, of
     a track of the drawn film, else None; numbers: how much was filled and left out, by name.
@@ -28,10 +28,11 @@ class RecordedMotion(NamedTuple):
     numbers: dict[str, float]
 
 
-def motion_of(track: Track, rate_hz: float, p: RetargetSettings) -> RecordedMotion:
-    """Return the longest stretch of a track without a long gap, resampled by splines.
+def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> RecordedMotion:
+    """Return the longest stretch of a track without a long gap, resampled to ticks by splines.
 
-    rate_hz: ticks per second. FinloopError if it is too short, or the animal swims tail first.
+    rate_hz: ticks per second. FinloopError if the stretch is too short, or the animal swims tail
+    first.
     """
     time = track.frame / track.rate_hz
     asked = (time >= p.start_s) & (time <= (np.inf if p.end_s is None else p.end_s))
@@ -81,7 +82,7 @@ def motion_of(track: Track, rate_hz: float, p: RetargetSettings) -> RecordedMoti
 
 
 def forward_share(points: Floats) -> float:
-    """Return which share of its path an animal travels head first, 0-1.
+    """Return the share, 0-1, of its path that an animal travels head first.
 
     points (T, m, 2): head first; the result is 1 if m is 1.
     """

@@ -13,8 +13,8 @@ _CLEAR = 0.5  # body lengths; a point nearer to the wall costs up to 1
 _ROUNDS = 12  # of halving, to find how much smaller a path has to be
 
 
-def scale_of(track: Track, length_px: float, p: RetargetSettings) -> float:
-    """Return the scale of a track, in px of the tank per px of the file.
+def track_scale(track: Track, length_px: float, p: RetargetSettings) -> float:
+    """Return how many px of the tank one px of a track's file becomes.
 
     length_px: on this film's fish, the length of what `track.length_px` measures. FinloopError if
     the track has no length.
@@ -31,28 +31,28 @@ def scale_of(track: Track, length_px: float, p: RetargetSettings) -> float:
     return length_px / track.length_px
 
 
-def mirror_points(points: Points, width_px: int) -> Points:
-    """Return points (…, 2) px mirrored left to right in a tank `width_px` wide."""
+def mirror_left_right(points: Points, width_px: int) -> Points:
+    """Mirror points (…, 2) px left to right in a tank `width_px` wide."""
     return np.stack([width_px - 1 - points[..., 0], points[..., 1]], -1)
 
 
 def find_points_outside(points: Points, arena: Mask) -> Mask:
-    """Return which points (…, 2) px are not in the arena (h, w): (…) bool."""
-    column, row = np.moveaxis(_pixels(points), -1, 0)
+    """Return a mask (…) of the points (…, 2) px that lie outside the arena (h, w)."""
+    column, row = np.moveaxis(_round_to_pixels(points), -1, 0)
     there = (row >= 0) & (row < arena.shape[0]) & (column >= 0) & (column < arena.shape[1])
     inside = arena[np.where(there, row, 0), np.where(there, column, 0)]
     return ~(there & inside)
 
 
-def _pixels(points: Points) -> Ints:
-    """Return the pixels (…, 2) that contain points; a shift by whole px moves both alike."""
+def _round_to_pixels(points: Points) -> Ints:
+    """Return the pixels (…, 2) that contain points (…, 2) px."""
     return np.floor(points + 0.5).astype(np.int64)
 
 
 def find_placement(
     bodies: Points, arena: Mask, length_px: float, p: RetargetSettings
 ) -> tuple[Floats, float]:
-    """Return the shift (2,) px of a path into the tank, and the relative size it is drawn at.
+    """Return the shift (2,) px that moves a path into the tank, and the path's relative size.
 
     bodies (T, k, 2) px: the drawn points of the animal, which keeps its size on a smaller path;
     length_px: body length. The size is 1 unless the placement is "shrink". FinloopError if the path
@@ -60,20 +60,20 @@ def find_placement(
     """
     if p.placement == "given":
         return np.zeros(2), 1.0
-    shift = shift_into(bodies, arena, length_px)
+    shift = find_shift_into(bodies, arena, length_px)
     if shift is not None:
         return shift, 1.0
     if p.placement == "fit":
         there = np.argwhere(arena)[:, ::-1].astype(float)
         raise FinloopError(
-            f"the path with the fish's body is {_size(bodies, length_px)} body lengths large, the "
-            f"tank {_size(there, length_px)}: the path fits nowhere",
+            f"the path with the fish's body is {_format_size(bodies, length_px)} body lengths "
+            f"large, the tank {_format_size(there, length_px)}: the path fits nowhere",
             "a path that fits into the tank",
             "take a part of the track (retarget.start_s, end_s), a smaller path "
             "(retarget.placement=shrink), or let it leave the tank (retarget.placement=given)",
         )
     small, large = 0.0, 1.0
-    best = shift_into(shrink_path(bodies, small), arena, length_px)
+    best = find_shift_into(shrink_path(bodies, small), arena, length_px)
     if best is None:
         raise FinloopError(
             "the fish does not fit into the tank, even if its path shrinks to a point",
@@ -83,47 +83,49 @@ def find_placement(
         )
     for _ in range(_ROUNDS):
         middle = (small + large) / 2
-        shift = shift_into(shrink_path(bodies, middle), arena, length_px)
+        shift = find_shift_into(shrink_path(bodies, middle), arena, length_px)
         small, large = (middle, large) if shift is not None else (small, middle)
         best = best if shift is None else shift
     return best, small
 
 
 def shrink_path(bodies: Points, size: float) -> Points:
-    """Return points (T, k, 2) on a path of `size` times the size; each body keeps its own."""
+    """Shrink the path of bodies (T, k, 2) to `size` times its size; each body stays as large."""
     centre = bodies.mean(1, keepdims=True)
     return bodies + (size - 1) * (centre - centre.mean(0))
 
 
-def _size(points: Points, length_px: float) -> str:
+def _format_size(points: Points, length_px: float) -> str:
+    """Return width and height of points (…, 2) px in body lengths, as text."""
     wide, high = np.ptp(points.reshape(-1, 2), axis=0) / length_px
     return f"{wide:.1f} × {high:.1f}"
 
 
-def shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | None:
-    """Return the shift (2,) in whole px that moves points (T, k, 2) px into the arena, or None.
+def find_shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | None:
+    """Return the shift (2,) in whole px that moves bodies (T, k, 2) px into the arena, or None.
 
     length_px: body length. Of the shifts that leave no point outside, the one with the points
     farthest from the walls is taken. Shifts by whole cells of a map of `_CELLS` cells a side come
     first. Where none of them fits, every shift by whole px is tried.
     """
-    pixels = _pixels(bodies.reshape(-1, 2))
+    pixels = _round_to_pixels(bodies.reshape(-1, 2))
     depth = scipy.ndimage.distance_transform_edt(np.pad(arena, 1))[1:-1, 1:-1]
     wall = np.maximum(0.0, 1 - depth / (_CLEAR * length_px))
     for cell in sorted({-(-max(arena.shape) // _CELLS), 1}, reverse=True):
-        shift = _shift_by_cells(pixels, arena, wall, cell)
+        shift = _find_shift_by_cells(pixels, arena, wall, cell)
         if shift is not None:
             return shift
     return None
 
 
-def _shift_by_cells(pixels: Ints, arena: Mask, wall: Floats, cell: int) -> Floats | None:
-    """Do what `shift_into` does, for pixels (n, 2), by whole cells of `cell` px.
+def _find_shift_by_cells(pixels: Ints, arena: Mask, wall: Floats, cell: int) -> Floats | None:
+    """Return the best shift (2,) of pixels (n, 2) into the arena by whole cells, or None.
 
-    wall (h, w): cost of a pixel. Two correlations try all shifts at once: one counts the points
-    outside, the other sums the cost. A cell that is partly outside counts as outside.
+    cell: side of a cell, px; wall (h, w): cost of a pixel. Two correlations try all shifts at once:
+    one counts the points outside, the other sums the cost. A cell that is partly outside counts as
+    outside.
     """
-    inside = _cells(arena.astype(float), cell).min((1, 3)) > 0
+    inside = _cut_into_cells(arena.astype(float), cell).min((1, 3)) > 0
     cells = pixels // cell
     low = cells.min(0)
     column, row = (cells - low).T
@@ -136,7 +138,7 @@ def _shift_by_cells(pixels: Ints, arena: Mask, wall: Floats, cell: int) -> Float
     free = np.rint(beyond) == 0
     if not free.any():
         return None
-    cost = scipy.signal.correlate(_cells(wall, cell).mean((1, 3)), count, mode="valid")
+    cost = scipy.signal.correlate(_cut_into_cells(wall, cell).mean((1, 3)), count, mode="valid")
     middle = (np.array(cost.shape) - 1) / 2
     off = np.hypot(*(np.indices(cost.shape) - middle[:, None, None]))
     cost = np.maximum(cost, 0) + 1e-6 * len(pixels) * off
@@ -144,7 +146,8 @@ def _shift_by_cells(pixels: Ints, arena: Mask, wall: Floats, cell: int) -> Float
     return cell * (np.array(best[::-1]) - low).astype(float)
 
 
-def _cells(values: Floats, cell: int) -> Floats:
+def _cut_into_cells(values: Floats, cell: int) -> Floats:
+    """Cut a map (h, w) into cells of `cell` px: (rows, cell, columns, cell), padded with 0."""
     height, width = values.shape
     whole = np.pad(values, ((0, -height % cell), (0, -width % cell)))
     return whole.reshape(whole.shape[0] // cell, cell, -1, cell)

@@ -18,24 +18,24 @@ import numpy as np
 
 from finloop.base.arrays import Floats, Mask, Points
 from finloop.puppet import Pose, PoseShapes
-from finloop.puppet.pose import bends, steps
+from finloop.puppet.pose import backbone_bends, backbone_steps
 
 _ROUNDS = 4  # of bends relative to a heading, then the heading of the resulting posture
 _FLOOR = 1e-9  # of the total variance: least noise, where the shapes leave none
 _HEAD = 1 / 3  # of the body: its chord is the first heading
 
 
-class Asked(NamedTuple):
-    """Postures (T) as drawn: their poses, codes (T, c), and whether they were changed, (T,)."""
+class FittedPostures(NamedTuple):
+    """Postures (T) as drawn: poses, pose codes (T, c), and a mask (T,) of those changed."""
 
     pose: Pose
     codes: Floats
     clamped: Mask
 
 
-def asked_postures(
+def fit_postures(
     points: Points, at: Floats, shapes: PoseShapes, size_px: float, codes: Floats | None = None
-) -> Asked:
+) -> FittedPostures:
     """Return the film's postures nearest to recorded lines (T, m, 2) px, head first, m > 2.
 
     at (m,): where along the body the points are, 0 = head, 1 = tail; size_px: typical length of the
@@ -43,43 +43,48 @@ def asked_postures(
     are changed to ones that it does.
     """
     rounds = _ROUNDS if codes is None else 1
-    first = _head_rad(points, at)
-    directions = _directions(points, first)
+    first = _head_directions(points, at)
+    directions = _step_directions(points, first)
     turned = np.zeros(len(points))
     for _ in range(rounds):
-        likely = likely_codes(directions - turned[:, None], at, shapes) if codes is None else codes
+        likely = (
+            most_likely_codes(directions - turned[:, None], at, shapes) if codes is None else codes
+        )
         near, clamped = shapes.nearest_codes(likely)
         pose = align_postures(shapes.decode(near), points, at, size_px)
         turned = np.angle(np.exp(1j * (pose.heading_rad - first)))
-    return Asked(pose, near, clamped)
+    return FittedPostures(pose, near, clamped)
 
 
-def _head_rad(points: Points, at: Floats) -> Floats:
-    """Return the direction (T,) of the head: from a third of the body to the first point."""
+def _head_directions(points: Points, at: Floats) -> Floats:
+    """Return the direction (T,) of the head, in radians, from a third of the body to point 0."""
     third = max(1, int(np.argmin(np.abs(at - _HEAD))))
-    way = points[:, 0] - points[:, third]
-    return np.arctan2(-way[:, 1], way[:, 0])
+    head = points[:, 0] - points[:, third]
+    return np.arctan2(-head[:, 1], head[:, 0])
 
 
-def _directions(points: Points, head_rad: Floats) -> Floats:
-    """Return directions (T, m − 1) of the steps towards the head, relative to the head's (T,)."""
-    way = points[:, :-1] - points[:, 1:]
-    angles = np.arctan2(-way[..., 1], way[..., 0]) - head_rad[:, None]
+def _step_directions(points: Points, head_rad: Floats) -> Floats:
+    """Return directions (T, m − 1) of the body's steps, in radians against the head's (T,).
+
+    points (T, m, 2) px, head first; the steps point towards the head.
+    """
+    step = points[:, :-1] - points[:, 1:]
+    angles = np.arctan2(-step[..., 1], step[..., 0]) - head_rad[:, None]
     angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the others follow from the head on
     return np.unwrap(angles, axis=1)
 
 
-def likely_codes(directions: Floats, at: Floats, shapes: PoseShapes) -> Floats:
-    """Return the most probable pose codes (T, c), given directions (T, m − 1) of body steps.
+def most_likely_codes(directions: Floats, at: Floats, shapes: PoseShapes) -> Floats:
+    """Return the most probable pose codes (T, c) for directions (T, m − 1) of body steps.
 
     Directions are in radians relative to the heading, towards the head. at (m,): where along the
     body the ends of the steps are, 0 = head, 1 = tail; each lies on a point of the film's
     backbones.
     """
-    count = bends(shapes.mean).size
+    count = backbone_bends(shapes.mean).size
     first = round(at[0] * count)
     which = np.zeros(len(shapes.mean), bool)
-    bends(which)[first : first + directions.shape[1]] = True
+    backbone_bends(which)[first : first + directions.shape[1]] = True
     away = (directions - shapes.mean[which]) * shapes.weights[which]
     parts = shapes.shapes[:, which]
     left = max(shapes.total_variance - float(shapes.variance.sum()), 0.0)
@@ -92,7 +97,7 @@ def likely_codes(directions: Floats, at: Floats, shapes: PoseShapes) -> Floats:
 def align_postures(
     postures: Floats, points: Points, at: Floats, size_px: float, heading_rad: Floats | None = None
 ) -> Pose:
-    """Return postures (T, d) placed and turned to lie nearest to points (T, m, 2) px.
+    """Place and turn postures (T, d) so that they lie nearest to points (T, m, 2) px.
 
     at (m,): where along the body the points are, 0 = head, 1 = tail, NaN = the mass centre.
     size_px: typical length of the animal. heading_rad (T,): needed where a single point determines
@@ -100,8 +105,8 @@ def align_postures(
     """
     none = np.zeros(len(postures))
     bare = Pose(none, none, none, none + size_px, postures)
-    own = on_body(bare, at)
-    z, w = own[..., 0] - 1j * own[..., 1], points[..., 0] - 1j * points[..., 1]
+    on_body = places_on_body(bare, at)
+    z, w = on_body[..., 0] - 1j * on_body[..., 1], points[..., 0] - 1j * points[..., 1]
     z0, w0 = z.mean(1), w.mean(1)
     if heading_rad is None:
         heading_rad = np.angle(((z - z0[:, None]).conj() * (w - w0[:, None])).sum(1))
@@ -109,8 +114,8 @@ def align_postures(
     return bare.move_to(centre.real, -centre.imag, heading_rad, size_px)
 
 
-def on_body(pose: Pose, at: Floats) -> Points:
-    """Return the places (T, m, 2) px on poses' backbones at shares (m,) of the body.
+def places_on_body(pose: Pose, at: Floats) -> Points:
+    """Return the places (T, m, 2) px on the backbones of poses (T) at shares (m,) of the body.
 
     at: 0 = head, 1 = tail, NaN = the mass centre.
     """
@@ -123,16 +128,16 @@ def on_body(pose: Pose, at: Floats) -> Points:
     return np.where(np.isnan(at)[:, None], centre, places)
 
 
-def body_share(shapes: PoseShapes) -> float:
+def backbone_length_share(shapes: PoseShapes) -> float:
     """Return the length of the mean posture's backbone, as a multiple of the size (`size_px`)."""
-    return float(steps(shapes.mean).sum())
+    return float(backbone_steps(shapes.mean).sum())
 
 
-def chord_share(shapes: PoseShapes, at: Floats) -> float:
-    """Return the straight distance between two places on the mean posture, per size (`size_px`).
+def straight_distance_share(shapes: PoseShapes, at: Floats) -> float:
+    """Return the straight distance between two places on the mean posture, in sizes (`size_px`).
 
     at (2,): the places, 0 = head, 1 = tail.
     """
     none = np.zeros(1)
-    ends = on_body(Pose(none, none, none, none + 1, shapes.mean[None]), at)[0]
+    ends = places_on_body(Pose(none, none, none, none + 1, shapes.mean[None]), at)[0]
     return float(np.hypot(*(ends[-1] - ends[0])))

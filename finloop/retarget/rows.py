@@ -41,16 +41,16 @@ class FilmRows:
 
     @classmethod
     def from_reel(
-        cls, reel: Reel, poses: FilmPoses, look: Reals, weights: Weights, bent: bool
+        cls, reel: Reel, poses: FilmPoses, look: Reals, weights: Weights, has_postures: bool
     ) -> "FilmRows":
-        """Build the vectors of a film's rows.
+        """Describe the rows of a film by vectors in which they can be compared.
 
         look: light and skin of each row, then of each mirror image, from the stage `jumps`;
-        weights: of the parts; bent: whether the track has postures.
+        weights: of the parts; has_postures: whether the track has postures.
         """
         n, span = len(reel), max(1, round(infer_delta_frames(reel.features) / 4))
         sides = len(look) // n
-        pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
+        pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
         change = np.stack([change_per_row(one, reel.goes_on, span) for one in pose])
         speed = film_motion(reel, span)
         scales = [
@@ -65,21 +65,21 @@ class FilmRows:
         first, later = reel.step_ends
         whole = np.concatenate([*parts, light], axis=-1)[0]
         step = max(float(np.median(np.linalg.norm(whole[later] - whole[first], axis=-1))), 1e-12)
-        used = slice(0 if bent else 2, 3)
+        used = slice(0 if has_postures else 2, 3)
         goes = np.where(reel.goes_on, np.arange(n) + 1, -1)
         return cls(
             n,
-            _flat(parts[used]) / step,
-            _flat([light] if bent else [parts[0], light]) / step,
+            _join_and_flatten(parts[used]) / step,
+            _join_and_flatten([light] if has_postures else [parts[0], light]) / step,
             np.concatenate([goes, np.where(goes < 0, -1, goes + n)][:sides]),
             [scale / step for scale in scales[used]],
             span,
         )
 
-    def without(self, rows: Ints) -> "FilmRows":
-        """Return these rows without some, which get an infinite distance with their mirror images.
+    def exclude_rows(self, rows: Ints) -> "FilmRows":
+        """Return the rows with some excluded: these and their mirror images are infinitely distant.
 
-        rows: numbers of film rows. FinloopError if no row remains.
+        rows: their numbers in the film. FinloopError if no row remains.
         """
         gone = np.isin(np.arange(len(self.values)) % self.count, rows)
         if gone.all():
@@ -93,7 +93,7 @@ class FilmRows:
         return replace(self, values=values, follows=follows)
 
     def query_vectors(self, place: Floats, heading_rad: Floats, codes: Floats | None) -> Floats:
-        """Return vectors (T, d) of the requested motion, comparable with `values`.
+        """Return vectors (T, d) of the requested motion, comparable with the field `values`.
 
         place (T, 2): of the mass centre, body lengths; heading_rad (T,): not wrapped; codes (T, c):
         pose codes, None for a track without postures.
@@ -106,15 +106,16 @@ class FilmRows:
         return np.concatenate(scaled, axis=-1)
 
 
-def _flat(parts: list[Floats]) -> Floats:
+def _join_and_flatten(parts: list[Floats]) -> Floats:
+    """Join arrays (s, n, …) along the last axis; return them as a matrix (s n, …)."""
     whole = np.concatenate(parts, axis=-1)
     return whole.reshape(-1, whole.shape[-1])
 
 
-def cheapest_rows(
+def find_cheapest_rows(
     rows: FilmRows, asked: Floats, candidates: int, switch: float, delta: int
 ) -> Ints:
-    """Return the numbers (T,) of rows that follow the requested motion at the least cost.
+    """Return the row numbers (T,) that follow the requested motion at the least cost (Viterbi).
 
     asked (T, d): of `query_vectors`; candidates: nearest rows tried at a tick, besides those that
     play on; switch: cost of a transition, in natural steps; delta: Δ in ticks. A mirror image has

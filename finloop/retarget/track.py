@@ -22,7 +22,7 @@ _ZIGZAG = 1.5  # times the distance from head to tail; a longer line has its poi
 
 
 class Track(NamedTuple):
-    """Points of one animal along its body, head first, in the px of its file.
+    """A recorded track: points of one animal along its body, head first, in the px of its file.
 
     frame (t,): numbers in the file, rising; points (t, m, 2), NaN where not given; at (m,): where
     along the body they are, 0 = head, 1 = tail, NaN = the middle of the animal; length_px: of its
@@ -41,23 +41,23 @@ class Track(NamedTuple):
 
     @property
     def whole(self) -> Mask:
-        """Return which frames have all points: (t,) bool."""
+        """Mask (t,) of the frames that have all points."""
         return np.asarray(np.isfinite(self.points).all((1, 2)))
 
     @property
     def has_postures(self) -> bool:
-        """Return whether there are enough points, 3, to show how the animal is bent."""
+        """Whether there are enough points, 3, to show how the animal is bent."""
         return len(self.at) > 2
 
 
-def track_of(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> Track:
+def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> Track:
     """Return the track of the animal that the settings `p` name, from a file of poses.
 
     rate_hz: frames per second of the file; steps: of a backbone of the drawn film. FinloopError if
     the file has no such animal or point, or no usable values of them.
     """
-    name, frame, points = _animal(poses, p)
-    order = body_points(poses.keypoints, points, p)
+    name, frame, points = _select_animal(poses, p)
+    order = body_keypoint_numbers(poses.keypoints, points, p)
     first, last = p.keypoint_range
     if len(order) > 2:
         inner = np.arange(steps + 1) / steps
@@ -77,23 +77,26 @@ def track_of(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> T
             "at least one frame with all of them",
             "name visible points (retarget.body_keypoints), or lower retarget.min_confidence",
         )
-    return Track(name, rate_hz, frame, line, at, _length_px(line[there], at))
+    return Track(name, rate_hz, frame, line, at, _body_length_px(line[there], at))
 
 
 def track_from_backbones(name: str, rate_hz: float, frame: Ints, line: Floats, steps: int) -> Track:
-    """Return a track of whole backbones (t, k, 2) px, head first.
+    """Return a track of a film's backbones (t, k, 2) px, head first.
 
-    frame (t,): their numbers; steps: of a backbone of the drawn film; the track has steps + 1
-    points.
+    name: for messages; frame (t,): their numbers; steps: of a backbone of the drawn film; the track
+    has steps + 1 points.
     """
     at = np.arange(steps + 1) / steps
     place = at * (line.shape[1] - 1)
     points = interpolate_lines(line, place)
-    return Track(name, rate_hz, frame, points, at, _length_px(line, np.array([0.0, 1.0])))
+    return Track(name, rate_hz, frame, points, at, _body_length_px(line, np.array([0.0, 1.0])))
 
 
-def _animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats]:
-    """Return name, frames (t,) and points (t, keypoints, 2) of the animal; NaN where not given."""
+def _select_animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats]:
+    """Return name, frames (t,) and points (t, keypoints, 2) of the animal that the settings name.
+
+    Points that are not given, or not confident enough, are NaN.
+    """
     sure = ~(poses.confidence < p.min_confidence)  # NaN: unknown
     points = np.where(sure[..., None], poses.places, np.nan)
     seen = np.asarray(np.isfinite(points).all(2)).any(1)
@@ -110,7 +113,7 @@ def _animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats]:
 
 
 def choose_animal(animal: str | None, names: Sequence[str], counts: Ints) -> int:
-    """Return the number of the animal with that name; None: the animal that most frames show.
+    """Return the number of the animal with a name; None: of the one that most frames show.
 
     counts: the frames that show each animal. FinloopError if no animal has the name.
     """
@@ -126,8 +129,8 @@ def choose_animal(animal: str | None, names: Sequence[str], counts: Ints) -> int
     return list(names).index(animal)
 
 
-def body_points(keypoints: Sequence[str], points: Floats, p: RetargetSettings) -> Ints:
-    """Return the numbers (m,) of the keypoints along the body, head first.
+def body_keypoint_numbers(keypoints: Sequence[str], points: Floats, p: RetargetSettings) -> Ints:
+    """Return the numbers (m,) of the keypoints that lie along the body, head first.
 
     keypoints: their names; points (t, keypoints, 2) px. Without `retarget.body_keypoints` these are
     head, tail, and the points near the line between them, in the median of all frames; eyes and
@@ -146,10 +149,10 @@ def body_points(keypoints: Sequence[str], points: Floats, p: RetargetSettings) -
     head = find_keypoint(keypoints, p.head, HEADS, "retarget.body_keypoints")
     tail = find_keypoint(keypoints, p.tail, TAILS, "retarget.body_keypoints")
     if head is None or tail is None or head == tail:
-        one = next((k for k, name in enumerate(keypoints) if _plain(name) in _CENTRES), 0)
+        one = next((k for k, name in enumerate(keypoints) if _letters_of(name) in _CENTRES), 0)
         return np.array([one if head is None else keypoints.index(head)])
     first, last = keypoints.index(head), keypoints.index(tail)
-    others = [k for k, name in enumerate(keypoints) if _plain(name) not in _CENTRES]
+    others = [k for k, name in enumerate(keypoints) if _letters_of(name) not in _CENTRES]
     chord = points[:, last] - points[:, first]
     square = (chord**2).sum(-1)
     between = {}
@@ -164,12 +167,13 @@ def body_points(keypoints: Sequence[str], points: Floats, p: RetargetSettings) -
     return np.array([first, *sorted(between, key=lambda k: between[k]), last])
 
 
-def _plain(name: str) -> str:
+def _letters_of(name: str) -> str:
+    """Return the letters of a keypoint's name in lower case."""
     return "".join(one for one in name.lower() if one.isalpha())
 
 
 def resample_body_lines(points: Floats, share: Floats, name: str) -> Floats:
-    """Return points (t, m, 2) px at shares (m,) of the curve through each frame's k points.
+    """Resample each frame's points to places (t, m, 2) px at shares (m,) of the curve through them.
 
     points (t, k, 2) px, in order along the body; share: 0 = first, 1 = last point; name: for
     messages. The curve is a cubic spline through the points that are given, by the length of the
@@ -202,8 +206,8 @@ def resample_body_lines(points: Floats, share: Floats, name: str) -> Floats:
     return places
 
 
-def _length_px(points: Floats, at: Floats) -> float | None:
-    """Return the body length from points (t, m, 2) whose first and last lie at these shares."""
+def _body_length_px(points: Floats, at: Floats) -> float | None:
+    """Return the body length, px, from points (t, m, 2) whose ends lie at shares `at` (m,)."""
     if len(at) == 1:
         return None
     way = np.hypot(*np.moveaxis(np.diff(points, axis=1), -1, 0)).sum(1)

@@ -7,6 +7,7 @@ and follower, steps of the film's fish, and measures of a school: distances, ali
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "leader": ["leaders"], "measures": ["SHOAL", "wasserstein_distances", "shoal_table"],
-    "rule": ["SocialSteps"], "walls": ["Walls"], "zones": ["Zones", "pull"],
+    "leader": ["leaders_by_follower"],
+    "measures": ["SHOAL", "measure_group", "wasserstein_distances"],
+    "rule": ["SocialSteps"], "walls": ["Walls"], "zones": ["Zones", "pull_of_others"],
 })  # fmt: skip

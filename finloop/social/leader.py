@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from finloop.base.errors import FinloopError
 
 
-def leaders(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, int]:
-    """Return follower → leader from pairs [follower, leader] of `fish` fish, numbered from 1.
+def leaders_by_follower(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, int]:
+    """Return the leader of each follower, from pairs [follower, leader] of fish counted from 1.
 
-    FinloopError if a pair has not two members or names a missing fish, a fish has two leaders, or
-    fish follow each other in a circle.
+    fish: their number. FinloopError if a pair has not two members or names a missing fish, a fish
+    has two leaders, or fish follow each other in a circle.
     """
     problems: list[str] = []
     leader_of: dict[int, int] = {}
@@ -41,16 +41,16 @@ def leaders(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, int]:
     return leader_of
 
 
-def contradiction(leader_of: Mapping[int, int], follower: int, leader: int) -> str | None:
+def describe_contradiction(leader_of: Mapping[int, int], follower: int, leader: int) -> str | None:
     """Return in words why `follower` cannot follow `leader`, or None if it can.
 
-    leader_of: follower → leader of the other fish. The only obstacle is a circle of followers.
+    leader_of: the leader of each follower so far. The only obstacle is a circle of followers.
     """
     return _find_circle({**leader_of, follower: leader}, follower)
 
 
 def _find_circle(leader_of: Mapping[int, int], first: int) -> str | None:
-    """Return in words the circle of followers from a fish back to itself; None if there is none."""
+    """Return in words the circle of followers that leads back to fish `first`, or None."""
     circle, leader = [first], leader_of.get(first)
     while leader is not None and leader not in circle:
         circle.append(leader)

@@ -14,7 +14,7 @@ import pandas as pd
 from finloop.base.arrays import Complex, Floats, Ints, Reals
 from finloop.base.distributions import wasserstein_distance
 from finloop.base.schema import Column, Schema, columns
-from finloop.social.neighbours import neighbours, vectors
+from finloop.social.neighbours import all_neighbours, complex_vectors
 from finloop.social.walls import Walls
 
 SHOAL = Schema(
@@ -30,16 +30,16 @@ MEASURES = tuple(SHOAL.names[2:])
 _PAIRS = 1 << 18  # of fish at a time, about 90 bytes each
 
 
-def shoal_table(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -> pd.DataFrame:
-    """Return the measures of a group (columns of `SHOAL`), one row per fish and frame.
+def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -> pd.DataFrame:
+    """Measure a group: return a table with the columns of `SHOAL`, one row per fish and frame.
 
-    frame (n,): of each fish; places (n, 2): px, y down; headings_deg (n,): anticlockwise. Rows keep
-    their order; the fish of a frame are numbered in that order.
+    frame (n,): of each fish; places (n, 2): px, y down; headings_deg (n,): anticlockwise; walls: of
+    the tank. Rows keep their order; the fish of a frame are numbered in that order.
     """
     index, fish, shape = frame_slots(frame)
-    own = vectors(places, headings_deg, walls.length)
+    own = complex_vectors(places, headings_deg, walls.length)
     place, heading = (spread_to_slots(one, index, fish, shape) for one in own)
-    far, aligned, bearing = _measure_nearest(place, heading)
+    far, aligned, bearing = _measure_nearest_neighbours(place, heading)
     there = np.isfinite(heading)
     polarised = np.abs(np.where(there, heading, 0).sum(axis=1)) / there.sum(axis=1)
     polarised[there.sum(axis=1) < 2] = np.nan
@@ -54,16 +54,17 @@ def shoal_table(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -
     }).astype(SHOAL.kinds)[SHOAL.names]  # fmt: skip
 
 
-def _measure_nearest(place: Complex, heading: Complex) -> tuple[Floats, Floats, Floats]:
-    """Return distance [BL], alignment and inter-fish angle [°] of nearest neighbours (frames, m).
+def _measure_nearest_neighbours(place: Complex, heading: Complex) -> tuple[Floats, Floats, Floats]:
+    """Return distance [BL], alignment and inter-fish angle [°] of each fish's nearest neighbour.
 
-    place, heading (frames, m): complex, NaN for absent fish. NaN where a frame shows no other fish.
+    place, heading (frames, m): complex, NaN for absent fish. The results are (frames, m), NaN where
+    a frame shows no other fish.
     """
     far, aligned, bearing = np.full((3, *place.shape), np.nan)
     most = max(1, _PAIRS // max(1, place.shape[1] ** 2))
     for first in range(0, len(place) if place.shape[1] else 0, most):
         lot = slice(first, first + most)
-        seen = neighbours(place[lot], heading[lot])
+        seen = all_neighbours(place[lot], heading[lot])
         which = seen.distance.argmin(axis=-1)[..., None]
         distance, towards, along = (np.take_along_axis(one, which, -1)[..., 0] for one in seen)
         has_other = np.isfinite(distance)
@@ -74,10 +75,11 @@ def _measure_nearest(place: Complex, heading: Complex) -> tuple[Floats, Floats, 
 
 
 def frame_slots(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:
-    """Return where each row goes in an array (frames, m): its frame's index, its slot, that shape.
+    """Return numbers for the rows of a table by frame and by fish within the frame.
 
-    frame (n,): frame number of each row. The index counts only frames with fish; slots count the
-    fish of a frame from 0; m is the most fish in a frame.
+    frame (n,): frame number of each row. Return the index (n,) of the frame, which counts only
+    frames with fish; the slot (n,), which counts the fish of a frame from 0; and the shape (frames,
+    m), m the most fish in a frame.
     """
     frames, index = np.unique(frame, return_inverse=True)
     fish = pd.Series(index).groupby(index).cumcount().to_numpy()
@@ -85,7 +87,10 @@ def frame_slots(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:
 
 
 def spread_to_slots(values: Complex, index: Ints, slot: Ints, shape: tuple[int, int]) -> Complex:
-    """Spread values (n,) over an array (frames, m) by `frame_slots`; NaN where a fish is absent."""
+    """Spread values (n,) over an array (frames, m); NaN where a fish is absent.
+
+    index, slot, shape: from `frame_slots`.
+    """
     slots = np.full(shape, np.nan, complex)
     slots[index, slot] = values
     return slots
@@ -121,19 +126,22 @@ def compare_groups(
     return pd.DataFrame(rows, columns=["shoal", "beside", "measure", "median", "distance"])
 
 
-def halves(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Divide a table of `SHOAL` into the first and the second half of the film's time."""
+def split_in_halves(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Split a table of `SHOAL` into the first and the second half of the film's time."""
     first = table["frame"] < middle_frame(table["frame"].to_numpy())
     return table[first], table[~first]
 
 
 def middle_frame(frame: Ints) -> float:
-    """Return the frame number in the middle of the film's time; frame (n,): frames with fish."""
+    """Return the frame number in the middle of the film's time.
+
+    frame (n,): the numbers of frames with fish.
+    """
     return (int(frame.min()) + int(frame.max()) + 1) / 2
 
 
 def measure_values(table: pd.DataFrame, name: str) -> Floats:
-    """Return the values (k,) of one measure without its missing ones; polarisation once a frame.
+    """Return the values (k,) of one measure without missing ones; polarisation once a frame.
 
     table: columns of `SHOAL`; name: one of MEASURES.
     """

@@ -12,7 +12,7 @@ from finloop.base.arrays import Complex, Floats, Reals
 
 
 class Neighbours(NamedTuple):
-    """What fish (…) see of the n others, each (…, n), in the frame of the observer's body.
+    """Where fish (…) see the n others, (…, n) each, in the frame of the observer's body.
 
     distance: BL, inf for an absent fish; bearing: unit vectors to the others; heading: unit vectors
     of the others' headings. Both are complex, 1 = ahead, i = left, 0 for an absent fish.
@@ -23,8 +23,8 @@ class Neighbours(NamedTuple):
     heading: Complex
 
 
-def vectors(places: Reals, headings_deg: Reals, length: float) -> tuple[Complex, Complex]:
-    """Convert places to complex BL (y up) and headings to complex unit vectors.
+def complex_vectors(places: Reals, headings_deg: Reals, length: float) -> tuple[Complex, Complex]:
+    """Convert places to complex numbers in BL (y up), and headings to complex unit vectors.
 
     places (…, m, 2): px, y down; headings_deg (…, m): anticlockwise; length: BL in px. Both results
     are (…, m).
@@ -33,29 +33,29 @@ def vectors(places: Reals, headings_deg: Reals, length: float) -> tuple[Complex,
     return places[..., 0] - 1j * places[..., 1], np.exp(1j * np.radians(headings_deg))
 
 
-def neighbours(place: Complex, heading: Complex) -> Neighbours:
-    """Return what each of m fish sees of every other, as `Neighbours` (…, m, m).
+def all_neighbours(place: Complex, heading: Complex) -> Neighbours:
+    """Return where each of m fish sees every other one, as `Neighbours` (…, m, m).
 
-    place, heading (…, m): complex, as from `vectors`, NaN for absent fish. No fish is its own
-    neighbour.
+    place, heading (…, m): complex, as from `complex_vectors`, NaN for absent fish. No fish is its
+    own neighbour.
     """
     own = np.eye(place.shape[-1], dtype=bool)
     others = np.where(own, np.nan, place[..., None, :]), heading[..., None, :]
-    return relative_neighbours(place[..., :, None], heading[..., :, None], others)
+    return neighbours_among(place[..., :, None], heading[..., :, None], others)
 
 
-def relative_neighbours(
+def neighbours_among(
     place: Complex, heading: Complex, others: tuple[Complex, Complex]
 ) -> Neighbours:
-    """Return what fish see of others, as `Neighbours` in the frame of each fish's body.
+    """Return where fish see others, as `Neighbours` in the frame of each fish's body.
 
-    place, heading: complex, as from `vectors`; others: places and headings of the others. All four
-    are broadcast against each other.
+    place, heading: complex, as from `complex_vectors`; others: places and headings of the others.
+    All four are broadcast against each other.
     """
-    way = (others[0] - place) * heading.conj()
-    distance = np.abs(way)
+    offset = (others[0] - place) * heading.conj()
+    distance = np.abs(offset)
     there = np.isfinite(distance)
-    bearing = np.where(there, way, 0j) / np.where(there & (distance > 0), distance, 1)
+    bearing = np.where(there, offset, 0j) / np.where(there & (distance > 0), distance, 1)
     return Neighbours(
         np.where(there, distance, np.inf),
         np.asarray(bearing, complex),

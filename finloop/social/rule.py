@@ -17,17 +17,18 @@ import scipy
 from finloop.base.arrays import Complex, Floats, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.schema import Schema, columns
-from finloop.social.neighbours import relative_neighbours, vectors
+from finloop.social.neighbours import complex_vectors, neighbours_among
 from finloop.social.walls import Walls
-from finloop.social.zones import Zones, pull
+from finloop.social.zones import Zones, pull_of_others
 
 SOCIAL_STEPS = Schema(
     *columns("float32", "1", "wall_ahead", "wall_left"),
     *columns("float32", "body length", "last_ahead", "last_left", "move_ahead", "move_left"),
     *columns("float32", "1", "turn_ahead", "turn_left"),
 )
-"""A row per step. wall: from `Walls.near`; last: displacement in the step before; move: own
-displacement; turn: own part of the unit vector of the heading afterwards. Vectors of the body."""
+"""A row per step. wall: from `Walls.vectors_from_wall`; last: displacement in the step before;
+move: own displacement; turn: own part of the unit vector of the heading afterwards. Vectors of the
+body."""
 
 
 @dataclass(frozen=True)
@@ -46,35 +47,39 @@ class SocialSteps:
     onward: float
 
     @cached_property
-    def _scale(self) -> tuple[float, float]:
+    def _step_scales(self) -> tuple[float, float]:
+        """Root mean squares of `wall` and `last`, at least 1e-9."""
         wall, last = (float(np.sqrt(np.mean(np.abs(v) ** 2))) for v in (self.wall, self.last))
         return max(wall, 1e-9), max(last, 1e-9)
 
     @cached_property
     def _tree(self) -> scipy.spatial.KDTree:
-        own = self._search_point(self.wall, self.last)
+        """Search tree of the steps and their mirror images."""
+        own = self._search_vectors(self.wall, self.last)
         return scipy.spatial.KDTree(np.concatenate([own, own * (1, -1, 1, -1)]))
 
-    def _search_point(self, wall: Complex, last: Complex) -> Floats:
-        wall, last = wall / self._scale[0], last / self._scale[1]
+    def _search_vectors(self, wall: Complex, last: Complex) -> Floats:
+        """Return the vectors (…, 4) in which steps are compared, from `wall` and `last`."""
+        wall, last = wall / self._step_scales[0], last / self._step_scales[1]
         return np.stack([wall.real, wall.imag, last.real, last.imag], axis=-1)
 
-    def draw(
+    def draw_similar_steps(
         self, wall: Complex, last: Complex, alike: int, rng: np.random.Generator
     ) -> tuple[Complex, Complex]:
-        """Draw displacements (BL) and turns for m fish from similar steps and their mirror images.
+        """Draw displacements (BL) and turns for m fish from similar steps of the film.
 
-        Both results are (m, alike), complex, in random order; fewer if the film has fewer steps.
-        wall, last (m,): of the fish, compared with those of the steps.
+        Mirror images of steps count, too. Both results are (m, alike), complex, in random order;
+        fewer if the film has fewer steps. wall, last (m,): of the fish, compared with those of the
+        steps.
         """
         count = min(alike, 2 * len(self.move))
-        which = self._tree.query(self._search_point(wall, last), k=[*range(1, count + 1)])[1]
+        which = self._tree.query(self._search_vectors(wall, last), k=[*range(1, count + 1)])[1]
         which = rng.permuted(which, axis=-1)
         move, turn = (np.concatenate([step, step.conj()]) for step in (self.move, self.turn))
         return move[which], turn[which]
 
     def add_pull_to_turns(self, turns: Complex, pulls: Complex) -> Complex:
-        """Return new headings (…) as unit vectors: a fish's own turns plus the pull of its group.
+        """Return new headings (…) as unit vectors: own turns plus the pull of the group.
 
         All are complex, in the frame of the body before the step.
         """
@@ -82,7 +87,7 @@ class SocialSteps:
         size = np.abs(to)
         return np.where(size > 0, to / np.where(size > 0, size, 1), 1)
 
-    def table(self) -> pd.DataFrame:
+    def to_table(self) -> pd.DataFrame:
         """Return the steps as a table with the columns of `SOCIAL_STEPS`."""
         parts = {"wall": self.wall, "last": self.last, "move": self.move, "turn": self.turn}
         return pd.DataFrame({
@@ -93,7 +98,7 @@ class SocialSteps:
 
     @classmethod
     def from_table(cls, table: pd.DataFrame, forward: float, onward: float) -> "SocialSteps":
-        """Restore the steps from their `table` and the two pull factors of the class."""
+        """Restore the steps from a table of `to_table` and the two pull factors."""
         wall, last, move, turn = (
             table[f"{name}_ahead"].to_numpy(float) + 1j * table[f"{name}_left"].to_numpy(float)
             for name in ("wall", "last", "move", "turn")
@@ -102,8 +107,8 @@ class SocialSteps:
 
 
 @dataclass(frozen=True)
-class Shoaling:
-    """The rule of a school: zones, and the film's own steps, which the pull of the zones changes.
+class SchoolRule:
+    """How fish of a school swim: by steps of the film, which the pull of zones changes.
 
     horizon: ticks that a step lasts; alike: number of similar steps from which one is drawn.
     """
@@ -114,8 +119,8 @@ class Shoaling:
     alike: int
 
 
-def require_rule(shoaling: Shoaling | None) -> Shoaling:
-    """Return the rule of a school itself; raise FinloopError if it is None or has no steps."""
+def require_rule(shoaling: SchoolRule | None) -> SchoolRule:
+    """Return the rule of a school unchanged; FinloopError if it is None or has no steps."""
     if shoaling is None or not len(shoaling.steps.move):
         raise FinloopError(
             "there are no zones for fish in a school"
@@ -128,14 +133,14 @@ def require_rule(shoaling: Shoaling | None) -> Shoaling:
     return shoaling
 
 
-class Others(NamedTuple):
+class OtherFish(NamedTuple):
     """The other fish of a tank: places (n, 2) px, y down, and headings (n,) in degrees."""
 
     places: Reals
     headings_deg: Reals
 
 
-class Self(NamedTuple):
+class DecidingFish(NamedTuple):
     """The fish that decides: place x, y in px, heading in degrees, last step in BL."""
 
     x: float
@@ -144,23 +149,33 @@ class Self(NamedTuple):
     last: float
 
 
-def shoaling_place(
-    own: Self, others: Others, shoaling: Shoaling, walls: Walls, rng: np.random.Generator
+def next_place_in_school(
+    own: DecidingFish,
+    others: OtherFish,
+    shoaling: SchoolRule,
+    walls: Walls,
+    rng: np.random.Generator,
 ) -> tuple[float, float] | None:
     """Return the place x, y in px to which a fish swims next; None if no other fish pulls it.
 
-    The place is the end of a step of the film plus the pull of the other fish. Of several steps
-    drawn, it is the first that ends in the tank. If all end outside, it is the last, and the caller
-    must move it into the tank.
+    own: the fish; rng: source of chance. The place is the end of a step of the film plus the pull
+    of the other fish. Of several steps drawn, it is the first that ends in the tank. If all end
+    outside, it is the last, and the caller must move it into the tank.
     """
-    place, heading = vectors(np.array([[own.x, own.y]]), np.array([own.heading_deg]), walls.length)
-    group = vectors(others.places, others.headings_deg, walls.length)
-    pulls = pull(relative_neighbours(place[:, None], heading[:, None], group), shoaling.zones)
+    place, heading = complex_vectors(
+        np.array([[own.x, own.y]]), np.array([own.heading_deg]), walls.length
+    )
+    group = complex_vectors(others.places, others.headings_deg, walls.length)
+    pulls = pull_of_others(
+        neighbours_among(place[:, None], heading[:, None], group), shoaling.zones
+    )
     if pulls[0] == 0:
         return None
     steps, last = shoaling.steps, np.array([own.last + 0j])
-    moves, _ = steps.draw(walls.near(place, heading), last, shoaling.alike, rng)
+    moves, _ = steps.draw_similar_steps(
+        walls.vectors_from_wall(place, heading), last, shoaling.alike, rng
+    )
     ends = place + heading * (moves[0] + steps.forward * pulls)
-    inside = walls.inside(ends)
+    inside = walls.is_inside(ends)
     to = ends[int(inside.argmax()) if inside.any() else -1] * walls.length
     return float(to.real), float(-to.imag)

@@ -38,6 +38,7 @@ class Zones:
     attraction_weight: float
 
     def __post_init__(self) -> None:
+        """Raise FinloopError for a negative number or a blind angle above 360°."""
         values = {one.name: getattr(self, one.name) for one in fields(self)}
         wrong = [f"{name}={value}" for name, value in values.items() if not 0 <= value < np.inf]
         if wrong or self.blind_deg > 360:
@@ -50,19 +51,19 @@ class Zones:
 
     @property
     def radii(self) -> tuple[float, float, float]:
-        """The outer radii of repulsion, alignment and attraction, in BL."""
+        """Outer radii of repulsion, alignment and attraction, in BL."""
         return self.repulsion, self.alignment, self.attraction
 
     @property
     def widths(self) -> tuple[float, float, float]:
-        """The widths of repulsion, alignment and attraction, in BL; 0 for a missing zone."""
+        """Widths of repulsion, alignment and attraction, in BL; 0 for a missing zone."""
         inner, middle, outer = self.radii
         middle = max(inner, middle)
         return inner, middle - inner, max(middle, outer) - middle
 
     @property
     def weights(self) -> tuple[float, float, float]:
-        """The weights of repulsion, alignment and attraction."""
+        """Weights of repulsion, alignment and attraction."""
         return self.repulsion_weight, self.alignment_weight, self.attraction_weight
 
 
@@ -76,10 +77,11 @@ NO_ZONES = Zones(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def zone_means(seen: Neighbours, radii: tuple[float, float, float], blind_deg: float) -> Complex:
-    """Return the pull (…, 3) of repulsion, alignment and attraction, each without its weight.
+    """Return the pulls (…, 3) of repulsion, alignment and attraction, each without its weight.
 
     Pulls are complex, in the frame of the body, at most 1 long. Alignment and attraction are 0
-    while a fish is in the zone of repulsion. seen: the others (…, n); radii: BL, rising.
+    while a fish is in the zone of repulsion. seen: the others (…, n); radii: outer ones of the
+    zones in BL, rising; blind_deg: blind angle behind the fish.
     """
     inner, middle, outer = radii
     sees = seen.bearing.real >= -np.cos(np.radians(blind_deg) / 2)
@@ -88,25 +90,28 @@ def zone_means(seen: Neighbours, radii: tuple[float, float, float], blind_deg: f
     drawn = sees & ~near & ~aligned & (seen.distance < outer)
     free = ~near.any(axis=-1)
     pulls = [
-        -_mean(seen.bearing, near),
-        free * _mean(seen.heading, aligned),
-        free * _mean(seen.bearing, drawn),
+        -_masked_mean(seen.bearing, near),
+        free * _masked_mean(seen.heading, aligned),
+        free * _masked_mean(seen.bearing, drawn),
     ]
     return np.stack(pulls, axis=-1)
 
 
-def _mean(vectors: Complex, which: Any) -> Complex:
-    """Return the mean (…) of the selected vectors (…, n); 0 where none is selected."""
+def _masked_mean(vectors: Complex, which: Any) -> Complex:
+    """Return the mean (…) of selected vectors (…, n); 0 where none is selected.
+
+    which (…, n): mask of the vectors that count.
+    """
     return np.where(which, vectors, 0).sum(axis=-1) / np.maximum(which.sum(axis=-1), 1)
 
 
-def pull(seen: Neighbours, zones: Zones) -> Complex:
-    """Return the pull (…) of the other fish by zones: complex, in the body's frame; 0 = none."""
-    return weighted_sum(zone_means(seen, zones.radii, zones.blind_deg), zones.weights)
+def pull_of_others(seen: Neighbours, zones: Zones) -> Complex:
+    """Return the pull (…) of the others by zones: complex, in the body's frame, 0 = none."""
+    return weigh_zone_pulls(zone_means(seen, zones.radii, zones.blind_deg), zones.weights)
 
 
-def weighted_sum(means: Complex, weights: Sequence[float] | Floats) -> Complex:
-    """Return the sum (…) of the pulls (…, 3) of three zones, each times its weight.
+def weigh_zone_pulls(means: Complex, weights: Sequence[float] | Floats) -> Complex:
+    """Return the weighted sum (…) of the pulls (…, 3) of the three zones.
 
     Unlike `@` it rounds the same on every processor and for any number of rows.
     """

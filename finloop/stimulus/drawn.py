@@ -69,7 +69,7 @@ def _picture_bodies(rows: Sequence[Any], bodies: Bodies, of_partner: NDArray[np.
     )
     frame = np.array([kind == FRAME for kind in kinds], bool)
     line = [
-        0.0 if still else float(bodies.line_deg(int(orientation), 0.0))
+        0.0 if still else float(bodies.sprite_direction_deg(int(orientation), 0.0))
         for orientation, still in zip(orientations, frame, strict=True)
     ]
     turn = np.array(column("rotation_deg", "partner_rotation_deg"), float) + np.array(line)

@@ -36,8 +36,8 @@ _NEAR = 0.2  # own half widths are kept this near to the animal's typical ones (
 
 
 @dataclass(frozen=True)
-class Loft:
-    """A grid of surface points that can be attached to any backbone of p points.
+class SurfaceGrid:
+    """A grid of points on a fish's surface, which can be attached to any backbone of p points.
 
     place, along (RINGS · AROUND, p): matrices; times a backbone (p, 2) they give each point's place
     on it and the direction there. s, angle (RINGS, AROUND): where along the backbone (0 head, 1
@@ -53,53 +53,55 @@ class Loft:
 
 
 @lru_cache
-def loft(points: int) -> Loft:
-    """Return the surface grid for backbones of some points, equally spaced, head first."""
+def surface_grid(backbone_points: int) -> SurfaceGrid:
+    """Return the surface grid for backbones of so many points, equally spaced, head first."""
     half = np.radians(_HALF_DEG)
-    return make_loft(_rings(), np.concatenate([half[::-1], -half[1:]]), points)
+    return build_surface_grid(
+        _ring_places(), np.concatenate([half[::-1], -half[1:]]), backbone_points
+    )
 
 
-def _rings() -> Floats:
-    """Return where the rings are on the skin, 0-1 from head to tail: dense at both ends."""
+def _ring_places() -> Floats:
+    """Return where the rings lie on the body, 0-1 from head to tail: dense at both ends."""
     return (1 - np.cos(np.pi * np.linspace(0, 1, RINGS))) / 2
 
 
-def make_loft(ring: Floats, angle: Floats, points: int) -> Loft:
-    """Return a surface grid with these rings and angles for backbones of `points` points.
+def build_surface_grid(ring: Floats, angle: Floats, points: int) -> SurfaceGrid:
+    """Build a surface grid from rings along the body and angles around it.
 
-    ring (r,): place along the body, 0 head … 1 tail; angle (a,): rad, 0 = back, left > 0.
+    ring (r,): place along the body, 0 head … 1 tail; angle (a,): rad, 0 = back, left > 0; points:
+    of the backbones.
     """
     s, angle = np.meshgrid(ring, angle, indexing="ij")
     back = np.clip((s - _TAIL) / (1 - _TAIL), 0, 1)
     s = s - _FORK * back**2 * np.sin(angle) ** 2  # the tips of the tail stay, its middle does not
     spline = scipy.interpolate.CubicSpline(np.linspace(0, 1, points), np.eye(points))
     closes = np.sqrt(np.clip((1 - ring) / _CLOSES, 0, 1))[:, None]
-    return Loft(spline(s.ravel()), spline(s.ravel(), 1), s, angle, closes)
+    return SurfaceGrid(spline(s.ravel()), spline(s.ravel(), 1), s, angle, closes)
 
 
-def typical_width(half_width: Floats, backbone: Floats) -> Floats:
-    """Return the animal's half width (p,), in body lengths: the median over its n pictures.
+def typical_half_widths(half_width: Floats, backbone: Floats) -> Floats:
+    """Return the median half width (p,) along the body over n pictures, in body lengths.
 
     half_width, backbone: (n, p) and (n, p, 2), px.
     """
-    return np.median(half_width / lengths(backbone)[:, None], axis=0)
+    return np.median(half_width / arc_lengths(backbone)[:, None], axis=0)
 
 
-def lengths(backbone: Floats) -> Floats:
-    """Return the arc lengths (n,), px, of backbones (n, p, 2), px."""
+def arc_lengths(backbone: Floats) -> Floats:
+    """Return the arc lengths (n,) of backbones (n, p, 2), in their unit."""
     return np.linalg.norm(np.diff(backbone, axis=1), axis=-1).sum(-1)
 
 
-def surface(
+def fish_surfaces(
     backbone: Floats, half_width: Floats, typical: Floats, length_px: float
 ) -> tuple[Floats, Floats]:
-    """Return points (px) and unit normals (n, RINGS, AROUND, 3) of n fish; backbones at z = 0.
+    """Return points (px) and unit normals of n fish, (n, RINGS, AROUND, 3); backbones at z = 0.
 
-    backbone, half_width: (n, p, 2) and (n, p), px; y up.
-    typical: (p,) half widths in body lengths, see `typical_width`.
-    length_px: the animal's body length, for its height.
+    backbone, half_width: (n, p, 2) and (n, p), px; y up. typical: (p,) half widths in body lengths,
+    see `typical_half_widths`. length_px: the animal's body length, for its height.
     """
-    grid = loft(half_width.shape[1])
+    grid = surface_grid(half_width.shape[1])
 
     def along_body(shape: dict[float, float]) -> Floats:
         return scipy.interpolate.PchipInterpolator(list(shape), list(shape.values()))(grid.s)
@@ -107,26 +109,26 @@ def surface(
     most = length_px * np.clip(_HIGHER * float(typical.max()), _LEAST, _MOST)
     top, bottom = grid.angle == 0, np.isclose(np.abs(grid.angle), np.pi)
     fins = most * (top * along_body(_DORSAL) - bottom * along_body(_ANAL))
-    width = limit_half_width(half_width, backbone, typical)
+    width = limit_half_widths(half_width, backbone, typical)
     points = np.empty((len(half_width), RINGS, AROUND, 3))
     points[..., :2] = top_view_points(grid, backbone, width)
     points[..., 2] = most * along_body(_HEIGHT) * np.cos(grid.angle) + fins
-    return points, normals(points)
+    return points, surface_normals(points)
 
 
-def limit_half_width(half_width: Floats, backbone: Floats, typical: Floats) -> Floats:
-    """Return half widths (n, p), px, limited to ±20 % around the typical ones: without fins.
+def limit_half_widths(half_width: Floats, backbone: Floats, typical: Floats) -> Floats:
+    """Limit half widths (n, p), px, to ±20 % around the typical ones, which removes fins.
 
     half_width, backbone: (n, p) and (n, p, 2), px; typical: (p,), in body lengths.
     """
-    goal = typical * lengths(backbone)[:, None]
+    goal = typical * arc_lengths(backbone)[:, None]
     return np.clip(half_width, (1 - _NEAR) * goal, (1 + _NEAR) * goal)
 
 
-def top_view_points(grid: Loft, backbone: Floats, width: Floats) -> Floats:
-    """Return the points of a loft on n backbones as seen from above, (n, *grid.s.shape, 2) px.
+def top_view_points(grid: SurfaceGrid, backbone: Floats, width: Floats) -> Floats:
+    """Return the points of a surface grid on n backbones as seen from above, (n, r, a, 2) px.
 
-    backbone, width: (n, p, 2) and half widths (n, p), px.
+    backbone, width: (n, p, 2) and half widths (n, p), px; r, a: rings, and points around.
     """
     shape = (len(backbone), *grid.s.shape, 2)
     line, ahead = ((matrix @ backbone).reshape(shape) for matrix in (grid.place, grid.along))
@@ -139,8 +141,8 @@ def top_view_points(grid: Loft, backbone: Floats, width: Floats) -> Floats:
     return line + across[..., None] * left
 
 
-def normals(points: Floats) -> Floats:
-    """Return outward unit normals of surfaces (n, RINGS, AROUND, 3); ahead at the head's tip."""
+def surface_normals(points: Floats) -> Floats:
+    """Return outward unit normals of surfaces (n, RINGS, AROUND, 3); the snout's point ahead."""
     down = np.gradient(points, axis=1)
     ring = np.concatenate([points[:, :, -2:-1], points, points[:, :, 1:2]], axis=2)
     around = ring[:, :, 2:] - ring[:, :, :-2]
@@ -153,8 +155,8 @@ def normals(points: Floats) -> Floats:
 
 
 @lru_cache
-def triangles() -> NDArray[np.int32]:
-    """Return the point numbers (m, 3) of the triangles, anticlockwise as seen from outside."""
+def surface_triangles() -> NDArray[np.int32]:
+    """Return point numbers (m, 3) of a surface's triangles, anticlockwise from outside."""
     ring, column = np.meshgrid(np.arange(RINGS - 1), np.arange(AROUND - 1), indexing="ij")
     a = ring * AROUND + column
     b, c, d = a + 1, a + AROUND, a + AROUND + 1
@@ -162,8 +164,8 @@ def triangles() -> NDArray[np.int32]:
 
 
 @lru_cache
-def texture_places() -> NDArray[np.float32]:
-    """Return texture coordinates (RINGS · AROUND, 2) of the points, 0–1: along, around."""
-    angle = loft(4).angle[0]
-    u, v = np.meshgrid(_rings(), (np.pi - angle) / (2 * np.pi), indexing="ij")
+def texture_coordinates() -> NDArray[np.float32]:
+    """Return texture coordinates (RINGS · AROUND, 2) of a surface's points, 0–1: along, around."""
+    angle = surface_grid(4).angle[0]
+    u, v = np.meshgrid(_ring_places(), (np.pi - angle) / (2 * np.pi), indexing="ij")
     return np.stack([u, v], -1).reshape(-1, 2).astype(np.float32)

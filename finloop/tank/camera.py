@@ -22,8 +22,8 @@ _SCENES = ((ORBIT, 4.0), (FOLLOW, 4.0), (SIDE, 4.0))
 _BLEND_S = 2.0
 
 
-class Views(NamedTuple):
-    """A camera at every tick: its place and the point it looks at, both (ticks, 3) px.
+class CameraViews(NamedTuple):
+    """A camera at every tick: its place and the point that it looks at, both (ticks, 3) px.
 
     height_px: half the height of what a parallel view shows; None where the view is perspective.
     """
@@ -33,8 +33,8 @@ class Views(NamedTuple):
     height_px: float | None = None
 
 
-class Room(NamedTuple):
-    """The tank, px: width and height of the film, depth of the water, body length of the fish.
+class TankRoom(NamedTuple):
+    """Sizes of the tank, px: width and height of the film, depth of the water, body length.
 
     aspect: width / height of the pictures.
     """
@@ -47,12 +47,14 @@ class Room(NamedTuple):
 
     @property
     def middle(self) -> Floats:
-        """Return the middle of the water, (3,) px: x right, y up (below 0), z above the floor."""
+        """Middle of the water, (3,) px: x right, y up (below 0), z above the floor."""
         return np.array([(self.width - 1) / 2, -(self.height - 1) / 2, self.depth / 2])
 
 
-def camera_views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
-    """Return the place and the aim of a camera, one of CAMERAS, at every tick of a fish.
+def camera_views(
+    camera: str, room: TankRoom, head: Floats, heading: Floats, rate_hz: float
+) -> CameraViews:
+    """Return the place and the aim of a camera, one of CAMERAS, at every tick.
 
     head (ticks, 3): px; heading (ticks,): rad, without jumps of 2π; rate_hz: ticks per second.
     """
@@ -60,21 +62,24 @@ def camera_views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz
     if camera == TOP:
         half = max(room.height, room.width / room.aspect) / 2 * 1.04
         aim = np.tile(room.middle * (1, 1, 0), (ticks, 1))
-        return Views(aim + np.array([0, 0, 4 * room.width]), aim, half)
+        return CameraViews(aim + np.array([0, 0, 4 * room.width]), aim, half)
     if camera == SIDE:
-        return _beside(room, head, rate_hz)
+        return _view_from_edge(room, head, rate_hz)
     if camera == CORNER:
-        return _around(room, np.full(ticks, -58.0), 24.0)
+        return _view_from_outside(room, np.full(ticks, -58.0), 24.0)
     if camera == ORBIT:
         azimuth = -70 + 360 / _TURN_S / rate_hz * np.arange(ticks, dtype=float)
-        return _around(room, azimuth, 22.0)
+        return _view_from_outside(room, azimuth, 22.0)
     if camera == FOLLOW:
-        return _follow(room, head, heading, rate_hz)
-    return _tour(room, head, heading, rate_hz)
+        return _view_following_fish(room, head, heading, rate_hz)
+    return _view_touring(room, head, heading, rate_hz)
 
 
-def _around(room: Room, azimuth_deg: Floats, elevation_deg: float) -> Views:
-    """Return a view from outside, as near as possible with the whole tank in the picture."""
+def _view_from_outside(room: TankRoom, azimuth_deg: Floats, elevation_deg: float) -> CameraViews:
+    """Return a view from outside, as near as possible with the whole tank in the picture.
+
+    azimuth_deg (ticks,), elevation_deg: direction from the tank to the camera.
+    """
     azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
     east, north, zero = np.cos(azimuth), np.sin(azimuth), np.zeros(len(azimuth))
     level, up = np.cos(elevation), zero + np.sin(elevation)
@@ -92,29 +97,40 @@ def _around(room: Room, azimuth_deg: Floats, elevation_deg: float) -> Views:
         slope = (high - lift) / (far + deep)
         lift = lift + far * (slope.max(1, keepdims=True) + slope.min(1, keepdims=True)) / 2
     aim = room.middle + lift * up
-    return Views(aim - far * ahead, aim)
+    return CameraViews(aim - far * ahead, aim)
 
 
-def _follow(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
-    """Return a view from behind, above and beside the fish, smoother than its path."""
+def _view_following_fish(
+    room: TankRoom, head: Floats, heading: Floats, rate_hz: float
+) -> CameraViews:
+    """Return a view from behind, above and beside a fish, smoother than its path.
+
+    Arguments as in `camera_views`.
+    """
     lazy = _LAZY_S * rate_hz
     way = scipy.ndimage.gaussian_filter1d(head, lazy / 3, axis=0, mode="nearest")
     turn = scipy.ndimage.gaussian_filter1d(heading, lazy, mode="nearest") + np.radians(28)
     back = np.stack([-np.cos(turn), -np.sin(turn), np.full(len(turn), 0.33)], -1)
-    return Views(way + 2.5 * room.length * back, way - (0, 0, 0.33 * room.length))
+    return CameraViews(way + 2.5 * room.length * back, way - (0, 0, 0.33 * room.length))
 
 
-def _beside(room: Room, head: Floats, rate_hz: float) -> Views:
-    """Return a view from the film's lower edge that moves with the fish."""
+def _view_from_edge(room: TankRoom, head: Floats, rate_hz: float) -> CameraViews:
+    """Return a view from the film's lower edge, which moves along with the fish.
+
+    Arguments as in `camera_views`.
+    """
     way = scipy.ndimage.gaussian_filter1d(head, _LAZY_S * rate_hz, axis=0, mode="nearest")
     away = np.array([0.7, -5.2, 0.0]) * room.length
     place = way + away
     place[:, 2] = 0.7 * room.depth
-    return Views(place, way - (0, 0, 0.1 * room.depth))
+    return CameraViews(place, way - (0, 0, 0.1 * room.depth))
 
 
-def _tour(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
-    """Return a view that passes smoothly from one of the scenes to the next, again and again."""
+def _view_touring(room: TankRoom, head: Floats, heading: Floats, rate_hz: float) -> CameraViews:
+    """Return a view that passes smoothly from one of `_SCENES` to the next, again and again.
+
+    Arguments as in `camera_views`.
+    """
     time = np.arange(len(head)) / rate_hz
     scenes = [camera_views(name, room, head, heading, rate_hz) for name, _ in _SCENES]
     ends = np.cumsum([length for _, length in _SCENES])
@@ -129,4 +145,4 @@ def _tour(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
         here, before = stack[number, ticks], stack[number - 1, ticks]
         return before + share * (here - before)
 
-    return Views(mix_scenes([s.place for s in scenes]), mix_scenes([s.aim for s in scenes]))
+    return CameraViews(mix_scenes([s.place for s in scenes]), mix_scenes([s.aim for s in scenes]))

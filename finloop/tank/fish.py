@@ -7,8 +7,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.tank.body import lengths, surface
-from finloop.tank.skin import Skins
+from finloop.tank.body import arc_lengths, fish_surfaces
+from finloop.tank.skin import FishSkins
 from finloop.tank.swim import TankPoses
 
 Floats = NDArray[np.floating]
@@ -18,7 +18,7 @@ _BATCH = 16  # ticks whose surfaces are made at once: a sixth of the time of one
 
 @dataclass(frozen=True)
 class FishSurface:
-    """The surface and the skin of a fish, tick by tick.
+    """The surface and the skin of one fish in the tank, tick by tick.
 
     place (ticks, 3): px of its mass centre in the tank; skins: by row of the film; typical (p,):
     its half widths in body lengths; length_px: its body length.
@@ -26,24 +26,31 @@ class FishSurface:
 
     poses: TankPoses
     place: Floats
-    skins: Skins
+    skins: FishSkins
     typical: Floats
     length_px: float
 
     def __len__(self) -> int:
+        """Return the number of ticks."""
         return len(self.poses)
 
-    def _batch(self, batch: int) -> tuple[Floats, Floats]:
-        """Return points, px about the mass centre, and normals (k, rings, around, 3) of k ticks."""
+    def _compute_batch(self, batch: int) -> tuple[Floats, Floats]:
+        """Return points, px about the mass centre, and normals (k, rings, around, 3)."""
         ticks, poses = slice(batch * _BATCH, (batch + 1) * _BATCH), self.poses
-        return surface(poses.backbone[ticks], poses.half_width[ticks], self.typical, self.length_px)
+        return fish_surfaces(
+            poses.backbone[ticks], poses.half_width[ticks], self.typical, self.length_px
+        )
 
     @cached_property
     def _recent_batch(self) -> Callable[[int], tuple[Floats, Floats]]:
-        return lru_cache(1)(self._batch)
+        """Function that returns a batch by number and remembers the latest one."""
+        return lru_cache(1)(self._compute_batch)
 
     def shape_at(self, tick: int) -> tuple[Floats, Floats, Picture]:
-        """Return one tick's points (px of the tank), normals, both (rings, around, 3), and skin."""
+        """Return points and normals, both (rings, around, 3), and the skin at a tick.
+
+        Points are in px of the tank.
+        """
         batch, k = divmod(tick, _BATCH)
         points, normals = self._recent_batch(batch)
         return points[k] + self.place[tick], normals[k], self.skin(tick)
@@ -52,12 +59,15 @@ class FishSurface:
         """Return the skin at a tick, (around, lengthwise, 3) uint8, see `finloop.tank.skin`."""
         first, second, weight = self.poses.first, self.poses.second, self.poses.weight[tick]
         flips = bool(first.mirrored[tick]), bool(second.mirrored[tick])
-        return self.skins.blend(int(first.row[tick]), int(second.row[tick]), weight, flips)
+        return self.skins.mix_skins(int(first.row[tick]), int(second.row[tick]), weight, flips)
 
-    def points(self) -> NDArray[np.float32]:
-        """Return the surface at every tick, (ticks, rings · around, 3) px about the mass centre."""
+    def points_of_all_ticks(self) -> NDArray[np.float32]:
+        """Return the surface's points at every tick, (ticks, rings · around, 3).
+
+        They are px about the mass centre.
+        """
         batches = range(-(-len(self) // _BATCH))
-        surfaces = [self._batch(batch)[0].astype(np.float32) for batch in batches]
+        surfaces = [self._compute_batch(batch)[0].astype(np.float32) for batch in batches]
         return np.concatenate(surfaces).reshape(len(self), -1, 3)
 
     def typical_skin(self, most: int = 25) -> Picture:
@@ -66,12 +76,12 @@ class FishSurface:
         return np.rint(np.median([self.skin(int(tick)) for tick in ticks], axis=0)).astype(np.uint8)
 
     @property
-    def head(self) -> Floats:
-        """Return the tip of the head in the tank, (ticks, 3) px."""
+    def head_places(self) -> Floats:
+        """Places of the head's tip in the tank, (ticks, 3) px."""
         return self.place + np.pad(self.poses.backbone[:, 0], ((0, 0), (0, 1)))
 
     def find_bent_tick(self) -> int:
         """Return a tick at which the fish is more bent than at nine of ten ticks."""
         line = self.poses.backbone
-        chord = np.linalg.norm(line[:, -1] - line[:, 0], axis=-1) / lengths(line)
+        chord = np.linalg.norm(line[:, -1] - line[:, 0], axis=-1) / arc_lengths(line)
         return int(np.argsort(chord, kind="stable")[len(chord) // 10])

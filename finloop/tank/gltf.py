@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.tank.body import AROUND, RINGS, normals, texture_places, triangles
-from finloop.tank.camera import Room
+from finloop.tank.body import AROUND, RINGS, surface_normals, surface_triangles, texture_coordinates
+from finloop.tank.camera import TankRoom
 from finloop.tank.light import SUN, WATER
 
 Floats = NDArray[np.floating]
@@ -31,7 +31,7 @@ _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
 _LINEAR, _CLAMP = 9729, 33071
 
 
-class Glb:
+class GlbDocument:
     """A growing glTF 2.0 document in one binary file (.glb), with the parts that the tank needs.
 
     Each array becomes an accessor of its own, in a buffer view of its own, aligned to four bytes.
@@ -39,6 +39,7 @@ class Glb:
     """
 
     def __init__(self) -> None:
+        """Begin an empty document."""
         self._data = bytearray()
         self._document: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": "finloop"},
@@ -52,9 +53,10 @@ class Glb:
         return len(items) - 1
 
     def add_array(self, array: NDArray, *, indices: bool = False, vertices: bool = False) -> int:
-        """Add an accessor of an array (n,) or (n, 2 … 4); return its index.
+        """Add an array (n,) or (n, 2 … 4) of numbers; return the index of its accessor.
 
-        Point numbers (`indices`) are written as uint16, all else, such as `vertices`, as float32.
+        indices: point numbers, written as uint16; all else, such as `vertices`, is written as
+        float32.
         """
         array = np.ascontiguousarray(array, np.uint16 if indices else np.float32)
         if not np.isfinite(array).all():
@@ -62,7 +64,9 @@ class Glb:
         width = 1 if array.ndim == 1 else array.shape[1]
         target = {"target": _ELEMENT_BUFFER if indices else _ARRAY_BUFFER}
         accessor = {
-            "bufferView": self._view(array.tobytes(), target if indices or vertices else {}),
+            "bufferView": self._add_buffer_view(
+                array.tobytes(), target if indices or vertices else {}
+            ),
             "componentType": _SHORT if indices else _FLOAT,
             "count": len(array),
             "type": _SHAPES[width],
@@ -75,18 +79,23 @@ class Glb:
     def add_texture(self, coded: bytes, mime: str) -> int:
         """Add a smooth texture from the bytes of a PNG or JPEG file; return its index."""
         sampler = {"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMP, "wrapT": _CLAMP}
-        image = self.add("images", {"bufferView": self._view(coded, {}), "mimeType": mime})
+        image = self.add(
+            "images", {"bufferView": self._add_buffer_view(coded, {}), "mimeType": mime}
+        )
         return self.add("textures", {"source": image, "sampler": self.add("samplers", sampler)})
 
-    def _view(self, data: bytes, more: dict[str, int]) -> int:
-        """Add bytes as a buffer view, aligned to four bytes; return its index."""
+    def _add_buffer_view(self, data: bytes, more: dict[str, int]) -> int:
+        """Add bytes as a buffer view, aligned to four bytes; return its index.
+
+        more: further fields of the view.
+        """
         self._data += b"\0" * (-len(self._data) % 4)
         view = {"buffer": 0, "byteOffset": len(self._data), "byteLength": len(data)} | more
         self._data += data
         return self.add("bufferViews", view)
 
     def encode(self, root: int) -> bytes:
-        """Return the bytes of the .glb file, whose scene is the node `root`."""
+        """Return the bytes of the .glb file; `root`: index of the node that is the scene."""
         self._document["scene"] = self.add("scenes", {"nodes": [root]})
         data = bytes(self._data) + b"\0" * (-len(self._data) % 4)
         document = self._document | {"buffers": [{"byteLength": len(data)}]}
@@ -97,8 +106,8 @@ class Glb:
         return b"glTF" + (2).to_bytes(4, "little") + (12 + len(body)).to_bytes(4, "little") + body
 
 
-class Shapes(NamedTuple):
-    """Principal components of a fish's shapes: a shape is mean + weights · modes.
+class PrincipalShapes(NamedTuple):
+    """Principal components of a fish's shapes: a shape is about mean + weights · modes.
 
     mean (v, 3) and modes (m, v, 3) in px; weights (ticks, m); error_px: the greatest distance of a
     point of such a shape from its true place.
@@ -110,10 +119,11 @@ class Shapes(NamedTuple):
     error_px: float
 
 
-def principal_shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
-    """Return the mean and the principal components of a fish's shapes, each turned to head right.
+def principal_shapes(points: Floats, heading: Floats, modes: int = MODES) -> PrincipalShapes:
+    """Return the mean and the principal components of a fish's shapes, each headed right.
 
-    points (ticks, v, 3): px about the mass centre, y up; heading (ticks,): rad; modes: at most.
+    points (ticks, v, 3): px about the mass centre, y up; heading (ticks,): rad; modes: largest
+    number of components.
     """
     cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
     ahead = points.copy()
@@ -127,7 +137,7 @@ def principal_shapes(points: Floats, heading: Floats, modes: int = MODES) -> Sha
     spread = size[:count, None] / np.sqrt(len(sample))
     weights = (flat - mean) @ axes[:count].T / spread.T
     off = (flat - mean - weights @ (spread * axes[:count])).reshape(ahead.shape)
-    return Shapes(
+    return PrincipalShapes(
         mean.reshape(-1, 3),
         (spread * axes[:count]).reshape(count, len(mean) // 3, 3),
         weights,
@@ -136,57 +146,62 @@ def principal_shapes(points: Floats, heading: Floats, modes: int = MODES) -> Sha
 
 
 class AnimatedFish(NamedTuple):
-    """A moving fish: its shapes, and at every tick its place and heading.
+    """A moving fish: its shapes, and its place and heading at every tick.
 
     place (ticks, 3): px of its mass centre in the tank; heading (ticks,): rad, without jumps of 2π.
     """
 
-    shape: Shapes
+    shape: PrincipalShapes
     place: Floats
     heading: Floats
 
 
-def tank_glb(
-    room: Room,
+def encode_tank_glb(
+    room: TankRoom,
     background: NDArray[np.uint8],
     skin: NDArray[np.uint8],
     swimmers: Sequence[AnimatedFish],
     rate_hz: float,
 ) -> bytes:
-    """Return the bytes of a .glb: a fish is one unit long, y is up, the origin the tank's middle.
+    """Return the bytes of a .glb file that shows the tank with its moving fish.
 
-    background: the floor; skin: (a, l, 3) uint8, of every fish; rate_hz: ticks per second.
+    A fish is one unit long, y is up, the origin the tank's middle. background: the floor; skin: (a,
+    l, 3) uint8, of every fish; rate_hz: ticks per second.
     """
-    glb = Glb()
-    material, dark = _skin(glb, skin), _plain(glb, "shadow", (0.02, 0.06, 0.08, 0.38))
+    glb = GlbDocument()
+    material, dark = (
+        _add_skin_material(glb, skin),
+        _add_plain_material(glb, "shadow", (0.02, 0.06, 0.08, 0.38)),
+    )
     numbers = ["", *(f" {number}" for number in range(1, len(swimmers)))]
     named = list(zip(swimmers, numbers, strict=True))
-    shadows = [_shadow(glb, motion.shape, dark, f"shadow{number}") for motion, number in named]
-    fish = [_fish(glb, motion.shape, material, f"fish{number}") for motion, number in named]
+    shadows = [_add_shadow(glb, motion.shape, dark, f"shadow{number}") for motion, number in named]
+    fish = [_add_fish(glb, motion.shape, material, f"fish{number}") for motion, number in named]
     time = glb.add_array(np.arange(len(swimmers[0].heading)) / rate_hz)
     channels: list[dict] = []
     samplers: list[dict] = []
     for motion, shadow, body in zip(swimmers, shadows, fish, strict=True):
         lift = (0, 0, _LIFT * room.length)
         on_floor = motion.place - motion.place[:, 2:] * (SUN / SUN[2]) + lift
-        for node, path, output in _tracks(glb, motion, {shadow: on_floor, body: motion.place}):
+        for node, path, output in _add_motion(glb, motion, {shadow: on_floor, body: motion.place}):
             channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
             samplers.append({"input": time, "output": output, "interpolation": "LINEAR"})
     glb.add("animations", {"name": "swim", "channels": channels, "samplers": samplers})
-    inside = [*_still(glb, room, background), *shadows, *fish]
+    inside = [*_add_still_parts(glb, room, background), *shadows, *fish]
     root = glb.add("nodes", {
         "name": "tank", "children": inside, "rotation": [-(0.5**0.5), 0.0, 0.0, 0.5**0.5],
-        "scale": [1 / room.length] * 3, "translation": gltf_place(-room.middle / room.length),
+        "scale": [1 / room.length] * 3, "translation": to_gltf_axes(-room.middle / room.length),
     })  # fmt: skip
     return glb.encode(root)
 
 
-def gltf_place(place: Floats) -> list[float]:
-    """Return a place (3,) of the tank in glTF's axes: x right, y up, z towards the viewer."""
+def to_gltf_axes(place: Floats) -> list[float]:
+    """Convert a place (3,) of the tank to glTF's axes: x right, y up, z towards the viewer."""
     return [float(place[0]), float(place[2]), float(-place[1])]
 
 
-def _skin(glb: Glb, skin: NDArray[np.uint8]) -> int:
+def _add_skin_material(glb: GlbDocument, skin: NDArray[np.uint8]) -> int:
+    """Add the material of a fish with the skin (a, l, 3) uint8; return its index."""
     coded = cv2.imencode(".png", cv2.cvtColor(skin, cv2.COLOR_RGB2BGR))[1].tobytes()
     texture = {"index": glb.add_texture(coded, "image/png")}
     return glb.add("materials", {
@@ -197,12 +212,13 @@ def _skin(glb: Glb, skin: NDArray[np.uint8]) -> int:
     })  # fmt: skip
 
 
-def _fish(glb: Glb, shape: Shapes, material: int, name: str) -> int:
+def _add_fish(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str) -> int:
+    """Add the node of a fish, whose mesh can be mixed from its shapes; return its index."""
     grid = (1, RINGS, AROUND, 3)
-    straight = normals(shape.mean.reshape(grid)).reshape(-1, 3)
+    straight = surface_normals(shape.mean.reshape(grid)).reshape(-1, 3)
     targets = []
     for mode in shape.modes:
-        normal = normals((shape.mean + mode).reshape(grid)).reshape(-1, 3)
+        normal = surface_normals((shape.mean + mode).reshape(grid)).reshape(-1, 3)
         targets.append({
             "POSITION": glb.add_array(mode, vertices=True),
             "NORMAL": glb.add_array(normal - straight, vertices=True),
@@ -211,16 +227,19 @@ def _fish(glb: Glb, shape: Shapes, material: int, name: str) -> int:
         "attributes": {
             "POSITION": glb.add_array(shape.mean, vertices=True),
             "NORMAL": glb.add_array(straight, vertices=True),
-            "TEXCOORD_0": glb.add_array(texture_places(), vertices=True),
+            "TEXCOORD_0": glb.add_array(texture_coordinates(), vertices=True),
         },
-        "indices": glb.add_array(triangles().ravel(), indices=True),
+        "indices": glb.add_array(surface_triangles().ravel(), indices=True),
         "material": material,
     }
-    return _morph_node(glb, name, primitive, targets)
+    return _add_morph_node(glb, name, primitive, targets)
 
 
-def _morph_node(glb: Glb, name: str, primitive: dict, targets: list[dict]) -> int:
-    """Add a node with a mesh that can be mixed from shapes (targets); return its index."""
+def _add_morph_node(glb: GlbDocument, name: str, primitive: dict, targets: list[dict]) -> int:
+    """Add a node whose mesh can be mixed from shapes; return its index.
+
+    primitive: the mean shape; targets: differences that can be added to it.
+    """
     mesh: dict[str, Any] = {"name": name, "primitives": [primitive]}
     if targets:
         primitive["targets"] = targets
@@ -228,8 +247,8 @@ def _morph_node(glb: Glb, name: str, primitive: dict, targets: list[dict]) -> in
     return glb.add("nodes", {"name": name, "mesh": glb.add("meshes", mesh)})
 
 
-def _shadow(glb: Glb, shape: Shapes, material: int, name: str) -> int:
-    """Add what the body covers of the floor, one layer: a strip between its two sides."""
+def _add_shadow(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str) -> int:
+    """Add the node of a fish's shadow on the floor, a strip between the body's sides."""
 
     def strip(points: Floats) -> Floats:
         sides = points.reshape(RINGS, AROUND, 3)[:, [_SIDE, AROUND - 1 - _SIDE]]
@@ -243,11 +262,13 @@ def _shadow(glb: Glb, shape: Shapes, material: int, name: str) -> int:
         "material": material,
     }
     targets = [{"POSITION": glb.add_array(strip(mode), vertices=True)} for mode in shape.modes]
-    return _morph_node(glb, name, primitive, targets)
+    return _add_morph_node(glb, name, primitive, targets)
 
 
-def _plain(glb: Glb, name: str, colour: tuple[float, ...], texture: int | None = None) -> int:
-    """Add an unlit material, visible from both sides; see-through if its alpha is below 1."""
+def _add_plain_material(
+    glb: GlbDocument, name: str, colour: tuple[float, ...], texture: int | None = None
+) -> int:
+    """Add an unlit material, visible from both sides; return its index."""
     base: dict = {"baseColorFactor": list(colour), "metallicFactor": 0.0, "roughnessFactor": 1.0}
     if texture is not None:
         base["baseColorTexture"] = {"index": texture}
@@ -258,10 +279,13 @@ def _plain(glb: Glb, name: str, colour: tuple[float, ...], texture: int | None =
     })  # fmt: skip
 
 
-def _tracks(
-    glb: Glb, motion: AnimatedFish, nodes: Mapping[int, Floats]
+def _add_motion(
+    glb: GlbDocument, motion: AnimatedFish, nodes: Mapping[int, Floats]
 ) -> Iterator[tuple[int, str, int]]:
-    """Yield node, property and its values over time, for nodes that move along these places."""
+    """Add the motion of a fish: yield node, property, and the index of its values over time.
+
+    nodes: the place (ticks, 3) at which each node moves, by its index.
+    """
     zero, half = np.zeros_like(motion.heading), motion.heading / 2
     tracks = {"rotation": glb.add_array(np.stack([zero, zero, np.sin(half), np.cos(half)], -1))}
     if motion.shape.weights.shape[1]:
@@ -272,15 +296,15 @@ def _tracks(
             yield node, path, values
 
 
-def _still(glb: Glb, room: Room, background: NDArray[np.uint8]) -> list[int]:
-    """Add floor, edges, water and glass, in their drawing order."""
+def _add_still_parts(glb: GlbDocument, room: TankRoom, background: NDArray[np.uint8]) -> list[int]:
+    """Add floor, edges, water and glass; return their nodes' indices in drawing order."""
     left, top = -0.5, 0.5
     right, bottom, high = left + room.width, top - room.height, room.depth
     base = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
     low, water, rim = (np.c_[base, np.full(4, z)] for z in (0.0, high, 1.08 * high))
     colour = background if background.ndim == 2 else cv2.cvtColor(background, cv2.COLOR_RGB2BGR)
     coded = cv2.imencode(".jpg", colour, _JPEG)[1].tobytes()
-    floor = _plain(glb, "floor", (*WATER, 1.0), glb.add_texture(coded, "image/jpeg"))
+    floor = _add_plain_material(glb, "floor", (*WATER, 1.0), glb.add_texture(coded, "image/jpeg"))
     both = np.concatenate([low, rim])
     walls = np.array(
         [[i, (i + 1) % 4, (i + 1) % 4 + 4, i, (i + 1) % 4 + 4, i + 4] for i in range(4)]
@@ -298,11 +322,32 @@ def _still(glb: Glb, room: Room, background: NDArray[np.uint8]) -> list[int]:
             "material": material,
             "mode": mode,
         }
-        return _morph_node(glb, name, primitive, [])
+        return _add_morph_node(glb, name, primitive, [])
 
     return [
         node("floor", low, square, floor, sewn_on, _FACES),
-        node("edges", both, edges, _plain(glb, "edges", (0.85, 0.97, 1.0, 1.0)), {}, _LINES),
-        node("water", water, square, _plain(glb, "water", (0.62, 0.82, 0.9, 0.16)), {}, _FACES),
-        node("glass", both, walls, _plain(glb, "glass", (0.8, 0.95, 1.0, 0.07)), {}, _FACES),
+        node(
+            "edges",
+            both,
+            edges,
+            _add_plain_material(glb, "edges", (0.85, 0.97, 1.0, 1.0)),
+            {},
+            _LINES,
+        ),
+        node(
+            "water",
+            water,
+            square,
+            _add_plain_material(glb, "water", (0.62, 0.82, 0.9, 0.16)),
+            {},
+            _FACES,
+        ),
+        node(
+            "glass",
+            both,
+            walls,
+            _add_plain_material(glb, "glass", (0.8, 0.95, 1.0, 0.07)),
+            {},
+            _FACES,
+        ),
     ]

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.tank.camera import Room
+from finloop.tank.camera import TankRoom
 
 Floats = NDArray[np.floating]
 
@@ -32,9 +32,9 @@ _CELL_PX = 10  # of the pattern of light
 def wave_heights_and_slopes(
     x: Floats, y: Floats, depth: float, time_s: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the water's height (px, 0 at rest) and its slopes along x and y, shaped as `x`.
+    """Return the water's height (px, 0 at rest) and its slopes along x and y at places x, y.
 
-    x, y: px; depth: of the water, px; time_s: s.
+    x, y: px, arrays of one shape, which the results share; depth: of the water, px; time_s: s.
     """
     high, along_x, along_y = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
     for angle, length, rate, phase in _WAVES:
@@ -49,14 +49,15 @@ def wave_heights_and_slopes(
     return high, along_x, along_y
 
 
-class Floor:
+class LitFloor:
     """The floor of the tank under moving light, with the shadows of fish.
 
     background: the film without fish, (H, W) or (H, W, 3) uint8; where a side is longer than
     `most_px`, the drawn floor is smaller.
     """
 
-    def __init__(self, background: NDArray[np.uint8], room: Room, most_px: int = 960) -> None:
+    def __init__(self, background: NDArray[np.uint8], room: TankRoom, most_px: int = 960) -> None:
+        """Shrink the background if it is too large, and lay a grid for the light over it."""
         self._px = min(1.0, most_px / max(background.shape[:2]))  # of the floor per px of the film
         small = background
         if self._px < 1:
@@ -70,20 +71,22 @@ class Floor:
         self._x, self._y = np.meshgrid(columns, rows)
 
     def draw_floor(self, fish: Sequence[Floats], time_s: float) -> NDArray[np.uint8]:
-        """Return the lit floor at a time, (h, w) or (h, w, 3) uint8, with the shadow of each fish.
+        """Draw the lit floor at a time, (h, w) or (h, w, 3) uint8, with the fish's shadows.
 
         fish: points (rings, around, 3) of each, px of the tank.
         """
         height, width = self.plain.shape[:2]
-        light = cv2.resize(self._caustics(time_s), (width, height), interpolation=cv2.INTER_LINEAR)
+        light = cv2.resize(
+            self._light_pattern(time_s), (width, height), interpolation=cv2.INTER_LINEAR
+        )
         for points in fish:
-            self._shade(light, points)
+            self._subtract_shadow(light, points)
         if self.plain.ndim == 3:
             light = cv2.merge([light] * 3)
         return cv2.multiply(self.plain, light, scale=_BRIGHTEST / 255)
 
-    def _caustics(self, time_s: float) -> NDArray[np.uint8]:
-        """Return the light on the floor: bright lines where two families of waves have crests."""
+    def _light_pattern(self, time_s: float) -> NDArray[np.uint8]:
+        """Return the light on the floor, bright in lines where two families of waves crest."""
         x, y, deep = self._x, self._y, self._room.depth
         _, bend_x, bend_y = wave_heights_and_slopes(x, y, deep, 0.7 * time_s)
         reach = 2.2 * deep
@@ -94,8 +97,12 @@ class Floor:
         light = (1 - 0.3 * _GATHERS + _GATHERS * line**3) / _BRIGHTEST
         return np.rint(np.clip(255 * light, 0, 255)).astype(np.uint8)
 
-    def _shade(self, light: NDArray[np.uint8], fish: Floats) -> None:
-        """Take the shadow of a fish out of the light: softer, the higher it swims."""
+    def _subtract_shadow(self, light: NDArray[np.uint8], fish: Floats) -> None:
+        """Darken the light (h, w) where the shadow of a fish falls; it is changed.
+
+        fish (rings, around, 3): points, px of the tank. The higher it swims, the softer its shadow
+        is.
+        """
         on_floor = fish[..., :2] - fish[..., 2:] * (SUN[:2] / SUN[2])
         edge = (on_floor * (1, -1) * self._px).astype(np.float32)
         blur = max(1.0, 0.03 * float(fish[..., 2].mean()) * self._px)
@@ -116,9 +123,10 @@ class Floor:
 
 
 class WaterSurface:
-    """The water's surface as a grid (m, n) over the tank; `cells` along its longer side."""
+    """The surface of the water as a grid (m, n) of points over the tank."""
 
-    def __init__(self, room: Room, cells: int = 44) -> None:
+    def __init__(self, room: TankRoom, cells: int = 44) -> None:
+        """Lay the grid over the tank, with `cells` cells along its longer side."""
         across = max(8, round(cells * room.height / max(room.width, room.height)))
         along = max(8, round(cells * room.width / max(room.width, room.height)))
         columns = np.linspace(-0.5, room.width - 0.5, along, dtype=np.float32)
@@ -129,9 +137,10 @@ class WaterSurface:
     def points_and_colours(
         self, time_s: float, camera: Floats, parallel: bool
     ) -> tuple[Floats, NDArray[np.uint8]]:
-        """Return points (m · n, 3) px and RGBA (m · n, 4) uint8 of the surface; it mirrors the sky.
+        """Return the surface's points (m · n, 3), px, and RGBA (m · n, 4) uint8.
 
-        camera (3,): its place, px; parallel: whether the view is parallel, from above.
+        The water mirrors the sky. camera (3,): its place, px; parallel: whether the view is
+        parallel, from above.
         """
         high, along_x, along_y = wave_heights_and_slopes(self.x, self.y, self._room.depth, time_s)
         points = np.stack([self.x, self.y, self._room.depth + high], -1)

@@ -21,14 +21,14 @@ from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
 from finloop.base.errors import FinloopError
 from finloop.tank.body import AROUND as AROUND_BODY
-from finloop.tank.body import RINGS, texture_places, triangles
-from finloop.tank.camera import VIEW_DEG, Room, Views
-from finloop.tank.light import SUN, WATER, Floor, WaterSurface
+from finloop.tank.body import RINGS, surface_triangles, texture_coordinates
+from finloop.tank.camera import VIEW_DEG, CameraViews, TankRoom
+from finloop.tank.light import SUN, WATER, LitFloor, WaterSurface
 from finloop.tank.skin import AROUND, LENGTHWISE
 
 Floats = NDArray[np.floating]
 Picture = NDArray[np.uint8]
-Worn = tuple[Floats, Floats, Picture]
+SurfaceAndSkin = tuple[Floats, Floats, Picture]
 """Points in the tank and normals (rings, around, 3) of a fish, and its skin."""
 _SKY = {-1.0: "#06161d", -0.25: "#0d2a35", 0.0: "#41707f", 0.3: "#7fadb9", 1.0: "#a9cdd5"}
 _SKY_PX = 6.0  # film widths to the sky; by the sine of the elevation, its colours
@@ -44,10 +44,10 @@ _LIBRARIES = {  # by name: the window of VTK that needs it
 
 
 def choose_window(libraries: dict[str, str] = _LIBRARIES) -> None:
-    """Make VTK draw off-screen, with the first of these libraries that is installed.
+    """Make VTK draw off-screen with the first of some libraries that is installed.
 
-    Call it before the first window. On systems other than Linux VTK brings what it needs.
-    FinloopError if none is installed.
+    libraries: VTK's window by the library that it needs. Call it before the first window. On
+    systems other than Linux VTK brings what it needs. FinloopError if none is installed.
     """
     if not sys.platform.startswith("linux"):
         return
@@ -66,22 +66,23 @@ def choose_window(libraries: dict[str, str] = _LIBRARIES) -> None:
 
 
 class TankScene:
-    """An off-screen window that draws picture after picture; `close` it, or use a `with` block.
+    """An off-screen window in which the tank is drawn; `close` it, or use a `with` block.
 
     background: (H, W) or (H, W, 3) uint8, the floor; size: (width, height) of the pictures, px;
     fish: how many. Call `choose_window` before.
     """
 
     def __init__(
-        self, background: Picture, room: Room, size: tuple[int, int], fish: int = 1
+        self, background: Picture, room: TankRoom, size: tuple[int, int], fish: int = 1
     ) -> None:
+        """Open the window and add light, sky, floor, fish, water and glass."""
         self._size, self._room = size, room
         self._plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
         self._window = cast(Any, self._plotter.ren_win)
         self._window.SetMultiSamples(1)
         self._plotter.renderer.SetUseOIT(False)  # layers are drawn in order: no need to sort
         self._plotter.camera.view_angle = VIEW_DEG
-        self._floor, self._water = Floor(background, room), WaterSurface(room)
+        self._floor, self._water = LitFloor(background, room), WaterSurface(room)
         self._add_light()
         self._add_sky()
         self._floor_picture = self._add_floor()
@@ -92,21 +93,25 @@ class TankScene:
         self._plotter.show(auto_close=False)
 
     def __enter__(self) -> "TankScene":
+        """Return the scene, for a `with` block."""
         return self
 
     def __exit__(self, *error: object) -> None:
+        """Close the window at the end of a `with` block."""
         self.close()
 
     def close(self) -> None:
         """Close the window."""
         self._plotter.close()
 
-    def frame(self, fish: Sequence[Worn], views: Views, tick: int, time_s: float) -> Picture:
-        """Return the picture (height, width, 3) uint8 of the tank with all its fish at a tick.
+    def draw_frame(
+        self, fish: Sequence[SurfaceAndSkin], views: CameraViews, tick: int, time_s: float
+    ) -> Picture:
+        """Draw the tank with all its fish at a tick; return the picture (height, width, 3) uint8.
 
-        fish: points, normals and skin of each; time_s: s. The camera is `views` at the tick.
+        fish: points, normals and skin of each; views: the camera at every tick; time_s: s.
         """
-        self._look(views, tick)
+        self._aim_camera(views, tick)
         for (points, normals, skin), (mesh, picture) in zip(fish, self._fish, strict=True):
             mesh.points[:] = points.reshape(-1, 3)
             mesh.point_data["Normals"][:] = normals.reshape(-1, 3)
@@ -126,7 +131,8 @@ class TankScene:
         self._window.GetPixelData(0, 0, width - 1, height - 1, 0, self._pixels, 0)
         return cv2.flip(vtk_to_numpy(self._pixels).reshape(height, width, 3), 0)
 
-    def _look(self, views: Views, tick: int) -> None:
+    def _aim_camera(self, views: CameraViews, tick: int) -> None:
+        """Place and aim the camera for a tick."""
         camera = self._plotter.camera
         camera.position, camera.focal_point = views.place[tick], views.aim[tick]
         camera.up = (0, 0, 1) if views.height_px is None else (0, 1, 0)
@@ -136,13 +142,14 @@ class TankScene:
         camera.clipping_range = 0.2 * self._room.length, 25 * self._room.width
 
     def _add_light(self) -> None:
+        """Add the sun and a weak light from below."""
         for place, intensity in ((tuple(SUN), 0.95), ((0.3, -0.6, -0.5), 0.38)):
             light = pv.Light(position=place, light_type="scene light", intensity=intensity)
             light.positional = False
             self._plotter.add_light(light)
 
     def _add_sky(self) -> None:
-        """Add a ball around everything; VTK's own gradient takes twice as long."""
+        """Add the sky, a ball around everything; VTK's own gradient takes twice as long."""
         ball = pv.Sphere(
             radius=_SKY_PX * self._room.width, center=self._room.middle.tolist(),
             theta_resolution=24, phi_resolution=33,
@@ -154,28 +161,33 @@ class TankScene:
         self._plotter.add_mesh(ball, scalars=_COLOURS, rgba=True, lighting=False)
 
     def _add_floor(self) -> Any:
-        picture = _image(self._floor.plain.shape)
+        """Add the floor; return its picture, which can be replaced at every tick."""
+        picture = _empty_image(self._floor.plain.shape)
         left, top = -0.5, 0.5
         right, bottom = left + self._room.width, top - self._room.height
         corners = [[left, bottom, 0.0], [right, bottom, 0.0], [right, top, 0.0], [left, top, 0.0]]
         mesh = pv.PolyData(np.array(corners), np.array([4, 0, 1, 2, 3]))
         mesh.active_texture_coordinates = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
-        self._plotter.add_mesh(mesh, texture=_texture(picture), lighting=False, color=WATER)
+        self._plotter.add_mesh(mesh, texture=_smooth_texture(picture), lighting=False, color=WATER)
         return picture
 
     def _add_fish(self) -> tuple[Any, Any]:
-        skin = _image((AROUND, LENGTHWISE, 3))
-        faces = np.insert(triangles(), 0, 3, axis=1).ravel()
+        """Add a fish; return its mesh and the picture of its skin, to change at every tick."""
+        skin = _empty_image((AROUND, LENGTHWISE, 3))
+        faces = np.insert(surface_triangles(), 0, 3, axis=1).ravel()
         mesh = pv.PolyData(np.zeros((RINGS * AROUND_BODY, 3)), faces)
-        mesh.active_texture_coordinates = texture_places() * np.array([1, -1]) + np.array([0, 1])
+        mesh.active_texture_coordinates = texture_coordinates() * np.array([1, -1]) + np.array(
+            [0, 1]
+        )
         mesh.point_data.active_normals = np.tile([0.0, 0.0, 1.0], (RINGS * AROUND_BODY, 1))
         self._plotter.add_mesh(
-            mesh, texture=_texture(skin), ambient=0.34, diffuse=0.8, specular=0.32,
+            mesh, texture=_smooth_texture(skin), ambient=0.34, diffuse=0.8, specular=0.32,
             specular_power=28, smooth_shading=False, interpolation="Phong",
         )  # fmt: skip
         return mesh, skin
 
     def _add_water(self) -> Any:
+        """Add the surface of the water; return its mesh, to change at every tick."""
         rows, columns = self._water.x.shape
         first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
         faces = np.stack(
@@ -188,6 +200,7 @@ class TankScene:
         return mesh
 
     def _add_glass(self) -> None:
+        """Add the glass walls and their bright edges."""
         room, top = self._room, _RIM * self._room.depth
         x, y = np.array([-0.5, room.width - 0.5]), np.array([0.5 - room.height, 0.5])
         box = pv.Box((*x, *y, 0, top))
@@ -200,7 +213,8 @@ class TankScene:
         )  # fmt: skip
 
 
-def _image(shape: tuple[int, ...]) -> Any:
+def _empty_image(shape: tuple[int, ...]) -> Any:
+    """Return a black VTK image (height, width …), whose pixels can be replaced."""
     height, width = shape[:2]
     image = pv.ImageData(dimensions=(width, height, 1))
     image.point_data[_COLOURS] = np.zeros((width * height, *shape[2:]), np.uint8)
@@ -208,7 +222,8 @@ def _image(shape: tuple[int, ...]) -> Any:
     return image
 
 
-def _texture(image: Any) -> pv.Texture:
+def _smooth_texture(image: Any) -> pv.Texture:
+    """Return a texture that shows a VTK image, smoothly interpolated."""
     texture = pv.Texture(image)
     texture.interpolate = True
     return texture

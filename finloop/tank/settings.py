@@ -11,7 +11,7 @@ from finloop.edit.modes import Shown
 
 @dataclass(frozen=True)
 class TankSettings:
-    """Which edit list is filmed in three dimensions, from where, and how large."""
+    """Parameters of `tank`: which edit list is filmed in 3-D, from where, and how large."""
 
     mode: Shown
     camera: Literal["top", "side", "corner", "follow", "orbit", "tour"]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.cutout import Cutout
-from finloop.tank.body import limit_half_width, make_loft, top_view_points
+from finloop.tank.body import build_surface_grid, limit_half_widths, top_view_points
 from finloop.tank.swim import FilmBodies
 
 Picture = NDArray[np.uint8]
@@ -24,11 +24,12 @@ _EYE = 0.075, 0.42, 0.021  # place along the body; around, 0 = back, 1 = belly; 
 _PUPIL, _IRIS = 22.0, 206.0
 
 
-class Skins:
-    """The skins of a fish: `skin(row)` returns one, (AROUND, LENGTHWISE, 3) float32, 0 … 255.
+class FishSkins:
+    """The skins of a fish's cut-outs: `skin(row)` returns one, (AROUND, LENGTHWISE, 3) float32.
 
-    typical: half widths from `tank.body.typical_width`; centres_px (n, 2): mass centres, px of the
-    film, y down; cutout: returns that of a row; keep: skins in memory.
+    Values are 0 … 255. typical: half widths from `tank.body.typical_half_widths`; centres_px (n,
+    2): mass centres, px of the film, y down; cutout: function that returns the cut-out of a row;
+    keep: skins in memory.
     """
 
     def __init__(
@@ -39,24 +40,25 @@ class Skins:
         cutout: Callable[[int], Cutout],
         keep: int = 256,
     ) -> None:
+        """Prepare the places, the belly and the eyes that all skins share."""
         self._film, self._typical, self._centres, self._cutout = film, typical, centres_px, cutout
         around = np.pi * (1 - 2 * (np.arange(AROUND) + 0.5) / AROUND)
         along = (np.arange(LENGTHWISE) + 0.5) / LENGTHWISE
-        self._how = make_loft(along, around, film.backbone.shape[1])
+        self._how = build_surface_grid(along, around, film.backbone.shape[1])
         below = np.clip((-np.cos(around) + 0.1) / 0.9, 0, 1)
         self._pale = (_PALE_SHARE * below * below * (3 - 2 * below)).astype(np.float32)[:, None]
-        self._eyes = _eyes(along, around)
-        self.skin = lru_cache(keep)(self._skin)
+        self._eyes = _eye_layers(along, around)
+        self.skin = lru_cache(keep)(self._wrap_cutout)
 
-    def _skin(self, row: int) -> NDArray[np.float32]:
-        """Return the pixels of a row's cut-out wrapped around the body, with belly and eyes."""
+    def _wrap_cutout(self, row: int) -> NDArray[np.float32]:
+        """Wrap the cut-out of a row of the film around the body, with belly and eyes."""
         cutout, line = self._cutout(row), self._film.backbone[row : row + 1]
-        width = limit_half_width(self._film.half_width[row : row + 1], line, self._typical)
+        width = limit_half_widths(self._film.half_width[row : row + 1], line, self._typical)
         place = top_view_points(self._how, line, _INSIDE * width)[0].swapaxes(0, 1)
         origin = np.array([cutout.x0_px, cutout.y0_px])
         places = (place * (1, -1) + (self._centres[row] - origin)).astype(np.float32)
         pixels = cv2.remap(
-            _colours(cutout.pixels), places[..., 0], places[..., 1], cv2.INTER_LINEAR,
+            _opaque_colours(cutout.pixels), places[..., 0], places[..., 1], cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         )  # fmt: skip
         skin = pixels.reshape(AROUND, LENGTHWISE, -1)
@@ -67,8 +69,8 @@ class Skins:
             skin += share[..., None] * (level - skin)
         return skin
 
-    def blend(self, row: int, partner: int, weight: float, flips: tuple[bool, bool]) -> Picture:
-        """Return the skin of a row cross-faded with its partner's, (AROUND, LENGTHWISE, 3) uint8.
+    def mix_skins(self, row: int, partner: int, weight: float, flips: tuple[bool, bool]) -> Picture:
+        """Mix the skins of a row and of its partner: (AROUND, LENGTHWISE, 3) uint8.
 
         weight: share of the partner, 0 … 1; flips: whether row and partner are mirrored.
         """
@@ -78,8 +80,8 @@ class Skins:
         return np.rint(np.clip(skin, 0, 255)).astype(np.uint8)
 
 
-def _colours(pixels: Picture) -> NDArray[np.float32]:
-    """Return colours (h, w, c) without alpha; where it is too low, those of the fish nearby."""
+def _opaque_colours(pixels: Picture) -> NDArray[np.float32]:
+    """Return colours (h, w, c) of a cut-out without alpha; faint pixels get those nearby."""
     pixel = pixels.astype(np.float32)
     near = cv2.GaussianBlur(pixel, (0, 0), 2.0)
     alpha = pixel[..., -1:]
@@ -88,10 +90,13 @@ def _colours(pixels: Picture) -> NDArray[np.float32]:
     return 255 * np.where(alpha >= _SOLID, own, around)
 
 
-def _eyes(along: NDArray[np.float64], around: NDArray[np.float64]) -> list[tuple[NDArray, float]]:
-    """Return how much of iris and pupil every pixel of a skin shows, and their grey levels.
+def _eye_layers(
+    along: NDArray[np.float64], around: NDArray[np.float64]
+) -> list[tuple[NDArray, float]]:
+    """Return the share of each skin pixel that iris and pupil cover, and their grey levels.
 
-    The film, from above, hardly shows the eyes, which are at the sides of the head.
+    along, around: places of the pixels, 0-1 from head to tail, and rad from the back. The film,
+    from above, hardly shows the eyes, which are at the sides of the head.
     """
     place, turn, radius = _EYE
     round_px = 0.3  # a way of π around the head, in body lengths

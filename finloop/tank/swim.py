@@ -33,7 +33,7 @@ USED = ("x_px", "y_px", "backbone_x_px", "backbone_y_px", "half_width_px")
 
 @dataclass(frozen=True)
 class FilmBodies:
-    """The bodies of the film, one per cut-out, head first, relative to the mass centre, y up.
+    """Backbones and half widths of the film's n cut-outs, head first, about the mass centre, y up.
 
     backbone: (n, p, 2) px; half_width: (n, p) px; heading_deg: (n,).
     """
@@ -44,7 +44,7 @@ class FilmBodies:
 
 
 class BodyPlacement(NamedTuple):
-    """The filmed body that each tick shows, and how it is mirrored, turned, scaled; all (ticks,).
+    """The filmed body shown at each tick, and how it is mirrored, turned and scaled; (ticks,) each.
 
     row: of the film; turn_deg: anticlockwise, after mirroring; axis_deg: direction of the line
     through the mass centre about which a mirrored body is reflected.
@@ -59,7 +59,7 @@ class BodyPlacement(NamedTuple):
 
 @dataclass(frozen=True)
 class TankPoses:
-    """The fish at every tick, in coordinates of the tank.
+    """Places, backbones and half widths of one fish at every tick, in coordinates of the tank.
 
     centre (ticks, 2): px, mass centre; backbone (ticks, p, 2): px, relative to it; half_width
     (ticks, p): px; heading (ticks,): rad, without jumps of 2π; first, second: the filmed bodies
@@ -75,11 +75,12 @@ class TankPoses:
     weight: Floats
 
     def __len__(self) -> int:
+        """Return the number of ticks."""
         return len(self.centre)
 
 
-def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
-    """Return the film's bodies: backbones head first, about the mass centre, y up.
+def film_body_shapes(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
+    """Return the film's backbones and half widths, head first, about the mass centre, y up.
 
     tracks: columns `USED`; features: head and heading_deg of each of its rows.
     """
@@ -91,15 +92,15 @@ def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
     return FilmBodies(local * (1, -1), half_width, features["heading_deg"].to_numpy(float))
 
 
-def tank_poses(
+def poses_in_tank(
     edit: pd.DataFrame, film: FilmBodies, sprites: pd.DataFrame, bodies: Bodies | None = None
 ) -> TankPoses:
     """Return backbone, half widths, heading and skins of a fish at every tick of its edit list.
 
     edit: schema EDIT, of one fish; sprites: schema SPRITES, or empty; bodies: None without poses.
     """
-    first = _find_bodies(edit, "", "source", film, sprites)
-    other = _find_bodies(edit, "partner_", "partner", film, sprites)
+    first = _find_shown_bodies(edit, "", "source", film, sprites)
+    other = _find_shown_bodies(edit, "partner_", "partner", film, sprites)
     weight = edit["weight"].to_numpy(float)
     second = BodyPlacement(*(np.where(weight > 0, b, a) for a, b in zip(first, other, strict=True)))
     (line, width), (partner, partner_width) = (_place_bodies(film, b) for b in (first, second))
@@ -118,10 +119,10 @@ def tank_poses(
 
 
 def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
-    """Return the backbone (p, 2) of a row of an edit list that has a pose.
+    """Return the backbone (p, 2) of a row of an edit list that draws the fish in a pose.
 
     The film's backbone is changed by the difference between the backbones of that pose and of the
-    row's own posture, at the same arc length.
+    row's filmed posture, at equal arc lengths.
     """
     body = bodies.edit_row_body(row_picture(row))
     number, side = int(body.row), -1 if body.mirrored else 1
@@ -141,10 +142,13 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
     return row.scale * (line + np.stack(offsets, -1)) @ ahead.T
 
 
-def _find_bodies(
+def _find_shown_bodies(
     edit: pd.DataFrame, prefix: str, number: str, film: FilmBodies, sprites: pd.DataFrame
 ) -> BodyPlacement:
-    """Return the filmed body behind the picture of every tick; any where there is no picture."""
+    """Return the filmed body behind the picture of every tick; any where there is no picture.
+
+    prefix, number: of the columns: "" and "source", or "partner_" and "partner".
+    """
     source = edit[number].fillna(0).to_numpy(int)
     turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()
     scale = edit[f"{prefix}scale"].fillna(1).to_numpy(float)
@@ -164,27 +168,27 @@ def _find_bodies(
 
 
 def _place_bodies(film: FilmBodies, drawn: BodyPlacement) -> tuple[Floats, Floats]:
-    """Return backbones (ticks, p, 2) and half widths (ticks, p), mirrored, turned and scaled."""
+    """Mirror, turn and scale bodies: return backbones (ticks, p, 2), half widths (ticks, p)."""
     line = film.backbone[drawn.row]
     twice = 2 * np.radians(drawn.axis_deg)
-    mirror = _matrices(np.cos(twice), np.sin(twice), np.sin(twice), -np.cos(twice))
+    mirror = _stack_matrices(np.cos(twice), np.sin(twice), np.sin(twice), -np.cos(twice))
     line = np.where(drawn.mirrored[:, None, None], line @ mirror.swapaxes(1, 2), line)
     angle = np.radians(drawn.turn_deg)
-    turn = _matrices(np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle))
+    turn = _stack_matrices(np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle))
     scale = drawn.scale[:, None]
     return scale[..., None] * (line @ turn.swapaxes(1, 2)), scale * film.half_width[drawn.row]
 
 
-def _matrices(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
-    """Return the matrices ((a, b), (c, d)) of n numbers each, as (n, 2, 2)."""
+def _stack_matrices(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+    """Return n matrices ((a, b), (c, d)) as (n, 2, 2), from their entries (n,) each."""
     return np.stack([np.stack([a, b], -1), np.stack([c, d], -1)], -2)
 
 
 def swimming_heights(time_s: Floats, depth: float, fish: int = 0) -> Floats:
-    """Return how high above the floor a fish swims, px; invented, as the film does not show it.
+    """Return how high above the floor a fish swims at each tick, (ticks,) px.
 
-    It changes slowly. time_s (ticks,): s; depth: of the water, px; fish: its number; each is
-    `_AHEAD_S` ahead of the one before.
+    It is invented, as the film does not show it, and changes slowly. time_s (ticks,): s; depth: of
+    the water, px; fish: its number; each is `_AHEAD_S` ahead of the one before.
     """
     moment = time_s + _AHEAD_S * fish
     slow, slower = (np.sin(2 * np.pi * moment / period) for period in (7.3, 17.0))

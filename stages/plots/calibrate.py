@@ -7,7 +7,7 @@ from pathlib import Path
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table
 from finloop.plots.calibrate import draw_school_measures
-from finloop.social.measures import SHOAL, halves
+from finloop.social.measures import SHOAL, split_in_halves
 
 FOLDER = Path("data/calibrate")
 NAMES = {"zones": "points that swim by the zones", "alone": "points without other fish"}
@@ -16,7 +16,9 @@ NAMES = {"zones": "points that swim by the zones", "alone": "points without othe
 def main() -> None:
     """Draw reports/calibrate/distributions.png."""
     film = load_table(FOLDER / "film.parquet", SHOAL)
-    shoals = dict(zip(("film, first half", "film, second half"), halves(film), strict=True))
+    shoals = dict(
+        zip(("film, first half", "film, second half"), split_in_halves(film), strict=True)
+    )
     for name, words in NAMES.items():
         if (path := FOLDER / f"{name}.parquet").exists():
             shoals[words] = load_table(path, SHOAL)

@@ -232,7 +232,7 @@ class Drawer {
     return this._bound(fish, x, y);
   }
 
-  // The strip of a fish in its posture, and the strips of its pictures; `puppet.lay.plan`.
+  // The strip of a fish in its posture, and the strips of its pictures; `puppet.lay.plan_strips`.
   _skin(sources, sides, size, fish) {
     const {here, sections, strips, row, perFish} = this;
     for (let i = 0; i < sections; i++) {
