@@ -146,7 +146,7 @@ def test_two_joins_in_a_row_carry_the_rest():
 
 
 def test_mirrored_frames_are_mirrored_and_twice_is_themselves():
-    mirror = SHAPES.mirror
+    mirror = SHAPES.mirror_matrix
     assert mirror @ mirror == pytest.approx(np.eye(len(mirror)), abs=1e-9)
     plain, other = (frames((10, 30), (310, 40), mirrored=flip) for flip in (False, True))
     one, two = inertialize_shown(plain, FREE), inertialize_shown(other, FREE)

@@ -180,12 +180,12 @@ def steps(count=40, seed=0):
 
 def test_steps_that_are_alike_are_drawn():
     rng, own = np.random.default_rng(0), steps()
-    moves, turns = own.draw(own.wall[[3, 7]], own.last[[3, 7]], 1, rng)
+    moves, turns = own.draw_similar_steps(own.wall[[3, 7]], own.last[[3, 7]], 1, rng)
     assert moves == pytest.approx(own.move[[3, 7], None])
     assert turns == pytest.approx(own.turn[[3, 7], None])
-    mirrored, _ = own.draw(own.wall[[3]].conj(), own.last[[3]].conj(), 1, rng)
+    mirrored, _ = own.draw_similar_steps(own.wall[[3]].conj(), own.last[[3]].conj(), 1, rng)
     assert mirrored == pytest.approx(own.move[[3], None].conj())
-    many, _ = own.draw(own.wall[[3]], own.last[[3]], 1000, rng)
+    many, _ = own.draw_similar_steps(own.wall[[3]], own.last[[3]], 1000, rng)
     assert many.shape == (1, 80)  # no more than there are, and their mirror images
     again = SocialSteps.from_table(own.to_table(), own.forward, own.onward)
     assert np.array_equal(again.turn, own.turn) and np.array_equal(again.wall, own.wall)
