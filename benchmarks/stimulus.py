@@ -36,13 +36,18 @@ from finloop.io.journal import save_journal
 from finloop.project import Project
 from finloop.stimulus.drawn import PICTURE, X, Y
 from finloop.stimulus.log import SESSION, Log
-from finloop.stimulus.order import trials
+from finloop.stimulus.order import order_trials
 from finloop.stimulus.protocol import Protocol, RuleSpec
 from finloop.stimulus.protocol_file import parse_protocol
 from finloop.stimulus.recorded import DryClock
-from finloop.stimulus.replay import Record, open_record, plan_again, recorded_frames
+from finloop.stimulus.replay import (
+    SessionRecord,
+    open_session_record,
+    read_displayed_frames,
+    replan_session,
+)
 from finloop.stimulus.session import Session
-from finloop.stimulus.summary import log_table, reactions_ms, tick_errors_ms
+from finloop.stimulus.summary import load_log_table, measure_reactions_ms, measure_tick_errors_ms
 from stages.stimulus_scene import FilmedScene, open_scene
 
 GPU = ["--no-sandbox", "--enable-unsafe-swiftshader"]
@@ -140,9 +145,9 @@ def finish(live: Live) -> None:
     live.program.wait(60)
 
 
-def record_of(live: Live) -> Record:
+def record_of(live: Live) -> SessionRecord:
     """Open the file of a finished session."""
-    return open_record(next(live.folder.glob("*.parquet")))
+    return open_session_record(next(live.folder.glob("*.parquet")))
 
 
 class Swimmer:
@@ -182,17 +187,17 @@ def closed_loop(fish: int, seconds: float) -> Iterator[Row]:
         yield from timing(what, record_of(live))
 
 
-def timing(what: str, record: Record) -> Iterator[Row]:
+def timing(what: str, record: SessionRecord) -> Iterator[Row]:
     """Yield the timing in a session's file."""
-    table = log_table(record)
-    planned, drawn = reactions_ms(table, record.header["rate_hz"])
+    table = load_log_table(record)
+    planned, drawn = measure_reactions_ms(table, record.header["rate_hz"])
     for name, values in (("planned reaction", planned), ("drawn frame", drawn)):
         if len(values):
             for share in (50, 99, 100):
                 value = float(np.percentile(values, share))
                 yield what, f"input to {name}, percentile {share}", "ms", value
             yield what, f"input to {name}, so many", "1", len(values)
-    yield what, "ticks against the clock, SD", "ms", float(tick_errors_ms(table).std())
+    yield what, "ticks against the clock, SD", "ms", float(measure_tick_errors_ms(table).std())
     frames = table[(table["kind"] == "frame") & table["trial"].notna()]
     span = float(frames["time_s"].iloc[-1] - frames["time_s"].iloc[0])
     yield what, "displayed frames", "1/s", (len(frames) - 1) / span
@@ -227,10 +232,10 @@ def long_show(fish: int, minutes: float) -> Iterator[Row]:
         yield what, "file of the session", "MB", record.path.stat().st_size / 1e6
 
 
-def steps_of(record: Record) -> np.ndarray:
+def steps_of(record: SessionRecord) -> np.ndarray:
     """Return the speed (n,) of a single fish between displayed frames, px/s."""
     steps, last = [], None
-    for frame in recorded_frames(record):
+    for frame in read_displayed_frames(record):
         seen = len(frame.states) and frame.states[0, PICTURE] >= 0
         here = (frame.shown_s, frame.states[0, [X, Y]].astype(float)) if seen else None
         if last is not None and here is not None:
@@ -322,7 +327,7 @@ def flood() -> Iterator[Row]:
         yield from timing(what, record_of(live))
 
 
-def random_session(made: FilmedScene, seed: int, folder: Path) -> tuple[Record, Protocol]:
+def random_session(made: FilmedScene, seed: int, folder: Path) -> tuple[SessionRecord, Protocol]:
     """Run a session of two trials with poor input, without a display, from a seed."""
     rng = np.random.default_rng(seed)
     rules = rng.choice(get_args(RuleSpec.model_fields["rule"].annotation), 2, replace=False)
@@ -340,15 +345,15 @@ def random_session(made: FilmedScene, seed: int, folder: Path) -> tuple[Record, 
         text = json.dumps({"t": number / 50, "id": 1, "x": float(x), "y": float(y)})
         if rng.random() > 0.2:
             messages.append((number / 50 + rng.uniform(0, 0.05), text))
-    order, path = trials(plan), folder / f"{seed}.journal"
+    order, path = order_trials(plan), folder / f"{seed}.journal"
     log, clock = Log(path, made.header(plan, order, display=None)), DryClock(sorted(messages))
     session = Session(made.scene, plan, order, made.feed([], plan.fish), log, clock)
-    clock.receive, session.waits_for_starts = session.receive, False
+    clock.receive, session.waits_for_starts = session.receive_message, False
     session.start()
-    asyncio.run(session.run())
+    asyncio.run(session.run_trials())
     log.close()
     save_journal(path, path.with_suffix(".parquet"), SESSION)
-    return open_record(path.with_suffix(".parquet")), plan
+    return open_session_record(path.with_suffix(".parquet")), plan
 
 
 def replays() -> Iterator[Row]:
@@ -357,9 +362,9 @@ def replays() -> Iterator[Row]:
     with open_scene(parse_protocol(REHEARSAL)) as made, tempfile.TemporaryDirectory() as name:
         for seed in range(100):
             record, plan = random_session(made, seed, Path(name))
-            replay = plan_again(record, made.scene, plan)
+            replay = replan_session(record, made.scene, plan)
             ticks, different = ticks + replay.ticks, different + replay.different
-            anew += sum(row["verdict"] == "anew" for row in record.rows("tick"))
+            anew += sum(row["verdict"] == "anew" for row in record.read_rows("tick"))
     yield what, "ticks", "1", ticks
     yield what, "of them anew, as an animal had moved", "1", anew
     yield what, "ticks that differ", "1", different

@@ -33,7 +33,7 @@ from finloop.render.gallery import place_ticks
 from finloop.render.painter import Box
 from finloop.sprites.choice import SIDES, WORDS
 from finloop.stimulus.drawn import drawn_states
-from finloop.stimulus.page import alone_page
+from finloop.stimulus.page import build_standalone_page
 from finloop.stimulus.pictures import PagePictures
 from stages.settings import load
 
@@ -95,7 +95,7 @@ def _save_page(
     states = drawn_states(rows, drawn.bodies)
     motion = states.reshape(-1, edit["fish"].nunique(), states.shape[1])
     pictures = PagePictures(project.gallery(drawn), project.size(p.mode)).load_pictures(motion)
-    text = alone_page("finloop", project.rate_hz, project.background, pictures, motion)
+    text = build_standalone_page("finloop", project.rate_hz, project.background, pictures, motion)
     save_bytes(folder / "stimulus.html", text.encode())
 
 

@@ -19,7 +19,7 @@ from finloop.edit.pictures import cross_fade_distance
 from finloop.edit.schema import FRAME, SPRITE
 from finloop.live.message import MOST_FISH
 from finloop.live.server import tank_server
-from finloop.live.tank import LiveTank, rehearse
+from finloop.live.tank import LiveTank, rehearse_paths
 from finloop.live.view import View
 from finloop.live.web import HOST, bind_socket
 from finloop.modes.animator import Animator
@@ -78,7 +78,7 @@ def open_view(mode: str, fish: int | None, seed: int) -> Iterator[View]:
             return row.mode != "matching" and cross_fade_distance(row, pictures) > most
 
         if "matching" in players:
-            rehearse(players["matching"])
+            rehearse_paths(players["matching"])
         usual = 1 if mode in PAPER else min(load("matching").fish, MOST_FISH)
         wanted = fish or usual
         tank = LiveTank(players, mode, wanted, seed, ghost)

@@ -27,27 +27,27 @@ from finloop.project import Project
 from finloop.stimulus.inputs import receive_datagrams
 from finloop.stimulus.listing import list_trials
 from finloop.stimulus.log import SESSION, Log
-from finloop.stimulus.motion import whole_motion
-from finloop.stimulus.order import trials
-from finloop.stimulus.page import alone_page
+from finloop.stimulus.motion import plan_all_trials
+from finloop.stimulus.order import order_trials
+from finloop.stimulus.page import build_standalone_page
 from finloop.stimulus.protocol import Protocol
 from finloop.stimulus.protocol_file import load_protocol, parse_protocol
 from finloop.stimulus.recorded import (
     ConnectionFaults,
     DryClock,
+    imitate_tracker,
     repeat_messages,
-    track_messages,
 )
-from finloop.stimulus.replay import open_record, plan_again, recorded_frames
+from finloop.stimulus.replay import open_session_record, read_displayed_frames, replan_session
 from finloop.stimulus.serve import (
     CalibrationHub,
-    Replay,
+    ReplayHub,
     SessionHub,
-    display_server,
-    session_server,
+    create_display_server,
+    create_session_server,
 )
 from finloop.stimulus.session import RealClock, Session
-from finloop.stimulus.summary import summary
+from finloop.stimulus.summary import summarise_session
 from finloop.stimulus.tracker import fit_calibration
 from stages.stimulus_scene import FilmedScene, display_file, known_display, looks_of, open_scene
 
@@ -66,41 +66,41 @@ def main() -> None:
 def show(asked: argparse.Namespace) -> None:
     """Show a protocol to animals, until Ctrl-C."""
     plan = load_protocol(asked.protocol)
-    print(list_trials(plan, trials(plan)))
+    print(list_trials(plan, order_trials(plan)))
     known = known_display(asked.display, plan.display.calibrated)
     with bind_socket(asked.port, asked.listen) as listens, open_scene(plan) as made:
         messages = _animal_messages(asked, made, plan)
         with _session(asked, plan, made, RealClock(), display=known) as session:
             hub = SessionHub(session, asked.display, display_file(asked.display))
-            session.attach(hub.send, hub.send_trigger)
+            session.connect_outputs(hub.send, hub.send_trigger)
             policy = _policy(asked, listens)
             session.link = _address(asked, listens, policy, "show")
             inputs = _inputs(asked, policy, session, messages)
             started = _make_announcer(asked, listens, policy)
-            _serve(session_server(listens, policy, hub, inputs, started))
+            _serve(create_session_server(listens, policy, hub, inputs, started))
 
 
 def dry(asked: argparse.Namespace) -> None:
     """Run a protocol without a display, as fast as possible."""
     plan = load_protocol(asked.protocol)
-    print(list_trials(plan, trials(plan)))
+    print(list_trials(plan, order_trials(plan)))
     with open_scene(plan) as made:
         clock = DryClock(repeat_messages(_animal_messages(asked, made, plan)))
         with _session(asked, plan, made, clock, dry=True) as session:
-            clock.receive, session.waits_for_starts = session.receive, False
+            clock.receive, session.waits_for_starts = session.receive_message, False
             session.start()
-            asyncio.run(session.run())
+            asyncio.run(session.run_trials())
 
 
 def list_only(asked: argparse.Namespace) -> None:
     """Print the trials of a protocol."""
     plan = load_protocol(asked.protocol)
-    print(list_trials(plan, trials(plan)))
+    print(list_trials(plan, order_trials(plan)))
 
 
 def replay(asked: argparse.Namespace) -> None:
     """Show a session again, or check that this is possible."""
-    record = open_record(asked.session)
+    record = open_session_record(asked.session)
     plan = parse_protocol(record.header["protocol"], Path(record.header["folder"]))
     with open_scene(plan) as made:
         if others := made.find_differences(record.header):
@@ -110,7 +110,7 @@ def replay(asked: argparse.Namespace) -> None:
                 "run the pipeline on that film with the parameters in the session's file",
             )
         if asked.check:
-            check = plan_again(record, made.scene, plan)
+            check = replan_session(record, made.scene, plan)
             print(f"replay: {check.ticks} ticks planned again, {check.different} differ")
             if check.different:
                 sys.exit(1)
@@ -120,10 +120,14 @@ def replay(asked: argparse.Namespace) -> None:
             record.header["looks"], plan.fish, display=record.header["display"], mode="replay",
             digest=True, name="replay", keys=[],
         )  # fmt: skip
-        room = Replay(feed, recorded_frames(record), asked.quick)
+        room = ReplayHub(feed, read_displayed_frames(record), asked.quick)
         with bind_socket(asked.port) as listens:
             policy = AccessPolicy(listens.getsockname()[1])
-            _serve(display_server(listens, policy, room, _make_announcer(asked, listens, policy)))
+            _serve(
+                create_display_server(
+                    listens, policy, room, _make_announcer(asked, listens, policy)
+                )
+            )
     print(
         f"replay: {room.shown} frames drawn, pixels of {room.compared} compared, "
         f"{len(room.different)} differ"
@@ -136,8 +140,8 @@ def page(asked: argparse.Namespace) -> None:
     """Make a page that plays a protocol without a server, if its motions are known in advance."""
     plan = load_protocol(asked.protocol)
     with open_scene(plan) as made:
-        motion = whole_motion(made.scene, plan, trials(plan))
-        text = alone_page(
+        motion = plan_all_trials(made.scene, plan, order_trials(plan))
+        text = build_standalone_page(
             plan.name, made.scene.rate_hz, made.tank.floor, made.pictures.load_pictures(motion),
             motion, looks_of(plan), loops=False,
         )  # fmt: skip
@@ -160,7 +164,7 @@ def calibrate(asked: argparse.Namespace) -> None:
         path = display_file(asked.display)
         hub = CalibrationHub(feed, path, lambda: print(f"calibrate: stored in {path}"))
         policy = _policy(asked, listens)
-        _serve(display_server(listens, policy, hub, _make_announcer(asked, listens, policy)))
+        _serve(create_display_server(listens, policy, hub, _make_announcer(asked, listens, policy)))
 
 
 # --- parts
@@ -170,7 +174,7 @@ def calibrate(asked: argparse.Namespace) -> None:
 def _session(
     asked: argparse.Namespace, plan: Protocol, made: FilmedScene, clock: Any, **facts: Any
 ) -> Iterator[Session]:
-    order = trials(plan)
+    order = order_trials(plan)
     stamp = datetime.now().strftime("%Y-%m-%dT%H-%M-%S")
     name = re.sub(r"[^\w-]+", "-", plan.name).strip("-") or "session"
     path = asked.out / f"{stamp}_{name}.parquet"
@@ -198,7 +202,9 @@ def _session(
 
 def _finish(journal: Path, path: Path, recovered: bool = False) -> None:
     save_journal(journal, path, SESSION)
-    save_bytes(path.with_suffix(".md"), summary(open_record(path), recovered).encode())
+    save_bytes(
+        path.with_suffix(".md"), summarise_session(open_session_record(path), recovered).encode()
+    )
     journal.unlink()
     print(f"stimulus: the session is in {path}, its description in {path.with_suffix('.md')}")
 
@@ -217,7 +223,7 @@ def _animal_messages(
     scene, faults = made.scene, ConnectionFaults(asked.loss, asked.jitter, asked.gap)
     line = line_of(asked.animal, PX, Project().features)
     tracker = fit_calibration(plan.animals, scene.mm_per_px)
-    return list(track_messages(line, None, scene.tank, faults, tracker, scene.mm_per_px))
+    return list(imitate_tracker(line, None, scene.tank, faults, tracker, scene.mm_per_px))
 
 
 def _inputs(
@@ -227,12 +233,12 @@ def _inputs(
 
     async def listen(kind: str, port: int) -> None:
         bound = bind_socket(port, asked.listen, socket.SOCK_DGRAM)
-        await receive_datagrams(bound, kind, session.receive, policy.token)
+        await receive_datagrams(bound, kind, session.receive_message, policy.token)
 
     async def play() -> None:
         for due, text in repeat_messages(messages):
-            await session.clock.until(due)
-            session.receive(text, "recorded")
+            await session.clock.wait_until(due)
+            session.receive_message(text, "recorded")
 
     def tasks() -> list[Coroutine[Any, Any, None]]:
         ports = {"udp": asked.udp, "osc": asked.osc}

@@ -14,13 +14,13 @@ from typing import Any
 import finloop
 from finloop.base.errors import FinloopError
 from finloop.edit.schema import FRAME
-from finloop.live.tank import rehearse as rehearse_paths
+from finloop.live.tank import rehearse_paths
 from finloop.project import Project
 from finloop.render.gallery import PLACE, Gallery, build_shelves
 from finloop.stimulus.display import load_display
 from finloop.stimulus.feed import Feed, TankCanvas
 from finloop.stimulus.log import FORMAT
-from finloop.stimulus.motion import TrialContext, rehearse
+from finloop.stimulus.motion import TrialContext, rehearse_stimulus
 from finloop.stimulus.order import Trial
 from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.protocol import Protocol
@@ -50,7 +50,7 @@ class FilmedScene:
         scene = self.scene
         more = {
             "rate": scene.rate_hz, "posture": scene.posture, "looks": looks, "fish": fish,
-            "mm_per_px": scene.mm_per_px, "typical": self.pictures.typical_fish(),
+            "mm_per_px": scene.mm_per_px, "typical": self.pictures.measure_typical_fish(),
         }  # fmt: skip
         return Feed(self.tank, more | facts, self.pictures)
 
@@ -107,11 +107,11 @@ def open_scene(plan: Protocol | None = None) -> Iterator[FilmedScene]:
         film_mm, length_px = project.facts.mm_per_px, brought.world.motion.body_length_px
         mm_per_px = fish_mm / length_px if fish_mm else film_mm and film_mm / reel.size
         pictures = PagePictures(gallery, reel.size)
-        height, width = pictures.largest
+        height, width = pictures.largest_px
         made = TrialContext(brought.player, bodies, mm_per_px)
         if plan is not None:
             rehearse_paths(brought.player)
-            rehearse(made)
+            rehearse_stimulus(made)
         tank = TankCanvas(project.background, width, height)
         yield FilmedScene(made, pictures, tank, _digest(project.data))
 

@@ -28,12 +28,18 @@ from finloop.drawn import TRUTH
 from finloop.io.table import load_table
 from finloop.live.web import bind_socket
 from finloop.stimulus.animals import TAKEN, LiveAnimals, TankGeometry
-from finloop.stimulus.inputs import parse_json, parse_osc, receive_datagrams
-from finloop.stimulus.protocol import Animals as Settings
+from finloop.stimulus.inputs import parse_datagram, parse_osc_packet, receive_datagrams
+from finloop.stimulus.protocol import AnimalSettings as Settings
 from finloop.stimulus.protocol import RuleSpec
-from finloop.stimulus.recorded import NAME, ConnectionFaults, track_messages
-from finloop.stimulus.rules import rule_target
-from finloop.stimulus.tracker import LONGEST, MOST_AT_ONCE, Pair, fit_calibration, parse_sightings
+from finloop.stimulus.recorded import NAME, ConnectionFaults, imitate_tracker
+from finloop.stimulus.rules import find_rule_target
+from finloop.stimulus.tracker import (
+    LONGEST,
+    MOST_AT_ONCE,
+    PointPair,
+    fit_calibration,
+    parse_sightings,
+)
 
 WIDTH, HEIGHT, LENGTH = 400, 300, 40.0
 
@@ -71,7 +77,7 @@ def animals_of(**how):
 
 
 def verdicts(animals, text, arrived, source="a"):
-    return animals.receive(text, source, arrived)
+    return animals.receive_message(text, source, arrived)
 
 
 # --- messages
@@ -93,7 +99,7 @@ def test_what_is_meant_is_understood_and_nothing_else():
 def test_without_animals_in_the_protocol_nothing_is_wanted():
     animals = LiveAnimals(None, TANK_OF, None)
     assert verdicts(animals, message(1), 1.0) == ["unwanted"]
-    assert animals.present_animals(1.0) == [] and animals.past("1", 1.0) is None
+    assert animals.present_animals(1.0) == [] and animals.find_past_place("1", 1.0) is None
 
 
 # --- verdicts
@@ -131,8 +137,8 @@ def test_a_clock_that_jumps_is_a_new_base_and_the_past_stays(zero):
     assert verdicts(animals, message(2 + zero, 150.0, 90.0), 102.0) == ["clock"]
     assert verdicts(animals, message(2.04 + zero, 151.0, 90.0), 102.04) == ["taken"]
     for time, wanted in place.items():
-        assert animals.past("1", time) == pytest.approx(wanted, abs=1e-4)
-    assert animals.past("1", 102.02) == pytest.approx((150.5, 90))
+        assert animals.find_past_place("1", time) == pytest.approx(wanted, abs=1e-4)
+    assert animals.find_past_place("1", 102.02) == pytest.approx((150.5, 90))
 
 
 def test_messages_held_up_by_a_stall_and_a_straggler_leave_the_past_where_it_was():
@@ -143,7 +149,7 @@ def test_messages_held_up_by_a_stall_and_a_straggler_leave_the_past_where_it_was
     assert verdicts(animals, message(2.5, 500.0, 90.0), 6.0) == ["late"]
     assert verdicts(animals, message(6.0, 250.0, 90.0), 6.0) == ["taken"]
     for n in (10, 50, 90, 120, 149):
-        assert animals.past("1", n / 25) == pytest.approx((100.0 + n, 90.0))
+        assert animals.find_past_place("1", n / 25) == pytest.approx((100.0 + n, 90.0))
 
 
 def test_the_first_tracker_keeps_an_animal_while_it_is_heard():
@@ -154,8 +160,8 @@ def test_the_first_tracker_keeps_an_animal_while_it_is_heard():
     assert verdicts(animals, message(1.5, 110), 11.5, "a") == ["taken"]
     assert verdicts(animals, message(1.2, 300), 12.2, "b") == ["taken"]  # by a clock of its own
     assert verdicts(animals, message(2.3, 120), 12.3, "a") == ["rival"]
-    assert animals.past("1", 11.5) == pytest.approx((110, 150))
-    assert animals.past("1", 12.2) == (300, 150)
+    assert animals.find_past_place("1", 11.5) == pytest.approx((110, 150))
+    assert animals.find_past_place("1", 12.2) == (300, 150)
 
 
 def test_more_animals_than_can_be_known_are_a_crowd_till_one_is_lost():
@@ -191,14 +197,18 @@ def test_heading_and_speed_are_those_of_the_way(angle):
     for n in range(40):
         t = n / 25
         x, y = 200 + 60 * (t - 0.8) * math.cos(angle), 150 - 60 * (t - 0.8) * math.sin(angle)
-        animals.receive(message(t, x, y), "a", 5 + t)
+        animals.receive_message(message(t, x, y), "a", 5 + t)
     (one,) = animals.present_animals(5 + t)
     assert one.heading_rad == pytest.approx(angle) and one.speed == pytest.approx(60)
     for n in range(20):  # it rests, and the tracker trembles
-        animals.receive(message(t + (n + 1) / 25, x + (n % 2), y), "a", 5 + t + (n + 1) / 25)
+        animals.receive_message(
+            message(t + (n + 1) / 25, x + (n % 2), y), "a", 5 + t + (n + 1) / 25
+        )
     (one,) = animals.present_animals(5 + t + 0.8)
     assert one.heading_rad == pytest.approx(angle) and one.speed < 6
-    animals.receive(message(t + 3, 300, 50), "a", 8 + t)  # lost, and elsewhere: that is no motion
+    animals.receive_message(
+        message(t + 3, 300, 50), "a", 8 + t
+    )  # lost, and elsewhere: that is no motion
     (one,) = animals.present_animals(8 + t)
     assert one.heading_rad is None and one.speed == 0
 
@@ -206,7 +216,7 @@ def test_heading_and_speed_are_those_of_the_way(angle):
 def test_the_speed_of_a_seldom_message_is_that_of_the_last_way_and_a_given_heading_counts():
     animals = animals_of(gap_s=1.0)
     for n in range(4):
-        animals.receive(message(0.8 * n, 100 + 40 * n, heading=90.0), "a", 0.8 * n)
+        animals.receive_message(message(0.8 * n, 100 + 40 * n, heading=90.0), "a", 0.8 * n)
     (one,) = animals.present_animals(2.4)
     assert one.speed == pytest.approx(50) and one.heading_rad == pytest.approx(math.pi / 2)
 
@@ -231,11 +241,11 @@ def heard_late(seed, seconds=30, rate=25.0, jitter=0.05, drift=1.0, latency=0.02
 def test_jitter_of_50_ms_and_a_clock_that_drifts_hardly_move_the_past(drift):
     plain, errors, ages = animals_of(), [], []
     for t, true, arrived in heard_late(3, drift=drift):
-        plain.receive(message(t, *swim_place(true)), "a", arrived)
+        plain.receive_message(message(t, *swim_place(true)), "a", arrived)
         if true > 5:
             when = arrived - 2.0
-            errors.append(math.dist(plain.past("1", when), swim_place(when - 0.02)))
-            ages.append(math.dist(plain.past("1", when), swim_place(when - 0.045)))
+            errors.append(math.dist(plain.find_past_place("1", when), swim_place(when - 0.02)))
+            ages.append(math.dist(plain.find_past_place("1", when), swim_place(when - 0.045)))
     # The fish swims up to 160 px/s: 1 px is 6 ms. Of the jitter, 25 ms on the average, hardly any is left.
     assert np.percentile(errors, 90) < 1.5 < np.median(ages)
 
@@ -244,32 +254,32 @@ def test_jitter_of_50_ms_and_a_clock_that_drifts_hardly_move_the_past(drift):
 def test_after_a_minute_of_drift_the_clocks_still_agree(drift):
     animals = animals_of()
     for t, true, arrived in heard_late(5, seconds=120, jitter=0.0, drift=drift):
-        animals.receive(message(t, *swim_place(true)), "a", arrived)
+        animals.receive_message(message(t, *swim_place(true)), "a", arrived)
     for when in np.arange(118, 119.9, 0.1):  # of 0.24 s of drift, 39 px
-        assert math.dist(animals.past("1", when), swim_place(when - 0.02)) < 3.5
+        assert math.dist(animals.find_past_place("1", when), swim_place(when - 0.02)) < 3.5
 
 
 def test_the_copy_of_an_animal_is_where_it_was_exactly():
     animals, rule = animals_of(), RuleSpec(rule="copy", delay_s=2.0)
     for n in range(500):
         t = n / 32  # exact in binary
-        animals.receive(message(8 + t, *swim_place(t)), "a", t)
+        animals.receive_message(message(8 + t, *swim_place(t)), "a", t)
         wanted = into(*swim_place(t - 2)) if t >= 2 else None
-        assert rule_target(rule, (0.0, 0.0, 0.0), animals, t, TANK_OF) == wanted
+        assert find_rule_target(rule, (0.0, 0.0, 0.0), animals, t, TANK_OF) == wanted
     for share in (0.25, 0.5):
         x, y = (1 - share) * np.array(swim_place(5)) + share * np.array(swim_place(5 + 1 / 32))
-        assert animals.past("1", 5 + share / 32) == pytest.approx((x, y))
+        assert animals.find_past_place("1", 5 + share / 32) == pytest.approx((x, y))
 
 
 def test_a_place_in_a_gap_or_before_all_is_not_known():
     animals = animals_of(gap_s=0.5)
     for t, x in ((0.0, 10), (0.4, 50), (2.0, 100), (2.1, 110)):
-        animals.receive(message(t, x), "a", 20 + t)
+        animals.receive_message(message(t, x), "a", 20 + t)
     known = {20.2: 30, 20.4: 50, 22.0: 100, 22.6: 110}
     for time, x in known.items():
-        assert animals.past("1", time) == pytest.approx((x, 150))
-    assert all(animals.past("1", time) is None for time in (19.99, 21.0, 22.61))
-    assert animals.past("2", 20.2) is None
+        assert animals.find_past_place("1", time) == pytest.approx((x, 150))
+    assert all(animals.find_past_place("1", time) is None for time in (19.99, 21.0, 22.61))
+    assert animals.find_past_place("2", 20.2) is None
 
 
 def test_the_same_messages_at_the_same_times_are_the_same_animals():
@@ -277,8 +287,10 @@ def test_the_same_messages_at_the_same_times_are_the_same_animals():
         animals, seen = animals_of(), []
         for n, text in enumerate(hostile(600, seed)):
             now = 0.03 * n
-            seen.append((animals.receive(text, "ab"[n % 2], now), animals.present_animals(now)))
-            seen.append(animals.past("1", now - 1))
+            seen.append(
+                (animals.receive_message(text, "ab"[n % 2], now), animals.present_animals(now))
+            )
+            seen.append(animals.find_past_place("1", now - 1))
         return seen
 
     assert all_seen(1) == all_seen(1) != all_seen(2)
@@ -289,12 +301,12 @@ def test_a_minute_of_a_quick_camera_is_remembered_and_no_more_is_held():
 
     def hear(begin, end, rate):
         for n in range(begin * rate, end * rate):
-            animals.receive(message(n / rate, 100 + n % 7), "a", n / rate)
+            animals.receive_message(message(n / rate, 100 + n % 7), "a", n / rate)
 
     hear(0, 80, 120)
     for ago in range(0, 7200, 300):
         n = 80 * 120 - 1 - ago
-        assert animals.past("1", n / 120) == (100 + n % 7, 150)
+        assert animals.find_past_place("1", n / 120) == (100 + n % 7, 150)
     tracemalloc.start()
     try:
         hear(80, 140, 120)
@@ -302,14 +314,14 @@ def test_a_minute_of_a_quick_camera_is_remembered_and_no_more_is_held():
         assert tracemalloc.get_traced_memory()[0] < 20_000
     finally:
         tracemalloc.stop()
-    assert animals.past("1", 90) is not None and animals.past("1", 70) is None
+    assert animals.find_past_place("1", 90) is not None and animals.find_past_place("1", 70) is None
 
 
 # --- calibration
 
 
 def pairs(*points):
-    return tuple(Pair(tracker=one, tank=other) for one, other in points)
+    return tuple(PointPair(tracker=one, tank=other) for one, other in points)
 
 
 def view(x, y):
@@ -346,22 +358,22 @@ def test_points_settle_where_places_are_and_headings_follow(count, law, y_axis):
     assert known.error_px < 1e-6
     down, step = 1 if y_axis == "up" else -1, 1e-4
     for x, y in [(10.0, 20.0), (333.0, 222.0), (100.0, 390.0)]:
-        assert known.place(x, y) == pytest.approx(law(x, y))
+        assert known.map_place(x, y) == pytest.approx(law(x, y))
         for heading in (-170.0, -20.0, 45.0, 90.0):
             angle, here = math.radians(heading), law(x, y)
             there = law(x + step * math.cos(angle), y + down * step * math.sin(angle))
             way = math.atan2(here[1] - there[1], there[0] - here[0])
-            turned = known.heading_rad(x, y, heading)
+            turned = known.map_heading_rad(x, y, heading)
             assert math.remainder(turned - way, math.tau) == pytest.approx(0, abs=1e-4)
-            back = known.to_tracker(*known.place(x, y), turned)
+            back = known.map_to_tracker(*known.map_place(x, y), turned)
             assert back == pytest.approx((x, y, heading))
 
 
 def test_the_zero_of_a_tracker_may_lie_behind_its_camera():
     far = pairs(*(((x + 1000, y + 1000), view(x, y)) for x, y in CORNERS))
     known = fit_calibration(Settings(points=far), None)
-    assert known.place(1333.0, 1222.0) == pytest.approx(view(333.0, 222.0))
-    assert math.dist(known.place(-2000.0, -2000.0), (0, 0)) > 1e6
+    assert known.map_place(1333.0, 1222.0) == pytest.approx(view(333.0, 222.0))
+    assert math.dist(known.map_place(-2000.0, -2000.0), (0, 0)) > 1e6
 
 
 def test_points_that_do_not_fit_tell_how_far_they_are_off():
@@ -372,7 +384,7 @@ def test_points_that_do_not_fit_tell_how_far_they_are_off():
 
 def test_mm_are_px_by_the_scale_of_the_film():
     animals = LiveAnimals(Settings(unit="mm"), TANK_OF, 0.25)
-    animals.receive(message(1.0, 25, 50, heading=90.0), "a", 1.0)
+    animals.receive_message(message(1.0, 25, 50, heading=90.0), "a", 1.0)
     assert animals.present_animals(1.0)[0][1:4] == pytest.approx((100, 200, math.pi / 2))
 
 
@@ -424,10 +436,10 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(capfd, caplog):
         for part in range(1, 6):
             for n, text in enumerate(hostile(2000, part)):
                 now = 100 * part + n / 25
-                assert animals.receive(text, f"source {n % 40}", now)
+                assert animals.receive_message(text, f"source {n % 40}", now)
                 if n % 9 == 0:
                     for one in animals.present_animals(now)[:2]:
-                        animals.past(one.id, now - 3)
+                        animals.find_past_place(one.id, now - 3)
             gc.collect()
             counts.append(len(gc.get_objects()))
             assert len(animals.recent_animals(now)) == MOST_AT_ONCE
@@ -447,11 +459,14 @@ JSON = st.recursive(
 @settings(max_examples=60)
 @given(st.text() | st.binary() | JSON.map(json.dumps))
 def test_no_message_breaks_anything(text):
-    assert all(isinstance(one, str) for one in animals_of().receive(text, "a", 1.0))
+    assert all(isinstance(one, str) for one in animals_of().receive_message(text, "a", 1.0))
     content = text if isinstance(text, bytes) else text.encode(errors="surrogatepass")
     for token in (None, "secret"):
         packets = (content, b"/finloop/animal\0" + content)
-        texts = [parse_json(content, token), *(one for p in packets for one in parse_osc(p, token))]
+        texts = [
+            parse_datagram(content, token),
+            *(one for p in packets for one in parse_osc_packet(p, token)),
+        ]
         assert all(isinstance(one, str | None) for one in texts)
 
 
@@ -477,25 +492,25 @@ TRIGGER = '{"do": "trigger", "name": "go"}'
 
 def test_a_datagram_is_the_text_and_a_token_is_asked_for_where_there_is_one():
     text, token = message(1.25, 100.125), message(1.25, token="secret")
-    assert parse_json(text.encode(), None) == text
-    assert parse_json(TRIGGER.encode(), None) == TRIGGER
+    assert parse_datagram(text.encode(), None) == text
+    assert parse_datagram(TRIGGER.encode(), None) == TRIGGER
     for good in (token, f"[{token}, {message(1.25, id=2)}]"):
-        handed = parse_json(good.encode(), "secret")
+        handed = parse_datagram(good.encode(), "secret")
         wanted = [one.model_copy(update={"token": None}) for one in parse_sightings(good)]
         assert "secret" not in handed and parse_sightings(handed) == wanted
-    assert parse_json(TRIGGER[:-1].encode() + b', "token": "secret"}', "secret") == TRIGGER
+    assert parse_datagram(TRIGGER[:-1].encode() + b', "token": "secret"}', "secret") == TRIGGER
     for wrong in ("Secret", "", "secret ", None, 1, ["secret"], "s\u00e9cret", "\ud800"):
-        assert parse_json(message(1, token=wrong).encode(), "secret") is None
-    assert parse_json(text.encode(), "secret") is None and parse_json(b"\xff", None) is None
-    assert parse_json(text.encode().ljust(LONGEST), None)
-    assert parse_json(text.encode().ljust(LONGEST + 1), None) is None
+        assert parse_datagram(message(1, token=wrong).encode(), "secret") is None
+    assert parse_datagram(text.encode(), "secret") is None and parse_datagram(b"\xff", None) is None
+    assert parse_datagram(text.encode().ljust(LONGEST), None)
+    assert parse_datagram(text.encode().ljust(LONGEST + 1), None) is None
     for bad in [*BAD, "[" * LONGEST]:
-        assert parse_json(bad.encode(errors="replace"), "secret") is None
+        assert parse_datagram(bad.encode(errors="replace"), "secret") is None
 
 
 def test_osc_is_the_same_as_json():
     def heard(*arguments, token=None):
-        (text,) = parse_osc(osc(*arguments).dgram, token)
+        (text,) = parse_osc_packet(osc(*arguments).dgram, token)
         return text if text is None else parse_sightings(text)
 
     same = parse_sightings(message(1.25, 100.5, 50))
@@ -503,21 +518,26 @@ def test_osc_is_the_same_as_json():
     assert heard("secret", 1.25, "1", 100.5, 50, token="secret") == same
     same = parse_sightings(message(1.25, 100.5, 50.0, id=3, heading=-20.0))
     assert heard(1.25, 3, 100.5, 50.0, -20.0) == same
-    assert parse_osc(osc("secret", TRIGGER).dgram, "secret") == [TRIGGER]
+    assert parse_osc_packet(osc("secret", TRIGGER).dgram, "secret") == [TRIGGER]
     for wrong in ((), (1.0,), (1.0, "1", 2.0), (1.0, "1", 2.0, 3.0, 4.0, 5.0), (True, "1", 2.0, 3.0),
                   (b"blob", "1", 2.0, 3.0), (math.nan, "1", 2.0, 3.0), ("1", "1", 2.0, 3.0)):  # fmt: skip
         assert heard(*wrong) is None
     for wrong in (("Secret", 1.0, "1", 2.0, 3.0), (1.0, "1", 2.0, 3.0), (1, message(1)),
                   (message(1, token="secret"),), ()):  # fmt: skip
         assert heard(*wrong, token="secret") is None
-    assert parse_osc(osc(1.0, "1", 2.0, 3.0, address="/finloop/animals").dgram, None) == [None]
+    assert parse_osc_packet(osc(1.0, "1", 2.0, 3.0, address="/finloop/animals").dgram, None) == [
+        None
+    ]
 
 
 def test_an_osc_bundle_is_its_messages():
     two = [osc(1.0, "1", 100.0, 50.0), osc(1.0, "2", 110.0, 50.0)]
-    assert [parse_sightings(one)[0].id for one in parse_osc(bundle(*two), None)] == ["1", "2"]
-    (first,) = parse_osc(two[0].dgram, None)
-    assert parse_osc(bundle(two[0], osc(address="/other")), None) == [first, None]
+    assert [parse_sightings(one)[0].id for one in parse_osc_packet(bundle(*two), None)] == [
+        "1",
+        "2",
+    ]
+    (first,) = parse_osc_packet(two[0].dgram, None)
+    assert parse_osc_packet(bundle(two[0], osc(address="/other")), None) == [first, None]
     head = b"#bundle\0" + bytes(8)
     for bad in (
         bundle(),
@@ -526,11 +546,11 @@ def test_an_osc_bundle_is_its_messages():
         bundle(*two)[:-3],
         head + b"\xff" * 40,
     ):
-        assert None in parse_osc(bad, None)
+        assert None in parse_osc_packet(bad, None)
     deep = two[0].dgram
     for _ in range(400):
         deep = head + len(deep).to_bytes(4) + deep
-    assert parse_osc(deep, None) == [None]
+    assert parse_osc_packet(deep, None) == [None]
 
 
 def hostile_osc(count):
@@ -572,10 +592,10 @@ def test_ten_thousand_hostile_datagrams_over_the_wire(kind, capfd, caplog):
         contents = [
             one if isinstance(one, bytes) else one.encode(errors="replace") for one in texts
         ]
-        wanted = [[parse_json(one, None)] for one in contents]
+        wanted = [[parse_datagram(one, None)] for one in contents]
     else:
         contents = list(hostile_osc(10_000))
-        wanted = [parse_osc(one, None) for one in contents]
+        wanted = [parse_osc_packet(one, None) for one in contents]
     flooding = flood(kind, contents, [*map(len, wanted)])
     heard, port = asyncio.run(asyncio.wait_for(flooding, 30))
     source = f"{kind}://127.0.0.1:{port}"
@@ -617,7 +637,7 @@ def line_of(unit=PX, scale=(1.0, 1.0), heading=True, seconds=30.0):
 
 
 def test_a_recorded_track_is_said_as_a_live_animal_would_be():
-    said, animals = list(track_messages(line_of(), None, TANK_OF)), animals_of()
+    said, animals = list(imitate_tracker(line_of(), None, TANK_OF)), animals_of()
     assert [due for due, _ in said] == pytest.approx(np.arange(750) / 25)
     for due, text in said:
         assert verdicts(animals, text, 40 + due) in (["taken"], ["outside"])
@@ -629,7 +649,7 @@ def test_a_recorded_track_is_said_as_a_live_animal_would_be():
 
 def test_a_track_is_taken_at_another_rate_and_unit():
     def parse_messages(line, rate, **scale):
-        messages = track_messages(line, rate, TANK_OF, **scale)
+        messages = imitate_tracker(line, rate, TANK_OF, **scale)
         return [(due, json.loads(text)) for due, text in messages]
 
     wanted = parse_messages(line_of(heading=False), None)[::2]
@@ -653,15 +673,15 @@ def test_a_track_is_taken_at_another_rate_and_unit():
 def test_a_recorded_track_speaks_for_any_tracker(count, law, y_axis):
     points = pairs(*((one, law(*one)) for one in CORNERS[:count]))
     animals = animals_of(points=points, y_axis=y_axis)
-    said = track_messages(line_of(), None, TANK_OF, calibration=animals.calibration)
+    said = imitate_tracker(line_of(), None, TANK_OF, calibration=animals.calibration)
     for due, text in itertools.islice(said, 100):
-        animals.receive(text, "a", due)
+        animals.receive_message(text, "a", due)
         assert animals.present_animals(due)[0][1:3] == pytest.approx(swim_place(due))
 
 
 def test_a_spoiled_track_loses_delays_and_breaks_off_as_wanted():
     def said_with(*faults, **named):
-        return list(track_messages(line, None, TANK_OF, ConnectionFaults(*faults, **named)))
+        return list(imitate_tracker(line, None, TANK_OF, ConnectionFaults(*faults, **named)))
 
     line = line_of(seconds=200.0)
     plain, said = said_with(), said_with(loss=0.2)
@@ -680,9 +700,9 @@ def test_a_spoiled_track_loses_delays_and_breaks_off_as_wanted():
 def test_fish_follow_a_spoiled_track_as_well_as_it_can_be_known():
     animals, misses, lost = animals_of(), [], 0
     faults = ConnectionFaults(0.2, 0.05, 2.0, 1)
-    for due, text in track_messages(line_of(seconds=60.0), None, TANK_OF, faults):
-        animals.receive(text, "a", due)
-        past = animals.past(NAME, due - 3)
+    for due, text in imitate_tracker(line_of(seconds=60.0), None, TANK_OF, faults):
+        animals.receive_message(text, "a", due)
+        past = animals.find_past_place(NAME, due - 3)
         if due > 6 and past is None:
             lost += 1
         elif due > 6:
@@ -724,7 +744,7 @@ def test_the_camera_tracker_sends_json_by_udp_and_by_a_websocket():
         listens.settimeout(10)
         with open_sender(f"udp://127.0.0.1:{listens.getsockname()[1]}") as send:
             send(message(1))
-        assert parse_json(listens.recv(2000), None) == message(1)
+        assert parse_datagram(listens.recv(2000), None) == message(1)
     came = queue.Queue()
     with serve(lambda one: came.put(one.recv()), "127.0.0.1", 0) as server:
         runs = threading.Thread(target=server.serve_forever)

@@ -14,9 +14,9 @@ from finloop.puppet import PlacedBackbone
 from finloop.render.painter import BentPicture, Painter, pad_picture
 from finloop.stimulus.display import DisplayCalibration
 from finloop.stimulus.drawn import POSTURE
-from finloop.stimulus.log import parse_frames
-from finloop.stimulus.page import DRAWING, alone_page, display_page, join_scripts
-from finloop.stimulus.pictures import PagePicture, typical_fish
+from finloop.stimulus.log import parse_frame_records
+from finloop.stimulus.page import DRAWING, build_display_page, build_standalone_page, join_scripts
+from finloop.stimulus.pictures import PagePicture, measure_typical_fish
 
 STEPS, LENGTH = 24, 80.0
 HEIGHT, WIDTH = 240, 320
@@ -342,7 +342,7 @@ def test_a_silhouette_has_the_outline_and_one_colour(colour):
 
 
 def test_dots_and_silhouettes_of_a_session_are_alike_whatever_the_picture(white):
-    facts, one = typical_fish(white.pictures.values()), fish_of()
+    facts, one = measure_typical_fish(white.pictures.values()), fish_of()
     area = one.pixels[..., 1].sum() / 255
     assert facts["area"] * one.line[3] ** 2 == pytest.approx(area, rel=0.1)
     for name in ("dot", "dark"):
@@ -595,7 +595,7 @@ class Server:
     def _answer(self, route):
         policy = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src ws://tank.test; img-src data:"
         route.fulfill(
-            body=display_page(),
+            body=build_display_page(),
             content_type="text/html; charset=utf-8",
             headers={"Content-Security-Policy": policy},
         )
@@ -606,7 +606,7 @@ class Server:
 
     def _take(self, told):
         if isinstance(told, bytes):
-            self.frames += parse_frames(told, POSTURE + len(STRAIGHT))
+            self.frames += parse_frame_records(told, POSTURE + len(STRAIGHT))
             return
         self.texts.append(json.loads(told))
         if self.texts[-1]["do"] == "ping":
@@ -803,7 +803,7 @@ def test_a_page_plays_a_motion_without_a_server(browser, tmp_path):
     first = [state_of(S_BEND, 60 + 20 * tick) for tick in range(5)]
     states = np.stack([np.concatenate([one, state_of(CURL, 200, number=11)]) for one in first])
     pictures, tank = {10: fish_of(), 11: fish_of(1, -0.3)}, tank_of(HEIGHT, WIDTH)
-    text = alone_page("a <title>", 10.0, tank, pictures, states, loops=False)
+    text = build_standalone_page("a <title>", 10.0, tank, pictures, states, loops=False)
     path = tmp_path / "alone.html"
     path.write_text(text, encoding="utf-8")
     seen = Visit(browser.new_context(viewport={"width": WIDTH, "height": HEIGHT}).new_page())
@@ -836,7 +836,7 @@ def test_more_pictures_than_slots_take_turns(browser, tmp_path):
     states = np.stack([state_of(STRAIGHT, number=number) for number in range(260)])
     two = fish_of(level=60.0), fish_of(level=60.5)
     pictures = {number: two[number % 2] for number in range(260)}
-    text = alone_page("many", 25.0, tank_of(HEIGHT, WIDTH), pictures, states)
+    text = build_standalone_page("many", 25.0, tank_of(HEIGHT, WIDTH), pictures, states)
     path = tmp_path / "many.html"
     path.write_text(text, encoding="utf-8")
     page = visit(browser, path, viewport={"width": WIDTH, "height": HEIGHT}).page
@@ -851,17 +851,20 @@ def test_more_pictures_than_slots_take_turns(browser, tmp_path):
 def test_a_page_refuses_a_motion_without_pictures_or_ticks():
     tank, one = tank_of(HEIGHT, WIDTH), np.stack([state_of(STRAIGHT, partner=12)])
     with pytest.raises(FinloopError, match="1 pictures are missing, 12 first"):
-        alone_page("x", 10.0, tank, {10: fish_of()}, one)
+        build_standalone_page("x", 10.0, tank, {10: fish_of()}, one)
     with pytest.raises(FinloopError, match="at least one tick"):
-        alone_page("x", 10.0, tank, {10: fish_of()}, one[:0])
+        build_standalone_page("x", 10.0, tank, {10: fish_of()}, one[:0])
     one[0, 0, 0] = np.nan
     with pytest.raises(FinloopError, match="all of them numbers"):
-        alone_page("x", 10.0, tank, {10: fish_of(), 12: fish_of()}, one)
+        build_standalone_page("x", 10.0, tank, {10: fish_of(), 12: fish_of()}, one)
 
 
 def test_every_page_has_one_script_and_one_style_for_the_policy():
     states = np.stack([state_of(STRAIGHT)])
-    for page in (display_page(), alone_page("x", 10.0, tank_of(9, 9), {10: fish_of()}, states)):
+    for page in (
+        build_display_page(),
+        build_standalone_page("x", 10.0, tank_of(9, 9), {10: fish_of()}, states),
+    ):
         for tag in ("script", "style"):
             assert page.count(f"<{tag}") == page.count(f"</{tag}>") == 1
         assert "/*" not in page.replace("image/*", "").split("<script>")[0]

@@ -30,22 +30,22 @@ from finloop.stimulus.listing import list_trials
 from finloop.stimulus.motion import (
     TrialSetup,
     apply_change,
-    fade_shares,
+    count_planned_ticks,
+    fade_opacities,
     interpolate_states,
-    planned_ticks,
 )
-from finloop.stimulus.order import source_trial, trials, trigger_text
+from finloop.stimulus.order import fill_trigger_text, find_source_trial, order_trials
 from finloop.stimulus.protocol import (
-    Animals,
-    Change,
+    AnimalSettings,
     Condition,
-    Display,
+    DisplayRequirements,
     Look,
     Motion,
+    MotionChange,
     Protocol,
     RuleSpec,
     Trigger,
-    motion_seed,
+    derive_motion_seed,
 )
 from finloop.stimulus.protocol_file import MOST_BYTES, load_protocol, parse_protocol, read_yaml
 
@@ -63,7 +63,7 @@ def yoked_condition(name, seconds=10.0, **more):
 
 
 def names(protocol, seed=5):
-    return tuple(one.condition for one in trials(protocol.model_copy(update={"seed": seed})))
+    return tuple(one.condition for one in order_trials(protocol.model_copy(update={"seed": seed})))
 
 
 # --- controls
@@ -80,31 +80,31 @@ def states_of(ticks=21, fish=3, seed=0):
 
 
 def test_a_motion_that_is_reversed_twice_is_itself():
-    states, back = states_of(), Change(reversed=True)
+    states, back = states_of(), MotionChange(reversed=True)
     once = apply_change(states, back, 21)
     assert np.array_equal(once[0], states[-1])
     assert np.array_equal(apply_change(once, back, 21), states)
 
 
-@pytest.mark.parametrize("change", [None, Change(), Change(speed=1.0)])
+@pytest.mark.parametrize("change", [None, MotionChange(), MotionChange(speed=1.0)])
 def test_what_changes_nothing_changes_nothing(change):
     states = states_of()
     assert np.array_equal(apply_change(states, change, len(states)), states)
-    assert planned_ticks(change, 21) == 21
+    assert count_planned_ticks(change, 21) == 21
 
 
 def test_twice_the_speed_takes_half_the_time():
     states = states_of(21)
     states[..., X] = 3 * np.arange(21)[:, None]
-    fast = apply_change(states, Change(speed=2.0), 11)
+    fast = apply_change(states, MotionChange(speed=2.0), 11)
     assert len(fast) - 1 == (len(states) - 1) / 2
     assert np.allclose(np.diff(fast[..., X], axis=0), 6)
     assert np.array_equal(fast, states[::2])
-    slow = apply_change(states, Change(speed=0.5), 41)
+    slow = apply_change(states, MotionChange(speed=0.5), 41)
     assert len(slow) - 1 == 2 * (len(states) - 1)
     assert np.allclose(np.diff(slow[..., X], axis=0), 1.5)
     assert np.array_equal(slow[::2], states)
-    back = apply_change(states, Change(speed=2.0, reversed=True), 11)
+    back = apply_change(states, MotionChange(speed=2.0, reversed=True), 11)
     assert np.array_equal(back, states[::-2])
 
 
@@ -112,8 +112,8 @@ def test_twice_the_speed_takes_half_the_time():
     ticks=st.integers(1, 300), speed=st.floats(0.1, 8), back=st.booleans(), more=st.integers(0, 50)
 )
 def test_as_much_is_planned_as_is_shown(ticks, speed, back, more):
-    change = Change(speed=speed, reversed=back)
-    wanted = planned_ticks(change, ticks)
+    change = MotionChange(speed=speed, reversed=back)
+    wanted = count_planned_ticks(change, ticks)
     assert (wanted - 2) < (ticks - 1) * speed <= wanted - 1 + 1e-6
     states = np.zeros((wanted + more, 1, POSTURE), np.float32)
     states[..., X] = np.arange(len(states))[:, None]
@@ -124,8 +124,8 @@ def test_as_much_is_planned_as_is_shown(ticks, speed, back, more):
 
 
 def test_what_is_still_does_not_move():
-    states, still = states_of(), Change(still=True)
-    assert planned_ticks(still, 500) == 1
+    states, still = states_of(), MotionChange(still=True)
+    assert count_planned_ticks(still, 500) == 1
     shown = apply_change(states[:1], still, 500)
     assert shown.shape == (500, *states.shape[1:])
     assert np.array_equal(shown, np.broadcast_to(states[0], shown.shape))
@@ -171,8 +171,8 @@ def test_fish_get_their_look_and_fade_in_and_out():
     rest = [column for column in range(states.shape[2]) if column not in (ALPHA, LOOK)]
     assert np.array_equal(shown[..., rest], states[..., rest])
     assert np.all(states[..., ALPHA] == 0.5) and np.all(states[..., LOOK] == 0)  # what was given
-    assert np.all(fade_shares(3, 0) == 1)
-    assert np.array_equal(fade_shares(5, 100) > 0, [False, True, True, True, False])
+    assert np.all(fade_opacities(3, 0) == 1)
+    assert np.array_equal(fade_opacities(5, 100) > 0, [False, True, True, True, False])
 
 
 # --- seeds
@@ -187,14 +187,14 @@ def test_conditions_of_one_motion_have_one_seed_whatever_their_looks():
         "goals": {"seconds": 10, "motion": {"goals": [[0.5, 0.5]]}},
     }, repeats=3, order="shuffled")  # fmt: skip
     seeds = {}
-    for trial in trials(protocol):
+    for trial in order_trials(protocol):
         assert 0 <= trial.seed < 2**53
         seeds.setdefault(trial.repeat, {})[trial.condition] = trial.seed
     for repeat, of in seeds.items():
-        assert of["fish"] == of["dot"] == of["back"] == motion_seed(protocol, "fish", repeat)
+        assert of["fish"] == of["dot"] == of["back"] == derive_motion_seed(protocol, "fish", repeat)
     assert len({seed for of in seeds.values() for seed in of.values()}) == 9
     other = protocol.model_copy(update={"seed": 6})
-    assert motion_seed(other, "fish", 1) != seeds[1]["fish"]
+    assert derive_motion_seed(other, "fish", 1) != seeds[1]["fish"]
     digest = sha256(b'[5, "{\\"wander\\":true}", 1]').hexdigest()
     assert seeds[1]["fish"] == int(digest[:14], 16) >> 3  # its first 53 bits, for ever
 
@@ -262,11 +262,11 @@ def test_what_holds_of_any_order(seed, count, repeats, order):
     if count > 3:
         conditions["c3"] = yoked_condition("c1")
     protocol = plan(conditions, order=order, repeats=repeats, seed=seed)
-    rows = trials(protocol)
+    rows = order_trials(protocol)
     assert [one.number for one in rows] == list(range(1, count * repeats + 1))
     for name in conditions:
         assert [one.repeat for one in rows if one.condition == name] == list(range(1, repeats + 1))
-    of = [source_trial(protocol, rows, one) for one in rows]
+    of = [find_source_trial(protocol, rows, one) for one in rows]
     for one, shown in zip(rows, of, strict=True):
         assert (shown is not None) == (one.condition == "c3" and count > 3)
         if shown:
@@ -298,7 +298,7 @@ def test_the_example_is_a_protocol_and_comes_back_from_its_values():
     protocol = load_protocol(EXAMPLE)
     values = protocol.model_dump(mode="json", by_alias=True)
     assert parse_protocol(values, EXAMPLE.parent) == protocol
-    assert set(protocol.conditions) == {one.condition for one in trials(protocol)}
+    assert set(protocol.conditions) == {one.condition for one in order_trials(protocol)}
     kinds = {one.motion.kind for one in protocol.conditions.values()}
     assert {"rule", "again", "wander"} <= kinds
 
@@ -320,13 +320,13 @@ def test_a_trigger_names_its_trial():
         {"{trial}": WANDER, "b": WANDER},
         triggers=[{"at": "end", "to": "udp://lab-pc.local:5005", "text": text}], repeats=2,
     )  # fmt: skip
-    said = [trigger_text(protocol.triggers[0], one) for one in trials(protocol)]
+    said = [fill_trigger_text(protocol.triggers[0], one) for one in order_trials(protocol)]
     assert said == ["{end} 1/1/1 {trial}", "{end} 2/1/1 b", "{end} 3/2/2 {trial}", "{end} 4/2/2 b"]
 
 
 def test_the_listing_says_all_that_is_shown_and_demanded(tmp_path):
     protocol = load_protocol(EXAMPLE)
-    text = list_trials(protocol, trials(protocol))
+    text = list_trials(protocol, order_trials(protocol))
     lines = text.splitlines()
     assert lines[0] == "motion or looks: 35 trials, in blocks; seed 2026"
     assert "takes 0:52:00" in lines  # 35 trials of 60 s, 34 pauses of 30 s
@@ -353,7 +353,7 @@ def test_the_listing_says_all_that_is_shown_and_demanded(tmp_path):
         },
         tmp_path,
     )  # fmt: skip
-    text = list_trials(protocol, trials(protocol))
+    text = list_trials(protocol, order_trials(protocol))
     for word in (
         "to (0, 1), (0, 1), (0, 1) and 2 more", "along way.csv", "2 times as fast", "in a group",
         "still", "follow, animal 7", "dot, contrast 0.5, size 2, colour 1-2-3", "space bar",
@@ -565,7 +565,10 @@ def test_the_guide_shows_a_protocol_and_names_every_field_rule_and_verdict():
     (block,) = re.findall(r"```yml\n(.*?)```", GUIDE, re.DOTALL)
     shown = parse_protocol(read_yaml(block).values)
     assert shown.order == "blocks" and set(shown.conditions) == {"fish", "dot"}
-    models = (Protocol, Display, Animals, Trigger, Condition, Motion, Look, Change, RuleSpec)
+    models = (
+        Protocol, DisplayRequirements, AnimalSettings, Trigger, Condition, Motion, Look,
+        MotionChange, RuleSpec,
+    )  # fmt: skip
     fields = {field.alias or name for one in models for name, field in one.model_fields.items()}
     assert {name for name in fields if not re.search(rf"[`{{ ]{name}: ", GUIDE)} == set()
     for rule in get_args(RuleSpec.model_fields["rule"].annotation):

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from finloop.animate.arena import tank as arena_tank
 from finloop.stimulus.animals import Animal, TankGeometry
 from finloop.stimulus.protocol import RuleSpec
-from finloop.stimulus.rules import mirror_place, rule_target
+from finloop.stimulus.rules import find_rule_target, mirror_place
 
 RULES = get_args(RuleSpec.model_fields["rule"].annotation)
 LENGTH = 40.0
@@ -24,7 +24,7 @@ NOW = 100.0
 
 
 class Sightings:
-    """Animals at rest, or where `way` has each at a time."""
+    """AnimalSettings at rest, or where `way` has each at a time."""
 
     def __init__(self, *animals, way=None):
         self.animals, self.way = animals, way
@@ -50,7 +50,7 @@ def spec(rule, **how):
 
 def aim_of(rule, own, others, now=NOW, tank=SEA, **how):
     """Where a rule sends a fish."""
-    return rule_target(spec(rule, **how), own, others, now, tank)
+    return find_rule_target(spec(rule, **how), own, others, now, tank)
 
 
 def rotate(x, y, angle):
@@ -174,7 +174,7 @@ def test_a_copy_is_where_the_animal_was_exactly():
     for delay in (0.0, 0.5, 7.3):
         there = Sightings(animal(0, 0), way=animal_place)
         assert aim_of("copy", (0, 0, 0), there, delay_s=delay) == animal_place(NOW - delay)
-    there.past = lambda id, time_s: None
+    there.find_past_place = lambda id, time_s: None
     assert aim_of("copy", (0, 0, 0), there) is None
 
 

@@ -18,13 +18,13 @@ from finloop.io.journal import save_journal
 from finloop.live.web import AccessPolicy, bind_socket
 from finloop.stimulus.desk import handle_request, session_status
 from finloop.stimulus.log import SESSION
-from finloop.stimulus.replay import open_record, plan_again, recorded_frames
+from finloop.stimulus.replay import open_session_record, read_displayed_frames, replan_session
 from finloop.stimulus.serve import (
-    Replay,
+    ReplayHub,
     SessionHub,
-    display_server,
+    create_display_server,
+    create_session_server,
     parse_display_message,
-    session_server,
 )
 from finloop.stimulus.session import RealClock
 
@@ -71,10 +71,10 @@ def running(folder, token=None, digest=False, **plan):
     session, _ = session_of(folder, plan, RealClock())
     session.feed.facts["digest"] = digest
     room = SessionHub(session, "toy", folder / "display.json")
-    session.attach(room.send, room.send_trigger)
+    session.connect_outputs(room.send, room.send_trigger)
 
     def make_server(listens, port, started):
-        return session_server(listens, AccessPolicy(port, token), room, list, started)
+        return create_session_server(listens, AccessPolicy(port, token), room, list, started)
 
     with serving(make_server) as (address, _):
         yield address, session
@@ -148,10 +148,10 @@ def test_no_message_of_a_page_breaks_the_session(tmp_path):
                 text = content if isinstance(content, str) else None
                 parse_display_message(text)
                 session.record_frames(content if text is None else text.encode())
-                session.receive(content, "a")
+                session.receive_message(content, "a")
                 if text is None or not any(button in text for button in buttons):
                     handle_request(session, text)
-            session.log.keep()
+            session.log.write_entries()
             gc.collect()
             counts.append(len(gc.get_objects()))
     finally:
@@ -180,8 +180,8 @@ def test_hostile_messages_over_the_wire_leave_a_trial_as_it_is(tmp_path, capfd):
                                 way.recv(timeout=5)
             assert wait_for(lambda: session.phase == "done", 20)
     assert session.done == {1: "done", 2: "done"}
-    record = open_record(tmp_path / "toy.parquet")
-    assert plan_again(record, session.scene, session.plan).different == 0
+    record = open_session_record(tmp_path / "toy.parquet")
+    assert replan_session(record, session.scene, session.plan).different == 0
     assert "Traceback" not in capfd.readouterr().err
 
 
@@ -194,7 +194,9 @@ def test_the_first_page_is_the_display_and_others_are_mirrors(tmp_path):
             for number, page in ((3, second), (4, first)):
                 page.send(np.array([number, 0, 0, 0, 0, 0, 0, 0.0]).tobytes())
             assert wait_for(lambda: session.counts.frames, 10) and session.displays == 2
-    numbers = [row["number"] for row in open_record(tmp_path / "toy.parquet").rows("frame")]
+    numbers = [
+        row["number"] for row in open_session_record(tmp_path / "toy.parquet").read_rows("frame")
+    ]
     assert numbers == [4]
 
 
@@ -228,7 +230,10 @@ def test_a_session_is_aborted_in_the_middle_and_loses_nothing(tmp_path):
             desk.send(json.dumps({"do": "note", "text": "the fish sleeps"}))
             desk.send('{"do":"abort"}')
             assert wait_for(lambda: session.phase == "done", 10)
-    texts = [row["text"] for row in open_record(tmp_path / "toy.parquet").rows("event", "trial")]
+    texts = [
+        row["text"]
+        for row in open_session_record(tmp_path / "toy.parquet").read_rows("event", "trial")
+    ]
     assert any("the fish sleeps" in text for text in texts)
     assert any('"what": "abort", "number": 1' in text for text in texts)
 
@@ -256,17 +261,17 @@ def test_a_session_in_a_browser_is_drawn_again_pixel_for_pixel(tmp_path):
                     page.wait_for_timeout(30)
             assert wait_for(lambda: session.counts.frames > 8, 20)
             page.close()
-        record = open_record(tmp_path / "toy.parquet")
-        frames = list(recorded_frames(record))
+        record = open_session_record(tmp_path / "toy.parquet")
+        frames = list(read_displayed_frames(record))
         drawn = [one for one in frames if len(one.states)]
         assert len(drawn) > 8 and all(one.digest for one in frames)
         assert len({one.digest for one in drawn}) > 4  # it moves
-        assert plan_again(record, session.scene, session.plan).different == 0
+        assert replan_session(record, session.scene, session.plan).different == 0
         feed = feed_of(session.scene, session.plan, mode="replay", digest=True)
-        room = Replay(feed, recorded_frames(record), quick=True)
+        room = ReplayHub(feed, read_displayed_frames(record), quick=True)
 
         def make_server(listens, port, started):
-            return display_server(listens, AccessPolicy(port), room, started)
+            return create_display_server(listens, AccessPolicy(port), room, started)
 
         with serving(make_server) as (address, server):
             page = browser.new_page(viewport={"width": 640, "height": 480})
@@ -283,7 +288,7 @@ def test_a_wait_on_the_real_clock_ends_in_time():
         late = []
         for _ in range(5):
             due = clock.read_time() + 0.01
-            await clock.until(due)
+            await clock.wait_until(due)
             late.append(clock.read_time() - due)
         return late
 

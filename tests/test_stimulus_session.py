@@ -15,11 +15,16 @@ from finloop.io.journal import read_journal, save_journal
 from finloop.live.page import pack_message
 from finloop.stimulus.animals import LiveAnimals
 from finloop.stimulus.drawn import ALPHA, PARTNER, PICTURE, X, Y
-from finloop.stimulus.log import FRAME_FIELDS, SESSION, Log, parse_frames
+from finloop.stimulus.log import FRAME_FIELDS, SESSION, Log, parse_frame_records
 from finloop.stimulus.motion import ReactiveMotion, TrialSetup, plan_motion
 from finloop.stimulus.recorded import DryClock
-from finloop.stimulus.replay import open_record, plan_again, recorded_frames
-from finloop.stimulus.summary import log_table, reactions_ms, summary, tick_errors_ms
+from finloop.stimulus.replay import open_session_record, read_displayed_frames, replan_session
+from finloop.stimulus.summary import (
+    load_log_table,
+    measure_reactions_ms,
+    measure_tick_errors_ms,
+    summarise_session,
+)
 
 RULE = {"motion": {"rule": {"rule": "approach"}}}
 GOALS = {"motion": {"goals": [[0.2, 0.2], [0.8, 0.8]]}}
@@ -85,7 +90,7 @@ def test_fading_changes_nothing_but_alpha(tmp_path):
         animals = LiveAnimals(plan.animals, made.tank, None)
         reaction = ReactiveMotion(made, TrialSetup(plan.conditions["a"], 1, 1, 0, fade), animals)
         told.append(
-            np.stack([reaction.plan_tick(n / made.rate_hz) for n in range(made.ticks(1.5))])
+            np.stack([reaction.plan_tick(n / made.rate_hz) for n in range(made.count_ticks(1.5))])
         )
     plain, faded = told
     assert (plain[..., ALPHA] == 1).all() and faded[0, 0, ALPHA] == faded[-1, 0, ALPHA] == 0
@@ -140,9 +145,9 @@ def test_all_that_was_kept_survives_a_cut_anywhere(tmp_path):
     log = Log(tmp_path / "a.journal", {"format": 1})
     sizes = []
     for number in range(6):
-        log.event(float(number), "mark", number=number)
-        log.frame(np.arange(FRAME_FIELDS) + number, np.full((2, 20), number, np.float32))
-        log.keep()
+        log.add_event(float(number), "mark", number=number)
+        log.add_frame(np.arange(FRAME_FIELDS) + number, np.full((2, 20), number, np.float32))
+        log.write_entries()
         sizes.append((tmp_path / "a.journal").stat().st_size)
     whole = (tmp_path / "a.journal").read_bytes()  # never closed, as after a power failure
     for cut in [*sizes, *(size - 1 for size in sizes), *(size + 9 for size in sizes[:-1])]:
@@ -164,9 +169,13 @@ def test_a_session_that_was_cut_off_is_recovered_and_summed_up(tmp_path):
     cut = tmp_path / "cut.journal"
     cut.write_bytes(whole[: len(whole) * 2 // 3])
     save_journal(cut, tmp_path / "cut.parquet", SESSION)
-    record = open_record(tmp_path / "cut.parquet")
-    assert 0 < len(log_table(record)) < len(log_table(open_record(tmp_path / "toy.parquet")))
-    assert "| never |" in summary(record) or "| end |" in summary(record)
+    record = open_session_record(tmp_path / "cut.parquet")
+    assert (
+        0
+        < len(load_log_table(record))
+        < len(load_log_table(open_session_record(tmp_path / "toy.parquet")))
+    )
+    assert "| never |" in summarise_session(record) or "| end |" in summarise_session(record)
 
 
 def test_what_is_no_session_is_refused_in_plain_words(tmp_path):
@@ -180,7 +189,7 @@ def test_what_is_no_session_is_refused_in_plain_words(tmp_path):
     for name, said in (("cut", "cannot be read"), ("none", "cannot be read"), ("other", "is no session"),
                        ("new", r"format 99, made by finloop 9\.9")):  # fmt: skip
         with pytest.raises(FinloopError, match=said):
-            open_record(tmp_path / f"{name}.parquet")
+            open_session_record(tmp_path / f"{name}.parquet")
     (tmp_path / "junk.journal").write_bytes(b"not a journal")
     with pytest.raises(FinloopError, match="journal"), read_journal(tmp_path / "junk.journal"):
         pass
@@ -192,16 +201,16 @@ def test_displayed_frames_come_back_bit_for_bit(tmp_path):
     for number in range(500):
         count = int(rng.integers(0, 4))
         states = rng.normal(size=(count, width)).astype(np.float32)
-        log.frame(np.array([number, 0.1, number / 60, 0, 0, 0, count, number * 3.0]), states)
+        log.add_frame(np.array([number, 0.1, number / 60, 0, 0, 0, count, number * 3.0]), states)
         told.append((number, number / 60, number * 3, states.tobytes()))
         if rng.random() < 0.05:
-            log.keep()
+            log.write_entries()
     log.close()
     save_journal(tmp_path / "a.journal", tmp_path / "a.parquet", SESSION)
     with pytest.raises(KeyError):
-        open_record(tmp_path / "a.parquet").header["protocol"]
+        open_session_record(tmp_path / "a.parquet").header["protocol"]
     back = [(one.number, one.shown_s, one.digest, one.states.tobytes())
-            for one in recorded_frames(open_record(tmp_path / "a.parquet"))]  # fmt: skip
+            for one in read_displayed_frames(open_session_record(tmp_path / "a.parquet"))]  # fmt: skip
     assert back == told
 
 
@@ -210,7 +219,7 @@ def test_displayed_frames_come_back_bit_for_bit(tmp_path):
     lambda numbers: np.array(numbers, "<f8").tobytes()))  # fmt: skip
 def test_no_record_of_frames_breaks_the_reader(content):
     try:
-        frames = parse_frames(content, 20)
+        frames = parse_frame_records(content, 20)
     except ValueError:
         return
     assert all(states.shape[1] == 20 and np.isfinite(states).all() for _, states in frames)
@@ -236,9 +245,9 @@ def test_random_sessions_are_planned_again_bit_for_bit(tmp_path):
     made, anew = scene(), 0
     for seed in range(25):  # `benchmarks.stimulus` plans a hundred of a film
         (record, _, _), plan = random_session(tmp_path, seed, made)
-        told = plan_again(record, made, plan)
+        told = replan_session(record, made, plan)
         assert told.ticks > 20 and told.different == 0, seed
-        anew += int((log_table(record)["verdict"] == "anew").sum())
+        anew += int((load_log_table(record)["verdict"] == "anew").sum())
     assert anew > 25
 
 
@@ -249,7 +258,9 @@ def test_another_input_is_found_out(tmp_path):
     texts = [text and text.replace('"x": ', '"x": 1') for text in table["text"].to_pylist()]
     changed = table.set_column(table.schema.get_field_index("text"), "text", [texts])
     pq.write_table(changed.cast(table.schema), tmp_path / "changed.parquet")
-    assert plan_again(open_record(tmp_path / "changed.parquet"), made, plan).different > 0
+    assert (
+        replan_session(open_session_record(tmp_path / "changed.parquet"), made, plan).different > 0
+    )
 
 
 # --- times
@@ -258,14 +269,14 @@ def test_another_input_is_found_out(tmp_path):
 def test_the_summary_tells_what_was_shown_and_how_soon(tmp_path):
     plan = plan_of(ALL, order="blocks", repeats=2)
     record, session, _ = run_dry(tmp_path, plan, walk(1))
-    text, table = summary(record), log_table(record)
+    text, table = summarise_session(record), load_log_table(record)
     for name in ALL:
         assert text.count(f"| {name} |") == 2
     assert "numpy 2" in text and "taken" in text and "seed 5" in text
     assert session.done == dict.fromkeys(range(1, 11), "done")
-    planned_ms, _ = reactions_ms(table, record.header["rate_hz"])
+    planned_ms, _ = measure_reactions_ms(table, record.header["rate_hz"])
     assert len(planned_ms) and (planned_ms == 0).all()  # nothing lasts on this clock
-    errors = tick_errors_ms(table)
+    errors = measure_tick_errors_ms(table)
     assert len(errors) > 50 and np.abs(errors).max() < 1e-6
 
 
@@ -277,10 +288,10 @@ def test_input_to_frame_is_the_first_frame_in_which_it_shows(tmp_path):
     session.start()
 
     async def run_session():
-        running = asyncio.create_task(session.run())
+        running = asyncio.create_task(session.run_trials())
         while session._tick < 5:
             await asyncio.sleep(0)
-        session.receive('{"t": 1.0, "id": 1, "x": 30.0, "y": 30.0}', "a")
+        session.receive_message('{"t": 1.0, "id": 1, "x": 30.0, "y": 30.0}', "a")
         seq, due, heard = session._seq, session._due, clock.read_time()
         for number, at in enumerate((due - 1.2 / rate, due - 0.9 / rate, due)):
             facts = np.array([number, at, at, at + 0.004, seq, 0, 0, 0])
@@ -293,7 +304,9 @@ def test_input_to_frame_is_the_first_frame_in_which_it_shows(tmp_path):
     assert list(session.counts.drawn_ms) == pytest.approx([wanted])
     session.log.close()
     save_journal(tmp_path / "toy.journal", tmp_path / "toy.parquet", SESSION)
-    _, drawn = reactions_ms(log_table(open_record(tmp_path / "toy.parquet")), rate)
+    _, drawn = measure_reactions_ms(
+        load_log_table(open_session_record(tmp_path / "toy.parquet")), rate
+    )
     assert drawn == pytest.approx([wanted])
     assert width > 20
 
@@ -340,7 +353,7 @@ def test_motions_are_kept_only_where_they_are_shown_again(tmp_path):
     session, _ = session_of(tmp_path, plan_of(ALL), DryClock())
     session.waits_for_starts = False
     session.start()
-    asyncio.run(session.run())
+    asyncio.run(session.run_trials())
     session.log.close()
     assert set(session._motions) == {"live"}
 
@@ -351,7 +364,7 @@ def test_a_session_that_is_stopped_while_a_trial_waits_ends_without_it(tmp_path)
 
     async def run_session():
         session.start()
-        running = asyncio.create_task(session.run())
+        running = asyncio.create_task(session.run_trials())
         for number in range(2):
             while session.phase != "waiting":
                 await asyncio.sleep(0.001)
@@ -384,7 +397,7 @@ def test_a_picture_is_sent_once_and_slots_are_used_again():
 
     def sent_pictures(picture, partner=-1):
         states[0, [PICTURE, PARTNER]] = picture, partner
-        facts = [read(one)[0] for one in feed.rows(1, 0, 0.0, states)[:-1]]
+        facts = [read(one)[0] for one in feed.tick_messages(1, 0, 0.0, states)[:-1]]
         return [(one["picture"], one["slot"]) for one in facts]
 
     assert sent_pictures(3, 4) == [(3, 0), (4, 1)] and sent_pictures(3, 4) == sent_pictures(4) == []
@@ -393,6 +406,6 @@ def test_a_picture_is_sent_once_and_slots_are_used_again():
     sent_pictures(3)
     assert sent_pictures(9) == [(9, 1)]  # that of 4, long unused
     assert sent_pictures(3) == [] and len(sent_pictures(4)) == 1
-    kinds = [read(one)[0]["kind"] for one in feed.begin()]
+    kinds = [read(one)[0]["kind"] for one in feed.opening_messages()]
     assert kinds == ["hello", *["picture"] * 256, "rows"]
     assert read(pack_message({"a": 1}, b"abc")) == ({"a": 1}, b"abc")

@@ -16,7 +16,7 @@ from finloop.base.errors import FinloopError
 from finloop.io.journal import save_journal
 from finloop.stimulus.display import DisplayCalibration, save_display
 from finloop.stimulus.protocol_file import load_protocol
-from finloop.stimulus.replay import Record, open_record
+from finloop.stimulus.replay import SessionRecord, open_session_record
 from stages.stimulus_scene import display_file, known_display, open_scene
 
 CONDITIONS = {
@@ -83,8 +83,8 @@ def test_a_journal_that_was_left_becomes_a_session(workspace, tmp_path, monkeypa
     journal = tmp_path / "left.journal"
     journal.write_bytes(kept[0][: len(kept[0]) * 3 // 4])
     command(monkeypatch, "recover", journal)
-    record = open_record(tmp_path / "left.parquet")
-    assert sum(1 for _ in record.rows("tick")) > 10 and not journal.exists()
+    record = open_session_record(tmp_path / "left.parquet")
+    assert sum(1 for _ in record.read_rows("tick")) > 10 and not journal.exists()
     assert "recovered" in (tmp_path / "left.md").read_text()
     with pytest.raises(FinloopError, match="cannot be read"):
         command(monkeypatch, "recover", tmp_path / "none.journal")
@@ -97,9 +97,11 @@ def test_a_session_of_another_film_is_refused(workspace, tmp_path, monkeypatch):
         patch.setattr("stages.stimulus_scene._MADE_FROM", ("clip/facts.json",))
         with pytest.raises(FinloopError, match=r"from another film\n"):
             command(monkeypatch, "replay", session, "--check")
-    header = open_record(session).header
+    header = open_session_record(session).header
     header["animate"]["goal_radius_bl"] = 9.0
-    monkeypatch.setattr(stages.stimulus, "open_record", lambda path: Record(path, header))
+    monkeypatch.setattr(
+        stages.stimulus, "open_session_record", lambda path: SessionRecord(path, header)
+    )
     with pytest.raises(FinloopError, match=r"from another animate\.goal_radius_bl"):
         command(monkeypatch, "replay", session, "--check")
 

@@ -12,11 +12,11 @@ from finloop.render.gallery import CutoutShelf, Gallery
 from finloop.stimulus.feed import Feed, TankCanvas
 from finloop.stimulus.log import FORMAT, SESSION, Log
 from finloop.stimulus.motion import TrialContext
-from finloop.stimulus.order import trials
+from finloop.stimulus.order import order_trials
 from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.protocol_file import parse_protocol
 from finloop.stimulus.recorded import DryClock
-from finloop.stimulus.replay import open_record
+from finloop.stimulus.replay import open_session_record
 from finloop.stimulus.session import Session
 
 LIVE = {"unit": "px"}
@@ -55,8 +55,8 @@ def session_of(folder, plan, clock, made=None, name="toy", **more):
     made = made or scene()
     log = Log(folder / f"{name}.journal", header_of(made, plan, **more))
     sent = []
-    session = Session(made, plan, trials(plan), feed_of(made, plan), log, clock)
-    session.attach(sent.append, lambda to, text: None)
+    session = Session(made, plan, order_trials(plan), feed_of(made, plan), log, clock)
+    session.connect_outputs(sent.append, lambda to, text: None)
     return session, sent
 
 
@@ -64,11 +64,11 @@ def run_dry(folder, plan, messages=(), made=None, name="toy"):
     """The record of a session without display; messages: (time, text) of a tracker."""
     clock = DryClock(iter(messages))
     session, sent = session_of(folder, plan, clock, made, name)
-    clock.receive, session.waits_for_starts = session.receive, False
+    clock.receive, session.waits_for_starts = session.receive_message, False
     session._repeated.update(plan.conditions)  # all motions are looked at afterwards
     session.start()
-    asyncio.run(session.run())
+    asyncio.run(session.run_trials())
     session.log.close()
     path = folder / f"{name}.parquet"
     save_journal(folder / f"{name}.journal", path, SESSION)
-    return open_record(path), session, sent
+    return open_session_record(path), session, sent

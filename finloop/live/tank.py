@@ -18,7 +18,7 @@ from finloop.social.leader import describe_contradiction
 from finloop.social.rule import require_rule
 
 
-def rehearse(player: AnyPlayer) -> None:
+def rehearse_paths(player: AnyPlayer) -> None:
     """Plan once along a path, so that the first drawn path need not wait for compilation.
 
     Does nothing where a fish has too little room: there every path counts as a goal.

@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from finloop.base.arrays import Floats
-from finloop.stimulus.protocol import MOST_DELAY_S, Animals
+from finloop.stimulus.protocol import MOST_DELAY_S, AnimalSettings
 from finloop.stimulus.tracker import MOST_AT_ONCE, Sighting, fit_calibration, parse_sightings
 
 PlacePx = tuple[float, float]
@@ -42,7 +42,7 @@ _SPEED_S = 0.2  # an animal's speed is that of the last so many seconds
 
 
 class TankGeometry(NamedTuple):
-    """The tank as rules need it: its width and height, and the body length of a fish, px.
+    """The tank's size and the body length of a fish in px, and where in the tank a fish can be.
 
     into: returns the place nearest to x, y (px) where the centre of a fish can be.
     """
@@ -54,10 +54,11 @@ class TankGeometry(NamedTuple):
 
 
 class Animal(NamedTuple):
-    """Where a live animal was last seen: x, y in px of the tank's picture, y down.
+    """Where a live animal was last seen, and how fast it moved.
 
-    heading_rad: anticlockwise as seen, from the tracker or from the motion; None: unknown. speed:
-    px/s over the last 0.2 s; heard_s: session time of its last message.
+    x, y: in px of the tank's picture, y down. heading_rad: anticlockwise as seen, from the tracker
+    or from the motion; None: unknown. speed: px/s over the last 0.2 s. heard_s: session time of its
+    last message.
     """
 
     id: str
@@ -69,34 +70,41 @@ class Animal(NamedTuple):
 
 
 class LiveAnimals:
-    """All live animals, from trackers' messages. FinloopError if the calibration is invalid.
+    """All live animals, as trackers report them in messages.
 
-    settings: `animals` of the protocol, None where it has none; mm_per_px: mm of the real world per
-    px of the tank's picture, if known; gap_s: time without messages after which an animal is lost.
+    settings: `animals` of the protocol, None where it has none. mm_per_px: mm of the real world per
+    px of the tank's picture, if known. gap_s: time without messages after which an animal is lost.
     """
 
     def __init__(
-        self, settings: Animals | None, tank: TankGeometry, mm_per_px: float | None
+        self, settings: AnimalSettings | None, tank: TankGeometry, mm_per_px: float | None
     ) -> None:
+        """Begin without any animal; FinloopError if the tracker's calibration is invalid."""
         self._tank = tank
         self.calibration = None if settings is None else fit_calibration(settings, mm_per_px)
         self.gap_s = 0.0 if settings is None else settings.gap_s
         self._tracks: dict[str, _AnimalTrack] = {}
 
-    def receive(self, text: str | bytes | None, source: str, arrived_s: float) -> list[Verdict]:
-        """Take a tracker's message; return a verdict per sighting, or one if no sighting is valid.
+    def receive_message(
+        self, text: str | bytes | None, source: str, arrived_s: float
+    ) -> list[Verdict]:
+        """Store the sightings in a tracker's message; return a verdict on each of them.
 
-        text: JSON (`finloop.stimulus.tracker`); source: its sender; arrived_s: session time, s.
+        A message without a valid sighting gets a single verdict. text: JSON
+        (`finloop.stimulus.tracker`). source: the sender's name. arrived_s: session time, s.
         """
         if self.calibration is None:
             return ["unwanted"]
         sightings = parse_sightings(text)
         if sightings is None:
             return ["malformed"]
-        return [self._take(one, source, arrived_s) for one in sightings]
+        return [self._store_sighting(one, source, arrived_s) for one in sightings]
 
     def recent_animals(self, now_s: float) -> list[Animal]:
-        """Return all animals heard of in the last 60 s, the lost ones included, sorted by id."""
+        """Return all animals heard of in the last 60 s, also lost ones, sorted by id.
+
+        now_s: session time.
+        """
         return [
             Animal(name, *track.place, track.heading, track.speed, track.heard_s)
             for name, track in sorted(self._tracks.items())
@@ -104,19 +112,24 @@ class LiveAnimals:
         ]
 
     def present_animals(self, now_s: float) -> list[Animal]:
-        """Return the animals heard of in the last `gap_s` seconds, at their last places, by id."""
+        """Return the animals that are not lost, at their last places, sorted by id.
+
+        They were heard of in the last `gap_s` seconds before the session time `now_s`.
+        """
         return [one for one in self.recent_animals(now_s) if now_s - one.heard_s <= self.gap_s]
 
-    def past(self, id: str, time_s: float) -> PlacePx | None:
+    def find_past_place(self, id: str, time_s: float) -> PlacePx | None:
         """Return where an animal was (x, y px) at a session time, interpolated between sightings.
 
-        None before the first sighting, more than 60 s before the last one, and where the animal was
-        lost. After its last sighting an animal stays at that place until it is lost.
+        id: of the animal. None before the first sighting, more than 60 s before the last one, and
+        where the animal was lost. After its last sighting an animal stays at that place until it is
+        lost.
         """
         track = self._tracks.get(id)
-        return None if track is None else track.past(time_s, self.gap_s)
+        return None if track is None else track.find_past_place(time_s, self.gap_s)
 
-    def _take(self, sighting: Sighting, source: str, arrived_s: float) -> Verdict:
+    def _store_sighting(self, sighting: Sighting, source: str, arrived_s: float) -> Verdict:
+        """Store one sighting, unless it is refused; return the verdict on it."""
         name = str(sighting.id)
         track = self._tracks.get(name)
         if track is None:
@@ -126,15 +139,15 @@ class LiveAnimals:
         silence = arrived_s - track.heard_s
         if track.source != source and silence <= self.gap_s:
             return "rival"
-        jumped = track.keep_time(sighting.t, arrived_s, source)
+        jumped = track.update_clock(sighting.t, arrived_s, source)
         if jumped is None:
             return "late"
         place, heading, outside = self._place_in_tank(sighting)
-        track.add(sighting.t, place, heading, arrived_s, silence > self.gap_s)
+        track.add_sighting(sighting.t, place, heading, arrived_s, silence > self.gap_s)
         return "clock" if jumped else "outside" if outside else "taken"
 
     def _make_room(self, now_s: float) -> bool:
-        """Return whether one more animal fits; the one lost longest makes room."""
+        """Forget the animal lost longest if there are too many; return whether another one fits."""
         if len(self._tracks) < MOST_AT_ONCE:
             return True
         name, oldest = min(self._tracks.items(), key=lambda one: (one[1].heard_s, one[0]))
@@ -144,31 +157,32 @@ class LiveAnimals:
         return True
 
     def _place_in_tank(self, sighting: Sighting) -> tuple[PlacePx, float | None, bool]:
-        """Return place and heading (rad) in the tank, and whether the place had to be moved there.
+        """Return a sighting's place and heading (rad) in the tank, and whether the place was moved.
 
         An animal may be nearer to a wall than the middle of a fish can. So only what is outside the
         picture, or a body length away from any place of a fish, is moved.
         """
         assert self.calibration is not None
-        x, y = self.calibration.place(sighting.x, sighting.y)
-        heading = None
+        x, y = self.calibration.map_place(sighting.x, sighting.y)
+        heading_rad = None
         if sighting.heading is not None:
-            heading = self.calibration.heading_rad(sighting.x, sighting.y, sighting.heading)
+            heading_rad = self.calibration.map_heading_rad(sighting.x, sighting.y, sighting.heading)
         within = -0.5 <= x <= self._tank.width - 0.5 and -0.5 <= y <= self._tank.height - 0.5
         near = self._tank.into(x, y)
         outside = not within or math.hypot(near[0] - x, near[1] - y) > self._tank.length_px
-        return near if outside else (x, y), heading, outside
+        return near if outside else (x, y), heading_rad, outside
 
 
 class _AnimalTrack:
-    """The sightings of an animal."""
+    """The sightings of one animal, and how its tracker's clock differs from the session's."""
 
     def __init__(self, source: str, length_px: float) -> None:
+        """Begin without a sighting; source: the tracker, length_px: body length of a fish."""
         self.source, self.heard_s = source, -math.inf
         self.place, self.speed = (0.0, 0.0), 0.0
         self.heading: float | None = None
         self._length_px = length_px
-        self._past = _Past()
+        self._past = _PastPlaces()
         self._bins: deque[tuple[int, float]] = deque(maxlen=_BINS)  # least differences
         self._offset = 0.0  # the session's time less the tracker's
         self._t = -math.inf  # the last of the tracker's times
@@ -176,10 +190,11 @@ class _AnimalTrack:
         self._refused: float | None = None  # a time of a clock that may have been put back
         self._anchor = (0.0, 0.0)  # where its motion last gave the heading
 
-    def keep_time(self, t: float, arrived_s: float, source: str) -> bool | None:
-        """Compare the clocks; return whether the tracker's jumped, None if the time is not later.
+    def update_clock(self, t: float, arrived_s: float, source: str) -> bool | None:
+        """Update the difference of the clocks; return whether the tracker's clock jumped.
 
-        Another tracker has another clock; earlier sightings are kept.
+        t: the tracker's time of a new sighting, s. None if t is not later than the last one.
+        Another source has another clock; earlier sightings are kept.
         """
         difference = arrived_s - t
         away = difference - self._offset
@@ -194,7 +209,7 @@ class _AnimalTrack:
             return None
         jumped, self._refused = ahead or again, None
         if other or jumped or not known:
-            self._past.shift(self._offset - difference, t)
+            self._past.change_clock(self._offset - difference, t)
             self._bins.clear()
             self.source, self._begin = source, t
         number = math.floor(arrived_s / _BIN_S)
@@ -204,41 +219,46 @@ class _AnimalTrack:
         self._offset = min(least for _, least in self._bins)
         return jumped
 
-    def add(
-        self, t: float, place: PlacePx, heading: float | None, arrived_s: float, was_lost: bool
+    def add_sighting(
+        self, t: float, place: PlacePx, heading_rad: float | None, arrived_s: float, was_lost: bool
     ) -> None:
-        """Add a place at a tracker's time, with the tracker's heading, if it sends one."""
+        """Add a sighting: time on the tracker's clock, place, and heading (rad) if it was sent.
+
+        arrived_s: session time. was_lost: whether the animal was lost before.
+        """
         if was_lost:
             self.heading, self._anchor, self._begin = None, place, t
         x, y = place[0] - self._anchor[0], place[1] - self._anchor[1]
         if math.hypot(x, y) >= _TURN * self._length_px:
             self.heading, self._anchor = math.atan2(-y, x), place
-        if heading is not None:
-            self.heading = heading
+        if heading_rad is not None:
+            self.heading = heading_rad
         self.place, self.heard_s, self._t = place, arrived_s, t
-        self._past.add(t, place)
-        self.speed = self._past.speed(t - _SPEED_S, self._begin)
+        self._past.add_place(t, place)
+        self.speed = self._past.mean_speed(t - _SPEED_S, self._begin)
 
-    def past(self, time_s: float, gap_s: float) -> PlacePx | None:
-        """Return a place, as `LiveAnimals.past` does."""
+    def find_past_place(self, time_s: float, gap_s: float) -> PlacePx | None:
+        """Return where the animal was at a session time, as `LiveAnimals.find_past_place` does."""
         if time_s > self._offset + self._t:
             return self.place if time_s - self.heard_s <= gap_s else None
-        return self._past.interpolate(time_s - self._offset, gap_s)
+        return self._past.interpolate_place(time_s - self._offset, gap_s)
 
 
-class _Past:
-    """Places by the tracker's time: the last ones, as many as a delay needs."""
+class _PastPlaces:
+    """The last places of an animal by the tracker's clock, as many as the longest delay needs."""
 
     def __init__(self) -> None:
+        """Begin without a place."""
         self._rows = np.empty((2 * _SAMPLES, 3))  # t, x, y
         self._first = self._end = 0
 
     @property
     def _valid_rows(self) -> Floats:
+        """Return the stored places as rows (n, 3) of time, x and y."""
         return self._rows[self._first : self._end]
 
-    def add(self, t: float, place: PlacePx) -> None:
-        """Add a place, later than all; replace the last one where they come too close together."""
+    def add_place(self, t: float, place: PlacePx) -> None:
+        """Add a place later than all; replace the last one if both are too close in time."""
         rows = self._valid_rows
         if len(rows) > 1 and t - rows[-2, 0] < 2 * _SPACE_S:
             self._end -= 1
@@ -249,14 +269,20 @@ class _Past:
         self._end += 1
         self._first = max(self._first, self._end - _SAMPLES)
 
-    def shift(self, by_s: float, end: float) -> None:
-        """Go on by another clock, `by_s` ahead; forget what is at or after a time `end` of that."""
+    def change_clock(self, by_s: float, end: float) -> None:
+        """Convert all times to a clock that is `by_s` ahead; forget the places from `end` on.
+
+        end: a time of the new clock, s.
+        """
         rows = self._valid_rows
         rows[:, 0] += by_s
         self._end = self._first + int(np.searchsorted(rows[:, 0], end))
 
-    def interpolate(self, t: float, gap_s: float) -> PlacePx | None:
-        """Return the place at a time; None before the first, after the last, in a longer gap."""
+    def interpolate_place(self, t: float, gap_s: float) -> PlacePx | None:
+        """Return the interpolated place at a time t; None outside the stored times and in gaps.
+
+        gap_s: longest gap across which places are interpolated.
+        """
         rows = self._valid_rows
         after = int(np.searchsorted(rows[:, 0], t - _ALIKE_S))
         if after == len(rows):
@@ -272,10 +298,11 @@ class _Past:
         share = (t - t0) / (t1 - t0)
         return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
 
-    def speed(self, since: float, begin: float) -> float:
-        """Return px/s from the first place since a time (at most the last but one) to the last.
+    def mean_speed(self, since: float, begin: float) -> float:
+        """Return the mean speed [px/s] from the first place after a time to the last place.
 
-        begin: of the unbroken track. 0 where there is no other place.
+        since: that time; at least the last two places are used. begin: of the unbroken track;
+        places before are not used. 0 if a single place is left.
         """
         rows = self._valid_rows
         first, least = np.searchsorted(rows[:, 0], [since - _ALIKE_S, begin]).tolist()

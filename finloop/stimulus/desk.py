@@ -13,19 +13,19 @@ from starlette.websockets import WebSocket
 from finloop.live.message import StrictModel
 from finloop.live.web import GONE, cancel_task, receive_messages
 from finloop.stimulus.drawn import ALPHA, HEADING, PICTURE, SIZE, X, Y
-from finloop.stimulus.listing import requirements
+from finloop.stimulus.listing import list_requirements
 from finloop.stimulus.session import Session
 
 _EVERY_S = 0.1
 
 
-class Button(StrictModel):
+class SessionCommand(StrictModel):
     """A request to start, to stop after this trial, to abort now, or to skip this trial."""
 
     do: Literal["start", "stop", "abort", "skip"]
 
 
-class Note(StrictModel):
+class NoteRequest(StrictModel):
     """A request to write a text of the experimenter into the log."""
 
     do: Literal["note"]
@@ -39,31 +39,31 @@ class DeskKeyPress(StrictModel):
     key: Annotated[str, Field(min_length=1, max_length=40)]
 
 
-_REQUEST: TypeAdapter[Button | Note | DeskKeyPress] = TypeAdapter(
-    Annotated[Button | Note | DeskKeyPress, Field(discriminator="do")]
+_REQUEST: TypeAdapter[SessionCommand | NoteRequest | DeskKeyPress] = TypeAdapter(
+    Annotated[SessionCommand | NoteRequest | DeskKeyPress, Field(discriminator="do")]
 )
 
 
 def handle_request(session: Session, text: str | bytes | None) -> bool:
-    """Carry out a request of the experimenter's page, a JSON text; return whether it was valid."""
+    """Carry out a request (JSON text) of the experimenter's page; return whether it was valid."""
     try:
         request = _REQUEST.validate_json(text or "")
     except (ValidationError, UnicodeError):
         return False
     match request:
-        case Button():
+        case SessionCommand():
             getattr(session, request.do)()
-        case Note():
-            session.note("note", text=request.text)
+        case NoteRequest():
+            session.log_event("note", text=request.text)
         case DeskKeyPress():
             session.press_key(request.key)
     return True
 
 
-def session_status(session: Session, whole: bool = True) -> dict[str, Any]:
-    """Return the facts of a session that the experimenter's page shows, ready for JSON.
+def session_status(session: Session, with_constants: bool = True) -> dict[str, Any]:
+    """Return the state of a session for the experimenter's page, as values that JSON can hold.
 
-    whole: whether to add what never changes in a session.
+    with_constants: whether to add what never changes in a session.
     """
     counts, now = session.counts, session.clock.read_time()
     waits = session.plan.start_key or session.plan.start_message
@@ -91,9 +91,9 @@ def session_status(session: Session, whole: bool = True) -> dict[str, Any]:
         ],
         "heard": dict(counts.verdicts), "messages": list(session.messages),
     }  # fmt: skip
-    if whole:
+    if with_constants:
         status |= {
-            "demands": list(requirements(session.plan)),
+            "demands": list(list_requirements(session.plan)),
             "calibrated": session.plan.display.calibrated, "gap_s": session.animals.gap_s,
             "mm_per_px": session.scene.mm_per_px, "protocol": session.plan.name,
             "seed": session.plan.seed, "file": session.name,
@@ -112,9 +112,10 @@ def _percentiles(values: deque[float]) -> list[float] | None:
 
 
 async def serve_experimenter(session: Session, connection: WebSocket) -> None:
-    """Serve an experimenter's page until it disconnects: take requests, send the status."""
+    """Serve an experimenter's page until it disconnects: handle requests, send the status."""
 
     async def send_status() -> None:
+        """Send the status ten times a second, with the constants the first time."""
         with contextlib.suppress(*GONE):
             whole = True
             while True:

@@ -26,8 +26,8 @@ Share = Annotated[float, Field(ge=-1, le=2)]
 Place = tuple[Share, Share]
 
 
-class Square(StrictModel):
-    """A square in a corner for a photodiode, black on even frames, white on odd ones.
+class PhotodiodeSquare(StrictModel):
+    """A square on the display for a photodiode: black on even frames, white on odd ones.
 
     size_px: its side, px of the display.
     """
@@ -37,7 +37,7 @@ class Square(StrictModel):
 
 
 class DisplayCalibration(StrictModel):
-    """The calibration of a display: size of its pixels, brightness curve, place of its picture.
+    """What was measured of a display: size of its pixels, brightness curve, place of the picture.
 
     px_per_mm: None = not measured. ratio: device px per CSS px. background: the film's empty tank,
     or one colour. gamma: what is sent (R, G, B) for each wanted level 0 … 255; None = the same.
@@ -54,13 +54,13 @@ class DisplayCalibration(StrictModel):
     background: Literal["film"] | Colour = "film"
     gamma: Annotated[tuple[Colour, ...], Field(min_length=256, max_length=256)] | None = None
     corners: tuple[Place, Place, Place, Place] | None = None
-    square: Square | None = None
+    square: PhotodiodeSquare | None = None
     scale: Annotated[float, Field(gt=0, le=1000)] | None = None
     refresh_hz: Annotated[float, Field(gt=0, le=2000)]
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
-        """Refuse corners that no projection reaches: they must turn the same way all around."""
+        """Refuse corners that no projection reaches: each must turn clockwise."""
         corners = self.corners or ()
         for number, (bx, by) in enumerate(corners):
             (ax, ay), (cx, cy) = corners[number - 1], corners[(number + 1) % 4]
@@ -105,5 +105,8 @@ def load_display(path: Path) -> DisplayCalibration:
 
 
 def save_display(path: Path, display: DisplayCalibration) -> None:
-    """Write a display's calibration as JSON, or nothing. FinloopError if the disk is full."""
+    """Write a display's calibration as JSON, completely or not at all.
+
+    FinloopError if the disk is full.
+    """
     save_bytes(path, (display.model_dump_json(indent=1) + "\n").encode())

@@ -28,9 +28,10 @@ States = NDArray[np.float32]
 
 
 def drawn_states(rows: Sequence[Any], bodies: Bodies) -> States:
-    """Return the states (fish, F) of one tick's rows, from an edit list or the live tank.
+    """Return the state (fish, F) of each fish at one tick, as the display's page draws it.
 
-    A picture that is drawn as filmed has the film's own posture; two that are cross-faded have a
+    rows: one for each fish, of an edit list or of the live tank. bodies: the film's postures. A
+    picture that is drawn as filmed has the film's own posture; two that are cross-faded have a
     mixed one, too. So both have the shape of the visible fish.
     """
     mixed = np.array([row.weight > 0 for row in rows], bool)
@@ -57,9 +58,13 @@ def drawn_states(rows: Sequence[Any], bodies: Bodies) -> States:
 
 
 def _picture_bodies(rows: Sequence[Any], bodies: Bodies, of_partner: NDArray[np.bool_]) -> Body:
-    """Return the bodies in the rows' pictures, in their partners' where `of_partner` is true."""
+    """Return the bodies of the animals in the rows' pictures.
+
+    of_partner (n,): where true, the picture to cross-fade with is meant.
+    """
 
     def column(name: str, partner: str) -> list[Any]:
+        """Return a field of each row: `name`, or `partner` where the partner's picture is meant."""
         names = [partner if chosen else name for chosen in of_partner]
         return [getattr(row, name) for row, name in zip(rows, names, strict=True)]
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from finloop.base.arrays import Picture
 from finloop.live.page import pack_message
 from finloop.stimulus.drawn import States
-from finloop.stimulus.pictures import PagePicture, named_pictures
+from finloop.stimulus.pictures import PagePicture, list_named_pictures
 
 MEMORY = 256 * 2**20  # bytes of all slots
 FEWEST, MOST = 256, 1024  # slots; WebGL 2 promises 256
@@ -29,7 +29,10 @@ EARLY_S = 0.5
 
 
 class TankCanvas(NamedTuple):
-    """The empty tank, (h, w) or (h, w, 3) uint8, and the size of the largest fish picture, px."""
+    """The picture of the empty tank, and the size of the largest picture of a fish.
+
+    floor: (h, w) or (h, w, 3) uint8. slot_width, slot_height: px.
+    """
 
     floor: Picture
     slot_width: int
@@ -37,7 +40,7 @@ class TankCanvas(NamedTuple):
 
 
 class Feed:
-    """Makes the messages to a display page, and keeps track of the pictures that the page has.
+    """Maker of the messages to a display page; it remembers which pictures the page has.
 
     facts: values of the message `hello`, of which `fish` (their number) and `rate` (ticks/s) are
     required; picture: returns a picture of the film by its row. slots: how many pictures the page
@@ -47,6 +50,7 @@ class Feed:
     def __init__(
         self, tank: TankCanvas, facts: dict[str, Any], picture: Callable[[int], PagePicture]
     ) -> None:
+        """Begin with a page that has no pictures; choose how many it shall keep."""
         self.tank, self.facts, self._picture = tank, facts, picture
         # A fish needs two pictures a tick, from sending until just after display.
         needed = round(2 * facts["fish"] * (EARLY_S * facts["rate"] + 2))
@@ -55,7 +59,7 @@ class Feed:
         self._slots: OrderedDict[int, int] = OrderedDict()  # picture: slot, the newest last
         self._last: dict[int, bytes] = {}  # rows by tick, of the last ticks
 
-    def begin(self) -> list[bytes]:
+    def opening_messages(self) -> list[bytes]:
         """Return all messages that a new page needs: hello, pictures, and the last ticks' states.
 
         They include at least one picture: with the first one the page prepares to draw, which takes
@@ -72,34 +76,37 @@ class Feed:
         pictures = [self._picture_message(number, slot) for number, slot in self._slots.items()]
         return [pack_message(hello, floor.tobytes()), *pictures, *self._last.values()]
 
-    def rows(
+    def tick_messages(
         self, seq: int, tick: int, due_s: float, states: States, cut: bool = False
     ) -> list[bytes]:
         """Return the messages of one tick's states (fish, F): missing pictures, then the states.
 
-        seq: number of the message; tick: of the trial; due_s: when to show it, session time, s;
+        seq: number of the message. tick: of the trial. due_s: session time at which to show it.
         cut: whether states that were sent for this tick and later ones are void.
         """
-        pictures = self.pictures(states)
+        pictures = self.picture_messages(states)
         facts = {"kind": "rows", "seq": seq, "tick": tick, "due": due_s, "cut": cut}
         self._last = {old: sent for old, sent in self._last.items() if tick - 64 < old < tick}
         self._last[tick] = pack_message(facts, states.tobytes())
         return [*pictures, self._last[tick]]
 
-    def frame(self, number: int, states: States) -> list[bytes]:
-        """Return the messages of a replayed frame (fish, F): missing pictures, then the states."""
-        frame = pack_message({"kind": "frame", "number": number}, states.tobytes())
-        return [*self.pictures(states), frame]
+    def frame_messages(self, number: int, states: States) -> list[bytes]:
+        """Return the messages of a replayed frame (fish, F): missing pictures, then the states.
 
-    def clear(self) -> bytes:
-        """Return the message after which the page shows no fish."""
+        number: of the frame.
+        """
+        frame = pack_message({"kind": "frame", "number": number}, states.tobytes())
+        return [*self.picture_messages(states), frame]
+
+    def clear_message(self) -> bytes:
+        """Return the message after which the page shows no fish; forget the last ticks."""
         self._last = {}
         return pack_message({"kind": "clear"})
 
-    def pictures(self, states: States) -> list[bytes]:
-        """Return messages with the pictures that states (…, F) name and the page lacks."""
+    def picture_messages(self, states: States) -> list[bytes]:
+        """Return messages with the pictures that states (…, F) name and that the page lacks."""
         messages = []
-        for number in named_pictures(states):
+        for number in list_named_pictures(states):
             if number in self._slots:
                 self._slots.move_to_end(number)
                 continue
@@ -110,6 +117,10 @@ class Feed:
         return messages
 
     def _picture_message(self, number: int, slot: int) -> bytes:
+        """Return the message with one picture of the film.
+
+        number: its row of the film. slot: where the page keeps it.
+        """
         picture = self._picture(number)
         height, width = picture.pixels.shape[:2]
         facts = {

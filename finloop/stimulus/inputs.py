@@ -32,15 +32,21 @@ Receive = Callable[[str | None, str], None]
 async def receive_datagrams(
     sock: socket.socket, kind: str, receive: Receive, token: str | None
 ) -> None:
-    """Pass the messages that arrive at a bound UDP socket on until cancelled; raise its errors.
+    """Pass on the messages that arrive at a bound UDP socket, until cancelled; raise its errors.
 
-    kind: "udp" for JSON texts, "osc" for OSC; token: what each message must show; None: nothing.
+    kind: "udp" for JSON texts, "osc" for OSC. receive: called with each text and its sender. token:
+    what each message must show; None: nothing.
     """
     failed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     class Datagrams(asyncio.DatagramProtocol):
+        """Handler of arriving datagrams; it stops the receiving if `receive` raises an error."""
+
         def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
-            texts = parse_osc(data, token) if kind == "osc" else [parse_json(data, token)]
+            """Pass on the texts of one datagram; addr: host and port of its sender."""
+            texts = (
+                parse_osc_packet(data, token) if kind == "osc" else [parse_datagram(data, token)]
+            )
             try:
                 for text in texts:
                     receive(text, f"{kind}://{addr[0]}:{addr[1]}")
@@ -57,8 +63,11 @@ async def receive_datagrams(
         transport.close()
 
 
-def parse_json(content: bytes, token: str | None) -> str | None:
-    """Return the JSON text of a datagram without its token; None if it or the token is invalid."""
+def parse_datagram(content: bytes, token: str | None) -> str | None:
+    """Return the JSON text of a datagram without its token; None if text or token is invalid.
+
+    token: what it must show; None: nothing.
+    """
     if len(content) > LONGEST:
         return None
     try:
@@ -76,13 +85,13 @@ def parse_json(content: bytes, token: str | None) -> str | None:
 
 
 def _is_token(claim: Any, token: str) -> bool:
-    """Return whether a claim is the token, in constant time."""
+    """Return whether a claim is the token, in a time that does not depend on the claim."""
     text = claim if isinstance(claim, str) else ""
     return hmac.compare_digest(text.encode(), token.encode())
 
 
-def parse_osc(content: bytes, token: str | None) -> list[str | None]:
-    """Return the JSON texts of an OSC packet, one a message, None for an invalid one.
+def parse_osc_packet(content: bytes, token: str | None) -> list[str | None]:
+    """Return the JSON texts of an OSC packet, one for each message, None for an invalid message.
 
     An invalid packet gives [None]. token: what each message must show; None: nothing.
     """
@@ -93,7 +102,7 @@ def parse_osc(content: bytes, token: str | None) -> list[str | None]:
 
 
 def _split_bundle(bundle: bytes) -> Iterator[bytes]:
-    """Yield the parts of a bundle, each preceded by its length.
+    """Yield the messages of an OSC bundle, each of which follows its length in the bundle.
 
     The library would log each part that it does not know, and descend into bundles of bundles.
     """
@@ -105,6 +114,7 @@ def _split_bundle(bundle: bytes) -> Iterator[bytes]:
 
 
 def _parse_osc_message(part: bytes, token: str | None) -> str | None:
+    """Return the JSON text of one OSC message; None if it or its token is invalid."""
     tags = part[len(ADDRESS) : part.find(b"\0", len(ADDRESS))]
     if not part.startswith(ADDRESS) or tags[:1] != b"," or not set(tags[1:]) <= _TAGS:
         return None

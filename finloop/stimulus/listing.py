@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from finloop.stimulus.order import Trial, source_trial
+from finloop.stimulus.order import Trial, find_source_trial
 from finloop.stimulus.protocol import Condition, Protocol
 
 _ORDERS = {"given": "in the order given", "shuffled": "shuffled", "blocks": "in blocks"}
@@ -12,21 +12,24 @@ _TEXT = ("condition", "motion", "look", "change")
 
 
 def list_trials(protocol: Protocol, trials: tuple[Trial, ...]) -> str:
-    """Return a text that lists a protocol's duration, requirements, conditions and trials."""
+    """Return a text that lists a protocol's duration, requirements, conditions and trials.
+
+    trials: in the order in which they are shown.
+    """
     seconds = sum(trial.seconds for trial in trials) + protocol.pause_s * (len(trials) - 1)
     waits = "" if protocol.start == "auto" else " and the waits for a start"
     return "\n".join([
         f"{protocol.name}: {len(trials)} trials, {_ORDERS[protocol.order]}; seed {protocol.seed}",
         f"{protocol.fish} fish, animated by mode matching",
         f"takes {_clock_time(seconds)}{waits}",
-        "", *(f"required: {what}" for what in requirements(protocol)),
+        "", *(f"required: {what}" for what in list_requirements(protocol)),
         "", *_condition_lines(protocol),
         "", *_trial_lines(protocol, trials),
     ])  # fmt: skip
 
 
-def requirements(protocol: Protocol) -> Iterator[str]:
-    """Yield a phrase for each requirement of a start: display, tracker, key, message, receivers."""
+def list_requirements(protocol: Protocol) -> Iterator[str]:
+    """Yield a phrase for each thing that a protocol needs, such as a display or a tracker."""
     display, animals = protocol.display, protocol.animals
     yield "a calibrated display" if display.calibrated else "any display, calibrated or not"
     if display.fish_mm is not None:
@@ -44,13 +47,13 @@ def requirements(protocol: Protocol) -> Iterator[str]:
 
 
 def _condition_lines(protocol: Protocol) -> Iterator[str]:
-    """Yield a table of the conditions, and which of them show the very same motion."""
+    """Yield the lines of a table of the conditions, and which of them show the very same motion."""
     rows, groups = [], dict[str, list[str]]()
     for name, condition in protocol.conditions.items():
         rows.append((name, f"{condition.seconds:g}", *_describe_condition(condition)))
         if condition.motion.kind not in ("rule", "again"):
             groups.setdefault(condition.motion.text, []).append(name)
-    yield from _table(("condition", "seconds", "motion", "look", "change"), rows)
+    yield from _aligned_table(("condition", "seconds", "motion", "look", "change"), rows)
     for names in groups.values():
         if len(names) > 1:
             yield f"the very same motion in each repeat: {', '.join(names)}"
@@ -89,19 +92,25 @@ def _describe_condition(condition: Condition) -> tuple[str, str, str]:
 
 
 def _trial_lines(protocol: Protocol, trials: tuple[Trial, ...]) -> Iterator[str]:
+    """Yield the lines of a table of the trials, with the times at which they begin."""
     begin, rows = 0.0, []
     for trial in trials:
-        source = source_trial(protocol, trials, trial)
+        source = find_source_trial(protocol, trials, trial)
         seed = str(trial.seed) if source is None else f"as trial {source.number}"
         numbers = str(trial.number), _clock_time(begin), str(trial.block), str(trial.repeat)
         rows.append((*numbers, trial.condition, f"{trial.seconds:g}", seed))
         begin += trial.seconds + protocol.pause_s
     when = "from" if protocol.start == "auto" else "from, at the earliest"
-    yield from _table(("trial", when, "block", "repeat", "condition", "seconds", "seed"), rows)
+    yield from _aligned_table(
+        ("trial", when, "block", "repeat", "condition", "seconds", "seed"), rows
+    )
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield the rows: words to the left, numbers to the right."""
+def _aligned_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Yield the lines of a table: words aligned to the left, numbers to the right.
+
+    head: the columns' names. rows: of texts.
+    """
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     for row in (head, *rows):
         cells = [
@@ -112,5 +121,6 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
 
 
 def _clock_time(seconds: float) -> str:
+    """Return a duration as hours:minutes:seconds."""
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes // 60}:{minutes % 60:02}:{rest:02}"

@@ -51,36 +51,38 @@ SESSION = Schema(
 
 
 class Log:
-    """Collects the entries of a session, and writes them to a journal. Any thread may add entries.
+    """Log of a session: it collects entries and writes them to a journal; any thread may add them.
 
     path: the journal's file; header: what is known when the session begins, as JSON values. trial:
     number of the trial that entries belong to; None between trials.
     """
 
     def __init__(self, path: Path, header: dict[str, Any]) -> None:
+        """Create the journal's file; FinloopError if it exists."""
         self._journal = Journal(path, SESSION, json.dumps(header))
         self._entries: list[dict[str, Any]] = []
         self._frames: list[tuple[int | None, Floats, States]] = []
         self._lock, self._keeping = threading.Lock(), threading.Lock()
         self.trial: int | None = None
 
-    def entry(self, kind: str, time_s: float, **values: Any) -> None:
-        """Add an entry of a tick, an input, a trial or an event, with columns of `SESSION` by name.
+    def add_entry(self, kind: str, time_s: float, **values: Any) -> None:
+        """Add an entry of a tick, an input, a trial or an event.
 
-        time_s: session time, s; the number of the present trial is added.
+        kind: one of these words. time_s: session time. values: columns of `SESSION` by name. The
+        number of the present trial is added.
         """
         with self._lock:
             self._entries.append({"kind": kind, "time_s": time_s, "trial": self.trial, **values})
 
-    def event(self, time_s: float, what: str, **facts: Any) -> None:
-        """Add an event at a session time, s: what happened, and facts about it, ready for JSON."""
-        self.entry("event", time_s, text=json.dumps({"what": what, **facts}))
+    def add_event(self, time_s: float, what: str, **facts: Any) -> None:
+        """Add an event: what happened at a session time [s], and facts about it, ready for JSON."""
+        self.add_entry("event", time_s, text=json.dumps({"what": what, **facts}))
 
-    def input(self, time_s: float, source: str, text: str, verdict: str) -> None:
-        """Add a tracker's message: its arrival (session time, s), sender, text and verdict."""
-        self.entry("input", time_s, source=source, text=text[:LONGEST], verdict=verdict)
+    def add_input(self, time_s: float, source: str, text: str, verdict: str) -> None:
+        """Add a tracker's message: its arrival (session time [s]), sender, text and verdict."""
+        self.add_entry("input", time_s, source=source, text=text[:LONGEST], verdict=verdict)
 
-    def frame(self, facts: Floats, drawn: States) -> None:
+    def add_frame(self, facts: Floats, drawn: States) -> None:
         """Add a displayed frame: its FRAME_FIELDS numbers, and the states (fish, F) of its fish.
 
         facts: number, intended, shown, drawn (s), seq, dropped, count of fish, digest.
@@ -88,7 +90,7 @@ class Log:
         with self._lock:
             self._frames.append((self.trial, facts, drawn))
 
-    def keep(self) -> None:
+    def write_entries(self) -> None:
         """Write all new entries to the disk; call it in a thread, as a disk may be slow."""
         with self._keeping:
             with self._lock:
@@ -105,10 +107,14 @@ class Log:
 
     def close(self) -> None:
         """Write all remaining entries, and close the journal."""
-        self.keep()
+        self.write_entries()
         self._journal.close()
 
     def _frame_rows(self, frames: list[tuple[int | None, Floats, States]]) -> pa.RecordBatch:
+        """Return the entries of displayed frames as a record batch.
+
+        frames: of each, its trial's number, its FRAME_FIELDS numbers and the states of its fish.
+        """
         number, intended, shown, drawn, seq, dropped, _, digest = np.stack(
             [facts for _, facts, _ in frames]
         ).T
@@ -119,6 +125,7 @@ class Log:
         )  # fmt: skip
 
     def _fish_rows(self, frames: list[tuple[int | None, Floats, States]]) -> list[pa.RecordBatch]:
+        """Return the entries of the fish in displayed frames as record batches."""
         counts = [len(drawn) for _, _, drawn in frames]
         if not sum(counts):
             return []
@@ -135,7 +142,10 @@ class Log:
         )]  # fmt: skip
 
     def _batch(self, rows: int, kind: str, **values: Any) -> pa.RecordBatch:
-        """Return a record batch of rows of one kind; columns without values are empty."""
+        """Return a record batch of entries of one kind; columns without values are empty.
+
+        rows: how many entries. values: of each column, by name.
+        """
         schema, arrays = self._journal.schema, []
         for field in schema:
             column = {"kind": [kind] * rows, **values}.get(field.name)
@@ -150,10 +160,10 @@ class Log:
         return pa.RecordBatch.from_arrays(arrays, schema=schema)
 
 
-def parse_frames(message: bytes, width: int) -> list[tuple[Floats, States]]:
-    """Return the displayed frames in a page's message: FRAME_FIELDS facts, states (fish, width).
+def parse_frame_records(message: bytes, width: int) -> list[tuple[Floats, States]]:
+    """Return the displayed frames in a page's message: FRAME_FIELDS numbers, and the fish's states.
 
-    width: values of a fish's state. ValueError where the message holds no such records.
+    width: how many values the state of a fish has. ValueError if the message holds no such records.
     """
     frames, at = [], 0
     while at < len(message):
@@ -171,6 +181,6 @@ def parse_frames(message: bytes, width: int) -> list[tuple[Floats, States]]:
 
 
 def digest_states(states: States) -> int:
-    """Return a digest of states of fish, a whole number of 62 bits."""
+    """Return a digest of the states of fish: a whole number of 62 bits, equal for equal states."""
     digest = hashlib.blake2b(np.ascontiguousarray(states, "<f4").tobytes(), digest_size=8)
     return int.from_bytes(digest.digest(), "little") >> 2

@@ -32,8 +32,8 @@ from finloop.stimulus.drawn import (
     drawn_states,
 )
 from finloop.stimulus.order import Trial
-from finloop.stimulus.protocol import Change, Condition, Protocol
-from finloop.stimulus.rules import rule_target
+from finloop.stimulus.protocol import Condition, MotionChange, Protocol
+from finloop.stimulus.rules import find_rule_target
 
 _REHEARSED = 200  # ticks of the rehearsal
 _STEPS = slice(PICTURE, LOOK + 1)
@@ -42,7 +42,7 @@ MODE = "matching"
 
 
 class TrialContext:
-    """What is the same in every trial of a session.
+    """What all trials of a session share: the tank, its fish in the film, and the tick rate.
 
     player: animates the fish in mode `matching`; bodies: the film's postures; mm_per_px: mm of the
     display per px of the tank's picture, if known. world: what all fish swim in; rate_hz: ticks per
@@ -51,6 +51,7 @@ class TrialContext:
     """
 
     def __init__(self, player: AnyPlayer, bodies: Bodies, mm_per_px: float | None = None) -> None:
+        """Collect what all trials share; player: of mode `matching`, bodies: of the film."""
         self.player, self.bodies, self.mm_per_px = player, bodies, mm_per_px
         self.world = player.world
         self.rate_hz = self.world.motion.rate_hz
@@ -60,14 +61,14 @@ class TrialContext:
         height, width = self.world.tank.arena.shape
         self.tank = TankGeometry(width, height, self.length_px, self.world.tank.into)
 
-    def ticks(self, seconds: float) -> int:
-        """Return a time of `seconds` as a number of ticks, at least one."""
+    def count_ticks(self, seconds: float) -> int:
+        """Return how many ticks a duration has, at least one."""
         return max(1, round(seconds * self.rate_hz))
 
 
 @dataclass(frozen=True)
 class TrialSetup:
-    """How a trial is shown: its condition, the number of fish, their look and their fading.
+    """How one trial is shown: its condition, the number of fish, their look and their fading.
 
     seed: of the motion; look: index of the look in `Protocol.looks`; fade_s: s, of fading in, and
     of fading out.
@@ -81,7 +82,7 @@ class TrialSetup:
 
     @classmethod
     def from_protocol(cls, protocol: Protocol, trial: Trial) -> "TrialSetup":
-        """Return how a trial of a protocol is shown."""
+        """Return how a trial is shown, according to its protocol."""
         condition = protocol.conditions[trial.condition]
         look = protocol.looks.index(condition.look)
         return cls(condition, protocol.fish, trial.seed, look, protocol.fade_s)
@@ -90,27 +91,30 @@ class TrialSetup:
         """Return a motion (ticks, fish, F) with the trial's look, faded in and out."""
         shown = states.copy()
         shown[..., LOOK] = self.look
-        shown[..., ALPHA] *= fade_shares(len(states), round(self.fade_s * rate_hz))[:, None]
+        shown[..., ALPHA] *= fade_opacities(len(states), round(self.fade_s * rate_hz))[:, None]
         return shown
 
 
 # --- changes of a motion
 
 
-def planned_ticks(change: Change | None, ticks: int) -> int:
-    """Return how many ticks of a motion to plan so that it lasts `ticks` ticks after its change."""
+def count_planned_ticks(change: MotionChange | None, ticks: int) -> int:
+    """Return how many ticks of a motion must be planned so that it fills a trial after its change.
+
+    ticks: of the trial.
+    """
     if change is None:
         return ticks
     return 1 if change.still else math.ceil((ticks - 1) * change.speed - 1e-9) + 1
 
 
-def apply_change(states: States, change: Change | None, ticks: int) -> States:
-    """Return a motion (n, fish, F) after a condition's change, at most `ticks` ticks.
+def apply_change(states: States, change: MotionChange | None, ticks: int) -> States:
+    """Return a motion (n, fish, F) played faster, backwards or still, at most `ticks` ticks long.
 
-    Only the first `planned_ticks` of the motion are used, also backwards. A still motion holds its
-    first state.
+    Only the first `count_planned_ticks` ticks of the motion are used, also backwards. A still
+    motion holds its first state.
     """
-    states = states[: planned_ticks(change, ticks)]
+    states = states[: count_planned_ticks(change, ticks)]
     if change is None:
         return states
     if change.still:
@@ -123,16 +127,17 @@ def apply_change(states: States, change: Change | None, ticks: int) -> States:
     return interpolate_states(states, change.speed * np.arange(count, dtype=float))[:ticks]
 
 
-def interpolate_states(states: States, at: Floats) -> States:
-    """Return the states (n, fish, F) of a motion at n times within it, in ticks from the first.
+def interpolate_states(states: States, times: Floats) -> States:
+    """Return the states (n, fish, F) of a motion at n times between its ticks.
 
-    The rules are those of the display's page: places, sizes, alpha and posture are interpolated
-    linearly, headings the shorter way; pictures, their mixture and the look are the nearer tick's.
+    times (n,): in ticks from the first. The rules are those of the display's page: places, sizes,
+    alpha and posture are interpolated linearly, headings the shorter way; pictures, their mixture
+    and the look are the nearer tick's.
     """
     last = len(states) - 1
-    at = np.clip(at, 0, last)
-    tick = at.astype(int)
-    share = (at - tick)[:, None, None]
+    times = np.clip(times, 0, last)
+    tick = times.astype(int)
+    share = (times - tick)[:, None, None]
     before, after = states[tick], states[np.minimum(tick + 1, last)]
     nearer = np.where(share < 0.5, before, after)
     step = after.astype(float) - before
@@ -144,8 +149,11 @@ def interpolate_states(states: States, at: Floats) -> States:
     return np.where(comes[..., None], nearer, mixed)
 
 
-def fade_shares(count: int, fade_ticks: int) -> NDArray[np.float32]:
-    """Return shares (count,) of alpha, tick by tick: they rise from 0 to 1, and fall at the end."""
+def fade_opacities(count: int, fade_ticks: int) -> NDArray[np.float32]:
+    """Return the opacity (count,) of each tick, which rises from 0 to 1 and falls again at the end.
+
+    fade_ticks: how long each of the two takes.
+    """
     if fade_ticks <= 0:
         return np.ones(count, np.float32)
     from_begin = np.arange(count)
@@ -159,14 +167,14 @@ def fade_shares(count: int, fade_ticks: int) -> NDArray[np.float32]:
 def plan_motion(
     scene: TrialContext, setup: TrialSetup, motions: Mapping[str, States] | None = None
 ) -> States:
-    """Return the motion (ticks, fish, F) of a trial that is known beforehand, after its change.
+    """Plan the motion (ticks, fish, F) of a trial that does not react to live animals.
 
-    Look and fading come later. motions: by condition those of its latest trial, for a trial that
-    repeats one; what was cut short keeps its last state to the end. FinloopError if fish cannot
-    follow a path.
+    The condition's change is applied, look and fading are not. motions: by condition those of its
+    latest trial, for a trial that repeats one; what was cut short keeps its last state to the end.
+    FinloopError if fish cannot follow a path.
     """
     condition = setup.condition
-    motion, ticks = condition.motion, scene.ticks(condition.seconds)
+    motion, ticks = condition.motion, scene.count_ticks(condition.seconds)
     if motion.again is not None:
         states = apply_change((motions or {})[motion.again], condition.change, ticks)
         rest = np.repeat(states[-1:], max(0, ticks - len(states)), axis=0)
@@ -184,7 +192,7 @@ def plan_motion(
     size = scene.tank.width - 1, scene.tank.height - 1
     sent = [0] * len(tank.fish)  # to how many goals; after the last one a fish wanders
     shown = [_current_states(tank, scene)]
-    for _ in range(planned_ticks(condition.change, ticks) - 1):
+    for _ in range(count_planned_ticks(condition.change, ticks) - 1):
         for number, fish in enumerate(tank.fish):
             if sent[number] < len(goals) and (fish.reached or not sent[number]):
                 x, y = goals[sent[number]]
@@ -195,10 +203,10 @@ def plan_motion(
     return apply_change(np.stack(shown), condition.change, ticks)
 
 
-def whole_motion(scene: TrialContext, protocol: Protocol, trials: Sequence[Trial]) -> States:
-    """Return the states (ticks, fish, F) of all trials and pauses, for a page that plays by itself.
+def plan_all_trials(scene: TrialContext, protocol: Protocol, trials: Sequence[Trial]) -> States:
+    """Plan the states (ticks, fish, F) of all trials and pauses, for a page that plays by itself.
 
-    FinloopError if a motion is not known beforehand.
+    FinloopError if fish react to live animals in a trial.
     """
     motions: dict[str, States] = {}
     parts: list[States] = []
@@ -217,7 +225,7 @@ def whole_motion(scene: TrialContext, protocol: Protocol, trials: Sequence[Trial
     return np.concatenate(parts)
 
 
-def rehearse(scene: TrialContext) -> None:
+def rehearse_stimulus(scene: TrialContext) -> None:
     """Let a fish swim unseen for 200 ticks, so that no trial waits for compiling or caching."""
     tank, rng = LiveTank({MODE: scene.player}, MODE, 1, 0), np.random.default_rng(0)
     for _ in range(_REHEARSED):
@@ -229,7 +237,7 @@ def rehearse(scene: TrialContext) -> None:
 
 
 def _trial_tank(scene: TrialContext, setup: TrialSetup) -> LiveTank:
-    """Return a live tank with the fish of a trial, at its first tick; FinloopError without room."""
+    """Return a live tank with the fish of a trial at its first tick; FinloopError without room."""
     tank = LiveTank({MODE: scene.player}, MODE, setup.fish, setup.seed)
     if len(tank.fish) < setup.fish:
         raise FinloopError(
@@ -241,7 +249,7 @@ def _trial_tank(scene: TrialContext, setup: TrialSetup) -> LiveTank:
 
 
 def _current_states(tank: LiveTank, scene: TrialContext) -> States:
-    """Return the states (fish, F) of all fish of a live tank at its present tick."""
+    """Return the states (fish, F) of all fish in a live tank at its present tick."""
     rows = [row for fish in tank.fish if (row := fish.row_at(tank.tick)) is not None]
     return drawn_states(rows, scene.bodies)
 
@@ -250,7 +258,7 @@ def _current_states(tank: LiveTank, scene: TrialContext) -> States:
 
 
 class ReactiveMotion:
-    """The motion of a trial whose fish react to live animals, planned tick by tick.
+    """The motion of a trial in which fish react to live animals, planned tick by tick.
 
     keeps: whether all states are kept, for a trial that repeats them; else only the last tick's.
     """
@@ -258,19 +266,20 @@ class ReactiveMotion:
     def __init__(
         self, scene: TrialContext, setup: TrialSetup, animals: LiveAnimals, keeps: bool = True
     ) -> None:
+        """Put the fish of a trial into a tank; the first tick is not planned yet."""
         rule = setup.condition.motion.rule
         assert rule is not None
         self._scene, self._setup, self._animals, self._rule = scene, setup, animals, rule
         self._tank = _trial_tank(scene, setup)
         self._targets: list[PlacePx | None] = [None] * len(self._tank.fish)
         fade = round(setup.fade_s * scene.rate_hz)
-        self._alpha = fade_shares(scene.ticks(setup.condition.seconds), fade)
+        self._alpha = fade_opacities(scene.count_ticks(setup.condition.seconds), fade)
         self._states: list[States] = []
         self._keeps = keeps
 
     @property
-    def whole(self) -> States | None:
-        """Return the motion (ticks, fish, F) so far, without fading; None before the first tick."""
+    def planned_states(self) -> States | None:
+        """Return all planned states (ticks, fish, F) without fading; None before the first."""
         if not self._states:
             return None
         states = np.stack(self._states)
@@ -278,30 +287,30 @@ class ReactiveMotion:
         return states
 
     def plan_tick(self, now_s: float) -> States:
-        """Plan the next tick at a session time, s; return the states (fish, F) of its fish."""
+        """Plan the next tick at a session time; return the states (fish, F) of the fish."""
         if self._states:
             self._send_fish(now_s)
             self._tank.advance()
         if not self._keeps:
             self._states.clear()
-        self._states.append(self._draw())
+        self._states.append(self._states_with_look())
         return self._states[-1]
 
     def replan_tick(self, now_s: float) -> States | None:
-        """Plan the last tick again at a session time, s; return its states (fish, F), or None.
+        """Plan the last tick again at a session time; return its states (fish, F), or None.
 
-        None: no fish has a new target, so nothing changes.
+        None means that no fish has a new target, so nothing changes.
         """
         numbers = self._send_fish(now_s) if self._states else []
         if not numbers:
             return None
         for number in numbers:
             self._tank.renew(number)
-        self._states[-1] = self._draw()
+        self._states[-1] = self._states_with_look()
         return self._states[-1]
 
     def _send_fish(self, now_s: float) -> list[int]:
-        """Send the fish where the rule wants them; return the numbers of those with a new target.
+        """Send each fish where its rule wants it; return the numbers of the fish with a new target.
 
         A target is new if it has moved, or if the fish has reached it and left it.
         """
@@ -311,7 +320,7 @@ class ReactiveMotion:
             row = fish.row_at(self._tank.tick)
             assert row is not None
             pose = row.x_px, row.y_px, float(np.radians(row.heading_deg))
-            target = rule_target(self._rule, pose, self._animals, now_s, self._scene.tank)
+            target = find_rule_target(self._rule, pose, self._animals, now_s, self._scene.tank)
             old = self._targets[number]
             if target is None or old is None:
                 is_new = target is not old
@@ -329,8 +338,8 @@ class ReactiveMotion:
             sent.append(number)
         return sent
 
-    def _draw(self) -> States:
-        """Return the present states with the look of the condition, fading in and out."""
+    def _states_with_look(self) -> States:
+        """Return the present states (fish, F) with the look and the fading of the trial."""
         states = _current_states(self._tank, self._scene)
         states[:, LOOK] = self._setup.look
         states[:, ALPHA] *= self._alpha[self._tank.tick]

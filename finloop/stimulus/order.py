@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from numpy.random import PCG64
 
-from finloop.stimulus.protocol import Protocol, Trigger, motion_seed
+from finloop.stimulus.protocol import Protocol, Trigger, derive_motion_seed
 
 Node = tuple[str, int]
 """A condition, and the number of its repeat from 0."""
@@ -23,7 +23,7 @@ _WORD = 2**64
 
 
 class Trial(NamedTuple):
-    """A trial: its number, its block and its condition's repeat, each counted from 1.
+    """One trial of a session: its number, its block and its condition's repeat, each from 1.
 
     condition: its name; seconds: its duration; seed: of its motion.
     """
@@ -36,8 +36,8 @@ class Trial(NamedTuple):
     seed: int
 
 
-def trials(protocol: Protocol) -> tuple[Trial, ...]:
-    """Return all trials of a protocol in the order in which they are shown."""
+def order_trials(protocol: Protocol) -> tuple[Trial, ...]:
+    """Return all trials of a protocol, in the order in which they are shown."""
     names, bits = list(protocol.conditions), PCG64(protocol.seed)
     if protocol.order == "given":
         order = names * protocol.repeats
@@ -49,13 +49,16 @@ def trials(protocol: Protocol) -> tuple[Trial, ...]:
     repeats, listed = dict.fromkeys(names, 0), []
     for number, name in enumerate(order):
         repeats[name] = repeat = repeats[name] + 1
-        seconds, seed = protocol.conditions[name].seconds, motion_seed(protocol, name, repeat)
+        seconds, seed = (
+            protocol.conditions[name].seconds,
+            derive_motion_seed(protocol, name, repeat),
+        )
         listed.append(Trial(number + 1, number // size + 1, repeat, name, seconds, seed))
     return tuple(listed)
 
 
-def source_trial(protocol: Protocol, order: tuple[Trial, ...], trial: Trial) -> Trial | None:
-    """Return the trial whose motion a trial repeats, the latest before it; None if there is none.
+def find_source_trial(protocol: Protocol, order: tuple[Trial, ...], trial: Trial) -> Trial | None:
+    """Return the trial whose motion another trial repeats: the latest before it; None if none.
 
     order: all trials, none of them skipped.
     """
@@ -64,8 +67,8 @@ def source_trial(protocol: Protocol, order: tuple[Trial, ...], trial: Trial) -> 
     return next((one for one in before if one.condition == again), None)
 
 
-def trigger_text(trigger: Trigger, trial: Trial) -> str:
-    """Return a trigger's text with the trial's number, condition, block and repeat filled in."""
+def fill_trigger_text(trigger: Trigger, trial: Trial) -> str:
+    """Return the text that a trigger sends, with facts of a trial in place of {trial} etc."""
     return trigger.text.format(
         trial=trial.number, condition=trial.condition, block=trial.block, repeat=trial.repeat,
         at=trigger.at,
@@ -73,14 +76,14 @@ def trigger_text(trigger: Trigger, trial: Trial) -> str:
 
 
 def _draw_below(bits: PCG64, most: int) -> int:
-    """Draw one of 0..most - 1, all equally likely; the same in every version of NumPy."""
+    """Draw one of 0 … most − 1, all equally likely; equal in every version of NumPy."""
     while (drawn := int(bits.random_raw())) >= _WORD - _WORD % most:
         pass
     return drawn % most
 
 
 def _predecessors(protocol: Protocol, repeats: int) -> dict[Node, Node | None]:
-    """Return for every trial the one that must come before it, if any."""
+    """Return for every trial the trial that must come before it, or None."""
     before: dict[Node, Node | None] = {}
     for name, condition in protocol.conditions.items():
         again = condition.motion.again
@@ -90,7 +93,10 @@ def _predecessors(protocol: Protocol, repeats: int) -> dict[Node, Node | None]:
 
 
 def _draw_order(before: dict[Node, Node | None], bits: PCG64) -> list[Node]:
-    """Draw a random order of all nodes of a forest, each after its predecessor."""
+    """Draw a random order of trials, each after its predecessor, if it has one.
+
+    before: the predecessor of each trial, or None. All such orders are equally likely.
+    """
     after: dict[Node | None, list[Node]] = {}
     for node, parent in before.items():
         after.setdefault(parent, []).append(node)
@@ -112,7 +118,10 @@ def _draw_order(before: dict[Node, Node | None], bits: PCG64) -> list[Node]:
 
 
 def _draw_blocks(protocol: Protocol, bits: PCG64) -> Iterator[str]:
-    """Yield block after block; only in the first one a yoked condition must wait for its source."""
+    """Yield the conditions' names block by block, in random order.
+
+    In the first block a condition that repeats another's motion comes after it.
+    """
     block = [name for name, _ in _draw_order(_predecessors(protocol, 1), bits)]
     yield from block
     for _ in range(protocol.repeats - 1):

@@ -17,7 +17,7 @@ from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
 from finloop.live.page import content_policy, pack_message
 from finloop.stimulus.drawn import POSTURE, States
-from finloop.stimulus.pictures import PagePicture, named_pictures, typical_fish
+from finloop.stimulus.pictures import PagePicture, list_named_pictures, measure_typical_fish
 
 DRAWING = ("strip.js", "shaders.js", "view.js", "draw.js", "motion.js")
 """The scripts that draw and move the fish, on both pages."""
@@ -26,29 +26,29 @@ _PLAIN: dict[str, Any] = {"as": "fish", "contrast": 1.0, "size": 1.0, "colour": 
 
 
 def join_scripts(*names: str) -> str:
-    """Return some JavaScript files of `page/`, joined to one strict script."""
-    return '"use strict";\n' + "\n".join(_read(name) for name in names)
+    """Return some JavaScript files of the folder `page`, joined to one strict script."""
+    return '"use strict";\n' + "\n".join(_read_page_file(name) for name in names)
 
 
-def display_page() -> str:
-    """Return the HTML of the page in front of the animals; a server sends its content."""
+def build_display_page() -> str:
+    """Return the HTML of the page that the live animals see; a server sends what it shows."""
     code = join_scripts(*DRAWING, "levels.js", "panel.js", "display.js")
-    return _read("display.html").replace("/*script*/", code)
+    return _read_page_file("display.html").replace("/*script*/", code)
 
 
-def experimenter_page() -> str:
+def build_experimenter_page() -> str:
     """Return the HTML of the experimenter's page."""
-    return _read("experimenter.html")
+    return _read_page_file("experimenter.html")
 
 
-def alone_page(
+def build_standalone_page(
     title: str, rate: float, floor: Picture, pictures: Mapping[int, PagePicture], motion: States,
     looks: Sequence[dict[str, Any]] = (_PLAIN,), loops: bool = True,
 ) -> str:  # fmt: skip
-    """Return the HTML of a page that plays a motion (ticks, fish, F) alone, for ever if `loops`.
+    """Return the HTML of a page that plays a motion (ticks, fish, F) without a server or a network.
 
-    rate: ticks/s; floor: the empty tank, (h, w) or (h, w, 3) uint8; pictures: all that the motion
-    names, by row of the film; looks: each as `Look.message`. It needs no server and no network.
+    rate: ticks/s. floor: the empty tank, (h, w) or (h, w, 3) uint8. pictures: all that the motion
+    names, by row of the film. looks: each as `Look.message`. loops: whether it plays for ever.
     FinloopError if a picture or all ticks are missing.
     """
     if motion.ndim != 3 or 0 in motion.shape or not np.isfinite(motion).all():
@@ -56,7 +56,7 @@ def alone_page(
             f"a motion of shape {motion.shape}", "states of ticks and fish, all of them numbers",
             "give the states of at least one tick and fish",
         )  # fmt: skip
-    if missing := [number for number in named_pictures(motion) if number not in pictures]:
+    if missing := [number for number in list_named_pictures(motion) if number not in pictures]:
         raise FinloopError(
             f"{len(missing)} pictures are missing, {missing[0]} first",
             "every picture that the motion names", "give these pictures, too",
@@ -67,7 +67,7 @@ def alone_page(
         "rate": rate, "width": width, "height": height,
         "channels": 1 if floor.ndim == 2 else floor.shape[2], "posture": motion.shape[2] - POSTURE,
         "fish": motion.shape[1], "ticks": len(motion), "looks": list(looks), "loops": loops,
-        "typical": typical_fish(pictures.values()) if pictures else None,
+        "typical": measure_typical_fish(pictures.values()) if pictures else None,
         "slot_width": max((size[1] for size in sizes), default=1),
         "slot_height": max((size[0] for size in sizes), default=1),
         "pictures": [
@@ -83,11 +83,12 @@ def alone_page(
         arrays += [np.asarray(one.posture, "<f4"), one.pixels]
     arrays.append(np.asarray(motion, "<f4"))
     data = pack_message(facts, b"".join(array.tobytes() for array in arrays))
-    page = _read("alone.html").replace("/*title*/", html.escape(title))
+    page = _read_page_file("alone.html").replace("/*title*/", html.escape(title))
     page = page.replace("/*script*/", join_scripts(*DRAWING, "alone.js"))
     page = page.replace("/*policy*/", content_policy(page, "img-src data:"))
     return page.replace("/*data*/", base64.b64encode(zlib.compress(data, 9)).decode())
 
 
-def _read(name: str) -> str:
+def _read_page_file(name: str) -> str:
+    """Return the text of a file in the folder `page`."""
     return (_FILES / name).read_text(encoding="utf-8")

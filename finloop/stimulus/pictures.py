@@ -17,10 +17,11 @@ _SMALLER = 0.75  # below this drawn size a picture is shrunk beforehand: else it
 
 
 class PagePicture(NamedTuple):
-    """A picture (h, w, 2 or 4) uint8, grey or RGB with alpha, premultiplied, and the animal in it.
+    """A picture of a fish with alpha, and where the animal is in it.
 
-    line: x, y of the mass centre (px of the picture), heading (rad), size (px); posture: of the
-    animal, as in `finloop.puppet.pose`.
+    pixels: (h, w, 2) grey or (h, w, 4) RGB, uint8, premultiplied by alpha. line: x, y of the mass
+    centre (px of the picture), heading (rad), size (px). posture: of the animal, as in
+    `finloop.puppet.pose`.
     """
 
     pixels: Picture
@@ -28,14 +29,14 @@ class PagePicture(NamedTuple):
     posture: Floats
 
 
-def named_pictures(states: States) -> list[int]:
+def list_named_pictures(states: States) -> list[int]:
     """Return the rows of the film whose pictures states (…, F) name, each once, in order."""
     numbers = np.unique(states[..., [PICTURE, PARTNER]]).astype(int).tolist()
     return [number for number in numbers if number >= 0]
 
 
-def typical_fish(pictures: Iterable[PagePicture]) -> dict[str, Any]:
-    """Return the medians, over pictures, of a fish's area and of its darkest colour.
+def measure_typical_fish(pictures: Iterable[PagePicture]) -> dict[str, Any]:
+    """Return the median area and the median darkest colour of the fish in some pictures.
 
     Dots and silhouettes share them, so that they do not flicker. area: share of the fish's squared
     size; dark: red, green, blue (0 … 255) of its darkest twentieth.
@@ -55,33 +56,36 @@ def typical_fish(pictures: Iterable[PagePicture]) -> dict[str, Any]:
 
 
 class PagePictures:
-    """The film's pictures for the display's page: a call with a row of the film returns one.
+    """The film's pictures of fish for the display's page; a call with a row loads one.
 
     shrink: drawn size / filmed size; much smaller fish get smaller pictures.
     """
 
     def __init__(self, gallery: Gallery, shrink: float = 1.0) -> None:
+        """Take the pictures of a gallery, shrunk if fish are drawn much smaller than filmed."""
         self._gallery, self._shrink = gallery, shrink if shrink < _SMALLER else 1.0
 
     @property
-    def largest(self) -> tuple[int, int]:
-        """Return the height and width, px, that no picture exceeds."""
+    def largest_px(self) -> tuple[int, int]:
+        """Return the height and width [px] of which no picture has more."""
         index = self._gallery.shelves[FRAME].store.index
         sides = [index["height_px"].max(), index["width_px"].max()]
         height, width = (int(np.ceil(side * self._shrink)) + 1 for side in sides)
         return height, width
 
-    def typical_fish(self) -> dict[str, Any]:
-        """Return the area and darkest colour of a typical fish of the film (`typical_fish`)."""
+    def measure_typical_fish(self) -> dict[str, Any]:
+        """Return area and darkest colour of a typical fish of the film (`measure_typical_fish`)."""
         count = len(self._gallery.shelves[FRAME].centres_px)
-        return typical_fish(self(number) for number in range(0, count, max(1, count // _SAMPLE)))
+        return measure_typical_fish(
+            self(number) for number in range(0, count, max(1, count // _SAMPLE))
+        )
 
     def load_pictures(self, states: States) -> dict[int, PagePicture]:
-        """Return all pictures that states (…, F) name, by their rows of the film."""
-        return {number: self(number) for number in named_pictures(states)}
+        """Load all pictures that states (…, F) name; return them by their rows of the film."""
+        return {number: self(number) for number in list_named_pictures(states)}
 
     def __call__(self, number: int) -> PagePicture:
-        """Return the picture of a row of the film. FinloopError if its file is damaged."""
+        """Load the picture in a row of the film; FinloopError if its file is damaged."""
         shelf, bodies = self._gallery.shelves[FRAME], self._gallery.bodies
         assert bodies is not None
         cutout, (x_px, y_px) = shelf.store[number], shelf.centres_px[number]
@@ -94,7 +98,7 @@ class PagePictures:
 
 
 def _shrink_picture(pixels: Picture, share: float) -> tuple[Picture, tuple[float, float]]:
-    """Return a picture (h, w, c) shrunk to a share of its size, and its exact scale in x and y."""
+    """Return a picture (h, w, c) shrunk to a share of its size, and its exact scales in x and y."""
     if share >= 1:
         return pixels, (1.0, 1.0)
     height, width = pixels.shape[:2]

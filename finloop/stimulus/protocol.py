@@ -38,12 +38,14 @@ _FIELDS_OF_RULES = {
 
 
 def _check_printable(text: str) -> str:
+    """Return a text unchanged; ValueError if it has unprintable characters or spaces around it."""
     if not text.isprintable() or text != text.strip():
         raise ValueError("should be printable text without spaces around it")
     return text
 
 
 def _check_receiver(to: str) -> str:
+    """Return a trigger's receiver unchanged; ValueError if it is not socket or udp://host:port."""
     udp = re.fullmatch(r"udp://[A-Za-z0-9.-]+:([0-9]{1,5})", to)
     if to != "socket" and not (udp and 0 < int(udp[1]) < 65_536):
         raise ValueError("should be socket, or udp://host:port")
@@ -51,7 +53,7 @@ def _check_receiver(to: str) -> str:
 
 
 def _browser_key(name: str) -> str:
-    """Return the browser's name of a key; a name of the browser stays."""
+    """Return the browser's name of a key, such as " " for space; ValueError if unknown."""
     key = KEYS.get(name, name)
     if key not in KEYS.values() and (len(key) != 1 or not key.isprintable()):
         raise ValueError(f"should be {', '.join(KEYS)}, or one character")
@@ -59,6 +61,7 @@ def _browser_key(name: str) -> str:
 
 
 def _check_template(text: str) -> str:
+    """Return a trigger's text unchanged; ValueError if it has unknown names in braces."""
     try:
         parts = list(Formatter().parse(text))
     except ValueError:
@@ -77,7 +80,7 @@ Level = Annotated[int, Field(ge=0, le=255)]
 
 
 class RuleSpec(StrictModel):
-    """How the fish react to a live animal."""
+    """The rule by which the fish react to a live animal."""
 
     rule: Literal["approach", "keep distance", "follow", "lead", "avoid", "copy", "mirror"]
     """approach: to the animal; keep distance: at `distance` from it, on the line from it to the
@@ -97,7 +100,7 @@ class RuleSpec(StrictModel):
 
     @model_validator(mode="after")
     def _refuse_unused_values(self) -> "RuleSpec":
-        """Refuse a value that the rule does not use: the user would expect an effect."""
+        """Refuse a value that the rule does not use, as the user would expect an effect."""
         for name, rules in _FIELDS_OF_RULES.items():
             given = getattr(self, name) != RuleSpec.model_fields[name].default
             if given and self.rule not in rules:
@@ -106,7 +109,7 @@ class RuleSpec(StrictModel):
 
 
 class Motion(StrictModel):
-    """What the fish do: exactly one of these fields is given."""
+    """What the fish do in a condition; exactly one of these fields is given."""
 
     goal: Place | None = None
     """All fish swim to one goal, then wander: x, y, shares (0..1) of the tank's width and height
@@ -128,6 +131,7 @@ class Motion(StrictModel):
 
     @model_validator(mode="after")
     def _check_one_motion(self) -> "Motion":
+        """Refuse a motion with no field or with several."""
         if len(self._kinds) != 1:
             raise ValueError(
                 f"should be exactly one of {', '.join(Motion.model_fields)}; "
@@ -137,27 +141,28 @@ class Motion(StrictModel):
 
     @property
     def _kinds(self) -> list[str]:
+        """Return the names of the fields that are given."""
         return [name for name in Motion.model_fields if getattr(self, name) is not None]
 
     @property
     def file(self) -> Path:
-        """Return the path's file, in the protocol's folder."""
+        """Return the file of the path to follow, in the protocol's folder."""
         return self._folder / (self.path or "")
 
     @property
     def kind(self) -> str:
-        """Return the name of the one field that is given."""
+        """Return the name of the only field that is given."""
         return self._kinds[0]
 
     @property
     def text(self) -> str:
-        """Return the motion as JSON text, the same for motions that are the same."""
+        """Return the motion as JSON text, equal for equal motions."""
         values = self.model_dump(mode="json", exclude_defaults=True)
         return json.dumps(values, sort_keys=True, separators=(",", ":"))
 
 
 class Look(StrictModel):
-    """How a fish is drawn; its motion stays the same."""
+    """How a fish is drawn; its motion does not depend on it."""
 
     shape: Literal["fish", "dot", "silhouette"] = Field(default="fish", alias="as")
     """The fish as filmed, a dot of the fish's area, or the fish's outline, filled."""
@@ -170,6 +175,7 @@ class Look(StrictModel):
 
     @model_validator(mode="after")
     def _check_colour(self) -> "Look":
+        """Refuse a colour for a fish that is drawn as filmed."""
         if self.colour is not None and self.shape == "fish":
             raise ValueError("colour is of a dot or a silhouette; a fish has its own")
         return self
@@ -180,8 +186,8 @@ class Look(StrictModel):
         return self.model_dump(mode="json", by_alias=True)
 
 
-class Change(StrictModel):
-    """A change of a motion that is known before it is shown."""
+class MotionChange(StrictModel):
+    """How a motion is changed before it is shown: faster, backwards or still."""
 
     speed: Annotated[float, Field(ge=0.1, le=8)] = 1.0
     """0.1..8 times as fast."""
@@ -191,7 +197,8 @@ class Change(StrictModel):
     """The first moment is held."""
 
     @model_validator(mode="after")
-    def _check_movement(self) -> "Change":
+    def _check_movement(self) -> "MotionChange":
+        """Refuse a still motion that has a speed or a direction."""
         if self.still and (self.reversed or self.speed != 1):
             raise ValueError("what is still has no speed and no direction; leave out one of them")
         return self
@@ -207,11 +214,11 @@ class Condition(StrictModel):
     """What the fish do."""
     look: Look = Look()
     """How the fish are drawn."""
-    change: Change | None = None
+    change: MotionChange | None = None
     """The change of the motion; null: none."""
 
 
-class Display(StrictModel):
+class DisplayRequirements(StrictModel):
     """What a protocol requires of the display."""
 
     fish_mm: Annotated[float, Field(gt=0, le=10_000)] | None = None
@@ -220,14 +227,14 @@ class Display(StrictModel):
     """Whether the display must be calibrated."""
 
 
-class Animals(TrackerSettings):
+class AnimalSettings(TrackerSettings):
     """Live animals reported by a tracker: its unit, y axis, points, and when an animal is lost."""
 
     gap_s: Annotated[float, Field(gt=0, le=60)] = 0.5
     """An animal without messages for this time, s, above 0..60, is lost."""
 
 
-class Start(StrictModel):
+class TrialStart(StrictModel):
     """What starts a trial that does not start by itself: a key, or a message."""
 
     key: Annotated[str, AfterValidator(_browser_key)] | None = None
@@ -236,7 +243,8 @@ class Start(StrictModel):
     """The name of a message of the network, {"do":"trigger","name":…}: up to 80 characters."""
 
     @model_validator(mode="after")
-    def _check_one_start(self) -> "Start":
+    def _check_one_start(self) -> "TrialStart":
+        """Refuse a start with both or neither of key and message."""
         if (self.key is None) == (self.message is None):
             raise ValueError("should be exactly one of key, message")
         return self
@@ -254,7 +262,7 @@ class Trigger(StrictModel):
 
 
 class Protocol(StrictModel):
-    """All that is shown, and in which order. Made by `load_protocol` or `parse_protocol`."""
+    """All that a session shows, and in which order; it is read by `load_protocol`."""
 
     version: Literal[1]
     """Version of this format: 1."""
@@ -264,9 +272,9 @@ class Protocol(StrictModel):
     """Seed of the order and of all motions: 0..2^53 - 1."""
     fish: Annotated[int, Field(ge=1, le=MOST_FISH)] = 1
     """How many fish are shown: 1..64."""
-    display: Display = Display()
+    display: DisplayRequirements = DisplayRequirements()
     """Requirements of the display."""
-    animals: Animals | None = None
+    animals: AnimalSettings | None = None
     """Live animals; null: there are none, and no rule towards one."""
     pause_s: Annotated[float, Field(ge=0, le=86_400)] = 0.0
     """Between two trials, s, 0..86400: the empty tank."""
@@ -276,7 +284,7 @@ class Protocol(StrictModel):
     """Order of the trials: as listed, again and again; all shuffled; or in blocks, each with every
     condition once, shuffled, and none twice in a row."""
     start: Annotated[
-        Annotated[Literal["auto"], Tag("auto")] | Annotated[Start, Tag("wait")],
+        Annotated[Literal["auto"], Tag("auto")] | Annotated[TrialStart, Tag("wait")],
         Discriminator(lambda start: "auto" if isinstance(start, str) else "wait"),
     ] = "auto"
     """What starts each trial: auto, after the pause; {key: space}; or {message: its name}."""
@@ -299,17 +307,18 @@ class Protocol(StrictModel):
 
     @property
     def looks(self) -> list[Look]:
-        """Return all looks of the conditions, each once; a state names a look by its index."""
+        """Return all different looks of the conditions; a state names its look by its index."""
         looks: list[Look] = []
         for condition in self.conditions.values():
             looks += [condition.look] * (condition.look not in looks)
         return looks
 
 
-def motion_seed(protocol: Protocol, condition: str, repeat: int) -> int:
-    """Return the seed (53 bits) of a trial's motion, from protocol seed, motion and repeat.
+def derive_motion_seed(protocol: Protocol, condition: str, repeat: int) -> int:
+    """Return the seed (53 bits) of a trial's motion.
 
-    condition: its name; repeat: of the condition, from 1.
+    condition: its name; repeat: of the condition, from 1. Conditions with equal motions have equal
+    seeds.
     """
     motion = protocol.conditions[condition].motion.text
     text = json.dumps([protocol.seed, motion, repeat])

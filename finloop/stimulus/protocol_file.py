@@ -20,18 +20,18 @@ from yaml.nodes import MappingNode, Node, ScalarNode
 from finloop.base.errors import FinloopError
 from finloop.stimulus.protocol import (
     MOST_TRIALS,
-    Animals,
-    Change,
+    AnimalSettings,
     Condition,
-    Display,
+    DisplayRequirements,
     Look,
     Motion,
+    MotionChange,
     Protocol,
     RuleSpec,
-    Start,
+    TrialStart,
     Trigger,
 )
-from finloop.stimulus.tracker import Pair, fit_calibration
+from finloop.stimulus.tracker import PointPair, fit_calibration
 
 MOST_BYTES = 1_000_000
 MOST_FISH_SECONDS = 100_000
@@ -44,8 +44,9 @@ _WHOLE = re.compile(r"[-+]?(0|[1-9][0-9]{0,400})")
 _REAL = re.compile(r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=[eE]))([eE][-+]?[0-9]+)?")
 _CONSTANTS = {"": None, "~": None, "null": None, "true": True, "false": False}
 _MODELS: dict[str | int, type[BaseModel]] = {
-    "display": Display, "animals": Animals, "start": Start, "triggers": Trigger,
-    "points": Pair, "motion": Motion, "rule": RuleSpec, "look": Look, "change": Change,
+    "display": DisplayRequirements, "animals": AnimalSettings, "start": TrialStart,
+    "triggers": Trigger, "points": PointPair, "motion": Motion, "rule": RuleSpec, "look": Look,
+    "change": MotionChange,
 }  # fmt: skip
 _HARMLESS = {"version": 1, "name": "-", "seed": 0, "fish": 2, "animals": {}, "order": "shuffled"}
 """Values in place of wrong ones; they contradict nothing."""
@@ -66,7 +67,7 @@ Problem = tuple[Place, str]
 
 
 def load_protocol(path: Path) -> Protocol:
-    """Read a protocol from a YAML file; FinloopError lists all that is wrong, line by line."""
+    """Read a protocol from a YAML file; FinloopError lists all problems, line by line."""
     try:
         with path.open("rb") as file:
             raw = file.read(MOST_BYTES + 1)
@@ -95,7 +96,7 @@ def load_protocol(path: Path) -> Protocol:
 
 
 def parse_protocol(values: Mapping[str, Any], folder: Path = Path()) -> Protocol:
-    """Return the protocol with the values of a YAML file; FinloopError lists all that is wrong.
+    """Return the protocol that the values of a YAML file describe; FinloopError lists all problems.
 
     folder: where its relative paths begin.
     """
@@ -107,6 +108,7 @@ def parse_protocol(values: Mapping[str, Any], folder: Path = Path()) -> Protocol
 
 
 def _protocol_error(name: str, problems: list[str]) -> FinloopError:
+    """Return the error that lists all problems of a protocol; name: of its file."""
     return FinloopError(
         f"{name} is no protocol:\n    " + "\n    ".join(problems),
         "a protocol as in docs/stimulus.md; examples/protocol.yaml is one",
@@ -118,7 +120,7 @@ def _protocol_error(name: str, problems: list[str]) -> FinloopError:
 
 
 class YamlText(NamedTuple):
-    """The content of a YAML text: its values, the line of each, and what is wrong.
+    """What a YAML text holds: its values, the line of each, and its problems.
 
     values: None where the text cannot be read at all; lines: number of the line, from 1, of each
     key and entry; problems: a sentence each, with its line.
@@ -129,18 +131,18 @@ class YamlText(NamedTuple):
     problems: list[str]
 
     def line(self, place: Place) -> int:
-        """Return the number of the line of a place, or of the nearest enclosing one."""
+        """Return the line of a place in the values, or of the nearest place around it, from 1."""
         while place and place not in self.lines:
             place = place[:-1]
         return self.lines.get(place, 1)
 
 
-class _TooMuch(Exception):
-    """Too many values, or nested too deeply."""
+class _YamlTooLarge(Exception):
+    """Error of a YAML text that has too many values, or nests them too deeply."""
 
 
 def read_yaml(text: str) -> YamlText:
-    """Return the values of a YAML text, the line of each, and all problems."""
+    """Read a YAML text: its values, the line of each, and all problems."""
     reader = _YamlReader()
     try:
         root = yaml.compose(text, yaml.BaseLoader)
@@ -153,7 +155,7 @@ def read_yaml(text: str) -> YamlText:
         problem = f"{place}no YAML: {', '.join(filter(None, (error.context, error.problem)))}"
     except yaml.YAMLError as error:  # a character that is not allowed
         problem = f"no YAML: {' '.join(str(error).split())}"
-    except _TooMuch as error:
+    except _YamlTooLarge as error:
         problem = str(error)
     except RecursionError:
         problem = "it is nested too deeply"
@@ -161,19 +163,23 @@ def read_yaml(text: str) -> YamlText:
 
 
 class _YamlReader:
+    """Converter of parsed YAML to values; it collects the line of each value, and all problems."""
+
     def __init__(self) -> None:
+        """Begin without lines and problems."""
         self.lines: dict[Place, int] = {}
         self.problems: list[str] = []
         self._left = _MOST_VALUES
 
     def read_node(self, node: Node, place: Place) -> Any:
+        """Return the value of a YAML node; place: where it is in the whole text."""
         line = node.start_mark.line + 1
         self.lines.setdefault(place, line)
         self._left -= 1
         if self._left < 0:
-            raise _TooMuch(f"more than {_MOST_VALUES} values, anchors written out")
+            raise _YamlTooLarge(f"more than {_MOST_VALUES} values, anchors written out")
         if len(place) > _DEEPEST:
-            raise _TooMuch(f"line {line}: nested too deeply, or an anchor within itself")
+            raise _YamlTooLarge(f"line {line}: nested too deeply, or an anchor within itself")
         if node.tag not in _TAGS:
             self.problems.append(f"line {line}: the tag {node.tag} is not known here")
         if isinstance(node, ScalarNode):
@@ -183,6 +189,7 @@ class _YamlReader:
         return [self.read_node(one, (*place, number)) for number, one in enumerate(node.value)]
 
     def _read_mapping(self, node: MappingNode, place: Place) -> dict[str, Any]:
+        """Return the values of a YAML mapping by key; keys that are refused become problems."""
         values: dict[str, Any] = {}
         for key, value in node.value:
             line = key.start_mark.line + 1
@@ -200,7 +207,7 @@ class _YamlReader:
 
 
 def _scalar_value(text: str) -> Any:
-    """Return the null, truth value, number or text that an unquoted scalar is."""
+    """Return what an unquoted YAML word means: null, true, false, a number, or text."""
     if text.lower() in _CONSTANTS:
         return _CONSTANTS[text.lower()]
     if _WHOLE.fullmatch(text):
@@ -212,27 +219,31 @@ def _scalar_value(text: str) -> Any:
 
 
 def _check_values(values: Any, folder: Path) -> tuple[Protocol | None, list[Problem]]:
-    """Return the protocol, None where types are wrong, and every problem with its place."""
+    """Return the protocol in values, or None, and all problems with their places.
+
+    The protocol is None if types are wrong. folder: where relative paths begin.
+    """
     protocol, problems = None, list[Problem]()
     try:
-        protocol = _validate(values)
+        protocol = _build_protocol(values)
     except ValidationError as error:
         problems = [_type_problem(dict(detail)) for detail in error.errors(include_url=False)]
     # The valid parts are checked for contradictions, whatever is wrong elsewhere.
-    sound = protocol or _valid_part(values, [place for place, _ in problems])
+    sound = protocol or _keep_valid_parts(values, [place for place, _ in problems])
     if sound is not None:
         for condition in sound.conditions.values():
             condition.motion._folder = folder
-        problems += _contradictions(sound, list(values["conditions"]))
+        problems += _find_contradictions(sound, list(values["conditions"]))
     return protocol, problems
 
 
-def _validate(values: Any) -> Protocol:
+def _build_protocol(values: Any) -> Protocol:
+    """Return the protocol in values; ValidationError if types are wrong."""
     return Protocol.model_validate_json(json.dumps(values))
 
 
-def _valid_part(values: Any, wrong_places: list[Place]) -> Protocol | None:
-    """Return a protocol without what is wrong at some places; None where nothing is left."""
+def _keep_valid_parts(values: Any, wrong_places: list[Place]) -> Protocol | None:
+    """Return a protocol without its wrong parts, to check the others; None if nothing is left."""
     if not isinstance(values, dict) or not isinstance(values.get("conditions"), dict):
         return None
     wrong = {place[0] for place in wrong_places if place}
@@ -242,13 +253,13 @@ def _valid_part(values: Any, wrong_places: list[Place]) -> Protocol | None:
     conditions = values["conditions"].items()
     kept["conditions"] = {name: condition for name, condition in conditions if name not in bad}
     try:
-        return _validate(kept)
+        return _build_protocol(kept)
     except ValidationError:
         return None
 
 
 def _type_problem(detail: dict[str, Any]) -> Problem:
-    """Return a complaint of pydantic in plain words, with its place."""
+    """Return a complaint of pydantic in plain words, with its place in the protocol."""
     place: Place = tuple(step for step in detail["loc"] if step != "[key]")
     if place[:1] == ("start",):
         place = place[:1] + place[2:]  # without the name of the alternative
@@ -270,6 +281,7 @@ def _type_problem(detail: dict[str, Any]) -> Problem:
 
 
 def _enclosing_model(place: Place) -> type[BaseModel]:
+    """Return the class that describes the group of keys around a place in a protocol."""
     if place[0] == "conditions" and len(place) == 3:
         return Condition
     around = [step for step in place[:-1] if step in _MODELS]
@@ -277,6 +289,7 @@ def _enclosing_model(place: Place) -> type[BaseModel]:
 
 
 def _format_problem(place: Place, what: str) -> str:
+    """Return a problem as text, such as "conditions.a.seconds: has no value"."""
     where = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
     return f"{where.removeprefix('.')}: {what}" if where else what
 
@@ -284,8 +297,8 @@ def _format_problem(place: Place, what: str) -> str:
 # --- contradictions
 
 
-def _contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
-    """Yield the place and a description of each problem between fields that are valid alone.
+def _find_contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
+    """Yield the problems between fields of a protocol that are valid alone, with their places.
 
     names: of all conditions of the file, valid or not.
     """
@@ -311,7 +324,7 @@ def _contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
 
 def _motion_problems(protocol: Protocol, condition: Condition) -> Iterator[Problem]:
     """Yield the problems of a condition's motion, at places within the condition."""
-    motion, change = condition.motion, condition.change or Change()
+    motion, change = condition.motion, condition.change or MotionChange()
     fish_seconds = 0 if change.still else protocol.fish * condition.seconds * change.speed
     if motion.rule is not None:
         if protocol.animals is None:
@@ -332,6 +345,7 @@ def _motion_problems(protocol: Protocol, condition: Condition) -> Iterator[Probl
 
 
 def _is_file(path: Path) -> bool:
+    """Return whether a file exists; a name that is too long for the disk names none."""
     try:
         return path.is_file()
     except OSError:  # a name too long for the disk
@@ -339,7 +353,10 @@ def _is_file(path: Path) -> bool:
 
 
 def _repeat_problems(protocol: Protocol, names: list[str], name: str) -> Iterator[Problem]:
-    """Yield the problems of a condition that repeats the motion of another one (yoked)."""
+    """Yield the problems of a condition that repeats another one's motion (yoked).
+
+    names: of all conditions of the file. name: of this condition.
+    """
     condition = protocol.conditions[name]
     source = condition.motion.again or ""
     if source not in names:
@@ -359,7 +376,7 @@ def _repeat_problems(protocol: Protocol, names: list[str], name: str) -> Iterato
     if protocol.order == "given" and names.index(source) > names.index(name):
         what = f"comes before {source} in the order given; list it after, or shuffle"
         yield ("motion", "again"), what
-    repeated, change = protocol.conditions.get(source), condition.change or Change()
+    repeated, change = protocol.conditions.get(source), condition.change or MotionChange()
     wanted = 0.0 if change.still else condition.seconds * change.speed
     if repeated is not None and wanted > repeated.seconds:
         what = f"takes {wanted:g} s of the motion of {source}, which lasts {repeated.seconds:g} s"

@@ -22,11 +22,11 @@ NAME = "recorded"
 
 
 class ConnectionFaults(NamedTuple):
-    """The faults of a tracker's connection.
+    """Faults of a tracker's connection that a rehearsal imitates.
 
-    loss: share of the messages that never arrive, 0..1; jitter_s: the largest delay of the others,
-    which may overtake each other; gap_s: silence of the tracker after every `every_s` of the track;
-    seed: of the random choices.
+    loss: share of the messages that never arrive, 0..1. jitter_s: the largest delay of the others,
+    which may overtake each other. gap_s: silence of the tracker after every `every_s` seconds of
+    the track. seed: of the random choices.
     """
 
     loss: float = 0.0
@@ -39,16 +39,16 @@ class ConnectionFaults(NamedTuple):
 NO_FAULTS = ConnectionFaults()
 
 
-def track_messages(
+def imitate_tracker(
     line: Line, rate_hz: float | None, tank: TankGeometry,
     faults: ConnectionFaults = NO_FAULTS, calibration: Calibration = PX,
     mm_per_px: float | None = None,
 ) -> Iterator[tuple[float, str]]:  # fmt: skip
-    """Yield a tracker's messages about a recorded track: arrival (s from its beginning), JSON text.
+    """Yield the messages that a tracker would send about a recorded track, in order of arrival.
 
-    They come in order of arrival. line: places with times; rate_hz: messages per second, None: one
-    at each time of the line; calibration: of the imitated tracker. FinloopError if the line has no
-    times, or is in mm and the film's scale is not known.
+    Each is (arrival in s from the track's beginning, JSON text). line: places with times. rate_hz:
+    messages per second, None: one at each time of the line. calibration: of the imitated tracker.
+    FinloopError if the line has no times, or is in mm and the film's scale is not known.
     """
     time_s, track = _sample_track(line, rate_hz, _unit_px(line, tank, mm_per_px))
     rng = np.random.default_rng(faults.seed)
@@ -59,7 +59,7 @@ def track_messages(
         if lost[number]:
             continue
         x, y, heading = track[number].tolist()
-        place = calibration.to_tracker(x, y, math.radians(heading))
+        place = calibration.map_to_tracker(x, y, math.radians(heading))
         facts = {"t": float(time_s[number]), "id": NAME}
         facts |= dict(zip(("x", "y", "heading"), place, strict=True))
         known = {name: fact for name, fact in facts.items() if fact == fact}  # no NaN
@@ -67,7 +67,7 @@ def track_messages(
 
 
 def _unit_px(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[float, float]:
-    """Return how many px of the tank's picture the line's unit is, along x and along y."""
+    """Return the size [px of the tank's picture] of a line's unit, along x and along y."""
     if line.unit == TANK:
         return tank.width - 1, tank.height - 1
     if line.unit != MM:
@@ -82,9 +82,13 @@ def _unit_px(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[f
 
 
 def _sample_track(
-    line: Line, rate_hz: float | None, px: tuple[float, float]
+    line: Line, rate_hz: float | None, unit_px: tuple[float, float]
 ) -> tuple[Floats, Floats]:
-    """Return times from 0 on, and at each x, y in px, heading_deg (n, 3), which may be NaN."""
+    """Return times (n,) from 0 on, and rows (n, 3) of x, y [px] and heading [degrees or NaN].
+
+    rate_hz: samples per second, None: the line's own times. unit_px: size of its unit along x and
+    y.
+    """
     if line.time_s is None:
         raise FinloopError(
             f"{line.name} has no times",
@@ -93,7 +97,9 @@ def _sample_track(
         )
     time_s = line.time_s - line.time_s[0]
     heading = np.full(len(time_s), np.nan) if line.heading_deg is None else line.heading_deg
-    track = np.column_stack([line.x * px[0], line.y * px[1], np.unwrap(heading, period=360)])
+    track = np.column_stack(
+        [line.x * unit_px[0], line.y * unit_px[1], np.unwrap(heading, period=360)]
+    )
     if rate_hz is None:
         return time_s, track
     ticks = np.arange(int(time_s[-1] * rate_hz + 1e-6) + 1) / rate_hz
@@ -101,7 +107,7 @@ def _sample_track(
 
 
 def repeat_messages(messages: list[tuple[float, str]]) -> Iterator[tuple[float, str]]:
-    """Yield a track's messages (arrival in s, JSON text) for ever, a second between rounds."""
+    """Yield a track's messages (arrival in s, JSON text) for ever, with a second between rounds."""
     begin = 0.0
     while messages:
         for due, text in messages:
@@ -118,16 +124,17 @@ class DryClock:
     """
 
     def __init__(self, messages: Iterable[tuple[float, str]] = ()) -> None:
+        """Begin at time 0."""
         self._now, self._messages = 0.0, iter(messages)
         self._next = next(self._messages, None)
         self.receive: Callable[[str, str], Any] = lambda text, source: None
 
     def read_time(self) -> float:
-        """Return the present time, s."""
+        """Return the present session time, s."""
         return self._now
 
-    async def until(self, time_s: float) -> None:
-        """Pass on the messages that are due until a time, s, and set the clock to it."""
+    async def wait_until(self, time_s: float) -> None:
+        """Set the clock to a session time, s, and pass on the messages that are due until then."""
         while self._next is not None and self._next[0] <= time_s:
             due, text = self._next
             self._next = next(self._messages, None)

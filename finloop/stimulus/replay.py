@@ -26,27 +26,29 @@ _WANTED = "the .parquet file of a session, whole, of this version"
 
 
 @dataclass(frozen=True)
-class Record:
-    """A session's Parquet file, and its header: what was known when the session began."""
+class SessionRecord:
+    """A session's Parquet file, with its header: what was known when the session began."""
 
     path: Path
     header: dict[str, Any]
 
-    @property
-    def file(self) -> pq.ParquetFile:
-        """Open the session's Parquet file once more and return it."""
+    def open_file(self) -> pq.ParquetFile:
+        """Open the session's Parquet file and return it."""
         return pq.ParquetFile(self.path)
 
-    def rows(self, *kinds: str) -> Iterator[dict[str, Any]]:
-        """Yield all rows of these kinds in the log's order, as dicts without the states of fish."""
+    def read_rows(self, *kinds: str) -> Iterator[dict[str, Any]]:
+        """Yield the log's rows of some kinds in order, as dictionaries without fish states."""
         names = [name for name in SESSION.names if name not in (*FIELDS, "posture")]
-        for part in self.file.iter_batches(columns=names):
+        for part in self.open_file().iter_batches(columns=names):
             kept = part.filter(pc.is_in(part["kind"], pa.array(kinds)))
             yield from kept.to_pylist()
 
 
-def open_record(path: Path) -> Record:
-    """Open a session's Parquet file. FinloopError if it is none, cut off, or of another version."""
+def open_session_record(path: Path) -> SessionRecord:
+    """Open a session's Parquet file and read its header.
+
+    FinloopError if it is none, cut off, or of another version.
+    """
     try:
         file = pq.ParquetFile(path)
     except (OSError, pa.ArrowException) as error:
@@ -65,13 +67,13 @@ def open_record(path: Path) -> Record:
             f"one of format {FORMAT}",
             "show it again with the version of finloop that made it",
         )
-    return Record(path, header)
+    return SessionRecord(path, header)
 
 
-class Frame(NamedTuple):
-    """A displayed frame: number, session time (s) when shown, digest of its pixels, its fish.
+class DisplayedFrame(NamedTuple):
+    """A displayed frame: its number, when it was shown, and the states (fish, F) of its fish.
 
-    states: (fish, F).
+    shown_s: session time. digest: of its pixels.
     """
 
     number: int
@@ -80,18 +82,18 @@ class Frame(NamedTuple):
     states: States
 
 
-def recorded_frames(record: Record) -> Iterator[Frame]:
+def read_displayed_frames(record: SessionRecord) -> Iterator[DisplayedFrame]:
     """Yield every displayed frame of a session, with the states of its fish."""
     columns = ["kind", "time_s", "number", "digest", "fish", *FIELDS, "posture"]
     heads: list[tuple[int, float, int]] = []
     fish: dict[int, list[States]] = {}
-    for part in chain(record.file.iter_batches(columns=columns), [None]):
+    for part in chain(record.open_file().iter_batches(columns=columns), [None]):
         if part is not None:
             for number, state in _fish_states(part):
                 fish.setdefault(number, []).append(state)
         for head in heads:  # the fish of a frame are in its own part, or in the next one
             states = fish.pop(head[0], [])
-            yield Frame(*head, np.stack(states) if states else _NO_FISH)
+            yield DisplayedFrame(*head, np.stack(states) if states else _NO_FISH)
         if part is not None:
             frames = part.filter(pc.equal(part["kind"], "frame"))
             values = [frames[name].to_pylist() for name in ("number", "time_s", "digest")]
@@ -99,7 +101,7 @@ def recorded_frames(record: Record) -> Iterator[Frame]:
 
 
 def _fish_states(part: pa.RecordBatch) -> Iterator[tuple[int, States]]:
-    """Yield the states (F,) of fish in a part of the table, with the numbers of their frames."""
+    """Yield (number of its frame, state (F,)) of each fish in a part of the table."""
     rows = part.filter(pc.equal(part["kind"], "fish"))
     if not rows.num_rows:
         return
@@ -113,14 +115,14 @@ def _fish_states(part: pa.RecordBatch) -> Iterator[tuple[int, States]]:
 
 
 class ReplanResult(NamedTuple):
-    """The result of planning a session again: how many ticks were planned, and how many differ."""
+    """How many ticks of a session were planned again, and how many of them differ from its log."""
 
     ticks: int
     different: int
 
 
-def plan_again(record: Record, scene: TrialContext, protocol: Protocol) -> ReplanResult:
-    """Plan a session again from its logged inputs; return how many ticks differ from the log's.
+def replan_session(record: SessionRecord, scene: TrialContext, protocol: Protocol) -> ReplanResult:
+    """Plan a session again from its logged inputs; return how many ticks differ from its log.
 
     scene: of the same film and parameters; protocol: the one in the session's header.
     """
@@ -130,7 +132,7 @@ def plan_again(record: Record, scene: TrialContext, protocol: Protocol) -> Repla
     known: States | None = None  # states of a motion that is known beforehand
     anew: States | None = None  # the last tick, planned again as an animal had moved
     ticks = different = 0
-    for row in record.rows("trial", "tick", "input"):
+    for row in record.read_rows("trial", "tick", "input"):
         if row["kind"] == "trial":
             facts = json.loads(row["text"])
             if facts["what"] == "start":
@@ -143,12 +145,12 @@ def plan_again(record: Record, scene: TrialContext, protocol: Protocol) -> Repla
                     motion = motions[trial.condition] = plan_motion(scene, setup, motions)
                     known = setup.apply_look_and_fade(motion, scene.rate_hz)
             elif reaction is not None:
-                if (whole := reaction.whole) is not None:
+                if (whole := reaction.planned_states) is not None:
                     motions[facts["condition"]] = whole
                 reaction = None
         elif row["kind"] == "input":
             if row["verdict"] != "malformed":
-                verdicts = animals.receive(row["text"], row["source"], row["time_s"])
+                verdicts = animals.receive_message(row["text"], row["source"], row["time_s"])
                 if reaction is not None and not set(TAKEN).isdisjoint(verdicts):
                     anew = reaction.replan_tick(row["time_s"])
         else:

@@ -20,12 +20,13 @@ _TURN_COST = 0.05  # of a turn by half a circle, as a share of the animal's dist
 _LEAST_PX = 1e-6  # between two places; nearer ones have no direction
 
 
-def rule_target(
+def find_rule_target(
     rule: RuleSpec, fish: Pose, animals: LiveAnimals, now_s: float, tank: TankGeometry
 ) -> PlacePx | None:
-    """Return the place (x, y px) that a rule sends a fish to; None: the fish wanders.
+    """Return the place (x, y px) to which a rule sends a fish; None: the fish wanders.
 
-    It wanders without an animal, and in the rule `avoid` also far from it. now_s: session time, s.
+    fish: x, y [px] and heading [rad] of it. It wanders without an animal, and in the rule `avoid`
+    also far from it. now_s: session time.
     """
     named = [one for one in animals.present_animals(now_s) if rule.animal in (NEAREST, one.id)]
     if not named:
@@ -37,12 +38,12 @@ def rule_target(
         case "approach":
             return tank.into(*place)
         case "copy":
-            past = animals.past(animal.id, now_s - rule.delay_s)
+            past = animals.find_past_place(animal.id, now_s - rule.delay_s)
             return None if past is None else tank.into(*past)
         case "mirror":
             return tank.into(*mirror_place(place, rule.axis, tank))
         case "avoid":
-            return _escape(fish, place, distance_px, tank)
+            return _escape_place(fish, place, distance_px, tank)
     x, y = _side_of_animal(rule.rule, fish, animal)
     return tank.into(place[0] + distance_px * x, place[1] + distance_px * y)
 
@@ -54,7 +55,7 @@ def mirror_place(place: PlacePx, axis: str, tank: TankGeometry) -> PlacePx:
 
 
 def _side_of_animal(rule: str, fish: Pose, animal: Animal) -> Direction:
-    """Return the direction from an animal to the place of keep distance, follow or lead.
+    """Return the direction from an animal to where keep distance, follow or lead send the fish.
 
     The heading of an animal that has not moved yet is unknown: the fish keeps its distance then.
     """
@@ -65,7 +66,7 @@ def _side_of_animal(rule: str, fish: Pose, animal: Animal) -> Direction:
 
 
 def _direction_to_fish(start: PlacePx, fish: Pose) -> Direction:
-    """Return the direction from a place to the fish; at that very place, the fish's heading."""
+    """Return the direction from a place to the fish; where both are equal, the fish's heading."""
     x, y = fish[0] - start[0], fish[1] - start[1]
     distance = math.hypot(x, y)
     if distance <= _LEAST_PX:
@@ -73,12 +74,14 @@ def _direction_to_fish(start: PlacePx, fish: Pose) -> Direction:
     return x / distance, y / distance
 
 
-def _escape(fish: Pose, animal: PlacePx, distance_px: float, tank: TankGeometry) -> PlacePx | None:
-    """Return where the fish escapes to; None while the animal is farther than `distance_px`.
+def _escape_place(
+    fish: Pose, animal: PlacePx, distance_px: float, tank: TankGeometry
+) -> PlacePx | None:
+    """Return the place to which a fish escapes from an animal; None while the animal is far away.
 
-    Of several ways out, moved into the tank, the best one gets farthest from the animal and has
-    most water ahead. In open water that is straight away from the animal, before a wall along the
-    wall, and in a corner out of it.
+    animal: its place. distance_px: nearer animals make the fish escape. Of several places around,
+    moved into the tank, the best one is farthest from the animal and from the fish. In open water
+    that is straight away from the animal, before a wall along the wall, and in a corner out of it.
     """
     here = fish[:2]
     if (now_px := math.dist(here, animal)) >= distance_px:

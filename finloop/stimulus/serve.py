@@ -35,9 +35,9 @@ from finloop.stimulus.desk import serve_experimenter
 from finloop.stimulus.display import DisplayCalibration, PixelRatio, Pixels, save_display
 from finloop.stimulus.drawn import POSTURE
 from finloop.stimulus.feed import Feed
-from finloop.stimulus.log import FRAME_FIELDS, parse_frames
-from finloop.stimulus.page import display_page, experimenter_page
-from finloop.stimulus.replay import Frame
+from finloop.stimulus.log import FRAME_FIELDS, parse_frame_records
+from finloop.stimulus.page import build_display_page, build_experimenter_page
+from finloop.stimulus.replay import DisplayedFrame
 from finloop.stimulus.session import RealClock, Session
 
 MOST_PAGES, MOST_TRACKERS = 8, 64
@@ -46,8 +46,8 @@ _AHEAD = 8  # frames of a replay that are sent before the page has drawn them
 _SAVE_S = 0.5  # time between two writings of the log
 
 
-class Ready(StrictModel):
-    """A page's message that a display has connected.
+class DisplayReady(StrictModel):
+    """A page's message that it is ready to show a stimulus, with facts about its display.
 
     width, height: px of its window; ratio: device px per CSS px; renderer, agent: its graphics
     hardware and its browser.
@@ -61,8 +61,8 @@ class Ready(StrictModel):
     agent: Annotated[str, Field(max_length=400)]
 
 
-class Ping(StrictModel):
-    """A page's request for the session's time. sent: ms of the page's clock."""
+class TimeRequest(StrictModel):
+    """A page's request for the session's time; sent: ms of the page's clock."""
 
     do: Literal["ping"]
     sent: Annotated[float, Field(ge=-1e12, le=1e12)]
@@ -82,31 +82,34 @@ class CalibrationMessage(StrictModel):
     display: DisplayCalibration
 
 
-class Hidden(StrictModel):
+class VisibilityMessage(StrictModel):
     """A page's message that it is now hidden behind another (`on`), or visible again."""
 
     do: Literal["hidden"]
     on: bool
 
 
-DisplayMessage = Ready | Ping | DisplayKeyPress | CalibrationMessage | Hidden
+DisplayMessage = (
+    DisplayReady | TimeRequest | DisplayKeyPress | CalibrationMessage | VisibilityMessage
+)
 _MESSAGE: TypeAdapter[DisplayMessage] = TypeAdapter(
     Annotated[DisplayMessage, Field(discriminator="do")]
 )
 
 
 def parse_display_message(text: str | None) -> DisplayMessage | None:
-    """Return the message in a display page's JSON text; None where it is invalid."""
+    """Return the message in a display page's JSON text; None if the text is invalid."""
     try:
         return _MESSAGE.validate_json(text or "")
     except (ValidationError, UnicodeError):
         return None
 
 
-class Screen:
-    """A display page that is connected, and the queue of messages to it."""
+class DisplayPage:
+    """A connected display page, with the queue of messages to it."""
 
     def __init__(self, connection: WebSocket) -> None:
+        """Begin with an empty queue; the page is not ready yet."""
         self.connection, self.ready = connection, False
         self.waiting: asyncio.Queue[bytes] = asyncio.Queue(_WAITING)
 
@@ -118,28 +121,31 @@ class Screen:
         return False
 
     async def deliver(self) -> None:
-        """Send the queued messages until the page disconnects."""
+        """Send the queued messages to the page until it disconnects."""
         with contextlib.suppress(*GONE):
             while True:
                 await self.connection.send_bytes(await self.waiting.get())
 
 
 class DisplayHub:
-    """Takes the messages of display pages; a session, a replay, a calibration add what they need.
+    """Server of display pages: it answers their messages and sends messages to all of them.
 
     The page that came first is the display; the others mirror it, and their records of displayed
-    frames are ignored. read_time: returns the session time, s.
+    frames are ignored. A session, a replay and a calibration have subclasses. read_time: returns
+    the session time, s.
     """
 
     def __init__(self, feed: Feed, read_time: Callable[[], float] = time.perf_counter) -> None:
+        """Begin without any page."""
         self.feed, self._read_time = feed, read_time
-        self.screens: list[Screen] = []
+        self.screens: list[DisplayPage] = []
         self._background: set[asyncio.Task[None]] = set()
 
     def run_in_background(self, work: Coroutine[Any, Any, None]) -> None:
-        """Run a task without waiting for it, and without the errors of a client that has left."""
+        """Run a coroutine without waiting for it; ignore the errors of a client that has left."""
 
         async def suppress_gone() -> None:
+            """Run the coroutine and ignore that the client has left."""
             with contextlib.suppress(*GONE):
                 await work
 
@@ -148,32 +154,32 @@ class DisplayHub:
         task.add_done_callback(self._background.discard)
 
     def send(self, content: bytes) -> None:
-        """Send a message to all display pages; disconnect those that are stuck."""
+        """Queue a message to all display pages; disconnect those whose queue is full."""
         for screen in [screen for screen in self.screens if screen.ready]:
             if not screen.send(content):
                 self.screens.remove(screen)
                 self.run_in_background(screen.connection.close(BUSY, "too slow"))
 
-    def handle_message(self, screen: Screen, message: DisplayMessage | None) -> None:
-        """Answer a message of a display page; None: an invalid one."""
+    def handle_message(self, screen: DisplayPage, message: DisplayMessage | None) -> None:
+        """Answer a message of a display page; None stands for an invalid one."""
         match message:
-            case Ready():
-                for content in self.feed.begin():
+            case DisplayReady():
+                for content in self.feed.opening_messages():
                     screen.send(content)
                 screen.ready = True
-            case Ping():
+            case TimeRequest():
                 pong = {"kind": "pong", "sent": message.sent, "now": self._read_time()}
                 screen.send(pack_message(pong))
 
     def handle_frames(self, content: bytes) -> None:
-        """Take a page's records of displayed frames (`finloop.stimulus.log.parse_frames`)."""
+        """Handle a page's records of displayed frames; here: ignore them."""
 
     def handle_disconnect(self) -> None:
-        """Handle a display that has disconnected."""
+        """Handle that a display has disconnected; here: do nothing."""
 
     async def serve_display(self, connection: WebSocket) -> None:
-        """Serve a display page until it disconnects: pass on its messages and those to it."""
-        screen = Screen(connection)
+        """Serve a display page until it disconnects: handle its messages, and send those to it."""
+        screen = DisplayPage(connection)
         self.screens.append(screen)
         delivering = asyncio.create_task(screen.deliver())
         try:
@@ -191,23 +197,24 @@ class DisplayHub:
 
 
 class SessionHub(DisplayHub):
-    """Connects a session with its display pages and its trackers.
+    """Server of a running session's display pages and trackers.
 
     name: of the display; store: the file that its calibration is written to.
     """
 
     def __init__(self, session: Session, name: str, store: Path) -> None:
+        """Begin without any page or tracker."""
         super().__init__(session.feed, session.clock.read_time)
         self.session, self._name, self._store = session, name, store
         self._programs: set[WebSocket] = set()
 
-    def handle_message(self, screen: Screen, message: DisplayMessage | None) -> None:
-        """Answer a message of a display page, and tell the session of it."""
+    def handle_message(self, screen: DisplayPage, message: DisplayMessage | None) -> None:
+        """Answer a message of a display page, and tell the session about it."""
         super().handle_message(screen, message)
         match message:
             case None:
                 self.session.counts.bad += 1
-            case Ready():
+            case DisplayReady():
                 known = self.feed.facts.get("display")
                 self.session.add_display({
                     "name": self._name, **message.model_dump(exclude={"do"}),
@@ -224,7 +231,7 @@ class SessionHub(DisplayHub):
                     save_display(self._store, message.display)
                     self.feed.facts["display"] = message.display.model_dump(mode="json")
                 self.session.report_problem(what)
-            case Hidden():
+            case VisibilityMessage():
                 self.session.set_hidden(message.on)
 
     def handle_frames(self, content: bytes) -> None:
@@ -236,21 +243,21 @@ class SessionHub(DisplayHub):
         self.session.remove_display()
 
     async def serve_tracker(self, connection: WebSocket) -> None:
-        """Serve a tracker at the WebSocket /animals until it disconnects: pass its messages on."""
+        """Serve a tracker until it disconnects: pass its messages to the session."""
         client = connection.client
         source = f"ws://{client.host}:{client.port}" if client else "ws"
         self._programs.add(connection)
         try:
             async for content in receive_messages(connection):
                 if content is not None:
-                    self.session.receive(content, source)
+                    self.session.receive_message(content, source)
         finally:
             self._programs.discard(connection)
 
     def send_trigger(self, to: str, text: str) -> str | None:
-        """Send a trigger's text to udp://host:port, or by `socket` to all programs at /animals.
+        """Send a trigger's text to its receiver; return what went wrong, if anything.
 
-        Returns what went wrong, if anything.
+        to: udp://host:port, or `socket` for all programs that are connected at /animals.
         """
         if to == "socket":
             for connection in self._programs:
@@ -267,17 +274,18 @@ class SessionHub(DisplayHub):
 
 
 class CalibrationHub(DisplayHub):
-    """Calibrates a display without a session.
+    """Server of a display that is calibrated without a session.
 
     store: the file that the calibration is written to; done: called when it is stored.
     """
 
     def __init__(self, feed: Feed, store: Path, done: Callable[[], None]) -> None:
+        """Begin without any page."""
         super().__init__(feed)
         self._store, self._done = store, done
 
-    def handle_message(self, screen: Screen, message: DisplayMessage | None) -> None:
-        """Answer a message of a display page, and store a calibration."""
+    def handle_message(self, screen: DisplayPage, message: DisplayMessage | None) -> None:
+        """Answer a message of a display page; store a calibration that it holds."""
         super().handle_message(screen, message)
         if isinstance(message, CalibrationMessage):
             save_display(self._store, message.display)
@@ -285,32 +293,33 @@ class CalibrationHub(DisplayHub):
             self._done()
 
 
-class Replay(DisplayHub):
-    """Replays a session's frames on a display, and compares what is drawn with the session's log.
+class ReplayHub(DisplayHub):
+    """Server that replays a session's frames and compares what is drawn with the session's log.
 
     quick: as fast as the page draws, not at the rate of the session. shown, compared: how many
     frames were drawn again, and had their pixels compared; different: numbers of the frames whose
     states or pixels differ from the log's.
     """
 
-    def __init__(self, feed: Feed, frames: Iterator[Frame], quick: bool) -> None:
+    def __init__(self, feed: Feed, frames: Iterator[DisplayedFrame], quick: bool) -> None:
+        """Begin without any page; frames: of the session, in order."""
         super().__init__(feed)
         self._frames, self._quick = frames, quick
-        self._waiting: dict[int, Frame] = {}  # for being drawn, by number
+        self._waiting: dict[int, DisplayedFrame] = {}  # for being drawn, by number
         self._connected, self._drawn = asyncio.Event(), asyncio.Event()
         self.shown, self.compared = 0, 0
         self.different: list[int] = []
 
-    def handle_message(self, screen: Screen, message: DisplayMessage | None) -> None:
-        """Answer a message of a display page; begin the replay once a display has connected."""
+    def handle_message(self, screen: DisplayPage, message: DisplayMessage | None) -> None:
+        """Answer a message of a display page; the first ready display begins the replay."""
         super().handle_message(screen, message)
-        if isinstance(message, Ready):
+        if isinstance(message, DisplayReady):
             self._connected.set()
 
     def handle_frames(self, content: bytes) -> None:
-        """Compare a page's records of frames that were drawn again with the session's."""
+        """Compare a page's records of the frames that it drew again with the session's log."""
         with contextlib.suppress(ValueError):
-            for facts, states in parse_frames(content, POSTURE + self.feed.facts["posture"]):
+            for facts, states in parse_frame_records(content, POSTURE + self.feed.facts["posture"]):
                 number, digest = int(facts[0]), int(facts[FRAME_FIELDS - 1])
                 frame = self._waiting.pop(number, None)
                 if frame is None:
@@ -323,77 +332,90 @@ class Replay(DisplayHub):
                     self.different.append(number)
             self._drawn.set()
 
-    async def run(self) -> None:
-        """Send all frames once a display has connected; return when drawn, or 10 s later."""
+    async def run_replay(self) -> None:
+        """Send all frames once a display is ready; return when drawn, or after 10 s more."""
         await self._connected.wait()
         async for frame in self._pace_frames():
             await self._wait_until_drawn(_AHEAD if self._quick else None)
             self._waiting[frame.number] = frame
-            for content in self.feed.frame(frame.number, frame.states):
+            for content in self.feed.frame_messages(frame.number, frame.states):
                 self.send(content)
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._wait_until_drawn(1), 10)
 
     async def _wait_until_drawn(self, fewer_than: int | None) -> None:
-        """Wait until fewer frames than this wait for being drawn; None: do not wait."""
+        """Wait until fewer than so many frames wait for being drawn; None: do not wait."""
         while fewer_than is not None and len(self._waiting) >= fewer_than:
             self._drawn.clear()
             await self._drawn.wait()
 
-    async def _pace_frames(self) -> AsyncIterator[Frame]:
+    async def _pace_frames(self) -> AsyncIterator[DisplayedFrame]:
+        """Yield the frames at the times at which the session showed them, or at once if `quick`."""
         clock, first = RealClock(), None
         for frame in self._frames:
             first = frame.shown_s if first is None else first
             if not self._quick:
-                await clock.until(frame.shown_s - first)
+                await clock.wait_until(frame.shown_s - first)
             yield frame
 
 
 # --- servers
 
 
-def session_server(
+def create_session_server(
     listens: socket.socket, policy: AccessPolicy, hub: SessionHub,
     inputs: Callable[[], list[Coroutine[Any, Any, None]]], started: Callable[[], None],
 ) -> AppServer:  # fmt: skip
-    """Return the server of a session: both pages, the trackers' WebSocket, all its tasks.
+    """Return the web server of a session: both pages, the trackers' WebSocket, and all its tasks.
 
-    inputs: returns tasks that receive trackers' messages; started: called once it can be reached.
+    listens: a bound socket. inputs: returns tasks that receive trackers' messages. started: called
+    once the server can be reached.
     """
     session = hub.session
 
     async def serve_desk(connection: WebSocket) -> None:
+        """Serve an experimenter's page."""
         await serve_experimenter(session, connection)
 
     async def save_log() -> None:
+        """Write the log to the disk twice a second, and watch the computer's clock."""
         while True:
             await asyncio.sleep(_SAVE_S)
             session.check_wall_clock(time.time())
-            await asyncio.to_thread(session.log.keep)
+            await asyncio.to_thread(session.log.write_entries)
 
     sockets = [
         SocketRoute("/experimenter", serve_desk, MOST_PAGES),
         SocketRoute("/display", hub.serve_display, MOST_PAGES),
         SocketRoute("/animals", hub.serve_tracker, MOST_TRACKERS, programs=True),
     ]
-    pages = {"/": experimenter_page(), "/show": display_page()}
+    pages = {"/": build_experimenter_page(), "/show": build_display_page()}
     return AppServer(
-        listens, policy, pages, sockets, lambda: [session.run(), save_log(), *inputs()], started
+        listens,
+        policy,
+        pages,
+        sockets,
+        lambda: [session.run_trials(), save_log(), *inputs()],
+        started,
     )
 
 
-def display_server(
-    listens: socket.socket, policy: AccessPolicy, hub: CalibrationHub | Replay,
+def create_display_server(
+    listens: socket.socket, policy: AccessPolicy, hub: CalibrationHub | ReplayHub,
     started: Callable[[], None],
 ) -> AppServer:  # fmt: skip
-    """Return the server of a replay or a calibration, on one display; it ends after a replay."""
+    """Return the web server of a replay or a calibration, on one display; it ends after a replay.
+
+    listens: a bound socket. started: called once the server can be reached.
+    """
 
     async def replay() -> None:
-        if isinstance(hub, Replay):
-            await hub.run()
+        """Run the replay, if it is one, then stop the server."""
+        if isinstance(hub, ReplayHub):
+            await hub.run_replay()
             server.should_exit = True
 
     sockets = [SocketRoute("/display", hub.serve_display, 1)]
-    pages = {"/": display_page()}
+    pages = {"/": build_display_page()}
     server = AppServer(listens, policy, pages, sockets, lambda: [replay()], started)
     return server

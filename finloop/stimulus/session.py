@@ -18,9 +18,9 @@ from typing import Any
 from finloop.stimulus.animals import TAKEN, LiveAnimals
 from finloop.stimulus.drawn import States
 from finloop.stimulus.feed import EARLY_S, Feed
-from finloop.stimulus.log import Log, digest_states, parse_frames
+from finloop.stimulus.log import Log, digest_states, parse_frame_records
 from finloop.stimulus.motion import ReactiveMotion, TrialContext, TrialSetup, plan_motion
-from finloop.stimulus.order import Trial, trigger_text
+from finloop.stimulus.order import Trial, fill_trigger_text
 from finloop.stimulus.protocol import Protocol
 from finloop.stimulus.recorded import DryClock
 from finloop.stimulus.tracker import parse_trigger
@@ -32,38 +32,40 @@ _RECENT = 512  # latencies kept of each kind
 
 
 class RealClock:
-    """Seconds since its creation. A wait ends within a tenth of a millisecond of its time."""
+    """The clock of a session with a display; a wait ends within 0.1 ms of its time."""
 
     def __init__(self) -> None:
+        """Begin at time 0."""
         self._zero = time.perf_counter()
 
     def read_time(self) -> float:
-        """Return the present time, s."""
+        """Return the present session time: seconds since the clock was created."""
         return time.perf_counter() - self._zero
 
-    async def until(self, time_s: float) -> None:
-        """Wait until a time, s since the clock's creation."""
+    async def wait_until(self, time_s: float) -> None:
+        """Wait until a session time, s."""
         while (left := time_s - self.read_time()) > 0:
             # The loop's own timer may be a millisecond late: wait for the rest step by step.
             await asyncio.sleep(left - 0.0015 if left > 0.002 else 0)
 
 
-def _recent() -> deque[float]:
+def _empty_latencies() -> deque[float]:
+    """Return an empty list of latencies that keeps only the last ones."""
     return deque(maxlen=_RECENT)
 
 
 @dataclass
 class SessionCounts:
-    """The last latencies of a running session, ms, and its counts of frames and messages.
+    """The last latencies of a running session [ms], and its counts of frames and messages.
 
     planned_ms, drawn_ms: from an input to the planned reaction, and to the frame that shows it;
     tick_ms: how much later ticks were planned than due; frames, dropped, late: displayed, missed,
     and drawn too late; bad: invalid messages of pages; verdicts: on messages of trackers.
     """
 
-    planned_ms: deque[float] = field(default_factory=_recent)
-    drawn_ms: deque[float] = field(default_factory=_recent)
-    tick_ms: deque[float] = field(default_factory=_recent)
+    planned_ms: deque[float] = field(default_factory=_empty_latencies)
+    drawn_ms: deque[float] = field(default_factory=_empty_latencies)
+    tick_ms: deque[float] = field(default_factory=_empty_latencies)
     frames: int = 0
     dropped: int = 0
     late: int = 0
@@ -72,7 +74,7 @@ class SessionCounts:
 
 
 class Session:
-    """Runs the trials of a protocol: plans, sends and logs every tick, and takes all inputs.
+    """A session: it plans, sends and logs the ticks of all trials, and handles all inputs.
 
     scene: what all trials share; plan: the protocol; trials: in their order; feed: makes the
     messages to the display pages; log, clock: of the session.
@@ -82,6 +84,7 @@ class Session:
         self, scene: TrialContext, plan: Protocol, trials: tuple[Trial, ...], feed: Feed, log: Log,
         clock: RealClock | DryClock,
     ) -> None:  # fmt: skip
+        """Prepare a session; it begins with `start` and `run_trials`."""
         self.scene, self.plan, self.trials = scene, plan, trials
         self.feed, self.log, self.clock = feed, log, clock
         self.animals = LiveAnimals(plan.animals, scene.tank, scene.mm_per_px)
@@ -110,12 +113,12 @@ class Session:
         self.stopping = self._abort = self._skip = False
         self._wall: float | None = None
 
-    def attach(
+    def connect_outputs(
         self, send: Callable[[bytes], None], send_trigger: Callable[[str, str], str | None]
     ) -> None:
-        """Connect the outputs: display pages, and receivers of triggers.
+        """Set the functions that send messages to display pages and triggers to receivers.
 
-        send: sends a message to all display pages; send_trigger: sends a trigger to a receiver,
+        send: sends a message to all display pages. send_trigger: sends a trigger to a receiver,
         given its address and the text, and returns what went wrong.
         """
         self._send, self._send_trigger = send, send_trigger
@@ -123,41 +126,41 @@ class Session:
     # --- the experimenter, keys, triggers
 
     def start(self) -> None:
-        """Begin the session, or the trial that waits."""
+        """Begin the session, or the trial that waits for its start."""
         self._begun.set()
         self._permit.set()
 
     def stop(self) -> None:
-        """End the session after this trial."""
+        """End the session after the present trial."""
         self.stopping = True
-        self.note("stop")
+        self.log_event("stop")
         self.start()
 
     def abort(self) -> None:
-        """End the session now."""
+        """End the session at once."""
         self.stopping = self._abort = True
-        self.note("abort")
+        self.log_event("abort")
         self.start()
 
     def skip(self) -> None:
-        """Skip the rest of this trial."""
+        """Skip the rest of the present trial."""
         self._skip = True
-        self.note("skip")
+        self.log_event("skip")
         self._permit.set()
 
     def press_key(self, key: str) -> None:
-        """Handle a key press at a display, or by the experimenter."""
-        self.note("key", key=key)
+        """Log a key press at a display or by the experimenter; it may start a waiting trial."""
+        self.log_event("key", key=key)
         if self.phase == "waiting" and key == self.plan.start_key:
             self._permit.set()
 
-    def note(self, what: str, **facts: Any) -> None:
-        """Log an event with the facts about it."""
-        self.log.event(self.clock.read_time(), what, **facts)
+    def log_event(self, what: str, **facts: Any) -> None:
+        """Log an event with facts about it."""
+        self.log.add_event(self.clock.read_time(), what, **facts)
 
     def report_problem(self, what: str, **facts: Any) -> None:
-        """Show a problem to the experimenter, and log it with the facts about it."""
-        self.note(what, **facts)
+        """Show a problem to the experimenter, and log it with facts about it."""
+        self.log_event(what, **facts)
         words = ", ".join(f"{name} {value}" for name, value in facts.items())
         self.messages.append(
             f"{self.clock.read_time():.1f} s: {what}{': ' if words else ''}{words}"
@@ -165,44 +168,44 @@ class Session:
 
     # --- live animals
 
-    def receive(self, text: str | bytes | None, source: str) -> None:
-        """Take a message of a tracker, or one that starts a trial; fish react before this returns.
+    def receive_message(self, text: str | bytes | None, source: str) -> None:
+        """Handle a message of a tracker, or one that starts a trial.
 
-        source: the sender.
+        Fish have reacted when this returns. source: the sender's name.
         """
         arrived = self.clock.read_time()
         name = parse_trigger(text)
         if name is not None:
-            self.note("trigger", name=name, source=source)
+            self.log_event("trigger", name=name, source=source)
             if self.phase == "waiting" and name == self.plan.start_message:
                 self._permit.set()
             return
-        verdicts = self.animals.receive(text, source, arrived)
+        verdicts = self.animals.receive_message(text, source, arrived)
         self.counts.verdicts.update(verdicts)
         kept = text.decode(errors="replace") if isinstance(text, bytes) else text or ""
-        self.log.input(arrived, source, kept, " ".join(verdicts))
+        self.log.add_input(arrived, source, kept, " ".join(verdicts))
         if self._reaction is None or set(TAKEN).isdisjoint(verdicts):
             return
         states = self._reaction.replan_tick(arrived)
         if states is not None:
             now = self.clock.read_time()
-            self._emit(self._tick, self._due, states, now, cut=True)
+            self._send_tick(self._tick, self._due, states, now, cut=True)
             self._waits[self._seq] = arrived, self._due - 1 / self.scene.rate_hz
             self.counts.planned_ms.append(1e3 * (now - arrived))
 
     # --- display
 
     def record_frames(self, message: bytes) -> None:
-        """Log a page's records of displayed frames, and count missed and late ones."""
+        """Log a page's records of displayed frames; count those that were missed or late."""
         try:
-            frames = parse_frames(message, self.scene.width)
+            frames = parse_frame_records(message, self.scene.width)
         except ValueError:
             self.counts.bad += 1
             return
         for page_facts, drawn in frames:
             facts = page_facts.copy()
             facts[0] += self._first
-            self.log.frame(facts, drawn)
+            self.log.add_frame(facts, drawn)
             number, intended, _, drawn_s, seq, dropped, _, _ = facts
             self.counts.frames += 1
             self.counts.dropped += int(dropped)
@@ -222,7 +225,7 @@ class Session:
         """
         self._first = (self._frame // 2 + 1) * 2 if self._frame else 0
         self.displays, self.display = self.displays + 1, facts | {"hidden": False}
-        self.note("display", **facts)
+        self.log_event("display", **facts)
 
     def remove_display(self) -> None:
         """Note that a display has disconnected."""
@@ -238,11 +241,14 @@ class Session:
         self.report_problem(f"the display's page is {'hidden' if on else 'seen again'}")
 
     def remaining_s(self, now: float) -> float | None:
-        """Return how long the trial still lasts, s; None where none runs. now: session time, s."""
+        """Return how long the present trial still lasts [s]; None if none runs.
+
+        now: session time, s.
+        """
         return None if self._ends is None else round(max(0.0, self._ends - now), 1)
 
     def check_wall_clock(self, wall_s: float) -> None:
-        """Report a jump of the computer's clock against the session's. wall_s: s since 1970."""
+        """Report a jump of the computer's clock against the session's; wall_s: s since 1970."""
         wall = wall_s - self.clock.read_time()
         if self._wall is not None and abs(wall - self._wall) > _JUMP_S:
             self.report_problem("the computer's clock jumped", seconds=round(wall - self._wall, 3))
@@ -250,10 +256,10 @@ class Session:
 
     # --- trials
 
-    async def run(self) -> None:
-        """Run all trials, once `start` is called; return when the session has ended."""
+    async def run_trials(self) -> None:
+        """Run all trials once `start` is called; return when the session has ended."""
         await self._begun.wait()
-        self.note("begin", wall=datetime.now().astimezone().isoformat())
+        self.log_event("begin", wall=datetime.now().astimezone().isoformat())
         gc.freeze()  # present objects are not scanned again after each trial
         try:
             for number, trial in enumerate(self.trials):
@@ -262,16 +268,17 @@ class Session:
                 self.trial_index = number
                 await self._run_trial(trial)
                 if not self.stopping and trial is not self.trials[-1]:
-                    await self._wait(self.clock.read_time() + self.plan.pause_s)
+                    await self._wait_until(self.clock.read_time() + self.plan.pause_s)
         finally:
             gc.unfreeze()
         self.phase = "done"
-        self.note("end", wall=datetime.now().astimezone().isoformat())
+        self.log_event("end", wall=datetime.now().astimezone().isoformat())
 
     async def _run_trial(self, trial: Trial) -> None:
+        """Prepare one trial, wait for its start if it has one, and show it."""
         self._skip, self.phase = False, "planning"
         setup = TrialSetup.from_protocol(self.plan, trial)
-        known = await self._prepare(trial, setup)
+        known = await self._prepare_motion(trial, setup)
         waits = self.plan.start != "auto" and self.waits_for_starts
         if waits and not (self._abort or self._skip):
             self.phase = "waiting"
@@ -281,16 +288,19 @@ class Session:
             return
         if not self._skip:
             self._report_trial(trial, "start", known is not None)
-            self._report_trial(trial, await self._show(trial, setup, known), known is not None)
+            self._report_trial(
+                trial, await self._show_trial(trial, setup, known), known is not None
+            )
         self.done[trial.number] = "skipped" if self._skip else "aborted" * self._abort or "done"
-        await asyncio.to_thread(self.log.keep)
+        await asyncio.to_thread(self.log.write_entries)
         self.phase = "pause"
         gc.collect()  # the fish of the last trial refer to each other: free them now
 
-    async def _prepare(self, trial: Trial, setup: TrialSetup) -> States | None:
-        """Return a motion that is known beforehand, as it is shown, and send its first pictures.
+    async def _prepare_motion(self, trial: Trial, setup: TrialSetup) -> States | None:
+        """Plan a trial's motion, as it is shown, and send its first pictures; None if fish react.
 
-        None for fish that react to live animals. A trial whose motion was never shown is skipped.
+        Fish that react to live animals are planned tick by tick. A trial whose motion was never
+        shown is skipped.
         """
         motion = setup.condition.motion
         if motion.rule is not None:
@@ -303,36 +313,36 @@ class Session:
         if trial.condition in self._repeated:
             self._motions[trial.condition] = states
         shown = setup.apply_look_and_fade(states, self.scene.rate_hz)
-        for content in self.feed.pictures(shown[: self.scene.ticks(EARLY_S)]):
+        for content in self.feed.picture_messages(shown[: self.scene.count_ticks(EARLY_S)]):
             self._send(content)  # before the trial begins
         return shown
 
     def _report_trial(self, trial: Trial, what: str, known: bool) -> None:
-        """Log that a trial starts or has ended, and send its triggers. what: "start", or its end.
+        """Log that a trial starts or has ended, and send its triggers.
 
-        known: whether its motion is known beforehand.
+        what: "start", or how it ended. known: whether its motion is known beforehand.
         """
         now, number = self.clock.read_time(), trial.number
         facts = {"what": what, **trial._asdict(), "early_s": self._early_s(known)}
         self.log.trial = number
-        self.log.entry("trial", now, number=number, text=json.dumps(facts))
+        self.log.add_entry("trial", now, number=number, text=json.dumps(facts))
         self.log.trial = number if what == "start" else None
         for trigger in self.plan.triggers:
             if (trigger.at == "start") == (what == "start"):
-                text = trigger_text(trigger, trial)
+                text = fill_trigger_text(trigger, trial)
                 wrong = self._send_trigger(trigger.to, text)
-                self.note("trigger out", to=trigger.to, text=text)
+                self.log_event("trigger out", to=trigger.to, text=text)
                 if wrong:
                     self.report_problem("a trigger was not sent", to=trigger.to, reason=wrong)
 
-    async def _show(self, trial: Trial, setup: TrialSetup, known: States | None) -> str:
-        """Show a trial tick by tick; return how it ended: end, skip or abort.
+    async def _show_trial(self, trial: Trial, setup: TrialSetup, known: States | None) -> str:
+        """Show a trial tick by tick; return how it ended: "end", "skip" or "abort".
 
         known: the motion, if it is known beforehand.
         """
         self.phase, rate = "running", self.scene.rate_hz
         begin = self.clock.read_time() + _FIRST_S
-        ticks = self.scene.ticks(setup.condition.seconds)
+        ticks = self.scene.count_ticks(setup.condition.seconds)
         self._ends = begin + ticks / rate
         early = self._early_s(known is not None)
         keeps = trial.condition in self._repeated
@@ -342,42 +352,47 @@ class Session:
         self._reaction = reaction
         for tick in range(ticks):
             due = begin + tick / rate
-            await self.clock.until(due - early)
+            await self.clock.wait_until(due - early)
             if self._abort or self._skip:
                 break
             now = self.clock.read_time()
             if known is not None:
-                self._emit(tick, due, known[tick], now)
+                self._send_tick(tick, due, known[tick], now)
             elif reaction is not None:
                 self._tick, self._due = tick, due
-                self._emit(tick, due, reaction.plan_tick(now), now)
+                self._send_tick(tick, due, reaction.plan_tick(now), now)
             if tick > rate * early:
                 self.counts.tick_ms.append(1e3 * (now - (due - early)))
         else:
-            await self._wait(begin + ticks / rate)
-        if reaction is not None and keeps and (motion := reaction.whole) is not None:
+            await self._wait_until(begin + ticks / rate)
+        if reaction is not None and keeps and (motion := reaction.planned_states) is not None:
             self._motions[trial.condition] = motion
         self._reaction = self._ends = None
         self._waits.clear()
-        self._send(self.feed.clear())
+        self._send(self.feed.clear_message())
         return "abort" if self._abort else "skip" if self._skip else "end"
 
     def _early_s(self, known: bool) -> float:
-        """Return how long before it is due a tick is planned, or sent where it is known."""
+        """Return how many seconds before it is due a tick is planned, or sent if it is known."""
         tick_s = 1 / self.scene.rate_hz  # the page interpolates from the tick before
         return EARLY_S if known else tick_s + min(_AHEAD_S, _AHEAD * tick_s)
 
-    async def _wait(self, time_s: float) -> None:
-        """Wait until a time, or until the trial or session is ended."""
+    async def _wait_until(self, time_s: float) -> None:
+        """Wait until a session time, or until the trial or the session is ended."""
         while not (self._abort or self._skip) and self.clock.read_time() < time_s:
-            await self.clock.until(min(time_s, self.clock.read_time() + 0.1))
+            await self.clock.wait_until(min(time_s, self.clock.read_time() + 0.1))
 
-    def _emit(self, tick: int, due: float, states: States, now: float, cut: bool = False) -> None:
-        """Send a tick's states to the displays, and log them. cut: whether planned again."""
+    def _send_tick(
+        self, tick: int, due: float, states: States, now: float, cut: bool = False
+    ) -> None:
+        """Send a tick's states to the displays, and log them; cut: whether it was planned again.
+
+        due, now: session times at which to show the tick, and at which it was planned.
+        """
         self._seq += 1
-        for message in self.feed.rows(self._seq, tick, due, states, cut):
+        for message in self.feed.tick_messages(self._seq, tick, due, states, cut):
             self._send(message)
-        self.log.entry(
+        self.log.add_entry(
             "tick", now, number=tick, intended_s=due, seq=self._seq, digest=digest_states(states),
             verdict="anew" if cut else None,
         )  # fmt: skip

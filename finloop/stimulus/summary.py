@@ -13,24 +13,24 @@ import pyarrow.compute as pc
 from finloop.base.arrays import Floats
 from finloop.stimulus.drawn import FIELDS
 from finloop.stimulus.log import SESSION
-from finloop.stimulus.replay import Record
+from finloop.stimulus.replay import SessionRecord
 
 
-def log_table(record: Record) -> pd.DataFrame:
-    """Return a session's log as a table in its order, without the rows and columns of fish."""
+def load_log_table(record: SessionRecord) -> pd.DataFrame:
+    """Load a session's log as a table in its order, without the rows and columns of fish."""
     names = [name for name in SESSION.names if name not in (*FIELDS, "posture", "fish")]
     parts = [
         part.filter(pc.not_equal(part["kind"], "fish"))
-        for part in record.file.iter_batches(columns=names)
+        for part in record.open_file().iter_batches(columns=names)
     ]
     return pa.Table.from_batches(parts).to_pandas() if parts else pd.DataFrame(columns=names)
 
 
-def tick_errors_ms(table: pd.DataFrame) -> Floats:
-    """Return how much later (n,), ms, each tick was planned than it should have been.
+def measure_tick_errors_ms(table: pd.DataFrame) -> Floats:
+    """Return by how many ms (n,) each tick was planned later than it should have been.
 
-    Ticks that were planned again are left out, and the first ones, which are sent at once.
-    table: from `log_table`.
+    table: from `load_log_table`. Left out are ticks that were planned again, and the first ones,
+    which are sent at once.
     """
     starts = _parse_texts(table[table["kind"] == "trial"])
     early = {one["number"]: one["early_s"] for one in starts if one["what"] == "start"}
@@ -41,11 +41,11 @@ def tick_errors_ms(table: pd.DataFrame) -> Floats:
     return errors[wanted > first].to_numpy(float)
 
 
-def reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
-    """Return the times, ms, from an input to its tick planned again (n,), and to its frame (m,).
+def measure_reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
+    """Return how many ms pass from a tracker's message to the reaction of the fish.
 
-    The frame is the first that shows the tick; m ≤ n, as some are never shown. table: from
-    `log_table`; rate_hz: ticks per second.
+    Two arrays: until the tick is planned again (n,), and until a frame that shows it is drawn (m,).
+    m ≤ n, as some are never shown. table: from `load_log_table`; rate_hz: ticks per second.
     """
     heard = table["time_s"].where(table["kind"] == "input").ffill()
     anew = (table["kind"] == "tick") & (table["verdict"] == "anew")
@@ -62,9 +62,12 @@ def reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
     return 1e3 * planned, 1e3 * drawn
 
 
-def summary(record: Record, recovered: bool = False) -> str:
-    """Return a session's summary as Markdown. recovered: whether the session was broken off."""
-    table, header = log_table(record), record.header
+def summarise_session(record: SessionRecord, recovered: bool = False) -> str:
+    """Return a summary of a session as Markdown.
+
+    recovered: whether the session was broken off and its log recovered.
+    """
+    table, header = load_log_table(record), record.header
     digest = hashlib.sha256(table["digest"][table["kind"] == "tick"].astype("int64").to_numpy())
     lines = [
         f"# {header['protocol']['name']}",
@@ -92,16 +95,19 @@ def summary(record: Record, recovered: bool = False) -> str:
 
 
 def _parse_texts(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the JSON values in the column `text` of some rows."""
     return [json.loads(text) for text in rows["text"]]
 
 
 def _trial_lines(table: pd.DataFrame) -> Iterator[str]:
+    """Yield the lines of a Markdown table of the trials."""
     yield "| trial | condition | block | repeat | seed | from s | lasted s | ended | dropped |"
     yield "|---|---|---|---|---|---|---|---|---|"
     rows, frames = table[table["kind"] == "trial"], table[table["kind"] == "frame"]
     dropped = frames.groupby("trial")["dropped"].sum()
 
     def line(facts: dict[str, Any], begin: float, lasted: str, ended: str) -> str:
+        """Return the line of one trial; begin: session time, lasted: s, ended: how."""
         cells = [facts[name] for name in ("number", "condition", "block", "repeat", "seed")]
         cells += [f"{begin:.2f}", lasted, ended, int(dropped.get(facts["number"], 0))]
         return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
@@ -118,6 +124,7 @@ def _trial_lines(table: pd.DataFrame) -> Iterator[str]:
 
 
 def _display_lines(table: pd.DataFrame) -> Iterator[str]:
+    """Yield lines about the displays of a session and their calibration."""
     events = _parse_texts(table[table["kind"] == "event"])
     displays = [one for one in events if one["what"] == "display"]
     if not displays:
@@ -136,6 +143,7 @@ def _display_lines(table: pd.DataFrame) -> Iterator[str]:
 
 
 def _timing_lines(table: pd.DataFrame, rate_hz: float) -> Iterator[str]:
+    """Yield lines about delays and dropped frames; rate_hz: ticks per second."""
     frames = table[table["kind"] == "frame"]
     if len(frames):
         trial = frames[frames["trial"].notna()]
@@ -149,10 +157,10 @@ def _timing_lines(table: pd.DataFrame, rate_hz: float) -> Iterator[str]:
         yield f"- shown against intended: SD {off.std():.2f} ms"
         drawing_ms = 1e3 * (frames["drawn_s"] - frames["time_s"]).to_numpy(float)
         yield _percentile_line("drawn after the browser began the frame", drawing_ms)
-    errors = tick_errors_ms(table)
+    errors = measure_tick_errors_ms(table)
     if len(errors):
         yield f"- ticks planned against the clock: SD {errors.std():.3f} ms ({len(errors)} ticks)"
-    planned, drawn = reactions_ms(table, rate_hz)
+    planned, drawn = measure_reactions_ms(table, rate_hz)
     if len(planned):
         yield _percentile_line("input to planned reaction", planned)
     if len(drawn):
@@ -160,11 +168,13 @@ def _timing_lines(table: pd.DataFrame, rate_hz: float) -> Iterator[str]:
 
 
 def _percentile_line(name: str, values_ms: Floats) -> str:
+    """Return a line with the median and the 99th percentile of some times [ms]."""
     median, most = np.percentile(values_ms, [50, 99])
     return f"- {name}: median {median:.2f} ms, 99th percentile {most:.2f} ms ({len(values_ms)})"
 
 
 def _animal_lines(table: pd.DataFrame) -> Iterator[str]:
+    """Yield lines about the trackers' messages and the verdicts on them."""
     rows = table[table["kind"] == "input"]
     if not len(rows):
         yield "none"
@@ -175,6 +185,7 @@ def _animal_lines(table: pd.DataFrame) -> Iterator[str]:
 
 
 def _event_lines(table: pd.DataFrame) -> Iterator[str]:
+    """Yield a line for each event of a session."""
     rows = table[table["kind"] == "event"]
     for time_s, facts in zip(rows["time_s"], _parse_texts(rows), strict=True):
         shown = {

@@ -63,7 +63,7 @@ _SIGHTINGS: TypeAdapter[Sighting | list[Sighting]] = TypeAdapter(
 
 
 def parse_sightings(text: str | bytes | None) -> list[Sighting] | None:
-    """Return the sightings in a tracker's JSON message; None where it is too long or invalid."""
+    """Return the sightings in a tracker's JSON message; None if it is too long or invalid."""
     if text is None or len(text) > LONGEST:
         return None
     try:
@@ -89,8 +89,8 @@ def parse_trigger(text: str | bytes | None) -> str | None:
 PlaceXY = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]  # a list, in YAML and JSON
 
 
-class Pair(StrictModel):
-    """The same point twice: in the tracker's unit, and in px of the tank's picture."""
+class PointPair(StrictModel):
+    """One point in two units: the tracker's, and px of the tank's picture."""
 
     tracker: PlaceXY
     """x, y in the tracker's unit."""
@@ -107,7 +107,7 @@ class TrackerSettings(StrictModel):
     y_axis: Literal["down", "up"] = "down"
     """Whether y grows downwards in the tracker's picture, as px do, or upwards; upwards requires
     points."""
-    points: Annotated[tuple[Pair, ...], Field(strict=False, max_length=MOST_PAIRS)] = ()
+    points: Annotated[tuple[PointPair, ...], Field(strict=False, max_length=MOST_PAIRS)] = ()
     """Pairs {tracker: [x, y], tank: [x, y]}: none; or 2 (turned, scaled, moved), 3 (and sheared or
     mirrored), or 4..16 (seen at an angle)."""
 
@@ -116,7 +116,7 @@ Row3 = tuple[float, float, float]
 
 
 class Calibration(NamedTuple):
-    """Maps the tracker's places to px of the tank's picture.
+    """Conversion of a tracker's places to px of the tank's picture.
 
     matrix (3, 3): homogeneous, positive weights where the tank is; up: whether the tracker's y
     grows upwards; error_px: root mean square distance of its points from those of the tank.
@@ -126,8 +126,8 @@ class Calibration(NamedTuple):
     up: bool = False
     error_px: float = 0.0
 
-    def place(self, x: float, y: float) -> tuple[float, float]:
-        """Return a tracker's place in px (x, y) of the tank's picture.
+    def map_place(self, x: float, y: float) -> tuple[float, float]:
+        """Convert a tracker's place x, y to px of the tank's picture.
 
         A place behind the horizon of an oblique view is very far away.
         """
@@ -135,25 +135,28 @@ class Calibration(NamedTuple):
         w = max(g * x + h * y + i, _HORIZON)
         return (a * x + b * y + c) / w, (d * x + e * y + f) / w
 
-    def heading_rad(self, x: float, y: float, heading_deg: float) -> float:
-        """Return a tracker's heading, degrees, at its x, y as one in the tank's picture, rad."""
+    def map_heading_rad(self, x: float, y: float, heading_deg: float) -> float:
+        """Convert a tracker's heading [degrees] at its place x, y to one in the tank [rad]."""
         angle = math.radians(heading_deg)
         down = math.sin(angle) * (1 if self.up else -1)
         right, below = self._map_direction(x, y, math.cos(angle), down)
         return math.atan2(-below, right)
 
-    def to_tracker(self, x_px: float, y_px: float, heading_rad: float) -> Row3:
-        """Return x, y (tracker's unit) and heading (degrees) of a place and heading in the tank."""
+    def map_to_tracker(self, x_px: float, y_px: float, heading_rad: float) -> Row3:
+        """Convert a place [px] and heading [rad] in the tank to the tracker's x, y and degrees."""
         back = Calibration(_to_rows(np.linalg.inv(np.array(self.matrix))))
-        x, y = back.place(x_px, y_px)
+        x, y = back.map_place(x_px, y_px)
         direction = math.cos(heading_rad), -math.sin(heading_rad)
         right, down = back._map_direction(x_px, y_px, *direction)
         return x, y, math.degrees(math.atan2(down if self.up else -down, right))
 
     def _map_direction(self, x: float, y: float, right: float, down: float) -> tuple[float, float]:
-        """Map a direction at a place into the tank: the derivative of `place`, up to scale."""
+        """Convert a direction at a place to one in the tank, of any length.
+
+        right, down: the direction. It is the derivative of `map_place`, up to scale.
+        """
         (a, b, _), (d, e, _), (g, h, _) = self.matrix
-        to_x, to_y = self.place(x, y)
+        to_x, to_y = self.map_place(x, y)
         nearer = g * right + h * down  # by how much the view is larger there
         return a * right + b * down - to_x * nearer, d * right + e * down - to_y * nearer
 
@@ -163,9 +166,10 @@ PX = Calibration(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 
 def fit_calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calibration:
-    """Return what maps a tracker's places to the tank. FinloopError lists all that is wrong.
+    """Return the conversion of a tracker's places to px of the tank, from units or pairs of points.
 
     mm_per_px: mm of the real world per px of the tank's picture, which the display also uses.
+    FinloopError lists all problems.
     """
     problems = list(_calibration_problems(settings, mm_per_px))
     if not problems and not settings.points:
@@ -186,6 +190,7 @@ def fit_calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calib
 
 
 def _calibration_problems(settings: TrackerSettings, mm_per_px: float | None) -> Iterator[str]:
+    """Yield a sentence for each problem of a tracker's settings for a calibration."""
     count = len(settings.points)
     if count == 0 and settings.unit == "mm" and mm_per_px is None:
         yield "the tracker sends mm, but neither the film's scale nor points are given"
@@ -195,16 +200,17 @@ def _calibration_problems(settings: TrackerSettings, mm_per_px: float | None) ->
         yield "there is only one pair of points"
     for side in ("tracker", "tank"):
         points = np.array([getattr(pair, side) for pair in settings.points])
-        if count > 1 and not _are_apart(points):
+        if count > 1 and not _are_points_sufficient(points):
             what = {2: "are the same", 3: "lie on one line"}.get(count, "lie on lines, or meet")
             yield f"the {count} points of the {side} {what}: {points.tolist()}"
 
 
-def _are_apart(points: Floats) -> bool:
-    """Return whether points (n, 2) determine a view: see what `fit_calibration` requires."""
+def _are_points_sufficient(points: Floats) -> bool:
+    """Return whether points (n, 2) suffice to fit a calibration: not all equal or on one line."""
     least = _FLAT * float(np.ptp(points, axis=0).max()) ** 2
 
     def is_flat(three: tuple[Floats, ...]) -> bool:
+        """Return whether three points lie on one line."""
         (ax, ay), (bx, by) = three[1] - three[0], three[2] - three[0]
         return bool(abs(ax * by - ay * bx) <= least)
 
@@ -215,7 +221,7 @@ def _are_apart(points: Floats) -> bool:
 
 
 def _fit_points(settings: TrackerSettings) -> Calibration | None:
-    """Return the calibration that fits the points; None: there is none.
+    """Return the calibration that fits the pairs of points; None if there is none.
 
     Two points cannot show a mirror image, so y is turned over first where it grows upwards.
     """
@@ -233,10 +239,11 @@ def _fit_points(settings: TrackerSettings) -> Calibration | None:
     if not np.isfinite(matrix).all() or weights.min() * weights.max() <= 0:
         return None  # some points would be behind the camera
     fit = Calibration(_to_rows(matrix / weights.mean()), up)
-    off = np.array([fit.place(x, y) for x, y in tracker.tolist()]) - tank
+    off = np.array([fit.map_place(x, y) for x, y in tracker.tolist()]) - tank
     return fit._replace(error_px=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))))
 
 
 def _to_rows(matrix: Floats) -> tuple[Row3, Row3, Row3]:
+    """Convert an array (3, 3) to three tuples."""
     a, b, c = matrix.tolist()
     return tuple(a), tuple(b), tuple(c)
