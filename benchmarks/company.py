@@ -64,7 +64,7 @@ def measure_animation(plans: MatchingAnimator) -> dict[str, object]:
             reached += fish.reached
             if fish.reached or fish.goal is None:
                 place = rng.integers(len(x))
-                tank.send(number, float(x[place]), float(y[place]))
+                tank.send_to_goal(number, float(x[place]), float(y[place]))
         begin = time.process_time()
         tank.advance()
         took += time.process_time() - begin

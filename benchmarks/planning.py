@@ -24,7 +24,7 @@ TICKS, WARM_UP, GOALS = 10_000, 1_000, 20
 def start() -> None:
     """Open the live tank and show its first frame."""
     with open_view("hybrid", None, 0) as view:
-        view.show()
+        view.render_frame()
 
 
 def plan() -> None:

@@ -25,8 +25,8 @@ from websockets.typing import Origin
 from benchmarks.animate import STAGES
 from benchmarks.pipeline import ROOT, prepare, stage
 from finloop.live.message import SetGoal
-from finloop.live.server import Host, tank_server
-from finloop.live.view import View
+from finloop.live.server import TankHost, create_tank_server
+from finloop.live.view import TankView
 from finloop.live.web import bind_socket
 from stages.play import PAGE, open_view
 
@@ -36,12 +36,12 @@ Row = tuple[str, str, str, float]
 
 
 @contextmanager
-def serving(view: View) -> Iterator[ClientConnection]:
+def serving(view: TankView) -> Iterator[ClientConnection]:
     """Run the server in a thread; yield the connection of a page."""
     with bind_socket(0) as listens:
         up, address = threading.Event(), f"127.0.0.1:{listens.getsockname()[1]}"
-        server = tank_server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
-        runs = threading.Thread(target=server.serve_on)
+        server = create_tank_server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
+        runs = threading.Thread(target=server.serve_until_stopped)
         runs.start()
         up.wait()
         try:
@@ -53,9 +53,9 @@ def serving(view: View) -> Iterator[ClientConnection]:
             runs.join()
 
 
-def frames(view: View) -> np.ndarray:
+def frames(view: TankView) -> np.ndarray:
     """Return the milliseconds (n, 2) of every frame: wall time and processor time."""
-    host, rng, took = Host(view), np.random.default_rng(0), []
+    host, rng, took = TankHost(view), np.random.default_rng(0), []
     height, width = view.painter.canvas.shape[:2]
     for number in range(FRAMES):
         wishes = []
@@ -63,7 +63,7 @@ def frames(view: View) -> np.ndarray:
             which, x, y = int(rng.integers(FISH)), rng.uniform(0, width), rng.uniform(0, height)
             wishes.append(SetGoal(do="goal", fish=which, x=float(x), y=float(y), drag=False))
         start = time.perf_counter(), time.process_time()
-        host.frame(list(wishes), 0, 1)
+        host.make_frame(list(wishes), 0, 1)
         took.append((time.perf_counter() - start[0], time.process_time() - start[1]))
     return 1e3 * np.array(took)
 
@@ -128,7 +128,7 @@ def measure_view(what: str) -> Iterator[Row]:
             wall, work = np.percentile(took, share, axis=0)
             yield what, f"a frame, percentile {share}", "ms", float(wall)
             yield what, f"its processor time, percentile {share}", "ms", float(work)
-        yield what, "text and picture of a frame", "kB", len(view.show()) / 1000
+        yield what, "text and picture of a frame", "kB", len(view.render_frame()) / 1000
         with serving(view) as page:
             reaction = reactions(page)
             yield what, "click to reaction, median", "ms", float(np.median(reaction))

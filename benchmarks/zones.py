@@ -21,8 +21,8 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.matching import MODE, material, replace_settings, settings_without_path
-from finloop.calibrate.film import FilmShoal, film_shoal
-from finloop.calibrate.rule import own_steps, simulate_points
+from finloop.calibrate.film import FilmGroup, build_film_group
+from finloop.calibrate.rule import measure_own_steps, simulate_point_fish
 from finloop.features.table import infer_delta_frames
 from finloop.modes.matching import matching_animator
 from finloop.project import Project
@@ -37,17 +37,17 @@ POINT_SEEDS = 10
 STEPS, EVERY = 20_000, 20  # of couzinswarm
 
 
-def points(film: FilmShoal, fitted: Zones) -> Iterator[tuple[str, pd.DataFrame]]:
+def points(film: FilmGroup, fitted: Zones) -> Iterator[tuple[str, pd.DataFrame]]:
     """Yield the tables of simulated points, by zones."""
     p = load("calibrate")
     for name, zones in (("zones", fitted), ("couzin", COUZIN), ("alone", NO_ZONES)):
-        steps = own_steps(film, film.whole_steps(p.rows), zones)
+        steps = measure_own_steps(film, film.rows_with_whole_steps(p.rows), zones)
         for seed in range(POINT_SEEDS):
             rng = np.random.default_rng(seed)
-            yield f"points_{name}", simulate_points(film, steps, zones, p, rng)
+            yield f"points_{name}", simulate_point_fish(film, steps, zones, p, rng)
 
 
-def package(film: FilmShoal) -> Iterator[tuple[str, pd.DataFrame]]:
+def package(film: FilmGroup) -> Iterator[tuple[str, pd.DataFrame]]:
     """Yield the table of couzinswarm, in px of a rectangular tank."""
     if find_spec("couzinswarm") is None:
         return
@@ -57,10 +57,10 @@ def package(film: FilmShoal) -> Iterator[tuple[str, pd.DataFrame]]:
     y, x = np.nonzero(film.walls.arena)
     length = film.walls.length
     box = np.ptp(x) / length, np.ptp(y) / length
-    swarm = Swarm(number_of_fish=film.fish, box_lengths=[*box, 1.0])
+    swarm = Swarm(number_of_fish=film.typical_fish_count, box_lengths=[*box, 1.0])
     places, directions = swarm.simulate(STEPS)
     places, directions = (one[:, STEPS // 10 :: EVERY, :2] for one in (places, directions))
-    frame = np.tile(np.arange(places.shape[1]), film.fish)
+    frame = np.tile(np.arange(places.shape[1]), film.typical_fish_count)
     heading = np.degrees(np.arctan2(directions[..., 1], directions[..., 0])).ravel()
     walls = Walls(np.ones((int(np.ptp(y)) + 1, int(np.ptp(x)) + 1), bool), length)
     yield "couzinswarm", measure_group(frame, length * places.reshape(-1, 2), heading, walls)
@@ -74,9 +74,9 @@ def film_tables(folder: Path) -> pd.DataFrame:
         made = material(project, p)
         features = made.reel.features
         own, horizon = first_film(features, project.data / "clip"), load("calibrate").horizon
-        film = film_shoal(own, made.arena, infer_delta_frames(features), horizon)
-        fish = min(film.fish, MOST_FISH)
-        tables["first_half"] = [film.half(True)]
+        film = build_film_group(own, made.arena, infer_delta_frames(features), horizon)
+        fish = min(film.typical_fish_count, MOST_FISH)
+        tables["first_half"] = [film.half_measures(True)]
         for name, table in (*points(film, project.rule.zones), *package(film)):
             tables.setdefault(name, []).append(table)
         for rule in ("zones", "none"):
@@ -90,7 +90,7 @@ def film_tables(folder: Path) -> pd.DataFrame:
                 frame = edit["tick"].to_numpy()
                 name = f"{MODE}_{'zones' if rule == 'zones' else 'alone'}"
                 tables.setdefault(name, []).append(measure_group(frame, where, heading, film.walls))
-    films = {"film": film.table, "second_half": film.half(False)}
+    films = {"film": film.table, "second_half": film.half_measures(False)}
     rows = [
         compare_groups(films, {name: one}).assign(run=run)
         for name, lot in tables.items()

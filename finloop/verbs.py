@@ -45,8 +45,8 @@ from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings, values_of
 from finloop.bpn.back_propagation import train_network
 from finloop.bpn.model import MotionModel, motion_rows, split_or_all
-from finloop.calibrate.film import film_shoal
-from finloop.calibrate.rule import film_rule, shortage
+from finloop.calibrate.film import build_film_group
+from finloop.calibrate.rule import describe_shortage, fit_film_rule
 from finloop.clip.rewrite import make_clip
 from finloop.clip.write import open_clip_source
 from finloop.distance.map import PAIRS, STEPS, FrameComparison, compare_frames, map_rows
@@ -317,10 +317,10 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> SchoolRule
     attraction_radius_bl=8.0. FinloopError also if no track is long enough for a step.
     """
     p = settings("calibrate", **changes)
-    group = film_shoal(features, film.arena, infer_delta_frames(features), p.horizon)
-    if lack := shortage(group):
+    group = build_film_group(features, film.arena, infer_delta_frames(features), p.horizon)
+    if lack := describe_shortage(group):
         warnings.warn(lack, stacklevel=2)
-    rule = require_rule(film_rule(group, p)[0])
+    rule = require_rule(fit_film_rule(group, p)[0])
     own = rule.steps
     table = apply_schema(own.to_table(), SOCIAL_STEPS)
     return replace(rule, steps=SocialSteps.from_table(table, own.forward, own.onward))

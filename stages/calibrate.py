@@ -9,8 +9,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.calibrate.film import FilmShoal, film_shoal
-from finloop.calibrate.rule import film_rule, own_steps, shortage, simulate_points
+from finloop.calibrate.film import FilmGroup, build_film_group
+from finloop.calibrate.rule import (
+    describe_shortage,
+    fit_film_rule,
+    measure_own_steps,
+    simulate_point_fish,
+)
 from finloop.calibrate.settings import CalibrateSettings
 from finloop.features.table import infer_delta_frames
 from finloop.io.atomic import whole_folder
@@ -35,12 +40,12 @@ def first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
     return features[features["frame"] < parts[0].stop] if parts else features
 
 
-def _simulate(film: FilmShoal, zones: Zones, p: CalibrateSettings) -> dict[str, pd.DataFrame]:
+def _simulate(film: FilmGroup, zones: Zones, p: CalibrateSettings) -> dict[str, pd.DataFrame]:
     """Return the measures of simulated points that swim by the zones, and of ones that do not."""
-    rows, tables = film.whole_steps(p.rows), {}
+    rows, tables = film.rows_with_whole_steps(p.rows), {}
     for name, rule in (("zones", zones), ("alone", NO_ZONES)):
-        steps, rng = own_steps(film, rows, rule), np.random.default_rng(p.seed)
-        tables[name] = simulate_points(film, steps, rule, p, rng)
+        steps, rng = measure_own_steps(film, rows, rule), np.random.default_rng(p.seed)
+        tables[name] = simulate_point_fish(film, steps, rule, p, rng)
     return tables
 
 
@@ -60,11 +65,11 @@ def main() -> None:
     project = Project()
     features = project.features
     rows = first_film(features, project.data / "clip")
-    film = film_shoal(rows, project.arena, infer_delta_frames(features), p.horizon)
-    rule, fit = film_rule(film, p)
-    numbers: dict[str, float] = {"fitted": int(fit is not None), "fish": film.fish}
+    film = build_film_group(rows, project.arena, infer_delta_frames(features), p.horizon)
+    rule, fit = fit_film_rule(film, p)
+    numbers: dict[str, float] = {"fitted": int(fit is not None), "fish": film.typical_fish_count}
     if fit is None:
-        print(f"calibrate: {shortage(film)}", file=sys.stderr)
+        print(f"calibrate: {describe_shortage(film)}", file=sys.stderr)
     else:
         numbers["explained_pct"] = 100 * fit.explained
         numbers["explained_held_out_pct"] = 100 * fit.explained_held_out
@@ -75,8 +80,8 @@ def main() -> None:
         simulated = _simulate(film, rule.zones, p) if fit else {}
         for name, table in simulated.items():
             save_table(folder / f"{name}.parquet", table, SHOAL)
-        films = {"film": film.table, "second_half": film.half(False)}
-        table = compare_groups(films, {"first_half": film.half(True), **simulated})
+        films = {"film": film.table, "second_half": film.half_measures(False)}
+        table = compare_groups(films, {"first_half": film.half_measures(True), **simulated})
         # Not in reports/, which is in git: points that act on each other amplify rounding, so they
         # swim differently on another processor, as with another seed.
         save_csv(folder / "company.csv", table, decimals=3)

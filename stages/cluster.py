@@ -17,7 +17,7 @@ from pathlib import Path
 
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Processes, Threads, Workers, warm_up
-from finloop.cluster.settings import ClusterSettings, Default
+from finloop.cluster.settings import ClusterSettings, DefaultWorkers
 from stages.settings import load
 
 
@@ -28,16 +28,18 @@ def workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
     need: modules to import first; threads: use threads on this machine, not processes.
     """
     p: ClusterSettings = load("cluster")
-    if isinstance(p, Default) and p.scheduler_address is None:
+    if isinstance(p, DefaultWorkers) and p.scheduler_address is None:
         if THREADS > 1 and not threads:
             warm_up(need)
         yield Threads(THREADS) if threads else Processes(THREADS)
         return
-    from finloop.cluster.workers import Home, dask_workers  # loads a compiler
+    from finloop.cluster.workers import WorkerHome, connect_dask_workers  # loads a compiler
 
-    start = f"python -m stages.cluster {p.scheduler_address if isinstance(p, Default) else ''}"
-    home = Home.from_process(Path.cwd(), start, THREAD_VARIABLES)
-    with dask_workers(p, home, THREADS, need) as cluster:
+    start = (
+        f"python -m stages.cluster {p.scheduler_address if isinstance(p, DefaultWorkers) else ''}"
+    )
+    home = WorkerHome.from_process(Path.cwd(), start, THREAD_VARIABLES)
+    with connect_dask_workers(p, home, THREADS, need) as cluster:
         dashboard = cluster.client.dashboard_link
         watch = f"; watch them at {dashboard}" if dashboard else ""
         print(f"finloop: {cluster.count} workers of Dask{watch}", file=sys.stderr)

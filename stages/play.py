@@ -18,9 +18,9 @@ from finloop.edit.modes import MODES, PAPER
 from finloop.edit.pictures import cross_fade_distance
 from finloop.edit.schema import FRAME, SPRITE
 from finloop.live.message import MOST_FISH
-from finloop.live.server import tank_server
+from finloop.live.server import create_tank_server
 from finloop.live.tank import LiveTank, rehearse_paths
-from finloop.live.view import View
+from finloop.live.view import TankView
 from finloop.live.web import HOST, bind_socket
 from finloop.modes.animator import Animator
 from finloop.modes.matching import NothingToUse
@@ -55,7 +55,7 @@ def open_modes(project: Project) -> dict[str, Animator]:
 
 
 @contextmanager
-def open_view(mode: str, fish: int | None, seed: int) -> Iterator[View]:
+def open_view(mode: str, fish: int | None, seed: int) -> Iterator[TankView]:
     """Yield the live tank with its pictures, opened from the stages' results.
 
     mode: of the first fish; fish: None = as many as `matching.fish`, or one in a mode of the paper;
@@ -84,7 +84,7 @@ def open_view(mode: str, fish: int | None, seed: int) -> Iterator[View]:
         tank = LiveTank(players, mode, wanted, seed, ghost)
         if len(tank.fish) < wanted:
             print(f"play: the tank has room for {len(tank.fish)} fish", file=sys.stderr)
-        yield View(tank, painter, gallery)
+        yield TankView(tank, painter, gallery)
 
 
 def main() -> None:
@@ -102,7 +102,9 @@ def main() -> None:
         try:
             mode = asked.mode or ("matching" if (asked.fish or 1) > 1 else "hybrid")
             with open_view(mode, asked.fish, asked.seed) as view:
-                tank_server(view, PAGE.read_text(encoding="utf-8"), listens, announce).serve_on()
+                create_tank_server(
+                    view, PAGE.read_text(encoding="utf-8"), listens, announce
+                ).serve_until_stopped()
         except KeyboardInterrupt:
             print("\nplay: the tank is closed", file=sys.stderr)
 

@@ -274,7 +274,7 @@ def _make_announcer(
 
 def _serve(server: AppServer) -> None:
     try:
-        server.serve_on()
+        server.serve_until_stopped()
     except KeyboardInterrupt:
         print("\nstimulus: ended", file=sys.stderr)
 

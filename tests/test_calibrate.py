@@ -15,9 +15,20 @@ import stages.calibrate
 import stages.plots.calibrate
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
-from finloop.calibrate.film import film_shoal, horizon_frames
-from finloop.calibrate.fit import Rings, cross_validate, default_zones, fit_zones, regression
-from finloop.calibrate.rule import film_rule, own_steps, shortage, simulate_points
+from finloop.calibrate.film import build_film_group, measure_horizon_frames
+from finloop.calibrate.fit import (
+    NeighbourSums,
+    cross_validate,
+    default_zones,
+    fit_directions,
+    fit_zones,
+)
+from finloop.calibrate.rule import (
+    describe_shortage,
+    fit_film_rule,
+    measure_own_steps,
+    simulate_point_fish,
+)
 from finloop.calibrate.settings import CalibrateSettings
 from finloop.features.table import FEATURES
 from finloop.io.numbers import load_numbers
@@ -77,7 +88,7 @@ def quick_settings(**changes):
 
 
 def shoal(zones=TRUE, **by):
-    return film_shoal(swim(zones, **by), ARENA, 1, 1.0)
+    return build_film_group(swim(zones, **by), ARENA, 1, 1.0)
 
 
 FILM = shoal()
@@ -128,7 +139,7 @@ def test_the_mirror_image_of_a_film_has_the_same_zones():
     table = swim(TRUE)
     mirrored = table.assign(x_px=299 - table["x_px"], heading_deg=180 - table["heading_deg"])
     p = quick_settings()
-    here, there = (fit_zones(film_shoal(one, ARENA, 1, 1.0), p) for one in (table, mirrored))
+    here, there = (fit_zones(build_film_group(one, ARENA, 1, 1.0), p) for one in (table, mirrored))
     assert there.zones.radii == here.zones.radii
     assert there.zones.weights == pytest.approx(here.zones.weights, rel=1e-3)
 
@@ -136,16 +147,16 @@ def test_the_mirror_image_of_a_film_has_the_same_zones():
 def test_rings_say_what_zones_say():
     rows = FILM.fit_rows(True, 300)
     seen = FILM.visible_neighbours(rows)
-    rings = Rings(seen, [0.0, 0.5, 2.0, 8.0], 90.0)
+    rings = NeighbourSums(seen, [0.0, 0.5, 2.0, 8.0], 90.0)
     for radii in [(0.5, 2.0, 8.0), (0.0, 0.0, 8.0), (0.5, 0.5, 0.5), (0.0, 2.0, 2.0)]:
-        assert rings.means(radii) == pytest.approx(zone_means(seen, radii, 90.0), abs=1e-9)
+        assert rings.zone_pulls(radii) == pytest.approx(zone_means(seen, radii, 90.0), abs=1e-9)
 
 
 def test_regression_leaves_out_what_would_be_negative():
     rng = np.random.default_rng(0)
     pulls, wall = (rng.normal(0, 1, (500, n)) + 1j * rng.normal(0, 1, (500, n)) for n in (3, 1))
     after = 0.5 + pulls @ [0.2, -0.4, 0.1] - 0.3 * wall[:, 0]
-    lot, square = regression(pulls[:, [0, 2, 1]], wall[:, 0], after, [None] * 3)
+    lot, square = fit_directions(pulls[:, [0, 2, 1]], wall[:, 0], after, [None] * 3)
     assert lot[3] == 0 and lot[[0, 1, 2, 4]] == pytest.approx([0.5, 0.2, 0.1, -0.3], abs=0.05)
     columns = np.column_stack([np.ones(500), pulls[:, [0, 2]], wall[:, 0]])
     assert square == pytest.approx((np.abs(after - columns @ lot[[0, 1, 2, 4]]) ** 2).sum())
@@ -165,7 +176,7 @@ def test_what_fits_by_chance_is_found_out_by_the_other_part():
         def cross_fit(pulls, wall, after):
             return cross_validate(pulls, wall, after, free, parts)
 
-        own.append(squares(lambda *given: regression(*given, free)[1], after))
+        own.append(squares(lambda *given: fit_directions(*given, free)[1], after))
         cross.append(squares(cross_fit, after))
         true.append(squares(cross_fit, after + 2 * pulls[:, 0]))
     assert np.mean(own) < 0  # what was fitted to fits better with anything than with nothing
@@ -191,30 +202,33 @@ def test_headings_that_last_are_looked_at_again_later():
     track = np.zeros(4000, int)
     quick, slow = (np.exp(1j * np.cumsum(rng.normal(0, size, 4000))) for size in (0.5, 0.2))
     # The mean cosine of a random walk falls as exp(−σ² t / 2).
-    assert horizon_frames(quick, track, 1) == pytest.approx(2 * np.log(2) / 0.5**2, rel=0.4)
-    assert horizon_frames(slow, track, 1) == pytest.approx(2 * np.log(2) / 0.2**2, rel=0.4)
-    assert horizon_frames(slow, track, 1500) == 1500
-    assert horizon_frames(slow, track, 3000) == 1999  # rows have one before and a later one
+    assert measure_horizon_frames(quick, track, 1) == pytest.approx(2 * np.log(2) / 0.5**2, rel=0.4)
+    assert measure_horizon_frames(slow, track, 1) == pytest.approx(2 * np.log(2) / 0.2**2, rel=0.4)
+    assert measure_horizon_frames(slow, track, 1500) == 1500
+    assert measure_horizon_frames(slow, track, 3000) == 1999  # rows have one before and a later one
 
 
 def test_a_horizon_longer_than_the_tracks_is_refused():
     table = swim(TRUE, frames=300)
-    assert len(film_shoal(table, ARENA, 1, 149.0).whole_steps(5000)) > 0
+    assert len(build_film_group(table, ARENA, 1, 149.0).whole_steps(5000)) > 0
     for horizon in (150.0, 200.0, 1000.0):
         with pytest.raises(FinloopError, match=f"horizon={horizon:g} is .* has 300") as caught:
-            film_shoal(table, ARENA, 1, horizon)
+            build_film_group(table, ARENA, 1, horizon)
         assert "at most 149" in caught.value.wanted and "auto" in caught.value.do
     for frames in (3, 4, 7, 30):  # a measured one always leaves some steps
-        assert len(film_shoal(swim(TRUE, frames=frames), ARENA, 10, "auto").whole_steps(5000)) > 0
+        assert (
+            len(build_film_group(swim(TRUE, frames=frames), ARENA, 10, "auto").whole_steps(5000))
+            > 0
+        )
 
 
 def test_tracks_too_short_for_a_step_teach_no_rule():
     often = swim(TRUE, fish=10, frames=40)  # in company throughout, each track of two frames
     short = often.assign(track_id=often["track_id"] * 20 + often["frame"] // 2)
-    film = film_shoal(short, ARENA, 1, "auto")
-    assert min(len(film.fit_rows(half, 50)) for half in (True, False)) == 50
-    rule, fit = film_rule(film, settings("calibrate"))
-    assert fit is None and "no track has three consecutive frames" in shortage(film)
+    film = build_film_group(short, ARENA, 1, "auto")
+    assert min(len(film.rows_for_fit(half, 50)) for half in (True, False)) == 50
+    rule, fit = fit_film_rule(film, settings("calibrate"))
+    assert fit is None and "no track has three consecutive frames" in describe_shortage(film)
     with pytest.raises(FinloopError, match="too short for the steps"):
         require_rule(rule)
 
@@ -224,8 +238,8 @@ def test_fish_that_are_points_shoal_as_the_film_does():
     half, other = FILM.half(True), FILM.half(False)
     rows, far = FILM.whole_steps(p.rows), {}
     for name, zones in (("zones", TRUE), ("alone", NO_ZONES)):
-        steps = own_steps(FILM, rows, zones)
-        animation = simulate_points(FILM, steps, zones, p, np.random.default_rng(0))
+        steps = measure_own_steps(FILM, rows, zones)
+        animation = simulate_point_fish(FILM, steps, zones, p, np.random.default_rng(0))
         far[name] = wasserstein_distances(FILM.table, animation)["neighbour_distance"]
         assert animation["wall_distance"].min() > 0
     assert far["zones"] < 0.5 * far["alone"]
@@ -233,10 +247,10 @@ def test_fish_that_are_points_shoal_as_the_film_does():
 
 
 def test_own_steps_leave_nothing_to_the_company():
-    steps = own_steps(FILM, FILM.whole_steps(3000), TRUE)
+    steps = measure_own_steps(FILM, FILM.whole_steps(3000), TRUE)
     assert steps.onward == pytest.approx(OWN, rel=0.15)
     pulls = pull_of_others(FILM.visible_neighbours(FILM.whole_steps(3000)), TRUE)
-    whole = own_steps(FILM, FILM.whole_steps(3000), NO_ZONES)
+    whole = measure_own_steps(FILM, FILM.whole_steps(3000), NO_ZONES)
     left, before = (float((one.turn * pulls.conj()).real.mean()) for one in (steps, whole))
     assert before > 0.1 and abs(left) < 0.3 * before
 

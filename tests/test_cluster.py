@@ -26,7 +26,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import ALONE, Processes, ordered_map
 from finloop.base.settings import settings
 from finloop.cluster import workers as at_cluster
-from finloop.cluster.workers import Call, Home, dask_workers, run_piece
+from finloop.cluster.workers import DeferredCall, WorkerHome, connect_dask_workers, run_pickled_item
 from finloop.jumps import film as jumps_film
 from finloop.jumps import signature, visible
 
@@ -41,7 +41,7 @@ def home(tmp_path, monkeypatch):
     """The facts of this process, and its folder."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "data").mkdir()
-    return Home.from_process(tmp_path, START, ["PATH"])
+    return WorkerHome.from_process(tmp_path, START, ["PATH"])
 
 
 # --- a worker, in this process
@@ -54,15 +54,17 @@ def put(folder: Path, work) -> str:
 
 def test_unpickling_a_call_makes_it_in_the_folder_of_who_asks(home, tmp_path, monkeypatch):
     monkeypatch.chdir("/")
-    call = Call(run_piece, home, put(tmp_path, Path.resolve), pickle.dumps(Path("here")))
+    call = DeferredCall(
+        run_pickled_item, home, put(tmp_path, Path.resolve), pickle.dumps(Path("here"))
+    )
     assert pickle.loads(pickle.loads(pickle.dumps(call))) == tmp_path / "here"
 
 
 @pytest.mark.parametrize("fact", ["code", "python", "numpy", "PATH"])
 def test_a_worker_of_other_facts_is_refused_by_name(home, tmp_path, fact):
-    other = Home(home.folder, home.start, {**home.facts, fact: "other"})
+    other = WorkerHome(home.folder, home.start, {**home.facts, fact: "other"})
     with pytest.raises(FinloopError) as caught:
-        run_piece(other, put(tmp_path, square), pickle.dumps(7))
+        run_pickled_item(other, put(tmp_path, square), pickle.dumps(7))
     assert f"{fact}: {home.facts[fact]} there, other here" in caught.value.came
     assert START in caught.value.do
 
@@ -81,13 +83,15 @@ def test_the_facts_tell_versions_of_the_code_apart(tmp_path, monkeypatch):
 def test_a_worker_that_does_not_see_the_folder_is_refused(home, tmp_path, gone):
     folder = str(tmp_path / "elsewhere") if gone == "folder" else home.folder
     with pytest.raises(FinloopError) as caught:
-        run_piece(Home(folder, START, home.facts), str(tmp_path / "work"), pickle.dumps(7))
+        run_pickled_item(
+            WorkerHome(folder, START, home.facts), str(tmp_path / "work"), pickle.dumps(7)
+        )
     assert folder in caught.value.came and START in caught.value.do
 
 
 def test_no_dask_is_one_message(home, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(FinloopError) as caught, dask_workers(LOCAL, home, 2):
+    with pytest.raises(FinloopError) as caught, connect_dask_workers(LOCAL, home, 2):
         pass
     assert caught.value.do == "make cluster"
 
@@ -124,7 +128,9 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def cluster(folder):
     """Two workers of Dask."""
-    with dask_workers(LOCAL, Home.from_process(folder, START, []), 2, ["jobs"]) as crew:
+    with connect_dask_workers(
+        LOCAL, WorkerHome.from_process(folder, START, []), 2, ["jobs"]
+    ) as crew:
         yield crew
 
 
@@ -174,10 +180,10 @@ def test_a_piece_that_kills_every_worker_is_one_message(cluster, monkeypatch):
 
 @needs_dask
 def test_a_cluster_of_other_code_or_folder_is_refused_before_it_works(cluster, folder, monkeypatch):
-    home = Home.from_process(folder, START, [])
-    other = Home(home.folder, START, {**home.facts, "code": "other"})
+    home = WorkerHome.from_process(folder, START, [])
+    other = WorkerHome(home.folder, START, {**home.facts, "code": "other"})
     with pytest.raises(FinloopError, match="code: ") as caught:
-        with dask_workers(of_address(cluster), other, 2):
+        with connect_dask_workers(of_address(cluster), other, 2):
             pass
     assert START in caught.value.do
 
@@ -186,7 +192,9 @@ def test_a_cluster_of_other_code_or_folder_is_refused_before_it_works(cluster, f
 def test_no_scheduler_is_one_message(home, monkeypatch):
     monkeypatch.setattr(at_cluster, "_CONNECT_S", 0.2)
     with pytest.raises(FinloopError, match="no scheduler") as caught:
-        with dask_workers(settings("cluster", scheduler_address="tcp://127.0.0.1:9"), home, 2):
+        with connect_dask_workers(
+            settings("cluster", scheduler_address="tcp://127.0.0.1:9"), home, 2
+        ):
             pass
     assert START in caught.value.do
 
@@ -195,7 +203,7 @@ def test_no_scheduler_is_one_message(home, monkeypatch):
 def test_where_nobody_is_left_to_work_it_is_said(cluster, tmp_path, monkeypatch):
     monkeypatch.setattr(at_cluster, "_LOOK_S", 0.05)
     monkeypatch.setattr(at_cluster, "_BACK_S", 0.1)
-    monkeypatch.setattr(type(cluster), "threads", lambda self: {})
+    monkeypatch.setattr(type(cluster), "count_threads", lambda self: {})
     pipes = [tmp_path / "a", tmp_path / "b"]
     for pipe in pipes:
         os.mkfifo(pipe)

@@ -233,7 +233,7 @@ def test_nobody_swims_through_another():
         met[through], still = 0, 0
         for tick in range(240):
             if tick % 7 == 0:  # sent about all the time, the moment before it meets another, too
-                tank.send(int(rng.integers(6)), *rng.uniform((200, 100), (600, 500)))
+                tank.send_to_goal(int(rng.integers(6)), *rng.uniform((200, 100), (600, 500)))
             before = [
                 (fish.row_at(tank.tick).x_px, fish.row_at(tank.tick).y_px) for fish in tank.fish
             ]
@@ -251,7 +251,7 @@ def test_two_fish_sent_to_each_other_pass():
     tank, passed = LiveTank({MODE: crowd_player()}, MODE, 2, 5), 0
     for _ in range(4):
         for number, x in enumerate((280.0, 520.0) if passed % 2 else (520.0, 280.0)):
-            tank.send(number, x, 300.0)
+            tank.send_to_goal(number, x, 300.0)
         for _ in range(600):
             tank.advance()
             assert not overlaps(tank)
@@ -264,7 +264,7 @@ def test_two_fish_sent_to_each_other_pass():
 def test_along_one_path_they_follow_each_other():
     tank, angle = LiveTank({MODE: crowd_player()}, MODE, 3, 5), np.linspace(0, 2 * np.pi, 40)
     ring = np.column_stack([400 + 100 * np.cos(angle), 300 + 100 * np.sin(angle)])
-    tank.follow(None, [(float(x), float(y)) for x, y in ring])
+    tank.follow_path(None, [(float(x), float(y)) for x, y in ring])
     on_it = 0
     for _ in range(300):
         tank.advance()
@@ -278,7 +278,7 @@ def test_together_they_swim_on_from_the_past_as_they_did():
     for _ in range(150):
         tank.advance()
     was = [[fish.row_at(tick).x_px for tick in range(151)] for fish in tank.fish]
-    tank.back_to(60)
+    tank.go_back_to(60)
     while tank.tick < 150:
         tank.advance()
     assert [[fish.row_at(tick).x_px for tick in range(151)] for fish in tank.fish] == was
@@ -286,14 +286,14 @@ def test_together_they_swim_on_from_the_past_as_they_did():
 
 def kept_plan(tank, monkeypatch, wish) -> int:
     """The tick at which a wish is refused, as others rely on the plan; three ticks of it are left."""
-    while len(tank.fish[0].path_from(tank.tick)) < 4:
+    while len(tank.fish[0].planned_path_from(tank.tick)) < 4:
         tank.advance()
-    plan = tank.fish[0].path_from(tank.tick)
+    plan = tank.fish[0].planned_path_from(tank.tick)
     wish()
     with monkeypatch.context() as patch:
         patch.setattr(Planner, "is_clear", lambda *_: False)
         tank.advance()
-    assert np.array_equal(tank.fish[0].path_from(tank.tick), plan[1:])
+    assert np.array_equal(tank.fish[0].planned_path_from(tank.tick), plan[1:])
     return tank.tick
 
 
@@ -301,15 +301,16 @@ def test_the_goal_of_a_kept_plan_is_not_the_new_one(monkeypatch):
     tank = LiveTank({MODE: crowd_player()}, MODE, 1, 2)
     fish, kept = tank.fish[0], 0
     for number in range(8):
-        tank.send(0, *((220.0, 120.0), (580.0, 480.0))[number % 2])
+        tank.send_to_goal(0, *((220.0, 120.0), (580.0, 480.0))[number % 2])
         while not fish.reached:
             tank.advance()
             ends = (
-                fish.decision_at(tank.tick).stretch.touched and len(fish.path_from(tank.tick)) > 4
+                fish.decision_at(tank.tick).stretch.touched
+                and len(fish.planned_path_from(tank.tick)) > 4
             )
             if ends:
-                kept_plan(tank, monkeypatch, lambda: tank.send(0, 400.0, 120.0))
-                while len(fish.path_from(tank.tick)) > 1:
+                kept_plan(tank, monkeypatch, lambda: tank.send_to_goal(0, 400.0, 120.0))
+                while len(fish.planned_path_from(tank.tick)) > 1:
                     tank.advance()
                 assert not fish.reached
                 kept += 1
@@ -323,13 +324,13 @@ def test_a_plan_that_was_kept_is_kept_again(monkeypatch):
         tank.advance()
 
     def elsewhere():
-        tank.send(0, 220.0, 480.0)
+        tank.send_to_goal(0, 220.0, 480.0)
 
     begin = kept_plan(tank, monkeypatch, elsewhere)
     for _ in range(40):
         tank.advance()
     was = [[one.row_at(tick)[:-1] for tick in range(begin, begin + 41)] for one in tank.fish]
-    tank.back_to(begin)
+    tank.go_back_to(begin)
     for _ in range(40):
         tank.advance()
     now = [[one.row_at(tick)[:-1] for tick in range(begin, begin + 41)] for one in tank.fish]

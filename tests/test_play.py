@@ -50,7 +50,7 @@ def fast():
 
 
 def say(view, **wish):
-    view.grant(parse_message(json.dumps(wish)))
+    view.handle_request(parse_message(json.dumps(wish)))
 
 
 # --- the same engine
@@ -86,7 +86,7 @@ def test_a_goal_counts_from_the_next_tick_on_and_nothing_jumps(mode):
         before = played_rows(tank, int(rng.integers(2, 30)))
         past = [tank.fish[0].row_at(tick) for tick in range(max(0, tank.tick - 50), tank.tick)]
         asked = tank.tick
-        tank.send(None, *rng.uniform((40, 30), (760, 570)))
+        tank.send_to_goal(None, *rng.uniform((40, 30), (760, 570)))
         rows = np.append(before, played_rows(tank, 5)).view(ROW)
         choice = tank.fish[0].decision_at(asked + 1)
         assert choice.tick == asked + 1
@@ -106,7 +106,7 @@ def test_the_fish_gets_there_even_while_its_goal_is_dragged(mode, drag):
         x, y = rng.uniform((80, 70), (720, 530))
         for tick in range(600):
             if tick == 0 or (drag and tick < 400):
-                tank.send(0, x + (tick % 3) * 0.1, y, drag=tick > 0)
+                tank.send_to_goal(0, x + (tick % 3) * 0.1, y, drag=tick > 0)
             tank.advance()
             if tank.fish[0].reached:
                 break
@@ -121,10 +121,10 @@ def test_the_fish_gets_there_even_while_its_goal_is_dragged(mode, drag):
 
 def test_a_goal_beyond_the_wall_is_put_where_a_fish_can_touch_it():
     tank = LiveTank(toy_players(), "network", 1, 0)
-    tank.send(0, -50.0, 900.0)
+    tank.send_to_goal(0, -50.0, 900.0)
     goal = tank.fish[0].goal
     assert open_tank().into(goal.x_px, goal.y_px) == (goal.x_px, goal.y_px)
-    tank.send(0, 400.0, 300.0)
+    tank.send_to_goal(0, 400.0, 300.0)
     assert tank.fish[0].goal[1:3] == (400.0, 300.0)
 
 
@@ -133,7 +133,7 @@ def test_while_a_goal_is_dragged_a_stretch_is_swum_for_a_moment(mode):
     tank, decided = LiveTank(toy_players(), mode, 1, 3), []
     tank.advance()
     for tick in range(60):
-        tank.send(0, 400.0 + 3 * tick, 300.0, drag=tick > 0)
+        tank.send_to_goal(0, 400.0 + 3 * tick, 300.0, drag=tick > 0)
         tank.advance()
         decided.append(int(tank.fish[0].row_at(tank.tick).decided))
     assert decided[0] == 2  # the first click counts at once
@@ -190,14 +190,14 @@ def test_modes_are_changed_from_each_to_each_while_it_swims():
     kinds = {"network": {SPRITE}, "loops": {FRAME}, "matching": {FRAME}, "hybrid": {SPRITE, FRAME}}
     before = played_rows(tank, 60)[-1:]
     for mode in EACH_TO_EACH:
-        tank.switch(mode)
+        tank.switch_mode(mode)
         rows = np.append(before, played_rows(tank, 90)).view(ROW)
         before = rows[-1:]
         assert set(rows["kind"][1:]) <= kinds[mode]  # from the next tick on
         own = {mode} if mode != "hybrid" else {"network", "loops"}
         assert set(rows["mode"][1:]) <= own
         assert steps(rows).max() <= fast()
-        tank.switch(mode)  # it is in that mode already: nothing is cut
+        tank.switch_mode(mode)  # it is in that mode already: nothing is cut
         decided = tank.fish[0].row_at(tank.tick).decided
         tank.advance()
         assert tank.fish[0].row_at(tank.tick).decided in (decided, tank.tick)
@@ -220,12 +220,12 @@ def test_where_a_mode_takes_over_pictures_are_joined_and_it_can_be_gone_back_to(
     tank = LiveTank(toy_players(), "loops", 1, 1)
     for mode in ("network", "loops", "network", "matching"):
         played_rows(tank, 40)
-        tank.switch(mode)
+        tank.switch_mode(mode)
         then = tank.tick
         rows = played_rows(tank, 60)
         assert rows["weight"][0] > 0 or mode == "matching"  # which is inertialized
         for tick in (then + 1, then + 20):
-            tank.back_to(tick)
+            tank.go_back_to(tick)
             assert tank.mode == mode
             assert repr(played_rows(tank, 60 + then - tick)) == repr(rows[tick - then :])
 
@@ -244,7 +244,7 @@ def test_a_mode_that_the_film_does_not_allow_is_refused():
     with pytest.raises(FinloopError, match="no mode loops"):
         LiveTank(few, "loops", 1, 0)
     tank = LiveTank(few, "hybrid", 1, 0)
-    tank.switch("loops")
+    tank.switch_mode("loops")
     played_rows(tank, 50)
     assert tank.mode == "hybrid" and "too little" in tank.describe_lack("loops")
 
@@ -253,28 +253,28 @@ def test_a_mode_of_the_paper_moves_one_fish_to_goals():
     tank = LiveTank(toy_players(), "matching", 2, 1)
     for mode in PAPER:
         with pytest.raises(FinloopError, match=f"mode {mode} cannot do 2 fish"):
-            tank.switch(mode)
+            tank.switch_mode(mode)
         assert "one fish" in tank.describe_lack(mode)
         with pytest.raises(FinloopError, match="2 fish"):
             LiveTank(toy_players(), mode, 2, 1)
     assert tank.mode == "matching" and len(tank.fish) == 2
     tank.set_fish_count(1)
-    tank.follow(0, circle(140))
-    tank.switch("hybrid")
+    tank.follow_path(0, circle(140))
+    tank.switch_mode("hybrid")
     assert tank.fish[0].path_task is None  # nobody swims a path in this mode
-    for wish in (lambda: tank.follow(0, circle(140)), lambda: tank.shoal(0),
-                 lambda: tank.lead(None, 0), lambda: tank.set_fish_count(2)):  # fmt: skip
+    for wish in (lambda: tank.follow_path(0, circle(140)), lambda: tank.swim_in_group(0),
+                 lambda: tank.follow_leader(None, 0), lambda: tank.set_fish_count(2)):  # fmt: skip
         with pytest.raises(FinloopError, match="mode hybrid cannot do") as refused:
             wish()
         assert "matching" in refused.value.do
     played_rows(tank, 20)
-    tank.send(0, 300.0, 200.0)
+    tank.send_to_goal(0, 300.0, 200.0)
     assert tank.fish[0].goal is not None
 
 
 def test_the_view_tells_every_mode_and_why_one_cannot_be_had():
     view = view_of("matching", fish=2)
-    told = {one["name"]: one for one in view.state(0)["modes"]}
+    told = {one["name"]: one for one in view.describe_tick(0)["modes"]}
     assert list(told) == list(MODES)
     assert [name for name, one in told.items() if one["lack"]] == [*PAPER]
     assert all(told[name]["title"] == facts.title for name, facts in MODES.items())
@@ -282,7 +282,7 @@ def test_the_view_tells_every_mode_and_why_one_cannot_be_had():
     assert "one fish" in view.refused or "2 fish" in view.refused
     say(view, do="count", fish=1)
     say(view, do="mode", mode="loops")
-    state = view.state(0)
+    state = view.describe_tick(0)
     assert (state["mode"], state["most"], view.refused) == ("loops", 1, "")
     assert not any(one["lack"] for one in state["modes"])
 
@@ -298,13 +298,13 @@ def test_the_tank_of_a_run_has_all_modes_and_draws_every_change(a_run, monkeypat
             say(view, do="mode", mode=mode)
             for _ in range(12):
                 view.advance()
-                state, _ = read(view.show())
+                state, _ = read(view.render_frame())
             assert (state["mode"], state["refused"]) == (mode, "")
     with pytest.raises(FinloopError, match="mode loops cannot do 3 fish"):
         with open_view("loops", 3, 0):
             pass
     with open_view("matching", 3, 0) as view:
-        assert len(read(view.show())[0]["fish"]) == 3
+        assert len(read(view.render_frame())[0]["fish"]) == 3
 
 
 # --- the past
@@ -315,22 +315,22 @@ def test_the_past_is_kept_as_it_was_and_no_longer_than_said(monkeypatch):
     tank = LiveTank(toy_players(), "hybrid", 1, 2)
     rows = played_rows(tank, 400)
     fish = tank.fish[0]
-    assert tank.oldest == tank.tick - 59
+    assert tank.oldest_tick == tank.tick - 59
     for back in range(60):
         assert repr(tuple(fish.row_at(tank.tick - back)[:-1])) == repr(rows[-1 - back].item())
         choice = fish.decision_at(tank.tick - back)
         assert choice.tick <= tank.tick - back
-    assert fish.row_at(tank.oldest - 1) is None and fish.row_at(tank.tick + 1) is None
-    assert fish.decision_at(tank.oldest - 1) is None
-    oldest = tank.oldest
-    tank.back_to(3)  # no further back than is known
+    assert fish.row_at(tank.oldest_tick - 1) is None and fish.row_at(tank.tick + 1) is None
+    assert fish.decision_at(tank.oldest_tick - 1) is None
+    oldest = tank.oldest_tick
+    tank.go_back_to(3)  # no further back than is known
     assert tank.tick == oldest and repr(tuple(fish.row_at(oldest)[:-1])) == repr(rows[-60].item())
     played_rows(tank, 100)
 
 
 def test_what_was_weighed_is_told_with_its_costs():
     tank = LiveTank(toy_players(), "matching", 1, 2)
-    tank.send(0, 700.0, 100.0)
+    tank.send_to_goal(0, 700.0, 100.0)
     seen = set()
     for _ in range(600):
         tank.advance()
@@ -356,11 +356,11 @@ def test_left_alone_it_swims_on_from_the_past_as_it_did(mode):
     many = 1 if mode in PAPER else 2
     tank = LiveTank(toy_players(), mode, many, 4, lambda row: row.weight < 0.5)
     played_rows(tank, 40)
-    tank.send(None, 600.0, 400.0)
+    tank.send_to_goal(None, 600.0, 400.0)
     first = [played_rows(tank, 1, fish=0) for _ in range(160)]
     second = [tank.fish[-1].row_at(tick) for tick in range(tank.tick + 1)]
     for tick in (197, 90, 41, 44):
-        tank.back_to(tick)
+        tank.go_back_to(tick)
         assert tank.tick == tick and tank.mode == mode
         again = played_rows(tank, 160 + 40 - tick)
         assert repr(np.concatenate(first)[tick - 40 :]) == repr(again)
@@ -369,17 +369,17 @@ def test_left_alone_it_swims_on_from_the_past_as_it_did(mode):
 
 def test_from_the_past_it_can_be_sent_elsewhere():
     tank = LiveTank(toy_players(), "hybrid", 1, 4)
-    tank.send(0, 100.0, 100.0)
+    tank.send_to_goal(0, 100.0, 100.0)
     rows = played_rows(tank, 120)
-    tank.switch("network")
+    tank.switch_mode("network")
     played_rows(tank, 30)
-    tank.drop(0)
+    tank.let_wander(0)
     played_rows(tank, 30)
-    tank.back_to(60)
+    tank.go_back_to(60)
     fish = tank.fish[0]
     assert tank.mode == fish.mode == "hybrid"  # as it was then
     assert fish.goal is not None or rows["reached"][59]
-    tank.send(0, 700.0, 500.0)
+    tank.send_to_goal(0, 700.0, 500.0)
     later = played_rows(tank, 100)
     assert fish.decision_at(61).goal.x_px == 700.0 and fish.row_at(181) is None
     assert repr(rows[:60]) == repr(np.array([fish.row_at(t)[:-1] for t in range(1, 61)], ROW))
@@ -392,9 +392,9 @@ def test_a_goal_that_was_being_dragged_then_is_swum_to(mode):
     tank = LiveTank(toy_players(), mode, 1, 3)
     played_rows(tank, 20)
     for move in range(20):
-        tank.send(0, 300.0 + 10 * move, 300.0, drag=move > 0)
+        tank.send_to_goal(0, 300.0 + 10 * move, 300.0, drag=move > 0)
         tank.advance()
-    tank.back_to(33)
+    tank.go_back_to(33)
     first = tank.fish[0].goal
     assert first.x_px == 300.0 + 10 * 12
     played_rows(tank, 3)
@@ -410,9 +410,9 @@ def test_a_fish_that_was_not_there_yet_is_gone_and_the_page_swims_on():
     say(view, do="pause", on=True)
     say(view, do="look", tick=20)
     say(view, do="swim_on", tick=20)
-    state, _ = read(view.show())
+    state, _ = read(view.render_frame())
     assert (state["now"], state["tick"], len(state["fish"])) == (20, 20, 1)
-    assert view.runs and not state["past"] and view.explained == 0
+    assert view.is_running and not state["past"] and view.explained == 0
     say(view, do="swim_on", tick=900)  # it has not been: stay
     assert view.tank.tick == 20
 
@@ -454,7 +454,7 @@ def path_log(tank, ticks):
 def test_it_swims_to_where_a_path_begins_and_then_along_it():
     tank = LiveTank(toy_players(), "matching", 1, 3)
     tank.advance()
-    tank.follow(0, circle(140))
+    tank.follow_path(0, circle(140))
     begun, x, y = path_log(tank, 900)
     first = int(np.argmax(begun))
     assert begun[first:].all() and not begun[:first].any()  # closed: again and again
@@ -475,25 +475,25 @@ def test_it_swims_to_where_a_path_begins_and_then_along_it():
 def test_an_open_path_ends_and_is_given_up_for_a_goal():
     tank = LiveTank(toy_players(), "matching", 1, 3)
     half = circle(140)[:40]
-    tank.follow(None, half)
+    tank.follow_path(None, half)
     begun, x, y = path_log(tank, 600)
     last = np.flatnonzero(begun)[-1]
     assert np.hypot(x[last] + 140, y[last]) < LENGTH  # where the half circle ends
     assert tank.fish[0].path_task is None and tank.fish[0].reached
-    tank.follow(0, half)
+    tank.follow_path(0, half)
     assert tank.fish[0].goal[1:3] == pytest.approx(half[0], abs=0.1 * LENGTH)
-    tank.send(0, 100.0, 100.0)
+    tank.send_to_goal(0, 100.0, 100.0)
     assert tank.fish[0].path_task is None and tank.fish[0].goal.x_px == 100.0
-    tank.follow(0, half)
-    tank.drop(0)
+    tank.follow_path(0, half)
+    tank.let_wander(0)
     assert tank.fish[0].path_task is None and tank.fish[0].goal is None
 
 
 def test_a_path_no_longer_than_a_goal_is_one_and_none_leads_out_of_the_tank():
     tank = LiveTank(toy_players(), "matching", 1, 0)
-    tank.follow(0, [(400.0, 300.0), (401.0, 300.0)])
+    tank.follow_path(0, [(400.0, 300.0), (401.0, 300.0)])
     assert tank.fish[0].path_task is None and tank.fish[0].goal[1:3] == (401.0, 300.0)
-    tank.follow(0, [(-500.0, 300.0), (400.0, 300.0), (5000.0, 9000.0)])
+    tank.follow_path(0, [(-500.0, 300.0), (400.0, 300.0), (5000.0, 9000.0)])
     route = tank.fish[0].path_task.route
     assert all(inside(open_tank().legal, x, y) for x, y in zip(route.x, route.y, strict=True))
 
@@ -506,12 +506,12 @@ def test_a_tank_with_room_for_no_path_is_opened_all_the_same():
 
 def test_along_a_path_too_it_swims_on_from_the_past_as_it_did():
     tank = LiveTank(toy_players(), "matching", 1, 4)
-    tank.follow(0, circle(140))
+    tank.follow_path(0, circle(140))
     rows = played_rows(tank, 300)
     begun = [tank.fish[0].request_at(tick).path_task.begun for tick in range(1, 301)]
     assert begun[-1] and not begun[0]
     for tick in (290, begun.index(True) + 1, 40):
-        tank.back_to(tick)
+        tank.go_back_to(tick)
         assert repr(played_rows(tank, 300 - tick)) == repr(rows[tick:])
 
 
@@ -523,16 +523,16 @@ def test_fish_come_and_go():
     view.advance(5)
     say(view, do="count", fish=8)
     view.advance(5)
-    state, _ = read(view.show())
+    state, _ = read(view.render_frame())
     assert len(state["fish"]) == 8 and all(state["fish"])
     say(view, do="look", tick=3)
-    state, _ = read(view.show())
+    state, _ = read(view.render_frame())
     assert [fish is not None for fish in state["fish"]] == [True] * 3 + [False] * 5
     say(view, do="explain", fish=7)
     say(view, do="count", fish=1)
     assert view.explained == 0 and len(view.tank.fish) == 1
     say(view, do="goal", fish=5, x=1, y=1, drag=False)  # not there: let be
-    read(view.show())
+    read(view.render_frame())
 
 
 @pytest.mark.parametrize("colour", [False, True])
@@ -540,7 +540,7 @@ def test_a_frame_is_the_painted_tank_and_the_state(colour):
     view = view_of(fish=2, colour=colour)
     say(view, do="goal", fish=1, x=300, y=200.5, drag=False)
     view.advance(40)
-    state, picture = read(view.show(3.21))
+    state, picture = read(view.render_frame(3.21))
     assert picture.shape == view.painter.frame.shape
     painted = view.painter.frame[..., ::-1] if colour else view.painter.frame
     assert np.abs(picture.astype(int) - painted).mean() < 2
@@ -556,19 +556,19 @@ def test_a_frame_is_the_painted_tank_and_the_state(colour):
 def test_rewinding_shows_the_frame_again_and_a_goal_returns_to_now():
     view = view_of()
     view.advance(30)
-    then, picture = read(view.show())
+    then, picture = read(view.render_frame())
     view.advance(25)
     say(view, do="look", tick=30)
-    state, again = read(view.show())
-    assert np.array_equal(picture, again) and state["past"] and not view.runs
+    state, again = read(view.render_frame())
+    assert np.array_equal(picture, again) and state["past"] and not view.is_running
     for name in ("fish", "decision", "tick"):
         assert state[name] == then[name]
     say(view, do="goal", fish=None, x=300, y=200, drag=False)
-    assert view.tick == 55 and view.runs
+    assert view.shown_tick == 55 and view.is_running
     say(view, do="step")
-    assert view.tick == 56 and not view.runs
+    assert view.shown_tick == 56 and not view.is_running
     say(view, do="pause", on=False)
-    assert view.runs
+    assert view.is_running
 
 
 def test_ways_are_drawn_as_they_would_have_been_swum():
@@ -579,7 +579,7 @@ def test_ways_are_drawn_as_they_would_have_been_swum():
     view, plan, checked, kept = view_of("matching"), {}, 0, 0
     for _ in range(130):
         view.advance()
-        state = view.state(view.tick)
+        state = view.describe_tick(view.shown_tick)
         decision = state["decision"]
         taken = next((way for way in decision["ways"] if way["taken"]), None)
         if decision["planned"] < decision["tick"]:
@@ -625,9 +625,9 @@ def test_a_tick_that_is_decided_anew_heads_for_the_new_goal_and_keeps_the_tick_b
             tank.advance()
         before, now = fish.row_at(tank.tick - 1), tank.tick
         x, y = rng.uniform(0, ARENA.shape[1]), rng.uniform(0, ARENA.shape[0])
-        tank.send(0, x, y)
+        tank.send_to_goal(0, x, y)
         goal = fish.goal
-        tank.renew(0)
+        tank.redo_last_tick(0)
         assert tank.tick == fish.last_tick == now, turn
         np.testing.assert_equal(fish.row_at(now - 1)[:-1], before[:-1])
         choice = fish.decision_at(now)
@@ -644,7 +644,7 @@ def test_the_first_tick_of_a_stretch_decided_anew_for_the_same_goal_stays_as_it_
         tank.advance()
         if fish.decision_at(tank.tick).tick == tank.tick:
             old = fish.row_at(tank.tick)
-            tank.renew(0)
+            tank.redo_last_tick(0)
             np.testing.assert_equal(fish.row_at(tank.tick)[:-1], old[:-1])
             same += 1
     assert same > 10
@@ -656,8 +656,8 @@ def test_ticks_decided_anew_are_the_same_for_the_same_seed_and_wishes():
         for _ in range(150):
             tank.advance()
             which = int(rng.integers(3))
-            tank.send(which, rng.uniform(0, ARENA.shape[1]), rng.uniform(0, ARENA.shape[0]))
-            tank.renew(which)
+            tank.send_to_goal(which, rng.uniform(0, ARENA.shape[1]), rng.uniform(0, ARENA.shape[0]))
+            tank.redo_last_tick(which)
             rows += [fish.row_at(tank.tick)[:-1] for fish in tank.fish]
         return np.array(rows, ROW)
 
@@ -671,8 +671,8 @@ def test_fish_that_decide_anew_keep_clear_of_each_other():
         tank.advance()
         which = int(rng.integers(3))
         goal = tank.fish[(which + 1) % 3].row_at(tank.tick)
-        tank.send(which, goal.x_px, goal.y_px)
-        tank.renew(which)
+        tank.send_to_goal(which, goal.x_px, goal.y_px)
+        tank.redo_last_tick(which)
         for fish in tank.fish:
             last = fish.decision_at(tank.tick)
             paths = [one.path_from(last.tick) for one in tank.fish if one is not fish]

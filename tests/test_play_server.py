@@ -27,7 +27,7 @@ from finloop.base.errors import FinloopError
 from finloop.edit.modes import MODES, PAPER
 from finloop.live import fish as play_fish
 from finloop.live.message import LONGEST, MOST_PLACES, parse_message
-from finloop.live.server import BEHIND, Host, PageClient, tank_server
+from finloop.live.server import BEHIND, PageClient, TankHost, create_tank_server
 from finloop.live.web import bind_socket
 from finloop.render.gallery import Gallery
 from finloop.social.zones import Zones
@@ -70,11 +70,11 @@ def tank(view=None, ends_with=None, **how):
     view, found = view or view_of(**how), []
     with bind_socket(0) as listens:
         up = threading.Event()
-        server = tank_server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
+        server = create_tank_server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
 
         def serve():
             try:
-                server.serve_on()
+                server.serve_until_stopped()
             except Exception as error:
                 found.append(type(error))
 
@@ -167,19 +167,19 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
     async def flood():
         view = view_of(fish=2)
         view.gallery = Gallery(view.gallery.shelves, view.gallery.bodies, keep=4)
-        host, pages, counts = Host(view), [PageClient() for _ in range(3)], []
+        host, pages, counts = TankHost(view), [PageClient() for _ in range(3)], []
         for part in range(8):
             for number, text in enumerate(hostile(1250, part)):
-                host.receive(pages[number % 3], text)
+                host.store_request(pages[number % 3], text)
                 if number % 300 == 0:
                     assert len(host.requests) <= 25
-                    frame = host.frame(*host.take(), ticks=4)
+                    frame = host.make_frame(*host.take_requests(), ticks=4)
                     for page in pages:
-                        page.offer(host.view.frame, frame)
+                        page.offer_frame(host.view.frame, frame)
             for text in ('{"do":"mode","mode":"matching"}', '{"do":"count","fish":2}',
                          '{"do":"pause","on":false}'):  # fmt: skip
-                host.receive(pages[0], text)
-            host.frame(*host.take(), ticks=20)
+                host.store_request(pages[0], text)
+            host.make_frame(*host.take_requests(), ticks=20)
             toy_players()["network"].mode.nearest_turn.cache_clear()
             gc.collect()
             counts.append(len(gc.get_objects()))
@@ -233,42 +233,46 @@ def test_they_do_no_harm_over_the_wire_either():
 
 
 def test_of_each_kind_of_wish_only_the_last_is_kept_in_their_order():
-    host, page = Host(view_of(fish=2)), PageClient()
+    host, page = TankHost(view_of(fish=2)), PageClient()
     for x in range(50):
-        host.receive(page, json.dumps({"do": "goal", "fish": 0, "x": x, "y": 0, "drag": x > 0}))
-        host.receive(page, json.dumps({"do": "goal", "fish": 1, "x": x, "y": 1, "drag": True}))
-    host.receive(page, '{"do":"drop","fish":0}')
-    wishes, steps = host.take()
+        host.store_request(
+            page, json.dumps({"do": "goal", "fish": 0, "x": x, "y": 0, "drag": x > 0})
+        )
+        host.store_request(
+            page, json.dumps({"do": "goal", "fish": 1, "x": x, "y": 1, "drag": True})
+        )
+    host.store_request(page, '{"do":"drop","fish":0}')
+    wishes, steps = host.take_requests()
     assert [(wish.do, wish.fish) for wish in wishes] == [("goal", 0), ("goal", 1), ("drop", 0)]
     assert wishes[0].x == 49 and not wishes[0].drag and wishes[1].drag and steps == 0
     for _ in range(1000):
-        host.receive(page, '{"do":"step"}')
-    wishes, steps = host.take()
-    assert 1 < steps < 100 and wishes == [] and host.take() == ([], 0)
+        host.store_request(page, '{"do":"step"}')
+    wishes, steps = host.take_requests()
+    assert 1 < steps < 100 and wishes == [] and host.take_requests() == ([], 0)
 
 
 def test_a_page_that_is_behind_gets_the_newest_frame_later():
     async def story():
         page = PageClient()
-        page.confirm(3)  # is drawn just now, and not sent: later it counts as any other
+        page.confirm_frame(3)  # is drawn just now, and not sent: later it counts as any other
         for number in range(1, 6):
-            assert page.offer(number, b"%d" % number) == (number == 1)
-        assert await page.next() == b"5"
+            assert page.offer_frame(number, b"%d" % number) == (number == 1)
+        assert await page.next_frame() == b"5"
         for number in range(6, 6 + BEHIND - 1):
-            page.offer(number, b"%d" % number)
-            await page.next()
-        page.offer(9, b"9")
+            page.offer_frame(number, b"%d" % number)
+            await page.next_frame()
+        page.offer_frame(9, b"9")
         for wrong in (0, 1, 9, 99):  # frames that it was not sent
-            page.confirm(wrong)
+            page.confirm_frame(wrong)
             with pytest.raises(TimeoutError):
-                await asyncio.wait_for(page.next(), 0.02)
-        page.confirm(5)
-        assert await asyncio.wait_for(page.next(), 60) == b"9"
-        page.confirm(9)
+                await asyncio.wait_for(page.next_frame(), 0.02)
+        page.confirm_frame(5)
+        assert await asyncio.wait_for(page.next_frame(), 60) == b"9"
+        page.confirm_frame(9)
         for number in range(10, 18):  # it does not stand still
-            page.offer(number, b"%d" % number)
-            assert await asyncio.wait_for(page.next(), 60) == b"%d" % number
-            page.confirm(number)
+            page.offer_frame(number, b"%d" % number)
+            assert await asyncio.wait_for(page.next_frame(), 60) == b"%d" % number
+            page.confirm_frame(number)
 
     asyncio.run(story())
 
@@ -393,7 +397,7 @@ def test_a_mode_that_there_is_not_is_answered_by_those_that_there_are(capsys):
 
 def test_an_error_of_the_tank_ends_the_server_and_is_told():
     view = view_of()
-    view.show = lambda took_ms=0.0: 1 / 0
+    view.render_frame = lambda took_ms=0.0: 1 / 0
     with tank(view, ends_with=ZeroDivisionError) as (address, _):
         with look_in(address) as page, pytest.raises(ConnectionClosed):
             page.recv(timeout=60)

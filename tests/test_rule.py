@@ -15,7 +15,7 @@ from finloop.edit.build import build_edit_lists
 from finloop.edit.schema import Goal
 from finloop.live.message import parse_message
 from finloop.live.tank import LiveTank
-from finloop.live.view import View
+from finloop.live.view import TankView
 from finloop.modes.matching import MatchingAnimator, add_rules
 from finloop.plan.objectives import rule_target
 from finloop.social.measures import measure_group
@@ -225,23 +225,23 @@ def spread(places):
 def test_a_fish_is_handed_from_goal_to_path_to_rule_and_wanders_again():
     tank = live()
     one = tank.fish[0]
-    tank.send(0, 450.0, 450.0)
+    tank.send_to_goal(0, 450.0, 450.0)
     assert one.goal is not None
-    tank.follow(0, [(200.0, 200.0), (600.0, 300.0), (700.0, 600.0)])
+    tank.follow_path(0, [(200.0, 200.0), (600.0, 300.0), (700.0, 600.0)])
     place_rows(tank, 3)
     assert one.path_task is not None and one.rule_task is None
-    tank.shoal(0)
+    tank.swim_in_group(0)
     assert one.goal is None and one.path_task is None and one.rule_task.leader is None
     place_rows(tank, 20)
     assert {choice.name for choice in one._decisions} >= {"company"}
-    tank.lead(0, 2)
+    tank.follow_leader(0, 2)
     assert tank.leaders == {1: 3}
     place_rows(tank, 20)
     assert one._decisions[-1].name == "leader"
-    tank.send(0, 450.0, 450.0)
+    tank.send_to_goal(0, 450.0, 450.0)
     assert one.rule_task is None and one.goal is not None
-    tank.shoal(0)
-    tank.drop(0)
+    tank.swim_in_group(0)
+    tank.let_wander(0)
     assert one.rule_task is None and tank.fish[1].rule_task is None
 
 
@@ -257,53 +257,53 @@ def test_weights_are_changed_while_fish_swim():
 
 def test_who_swims_by_a_rule_can_be_rewound_and_swims_the_same_again():
     tank = live()
-    tank.shoal(None)
-    tank.lead(3, 1)
+    tank.swim_in_group(None)
+    tank.follow_leader(3, 1)
     place_rows(tank, 60)
     first = place_rows(tank, 80)
     before = tank.shoaling
     tank.set_zone_weights((1.0, 1.0, 0.1))
     place_rows(tank, 20)
-    tank.back_to(60)
+    tank.go_back_to(60)
     assert tank.shoaling == before and tank.leaders == {4: 2}
     assert place_rows(tank, 80) == pytest.approx(first)
 
 
 def test_who_would_follow_in_a_circle_is_refused_and_told():
-    view = View(live(), None, None)
-    view.grant(parse_message('{"do": "rule", "fish": 0, "leader": 1}'))
+    view = TankView(live(), None, None)
+    view.handle_request(parse_message('{"do": "rule", "fish": 0, "leader": 1}'))
     assert view.tank.leaders == {1: 2} and view.refused == ""
-    view.grant(
+    view.handle_request(
         parse_message('{"do": "rule", "fish": null, "leader": 0}')
     )  # everybody, also who leads it
     assert "fish 2 follows fish 1 follows fish 2" in view.refused
     assert view.tank.leaders == {1: 2}
-    view.grant(parse_message('{"do": "rule", "fish": null, "leader": 1}'))
+    view.handle_request(parse_message('{"do": "rule", "fish": null, "leader": 1}'))
     assert view.tank.leaders == {1: 2, 3: 2, 4: 2} and view.refused == ""
-    view.grant(parse_message('{"do": "rule", "fish": 1, "leader": 7}'))  # nobody
+    view.handle_request(parse_message('{"do": "rule", "fish": 1, "leader": 7}'))  # nobody
     assert view.tank.leaders == {1: 2, 3: 2, 4: 2}
 
 
 def test_company_of_which_nothing_is_known_is_refused():
-    view = View(live(known=False), None, None)
-    view.grant(parse_message('{"do": "rule", "fish": null, "leader": null}'))
+    view = TankView(live(known=False), None, None)
+    view.handle_request(parse_message('{"do": "rule", "fish": null, "leader": null}'))
     assert "calibrate" in view.refused and view.tank.fish[0].rule_task is None
-    view.grant(
+    view.handle_request(
         parse_message('{"do": "weights", "repulsion": 1.0, "alignment": 1.0, "attraction": 1.0}')
     )
     assert view.tank.shoaling is None
 
 
 def test_company_of_a_film_without_steps_is_refused():
-    view = View(live(), None, None)
+    view = TankView(live(), None, None)
     view.tank.shoaling = stepless()
-    view.grant(parse_message('{"do": "rule", "fish": null, "leader": null}'))
+    view.handle_request(parse_message('{"do": "rule", "fish": null, "leader": null}'))
     assert "too short" in view.refused and view.tank.fish[0].rule_task is None
 
 
 def test_a_follower_whose_leader_is_gone_wanders():
     tank = live()
-    tank.lead(0, 3)
+    tank.follow_leader(0, 3)
     place_rows(tank, 10)
     tank.set_fish_count(2)
     place_rows(tank, 30)

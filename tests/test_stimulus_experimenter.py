@@ -15,7 +15,7 @@ from playwright.sync_api import expect
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve
 
-from finloop.live.page import content_policy
+from finloop.live.page import make_content_policy
 from finloop.stimulus.animals import Verdict
 
 expect.set_options(timeout=60_000)  # a hang ends, a busy machine does not
@@ -54,7 +54,7 @@ class Desk:
         del answer.headers["Content-Type"]
         answer.headers["Content-Type"] = "text/html; charset=utf-8"
         sources = f"img-src data:; connect-src ws://{self.address}"
-        answer.headers["Content-Security-Policy"] = content_policy(PAGE, sources)
+        answer.headers["Content-Security-Policy"] = make_content_policy(PAGE, sources)
         return answer
 
     def _attend(self, connection):

@@ -49,7 +49,7 @@ def serving(make_server):
 
         def serve():
             try:
-                server.serve_on()
+                server.serve_until_stopped()
             except Exception as error:
                 found.append(error)
 

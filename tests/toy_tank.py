@@ -12,7 +12,7 @@ from finloop.base.cutout import Cutout
 from finloop.edit.schema import FRAME, SPRITE
 from finloop.live.fish import ROW
 from finloop.live.tank import LiveTank
-from finloop.live.view import View
+from finloop.live.view import TankView
 from finloop.render.gallery import CutoutShelf, Gallery
 from finloop.render.painter import Painter
 
@@ -58,7 +58,7 @@ def view_of(mode="matching", fish=1, seed=0, colour=False):
         FRAME: CutoutShelf(Drops(frames), np.full((frames, 2), middle)),
         SPRITE: CutoutShelf(Drops(24 * sprites), np.full((sprites, 2), middle), 24),
     }, bodies_of(rich_film()))  # fmt: skip
-    return View(LiveTank(toy_players(), mode, fish, seed), Painter(floor), gallery)
+    return TankView(LiveTank(toy_players(), mode, fish, seed), Painter(floor), gallery)
 
 
 def read(frame):

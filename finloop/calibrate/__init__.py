@@ -9,6 +9,6 @@ beside the distance between the two halves.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "film": ["FilmShoal", "film_shoal"], "fit": ["Fitted", "fit_zones"],
-    "rule": ["film_rule", "shortage", "simulate_points"],
+    "film": ["FilmGroup", "build_film_group"], "fit": ["ZoneFit", "fit_zones"],
+    "rule": ["fit_film_rule", "describe_shortage", "simulate_point_fish"],
 })  # fmt: skip

@@ -18,13 +18,13 @@ LEAST = 50  # rows with other fish that each half must have for a fit
 
 
 @dataclass(frozen=True)
-class FilmShoal:
-    """The fish of a film, n rows. Vectors are complex, in BL, as in `finloop.social.neighbours`.
+class FilmGroup:
+    """The fish of a film as a group: n rows, with their places, headings and neighbours.
 
-    place, heading, frame (n,): of each row; later, earlier (n,): row of the same track `horizon`
-    frames later and earlier, or −1; index (n,): the row's frame among the frames with fish; slot
-    (n,): its place in that frame; places, headings (frames, m): NaN for absent fish; table:
-    `measure_group`.
+    Vectors are complex, in BL, as in `finloop.social.neighbours`. place, heading, frame (n,): of
+    each row. later, earlier (n,): row of the same track `horizon` frames later and earlier, or −1.
+    index (n,): the row's frame among the frames with fish. slot (n,): its place in that frame.
+    places, headings (frames, m): NaN for absent fish. table: `measure_group`.
     """
 
     place: Complex
@@ -42,71 +42,79 @@ class FilmShoal:
 
     @property
     def visible_counts(self) -> Ints:
-        """The number of fish in each frame that shows any, (frames,)."""
+        """Return the number of fish (frames,) in each frame that shows any."""
         return np.asarray(np.isfinite(self.headings).sum(axis=1))
 
     @property
-    def fish(self) -> int:
-        """The median number of fish in a frame that shows any."""
+    def typical_fish_count(self) -> int:
+        """Return the median number of fish in a frame that shows any."""
         return int(np.median(self.visible_counts))
 
     @property
     def first_half(self) -> Mask:
-        """Which rows (n,) are in the first half of the film, in time."""
+        """Return which rows (n,) are in the first half of the film, in time."""
         return self.frame < middle_frame(self.frame)
 
-    def half(self, first: bool) -> pd.DataFrame:
-        """Return the measures (columns of `SHOAL`) of the film's first or second half."""
+    def half_measures(self, first: bool) -> pd.DataFrame:
+        """Return the measures (columns of `SHOAL`) of the film's first or second half.
+
+        first: whether of the first half.
+        """
         return self.table[self.first_half == first]
 
-    def fit_rows(self, first: bool, most: int) -> Ints:
-        """Return at most `most` rows of the first or second half from which zones are fitted.
+    def rows_for_fit(self, first: bool, most: int) -> Ints:
+        """Return the rows of one half of the film from which zones are fitted, at most `most`.
 
-        Such a row has other fish in its frame, and a later row in the same half. They are evenly
-        spread.
+        first: whether of the first half. Such a row has other fish in its frame, and a later row in
+        the same half. They are evenly spread.
         """
         half = self.first_half == first
         several = self.visible_counts[self.index] > 1
-        return _spread(np.flatnonzero(half & several & (self.later >= 0) & half[self.later]), most)
+        return _thin_rows(
+            np.flatnonzero(half & several & (self.later >= 0) & half[self.later]), most
+        )
 
-    def whole_steps(self, most: int) -> Ints:
-        """Return at most `most` rows whose fish is also seen `horizon` frames before and after.
+    def rows_with_whole_steps(self, most: int) -> Ints:
+        """Return rows, at most `most`, whose fish is also seen `horizon` frames before and after.
 
         They are of the first half, or of the whole film if that has none, evenly spread.
         """
         whole = (self.later >= 0) & (self.earlier >= 0)
         first = np.flatnonzero(whole & self.first_half & self.first_half[self.later])
-        return _spread(first if len(first) else np.flatnonzero(whole), most)
+        return _thin_rows(first if len(first) else np.flatnonzero(whole), most)
 
     def visible_neighbours(self, rows: Ints) -> Neighbours:
-        """Return what the fish of k rows see of the others in their frames, (k, m)."""
+        """Return distances, bearings and headings of the other fish (k, m) that k fish see.
+
+        rows (k,): of these fish.
+        """
         own = self.index[rows]
         places = self.places[own]
         places[np.arange(len(rows)), self.slot[rows]] = np.nan
         others = places, self.headings[own]
         return neighbours_among(self.place[rows, None], self.heading[rows, None], others)
 
-    def moves(self, rows: Ints) -> Complex:
-        """Return displacements (k,) in BL from k rows to the later ones, in the frame of the body.
+    def relative_moves(self, rows: Ints) -> Complex:
+        """Return how far (k,) k fish move in the time `horizon`, in BL, seen from their bodies.
 
-        They are complex: 1 = a body length ahead, i = one to the left.
+        rows (k,): of these fish. Complex: 1 = a body length ahead, i = one to the left.
         """
         return (self.place[self.later[rows]] - self.place[rows]) * self.heading[rows].conj()
 
-    def directions(self, rows: Ints) -> Complex:
-        """Return headings (k,) `horizon` frames after k rows, relative to those at the rows.
+    def relative_headings(self, rows: Ints) -> Complex:
+        """Return the headings (k,) of k fish after the time `horizon`, relative to those before.
 
-        They are complex unit vectors: 1 = not turned, i = turned left by 90°.
+        rows (k,): of these fish. Complex unit vectors: 1 = not turned, i = turned left by 90°.
         """
         return self.heading[self.later[rows]] * self.heading[rows].conj()
 
 
-def film_shoal(
+def build_film_group(
     features: pd.DataFrame, arena: Mask, delta: int, horizon: float | Literal["auto"]
-) -> FilmShoal:
-    """Return the fish of a film from its feature table.
+) -> FilmGroup:
+    """Return the fish of a film as a group, from the film's table of features.
 
-    arena (h, w): True inside; delta: Δ in frames; horizon: time between look and response in Δ, or
+    arena (h, w): True inside. delta: Δ in frames. horizon: time between look and response in Δ, or
     "auto" to measure it. FinloopError if a horizon in Δ is longer than the tracks allow.
     """
     walls = Walls(arena, float(np.median(features["body_length_px"])))
@@ -115,42 +123,45 @@ def film_shoal(
     place, heading = complex_vectors(*where, walls.length)
     slots = frame_slots(frame)
     if horizon == "auto":
-        ticks = horizon_frames(heading, track, delta)
+        ticks = measure_horizon_frames(heading, track, delta)
     else:
         ticks = max(1, round(horizon * delta))
     later, earlier = _link_rows(frame, track, ticks)
     if horizon != "auto" and not ((later >= 0) & (earlier >= 0)).any():
-        longest = _longest_track(track)
+        longest = _longest_track_rows(track)
         raise FinloopError(
             f"horizon={horizon:g} is {ticks} frames, and the film's longest track has {longest}",
             f"a horizon of at most {max(0, longest - 1) // 2 / delta:.3g}, half the longest track",
             "take a shorter one, auto, or a film with longer tracks",
         )
-    return FilmShoal(
+    return FilmGroup(
         place, heading, frame, later, earlier, slots[0], slots[1], spread_to_slots(place, *slots),
         spread_to_slots(heading, *slots), ticks, walls, measure_group(frame, *where, walls),
     )  # fmt: skip
 
 
-def horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
-    """Return the number of frames after which fish have half forgotten their headings.
+def measure_horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
+    """Measure after how many frames fish have half forgotten their headings.
 
-    It is at most a quarter of the longest track, but at least Δ if that is no more than half of it.
-    heading (n,): complex; track (n,): its number; delta: Δ in frames.
+    It is at most a quarter of the longest track, but at least Δ if that is at most half of it.
+    heading (n,): complex. track (n,): number of each row's track. delta: Δ in frames.
     """
     memory = measure_memory_frames(np.stack([heading.real, heading.imag], axis=1), track)
-    longest = _longest_track(track)
+    longest = _longest_track_rows(track)
     ticks = max(delta, round(min(memory, longest / _PART)))
     return max(1, min(ticks, (longest - 1) // 2))
 
 
-def _longest_track(track: Ints) -> int:
-    """Return the number of rows of the longest track, from the track number (n,) of each row."""
+def _longest_track_rows(track: Ints) -> int:
+    """Return how many rows the longest track has; track (n,): number of each row's track."""
     return int(np.unique(track, return_counts=True)[1].max())
 
 
 def _link_rows(frame: Ints, track: Ints, ticks: int) -> tuple[Ints, Ints]:
-    """Return the rows (n,) of the same track so many frames later, and earlier; −1 for none."""
+    """Return the rows (n,) of the same track `ticks` frames later, and earlier; −1 for none.
+
+    frame, track (n,): frame and track number of each row.
+    """
     later, earlier = np.full((2, len(frame)), -1)
     same = (track[ticks:] == track[:-ticks]) & (frame[ticks:] == frame[:-ticks] + ticks)
     first = np.flatnonzero(same)
@@ -158,6 +169,6 @@ def _link_rows(frame: Ints, track: Ints, ticks: int) -> tuple[Ints, Ints]:
     return later, earlier
 
 
-def _spread(rows: Ints, most: int) -> Ints:
-    """Return at most `most` of the rows, evenly spread over them."""
+def _thin_rows(rows: Ints, most: int) -> Ints:
+    """Return at most `most` of some rows, evenly spread over them."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int))]

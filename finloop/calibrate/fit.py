@@ -24,7 +24,7 @@ import numpy as np
 import scipy
 
 from finloop.base.arrays import Complex, Floats, Ints, Mask, Reals
-from finloop.calibrate.film import FilmShoal
+from finloop.calibrate.film import FilmGroup
 from finloop.calibrate.settings import CalibrateSettings
 from finloop.social.neighbours import Neighbours
 from finloop.social.zones import COUZIN, Zones, weigh_zone_pulls, zone_means
@@ -35,10 +35,10 @@ _LEAST_OWN = 0.05  # least weight of the own direction after H: weights are divi
 
 
 @dataclass(frozen=True)
-class Fitted:
+class ZoneFit:
     """The zones fitted to a film, and how well they predict the directions of its fish.
 
-    own: coefficient a of the regression, the fish's own direction; explained, explained_held_out:
+    own: coefficient a of the regression, the fish's own direction. explained, explained_held_out:
     share (at most 1) of the squares left without zones that the zones explain, in the first and in
     the second half.
     """
@@ -49,57 +49,71 @@ class Fitted:
     explained_held_out: float
 
 
-def fit_zones(film: FilmShoal, p: CalibrateSettings) -> Fitted:
-    """Fit the zones that best predict the directions of the first half of a film.
+def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
+    """Fit the zones that best predict the headings of fish in the first half of a film.
 
     Parameters that are not "auto" stay fixed; listed radii and blind angles are tried for the
     others.
     """
-    rows, held_out = (film.fit_rows(first, p.rows) for first in (True, False))
-    seen, wall, after = film.visible_neighbours(rows), _wall_pull(film, rows), film.directions(rows)
-    weights = (p.repulsion_weight, p.alignment_weight, p.attraction_weight)
+    rows, held_out = (film.rows_for_fit(first, settings.rows) for first in (True, False))
+    seen, wall, after = (
+        film.visible_neighbours(rows),
+        _wall_pull(film, rows),
+        film.relative_headings(rows),
+    )
+    weights = (settings.repulsion_weight, settings.alignment_weight, settings.attraction_weight)
     fixed = [None if weight == "auto" else float(weight) for weight in weights]
     parts = film.frame[rows] < np.median(film.frame[rows])
-    choices = _possible_radii(p)
+    choices = _possible_radii(settings)
     best: tuple[float, tuple[float, float, float], float, Complex] | None = None
-    for blind in sorted(p.blind_angles_deg) if p.blind_angle_deg == "auto" else [p.blind_angle_deg]:
-        rings = Rings(seen, sorted({one for radii in choices for one in radii}), float(blind))
+    for blind in (
+        sorted(settings.blind_angles_deg)
+        if settings.blind_angle_deg == "auto"
+        else [settings.blind_angle_deg]
+    ):
+        rings = NeighbourSums(
+            seen, sorted({one for radii in choices for one in radii}), float(blind)
+        )
         for radii in choices:
-            pulls = rings.means(radii)
+            pulls = rings.zone_pulls(radii)
             square = cross_validate(pulls, wall, after, fixed, parts)
             if best is None or square < best[0] * (1 - _EQUAL):
                 best = square, radii, float(blind), pulls
     assert best is not None
     _, radii, blind_deg, pulls = best
-    with_zones, _ = regression(pulls, wall, after, fixed)
+    with_zones, _ = fit_directions(pulls, wall, after, fixed)
     own = max(float(with_zones[0]), _LEAST_OWN)
     zones = _weighted_zones(radii, blind_deg, with_zones[1:4] / own, fixed)
-    alone, _ = regression(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
+    alone, _ = fit_directions(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
     shares = []
     for half in (rows, held_out):
         pulls = zone_means(film.visible_neighbours(half), zones.radii, zones.blind_deg)
-        wall, after = _wall_pull(film, half), film.directions(half)
+        wall, after = _wall_pull(film, half), film.relative_headings(half)
         left, left_alone = (
             float((np.abs(after - a - weigh_zone_pulls(pulls, b) - c * wall) ** 2).sum())
             for a, *b, c in (with_zones, alone)
         )
         shares.append(1 - left / left_alone)
-    return Fitted(zones, own, *shares)
+    return ZoneFit(zones, own, *shares)
 
 
-def _wall_pull(film: FilmShoal, rows: Ints) -> Complex:
-    """Return the vectors W (k,) of k rows: away from the wall, complex, in the body's frame."""
+def _wall_pull(film: FilmGroup, rows: Ints) -> Complex:
+    """Return the vectors W (k,) of k rows: away from the nearest wall, seen from the body."""
     return film.walls.vectors_from_wall(film.place[rows], film.heading[rows])
 
 
-class Rings:
-    """`zone_means` of n fish for many combinations of listed radii, computed quickly.
+class NeighbourSums:
+    """Sums over the neighbours of n fish, from which the pulls of many zones are computed quickly.
 
-    It sums over the neighbours nearer than each radius, so that a zone is a difference of two sums.
-    seen: the others (n, m); radii: rising, BL.
+    A zone is the difference of the sums within two radii. seen: the others (n, m). radii: rising,
+    BL.
     """
 
     def __init__(self, seen: Neighbours, radii: Sequence[float], blind_deg: float) -> None:
+        """Sum over the neighbours nearer than each radius.
+
+        blind_deg: blind angle behind the fish, in degrees.
+        """
         self._radii = {radius: number for number, radius in enumerate(radii)}
         sees = seen.bearing.real >= -np.cos(np.radians(blind_deg) / 2)
         within = np.stack([seen.distance < radius for radius in radii], axis=-1)
@@ -107,10 +121,10 @@ class Rings:
         self._heading = _sum_within(seen.heading, within & sees[..., None])
         self._bearing = _sum_within(seen.bearing, within & sees[..., None])
 
-    def means(self, radii: tuple[float, float, float]) -> Complex:
-        """Return the pulls (n, 3) of three zones without weights, equal to `zone_means`.
+    def zone_pulls(self, radii: tuple[float, float, float]) -> Complex:
+        """Return the pulls (n, 3) of the three zones with given outer radii, without weights.
 
-        radii: three outer radii in BL, each one of the listed radii.
+        radii: in BL, each one of the listed radii. The pulls equal those of `zone_means`.
         """
         inner, middle, outer = (self._radii[radius] for radius in radii)
         free = self._near[1][:, inner] == 0
@@ -123,20 +137,23 @@ class Rings:
 
 
 def _sum_within(vectors: Complex, within: Any) -> tuple[Complex, Ints]:
-    """Return the sums of vectors (n, m) of the selected neighbours (n, m, k), and their counts."""
+    """Return the sum of vectors (n, m) over selected neighbours (n, m, k), and their count."""
     return (vectors[..., None] * within).sum(axis=1), within.sum(axis=1)
 
 
 def _ring_mean(sums: tuple[Complex, Ints], inner: int | None, outer: int) -> Complex:
-    """Return the mean vectors (n,) between two listed radii; 0 where there is no neighbour."""
+    """Return the mean vector (n,) of the neighbours between two radii; 0 where there is none.
+
+    sums: sums and counts within each radius. inner, outer: numbers of the radii; inner None: 0.
+    """
     total, count = (part[:, outer] for part in sums)
     if inner is not None:
         total, count = total - sums[0][:, inner], count - sums[1][:, inner]
     return np.where(count > 0, total / np.maximum(count, 1), 0)
 
 
-class _Sums(NamedTuple):
-    """Sums over n rows for a regression of directions on the five columns of `_columns`.
+class _RegressionSums(NamedTuple):
+    """Sums over n rows, from which a regression of directions on five columns is solved.
 
     gram (5, 5): products of the columns with each other; right (5,): with the directions; square:
     sum of the squared directions.
@@ -147,20 +164,20 @@ class _Sums(NamedTuple):
     square: float
 
     def residual(self, solution: Floats) -> float:
-        """Return the sum of squares that the regression leaves with these coefficients (5,)."""
+        """Return the sum of squares that a regression with given coefficients (5,) leaves."""
         return self.square + float(solution @ (self.gram @ solution - 2 * self.right))
 
 
-def _sum_rows(columns: Complex, after: Complex) -> _Sums:
-    """Sum over n rows what a regression of directions (n,) on columns (n, 5) needs."""
+def _sum_rows(columns: Complex, after: Complex) -> _RegressionSums:
+    """Sum over n rows what a regression needs; columns (n, 5), after: the directions (n,)."""
     # Not `@`: its threads cost more time than these few numbers.
     gram = np.einsum("ni,nj->ij", columns.conj(), columns).real
     right = np.einsum("ni,n->i", columns.conj(), after).real
-    return _Sums(gram, right, float((np.abs(after) ** 2).sum()))
+    return _RegressionSums(gram, right, float((np.abs(after) ** 2).sum()))
 
 
-def _solve(sums: _Sums, weights: Sequence[float | None]) -> Floats:
-    """Return the coefficients (5,) of the regression; those of the three zones are 0 or more.
+def _solve_regression(sums: _RegressionSums, weights: Sequence[float | None]) -> Floats:
+    """Return the coefficients (5,) of a regression; those of the three zones are 0 or more.
 
     weights (3,): None for a zone that is fitted. A zone with a fixed weight has coefficient 0,
     because its pull is already part of the first column.
@@ -178,51 +195,59 @@ def _solve(sums: _Sums, weights: Sequence[float | None]) -> Floats:
     return solution
 
 
-def _columns(pulls: Complex, wall: Complex, weights: Sequence[float | None]) -> Complex:
-    """Return columns (n, 5): own direction with the zones of fixed weight, the zones, W."""
-    return np.column_stack([1.0 + weigh_zone_pulls(pulls, _or_zero(weights)), pulls, wall])
+def _regression_columns(pulls: Complex, wall: Complex, weights: Sequence[float | None]) -> Complex:
+    """Return the columns (n, 5) of the regression: own direction, three zones, wall.
+
+    Zones of fixed weight are added to the own direction. pulls (n, 3), wall (n,), weights (3,): as
+    for `fit_directions`.
+    """
+    return np.column_stack([1.0 + weigh_zone_pulls(pulls, _replace_none_by_zero(weights)), pulls, wall])
 
 
-def _or_zero(weights: Sequence[float | None]) -> Floats:
-    """Return the weights as an array, with 0 for those that are fitted."""
+def _replace_none_by_zero(weights: Sequence[float | None]) -> Floats:
+    """Return weights as an array, with 0 for those that are None because they are fitted."""
     return np.array([weight or 0.0 for weight in weights])
 
 
-def regression(
+def fit_directions(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None]
 ) -> tuple[Floats, float]:
-    """Fit a, b_z, c to directions; return these five coefficients and the remaining sum of squares.
+    """Fit how much own direction, zones and wall predict the later directions of fish.
 
-    pulls (n, 3): of the zones; wall (n,): W; after (n,): directions; weights (3,): None for a zone
-    that is fitted, else its fixed weight, with b_z = weight × a.
+    Returns the coefficients a, b_z, c (5,) and the remaining sum of squares. pulls (n, 3): of the
+    zones. wall (n,): W. after (n,): the directions. weights (3,): None for a zone that is fitted,
+    else its fixed weight, with b_z = weight × a.
     """
-    sums = _sum_rows(_columns(pulls, wall, weights), after)
-    solution = _solve(sums, weights)
+    sums = _sum_rows(_regression_columns(pulls, wall, weights), after)
+    solution = _solve_regression(sums, weights)
     coefficients = solution.copy()
-    coefficients[1:4] += _or_zero(weights) * solution[0]
+    coefficients[1:4] += _replace_none_by_zero(weights) * solution[0]
     return coefficients, sums.residual(solution)
 
 
 def cross_validate(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None], parts: Mask
 ) -> float:
-    """Return the sum, over both parts, of the squares left by the other part's coefficients.
+    """Return the squared error of directions in each part of the rows by a fit to the other part.
 
-    parts (n,): True for one part, False for the other; the rest as for `regression`.
+    parts (n,): True for one part, False for the other. The rest as for `fit_directions`. The errors
+    of both parts are summed.
     """
-    columns = _columns(pulls, wall, weights)
+    columns = _regression_columns(pulls, wall, weights)
     one, other = (_sum_rows(columns[part], after[part]) for part in (parts, ~parts))
-    return one.residual(_solve(other, weights)) + other.residual(_solve(one, weights))
+    return one.residual(_solve_regression(other, weights)) + other.residual(
+        _solve_regression(one, weights)
+    )
 
 
-def _possible_radii(p: CalibrateSettings) -> list[tuple[float, float, float]]:
-    """Return the radii of three zones to try, the smallest first; given radii stay fixed.
+def _possible_radii(settings: CalibrateSettings) -> list[tuple[float, float, float]]:
+    """Return the radii of three zones to try, the smallest first; radii given in settings are kept.
 
-    Where a fixed radius leaves none of the list for another zone, both have the same radius.
+    If a fixed radius leaves none of the list for another zone, both have the same radius.
     """
-    numbers = [float(value) for value in p.zone_radii if value != "auto"]
-    every = sorted({*p.radii, *numbers})
-    choices = [every if value == "auto" else [float(value)] for value in p.zone_radii]
+    numbers = [float(value) for value in settings.zone_radii if value != "auto"]
+    every = sorted({*settings.radii, *numbers})
+    choices = [every if value == "auto" else [float(value)] for value in settings.zone_radii]
     return [
         (inner, middle, outer)
         for inner, middle, outer in product(*choices)
@@ -233,7 +258,10 @@ def _possible_radii(p: CalibrateSettings) -> list[tuple[float, float, float]]:
 def _weighted_zones(
     radii: tuple[float, float, float], blind: float, weights: Reals, fixed: Sequence[float | None]
 ) -> Zones:
-    """Return zones with weights, without the outermost fitted zones that have no weight."""
+    """Return zones with weights; the outermost fitted zones are left out if their weight is 0.
+
+    blind: blind angle in degrees. weights: fitted. fixed: given weights, None for fitted ones.
+    """
     inner, middle, outer = radii
     own = [
         float(weight) if held is None else held for weight, held in zip(weights, fixed, strict=True)
@@ -245,10 +273,10 @@ def _weighted_zones(
     return Zones(inner, middle, outer, blind, *own)
 
 
-def default_zones(p: CalibrateSettings) -> Zones:
-    """Return the zones of a film with too few fish for a fit: the given ones, else COUZIN."""
-    weights = p.repulsion_weight, p.alignment_weight, p.attraction_weight
+def default_zones(settings: CalibrateSettings) -> Zones:
+    """Return the zones of a film with too few fish for a fit: those in settings, else COUZIN."""
+    weights = settings.repulsion_weight, settings.alignment_weight, settings.attraction_weight
     names = [one.name for one in fields(Zones)]
-    given = zip(names, (*p.zone_radii, p.blind_angle_deg, *weights), strict=True)
+    given = zip(names, (*settings.zone_radii, settings.blind_angle_deg, *weights), strict=True)
     numbers = {name: float(value) for name, value in given if value != "auto"}
     return replace(COUZIN, **numbers)

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Complex, Ints
-from finloop.calibrate.film import LEAST, FilmShoal
-from finloop.calibrate.fit import Fitted, default_zones, fit_zones
+from finloop.calibrate.film import LEAST, FilmGroup
+from finloop.calibrate.fit import ZoneFit, default_zones, fit_zones
 from finloop.calibrate.settings import CalibrateSettings
 from finloop.social.measures import measure_group
 from finloop.social.neighbours import all_neighbours
@@ -19,21 +19,21 @@ from finloop.social.zones import Zones, pull_of_others
 _BURN_IN = 0.1  # share of the steps until the first places are forgotten
 
 
-def film_rule(film: FilmShoal, p: CalibrateSettings) -> tuple[SchoolRule, Fitted | None]:
-    """Return the rule of a film's fish, and the fit of its zones.
+def fit_film_rule(film: FilmGroup, settings: CalibrateSettings) -> tuple[SchoolRule, ZoneFit | None]:
+    """Return the rule by which a film's fish swim, and the fit of its zones.
 
-    Where the film shows too few fish together the fit is None, and the zones are `default_zones`.
+    If the film shows too few fish together the fit is None, and the zones are `default_zones`.
     """
-    fit = None if shortage(film) else fit_zones(film, p)
-    zones = fit.zones if fit else default_zones(p)
-    steps = own_steps(film, film.whole_steps(p.rows), zones)
-    return SchoolRule(zones, steps, film.horizon, p.alike), fit
+    fit = None if describe_shortage(film) else fit_zones(film, settings)
+    zones = fit.zones if fit else default_zones(settings)
+    steps = measure_own_steps(film, film.rows_with_whole_steps(settings.rows), zones)
+    return SchoolRule(zones, steps, film.horizon, settings.alike), fit
 
 
-def shortage(film: FilmShoal) -> str:
-    """Return in a sentence what a film lacks for a fit of zones; "" where it lacks nothing."""
-    first, second = (len(film.fit_rows(half, len(film.frame))) for half in (True, False))
-    has_steps = len(film.whole_steps(1)) > 0
+def describe_shortage(film: FilmGroup) -> str:
+    """Return a sentence about what a film lacks for a fit of zones; "" if it lacks nothing."""
+    first, second = (len(film.rows_for_fit(half, len(film.frame))) for half in (True, False))
+    has_steps = len(film.rows_with_whole_steps(1)) > 0
     if min(first, second) >= LEAST and has_steps:
         return ""
     lack = (
@@ -46,14 +46,14 @@ def shortage(film: FilmShoal) -> str:
     return f"{lack}; no track has three consecutive frames, so no fish can swim by them"
 
 
-def own_steps(film: FilmShoal, rows: Ints, zones: Zones) -> SocialSteps:
-    """Return the steps of k rows of a film without the pull of the other fish.
+def measure_own_steps(film: FilmGroup, rows: Ints, zones: Zones) -> SocialSteps:
+    """Return steps of fish in a film, from which the effect of the other fish is removed.
 
-    rows (k,): each has a row before and one after (`whole_steps`). A least-squares fit gives how
-    much a pull of 1 moves and turns a fish: as much as its own direction does.
+    rows (k,): each has a row before and one after (`rows_with_whole_steps`). A least-squares fit
+    gives how much a pull of 1 moves and turns a fish: as much as its own direction does.
     """
     pulls, own = pull_of_others(film.visible_neighbours(rows), zones), film.heading[rows]
-    move, turn = film.moves(rows), film.directions(rows)
+    move, turn = film.relative_moves(rows), film.relative_headings(rows)
     before = (film.place[rows] - film.place[film.earlier[rows]]) * own.conj()
     forward, onward = (_fit_own_part(vector, 1 + pulls) for vector in (move, turn))
     return SocialSteps(
@@ -62,25 +62,30 @@ def own_steps(film: FilmShoal, rows: Ints, zones: Zones) -> SocialSteps:
     )  # fmt: skip
 
 
-def _fit_own_part(vectors: Complex, by: Complex) -> float:
-    """Return the number a ≥ 0 with vectors (n,) ≈ a · by (n,), by least squares; 0 for n = 0."""
-    squares = float((np.abs(by) ** 2).sum())
-    return max(0.0, float((vectors * by.conj()).real.sum()) / squares) if squares > 0 else 0.0
+def _fit_own_part(vectors: Complex, references: Complex) -> float:
+    """Return the number a ≥ 0 with vectors (n,) ≈ a · references (n,), by least squares.
+
+    It is 0 for n = 0.
+    """
+    squares = float((np.abs(references) ** 2).sum())
+    return (
+        max(0.0, float((vectors * references.conj()).real.sum()) / squares) if squares > 0 else 0.0
+    )
 
 
-def simulate_points(
-    film: FilmShoal,
+def simulate_point_fish(
+    film: FilmGroup,
     steps: SocialSteps,
     zones: Zones,
-    p: CalibrateSettings,
+    settings: CalibrateSettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
-    """Simulate point fish that swim by steps and zones; return their measures (columns of `SHOAL`).
+    """Simulate fish as points that swim by steps and zones; return their measures by frame.
 
-    There are as many as the film shows in a frame. The table has `p.steps` frames, after a time in
-    which they forget their random start.
+    There are as many as the film shows in a frame. The table has `settings.steps` frames and the
+    columns of `SHOAL`, after a time in which the fish forget their random start.
     """
-    fish, count, walls = film.fish, p.steps, film.walls
+    fish, count, walls = film.typical_fish_count, settings.steps, film.walls
     place = film.place[rng.choice(len(film.place), fish, replace=len(film.place) < fish)]
     heading, last = np.exp(2j * np.pi * rng.random(fish)), np.zeros(fish, complex)
     first, every_fish = round(_BURN_IN * count), np.arange(fish)
@@ -88,7 +93,7 @@ def simulate_points(
     for number in range(first + count):
         pulls = pull_of_others(all_neighbours(place, heading), zones)
         moves, turns = steps.draw_similar_steps(
-            walls.vectors_from_wall(place, heading), last * heading.conj(), p.alike, rng
+            walls.vectors_from_wall(place, heading), last * heading.conj(), settings.alike, rng
         )
         ways = heading * (moves.T + steps.forward * pulls)
         inside = walls.is_inside(place + ways)

@@ -49,6 +49,7 @@ class CalibrateSettings:
     }
 
     def __post_init__(self) -> None:
+        """Refuse zones whose radii do not rise from repulsion to attraction."""
         radii = [one for one in self.zone_radii if one != "auto"]
         if radii != sorted(radii):
             raise ValueError(
@@ -57,5 +58,5 @@ class CalibrateSettings:
 
     @property
     def zone_radii(self) -> tuple[Fitted, Fitted, Fitted]:
-        """The radii of repulsion, alignment and attraction in BL, or "auto"."""
+        """Return the radii of repulsion, alignment and attraction in BL, or "auto"."""
         return self.repulsion_radius_bl, self.alignment_radius_bl, self.attraction_radius_bl

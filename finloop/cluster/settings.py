@@ -9,7 +9,7 @@ Address = Annotated[str, Field(pattern=r"^(tcp|tls)://\S+:\d+$")]
 
 
 @dataclass(frozen=True)
-class Default:
+class DefaultWorkers:
     """Processes of this machine, or the workers of a running Dask scheduler.
 
     scheduler_address: of that scheduler, such as tcp://host:8786; None = processes of this machine.
@@ -22,10 +22,10 @@ class Default:
 
 
 @dataclass(frozen=True)
-class Local:
+class LocalWorkers:
     """A Dask cluster on this machine, started for the stage: a worker per thread of the machine."""
 
     source: Literal["local"]
 
 
-ClusterSettings = Default | Local
+ClusterSettings = DefaultWorkers | LocalWorkers

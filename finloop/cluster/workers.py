@@ -28,7 +28,7 @@ from llvmlite.binding import get_host_cpu_name
 
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import TRIES, worker_loss_error
-from finloop.cluster.settings import ClusterSettings, Local
+from finloop.cluster.settings import ClusterSettings, LocalWorkers
 from finloop.io.atomic import temporary_file
 
 A = TypeVar("A")
@@ -52,8 +52,8 @@ _FOLDER = "data"  # below the stage's folder: where the work lies for the worker
 
 
 @dataclass(frozen=True)
-class Home:
-    """What a worker must share with the submitting process, so that results are the same bytes.
+class WorkerHome:
+    """What a worker must have in common with this process, so that results have equal bytes.
 
     folder: the stage's working folder, absolute, shared by all workers. start: the command that
     starts a worker there. facts: about code, packages, processor and thread counts, by name.
@@ -64,16 +64,17 @@ class Home:
     facts: Mapping[str, str]
 
     @classmethod
-    def from_process(cls, folder: Path, start: str, variables: Iterable[str]) -> "Home":
-        """Return the home of this process, which works in `folder`.
+    def from_process(cls, folder: Path, start: str, variables: Iterable[str]) -> "WorkerHome":
+        """Return what workers must have in common with this process, which works in `folder`.
 
-        variables: names of the environment variables that workers must share.
+        start: the command that starts a worker there. variables: names of the environment variables
+        that workers must share.
         """
-        return cls(str(folder.absolute()), start, _facts(tuple(variables)))
+        return cls(str(folder.absolute()), start, _process_facts(tuple(variables)))
 
-    def refuse_other(self) -> None:
-        """Raise FinloopError that lists the facts by which this process differs from the home's."""
-        own = _facts(tuple(name for name in self.facts if name.isupper()))
+    def require_equal_process(self) -> None:
+        """Raise FinloopError, which lists the differences, if this worker differs from `facts`."""
+        own = _process_facts(tuple(name for name in self.facts if name.isupper()))
         differences = [
             f"{name}: {own.get(name)} there, {value} here"
             for name, value in self.facts.items()
@@ -88,12 +89,16 @@ class Home:
 
 
 def _describe_worker() -> str:
+    """Return a phrase that names this worker, for messages: its number, machine and folder."""
     return f"worker process {os.getpid()} of {socket.gethostname()}, in {_ROOT},"
 
 
 @cache  # of the start of this process: it does not import its modules again
-def _facts(variables: tuple[str, ...]) -> dict[str, str]:
-    """Return facts of this process, by name; environment variables are in capitals."""
+def _process_facts(variables: tuple[str, ...]) -> dict[str, str]:
+    """Return facts of this process by name: code, packages, processor, environment variables.
+
+    variables: names of the environment variables, which are in capitals.
+    """
     return {
         "code": _hash_code(),
         "python": platform.python_version(),
@@ -105,6 +110,7 @@ def _facts(variables: tuple[str, ...]) -> dict[str, str]:
 
 @cache
 def _hash_code() -> str:
+    """Return a digest of the program's code: the first 12 digits of a SHA-256."""
     digest = hashlib.sha256()
     for room in ("finloop", "stages"):
         for path in sorted((_ROOT / room).rglob("*.py")):
@@ -113,24 +119,27 @@ def _hash_code() -> str:
 
 
 def _package_version(package: str) -> str:
+    """Return the version of an installed package, or "not installed"."""
     try:
         return version(package)
     except PackageNotFoundError:
         return "not installed"
 
 
-class Call:
-    """A function and its arguments; to unpickle it is to call it: the result comes out."""
+class DeferredCall:
+    """A function with arguments; unpickling the call makes it and returns the result."""
 
     def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
+        """Store the function and its arguments."""
         self._call = function, arguments
 
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        """Return the function and its arguments, which pickle calls on loading."""
         return self._call
 
 
-def run_piece(home: Home, work: str, item: bytes) -> bytes:
-    """Apply the shared function to one pickled item on a worker; return the pickled result.
+def run_pickled_item(home: WorkerHome, work: str, item: bytes) -> bytes:
+    """Apply the shared function to one pickled item, on a worker; return the pickled result.
 
     home: of the submitting process. work: path of the file that holds the pickled function.
     FinloopError if this worker differs from `home`, or does not see the file.
@@ -138,9 +147,12 @@ def run_piece(home: Home, work: str, item: bytes) -> bytes:
     return pickle.dumps(_load_work(home, work)(pickle.loads(item)))
 
 
-def _load_work(home: Home, work: str) -> Callable[[Any], Any]:
-    """Check that this worker equals the submitting process; load the function from its folder."""
-    home.refuse_other()
+def _load_work(home: WorkerHome, work: str) -> Callable[[Any], Any]:
+    """Check that this worker equals the submitting process; load the function that it shares.
+
+    work: path of the file that holds the pickled function.
+    """
+    home.require_equal_process()
     try:
         os.chdir(home.folder)
         return _unpickle_file(work)
@@ -154,12 +166,16 @@ def _load_work(home: Home, work: str) -> Callable[[Any], Any]:
 
 @lru_cache(1)  # the same for every item, and as large as some frames
 def _unpickle_file(path: str) -> Callable[[Any], Any]:
+    """Load the function that is pickled in a file."""
     cv2.setNumThreads(1)
     return pickle.loads(Path(path).read_bytes())
 
 
-def _prepare_worker(need: Sequence[str], home: Home, work: str) -> None:
-    """Check on a worker that it can work, and import the modules that it will need."""
+def _prepare_worker(need: Sequence[str], home: WorkerHome, work: str) -> None:
+    """Check on a worker that it can work, and import the modules that it will need.
+
+    need: their names. work: path of the file that holds the pickled function.
+    """
     _load_work(home, work)
     for name in need:
         import_module(name)
@@ -169,20 +185,20 @@ def _prepare_worker(need: Sequence[str], home: Home, work: str) -> None:
 
 
 @contextmanager
-def dask_workers(
-    p: ClusterSettings, home: Home, processes: int, need: Sequence[str] = ()
+def connect_dask_workers(
+    settings: ClusterSettings, home: WorkerHome, processes: int, need: Sequence[str] = ()
 ) -> Iterator["DaskWorkers"]:
     """Connect to a Dask cluster and yield its workers for a block.
 
-    p: a running scheduler's address, or `Local`: a cluster started here with `processes` workers.
-    need: names of modules that workers import at once. FinloopError if Dask is not installed, no
-    scheduler or worker answers, or a worker has another folder or other code.
+    settings: a running scheduler's address, or `LocalWorkers`: a cluster started here with
+    `processes` workers. need: names of modules that workers import at once. FinloopError if Dask is
+    not installed, no scheduler or worker answers, or a worker has another folder or other code.
     """
     distributed = _import_distributed()
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # our own messages suffice
     with ExitStack() as stack:
-        address: Any = p.source
-        if isinstance(p, Local):
+        address: Any = settings.source
+        if isinstance(settings, LocalWorkers):
             stack.enter_context(import_module("dask").config.set(_LOCAL))
             where = stack.enter_context(
                 distributed.LocalCluster(
@@ -194,7 +210,7 @@ def dask_workers(
                 )
             )
         else:
-            where = address = p.scheduler_address
+            where = address = settings.scheduler_address
         try:
             client = distributed.Client(where, timeout=_CONNECT_S, set_as_default=False)
             stack.enter_context(client)
@@ -206,26 +222,26 @@ def dask_workers(
                 f"start them (dask scheduler; {home.start}), or correct cluster.scheduler_address",
             ) from error
         workers = DaskWorkers(client, home, str(address))
-        workers.check(need)
+        workers.check_workers(need)
         yield workers
 
 
 @dataclass(frozen=True)
 class DaskWorkers:
-    """The workers of a Dask cluster, processes of one thread each, as `base.parallel.Workers`.
+    """The workers of a Dask cluster, each a process of one thread, for `base.parallel`.
 
     home: what they must share with this process. address: the scheduler's, for messages.
     """
 
     client: Any  # distributed.Client, which is there only with the extra
-    home: Home
+    home: WorkerHome
     address: str
     alone = False
 
     @property
     def count(self) -> int:
-        """Return the present number of workers, at least 1; refuse one of several threads."""
-        threads = self.threads()
+        """Return the present number of workers, at least 1; refuse a worker of several threads."""
+        threads = self.count_threads()
         if several := [worker for worker, number in threads.items() if number != 1]:
             raise FinloopError(
                 f"worker {several[0]} works with {threads[several[0]]} threads",
@@ -234,57 +250,65 @@ class DaskWorkers:
             )
         return max(1, len(threads))
 
-    def threads(self) -> dict[str, int]:
-        """Return each worker's threads by its address; FinloopError if no scheduler answers."""
+    def count_threads(self) -> dict[str, int]:
+        """Return how many threads each worker has, by the worker's address.
+
+        FinloopError if no scheduler answers.
+        """
         try:
             return dict(self.client.nthreads())
         except (OSError, CancelledError) as error:
             raise self.lost_scheduler_error() from error
 
     @contextmanager
-    def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_Task"]]:
-        """Share `work` with the workers; yield a function that submits one item to it."""
+    def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_SubmittedItem"]]:
+        """Share a function with the workers; yield what submits one item to it."""
         name, number = uuid4().hex, count()
         with self._share_work(work) as path:
 
-            def submit(item: A) -> _Task:
-                call = pickle.dumps(Call(run_piece, self.home, path, _pickle_bytes(item)))
+            def submit(item: A) -> _SubmittedItem:
+                """Submit one item; return its pending result."""
+                call = pickle.dumps(
+                    DeferredCall(run_pickled_item, self.home, path, _pickle_bytes(item))
+                )
 
                 def fetch_result() -> Any:
+                    """Send the item to the scheduler; return Dask's future of the result."""
                     key = f"piece-{name}-{next(number)}"
                     try:
                         return self.client.submit(pickle.loads, call, key=key, pure=False)
                     except (OSError, RuntimeError) as error:
                         raise self.lost_scheduler_error() from error
 
-                return _Task(self, fetch_result)
+                return _SubmittedItem(self, fetch_result)
 
             yield submit
 
-    def check(self, need: Sequence[str] = ()) -> None:
-        """Let every worker check its folder and code, and import the modules in `need`.
+    def check_workers(self, need: Sequence[str] = ()) -> None:
+        """Let every worker check its folder and code, and import modules.
 
-        FinloopError names all workers that differ from this process.
+        need: their names. FinloopError names all workers that differ from this process.
         """
         with self._share_work(None) as path:
-            call = pickle.dumps(Call(partial(_prepare_worker, need), self.home, path))
+            call = pickle.dumps(DeferredCall(partial(_prepare_worker, need), self.home, path))
             answers = self.client.run(pickle.loads, call, on_error="return")
         errors = [answer for answer in answers.values() if isinstance(answer, Exception)]
-        if refused := [*map(self.refusal, errors)]:
+        if refused := [*map(self.refusal_error, errors)]:
             came = "\n    ".join(sorted({error.came for error in refused}))
             raise FinloopError(came, refused[0].wanted, refused[0].do)
 
     @contextmanager
     def _share_work(self, work: Callable[[A], B] | None) -> Iterator[str]:
-        """Write `work` to a file in the shared folder for the workers, and yield its path."""
+        """Write a function to a file in the shared folder, and yield the file's path."""
         with temporary_file(Path(self.home.folder) / _FOLDER / f"cluster-{uuid4().hex}") as path:
             path.write_bytes(_pickle_bytes(work))
             yield str(path)
 
-    def refusal(self, error: Exception) -> FinloopError:
-        """Convert the exception of a worker that cannot work to a FinloopError for the user.
+    def refusal_error(self, error: Exception) -> FinloopError:
+        """Return the error for the user about a worker that cannot work.
 
-        An exception other than FinloopError, ImportError and AttributeError is raised again.
+        error: of the worker. An exception other than FinloopError, ImportError and AttributeError
+        is raised again.
         """
         if isinstance(error, FinloopError):
             return error
@@ -313,26 +337,34 @@ class DaskWorkers:
         )
 
 
-class _Task:
-    """One item that Dask's scheduler has. submit: sends it, and returns its future."""
+class _SubmittedItem:
+    """One item that was submitted to Dask's scheduler.
+
+    submit: sends it to the scheduler, and returns its future.
+    """
 
     def __init__(self, workers: DaskWorkers, submit: Callable[[], Any]) -> None:
+        """Submit the item."""
         self._workers, self._submit, self._future = workers, submit, submit()
 
     def result(self) -> Any:
-        """Wait for the result as `base.parallel.PendingResult`; FinloopError without any worker."""
+        """Wait for the result and return it; submit the item again if its worker was killed.
+
+        FinloopError if no worker is left.
+        """
         killed = _import_distributed().KilledWorker
         for _ in range(TRIES - 1):
             try:
-                return self._outcome()
+                return self._wait_for_result()
             except killed:
                 self._future = self._submit()
         try:
-            return self._outcome()
+            return self._wait_for_result()
         except killed as error:
             raise worker_loss_error(self._workers.count) from error
 
-    def _outcome(self) -> Any:
+    def _wait_for_result(self) -> Any:
+        """Wait for the result and return it; FinloopError if no worker is left for two minutes."""
         alone_s = 0.0
         while not self._future.done():
             try:
@@ -341,7 +373,7 @@ class _Task:
             except CancelledError:
                 break
             except TimeoutError as error:
-                alone_s = 0.0 if self._workers.threads() else alone_s + _LOOK_S
+                alone_s = 0.0 if self._workers.count_threads() else alone_s + _LOOK_S
                 if alone_s >= _BACK_S:
                     raise self._workers.no_worker_error() from error
         try:
@@ -349,15 +381,16 @@ class _Task:
         except CancelledError as error:
             raise self._workers.lost_scheduler_error() from error
         except (ImportError, AttributeError) as error:
-            raise self._workers.refusal(error) from error
+            raise self._workers.refusal_error(error) from error
 
 
-def _pickle_bytes(what: Any) -> bytes:
-    """Pickle to bytes, together with the code of what the program's main module defines."""
-    return import_module("cloudpickle").dumps(what)
+def _pickle_bytes(value: Any) -> bytes:
+    """Pickle a value to bytes, with the code of what the program's main module defines."""
+    return import_module("cloudpickle").dumps(value)
 
 
 def _import_distributed() -> Any:
+    """Import Dask's package `distributed`; FinloopError if it is not installed."""
     try:
         return import_module("distributed")
     except ImportError as error:

@@ -34,14 +34,14 @@ _DRAG_S = 0.08  # the shortest stretch while a goal is dragged
 
 
 class Modes(NamedTuple):
-    """The modes of a tank: by name the player of each, and what its edit lists are built from."""
+    """The modes that fish can swim in: by name the player of each, and what its edit lists need."""
 
     players: Mapping[str, AnyPlayer]
     sources: Mapping[str, EditInputs]
 
     @classmethod
     def from_players(cls, players: Mapping[str, AnyPlayer]) -> "Modes":
-        """Return the modes of players by name; each can also draw the sprites of the others."""
+        """Return the modes of some players by name; each can draw the sprites of all others."""
         widest = max((one.sources for one in players.values()), key=lambda s: len(s.sprite_scale))
         return cls(players, {
             mode: replace(
@@ -54,21 +54,27 @@ class Modes(NamedTuple):
 
 
 class PathTask(NamedTuple):
-    """A path to follow (route). begun: whether the fish has reached the path's beginning."""
+    """The task to follow a path.
+
+    route: the path. begun: whether the fish has reached its beginning.
+    """
 
     route: Route
     begun: bool = False
 
 
 class RuleTask(NamedTuple):
-    """A rule to follow: in a group, by zones (shoaling), or behind a fish (leader: its name)."""
+    """The task to swim by a rule: in a group, by zones, or behind a leader.
+
+    shoaling: the zones of the group. leader: the name of the fish in front.
+    """
 
     shoaling: SchoolRule | None = None
     leader: str | None = None
 
 
 class Request(NamedTuple):
-    """What a fish is sent for at a tick: its mode, and a path or a rule to follow, or None.
+    """What a fish was asked to do at a tick: its mode, and a path or a rule to follow, or None.
 
     cut_after: ticks after which the present stretch is cut, 0 for never.
     """
@@ -81,7 +87,7 @@ class Request(NamedTuple):
 
 @dataclass(frozen=True)
 class DecisionRecord:
-    """A decision, and all that it was made from.
+    """A decision of a fish, with all from which it was made.
 
     tick: the first one of the stretch; state, draws: of the fish and of the random generator before
     the decision; goal: a goal, path or rule, None where the fish wandered; stretch: the result.
@@ -96,20 +102,20 @@ class DecisionRecord:
 
     @property
     def follows_plan(self) -> bool:
-        """Return whether the stretch carries on the plan of an earlier decision."""
+        """Return whether the stretch continues the plan of an earlier decision."""
         moves = self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
         return bool(self.state.path.runs) and self.stretch.options is None and moves
 
     @property
-    def name(self) -> str:
+    def target_name(self) -> str:
         """Return the name of the goal, path or rule; "" for a fish that wanders."""
         if isinstance(self.goal, Route):
             return PATH
         return self.goal.name if self.goal else ""
 
 
-class Row(NamedTuple):
-    """What is kept of a tick: what is drawn and shown of an edit list's row, and the goal.
+class TankRow(NamedTuple):
+    """What is known of a fish at one past tick: how it was drawn, and its goal.
 
     orientation: 0 for a frame; goal_x_px, goal_y_px: NaN where there is no goal; reached: whether
     the fish has reached its goal; decided: first tick of the stretch in force; pose: code of the
@@ -145,27 +151,32 @@ class Row(NamedTuple):
 
 _TYPES = {str: "U10", int: "i8", float: "f8", bool: "?"}
 ROW = np.dtype([
-    (name, _TYPES[kind]) for name, kind in get_type_hints(Row).items() if name != "pose"
+    (name, _TYPES[kind]) for name, kind in get_type_hints(TankRow).items() if name != "pose"
 ])  # fmt: skip
 """Rows in an array, without their poses."""
-_EDIT = [name for name in Row._fields if name not in Row._field_defaults]
+_EDIT = [name for name in TankRow._fields if name not in TankRow._field_defaults]
 
-Ghost = Callable[[Row], bool]
+Ghost = Callable[[TankRow], bool]
 """Whether the two pictures of a cross-fade, as in a row, are too unlike to be mixed."""
 Others = Callable[["LiveFish", int], dict[str, Floats]]
 """The planned paths of the other fish of the tank, by name, from a tick on."""
 
 
 class LiveFish:
-    """One fish of the live tank. born: the tank's tick that is its first; name: of its goals.
+    """One fish of the live tank, which remembers its past and can be set back to it.
 
-    others: returns the planned paths of the other fish, each as `LiveFish.path_from` does.
+    born: the tank's tick that is its first. name: of its goals. others: returns the planned paths
+    of the other fish, each as `LiveFish.planned_path_from` does.
     """
 
     def __init__(
         self, modes: Modes, mode: str, born: int, name: str,
         rng: np.random.Generator, ghost: Ghost, others: Others,
     ) -> None:  # fmt: skip
+        """Put a fish into the tank, where there is room; FinloopError without room.
+
+        ghost: whether the pictures of a cross-fade are too unlike to be mixed.
+        """
         self.mode, self.born, self.name = mode, born, name
         self.goal: Goal | None = None
         self.path_task: PathTask | None = None
@@ -186,61 +197,66 @@ class LiveFish:
 
     @property
     def _player(self) -> AnyPlayer:
+        """Return the player of the present mode."""
         return self._modes.players[self.mode]
 
     @property
     def last_tick(self) -> int:
-        """Return the last tick, as the tank counts, that this fish has played."""
+        """Return the last tick, as the tank counts, at which this fish was drawn."""
         return self.born + self._state.fish.tick - len(self._plan) + self._played - 1
 
-    def row_at(self, tick: int) -> Row | None:
-        """Return what was drawn at a tick of the tank; None where it is not known."""
-        if not self._oldest <= tick <= self.last_tick:
+    def row_at(self, tick: int) -> TankRow | None:
+        """Return what was drawn at a tick of the tank; None if it is not known."""
+        if not self._oldest_tick <= tick <= self.last_tick:
             return None
-        return Row._make((*self._ring[tick % HISTORY].item(), self._poses[tick % HISTORY]))
+        return TankRow._make((*self._ring[tick % HISTORY].item(), self._poses[tick % HISTORY]))
 
-    def path_from(self, tick: int) -> Floats:
-        """Return the planned path (n, 4), n ≥ 1, of the fish from a tick of the tank on.
+    def planned_path_from(self, tick: int) -> Floats:
+        """Return the planned path (n, 4) of the fish from a tick of the tank on, n ≥ 1.
 
-        Its columns are x, y px, heading and number of the picture, as in `Company`.
+        Its columns are x, y [px], heading and number of the picture, as in `Company`.
         """
         last = self._decisions[-1].stretch
         return last.remaining_path(max(0, tick - self.born - self._state.fish.tick + len(last.way)))
 
     def _other_paths(self, tick: int) -> Floats:
-        """Return the paths of the other fish (n, m, 4), as `Plans.others`, from its own tick on."""
+        """Return the planned paths (n, m, 4) of the m other fish from a tick of this fish on."""
         ways = list(self._others(self, self.born + tick).values())
         return Plans.from_paths(ways, tick).others(-1, tick)
 
     def request_at(self, tick: int) -> Request:
-        """Return what the fish was sent for at a tick of the tank that is known."""
+        """Return what the fish was asked to do at a known tick of the tank."""
         request: Request = self._requests[tick % HISTORY]
         return request
 
     def past_places(self, ticks: range) -> Floats:
-        """Return where the fish was, (n, 2) px, at those ticks of the tank that are still known."""
+        """Return where the fish was (n, 2) [px] at those of some ticks that it remembers."""
         known = np.arange(ticks.start, ticks.stop, ticks.step)
-        known = known[known >= self._oldest] % HISTORY
+        known = known[known >= self._oldest_tick] % HISTORY
         return np.column_stack([self._ring["x_px"][known], self._ring["y_px"][known]])
 
     @property
-    def _oldest(self) -> int:
+    def _oldest_tick(self) -> int:
+        """Return the first tick of the tank that this fish remembers."""
         return max(self.born, self.last_tick - HISTORY + 1)
 
     def decision_at(self, tick: int) -> DecisionRecord | None:
-        """Return the decision in force at a tick of the tank; None where it is not known."""
+        """Return the decision in force at a tick of the tank; None if it is not known."""
         row = self.row_at(tick)
         if row is None:
             return None
         return next((one for one in reversed(self._decisions) if one.tick == row.decided), None)
 
     def planning_decision(self, decision: DecisionRecord) -> DecisionRecord:
-        """Return the decision that made the plan which a decision carries on, often itself."""
+        """Return the decision that made the plan which a given decision continues.
+
+        It is often the given one.
+        """
         earlier = (one for one in reversed(self._decisions) if one.tick <= decision.tick)
         return next((one for one in earlier if not one.follows_plan), decision)
 
-    def send(self, goal_px: tuple[float, float] | None, drag: bool = False) -> None:
-        """Send the fish to a goal (x, y px) from the next tick on; None lets it wander.
+    def send_to_goal(self, goal_px: tuple[float, float] | None, drag: bool = False) -> None:
+        """Send the fish to a goal (x, y [px]) from the next tick on; None lets it wander.
 
         drag: whether the goal is being dragged; then the present stretch may go on for a moment.
         """
@@ -248,35 +264,36 @@ class LiveFish:
         self.path_task, self.rule_task, self.reached = None, None, False
         self._cut_after = self._drag if drag and self._cut_after != 1 else 1
 
-    def follow(self, route: Route) -> None:
-        """Send the fish to the beginning of a path from the next tick on, and along it."""
+    def follow_path(self, route: Route) -> None:
+        """Send the fish to the beginning of a path from the next tick on, and then along it."""
         x, y = place(route, 0.0)
-        self.send((float(x), float(y)))
+        self.send_to_goal((float(x), float(y)))
         self.path_task = PathTask(route)
 
     def follow_rule(self, rule_task: RuleTask) -> None:
         """Let the fish swim by a rule from the next tick on."""
         if rule_task != self.rule_task:
-            self.send(None)
+            self.send_to_goal(None)
             self.rule_task = rule_task
 
     def _make_goal(self, x: float, y: float) -> Goal:
+        """Return the goal at x, y [px]."""
         return Goal(self.name, x, y, self._player.world.touch_px)
 
-    def switch(self, mode: str) -> None:
+    def switch_mode(self, mode: str) -> None:
         """Change the fish's mode from the next tick on."""
         if mode != self.mode:
             self.mode, self._cut_after = mode, 1
 
-    def renew(self) -> None:
-        """Decide the last tick again, as the request has changed since then.
+    def redo_last_tick(self) -> None:
+        """Decide the last tick again, because the request has changed since it was decided.
 
-        The tick before keeps its picture. Where no new way is clear of the other fish, the old
-        decision stays.
+        The tick before keeps its picture. The old decision stays if no new motion is clear of the
+        other fish.
         """
         self._was_ghost = self._ghost_before
         self._cut_after, self._played = 0, self._played - 1
-        self._decide_anew()
+        self._replan_stretch()
         self._record_tick()
 
     def advance(self) -> None:
@@ -285,20 +302,20 @@ class LiveFish:
         if self._cut_after and self._played >= min(self._cut_after, len(self._plan)):
             self._cut_after = 0
             if self._played < len(self._plan):
-                self._decide_anew()
+                self._replan_stretch()
         if self._played == len(self._plan):
-            self._decide(self._target())
+            self._plan_stretch(self._next_target())
         self._record_tick()
 
     def _record_tick(self) -> None:
-        """Play the next row of the plan, and keep it with the present request."""
-        row = Row._make((*self._plan[self._played].item(), self._plan_poses[self._played]))
+        """Move to the next row of the plan, and store it together with the present request."""
+        row = TankRow._make((*self._plan[self._played].item(), self._plan_poses[self._played]))
         self._played += 1
         # A hidden partner stays hidden: two unlike fish on top of each other look like ghosts.
         self._was_ghost = row.weight > 0 and (self._was_ghost or self._ghost(row))
         last = self._decisions[-1]
         if self._played == len(self._plan):
-            self._arrive(last)
+            self._end_stretch(last)
         goal, slot = self.goal, self.last_tick % HISTORY
         self._poses[slot] = row.pose
         self._requests[slot] = Request(self.mode, self.path_task, self.rule_task, self._cut_after)
@@ -310,8 +327,8 @@ class LiveFish:
             decided=last.tick,
         )[:-1]
 
-    def _target(self) -> Goal | Route | Rule | None:
-        """Return what the next decision is made for; None: the fish wanders."""
+    def _next_target(self) -> Goal | Route | Rule | None:
+        """Return the goal, path or rule of the next decision; None: the fish wanders."""
         if self.path_task is not None and self.path_task.begun:
             return self.path_task.route
         if self.rule_task is None:
@@ -324,8 +341,8 @@ class LiveFish:
             return Rule.by_zones(here, self.rule_task.shoaling)
         return None
 
-    def _arrive(self, last: DecisionRecord) -> None:
-        """End the last stretch: a goal may be reached, a path begun, or done."""
+    def _end_stretch(self, last: DecisionRecord) -> None:
+        """Note at the end of a stretch that a goal is reached, or a path begun or done."""
         path_task, fish = self.path_task, self._state.fish
         if path_task is not None and path_task.begun:
             self.reached = path_task.route.done(self._state.path.along, fish.tick)
@@ -336,10 +353,10 @@ class LiveFish:
             else:
                 self.goal, self.path_task = None, path_task._replace(begun=True)
 
-    def back_to(self, tick: int) -> None:
-        """Set the fish back to a tick of the tank that is known, to swim on from there.
+    def go_back_to(self, tick: int) -> None:
+        """Set the fish back to a known tick of the tank; it swims on from there.
 
-        It swims the same as then, unless it is sent elsewhere.
+        It swims exactly as it did after that tick, unless it is sent elsewhere.
         """
         row, decision = self.row_at(tick), self.decision_at(tick)
         if row is None or decision is None:
@@ -348,7 +365,7 @@ class LiveFish:
             pass
         self.mode, self._state = decision.mode, decision.state
         self._rng.bit_generator.state = decision.draws
-        self._decide(decision.goal, decision.state.fish.company)
+        self._plan_stretch(decision.goal, decision.state.fish.company)
         self._played = tick - decision.tick + 1
         self._was_ghost = self._plan["weight"][self._played - 1] > 0 and row.weight == 0
         self.goal, self.reached = None, row.reached
@@ -356,8 +373,8 @@ class LiveFish:
         if not math.isnan(row.goal_x_px):
             self.goal = self._make_goal(row.goal_x_px, row.goal_y_px)
 
-    def _decide_anew(self) -> None:
-        """Plan again after the played part of the last stretch, or from that stretch's beginning.
+    def _replan_stretch(self) -> None:
+        """Plan again after the played part of the last stretch, or from the stretch's beginning.
 
         The old plan stays if the new one is not clear of the other fish, which rely on the old one.
         """
@@ -370,7 +387,7 @@ class LiveFish:
             self._decisions.append(replace(last, stretch=stretch))
         else:
             self._state, self._rng.bit_generator.state = last.state, last.draws
-        self._decide(self._target())
+        self._plan_stretch(self._next_target())
         new = self._decisions[-1]
         if not self._player.is_clear(new.state, new.stretch):
             while self._decisions and self._decisions[-1].tick >= last.tick:
@@ -379,8 +396,11 @@ class LiveFish:
             self._state, self._plan, self._plan_poses, self._played = old
             self._rng.bit_generator.state = draws
 
-    def _decide(self, goal: Goal | Route | Rule | None, known: Company | None = None) -> None:
-        """Plan the next stretch. known: the other fish, where it was planned before."""
+    def _plan_stretch(self, goal: Goal | Route | Rule | None, known: Company | None = None) -> None:
+        """Plan the next stretch towards a goal, path or rule; None: the fish wanders.
+
+        known: the other fish, if they are known from an earlier decision.
+        """
         if known is None:
             state = self._player.with_others(self._state, self._other_paths(self._state.fish.tick))
         else:
@@ -394,9 +414,10 @@ class LiveFish:
         self._plan, self._plan_poses, self._played = *self._draw_last_stretch(), 0
 
     def _draw_last_stretch(self) -> tuple[NDArray[np.void], NDArray[Any]]:
-        """Return the drawn rows of the last stretch, and their poses.
+        """Return the rows of the last stretch as they are drawn, and their poses.
 
-        They depend on earlier rows that have not died away: on more of them where the film rests.
+        They depend on earlier rows whose inertialization has not died away: on more of them where
+        the film rests.
         """
         ticks, moved, recent = 0, 0, deque[DecisionRecord]()
         joins, last = self._player.joins, self._decisions[-1]
@@ -407,7 +428,7 @@ class LiveFish:
                 moved += joins.count_moving(one.stretch.kind, one.stretch.number)
             if moved > joins.reach:
                 break
-        stretches, names = [one.stretch for one in recent], [one.name for one in recent]
+        stretches, names = [one.stretch for one in recent], [one.target_name for one in recent]
         columns = edit_columns(stretches, names, ticks, self._modes.sources[self.mode])
         first = ticks - len(last.stretch.way)
         rows = np.zeros(ticks - first, ROW)

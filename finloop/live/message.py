@@ -19,7 +19,7 @@ Which = Annotated[int, Field(ge=0, lt=MOST_FISH)] | None  # None: every fish
 
 
 class StrictModel(BaseModel):
-    """A model with exactly the named fields and types, and finite numbers."""
+    """Base of all messages: exactly the named fields and types, and only finite numbers."""
 
     model_config = ConfigDict(
         strict=True, extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
@@ -27,9 +27,10 @@ class StrictModel(BaseModel):
 
 
 class SetGoal(StrictModel):
-    """Send a fish to a place, px of the tank's picture; fish: its number, None for all.
+    """Request to send a fish to a place.
 
-    drag: whether the user is dragging the goal.
+    fish: its number, None for all. x, y: px of the tank's picture. drag: whether the user is
+    dragging the goal.
     """
 
     do: Literal["goal"]
@@ -40,9 +41,9 @@ class SetGoal(StrictModel):
 
 
 class SetPath(StrictModel):
-    """Send a fish along a drawn path; fish: its number, None for all.
+    """Request to send a fish along a drawn path.
 
-    places: x, y px of the tank's picture.
+    fish: its number, None for all. places: x, y px of the tank's picture.
     """
 
     do: Literal["path"]
@@ -51,9 +52,9 @@ class SetPath(StrictModel):
 
 
 class SetRule(StrictModel):
-    """Let a fish swim by a rule: in a group with the others, or behind the fish `leader`.
+    """Request to let a fish swim by a rule: in a group with the others, or behind a leader.
 
-    fish: its number, None for all.
+    fish, leader: numbers; fish None for all, leader None for a group.
     """
 
     do: Literal["rule"]
@@ -61,8 +62,11 @@ class SetRule(StrictModel):
     leader: Which  # None: in a group
 
 
-class Weights(StrictModel):
-    """Set how strongly other fish repel, align and attract; 1 = as strong as the own direction."""
+class SetZoneWeights(StrictModel):
+    """Request to set how strongly other fish repel, align and attract a fish in a group.
+
+    1 is as strong as the fish's own direction.
+    """
 
     do: Literal["weights"]
     repulsion: Weight
@@ -70,70 +74,70 @@ class Weights(StrictModel):
     attraction: Weight
 
 
-class Drop(StrictModel):
-    """Let a fish forget its goal, path or rule, and wander; fish: its number, None for all."""
+class LetWander(StrictModel):
+    """Request that a fish forgets its goal, path or rule, and wanders; fish: None for all."""
 
     do: Literal["drop"]
     fish: Which
 
 
 class SetMode(StrictModel):
-    """Let all fish swim on in another mode."""
+    """Request that all fish swim on in another mode."""
 
     do: Literal["mode"]
     mode: Mode
 
 
-class Pause(StrictModel):
-    """Stop the tank (on: true), or let it go on (false)."""
+class SetPaused(StrictModel):
+    """Request to stop the tank (on: true), or to let it go on (false)."""
 
     do: Literal["pause"]
     on: bool
 
 
-class Step(StrictModel):
-    """Advance the tank by one tick, and pause it."""
+class AdvanceTick(StrictModel):
+    """Request to advance the tank by one tick, and to pause it."""
 
     do: Literal["step"]
 
 
-class Speed(StrictModel):
-    """Set the playback rate; times: relative to the film."""
+class SetPlaybackRate(StrictModel):
+    """Request to set the playback rate; times: relative to the film."""
 
     do: Literal["speed"]
     times: Annotated[float, Field(ge=SLOWEST, le=FASTEST)]
 
 
-class PastTick(StrictModel):
-    """Show a past tick, and pause there; None: return to the present."""
+class ShowPastTick(StrictModel):
+    """Request to show a past tick, and to pause there; None: to return to the present."""
 
     do: Literal["look"]
     tick: Number | None
 
 
-class SwimOn(StrictModel):
-    """Let all fish swim on from a past tick; what came after it is forgotten."""
+class SwimOnFromPast(StrictModel):
+    """Request that all fish swim on from a past tick; later ticks are forgotten."""
 
     do: Literal["swim_on"]
     tick: Number
 
 
-class Explain(StrictModel):
-    """Show the decisions of one fish from now on."""
+class ExplainFish(StrictModel):
+    """Request to show the decisions of one fish from now on; fish: its number."""
 
     do: Literal["explain"]
     fish: Annotated[int, Field(ge=0, lt=MOST_FISH)]
 
 
-class Count(StrictModel):
-    """Set the number of fish in the tank."""
+class SetFishCount(StrictModel):
+    """Request to set the number of fish in the tank."""
 
     do: Literal["count"]
     fish: Annotated[int, Field(ge=1, le=MOST_FISH)]
 
 
-class Seen(StrictModel):
-    """Report that the page has drawn the frame with this number."""
+class FrameDrawn(StrictModel):
+    """Report that the page has drawn the frame with a number."""
 
     do: Literal["seen"]
     frame: Number
@@ -143,23 +147,23 @@ PageRequest = (
     SetGoal
     | SetPath
     | SetRule
-    | Weights
-    | Drop
+    | SetZoneWeights
+    | LetWander
     | SetMode
-    | Pause
-    | Step
-    | Speed
-    | PastTick
-    | SwimOn
-    | Explain
-    | Count
-    | Seen
+    | SetPaused
+    | AdvanceTick
+    | SetPlaybackRate
+    | ShowPastTick
+    | SwimOnFromPast
+    | ExplainFish
+    | SetFishCount
+    | FrameDrawn
 )
 _REQUEST: TypeAdapter[PageRequest] = TypeAdapter(Annotated[PageRequest, Field(discriminator="do")])
 
 
 def parse_message(text: str | bytes | None) -> PageRequest | None:
-    """Return the message that a text is; None where it is too long, not JSON, or not valid."""
+    """Return the message in a JSON text; None if it is too long, not JSON, or not valid."""
     if text is None or len(text) > LONGEST:
         return None
     try:

@@ -7,8 +7,8 @@ import re
 from typing import Any
 
 
-def content_policy(page: str, sources: str) -> str:
-    """Return the Content-Security-Policy of a page: its own script, its own style, some sources.
+def make_content_policy(page: str, sources: str) -> str:
+    """Return the Content-Security-Policy of a page: it may run only its own script and style.
 
     page: HTML; sources: further directives, such as "img-src data:".
     """
@@ -24,6 +24,9 @@ def content_policy(page: str, sources: str) -> str:
 
 
 def pack_message(facts: dict[str, Any], payload: bytes = b"") -> bytes:
-    """Return a message to a page: 4 bytes, the length of a JSON text; the text; the payload."""
+    """Return a message to a page as bytes: the length of a JSON text, that text, the payload.
+
+    facts: content of the JSON text. The length takes 4 bytes.
+    """
     text = json.dumps(facts, separators=(",", ":")).encode()
     return len(text).to_bytes(4, "little") + text + payload

@@ -13,8 +13,8 @@ from collections.abc import Callable
 
 from starlette.websockets import WebSocket
 
-from finloop.live.message import PageRequest, Seen, SetGoal, Step, parse_message
-from finloop.live.view import View
+from finloop.live.message import AdvanceTick, FrameDrawn, PageRequest, SetGoal, parse_message
+from finloop.live.view import TankView
 from finloop.live.web import (
     GONE,
     AccessPolicy,
@@ -33,27 +33,31 @@ _OF_FISH = ("goal", "path", "rule", "drop")  # requests for one fish, or for all
 
 
 class PageClient:
-    """A connected page. At most one frame waits for it, the newest."""
+    """A connected page; at most one frame waits for it, the newest."""
 
     def __init__(self) -> None:
+        """Begin without a frame."""
         self._newest: tuple[int, bytes] | None = None
         self._unseen: deque[int] = deque()  # frames that were sent and not yet drawn
         self._changed = asyncio.Event()
 
-    def offer(self, number: int, frame: bytes) -> bool:
-        """Store a new frame for the page; return whether the frame before was taken by then."""
+    def offer_frame(self, number: int, frame: bytes) -> bool:
+        """Store a new frame for the page; return whether the frame before had been sent."""
         got, self._newest = self._newest is None, (number, frame)
         self._changed.set()
         return got
 
-    def confirm(self, number: int) -> None:
-        """Note that the page has drawn frame `number`, and any before; ignore one never sent."""
+    def confirm_frame(self, number: int) -> None:
+        """Note that the page has drawn a frame and those before; ignore a frame never sent.
+
+        number: of the frame.
+        """
         while number in self._unseen:
             self._unseen.popleft()
             self._changed.set()
 
-    async def next(self) -> bytes:
-        """Return the newest frame, once there is a new one and the page is not behind."""
+    async def next_frame(self) -> bytes:
+        """Wait for a new frame, and until the page is not behind; return the frame."""
         while self._newest is None or len(self._unseen) >= BEHIND:
             self._changed.clear()
             await self._changed.wait()
@@ -62,10 +66,11 @@ class PageClient:
         return frame
 
 
-class Host:
-    """Runs the tank tick by tick while a page is connected, and offers its frames to pages."""
+class TankHost:
+    """Runner of a live tank: it advances the tank and makes frames while a page is connected."""
 
-    def __init__(self, view: View) -> None:
+    def __init__(self, view: TankView) -> None:
+        """Begin without pages; view: the tank as it is shown."""
         self.view = view
         self.pages: set[PageClient] = set()
         self.frame_ms: float = 0.0
@@ -73,16 +78,16 @@ class Host:
         self._steps = 0
         self._changed = asyncio.Event()
 
-    def receive(self, page: PageClient, text: str | bytes | None) -> None:
-        """Keep the request in a page's message until the next frame; count a bad message."""
+    def store_request(self, page: PageClient, text: str | bytes | None) -> None:
+        """Store the request in a page's message for the next frame; count an invalid message."""
         request = parse_message(text)
         if request is None:
             self.view.bad_messages += 1
             return
-        if isinstance(request, Seen):
-            page.confirm(request.frame)
+        if isinstance(request, FrameDrawn):
+            page.confirm_frame(request.frame)
             return
-        if isinstance(request, Step):
+        if isinstance(request, AdvanceTick):
             self._steps = min(self._steps + 1, _MOST_STEPS)
         else:
             fish = getattr(request, "fish", None) if request.do in _OF_FISH else None
@@ -92,11 +97,11 @@ class Host:
             self.requests[type(request), fish] = request
         self._changed.set()
 
-    async def run(self) -> None:
-        """Run the tank tick by tick, and offer each frame to all pages, until cancelled."""
+    async def run_tank(self) -> None:
+        """Advance the tank in time and offer each frame to all pages, until cancelled."""
         clock, due = time.perf_counter(), 0.0
         while True:
-            if not self.pages or not (self.view.runs or self._changed.is_set()):
+            if not self.pages or not (self.view.is_running or self._changed.is_set()):
                 await self._changed.wait()
                 clock, due = time.perf_counter(), 0.0
                 if not self.pages:
@@ -107,48 +112,49 @@ class Host:
             rate = self.view.tank.world.motion.rate_hz * self.view.speed
             due = min(due + (now - clock) * rate, float(_MOST_TICKS))
             clock = now
-            ticks = int(due) if self.view.runs else 0
+            ticks = int(due) if self.view.is_running else 0
             due -= ticks
-            requests, steps = self.take()
-            if ticks or requests or steps or not self.view.runs:
-                frame = await asyncio.to_thread(self.frame, requests, steps, ticks)
+            requests, steps = self.take_requests()
+            if ticks or requests or steps or not self.view.is_running:
+                frame = await asyncio.to_thread(self.make_frame, requests, steps, ticks)
                 for page in self.pages:
-                    self.view.dropped_frames += not page.offer(self.view.frame, frame)
+                    self.view.dropped_frames += not page.offer_frame(self.view.frame, frame)
             least = 1 / _FRAMES_HZ - (time.perf_counter() - now)
             await asyncio.sleep(max(least, 0.0))
-            if self.view.runs:
+            if self.view.is_running:
                 left = (1.0 - due) / rate - (time.perf_counter() - now)
                 with contextlib.suppress(TimeoutError):
                     await asyncio.wait_for(self._changed.wait(), max(left, 0.0))
 
-    def take(self) -> tuple[list[PageRequest], int]:
-        """Return the requests since the last frame, and how many single ticks were requested."""
+    def take_requests(self) -> tuple[list[PageRequest], int]:
+        """Return and forget the stored requests, and how many single ticks were requested."""
         requests, self.requests = list(self.requests.values()), {}
         steps, self._steps = self._steps, 0
         return requests, steps
 
-    def frame(self, requests: list[PageRequest], steps: int, ticks: int) -> bytes:
-        """Apply the requests, advance the tank, and return the next frame as bytes (`View.show`).
+    def make_frame(self, requests: list[PageRequest], steps: int, ticks: int) -> bytes:
+        """Carry out requests, advance the tank, and return the next frame of `TankView`.
 
-        steps: single ticks, after which the tank is paused; ticks: to advance by if it is not
+        steps: single ticks, after which the tank is paused. ticks: to advance by if it is not
         paused.
         """
         start = time.perf_counter()
-        for request in [*requests, *[Step(do="step")] * steps]:
-            self.view.grant(request)
-        if self.view.runs:
+        for request in [*requests, *[AdvanceTick(do="step")] * steps]:
+            self.view.handle_request(request)
+        if self.view.is_running:
             self.view.advance(ticks)
-        frame = self.view.show(self.frame_ms)
+        frame = self.view.render_frame(self.frame_ms)
         self.frame_ms = 1e3 * (time.perf_counter() - start)
         return frame
 
     async def serve_page(self, connection: WebSocket) -> None:
-        """Pass frames to a page and its messages to the tank, until it disconnects."""
+        """Serve a page until it disconnects: send it frames, and store its requests."""
 
         async def send_frames() -> None:
+            """Send each new frame to the page until it disconnects."""
             with contextlib.suppress(*GONE):
                 while True:
-                    await connection.send_bytes(await page.next())
+                    await connection.send_bytes(await page.next_frame())
 
         page = PageClient()
         self.pages.add(page)
@@ -156,19 +162,19 @@ class Host:
         sending = asyncio.create_task(send_frames())
         try:
             async for text in receive_messages(connection):
-                self.receive(page, text)
+                self.store_request(page, text)
         finally:
             self.pages.discard(page)
             await cancel_task(sending)
 
 
-def tank_server(
-    view: View, page: str, listens: socket.socket, started: Callable[[], None]
+def create_tank_server(
+    view: TankView, page: str, listens: socket.socket, started: Callable[[], None]
 ) -> AppServer:
-    """Return the server of a live tank on a bound socket: its page at `/`, its WebSocket `/tank`.
+    """Return the web server of a live tank: its page at `/`, its WebSocket at `/tank`.
 
-    page: the HTML; started: called once the server can be reached.
+    page: the HTML. listens: a bound socket. started: called once the server can be reached.
     """
-    host, policy = Host(view), AccessPolicy(listens.getsockname()[1])
+    host, policy = TankHost(view), AccessPolicy(listens.getsockname()[1])
     sockets = [SocketRoute("/tank", host.serve_page, MOST_PAGES)]
-    return AppServer(listens, policy, {"/": page}, sockets, lambda: [host.run()], started)
+    return AppServer(listens, policy, {"/": page}, sockets, lambda: [host.run_tank()], started)

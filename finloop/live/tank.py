@@ -21,7 +21,7 @@ from finloop.social.rule import require_rule
 def rehearse_paths(player: AnyPlayer) -> None:
     """Plan once along a path, so that the first drawn path need not wait for compilation.
 
-    Does nothing where a fish has too little room: there every path counts as a goal.
+    Do nothing if a fish has too little room: then every path counts as a goal.
     """
     rng, world = np.random.default_rng(0), player.world
     y, x = (side[[0, -1]].astype(float) for side in np.nonzero(world.tank.legal))
@@ -32,12 +32,20 @@ def rehearse_paths(player: AnyPlayer) -> None:
 
 
 class LiveTank:
-    """All fish of a live tank. players: by name of the mode; `tick`: the last one played."""
+    """All fish of a live tank, which are steered by hand and can be set back to a past tick.
+
+    players: by name of the mode. tick: the last one.
+    """
 
     def __init__(
         self, players: Mapping[str, AnyPlayer], mode: str, fish: int, seed: int,
         ghost: Ghost = lambda row: False,
     ) -> None:  # fmt: skip
+        """Create a tank in a mode, with as many fish as asked, if there is room.
+
+        seed: of all random choices. ghost: whether the pictures of a cross-fade are too unlike to
+        be mixed. FinloopError if the film does not allow the mode.
+        """
         if mode not in players:
             raise FinloopError(
                 f"there is no mode {mode} for this film: the film shows too little for it",
@@ -53,12 +61,12 @@ class LiveTank:
 
     @property
     def world(self) -> World:
-        """Return the tank and the film's motion data for the present mode."""
+        """Return the tank's geometry and the film's motion data for the present mode."""
         return self.players[self.mode].world
 
     @property
-    def oldest(self) -> int:
-        """Return the first tick that the tank can go back to."""
+    def oldest_tick(self) -> int:
+        """Return the first tick to which the tank can be set back."""
         return max(0, self.tick - play_fish.HISTORY + 1)
 
     @property
@@ -72,21 +80,24 @@ class LiveTank:
         for fish in self.fish:
             fish.advance()
 
-    def renew(self, which: int) -> None:
-        """Let fish number `which`, from 0, decide the last tick again, unless it is new."""
-        fish = self.fish[which]
-        if self.tick > fish.born + 1:
-            fish.renew()
+    def redo_last_tick(self, fish_index: int) -> None:
+        """Let one fish decide the last tick again, unless it is new in the tank.
 
-    def set_fish_count(self, fish: int) -> None:
-        """Set the number of fish, as far as there is room: new ones come, or the last ones go.
+        fish_index: from 0.
+        """
+        fish = self.fish[fish_index]
+        if self.tick > fish.born + 1:
+            fish.redo_last_tick()
+
+    def set_fish_count(self, count: int) -> None:
+        """Set the number of fish, as far as there is room; new ones come, or the last ones go.
 
         FinloopError where the mode moves fewer fish.
         """
-        if self.most_fish is not None and fish > self.most_fish:
-            raise _paper_error(f"{fish} fish", self.mode)
-        del self.fish[fish:]
-        while len(self.fish) < fish:
+        if self.most_fish is not None and count > self.most_fish:
+            raise _paper_error(f"{count} fish", self.mode)
+        del self.fish[count:]
+        while len(self.fish) < count:
             rng = self._draws.spawn(1)[0] if self._born else self._draws
             self._born += 1
             name = goal_name(len(self.fish))
@@ -100,72 +111,88 @@ class LiveTank:
             self.fish.append(new)
 
     def _other_paths(self, fish: LiveFish, tick: int) -> dict[str, Floats]:
-        return {other.name: other.path_from(tick) for other in self.fish if other is not fish}
+        """Return the planned paths of all fish but one from a tick on, by name."""
+        return {
+            other.name: other.planned_path_from(tick) for other in self.fish if other is not fish
+        }
 
-    def _select(self, which: int | None) -> list[LiveFish]:
-        """Return fish number `which`, from 0, if there is one; None: all fish."""
-        return self.fish if which is None else self.fish[which : which + 1]
+    def _select_fish(self, fish_index: int | None) -> list[LiveFish]:
+        """Return the fish with an index from 0, if there is one; None: all fish."""
+        return self.fish if fish_index is None else self.fish[fish_index : fish_index + 1]
 
-    def send(self, which: int | None, x: float, y: float, drag: bool = False) -> None:
-        """Send fish number `which`, or None for all, to the place nearest to x, y px it can touch.
+    def send_to_goal(self, fish_index: int | None, x: float, y: float, drag: bool = False) -> None:
+        """Send a fish to the place nearest to x, y [px] that it can touch.
 
-        drag: whether the user is dragging the goal.
+        fish_index: from 0; None: all fish. drag: whether the user is dragging the goal.
         """
         near = self.world.tank.into(x, y)
         if np.hypot(near[0] - x, near[1] - y) > self.world.touch_px:
             x, y = near
-        for fish in self._select(which):
-            fish.send((float(x), float(y)), drag)
+        for fish in self._select_fish(fish_index):
+            fish.send_to_goal((float(x), float(y)), drag)
 
-    def _refuse_in_paper(self, what: str) -> None:
+    def _refuse_in_paper(self, request: str) -> None:
+        """Raise FinloopError if the present mode is one of the paper, which cannot do a request.
+
+        request: in words.
+        """
         if self.most_fish is not None:
-            raise _paper_error(what, self.mode)
+            raise _paper_error(request, self.mode)
 
-    def follow(self, which: int | None, places: Sequence[tuple[float, float]]) -> None:
-        """Send fish number `which`, or None for all, along a drawn path.
+    def follow_path(self, fish_index: int | None, places: Sequence[tuple[float, float]]) -> None:
+        """Send a fish along a drawn path.
 
-        places: x, y px of the tank's picture. The path is moved to where a fish can be. If its end
-        touches its beginning, it is closed and repeats. If it is hardly longer than a point, it is
-        a goal. FinloopError in a mode of the paper.
+        fish_index: from 0; None: all fish. places: x, y px of the tank's picture. The path is moved
+        to where a fish can be. If its end touches its beginning, it is closed and repeats. If it is
+        hardly longer than a point, it is a goal. FinloopError in a mode of the paper.
         """
         self._refuse_in_paper("a path")
         world = self.world
         x, y = np.array([world.tank.into(*place) for place in places], float).T
         gap, reach = np.hypot(x[-1] - x[0], y[-1] - y[0]), np.hypot(x - x[0], y - y[0]).max()
         if reach <= world.touch_px:
-            self.send(which, float(x[-1]), float(y[-1]))
+            self.send_to_goal(fish_index, float(x[-1]), float(y[-1]))
             return
         closed = bool(gap <= world.touch_px and reach > 2 * world.touch_px)
         line = Line("the drawn path", x, y, PX, closed=closed)
         route = lay_path(line, world.tank, world.motion, None).route
-        for fish in self._select(which):
-            fish.follow(route)
+        for fish in self._select_fish(fish_index):
+            fish.follow_path(route)
 
-    def drop(self, which: int | None) -> None:
-        """Let fish number `which`, or None for all, forget its goal, path or rule, and wander."""
-        for fish in self._select(which):
-            fish.send(None)
+    def let_wander(self, fish_index: int | None) -> None:
+        """Let a fish forget its goal, path or rule, and wander.
 
-    def shoal(self, which: int | None) -> None:
-        """Let fish number `which`, or None for all, swim in a group.
+        fish_index: from 0; None: all fish.
+        """
+        for fish in self._select_fish(fish_index):
+            fish.send_to_goal(None)
 
-        FinloopError where the film gives no rule for it, or in a mode of the paper.
+    def swim_in_group(self, fish_index: int | None) -> None:
+        """Let a fish swim in a group with the others.
+
+        fish_index: from 0; None: all fish. FinloopError if the film gives no rule for it, or in a
+        mode of the paper.
         """
         self._refuse_in_paper("company")
         rule = require_rule(self.shoaling)
-        for fish in self._select(which):
+        for fish in self._select_fish(fish_index):
             fish.follow_rule(RuleTask(rule))
 
-    def lead(self, which: int | None, leader: int) -> None:
-        """Let fish number `which`, or None for all others, follow fish number `leader`, from 0.
+    def follow_leader(self, fish_index: int | None, leader: int) -> None:
+        """Let a fish follow another one.
 
+        fish_index: of the follower, from 0; None: all others. leader: index of the fish in front.
         FinloopError if fish would follow each other, or in a mode of the paper.
         """
         self._refuse_in_paper("a leader")
         if leader >= len(self.fish):
             return
         ahead = self.fish[leader]
-        followers = [one for one in self._select(which) if which is not None or one is not ahead]
+        followers = [
+            one
+            for one in self._select_fish(fish_index)
+            if fish_index is not None or one is not ahead
+        ]
         for follower in followers:
             number = self.fish.index(follower) + 1
             if problem := describe_contradiction(self.leaders, number, leader + 1):
@@ -188,7 +215,7 @@ class LiveTank:
         }
 
     def set_zone_weights(self, weights: tuple[float, float, float]) -> None:
-        """Set the weights of repulsion, alignment and attraction, for all fish in a group."""
+        """Set the weights of repulsion, alignment and attraction for all fish in a group."""
         if self.shoaling is None:
             return
         names = ("repulsion_weight", "alignment_weight", "attraction_weight")
@@ -199,7 +226,7 @@ class LiveTank:
                 fish.rule_task = RuleTask(self.shoaling)
 
     def describe_lack(self, mode: str) -> str:
-        """Return why the tank cannot switch to a mode now, as a sentence; "" if it can."""
+        """Return a sentence why the tank cannot switch to a mode now; "" if it can."""
         if mode not in self.players:
             return "the film shows too little for it"
         most = self.players[mode].most_fish
@@ -207,8 +234,8 @@ class LiveTank:
             return "a mode of the paper moves one fish: take one, then switch"
         return ""
 
-    def switch(self, mode: str) -> None:
-        """Switch all fish to a mode; nothing happens where the film shows too little for it.
+    def switch_mode(self, mode: str) -> None:
+        """Switch all fish to a mode; do nothing if the film shows too little for it.
 
         FinloopError if the mode moves fewer fish. In a mode of the paper, paths and rules are
         dropped.
@@ -220,15 +247,15 @@ class LiveTank:
         self.mode = mode
         for fish in self.fish:
             if self.most_fish is not None and (fish.path_task or fish.rule_task):
-                fish.send(None)
-            fish.switch(mode)
+                fish.send_to_goal(None)
+            fish.switch_mode(mode)
 
-    def back_to(self, tick: int) -> None:
-        """Set the tank back to a past tick, to swim on from there; forget what came after."""
-        self.tick = min(max(tick, self.oldest), self.tick)
+    def go_back_to(self, tick: int) -> None:
+        """Set the tank back to a past tick; fish swim on from there, later ticks are forgotten."""
+        self.tick = min(max(tick, self.oldest_tick), self.tick)
         self.fish = [fish for fish in self.fish if fish.row_at(self.tick) is not None]
         for fish in self.fish:
-            fish.back_to(self.tick)
+            fish.go_back_to(self.tick)
         self.mode = self.fish[0].mode
         rules = [fish.rule_task.shoaling for fish in self.fish if fish.rule_task is not None]
         self.shoaling = next((one for one in rules if one is not None), self.shoaling)

@@ -30,8 +30,8 @@ _QUALITY = 82  # JPEG
 
 
 @dataclass
-class View:
-    """The live tank as it is shown; it carries out the page's requests.
+class TankView:
+    """The live tank as a page shows it; it carries out the page's requests.
 
     speed: playback rate relative to the film; past_tick: shown instead of the present one;
     explained: number of the fish whose decisions are shown; frame: number of the last frame;
@@ -53,95 +53,99 @@ class View:
     goals_reached: int = 0
 
     @property
-    def tick(self) -> int:
-        """Return the tick on screen: the present one, or a past one that the page looks at."""
+    def shown_tick(self) -> int:
+        """Return the tick on screen: the present one, or a past one that the page shows."""
         if self.past_tick is None:
             return self.tank.tick
-        return min(max(self.past_tick, self.tank.oldest), self.tank.tick)
+        return min(max(self.past_tick, self.tank.oldest_tick), self.tank.tick)
 
     @property
-    def runs(self) -> bool:
+    def is_running(self) -> bool:
         """Return whether time passes in the tank: not while it is paused or shows a past tick."""
         return not self.paused and self.past_tick is None
 
-    def grant(self, request: message.PageRequest) -> None:
-        """Carry out a page's request; where it is impossible, note why in `refused`."""
+    def handle_request(self, request: message.PageRequest) -> None:
+        """Carry out a page's request; if that is impossible, store the reason in `refused`."""
         try:
-            self._grant(request)
+            self._carry_out(request)
             self.refused = ""
         except FinloopError as error:
             self.refused = f"{error.came}: {error.do}"
 
-    def _grant(self, request: message.PageRequest) -> None:
+    def _carry_out(self, request: message.PageRequest) -> None:
+        """Carry out a page's request; FinloopError if that is impossible."""
         tank = self.tank
         match request:
             case message.SetGoal():
                 self.past_tick = None
-                tank.send(request.fish, request.x, request.y, request.drag)
+                tank.send_to_goal(request.fish, request.x, request.y, request.drag)
             case message.SetPath():
                 self.past_tick = None
-                tank.follow(request.fish, request.places)
+                tank.follow_path(request.fish, request.places)
             case message.SetRule():
                 self.past_tick = None
                 if request.leader is None:
-                    tank.shoal(request.fish)
+                    tank.swim_in_group(request.fish)
                 else:
-                    tank.lead(request.fish, request.leader)
-            case message.Weights():
+                    tank.follow_leader(request.fish, request.leader)
+            case message.SetZoneWeights():
                 tank.set_zone_weights((request.repulsion, request.alignment, request.attraction))
-            case message.Drop():
-                tank.drop(request.fish)
+            case message.LetWander():
+                tank.let_wander(request.fish)
             case message.SetMode():
-                tank.switch(request.mode)
-            case message.Pause():
+                tank.switch_mode(request.mode)
+            case message.SetPaused():
                 self.paused, self.past_tick = request.on, None
-            case message.Step():
+            case message.AdvanceTick():
                 self.paused, self.past_tick = True, None
                 self.advance()
-            case message.Speed():
+            case message.SetPlaybackRate():
                 self.speed = request.times
-            case message.PastTick():
+            case message.ShowPastTick():
                 self.past_tick = request.tick
-            case message.SwimOn():
-                tank.back_to(request.tick)
+            case message.SwimOnFromPast():
+                tank.go_back_to(request.tick)
                 self.explained = min(self.explained, len(tank.fish) - 1)
                 self.paused, self.past_tick = False, None
-            case message.Explain():
+            case message.ExplainFish():
                 self.explained = min(request.fish, len(tank.fish) - 1)
-            case message.Count():
+            case message.SetFishCount():
                 tank.set_fish_count(request.fish)
                 self.explained = min(self.explained, request.fish - 1)
 
     def advance(self, ticks: int = 1) -> None:
-        """Advance the tank by some ticks, and count the goals reached."""
+        """Advance the tank by some ticks, and count the goals that fish reach."""
         for _ in range(ticks):
             on_the_way = [fish for fish in self.tank.fish if not fish.reached]
             self.tank.advance()
             self.goals_reached += sum(fish.reached for fish in on_the_way)
 
-    def show(self, took_ms: float = 0.0) -> bytes:
-        """Return the next frame (`pack_message`): the state, and a JPEG of the tank.
+    def render_frame(self, took_ms: float = 0.0) -> bytes:
+        """Return the next frame as bytes (`pack_message`): a description of the tick, and a JPEG.
 
-        took_ms: milliseconds that the frame before took.
+        took_ms: how long the frame before took.
         """
         self.frame += 1
-        tick, painter = self.tick, self.painter
+        tick, painter = self.shown_tick, self.painter
         rows = [row for fish in self.tank.fish if (row := fish.row_at(tick)) is not None]
         painter.show(*map(self.gallery.place_row, rows))
         picture = painter.frame
         if picture.ndim == 3:
             picture = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
         jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes()
-        return pack_message(self.state(tick, took_ms), jpeg)
+        return pack_message(self.describe_tick(tick, took_ms), jpeg)
 
-    def state(self, tick: int, took_ms: float = 0.0) -> dict[str, Any]:
-        """Return all that the page shows of a tick besides the picture, ready for JSON."""
+    def describe_tick(self, tick: int, took_ms: float = 0.0) -> dict[str, Any]:
+        """Return all that the page shows of a tick except for the picture, as values for JSON.
+
+        took_ms: how long the frame before took.
+        """
         tank, rate = self.tank, self.tank.world.motion.rate_hz
         height, width = self.painter.canvas.shape[:2]
         explained = tank.fish[self.explained : self.explained + 1]
         decision = explained[0].decision_at(tick) if explained else None
         return {
-            "frame": self.frame, "tick": tick, "now": tank.tick, "oldest": tank.oldest,
+            "frame": self.frame, "tick": tick, "now": tank.tick, "oldest": tank.oldest_tick,
             "rate": round(rate, 3), "width": width, "height": height,
             "paused": self.paused, "past": self.past_tick is not None, "speed": self.speed,
             "mode": tank.mode, "modes": self._describe_modes(),
@@ -156,7 +160,7 @@ class View:
         }  # fmt: skip
 
     def _describe_modes(self) -> list[dict[str, str]]:
-        """Return every mode for the page. lack: why it is not available now, if so."""
+        """Return name, title, text and colour of every mode, and why it is not available now."""
         return [
             {
                 "name": mode, "title": facts.title, "says": f"{facts.sentence} ({facts.source})",
@@ -166,7 +170,7 @@ class View:
         ]  # fmt: skip
 
     def _describe_fish(self, fish: LiveFish, tick: int) -> dict[str, Any] | None:
-        """Return what the page shows of a fish at a tick; None where it was not there."""
+        """Return what the page shows of a fish at a tick; None if it was not in the tank."""
         row = fish.row_at(tick)
         if row is None:
             return None
@@ -187,20 +191,20 @@ class View:
         }  # fmt: skip
 
     def _leader_number(self, rule_task: RuleTask | None) -> int | None:
-        """Return the number of the leader of a rule, −1 for the group; None without a rule."""
+        """Return the index of a rule's leader, −1 for a group; None without a rule."""
         if rule_task is None or rule_task.leader is None:
             return None if rule_task is None else -1
         names = [fish.name for fish in self.tank.fish]
         return names.index(rule_task.leader) if rule_task.leader in names else None
 
     def _describe_decision(self, decision: DecisionRecord) -> dict[str, Any]:
-        """Return a decision, with the candidates that were weighed when its plan was made."""
+        """Return what the page shows of a decision, with the candidates that its plan compared."""
         plan = self.tank.fish[self.explained].planning_decision(decision)
         fish, stretch, options = plan.state.fish, decision.stretch, plan.stretch.options
         ranked = [] if options is None else _rank_candidates(options)
         return {
             "tick": decision.tick, "mode": decision.mode,
-            "why": describe_decision(stretch.decision, decision.name, stretch.area),
+            "why": describe_decision(stretch.decision, decision.target_name, stretch.area),
             "x": round(fish.x, 1), "y": round(fish.y, 1),
             "aim": [round(part, 1) for part in stretch.aim[:2]],
             "planned": plan.tick,
@@ -209,26 +213,31 @@ class View:
         }  # fmt: skip
 
     def _describe_candidate(self, plan: DecisionRecord, number: int) -> dict[str, Any]:
+        """Return what the page shows of one candidate; number: its row in the plan's table."""
         fish, options, player = plan.state.fish, plan.stretch.options, self.tank.players[plan.mode]
         assert options is not None and isinstance(player, Planner)
         row, cost = int(options.rows[number]), float(options.value[number])
         ends, film = not math.isfinite(cost), player.world.film
+        turn_rad = float(options.rots[number])
         return {
             "row": row % film.filmed, "seam": round(float(options.seams[number]), 2),
             "terms": [None if ends else round(float(term), 2) for term in options.terms[number]],
             "value": None if ends else round(cost, 2), "fails": VERDICTS[options.verdict[number]],
             "taken": number == options.taken,
-            "path": self._path(film, (fish.x, fish.y), row, float(options.rots[number])),
+            "path": self._candidate_places(film, (fish.x, fish.y), row, turn_rad),
         }  # fmt: skip
 
-    def _path(
-        self, film: MotionGraph, start: tuple[float, float], row: int, rot: float
+    def _candidate_places(
+        self, film: MotionGraph, start: tuple[float, float], row: int, turn_rad: float
     ) -> list[list[int]]:
-        """Return the places that a fish would come to along a row of the film, turned by `rot`."""
+        """Return the places to which a fish would come along a row of the film.
+
+        start: where it begins [px]. turn_rad: by how much the film's motion is turned.
+        """
         last = row + round(_WAY_S * self.tank.world.motion.rate_hz)
         stops = np.flatnonzero(~film.has_next[row:last])
         last = row + int(stops[0]) if stops.size else min(last, len(film.has_next) - 1)
-        cos, sin = rotate(1.0, 0.0, rot)
+        cos, sin = rotate(1.0, 0.0, turn_rad)
         dx, dy = film.dx[row:last], film.dy[row:last]
         steps = np.column_stack([dx * cos - dy * sin, dx * sin + dy * cos])
         way = np.cumsum(np.vstack([start, steps]), axis=0)[::_WAY_EVERY]
@@ -236,7 +245,7 @@ class View:
 
 
 def _describe_path(path_task: PathTask | None) -> dict[str, Any] | None:
-    """Return a path, and whether the fish has come to its beginning."""
+    """Return the places of a path, whether it is closed, and whether the fish has begun it."""
     if path_task is None:
         return None
     route = path_task.route
@@ -247,7 +256,7 @@ def _describe_path(path_task: PathTask | None) -> dict[str, Any] | None:
 
 
 def _rank_candidates(options: CandidateVerdicts) -> list[int]:
-    """Rank the candidates: the chosen one, then those that fail no test, cheapest first."""
+    """Return the candidates in order: the chosen one, valid ones, others; cheap ones first."""
     return sorted(
         range(len(options.rows)),
         key=lambda one: (one != options.taken, options.verdict[one] > 0, options.value[one]),

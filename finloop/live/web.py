@@ -24,7 +24,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from finloop.base.errors import FinloopError
-from finloop.live.page import content_policy
+from finloop.live.page import make_content_policy
 
 HOST = "127.0.0.1"
 BUSY, STRANGER = 1013, 1008  # codes of closing a WebSocket
@@ -37,10 +37,10 @@ GONE = WebSocketDisconnect, RuntimeError, OSError
 
 @dataclass(frozen=True)
 class AccessPolicy:
-    """Decides who may connect to a server. port: of the server.
+    """The rules by which a server decides who may connect to it.
 
-    token: required of all that connect; None: only this machine may connect. With a token, any name
-    of its machine reaches the server.
+    port: of the server. token: required of all that connect; None: only this machine may connect.
+    With a token, any name of its machine reaches the server.
     """
 
     port: int
@@ -56,10 +56,11 @@ class AccessPolicy:
 
     @property
     def _addresses(self) -> list[str]:
+        """Return the addresses of the server on this machine."""
         return [f"{name}:{self.port}" for name in (HOST, "localhost")]
 
-    async def accept(self, connection: WebSocket, programs: bool = False) -> bool:
-        """Accept or refuse a WebSocket, and return whether it was accepted.
+    async def accept_socket(self, connection: WebSocket, programs: bool = False) -> bool:
+        """Accept or refuse a WebSocket; return whether it was accepted.
 
         It must come from a page of the server. programs: whether a program, which sends no
         `Origin`, may connect, too.
@@ -73,13 +74,15 @@ class AccessPolicy:
         await connection.close(STRANGER)  # before it is accepted: the answer is 403
         return False
 
-    def answer(self, request: Request, page: str) -> Response:
-        """Return the response with a page (HTML), or a refusal (421)."""
+    def answer_request(self, request: Request, page: str) -> Response:
+        """Return the response to a request for a page (HTML), or a refusal (421)."""
         if not self._is_addressed(request):
             return PlainTextResponse("not this host, or no token", 421)
         sources = f"img-src blob: data:; connect-src ws://{request.headers['host']}"
         headers = {
-            "Content-Security-Policy": content_policy(page, f"{sources}; frame-ancestors 'none'"),
+            "Content-Security-Policy": make_content_policy(
+                page, f"{sources}; frame-ancestors 'none'"
+            ),
             "Cache-Control": "no-store",
             "X-Content-Type-Options": "nosniff",
             "Referrer-Policy": "no-referrer",
@@ -89,10 +92,11 @@ class AccessPolicy:
 
 
 def bind_socket(port: int, host: str = HOST, kind: int = socket.SOCK_STREAM) -> socket.socket:
-    """Return a socket bound to a port, by default for this machine alone; port 0 takes a free one.
+    """Return a socket that is bound to a port; port 0 takes a free one.
 
-    kind: SOCK_STREAM or SOCK_DGRAM. FinloopError if the port is taken or not allowed, or this
-    machine has no address `host`.
+    host: address on which it can be reached, by default on this machine alone. kind: SOCK_STREAM or
+    SOCK_DGRAM. FinloopError if the port is taken or not allowed, or this machine has no such
+    address.
     """
     # Named so, asyncio sends small messages at once; else they wait 40 ms for the page's answer.
     protocol = socket.IPPROTO_TCP if kind == socket.SOCK_STREAM else socket.IPPROTO_UDP
@@ -132,7 +136,7 @@ async def cancel_task(task: "asyncio.Task[None]") -> None:
 
 
 class SocketRoute(NamedTuple):
-    """A WebSocket that a server offers.
+    """A WebSocket that a server offers, and who may connect to it.
 
     serve: serves one connection until it ends; most: the largest number of connections; programs:
     whether programs that are no pages may connect.
@@ -145,9 +149,9 @@ class SocketRoute(NamedTuple):
 
 
 class AppServer(uvicorn.Server):
-    """Serves pages and WebSockets, and runs tasks beside them; an error of a task ends the server.
+    """Web server with pages, WebSockets and tasks beside them; an error of a task ends it.
 
-    listens: the bound socket; pages: HTML by path; tasks: returns what runs beside; started: called
+    listens: the bound socket. pages: HTML by path. tasks: returns what runs beside. started: called
     once the server can be reached.
     """
 
@@ -156,6 +160,7 @@ class AppServer(uvicorn.Server):
         sockets: Sequence[SocketRoute], tasks: Callable[[], list[Coroutine[Any, Any, None]]],
         started: Callable[[], None],
     ) -> None:  # fmt: skip
+        """Prepare the server; `serve_until_stopped` starts it."""
         self._listens, self._policy, self._tasks, self._tell = listens, policy, tasks, started
         self._failure: BaseException | None = None
         routes = [self._page_route(*page) for page in pages.items()]
@@ -169,19 +174,24 @@ class AppServer(uvicorn.Server):
                 timeout_graceful_shutdown=2,
             )
         )  # fmt: skip
-        logging.getLogger("uvicorn.error").addFilter(_is_ours)
+        logging.getLogger("uvicorn.error").addFilter(_is_about_server)
 
     def _page_route(self, path: str, page: str) -> Route:
+        """Return the route that answers requests for a page; path: of its address."""
+
         async def answer(request: Request) -> Response:
-            return self._policy.answer(request, page)
+            """Answer one request."""
+            return self._policy.answer_request(request, page)
 
         return Route(path, answer)
 
     def _socket_route(self, route: SocketRoute) -> WebSocketRoute:
+        """Return the route that accepts WebSockets, up to the largest number of connections."""
         connections = set[WebSocket]()
 
         async def serve(connection: WebSocket) -> None:
-            if not await self._policy.accept(connection, route.programs):
+            """Serve one connection, unless it is refused or there are too many."""
+            if not await self._policy.accept_socket(connection, route.programs):
                 return
             if len(connections) >= route.most:
                 await connection.close(BUSY, "too many")
@@ -196,6 +206,7 @@ class AppServer(uvicorn.Server):
 
     @contextlib.asynccontextmanager
     async def _run_tasks(self, _: Starlette) -> AsyncIterator[None]:
+        """Run the tasks while the server runs, with settings of Python that keep delays short."""
         gc.collect()
         gc.freeze()  # present objects are not scanned again, which takes time
         switches = sys.getswitchinterval()
@@ -212,22 +223,26 @@ class AppServer(uvicorn.Server):
         gc.unfreeze()
 
     def _handle_task_end(self, task: "asyncio.Task[None]") -> None:
+        """Stop the server if a task has ended with an error."""
         if not task.cancelled() and task.exception() is not None:
             self._failure, self.should_exit = task.exception(), True
 
-    def serve_on(self) -> None:
+    def serve_until_stopped(self) -> None:
         """Serve until Ctrl-C (KeyboardInterrupt) or `should_exit`; raise the error of a task."""
         self.run([self._listens])
         if self._failure is not None:
             raise self._failure
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start the server, and call `started` if it can be reached."""
+        """Start the server; call `started` if it can be reached.
+
+        sockets: as uvicorn has it.
+        """
         await super().startup(sockets)
         if self.started:
             self._tell()
 
 
-def _is_ours(record: logging.LogRecord) -> bool:
-    """Return whether an entry of uvicorn's log is about the server, not a client's bad text."""
+def _is_about_server(record: logging.LogRecord) -> bool:
+    """Return whether an entry of uvicorn's log is about the server, not a client's invalid text."""
     return not (record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError))

@@ -184,9 +184,9 @@ def plan_motion(
         line = load_line(motion.file, TANK)._replace(time_s=None)
         route = lay_path(line, world.tank, world.motion, scene.mm_per_px).route
         for fish in tank.fish:
-            fish.follow(route)
+            fish.follow_path(route)
     elif motion.company:
-        tank.shoal(None)
+        tank.swim_in_group(None)
     elif motion.goal is not None:
         goals = (motion.goal,)
     size = scene.tank.width - 1, scene.tank.height - 1
@@ -196,7 +196,7 @@ def plan_motion(
         for number, fish in enumerate(tank.fish):
             if sent[number] < len(goals) and (fish.reached or not sent[number]):
                 x, y = goals[sent[number]]
-                tank.send(number, x * size[0], y * size[1])
+                tank.send_to_goal(number, x * size[0], y * size[1])
                 sent[number] += 1
         tank.advance()
         shown.append(_current_states(tank, scene))
@@ -231,8 +231,8 @@ def rehearse_stimulus(scene: TrialContext) -> None:
     for _ in range(_REHEARSED):
         tank.advance()
         x, y = rng.uniform(0, scene.tank.width), rng.uniform(0, scene.tank.height)
-        tank.send(0, float(x), float(y))
-        tank.renew(0)
+        tank.send_to_goal(0, float(x), float(y))
+        tank.redo_last_tick(0)
         _current_states(tank, scene)
 
 
@@ -305,7 +305,7 @@ class ReactiveMotion:
         if not numbers:
             return None
         for number in numbers:
-            self._tank.renew(number)
+            self._tank.redo_last_tick(number)
         self._states[-1] = self._states_with_look()
         return self._states[-1]
 
@@ -332,9 +332,9 @@ class ReactiveMotion:
                 continue
             self._targets[number] = target
             if target is None:
-                self._tank.drop(number)
+                self._tank.let_wander(number)
             else:
-                self._tank.send(number, *target)
+                self._tank.send_to_goal(number, *target)
             sent.append(number)
         return sent
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
-from finloop.live.page import content_policy, pack_message
+from finloop.live.page import make_content_policy, pack_message
 from finloop.stimulus.drawn import POSTURE, States
 from finloop.stimulus.pictures import PagePicture, list_named_pictures, measure_typical_fish
 
@@ -85,7 +85,7 @@ def build_standalone_page(
     data = pack_message(facts, b"".join(array.tobytes() for array in arrays))
     page = _read_page_file("alone.html").replace("/*title*/", html.escape(title))
     page = page.replace("/*script*/", join_scripts(*DRAWING, "alone.js"))
-    page = page.replace("/*policy*/", content_policy(page, "img-src data:"))
+    page = page.replace("/*policy*/", make_content_policy(page, "img-src data:"))
     return page.replace("/*data*/", base64.b64encode(zlib.compress(data, 9)).decode())
 
 
