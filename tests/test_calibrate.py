@@ -145,7 +145,7 @@ def test_the_mirror_image_of_a_film_has_the_same_zones():
 
 
 def test_rings_say_what_zones_say():
-    rows = FILM.fit_rows(True, 300)
+    rows = FILM.rows_for_fit(True, 300)
     seen = FILM.visible_neighbours(rows)
     rings = NeighbourSums(seen, [0.0, 0.5, 2.0, 8.0], 90.0)
     for radii in [(0.5, 2.0, 8.0), (0.0, 0.0, 8.0), (0.5, 0.5, 0.5), (0.0, 2.0, 2.0)]:
@@ -188,13 +188,13 @@ def test_what_fits_by_chance_is_found_out_by_the_other_part():
 
 
 def test_company_is_that_of_the_frame_and_a_while_later_of_the_track():
-    rows = FILM.fit_rows(False, 50)
+    rows = FILM.rows_for_fit(False, 50)
     assert (FILM.frame[rows] >= 750).all()
     assert (FILM.frame[FILM.later[rows]] == FILM.frame[rows] + 1).all()
     assert np.isfinite(FILM.visible_neighbours(rows).distance).sum(axis=1).tolist() == [5] * len(
         rows
     )
-    assert FILM.fish == 6
+    assert FILM.typical_fish_count == 6
 
 
 def test_headings_that_last_are_looked_at_again_later():
@@ -210,14 +210,18 @@ def test_headings_that_last_are_looked_at_again_later():
 
 def test_a_horizon_longer_than_the_tracks_is_refused():
     table = swim(TRUE, frames=300)
-    assert len(build_film_group(table, ARENA, 1, 149.0).whole_steps(5000)) > 0
+    assert len(build_film_group(table, ARENA, 1, 149.0).rows_with_whole_steps(5000)) > 0
     for horizon in (150.0, 200.0, 1000.0):
         with pytest.raises(FinloopError, match=f"horizon={horizon:g} is .* has 300") as caught:
             build_film_group(table, ARENA, 1, horizon)
         assert "at most 149" in caught.value.wanted and "auto" in caught.value.do
     for frames in (3, 4, 7, 30):  # a measured one always leaves some steps
         assert (
-            len(build_film_group(swim(TRUE, frames=frames), ARENA, 10, "auto").whole_steps(5000))
+            len(
+                build_film_group(
+                    swim(TRUE, frames=frames), ARENA, 10, "auto"
+                ).rows_with_whole_steps(5000)
+            )
             > 0
         )
 
@@ -235,8 +239,8 @@ def test_tracks_too_short_for_a_step_teach_no_rule():
 
 def test_fish_that_are_points_shoal_as_the_film_does():
     p = with_constants(settings("calibrate"), steps=1500)
-    half, other = FILM.half(True), FILM.half(False)
-    rows, far = FILM.whole_steps(p.rows), {}
+    half, other = FILM.half_measures(True), FILM.half_measures(False)
+    rows, far = FILM.rows_with_whole_steps(p.rows), {}
     for name, zones in (("zones", TRUE), ("alone", NO_ZONES)):
         steps = measure_own_steps(FILM, rows, zones)
         animation = simulate_point_fish(FILM, steps, zones, p, np.random.default_rng(0))
@@ -247,10 +251,10 @@ def test_fish_that_are_points_shoal_as_the_film_does():
 
 
 def test_own_steps_leave_nothing_to_the_company():
-    steps = measure_own_steps(FILM, FILM.whole_steps(3000), TRUE)
+    steps = measure_own_steps(FILM, FILM.rows_with_whole_steps(3000), TRUE)
     assert steps.onward == pytest.approx(OWN, rel=0.15)
-    pulls = pull_of_others(FILM.visible_neighbours(FILM.whole_steps(3000)), TRUE)
-    whole = measure_own_steps(FILM, FILM.whole_steps(3000), NO_ZONES)
+    pulls = pull_of_others(FILM.visible_neighbours(FILM.rows_with_whole_steps(3000)), TRUE)
+    whole = measure_own_steps(FILM, FILM.rows_with_whole_steps(3000), NO_ZONES)
     left, before = (float((one.turn * pulls.conj()).real.mean()) for one in (steps, whole))
     assert before > 0.1 and abs(left) < 0.3 * before
 

@@ -233,11 +233,11 @@ def test_a_fish_is_handed_from_goal_to_path_to_rule_and_wanders_again():
     tank.swim_in_group(0)
     assert one.goal is None and one.path_task is None and one.rule_task.leader is None
     place_rows(tank, 20)
-    assert {choice.name for choice in one._decisions} >= {"company"}
+    assert {choice.target_name for choice in one._decisions} >= {"company"}
     tank.follow_leader(0, 2)
     assert tank.leaders == {1: 3}
     place_rows(tank, 20)
-    assert one._decisions[-1].name == "leader"
+    assert one._decisions[-1].target_name == "leader"
     tank.send_to_goal(0, 450.0, 450.0)
     assert one.rule_task is None and one.goal is not None
     tank.swim_in_group(0)
@@ -247,8 +247,8 @@ def test_a_fish_is_handed_from_goal_to_path_to_rule_and_wanders_again():
 
 def test_weights_are_changed_while_fish_swim():
     near, far = live(), live()
-    near.shoal(None)
-    far.shoal(None)
+    near.swim_in_group(None)
+    far.swim_in_group(None)
     far.set_zone_weights((0.0, 0.0, 0.0))
     assert far.shoaling.zones.weights == (0, 0, 0)
     together, apart = (place_rows(tank, 300)[150:] for tank in (near, far))

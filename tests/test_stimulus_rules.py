@@ -35,7 +35,7 @@ class Sightings:
         x, y = self.way(now_s)
         return [one._replace(x=x, y=y) for one in self.animals]
 
-    def past(self, id, time_s):
+    def find_past_place(self, id, time_s):
         some = [one for one in self.present_animals(time_s) if one.id == id]
         return (some[0].x, some[0].y) if some else None
 

@@ -201,7 +201,9 @@ def _regression_columns(pulls: Complex, wall: Complex, weights: Sequence[float |
     Zones of fixed weight are added to the own direction. pulls (n, 3), wall (n,), weights (3,): as
     for `fit_directions`.
     """
-    return np.column_stack([1.0 + weigh_zone_pulls(pulls, _replace_none_by_zero(weights)), pulls, wall])
+    return np.column_stack(
+        [1.0 + weigh_zone_pulls(pulls, _replace_none_by_zero(weights)), pulls, wall]
+    )
 
 
 def _replace_none_by_zero(weights: Sequence[float | None]) -> Floats:

@@ -19,7 +19,9 @@ from finloop.social.zones import Zones, pull_of_others
 _BURN_IN = 0.1  # share of the steps until the first places are forgotten
 
 
-def fit_film_rule(film: FilmGroup, settings: CalibrateSettings) -> tuple[SchoolRule, ZoneFit | None]:
+def fit_film_rule(
+    film: FilmGroup, settings: CalibrateSettings
+) -> tuple[SchoolRule, ZoneFit | None]:
     """Return the rule by which a film's fish swim, and the fit of its zones.
 
     If the film shows too few fish together the fit is None, and the zones are `default_zones`.
