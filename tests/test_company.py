@@ -341,7 +341,7 @@ def test_more_fish_than_fit():
     player = matching_of(film_world_of(room_=narrow_tank()))
     tank = LiveTank({MODE: player}, MODE, 40, 0)
     assert 1 <= len(tank.fish) < 40
-    fish = [one.path_from(tank.tick) for one in tank.fish]
+    fish = [one.planned_path_from(tank.tick) for one in tank.fish]
     everywhere = [
         np.array([[x, y, 0.0, 0.0]]) for x in range(10, 120, 10) for y in range(10, 70, 10)
     ]

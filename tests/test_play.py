@@ -675,7 +675,7 @@ def test_fish_that_decide_anew_keep_clear_of_each_other():
         tank.redo_last_tick(which)
         for fish in tank.fish:
             last = fish.decision_at(tank.tick)
-            paths = [one.path_from(last.tick) for one in tank.fish if one is not fish]
+            paths = [one.planned_path_from(last.tick) for one in tank.fish if one is not fish]
             others = Plans.from_paths(paths, last.tick).others(-1, last.tick)
             state = player.with_others(last.state, others)
             assert player.is_clear(state._replace(fish=last.state.fish), last.stretch)
