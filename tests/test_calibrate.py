@@ -312,7 +312,7 @@ def test_rounding_changes_no_number_of_the_film_and_how_points_swim(tmp_path, mo
             place, heading = complex_vectors(*where)
             return place * (1 + shift), heading
 
-        monkeypatch.setattr(finloop.calibrate.film, "vectors", shift_vectors)
+        monkeypatch.setattr(finloop.calibrate.film, "complex_vectors", shift_vectors)
         to = tmp_path / str(shift)
         numbers.append(run(to, monkeypatch, swim(TRUE, frames=400), steps=500))
         tables.append(pd.read_csv(to / "data/calibrate/company.csv").set_index("shoal"))
