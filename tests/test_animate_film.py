@@ -33,6 +33,7 @@ from toy_film import (
 
 from finloop.animate import measures
 from finloop.animate.arena import inside, tank
+from finloop.animate.company import Discs
 from finloop.animate.kinematics import rotate
 from finloop.animate.memory import NEVER, last_on_screen, remember_rows
 from finloop.animate.places import random_goals
@@ -280,6 +281,27 @@ def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
     found, then = mode.plan(state._replace(fish=fish), goal, np.random.default_rng(0))
     assert list(found.number) == [198] and then.fish.row == 198
     assert found.decision == Decision("spot")
+
+
+def test_a_fish_that_fits_a_narrow_place_in_one_picture_alone_gets_away():
+    """At the wall, headed straight for its goal: no other picture fits, and none needs a turn."""
+    world, fits_there = film_world_of(), 200
+    table = np.zeros((len(world.film.has_next), 6, 3))
+    table[..., 2] = 3 * LENGTH / 10
+    table[fits_there, :, 2] = 2.0
+    world = replace(world, discs=Discs(table, len(table), 3 * LENGTH / 10))
+    mode, goal = matching_of(world), Goal("A", 400.0, 300.0)
+    ys, xs = np.nonzero(world.tank.arena & ~world.tank.legal)
+    for at in np.random.default_rng(0).choice(len(xs), 12):
+        x, y = float(xs[at]), float(ys[at])
+        heading = float(np.degrees(np.arctan2(y - goal.y_px, goal.x_px - x)))
+        rot = float(wrap_deg(heading - world.film.heading[fits_there]))
+        fish = Fish(x, y, heading, 0.0, IN_FILM, -1, row=fits_there, rot=rot)
+        state = State(fish, np.zeros(2))
+        rng = np.random.default_rng(0)
+        for _ in range(60):
+            _, state = mode.plan(state, goal, rng)
+        assert np.hypot(state.fish.x - x, state.fish.y - y) > LENGTH
 
 
 def test_a_way_is_never_swum_farther_than_it_was_looked_at():

@@ -27,7 +27,7 @@ from finloop.animate.paths import lay_path
 from finloop.animate.state import State
 from finloop.base.line import PX, Line
 from finloop.distance.picture import BODY, FILM
-from finloop.edit.schema import TERMS, Goal
+from finloop.edit.schema import TERMS, WAITING, Goal
 from finloop.features.table import wrap_deg
 from finloop.plan.cost import CHANCE, LAG, RARITY, REPEAT, SEAM, CostWeights, repeat_cost
 from finloop.plan.objectives import along_path, estimate_ticks_to, to_goal
@@ -398,7 +398,7 @@ def test_tracks_shorter_than_a_stride_are_swum_by_and_left_in_time():
         assert 0 < len(stretch.way) <= 14 and (np.diff(stretch.number) == 1).all()
 
 
-def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_each_run():
+def test_a_fish_swims_by_its_plan_alone_and_beside_others_that_are_not_in_its_way():
     world = film_world_of()
     planner, route, rng = matching_of(world), lay_route(EIGHT, world), np.random.default_rng(0)
     state, ticks, searches, stretches = planner.begin(rng, route), 0, 0, 0
@@ -410,15 +410,18 @@ def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_each_run()
     assert searches <= 1 + 300 / (world.ticks(world.settings.path_commit) / 2)
     while not state.path.runs:
         _, state = planner.plan(state, route, rng)
-    assert planner.plan(state, route, rng)[0].options is None
-    other = np.array([[state.fish.x + 2 * LENGTH, state.fish.y, 0.0, 0.0]])
-    beside = planner.with_others(state, other[:, None])
+    run, _ = planner.plan(state, route, rng)
+    assert run.options is None
+    clear = np.array([[state.fish.x + 2 * LENGTH, state.fish.y, 0.0, 0.0]])
+    beside = planner.with_others(state, clear[:, None])
     assert beside.fish.company.near == 1
-    stretch, then = planner.plan(beside, route, rng)
-    assert stretch.options is not None
-    # After each run it looks again, as the others may have planned otherwise.
-    beside = planner.with_others(then, other[:, None])
-    assert then.path.runs and planner.plan(beside, route, rng)[0].options is not None
+    found, _ = planner.plan(beside, route, rng)
+    assert found.options is None and np.array_equal(found.way, run.way)
+    # A fish in the way: the run is cut before it, and the next plan begins anew.
+    ahead = np.append(run.way[-1], run.number[-1])
+    found, cut = planner.plan(planner.with_others(state, ahead[None, None]), route, rng)
+    assert len(found.way) < len(run.way) or found.decision.reason == WAITING
+    assert cut.path.runs == ()
 
 
 def test_a_plan_is_given_up_for_another_path_and_where_it_is_cut():

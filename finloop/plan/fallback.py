@@ -97,18 +97,13 @@ class Fallback:
         return replace(stretch.cut(len(way)), way=way, touched=False) if len(way) else None
 
     def _at_wall(self, fish: Fish, aim: Target) -> Stretch:
-        """Return a stretch for a fish whose next picture does not fit: stay, and turn if it can.
-
-        In a corner where it cannot turn, it drifts towards open water.
-        """
+        """Drift towards open water, and turn if possible, where the next picture does not fit."""
         open_water = Target(*self._world.tank.into(fish.x, fish.y), 0.0, 0.0)
-        ways = self._staying(fish, aim)
-        for stays in ways:
-            turns = (stays.way[:, 2] != fish.heading).any()
-            way = stays.way if turns else self._drifting(fish, stays, open_water)
+        for stays in self._staying(fish, aim):
+            way = self._drifting(fish, stays, open_water)
             if (inside := self._inside(replace(stays, way=way))) is not None:
                 return inside
-        return ways[-1]
+        return stays
 
     def _making_way(
         self, fish: Fish, x: float, y: float, rng: np.random.Generator
@@ -127,10 +122,10 @@ class Fallback:
             yield replace(leaves, touched=False)
         for aside_deg in _ASIDE_DEG:
             there = self._beyond(fish, x, y, aside_deg)
-            for one in self._staying(fish, there):
-                way = self._drifting(fish, one, there)
-                yield replace(one, way=way, decision=Decision(WAITING))
-        yield replace(self._staying(fish, away)[-1], decision=Decision(WAITING))
+            for stays in self._staying(fish, there):
+                way = self._drifting(fish, stays, there)
+                yield replace(stays, way=way, decision=Decision(WAITING))
+        yield replace(stays, decision=Decision(WAITING))
 
     def _beyond(self, fish: Fish, x: float, y: float, aside_deg: float) -> Target:
         """Return a place to make way to for a fish at x, y: away from it, or `aside_deg` aside."""
@@ -139,13 +134,16 @@ class Fallback:
         to_x, to_y = fish.x + far * np.cos(angle), fish.y + far * np.sin(angle)
         return Target(*self._world.tank.into(float(to_x), float(to_y)), 0.0, 0.0)
 
-    def _staying(self, fish: Fish, away: Target) -> list[Stretch]:
-        """Return what a fish can show in its place: turning, not turning, the same picture."""
+    def _staying(self, fish: Fish, away: Target) -> Iterator[Stretch]:
+        """Yield what a fish can show in its place: turning, not turning, the same picture."""
+        yield self.stay(fish, away)
         stays = self.stay(fish, away, turns=False)
+        yield stays
         rot = stays.way[:, 2] - self._world.film.heading[fish.row]
         same = np.full(len(rot), fish.row)
         frozen = replace(stays, number=same, rot=rot, new=False)
-        return [self.stay(fish, away), stays, self._turn_in_place(frozen, away), frozen]
+        yield self._turn_in_place(frozen, away)
+        yield frozen
 
     def _turn_in_place(self, frozen: Stretch, aim: Target) -> Stretch:
         """Turn the same picture in its place towards an aim, tick by tick."""

@@ -250,7 +250,7 @@ class Planner:
         rng: np.random.Generator,
     ) -> tuple[Stretch, Progress]:  # fmt: skip
         """Return what is shown next, and what is planned then. task: what plans are made for."""
-        if path.runs and _same(path.task, task) and not fish.company.near:
+        if path.runs and _same(path.task, task):
             stretch, on = self._swim_run(fish, path, objective, None)
             if len(stretch.way):
                 return stretch, on
