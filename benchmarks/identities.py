@@ -47,7 +47,7 @@ from finloop.drawn.carp.motion import CarpMotion, room_of, simulate
 from finloop.io.movie import VideoWriter
 from finloop.io.poses import load_poses
 from finloop.io.table import save_csv
-from finloop.io.wheel import PACKAGE, TANK_PX, cache_folder, fetch_zebrafish_clips
+from finloop.io.wheel import PACKAGE, TANK_PX, fetch_zebrafish_clips, find_cache_folder
 from finloop.project import Project
 
 # The package needs PyTorch and torchvision, but does not install them.
@@ -72,7 +72,7 @@ class Film:
 
 def zebrafish(part: str, dark: int, least_px: int) -> Film:
     """Return a clip of the package."""
-    (path,) = fetch_zebrafish_clips([part], cache_folder())
+    (path,) = fetch_zebrafish_clips([part], find_cache_folder())
     return Film(path, ["clip=zebrafish", f"clip.parts={part}"], 8, TANK_PX, dark, least_px)
 
 

@@ -22,7 +22,7 @@ from finloop.base.settings import settings
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import FRAME, Goal
 from finloop.features.table import USED, measure_features
-from finloop.io.movie import Movie, Mp4Writer, WebpWriter
+from finloop.io.movie import FilmWriter, Mp4Writer, WebpWriter
 from finloop.io.video import THREADS
 from finloop.pose import film_poses
 from finloop.project import Project
@@ -115,7 +115,7 @@ def coders(background: np.ndarray, way: list[PlacedFish], folder: Path) -> None:
         painter.show(one)
         frames.append(painter.frame.copy())
 
-    def write(writer: Movie) -> None:
+    def write(writer: FilmWriter) -> None:
         with writer:
             for frame in frames:
                 writer.write(frame)

@@ -52,7 +52,7 @@ from finloop.io.cutouts import tracks_writer
 from finloop.io.movie import VideoWriter
 from finloop.io.table import load_table, save_table
 from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames, save_facts
-from finloop.io.wheel import cache_folder, fetch_zebrafish_clips
+from finloop.io.wheel import fetch_zebrafish_clips, find_cache_folder
 from stages.extract import WORKERS_NEED
 from stages.run import THREADS
 
@@ -193,7 +193,7 @@ def main() -> None:
         prepare(scratch, ["clip=zebrafish", "clip.parts=A"])
         how, then = settings("extract"), settings("features")
         stage(scratch, "clip")
-        clip, source = scratch / "data/clip", fetch_zebrafish_clips("A", cache_folder())[0]
+        clip, source = scratch / "data/clip", fetch_zebrafish_clips("A", find_cache_folder())[0]
         for name, path in (("normalised clip", clip / "clip.mp4"), ("source file", source)):
             mine, theirs, ratio, fish = time_pairs(
                 lambda: extract_and_features(clip, scratch, how, then), partial(decode, path)

@@ -11,7 +11,7 @@ import pandas as pd
 from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT
 from finloop.io.atomic import whole_folder
-from finloop.io.movie import Movie, Mp4Writer, WebpWriter
+from finloop.io.movie import FilmWriter, Mp4Writer, WebpWriter
 from finloop.io.table import load_table
 from finloop.project import PLACES, Project
 from finloop.render.beside import WORDS_PX, draw_side_by_side, longest_tracks_edit_list
@@ -37,7 +37,7 @@ def _save_films(
     seen = Painter(background, colour=True, shadow=shadow) if p.marked_film else clean
     with whole_folder(OUT) as folder, ExitStack() as stack:
         mp4 = Mp4Writer(folder / f"{p.mode}.mp4", clean.frame.shape, rate, p.crf)
-        outputs: list[tuple[Movie, Painter, int]] = [(mp4, clean, ticks)]
+        outputs: list[tuple[FilmWriter, Painter, int]] = [(mp4, clean, ticks)]
         if p.marked_film:
             marks = MarkPainter(seen, edit, project.goals(p.mode))
             mp4 = Mp4Writer(folder / f"{p.mode}_marked.mp4", seen.frame.shape, rate, p.crf)

@@ -36,10 +36,10 @@ from finloop.io.footage import open_footage
 from finloop.io.footage.source import (
     CHROMA_FRACTION,
     Footage,
-    Loss,
+    LostFrames,
     Turn,
-    chroma_fraction,
-    deep_levels,
+    choose_deep_levels,
+    measure_chroma_fraction,
     nearest_turn,
     stretch_levels,
 )
@@ -179,20 +179,20 @@ def test_an_arena_outside_the_picture_is_refused(shape, numbers):
 def test_colour_is_what_differs_from_the_tint():
     grey = np.random.default_rng(0).integers(0, 256, (50, 50, 1), dtype=np.uint8)
     film = np.repeat(grey, 3, axis=2)
-    assert chroma_fraction([film]) == 0
+    assert measure_chroma_fraction([film]) == 0
     tinted = (film // 2 + [80, 20, 110]).astype(np.uint8)
-    assert chroma_fraction([tinted]) < CHROMA_FRACTION
+    assert measure_chroma_fraction([tinted]) < CHROMA_FRACTION
     film[10:15, 10:12] = [220, 90, 20]  # a goldfish
-    assert chroma_fraction([film]) > CHROMA_FRACTION
+    assert measure_chroma_fraction([film]) > CHROMA_FRACTION
 
 
 def test_deep_levels_ignore_hot_pixels_and_are_stretched():
     frame = np.linspace(1000, 3000, 10**5).astype(np.uint16).reshape(100, 1000)
     frame[0, :3] = 65535
-    low, high = deep_levels([frame, frame])
+    low, high = choose_deep_levels([frame, frame])
     assert (abs(low - 1000) < 3, abs(high - 3000) < 3) == (True, True)
     flat = np.full((4, 4), 7, np.uint16)
-    assert not stretch_levels(flat, *deep_levels([flat])).any()
+    assert not stretch_levels(flat, *choose_deep_levels([flat])).any()
     frame = np.array([[0, 1000, 1500, 2000, 65535]], np.uint16)
     np.testing.assert_array_equal(stretch_levels(frame, 1000, 2000), [[0, 0, 128, 255, 255]])
 
@@ -279,12 +279,12 @@ def goldfish(count: int) -> list[np.ndarray]:
     return coloured
 
 
-def read(footage: Footage, loss: Loss | None = None) -> tuple[list[float], list[np.ndarray]]:
-    stamped = list(footage.stream_numbered(loss or Loss()))
+def read(footage: Footage, loss: LostFrames | None = None) -> tuple[list[float], list[np.ndarray]]:
+    stamped = list(footage.stream_numbered(loss or LostFrames()))
     return [time for time, _ in stamped], [frame for _, (_, frame) in stamped]
 
 
-def shown_at(footage: Footage, rate: int, loss: Loss, timing: FrameCounts) -> list[int]:
+def shown_at(footage: Footage, rate: int, loss: LostFrames, timing: FrameCounts) -> list[int]:
     """Return the numbers that the pictures of a film show which is re-timed to a constant rate."""
     frames = footage.stream_numbered(loss)
     return numbers(frame for _, frame in resample_nearest(frames, Fraction(rate), timing))
@@ -421,11 +421,11 @@ def test_variable_rate_becomes_constant(tmp_path, kind):
     footage = open_footage(path, colour=False)
     assert abs(footage.frame_rate - 30) < 1
     timing = FrameCounts()
-    shown = shown_at(footage, 30, Loss(), timing)
+    shown = shown_at(footage, 30, LostFrames(), timing)
     assert shown == [0, 1, 2, 3, 3, 4, 4, 4, 5, 6, 8, 9]
     assert (timing.repeated, timing.dropped) == (3, 1)
     assert footage.frames_expected == pytest.approx(12, abs=1)
-    counted = resample_nearest(footage.stream_numbered(Loss()), Fraction(30), FrameCounts())
+    counted = resample_nearest(footage.stream_numbered(LostFrames()), Fraction(30), FrameCounts())
     assert [number for number, _ in counted] == shown
     assert footage.frames_in_source == 10
 
@@ -471,7 +471,9 @@ def test_a_late_start_is_jumped_to(tmp_path, monkeypatch):
     monkeypatch.setattr(footage_film, "is_in_range", count_decodes)
     assert numbers(read(footage)[1]) == list(range(40, 50))
     assert decoded < 60
-    assert [number for _, (number, _) in footage.stream_numbered(Loss())] == list(range(240, 250))
+    assert [number for _, (number, _) in footage.stream_numbered(LostFrames())] == list(
+        range(240, 250)
+    )
 
 
 def test_a_title_in_another_encoding_is_no_obstacle(tmp_path):
@@ -503,7 +505,7 @@ def test_a_folder_of_pictures_in_natural_order(tmp_path):
     assert not footage.colour
     part = open_footage(folder, frame_rate_hz=50, start_s=0.1, end_s=0.2)
     assert numbers(read(part)[1]) == [5, 6, 7, 8, 9]
-    assert [number for _, (number, _) in part.stream_numbered(Loss())] == [5, 6, 7, 8, 9]
+    assert [number for _, (number, _) in part.stream_numbered(LostFrames())] == [5, 6, 7, 8, 9]
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
@@ -647,7 +649,7 @@ def test_a_range_that_is_not_there_is_said(avi, start_s, end_s, said):
 
 
 def test_a_film_that_breaks_off_is_used_up_to_there(broken_off):
-    loss = Loss()
+    loss = LostFrames()
     frames = read(open_footage(broken_off, colour=False), loss)[1]
     assert 10 < len(frames) < 45
     assert len(frames) + loss.lost_frames == 50
@@ -663,10 +665,10 @@ def test_a_damaged_frame_is_left_out(tmp_path):
     data = bytearray(path.read_bytes())
     data[at : at + size] = bytes(size)
     path.write_bytes(data)
-    loss, timing = Loss(), FrameCounts()
+    loss, timing = LostFrames(), FrameCounts()
     footage = open_footage(path, colour=False)
     shown = shown_at(footage, 25, loss, timing)
-    assert loss == Loss(damaged=1)
+    assert loss == LostFrames(damaged=1)
     assert [number for number in shown if number != 7] == shown
     assert (timing.frames, timing.repeated) == (20, 1)
     assert "1 frames of the film are damaged" in loss.notes[0]
@@ -784,10 +786,10 @@ def test_a_cache_that_cannot_be_written_is_said(tmp_path, index):
 
 def test_the_cache_lies_outside_the_project(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert wheel.cache_folder() == tmp_path / "finloop"
+    assert wheel.find_cache_folder() == tmp_path / "finloop"
     monkeypatch.setenv("XDG_CACHE_HOME", "relative")  # to be ignored, by the specification
     monkeypatch.setenv("HOME", str(tmp_path))
-    assert wheel.cache_folder() == tmp_path / ".cache/finloop"
+    assert wheel.find_cache_folder() == tmp_path / ".cache/finloop"
 
 
 # --- the stage

@@ -14,10 +14,10 @@ import stages.extract
 import stages.features
 from finloop.features.table import wrap_deg
 from finloop.io.numbers import load_numbers
-from finloop.io.wheel import PACKAGE, cache_folder
+from finloop.io.wheel import PACKAGE, find_cache_folder
 
 CLIPS = ROOT.parent / "shared" / "clips"
-ZEBRAFISH = cache_folder() / f"{PACKAGE.replace('==', '-')}-test_A.avi"
+ZEBRAFISH = find_cache_folder() / f"{PACKAGE.replace('==', '-')}-test_A.avi"
 
 
 @pytest.fixture

@@ -246,7 +246,7 @@ def test_a_mode_that_the_film_does_not_allow_is_refused():
     tank = LiveTank(few, "hybrid", 1, 0)
     tank.switch_mode("loops")
     played_rows(tank, 50)
-    assert tank.mode == "hybrid" and "too little" in tank.describe_lack("loops")
+    assert tank.mode == "hybrid" and "too little" in tank.explain_unavailable_mode("loops")
 
 
 def test_a_mode_of_the_paper_moves_one_fish_to_goals():
@@ -254,7 +254,7 @@ def test_a_mode_of_the_paper_moves_one_fish_to_goals():
     for mode in PAPER:
         with pytest.raises(FinloopError, match=f"mode {mode} cannot do 2 fish"):
             tank.switch_mode(mode)
-        assert "one fish" in tank.describe_lack(mode)
+        assert "one fish" in tank.explain_unavailable_mode(mode)
         with pytest.raises(FinloopError, match="2 fish"):
             LiveTank(toy_players(), mode, 2, 1)
     assert tank.mode == "matching" and len(tank.fish) == 2

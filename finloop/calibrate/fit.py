@@ -230,10 +230,10 @@ def fit_directions(
 def cross_validate(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None], parts: Mask
 ) -> float:
-    """Return the squared error of directions in each part of the rows by a fit to the other part.
+    """Return the squared error of directions that are predicted by a fit to other rows.
 
-    parts (n,): True for one part, False for the other. The rest as for `fit_directions`. The errors
-    of both parts are summed.
+    Each part of the rows is predicted by a fit to the other part; both errors are summed. parts
+    (n,): True for one part, False for the other. The rest as for `fit_directions`.
     """
     columns = _regression_columns(pulls, wall, weights)
     one, other = (_sum_rows(columns[part], after[part]) for part in (parts, ~parts))
@@ -258,11 +258,14 @@ def _possible_radii(settings: CalibrateSettings) -> list[tuple[float, float, flo
 
 
 def _weighted_zones(
-    radii: tuple[float, float, float], blind: float, weights: Reals, fixed: Sequence[float | None]
+    radii: tuple[float, float, float],
+    blind_deg: float,
+    weights: Reals,
+    fixed: Sequence[float | None],
 ) -> Zones:
     """Return zones with weights; the outermost fitted zones are left out if their weight is 0.
 
-    blind: blind angle in degrees. weights: fitted. fixed: given weights, None for fitted ones.
+    blind_deg: blind angle in degrees. weights: fitted. fixed: given weights, None for fitted ones.
     """
     inner, middle, outer = radii
     own = [
@@ -272,7 +275,7 @@ def _weighted_zones(
         outer = middle
         if fixed[1] is None and own[1] == 0:
             middle = outer = inner
-    return Zones(inner, middle, outer, blind, *own)
+    return Zones(inner, middle, outer, blind_deg, *own)
 
 
 def default_zones(settings: CalibrateSettings) -> Zones:

@@ -65,9 +65,9 @@ def measure_own_steps(film: FilmGroup, rows: Ints, zones: Zones) -> SocialSteps:
 
 
 def _fit_own_part(vectors: Complex, references: Complex) -> float:
-    """Return the number a ≥ 0 with vectors (n,) ≈ a · references (n,), by least squares.
+    """Return the factor a ≥ 0 by which references (n,) best approximate vectors (n,).
 
-    It is 0 for n = 0.
+    By least squares; 0 for n = 0.
     """
     squares = float((np.abs(references) ** 2).sum())
     return (

@@ -24,7 +24,7 @@ from finloop.drawn.carp.film import film, is_tank_large_enough
 from finloop.drawn.truth import TRUTH
 from finloop.io.atomic import require_free_space
 from finloop.io.footage import open_footage
-from finloop.io.footage.source import Footage, Loss, NumberedFrames, Order
+from finloop.io.footage.source import Footage, LostFrames, NumberedFrames, Order
 from finloop.io.footage.timing import FrameCounts, resample_nearest, split_at_cuts
 from finloop.io.movie import VideoWriter
 from finloop.io.table import save_table, table_writer
@@ -41,7 +41,7 @@ from finloop.io.video import (
     save_facts,
     save_mask,
 )
-from finloop.io.wheel import TANK_PX, cache_folder, fetch_zebrafish_clips
+from finloop.io.wheel import TANK_PX, fetch_zebrafish_clips, find_cache_folder
 
 _SAMPLE = 2 * KEY_FRAME_EVERY  # frames from which the size of the clip is estimated
 _ROWS = 512  # rows of truth that are written at a time
@@ -54,7 +54,7 @@ class ClipSource:
 
     facts: VideoFacts
     takes: list[NumberedFrames]  # frames are numbered through all takes
-    loss: Loss
+    loss: LostFrames
     truth: list[dict[str, Any]]  # rows about the drawn carp that collect while `takes` is read
 
 
@@ -125,7 +125,7 @@ def _open_carp(p: Carp) -> ClipSource:
             truth.extend(rows)
             yield float(number / rate), (number, frame)
 
-    return ClipSource(facts, [take()], Loss(), truth)
+    return ClipSource(facts, [take()], LostFrames(), truth)
 
 
 def _open_films(p: Zebrafish | File, fields: Order) -> ClipSource:
@@ -134,7 +134,7 @@ def _open_films(p: Zebrafish | File, fields: Order) -> ClipSource:
     fields: which field is earlier, "" if the film is not interlaced.
     """
     if isinstance(p, Zebrafish):
-        paths = fetch_zebrafish_clips(p.parts, cache_folder())
+        paths = fetch_zebrafish_clips(p.parts, find_cache_folder())
         films = [open_footage(path, colour=False) for path in paths]
     else:
         colour = {"auto": None, "always": True, "never": False}[p.colour]
@@ -149,7 +149,7 @@ def _open_films(p: Zebrafish | File, fields: Order) -> ClipSource:
         frames=sum(f.frames_expected for f in films),
         source_frames=sum(lengths),
     )
-    loss = Loss()
+    loss = LostFrames()
     starts = accumulate(lengths, initial=0)
 
     def stream_from(footage: Footage, start: int) -> NumberedFrames:

@@ -53,7 +53,7 @@ _FOLDER = "data"  # below the stage's folder: where the work lies for the worker
 
 @dataclass(frozen=True)
 class WorkerHome:
-    """What a worker must have in common with this process, so that results have equal bytes.
+    """What a worker must have in common with the submitting process, for equal results.
 
     folder: the stage's working folder, absolute, shared by all workers. start: the command that
     starts a worker there. facts: about code, packages, processor and thread counts, by name.
@@ -262,7 +262,7 @@ class DaskWorkers:
 
     @contextmanager
     def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_SubmittedItem"]]:
-        """Share a function with the workers; yield what submits one item to it."""
+        """Share a function with the workers; yield a function that submits one item to them."""
         name, number = uuid4().hex, count()
         with self._share_work(work) as path:
 

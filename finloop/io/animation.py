@@ -21,7 +21,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.paint import Colour, Paint, Shape, group_contours, paint_layers
 from finloop.base.parallel import Threads, ordered_map
 from finloop.io.atomic import save_bytes
-from finloop.io.movie import Movie, Mp4Writer, WebpWriter
+from finloop.io.movie import FilmWriter, Mp4Writer, WebpWriter
 from finloop.io.video import THREADS
 
 CRF, QUALITY = 18, 85
@@ -229,7 +229,7 @@ def _save_film(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
     # Both formats need even sides.
     height, width = (2 * max(1, round(s * scale / 2)) for s in (morph.height, morph.width))
     shape = height, width, 3
-    film: Movie = WebpWriter(path, shape, frame_rate, width, QUALITY)
+    film: FilmWriter = WebpWriter(path, shape, frame_rate, width, QUALITY)
     if path.suffix.lower() == ".mp4":
         film = Mp4Writer(path, shape, frame_rate, CRF)
     with film:

@@ -23,9 +23,9 @@ _NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; rename it to `path` when the block succeeds.
+    """Yield a temporary path to write to; rename it to `path` when the block succeeds.
 
-    After an exception `path` is unchanged. FinloopError if the disk is full.
+    So the file is complete or does not change. FinloopError if the disk is full.
     """
     with _temporary_path(path, f".{path.stem}.{_process_tag()}.part{path.suffix}") as part:
         yield part
@@ -36,7 +36,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Yield a temporary folder beside `path`; it replaces `path` when the block succeeds.
+    """Yield a temporary folder to fill; it replaces the folder `path` when the block succeeds.
 
     After an exception `path` is unchanged. FinloopError if the disk is full.
     """
@@ -54,7 +54,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def temporary_file(path: Path) -> Iterator[Path]:
-    """Yield a hidden temporary path beside `path`; remove its file when the block ends."""
+    """Yield the path of a hidden file beside `path`; remove that file when the block ends."""
     with _temporary_path(path, f".{path.name}.{_process_tag()}.part") as part:
         yield part
 

@@ -74,7 +74,7 @@ class CutoutWriter:
         return self
 
     def write(self, cutout: Cutout) -> None:
-        """Append one cut-out as the next row of the store."""
+        """Append one cut-out to the store."""
         pixels = np.ascontiguousarray(cutout.pixels)
         packed = _CODEC.compress(pixels, asbytes=True)
         key = cutout[5:] if self._schema is _SPRITES else ()

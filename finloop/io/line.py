@@ -19,7 +19,7 @@ _WANTED = (
 
 
 def load_line(path: Path, unit: str) -> Line:
-    """Load the path that a fish shall follow from a file: .csv, .parquet or .svg.
+    """Load the path that a fish shall follow, from a file .csv, .parquet or .svg.
 
     unit: PX, TANK or MM, of columns x and y; columns such as x_mm name their own. An SVG's path is
     in px, or in shares of the viewport if the unit is TANK. FinloopError if the file cannot be
@@ -62,7 +62,7 @@ def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
             "rename the columns that hold x and y",
         )
 
-    def column(name: str) -> Floats:
+    def read_column(name: str) -> Floats:
         """Return the numbers of a column; FinloopError if it holds anything else."""
         try:
             values = table.column(names[name]).cast(pa.float64())
@@ -72,9 +72,9 @@ def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
         return np.array(values.to_numpy(zero_copy_only=False), float)
 
     time_s, heading_deg = (
-        column(name) if name in names else None for name in ("time_s", "heading_deg")
+        read_column(name) if name in names else None for name in ("time_s", "heading_deg")
     )
-    return Line(str(path), column(x), column(y), unit, time_s, heading_deg)
+    return Line(str(path), read_column(x), read_column(y), unit, time_s, heading_deg)
 
 
 def _line_from_drawing(path: Path, unit: str) -> Line:

@@ -44,7 +44,7 @@ _LIMITED = np.round(16 + np.arange(256) * 219 / 255).astype(np.uint8)
 _SMALL_CRF, _SMALL_WIDTHS = 28, (960, 640, 426)  # coding and px of a film made smaller
 
 
-class Movie(ABC):
+class FilmWriter(ABC):
     """Writer of a film file, frame by frame.
 
     The film appears at `path` when the `with` block succeeds. A thread codes frames while the
@@ -178,7 +178,7 @@ def _subsample_chroma(
     )  # fmt: skip
 
 
-class VideoWriter(Movie):
+class VideoWriter(FilmWriter):
     """Writer of the normalised clip: H.264 of constant frame rate, whose pixels can be read back.
 
     Mono film is coded as 4:0:0, so the decoded Y plane *is* the picture. Colour film is coded in
@@ -236,7 +236,7 @@ class VideoWriter(Movie):
         )
 
 
-class Mp4Writer(Movie):
+class Mp4Writer(FilmWriter):
     """Writer of H.264 in MP4 for every browser: 4:2:0, limited range, BT.709, index in front.
 
     Frames are RGB; a last odd row or column is repeated once. Quality: 0 = best, 51 = worst.
@@ -254,7 +254,7 @@ class Mp4Writer(Movie):
         return _subsample_chroma(self._pad_to_even(frame, cv2.BORDER_REPLICATE), Colorspace.ITU709)
 
 
-class WebpWriter(Movie):
+class WebpWriter(FilmWriter):
     """Writer of an animated WebP that repeats for ever; frames begin at whole milliseconds.
 
     Frames are RGB. width: px of the picture in the file, at most that of the frames; both sides
@@ -282,7 +282,7 @@ class WebpWriter(Movie):
         return _subsample_chroma(frame, Colorspace.ITU601, self._size)  # as WebP is defined
 
 
-class WebmWriter(Movie):
+class WebmWriter(FilmWriter):
     """Writer of a transparent WebM, which browsers and editors overlay: VP9 with alpha.
 
     Frames are RGBA; an odd side gets one more transparent row or column. Quality: 0 = best, 63 =
@@ -320,7 +320,7 @@ class WebmWriter(Movie):
         return coded
 
 
-class AlphaWebpWriter(Movie):
+class AlphaWebpWriter(FilmWriter):
     """Writer of a transparent animated WebP that repeats for ever; alpha is kept without loss.
 
     Frames are RGBA and begin at whole milliseconds. Quality of the colours: 0 = worst, 100 = best.

@@ -225,7 +225,7 @@ def _piece_count(count: float) -> int:
 
 
 def _to_points(*points: Any) -> Points:
-    """Convert svgelements points to an array (n, 2)."""
+    """Convert svgelements points to an array (n, 2) of x and y."""
     return np.array([[p.x, p.y] for p in points], np.float64)
 
 
@@ -317,7 +317,7 @@ def _refuse_entities(path: Path, data: bytes) -> None:
     """Raise FinloopError if the bytes of a file are not XML, or declare XML entities."""
     parser = expat.ParserCreate()
 
-    def entity(name: str, *rest: object) -> NoReturn:
+    def refuse_entity(name: str, *rest: object) -> NoReturn:
         """Raise FinloopError for a declared entity."""
         raise FinloopError(
             f"{path} declares the entity {name!r}, which may stand for any amount of text",
@@ -325,7 +325,7 @@ def _refuse_entities(path: Path, data: bytes) -> None:
             "save it as plain SVG: the drawing program then writes entities out",
         )
 
-    parser.EntityDeclHandler = entity
+    parser.EntityDeclHandler = refuse_entity
     try:
         parser.Parse(data, True)
     except (expat.ExpatError, ValueError, LookupError) as error:
@@ -355,7 +355,7 @@ def _keep_contours(root: ElementTree.Element) -> None:
 
 
 def _use_target(path: Path, element: ElementTree.Element) -> str | None:
-    """Return the id of the shape that a `use` shows; None for another element or an empty `use`.
+    """Return the id of the shape that a `use` element shows; None if it is no `use`, or empty.
 
     FinloopError if the shape is in another file.
     """
@@ -379,7 +379,7 @@ def _refuse_large(path: Path, root: ElementTree.Element) -> None:
     sizes = dict[int, int]()
     unfinished = set[int]()
 
-    def measure(element: ElementTree.Element, depth: int) -> int:
+    def measure_element(element: ElementTree.Element, depth: int) -> int:
         """Return how much geometry [characters] an element draws, with all its parts."""
         key = id(element)
         if key in sizes:
@@ -395,7 +395,7 @@ def _refuse_large(path: Path, root: ElementTree.Element) -> None:
         parts = [*element, *([] if used is None else [used])]
         size = _ELEMENT + sum(len(element.get(name, "")) for name in _GEOMETRY)
         if depth <= MOST_NESTED:
-            size += sum(measure(part, depth + 1) for part in parts)
+            size += sum(measure_element(part, depth + 1) for part in parts)
         if depth > MOST_NESTED or size > MOST_DRAWN:
             raise FinloopError(
                 f"{path} draws more than {MOST_DRAWN // 1024} KiB of paths, or"
@@ -407,4 +407,4 @@ def _refuse_large(path: Path, root: ElementTree.Element) -> None:
         sizes[key] = size
         return size
 
-    measure(root, 0)
+    measure_element(root, 0)

@@ -143,7 +143,7 @@ def view_grey_levels(frame: VideoFrame) -> np.ndarray:
     return rows[: frame.height, : frame.width]
 
 
-def _rgb(frame: VideoFrame) -> np.ndarray:
+def _convert_to_rgb(frame: VideoFrame) -> np.ndarray:
     """Convert a decoded frame to (h, w, 3) uint8 RGB, by the range and matrix that it states."""
     return frame.to_ndarray(format="rgb24", threads=THREADS)
 
@@ -170,7 +170,7 @@ def read_frames(
     the clip ends early.
     """
     with _open_clip(path, threads) as (container, stream, step):
-        convert = _rgb if colour else view_grey_levels
+        convert = _convert_to_rgb if colour else view_grey_levels
         stop = stream.frames if stop is None else min(stop, stream.frames)
         if start >= stop:
             return
@@ -200,7 +200,7 @@ def read_chosen_frames(
     if any(b < a for a, b in pairwise(frames)):
         raise ValueError("frames must ascend")
     with _open_clip(path, threads) as (container, stream, step):
-        convert = _rgb if colour else view_grey_levels
+        convert = _convert_to_rgb if colour else view_grey_levels
         decoded: Iterator[VideoFrame] = iter(())
         position, current = -KEY_FRAME_EVERY, None
         for number in frames:

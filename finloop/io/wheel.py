@@ -27,7 +27,7 @@ TANK_PX = (33, 8, 922, 918)
 _INSTEAD = "or use the drawn carp, which needs no network: dvc exp run -S clip=carp"
 
 
-def cache_folder() -> Path:
+def find_cache_folder() -> Path:
     """Return the user's folder for downloads, `$XDG_CACHE_HOME/finloop` or `~/.cache/finloop`.
 
     FinloopError if neither that variable nor a home directory is set.

@@ -248,9 +248,9 @@ class LiveFish:
         return next((one for one in reversed(self._decisions) if one.tick == row.decided), None)
 
     def planning_decision(self, decision: DecisionRecord) -> DecisionRecord:
-        """Return the decision that made the plan which a given decision continues.
+        """Return the decision that made the plan which another decision continues.
 
-        It is often the given one.
+        It is that decision itself, unless it continues an earlier plan.
         """
         earlier = (one for one in reversed(self._decisions) if one.tick <= decision.tick)
         return next((one for one in earlier if not one.follows_plan), decision)
@@ -342,7 +342,10 @@ class LiveFish:
         return None
 
     def _end_stretch(self, last: DecisionRecord) -> None:
-        """Note at the end of a stretch that a goal is reached, or a path begun or done."""
+        """Update goal and path at the end of a stretch: they may be reached, begun or done.
+
+        last: the decision for this stretch.
+        """
         path_task, fish = self.path_task, self._state.fish
         if path_task is not None and path_task.begun:
             self.reached = path_task.route.done(self._state.path.along, fish.tick)

@@ -117,7 +117,7 @@ class LiveTank:
         }
 
     def _select_fish(self, fish_index: int | None) -> list[LiveFish]:
-        """Return the fish with an index from 0, if there is one; None: all fish."""
+        """Return a list of the fish with an index from 0, if there is one; None: of all fish."""
         return self.fish if fish_index is None else self.fish[fish_index : fish_index + 1]
 
     def send_to_goal(self, fish_index: int | None, x: float, y: float, drag: bool = False) -> None:
@@ -225,7 +225,7 @@ class LiveTank:
             if fish.rule_task is not None and fish.rule_task.shoaling is not None:
                 fish.rule_task = RuleTask(self.shoaling)
 
-    def describe_lack(self, mode: str) -> str:
+    def explain_unavailable_mode(self, mode: str) -> str:
         """Return a sentence why the tank cannot switch to a mode now; "" if it can."""
         if mode not in self.players:
             return "the film shows too little for it"
@@ -242,7 +242,7 @@ class LiveTank:
         """
         if mode not in self.players:
             return
-        if self.describe_lack(mode):
+        if self.explain_unavailable_mode(mode):
             raise _paper_error(f"{len(self.fish)} fish", mode)
         self.mode = mode
         for fish in self.fish:

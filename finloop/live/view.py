@@ -164,7 +164,7 @@ class TankView:
         return [
             {
                 "name": mode, "title": facts.title, "says": f"{facts.sentence} ({facts.source})",
-                "colour": facts.colour, "lack": self.tank.describe_lack(mode),
+                "colour": facts.colour, "lack": self.tank.explain_unavailable_mode(mode),
             }
             for mode, facts in MODES.items()
         ]  # fmt: skip

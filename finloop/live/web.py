@@ -179,17 +179,17 @@ class AppServer(uvicorn.Server):
     def _page_route(self, path: str, page: str) -> Route:
         """Return the route that answers requests for a page; path: of its address."""
 
-        async def answer(request: Request) -> Response:
+        async def answer_page_request(request: Request) -> Response:
             """Answer one request."""
             return self._policy.answer_request(request, page)
 
-        return Route(path, answer)
+        return Route(path, answer_page_request)
 
     def _socket_route(self, route: SocketRoute) -> WebSocketRoute:
         """Return the route that accepts WebSockets, up to the largest number of connections."""
         connections = set[WebSocket]()
 
-        async def serve(connection: WebSocket) -> None:
+        async def serve_connection(connection: WebSocket) -> None:
             """Serve one connection, unless it is refused or there are too many."""
             if not await self._policy.accept_socket(connection, route.programs):
                 return
@@ -202,7 +202,7 @@ class AppServer(uvicorn.Server):
             finally:
                 connections.discard(connection)
 
-        return WebSocketRoute(route.path, serve)
+        return WebSocketRoute(route.path, serve_connection)
 
     @contextlib.asynccontextmanager
     async def _run_tasks(self, _: Starlette) -> AsyncIterator[None]:

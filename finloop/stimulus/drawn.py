@@ -63,21 +63,21 @@ def _picture_bodies(rows: Sequence[Any], bodies: Bodies, of_partner: NDArray[np.
     of_partner (n,): where true, the picture to cross-fade with is meant.
     """
 
-    def column(name: str, partner: str) -> list[Any]:
+    def select_field(name: str, partner: str) -> list[Any]:
         """Return a field of each row: `name`, or `partner` where the partner's picture is meant."""
         names = [partner if chosen else name for chosen in of_partner]
         return [getattr(row, name) for row, name in zip(rows, names, strict=True)]
 
     kinds, orientations = (
-        column("kind", "partner_kind"),
-        column("orientation", "partner_orientation"),
+        select_field("kind", "partner_kind"),
+        select_field("orientation", "partner_orientation"),
     )
     frame = np.array([kind == FRAME for kind in kinds], bool)
     line = [
         0.0 if still else float(bodies.sprite_direction_deg(int(orientation), 0.0))
         for orientation, still in zip(orientations, frame, strict=True)
     ]
-    turn = np.array(column("rotation_deg", "partner_rotation_deg"), float) + np.array(line)
-    numbers = np.array(column("source", "partner"), np.intp)
-    mirrored = np.array(column("mirrored", "partner_mirrored"), bool)
+    turn = np.array(select_field("rotation_deg", "partner_rotation_deg"), float) + np.array(line)
+    numbers = np.array(select_field("source", "partner"), np.intp)
+    mirrored = np.array(select_field("mirrored", "partner_mirrored"), bool)
     return bodies.picture_bodies(frame, numbers, turn, mirrored)

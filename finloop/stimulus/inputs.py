@@ -39,7 +39,7 @@ async def receive_datagrams(
     """
     failed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
-    class Datagrams(asyncio.DatagramProtocol):
+    class DatagramHandler(asyncio.DatagramProtocol):
         """Handler of arriving datagrams; it stops the receiving if `receive` raises an error."""
 
         def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
@@ -56,7 +56,7 @@ async def receive_datagrams(
 
     sock.setblocking(False)
     loop = asyncio.get_running_loop()
-    transport, _ = await loop.create_datagram_endpoint(Datagrams, sock=sock)
+    transport, _ = await loop.create_datagram_endpoint(DatagramHandler, sock=sock)
     try:
         await failed
     finally:

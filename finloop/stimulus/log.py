@@ -118,7 +118,7 @@ class Log:
         number, intended, shown, drawn, seq, dropped, _, digest = np.stack(
             [facts for _, facts, _ in frames]
         ).T
-        return self._batch(
+        return self._build_batch(
             len(frames), kind="frame", trial=[trial for trial, _, _ in frames], time_s=shown,
             number=number, intended_s=intended, drawn_s=drawn, seq=seq, dropped=dropped,
             digest=digest,
@@ -133,7 +133,7 @@ class Log:
         drawn = np.concatenate([drawn for _, _, drawn in frames if len(drawn)])
         posture = drawn[:, len(FIELDS) :]
         start = np.arange(len(drawn) + 1, dtype=np.int32) * posture.shape[1]
-        return [self._batch(
+        return [self._build_batch(
             len(drawn), kind="fish", time_s=facts[:, 2], number=facts[:, 0],
             trial=[trial for trial, _, drawn in frames for _ in drawn],
             fish=np.concatenate([np.arange(count) for count in counts]),
@@ -141,7 +141,7 @@ class Log:
             **dict(zip(FIELDS, drawn.T, strict=False)),
         )]  # fmt: skip
 
-    def _batch(self, rows: int, kind: str, **values: Any) -> pa.RecordBatch:
+    def _build_batch(self, rows: int, kind: str, **values: Any) -> pa.RecordBatch:
         """Return a record batch of entries of one kind; columns without values are empty.
 
         rows: how many entries. values: of each column, by name.

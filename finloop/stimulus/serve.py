@@ -409,7 +409,7 @@ def create_display_server(
     listens: a bound socket. started: called once the server can be reached.
     """
 
-    async def replay() -> None:
+    async def run_replay_and_stop() -> None:
         """Run the replay, if it is one, then stop the server."""
         if isinstance(hub, ReplayHub):
             await hub.run_replay()
@@ -417,5 +417,5 @@ def create_display_server(
 
     sockets = [SocketRoute("/display", hub.serve_display, 1)]
     pages = {"/": build_display_page()}
-    server = AppServer(listens, policy, pages, sockets, lambda: [replay()], started)
+    server = AppServer(listens, policy, pages, sockets, lambda: [run_replay_and_stop()], started)
     return server

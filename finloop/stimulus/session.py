@@ -323,7 +323,7 @@ class Session:
         what: "start", or how it ended. known: whether its motion is known beforehand.
         """
         now, number = self.clock.read_time(), trial.number
-        facts = {"what": what, **trial._asdict(), "early_s": self._early_s(known)}
+        facts = {"what": what, **trial._asdict(), "early_s": self._lead_time_s(known)}
         self.log.trial = number
         self.log.add_entry("trial", now, number=number, text=json.dumps(facts))
         self.log.trial = number if what == "start" else None
@@ -344,7 +344,7 @@ class Session:
         begin = self.clock.read_time() + _FIRST_S
         ticks = self.scene.count_ticks(setup.condition.seconds)
         self._ends = begin + ticks / rate
-        early = self._early_s(known is not None)
+        early = self._lead_time_s(known is not None)
         keeps = trial.condition in self._repeated
         reaction = None
         if known is None:
@@ -372,7 +372,7 @@ class Session:
         self._send(self.feed.clear_message())
         return "abort" if self._abort else "skip" if self._skip else "end"
 
-    def _early_s(self, known: bool) -> float:
+    def _lead_time_s(self, known: bool) -> float:
         """Return how many seconds before it is due a tick is planned, or sent if it is known."""
         tick_s = 1 / self.scene.rate_hz  # the page interpolates from the tick before
         return EARLY_S if known else tick_s + min(_AHEAD_S, _AHEAD * tick_s)

@@ -106,7 +106,7 @@ def _trial_lines(table: pd.DataFrame) -> Iterator[str]:
     rows, frames = table[table["kind"] == "trial"], table[table["kind"] == "frame"]
     dropped = frames.groupby("trial")["dropped"].sum()
 
-    def line(facts: dict[str, Any], begin: float, lasted: str, ended: str) -> str:
+    def trial_line(facts: dict[str, Any], begin: float, lasted: str, ended: str) -> str:
         """Return the line of one trial; begin: session time, lasted: s, ended: how."""
         cells = [facts[name] for name in ("number", "condition", "block", "repeat", "seed")]
         cells += [f"{begin:.2f}", lasted, ended, int(dropped.get(facts["number"], 0))]
@@ -118,9 +118,9 @@ def _trial_lines(table: pd.DataFrame) -> Iterator[str]:
             begun[facts["number"]] = time_s, facts
         else:
             begin, _ = begun.pop(facts["number"], (time_s, facts))
-            yield line(facts, begin, f"{time_s - begin:.2f}", facts["what"])
+            yield trial_line(facts, begin, f"{time_s - begin:.2f}", facts["what"])
     for begin, facts in begun.values():
-        yield line(facts, begin, "?", "never")
+        yield trial_line(facts, begin, "?", "never")
 
 
 def _display_lines(table: pd.DataFrame) -> Iterator[str]:

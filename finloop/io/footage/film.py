@@ -28,13 +28,13 @@ from finloop.io.footage.source import (
     SAMPLES,
     WANTED,
     Footage,
-    Loss,
+    LostFrames,
     NumberedFrames,
     Order,
     Turn,
-    chroma_fraction,
-    deep_levels,
+    choose_deep_levels,
     is_in_range,
+    measure_chroma_fraction,
     nearest_turn,
     other_size_error,
     stretch_levels,
@@ -59,7 +59,10 @@ _BROKEN_OFF = (av.error.FFmpegError, IndexError)
 
 @contextmanager
 def open_stream(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
-    """Open a film; yield its container and its first stream of moving pictures."""
+    """Open a film for a block; yield its container and its first stream of moving pictures.
+
+    FinloopError if the file cannot be read or holds no moving pictures.
+    """
     try:
         if path.stat().st_size == 0:
             raise FinloopError(f"{path} is empty: 0 bytes", WANTED, "copy or record it again")
@@ -86,7 +89,7 @@ def _picture_streams(container: InputContainer) -> list[VideoStream]:
     return [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
 
 
-def _time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.ndarray, int]:
+def _read_time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.ndarray, int]:
     """Return the frames' time stamps [s], ascending, and how many frames the film promises.
 
     Nothing is decoded. A complete index suffices: its decoding times may be early by some frames,
@@ -103,7 +106,7 @@ def _time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.nda
                 if packet.size and stamp is not None and not packet.is_discard:
                     ticks.append(stamp)
         except _BROKEN_OFF:
-            pass  # `_film_frames` counts what is missing
+            pass  # `_read_film_frames` counts what is missing
         promised = max(len(ticks), stream.frames)
     return np.sort(np.array(ticks, np.float64)) * float(stream.time_base or 1), promised
 
@@ -133,16 +136,18 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
     for frame in _sample_frames(path, stamps):
         first = first or frame
         if (frame.width, frame.height) != (first.width, first.height):
-            continue  # `_film_frames` reports it
-        chroma.append(chroma_fraction([thin_frame(_rgb(frame, full_range=False))]))
-        raw = thin_frame(_grey(frame, full_range=True, levels=None))
+            continue  # `_read_film_frames` reports it
+        chroma.append(
+            measure_chroma_fraction([thin_frame(_convert_to_rgb(frame, full_range=False))])
+        )
+        raw = thin_frame(_convert_to_grey(frame, full_range=True, levels=None))
         outside.append(float(((raw < low) | (raw > high)).mean()))
         first_component, *others = frame.format.components
         if first_component.bits > 8 and not others:  # it does not state how many are used
             deep.append(thin_frame(frame.to_ndarray(format="gray16le")))
     if first is None:
         raise too_few_error(path, 0)
-    turn, exact = nearest_turn(_display_matrix(first))
+    turn, exact = nearest_turn(_read_display_matrix(first))
     stated = first.color_range in (ColorRange.MPEG, ColorRange.JPEG)
     yuv = first.format.name.startswith(_YUV)
     return _FilmCoding(
@@ -154,7 +159,7 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
         interlaced=first.interlaced_frame,
         chroma=float(np.mean(chroma)),
         outside=0.0 if stated or not yuv else float(np.mean(outside)),
-        levels=deep_levels(deep) if deep else None,
+        levels=choose_deep_levels(deep) if deep else None,
     )
 
 
@@ -163,7 +168,7 @@ def _sample_frames(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
 
     def take_good(count: int) -> Iterator[VideoFrame]:
         """Yield the next undamaged frames, at most `count`."""
-        frames = _decode_film(container, stream, Loss())
+        frames = _decode_film(container, stream, LostFrames())
         return islice((frame for frame in frames if frame is not None), count)
 
     with open_stream(path) as (container, stream):
@@ -183,7 +188,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     rate: frames per second; colour: whether frames will be RGB; None = as the film is.
     """
     with open_stream(path) as (container, stream):
-        stamps, promised = _time_stamps(container, stream)
+        stamps, promised = _read_time_stamps(container, stream)
         stated = [r for r in (stream.average_rate, stream.guessed_rate, stream.base_rate) if r]
         aspect = stream.sample_aspect_ratio or Fraction(1)
         streams = len(_picture_streams(container))
@@ -214,7 +219,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         frame_rate=rate or own_rate,
         colour=coding.chroma > CHROMA_FRACTION if colour is None else colour,
         frames_expected=stamps.size,
-        reader=_film_frames,
+        reader=_read_film_frames,
         frames_in_source=max(promised, stamps.size),
         turn=coding.turn,
         levels=coding.levels,
@@ -229,7 +234,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
 
 
 def _decode_film(
-    container: InputContainer, stream: VideoStream, loss: Loss
+    container: InputContainer, stream: VideoStream, loss: LostFrames
 ) -> Iterator[VideoFrame | None]:
     """Yield a film's frames from its present position on, with None for each damaged one.
 
@@ -240,7 +245,7 @@ def _decode_film(
         try:
             packet = next(packets, None)
         except _BROKEN_OFF:
-            return  # `_film_frames` counts what is missing
+            return  # `_read_film_frames` counts what is missing
         if packet is None:
             return
         try:
@@ -253,7 +258,7 @@ def _decode_film(
             yield frame if good else None
 
 
-def _film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
+def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
     """Yield the frames of a film, upright, each with its time and number.
 
     It is the `reader` of a film's `Footage`; see `Footage.stream_numbered`.
@@ -261,7 +266,9 @@ def _film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
     step = 1 / float(footage.frame_rate)
     size = footage.height_px, footage.width_px
     size = size if footage.turn.b else size[::-1]  # width, height as coded
-    convert = _rgb if footage.colour else partial(_grey, levels=footage.levels)
+    convert = (
+        _convert_to_rgb if footage.colour else partial(_convert_to_grey, levels=footage.levels)
+    )
     with open_stream(footage.path) as (container, stream):
         stamps = _seek_range(container, stream, footage)
         time_s, damaged = -step, 0
@@ -296,10 +303,11 @@ def _film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
 def _seek_range(
     container: InputContainer, stream: VideoStream, footage: Footage
 ) -> NDArray[np.float64]:
-    """Move a film to shortly before its range of time, if it can be sought; return time stamps.
+    """Move a film to shortly before its range of time; return the time stamps of its frames.
 
-    These are the stamps [ticks] of the film's frames up to the end of the range, which number the
-    frames; none if the film is decoded and counted from its first frame, as a renumbered film is.
+    The stamps [ticks] are those up to the end of the range, and number the frames. There are none
+    if the film cannot be sought, or is renumbered: then it is decoded and counted from its first
+    frame.
     """
     target_s, none = footage.start_s - SEEK_MARGIN_S, np.empty(0)
     if footage.renumbered or target_s <= 0:
@@ -309,10 +317,10 @@ def _seek_range(
         container.seek(int((target_s + footage.stamp_s) / tick_s), stream=stream)
     except (av.error.FFmpegError, OSError):  # then from the first frame as well
         return none
-    return _picture_stamps(footage.path, (footage.end_s + footage.stamp_s) / tick_s)
+    return _read_picture_stamps(footage.path, (footage.end_s + footage.stamp_s) / tick_s)
 
 
-def _picture_stamps(path: Path, last: float) -> NDArray[np.float64]:
+def _read_picture_stamps(path: Path, last: float) -> NDArray[np.float64]:
     """Return the time stamps of a film's frames before the stamp `last`, ascending, in ticks.
 
     Packets are read, not decoded: an index only has decoding times.
@@ -330,7 +338,7 @@ def _picture_stamps(path: Path, last: float) -> NDArray[np.float64]:
 # --- frames
 
 
-def _display_matrix(frame: VideoFrame) -> np.ndarray:
+def _read_display_matrix(frame: VideoFrame) -> np.ndarray:
     """Return the matrix (9 numbers) by which a player turns a frame upright.
 
     See `nearest_turn`. Without one in the file it is the identity.
@@ -342,11 +350,14 @@ def _display_matrix(frame: VideoFrame) -> np.ndarray:
     return np.eye(3).ravel()
 
 
-def _grey(frame: VideoFrame, full_range: bool, levels: tuple[float, float] | None) -> np.ndarray:
+def _convert_to_grey(
+    frame: VideoFrame, full_range: bool, levels: tuple[float, float] | None
+) -> np.ndarray:
     """Convert a decoded frame to grey (h, w) uint8, 0 = black, 255 = white.
 
-    full_range: read Y as 0 … 255 even if the frame does not say so; else limited range is expanded.
-    levels: of a frame of more than 8 bits, those that become 0 and 255; None for 8 bits.
+    full_range: whether 0 … 255 of the file is all used, even if the frame does not say so; else
+    limited range is expanded. levels: of a frame of more than 8 bits, those that become 0 and 255;
+    None for 8 bits.
     """
     if levels:
         return stretch_levels(frame.to_ndarray(format="gray16le"), *levels)
@@ -363,10 +374,10 @@ def _grey(frame: VideoFrame, full_range: bool, levels: tuple[float, float] | Non
     )
 
 
-def _rgb(frame: VideoFrame, full_range: bool) -> np.ndarray:
+def _convert_to_rgb(frame: VideoFrame, full_range: bool) -> np.ndarray:
     """Convert a decoded frame to RGB (h, w, 3) uint8, by the range and matrix that it states.
 
-    full_range: read it as full range even if it does not say so.
+    full_range: whether to read it as full range even if it does not say so.
     """
     matrix = frame.colorspace
     if matrix not in list(Colorspace):

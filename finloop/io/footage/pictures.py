@@ -18,11 +18,11 @@ from finloop.io.footage.source import (
     CHROMA_FRACTION,
     SAMPLES,
     Footage,
-    Loss,
+    LostFrames,
     NumberedFrames,
-    chroma_fraction,
-    deep_levels,
+    choose_deep_levels,
     is_in_range,
+    measure_chroma_fraction,
     other_size_error,
     stretch_levels,
     thin_frame,
@@ -81,10 +81,10 @@ def open_pictures(
         numbers = np.unique(np.linspace(0, len(names) - 1, SAMPLES).astype(int))
         samples = [thin_frame(load(int(k))) for k in numbers]
         times = np.arange(len(names)) / float(rate)
-    levels = None if first.dtype == np.uint8 else deep_levels(samples)
+    levels = None if first.dtype == np.uint8 else choose_deep_levels(samples)
     if colour is None:
         rgb = (_to_uint8(sample, True, levels) for sample in samples)
-        colour = chroma_fraction(rgb) > CHROMA_FRACTION
+        colour = measure_chroma_fraction(rgb) > CHROMA_FRACTION
     footage = Footage(
         path=path,
         width_px=first.shape[1],
@@ -92,7 +92,7 @@ def open_pictures(
         frame_rate=rate,
         colour=colour,
         frames_expected=len(times),
-        reader=_picture_frames,
+        reader=_read_picture_frames,
         frames_in_source=len(times),
         levels=levels,
         renumbered=True,
@@ -129,7 +129,7 @@ def _list_pictures(folder: Path) -> list[Path]:
 
 
 def natural_sort_key(path: Path) -> list[tuple[int, str]]:
-    """Return a sort key for a path's name in which frame2 comes before frame10."""
+    """Return a key that sorts paths by name, with frame2 before frame10."""
     parts = re.split(r"(\d+)", path.name)
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts] + [
         (0, path.name)
@@ -185,7 +185,7 @@ def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | N
     return picture
 
 
-def _picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
+def _read_picture_frames(footage: Footage, _: LostFrames) -> NumberedFrames:
     """Yield the frames of a folder or TIFF, each with its time and number.
 
     It is the `reader` of their `Footage`; see `Footage.stream_numbered`.

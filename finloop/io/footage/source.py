@@ -66,8 +66,8 @@ UPRIGHT = Turn()
 
 
 @dataclass
-class Loss:
-    """Counts of frames that a film promises and that cannot be read; they grow while it is read."""
+class LostFrames:
+    """Counts of frames that a film promises but that cannot be read; they grow while it is read."""
 
     damaged: int = 0
     missing_at_end: int = 0
@@ -99,7 +99,7 @@ class Footage:
     frame_rate: Fraction  # set by the user, else the one nearest to the film's time stamps
     colour: bool  # whether frames are RGB
     frames_expected: int  # ticks of `frame_rate` in the range of time, by the file's head
-    reader: Callable[["Footage", Loss], NumberedFrames]  # streams the frames of the range
+    reader: Callable[["Footage", LostFrames], NumberedFrames]  # streams the frames of the range
     frames_in_source: int  # frames of the whole source, by the file's head
     turn: Turn = UPRIGHT  # turns the coded picture upright
     levels: tuple[float, float] | None = None  # that become 0 and 255; None for 8 bits
@@ -113,7 +113,7 @@ class Footage:
     stamp_s: float = 0.0  # time stamp of the first frame
     last_s: float = 0.0  # time of the last frame that the file promises; 0 = the first frame
 
-    def stream_numbered(self, loss: Loss) -> NumberedFrames:
+    def stream_numbered(self, loss: LostFrames) -> NumberedFrames:
         """Yield (time [s], (number in the source, picture)) for each frame in the range of time.
 
         Pictures are upright, (h, w) grey or (h, w, 3) RGB uint8. `loss` counts the frames that
@@ -224,7 +224,7 @@ def nearest_turn(matrix: Sequence[int] | np.ndarray) -> tuple[Turn, bool]:
     return Turn(a=0, b=sign(b), c=sign(c), d=0), exact
 
 
-def chroma_fraction(frames: Iterable[np.ndarray]) -> float:
+def measure_chroma_fraction(frames: Iterable[np.ndarray]) -> float:
     """Return the share of pixels that are coloured, over RGB frames (h, w, 3).
 
     A pixel is coloured if it differs clearly from its frame's tint. An even tint, as of an infrared
@@ -238,11 +238,11 @@ def chroma_fraction(frames: Iterable[np.ndarray]) -> float:
     return float(np.mean(parts)) if parts else 0.0
 
 
-def deep_levels(frames: Iterable[np.ndarray]) -> tuple[float, float]:
-    """Return the two grey levels that become 0 and 255 in a film of more than 8 bits.
+def choose_deep_levels(frames: Iterable[np.ndarray]) -> tuple[float, float]:
+    """Choose the two grey levels that become 0 and 255 in a film of more than 8 bits.
 
-    They are percentiles of sampled frames: cameras rarely fill their 16 bits, and a few hot pixels
-    must not decide.
+    They are percentiles over sampled frames: cameras rarely fill their 16 bits, and a few hot
+    pixels must not decide.
     """
     lows, highs = zip(*(np.percentile(f, DEEP_PERCENTILES) for f in frames), strict=True)
     low, high = float(min(lows)), float(max(highs))

@@ -52,18 +52,18 @@ class FrameCounts:
 def resample_nearest(
     stamped: Iterable[tuple[float, T]], frame_rate: Fraction, timing: FrameCounts
 ) -> Iterator[T]:
-    """Yield for every tick of a constant rate the item whose time is nearest; count into `timing`.
+    """Yield for every tick of a constant rate the item that is nearest in time.
 
-    stamped: (time [s], item), in order. frame_rate: ticks per second. Ticks start with the first
-    item and again after every cut. A film of constant rate passes through item by item if its time
-    stamps jitter by less than half a frame.
+    stamped: pairs (time [s], item), such as frames, in order. frame_rate: ticks per second. timing:
+    counts what happens. Ticks start with the first item and again after every cut. A film of
+    constant rate passes through item by item if its time stamps jitter by less than half a frame.
     """
     rate = float(frame_rate)
     last: tuple[float, T] | None = None
     start_s = 0.0  # time of tick 0 of this segment
     ticks = 0  # of this segment
 
-    def repeats(until: float) -> Iterator[T]:
+    def yield_repeats(until: float) -> Iterator[T]:
         """Yield the previous item once for each tick before tick `until`."""
         nonlocal ticks
         assert last is not None
@@ -78,16 +78,16 @@ def resample_nearest(
     for time_s, item in stamped:
         if last is not None:
             if 0 <= time_s - last[0] <= max(CUT_S, CUT_FRAMES / rate):
-                yield from repeats(((last[0] + time_s) / 2 - start_s) * rate)
+                yield from yield_repeats(((last[0] + time_s) / 2 - start_s) * rate)
             else:
-                yield from repeats((last[0] - start_s) * rate + 0.5)
+                yield from yield_repeats((last[0] - start_s) * rate + 0.5)
                 last = None
         if last is None:
             timing.cuts.append(timing.frames)
             start_s, ticks = time_s, 0
         last = time_s, item
     if last is not None:
-        yield from repeats((last[0] - start_s) * rate + 0.5)
+        yield from yield_repeats((last[0] - start_s) * rate + 0.5)
 
 
 def split_at_cuts(cuts: Sequence[int], frames: int) -> tuple[tuple[int, int], ...]:
