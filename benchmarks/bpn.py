@@ -15,7 +15,7 @@ import torch
 from benchmarks.pipeline import ROOT
 from benchmarks.speed import PAIRS, time_call, time_pairs
 from finloop.base.settings import settings
-from finloop.bpn.back_propagation import layers, new_weights, train
+from finloop.bpn.back_propagation import draw_first_weights, split_layers, train_motion_model
 from finloop.bpn.settings import BpnSettings
 
 ROWS, HELD_OUT, PAPER_S = 4480, 1120, 70.0
@@ -31,14 +31,14 @@ def rows(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def ours(how: BpnSettings) -> None:
     """Train on one split as the stage does, with the errors after each epoch."""
-    train(*rows(ROWS), rows(HELD_OUT), how, 0.2, np.random.default_rng(0))
+    train_motion_model(*rows(ROWS), rows(HELD_OUT), how, 0.2, np.random.default_rng(0))
 
 
 def autograd(how: BpnSettings) -> None:
     """Train the same network by the same rule with torch.autograd and torch.optim.SGD."""
     rng = np.random.default_rng(0)
-    weights = torch.from_numpy(new_weights(how.hidden_units, rng)).requires_grad_()
-    first, second = layers(weights)
+    weights = torch.from_numpy(draw_first_weights(how.hidden_units, rng)).requires_grad_()
+    first, second = split_layers(weights)
     rule = torch.optim.SGD([weights], lr=how.learning_rate, momentum=how.momentum)
     inputs, outputs = rows(ROWS)
     x = torch.from_numpy(np.column_stack([inputs, np.ones(ROWS)]))

@@ -26,7 +26,7 @@ from finloop.animate.encounters import (
     outline_on_screen,
     overlap,
 )
-from finloop.distance.picture import typical_length
+from finloop.distance.picture import typical_lengths_px
 from finloop.live.tank import LiveTank
 from finloop.modes.matching import MatchingAnimator, matching_animator
 from finloop.project import Project
@@ -85,7 +85,7 @@ def measure_animation(plans: MatchingAnimator) -> dict[str, object]:
 
 def measure_film(features: pd.DataFrame, rate_hz: float) -> dict[str, object]:
     """Return distances and speeds of the filmed animals, as a row of the table."""
-    length = typical_length(features).to_numpy(float)
+    length = typical_lengths_px(features).to_numpy(float)
     places = features[["x_px", "y_px"]].to_numpy(float)
     step = np.hypot(*np.diff(places, axis=0, append=np.nan).T) / length * rate_hz
     tracks = features["track_id"].to_numpy()

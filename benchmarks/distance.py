@@ -17,13 +17,13 @@ from benchmarks.pipeline import ROOT, peak_mib
 from benchmarks.speed import time_call, time_pairs
 from finloop.base.arrays import Floats, Ints
 from finloop.distance.map import (
-    about_mean,
-    comparison_blocks,
     count_pairs,
+    find_comparison_blocks,
     find_similar_pairs,
     full_distance_map,
     pair_table,
     sort_by_kind_and_area,
+    subtract_mean_picture,
 )
 
 FRAMES, LONG, SIZE, CHANNELS, THRESHOLD = 4480, 20000, 64, 2, 0.1
@@ -57,7 +57,7 @@ def film(frames: int, mixed: bool = True) -> tuple[NDArray[np.float32], Ints, Fl
 
 def pairs_by_kind(pictures: NDArray[np.float32], kind: Ints, area: Floats) -> pd.DataFrame:
     """Compute the table of pairs by Eq. 6 from pictures."""
-    found = find_similar_pairs(about_mean(pictures), kind, area, THRESHOLD)
+    found = find_similar_pairs(subtract_mean_picture(pictures), kind, area, THRESHOLD)
     return pair_table(found, np.arange(len(kind)))
 
 
@@ -87,7 +87,7 @@ def main() -> None:
     print(
         f"{FRAMES} frames: orientation and type skip "
         f"{100 * (1 - (alike * (alike - 1) / 2).sum() / pairs):.1f} % of the pairs, with the area "
-        f"{100 * (1 - count_pairs(comparison_blocks(kind, area, THRESHOLD)) / pairs):.1f} % "
+        f"{100 * (1 - count_pairs(find_comparison_blocks(kind, area, THRESHOLD)) / pairs):.1f} % "
         "are not computed"
     )
     all_s, bare_s, bare, _ = time_pairs(lambda: full_distance_map(pictures), lambda: flat @ turned)

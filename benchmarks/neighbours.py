@@ -28,7 +28,7 @@ from finloop.base.nearest import Nearest, Vectors
 from finloop.base.parallel import Threads
 from finloop.base.settings import settings
 from finloop.base.stretches import spread_rows
-from finloop.jumps.signature import InMemory, signature_parts, signatures
+from finloop.jumps.signature import InMemorySource, compute_signature_parts, compute_signatures
 from finloop.project import Project
 from stages.run import THREADS
 
@@ -41,9 +41,9 @@ def vectors_of(data: Path) -> Vectors:
     """Return the vectors (n, d) by which the stage `jumps` compares rows."""
     p = settings("jumps")
     with Project(data.parent) as project:
-        source = InMemory.from_reel(project.film_reel, project.poses, p.look_px)
-        made = signature_parts(source, p, Threads(THREADS))
-        return signatures(made, project.film_reel.step_ends, p)[0].astype(np.float32)
+        source = InMemorySource.from_reel(project.film_reel, project.poses, p.look_px)
+        made = compute_signature_parts(source, p, Threads(THREADS))
+        return compute_signatures(made, project.film_reel.step_ends, p)[0].astype(np.float32)
 
 
 def ours() -> Iterator[tuple[str, Search]]:

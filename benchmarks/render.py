@@ -24,7 +24,7 @@ from finloop.edit.schema import FRAME, Goal
 from finloop.features.table import USED, measure_features
 from finloop.io.movie import FilmWriter, Mp4Writer, WebpWriter
 from finloop.io.video import THREADS
-from finloop.pose import film_poses
+from finloop.pose import compute_film_poses
 from finloop.project import Project
 from finloop.render.gallery import CutoutShelf, Gallery
 from finloop.render.marks import MarkPainter
@@ -140,7 +140,7 @@ def main() -> None:
         with Project(folder) as project:
             background, tracks = project.background, project.tracks(USED)
             table, _ = measure_features(tracks, float(RATE), settings("features"))
-            poses = film_poses(tracks, table, settings("pose"))
+            poses = compute_film_poses(tracks, table, settings("pose"))
             bodies = Bodies(poses, np.zeros(len(table), bool), pd.DataFrame())
             shelf = CutoutShelf(project.cutouts, tracks[["x_px", "y_px"]].to_numpy())
             gallery = Gallery({FRAME: shelf}, bodies)

@@ -266,9 +266,9 @@ class Project:
     @cached_property
     def model(self) -> MotionModel:
         """Return the trained back-propagation network of the stage `bpn`, with its scaling."""
-        from finloop.bpn.model import motion_model
+        from finloop.bpn.model import restore_motion_model
 
-        return load_record(self.data / "bpn/model.json", motion_model, "bpn")
+        return load_record(self.data / "bpn/model.json", restore_motion_model, "bpn")
 
     @cached_property
     def states(self) -> FilmStates:
@@ -276,11 +276,11 @@ class Project:
 
         FinloopError if the film shows too little.
         """
-        from finloop.forecast.film import film_states, posture_mirror
+        from finloop.forecast.film import compute_film_states, posture_mirror_matrix
 
         poses, p = self.poses, self.settings("forecast")
-        mirror = posture_mirror(poses, self.look)
-        return film_states(self.features, poses.codes, mirror, self.rate_hz, p)
+        mirror = posture_mirror_matrix(poses, self.look)
+        return compute_film_states(self.features, poses.codes, mirror, self.rate_hz, p)
 
     @property
     def has_forecast(self) -> bool:
@@ -293,13 +293,13 @@ class Project:
 
         None if the film showed too little for it.
         """
-        from finloop.forecast.model import forecast_model
+        from finloop.forecast.model import restore_forecast
         from finloop.forecast.sampling import build_sampler
 
         if not self.has_forecast:
             return None
         folder, film = self.data / "forecast", self.states
-        model = load_record(folder / "model.json", forecast_model, "forecast")
+        model = load_record(folder / "model.json", restore_forecast, "forecast")
         rows, numbers = film.states.shape
         start = open_array(folder / "start.npy", (rows + 1,), "int64")
         graph = start, open_array(folder / "neighbours.npy", (int(start[-1]),), "int32")

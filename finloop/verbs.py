@@ -43,34 +43,34 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads
 from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings, values_of
-from finloop.bpn.back_propagation import train_network
-from finloop.bpn.model import MotionModel, motion_rows, split_or_all
+from finloop.bpn.back_propagation import train_on_film_rows
+from finloop.bpn.model import MotionModel, pair_rows_with_later, split_or_all
 from finloop.calibrate.film import build_film_group
 from finloop.calibrate.rule import describe_shortage, fit_film_rule
 from finloop.clip.rewrite import make_clip
 from finloop.clip.write import open_clip_source
-from finloop.distance.map import PAIRS, STEPS, FrameComparison, compare_frames, map_rows
+from finloop.distance.map import PAIRS, STEPS, FrameComparison, compare_frames, find_map_rows
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import EDIT, FRAME, SPRITE
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.extract.write import BACKGROUND_NAME, describe_lost_frames, extract_tracks
 from finloop.features.table import FEATURES, infer_delta_frames, measure_features
-from finloop.forecast.film import film_states, posture_mirror, split_held_out
+from finloop.forecast.film import compute_film_states, posture_mirror_matrix, split_held_out
 from finloop.forecast.learning import train_predictor
-from finloop.forecast.neighbours import similar_rows
+from finloop.forecast.neighbours import build_similarity_graph
 from finloop.forecast.sampling import Sampler, build_sampler
-from finloop.gateways.find import GATEWAYS, gateways, nearness
+from finloop.gateways.find import GATEWAYS, list_gateways, measure_sprite_distances
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CUTOUTS_NAME, TRACKS_NAME, CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture
 from finloop.io.table import apply_schema, load_table
 from finloop.io.video import CLIP_NAME, VideoFacts, read_frames
-from finloop.jumps.film import FilmJumps, film_jumps
-from finloop.jumps.signature import InMemory
+from finloop.jumps.film import FilmJumps, find_film_jumps
+from finloop.jumps.signature import InMemorySource
 from finloop.jumps.table import JUMPS
-from finloop.loops.search import LOOPS, NoLoops, as_map, find_video_loops
+from finloop.loops.search import LOOPS, NoLoopsError, find_video_loops, to_sparse_map
 from finloop.modes.animator import Animator, FilmData
 from finloop.modes.hybrid import hybrid_animator
 from finloop.modes.loops import loops_animator
@@ -78,7 +78,7 @@ from finloop.modes.matching import MatchingData, matching_animator
 from finloop.modes.network import network_animator
 from finloop.plan.load_paths import load_lines
 from finloop.plan.matching_settings import merge_settings
-from finloop.pose.film import FilmPoses, film_poses
+from finloop.pose.film import FilmPoses, compute_film_poses
 from finloop.render.gallery import Gallery, build_shelves, place_ticks
 from finloop.render.painter import Painter, Shadow
 from finloop.social.rule import SOCIAL_STEPS, SchoolRule, SocialSteps, require_rule
@@ -208,8 +208,8 @@ def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel
     `finloop.bpn.settings.BpnSettings`.
     """
     p = settings("bpn", **changes)
-    rows = motion_rows(features, infer_delta_frames(features))
-    model, _ = train_network(rows, split_or_all(rows, p), p, rate_hz)
+    rows = pair_rows_with_later(features, infer_delta_frames(features))
+    model, _ = train_on_film_rows(rows, split_or_all(rows, p), p, rate_hz)
     return model
 
 
@@ -223,7 +223,7 @@ def make_sprites(
     """
     p, film = settings("sprites", **changes), tracks.cutouts
     table = swimmer_table(features, tracks.table, p)
-    look = partial(Reel(features, film).align_pictures, size=p.picture_px)
+    look = partial(Reel(features, film).align_pictures, size_px=p.picture_px)
     sprites = sprite_table(table, choose_frames(table, look, infer_delta_frames(features), p), p)
     home = _make_folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
@@ -251,10 +251,10 @@ def find_loops(
     there is no loop, a warning says which parameter would give some, and the table is empty.
     `changes` override `finloop.loops.settings.LoopsSettings`.
     """
-    p, pairs = settings("loops", **changes), as_map(similar.pairs, len(features))
+    p, pairs = settings("loops", **changes), to_sparse_map(similar.pairs, len(features))
     try:
         loops, _ = find_video_loops(pairs, features, rate_hz, similar.facts.step_median, p)
-    except NoLoops as none:
+    except NoLoopsError as none:
         warnings.warn(str(none), stacklevel=2)
         loops = LOOPS.empty()
     return apply_schema(loops, LOOPS)
@@ -267,8 +267,10 @@ def find_gateways(similar: FrameComparison, reel: Reel, **changes: Any) -> pd.Da
     `finloop.gateways.settings.GatewaysSettings`.
     """
     p, facts = settings("gateways", **changes), similar.facts
-    near = nearness(reel, map_rows(reel.features, similar.steps), facts.size, facts.pose)
-    ways = gateways(near, reel.sprites, reel.features, facts.step_median, p)
+    near = measure_sprite_distances(
+        reel, find_map_rows(reel.features, similar.steps), facts.size, facts.pose
+    )
+    ways = list_gateways(near, reel.sprites, reel.features, facts.step_median, p)
     return apply_schema(ways, GATEWAYS)
 
 
@@ -278,7 +280,7 @@ def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPo
     The result also holds the shapes that the codes stand for. `changes` override
     `finloop.pose.settings.PoseSettings`.
     """
-    return film_poses(tracks.table, features, settings("pose", **changes))
+    return compute_film_poses(tracks.table, features, settings("pose", **changes))
 
 
 def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
@@ -288,7 +290,7 @@ def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
     `finloop.jumps.settings.JumpsSettings`.
     """
     p = settings("jumps", **changes)
-    result = film_jumps(InMemory.from_reel(reel, poses, p.look_px), p)
+    result = find_film_jumps(InMemorySource.from_reel(reel, poses, p.look_px), p)
     return result._replace(jumps=apply_schema(result.jumps, JUMPS))
 
 
@@ -302,10 +304,12 @@ def train_forecast(
     fish in it moves or turns, or no two rows of it look alike.
     """
     p = settings("forecast", **changes)
-    mirror = posture_mirror(poses, jumps.look)
-    states = film_states(features, poses.codes, mirror, rate_hz, p)
+    mirror = posture_mirror_matrix(poses, jumps.look)
+    states = compute_film_states(features, poses.codes, mirror, rate_hz, p)
     predictor, _ = train_predictor(states, split_held_out(states, p), p)
-    return build_sampler(states, predictor, similar_rows(states, jumps.look, jumps.visible, p), p)
+    return build_sampler(
+        states, predictor, build_similarity_graph(states, jumps.look, jumps.visible, p), p
+    )
 
 
 def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> SchoolRule:

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from finloop.base.errors import FinloopError
-from finloop.bpn.back_propagation import train_network
-from finloop.bpn.held_out import HELD_OUT, assessment, held_out_table
-from finloop.bpn.model import motion_rows, split_or_all, split_rows
-from finloop.bpn.onnx import onnx_bytes
+from finloop.bpn.back_propagation import train_on_film_rows
+from finloop.bpn.held_out import HELD_OUT, assess_model, held_out_table
+from finloop.bpn.model import pair_rows_with_later, split_or_all, split_rows
+from finloop.bpn.onnx import export_onnx_bytes
 from finloop.bpn.settings import BpnSettings
 from finloop.features.table import infer_delta_frames
 from finloop.io.atomic import save_bytes
@@ -29,7 +29,7 @@ def main() -> None:
     p: BpnSettings = load("bpn")
     project = Project()
     rate_hz, table = project.rate_hz, project.features
-    rows = motion_rows(table, infer_delta_frames(table))
+    rows = pair_rows_with_later(table, infer_delta_frames(table))
     sides = [split_or_all(rows, p)]
     if not sides[0][1].any():
         print(f"bpn: so short a film trains the network with all {len(rows.inputs)} rows; none is "
@@ -41,17 +41,17 @@ def main() -> None:
     # Its curve is not kept, so that no rows need be held out for it.
     masks = [sides[0], *((train, np.zeros_like(train)) for train, _ in sides[1:])]
     with progress("bpn", p.epochs * len(sides), "epochs") as advance:
-        learnt = [train_network(rows, side, p, rate_hz, advance) for side in masks]
+        learnt = [train_on_film_rows(rows, side, p, rate_hz, advance) for side in masks]
 
     metrics, *other_scores = (
-        assessment(model, rows, *side) for (model, _), side in zip(learnt, sides, strict=True)
+        assess_model(model, rows, *side) for (model, _), side in zip(learnt, sides, strict=True)
     )
     for scores in other_scores:
         names = [name for name in scores if "held_out" in name or "skill" in name]
         metrics |= {f"other_split_{name}": scores[name] for name in names}
     (model, curve), (_, held_out) = learnt[0], sides[0]
     save_json(OUT / "model.json", model.record(), indent=1)
-    save_bytes(OUT / "model.onnx", onnx_bytes(model))
+    save_bytes(OUT / "model.onnx", export_onnx_bytes(model))
     save_csv(REPORT / "curve.csv", curve, decimals=5)
     unseen = held_out_table(model, rows, held_out)
     save_table(OUT / "held_out.parquet", unseen, HELD_OUT)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.distance.map import EXACT, PAIRS, STEPS, compare_frames, count_pairs, map_blocks
-from finloop.distance.picture import distance_pair_by_pair
+from finloop.distance.map import EXACT, PAIRS, STEPS, compare_frames, count_pairs, list_map_blocks
+from finloop.distance.picture import paired_distances
 from finloop.distance.reel import Reel
 from finloop.distance.settings import DistanceSettings
 from finloop.io.atomic import whole_folder
@@ -28,7 +28,7 @@ def _count_inexact(pairs: pd.DataFrame, reel: Reel, size_px: int, pose: str) -> 
     for start in range(0, len(sample), 50):
         part = sample.iloc[start : start + 50]
         a, b = (reel.frames(part[end].to_numpy(), size_px, pose).astype(float) for end in "ij")
-        errors = np.abs(distance_pair_by_pair(a, b) - part["distance"].to_numpy())
+        errors = np.abs(paired_distances(a, b) - part["distance"].to_numpy())
         count += int((errors > EXACT).sum())
     return count
 
@@ -38,7 +38,7 @@ def main() -> None:
     p: DistanceSettings = load("distance")
     with Project() as project:
         features, reel = project.features, project.film_reel
-        todo = map_blocks(features, p)
+        todo = list_map_blocks(features, p)
         with progress("distance", len(todo), "blocks") as advance:
             pairs, steps, facts = compare_frames(reel, p, advance)
         pairs_inexact = _count_inexact(pairs, reel, p.picture_size_px, p.frame_of_reference)

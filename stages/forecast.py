@@ -14,8 +14,8 @@ from finloop.forecast import assess
 from finloop.forecast.film import MOTION, FilmStates, Partition, split_held_out
 from finloop.forecast.learning import train_predictor
 from finloop.forecast.model import Forecast
-from finloop.forecast.neighbours import similar_rows
-from finloop.forecast.sampling import Sampler, build_sampler, free_run
+from finloop.forecast.neighbours import build_similarity_graph
+from finloop.forecast.sampling import Sampler, build_sampler, swim_freely
 from finloop.forecast.settings import ForecastSettings
 from finloop.io.atomic import whole_folder
 from finloop.io.mapped import open_array, save_array
@@ -48,7 +48,7 @@ def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[st
         return {}
     states, codes = assess.roll_out_means(film, model, rows), poses.codes[rows].copy()
     codes[:, : states.shape[1] - MOTION] = states[:, :-MOTION]
-    own = assess.motion_area(poses.shapes.decode(codes)) / features["motion_area"].max()
+    own = assess.posture_motion_areas(poses.shapes.decode(codes)) / features["motion_area"].max()
     true = features["motion_area_rel"].to_numpy(float)
     guesses = {"": own, "persistence_": true[rows]}
     return {
@@ -62,13 +62,13 @@ def _measure_forecast(
 ) -> dict[str, float]:
     """Measure the forecast on held-out rows, and as the only guide of a fish; write both tables."""
     ensemble = assess.predict_ensembles(film, swim, parts, rng)
-    states, rows = free_run(swim, min(film.count, FREE_TICKS), rng)
-    save_table(folder / "held_out.parquet", assess.held_out_table(ensemble), assess.HELD_OUT)
-    save_table(folder / "free.parquet", assess.free_table(states, rows), assess.FREE)
+    states, rows = swim_freely(swim, min(film.count, FREE_TICKS), rng)
+    save_table(folder / "held_out.parquet", assess.rank_table(ensemble), assess.HELD_OUT)
+    save_table(folder / "free.parquet", assess.free_swim_table(states, rows), assess.FREE)
     return {
         **assess.measure_predictions(film, ensemble, swim, parts),
-        **assess.measure_free_run(states, rows, film, swim),
-        **assess.control_slopes(swim, film, rng),
+        **assess.compare_free_swim(states, rows, film, swim),
+        **assess.measure_control_slopes(swim, film, rng),
     }
 
 
@@ -88,7 +88,7 @@ def main() -> None:
                 progress("forecast", p.epochs, "epochs") as advance,
             ):
                 visible = _load_visible(project)
-                similar = beside.submit(similar_rows, film, project.look, visible, p)
+                similar = beside.submit(build_similarity_graph, film, project.look, visible, p)
                 model, curve = train_predictor(film, parts, p, advance)
                 graph = similar.result()
         except FinloopError as error:

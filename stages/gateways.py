@@ -9,8 +9,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.distance.map import map_rows
-from finloop.gateways.find import GATEWAYS, IN, OUT, gateway_metrics, gateways, nearness
+from finloop.distance.map import find_map_rows
+from finloop.gateways.find import (
+    GATEWAYS,
+    IN,
+    OUT,
+    gateway_metrics,
+    list_gateways,
+    measure_sprite_distances,
+)
 from finloop.gateways.settings import GatewaysSettings
 from finloop.io.atomic import whole_folder
 from finloop.io.table import save_table
@@ -43,11 +50,11 @@ def main() -> None:
     with Project() as project:
         features, sprites, facts = project.features, project.sprites, project.map_facts
         rate_hz, step = project.rate_hz, facts.step_median
-        rows = map_rows(features, project.steps)
+        rows = find_map_rows(features, project.steps)
         with progress("gateways", len(rows)) as advance:
-            near = nearness(project.reel, rows, facts.size, facts.pose, advance)
-        found = gateways(near, sprites, features, step, settings)
-        nearest = gateways(
+            near = measure_sprite_distances(project.reel, rows, facts.size, facts.pose, advance)
+        found = list_gateways(near, sprites, features, step, settings)
+        nearest = list_gateways(
             near, sprites, features, step, replace(settings, distance_threshold=np.inf)
         )
     _report_missing(found, nearest, step, settings.least)

@@ -14,9 +14,9 @@ from finloop.io.atomic import whole_folder
 from finloop.io.mapped import create_array, flush_array, open_array
 from finloop.io.record import save_record
 from finloop.io.table import save_table
-from finloop.jumps.film import film_jumps
+from finloop.jumps.film import find_film_jumps
 from finloop.jumps.settings import JumpsSettings
-from finloop.jumps.signature import Pictures, shape_of
+from finloop.jumps.signature import Pictures, picture_array_shape
 from finloop.jumps.table import JUMPS, LOOK, VisibleFacts
 from finloop.pose.film import FilmPoses
 from finloop.project import Project
@@ -41,12 +41,14 @@ class StoredFilm:
 
     def create(self) -> None:
         """Create the file of pictures, in the process that will fill it; others only open it."""
-        shape = shape_of(self.project.film_reel, self.size)
+        shape = picture_array_shape(self.project.film_reel, self.size)
         self._pictures = create_array(self.path, shape, "uint8")
 
     @cached_property
     def _pictures(self) -> Pictures:
-        return open_array(self.path, shape_of(self.project.film_reel, self.size), "uint8")
+        return open_array(
+            self.path, picture_array_shape(self.project.film_reel, self.size), "uint8"
+        )
 
     def film(self) -> tuple[Reel, FilmPoses]:
         """Return the pictures and the postures of the film's rows."""
@@ -75,7 +77,7 @@ def main() -> None:
         source = StoredFilm(folder / "pictures.npy", p.look_px, project)
         source.create()
         with progress("jumps", len(source.film()[0]), "rows") as advance:
-            result = film_jumps(source, p, pool, advance)
+            result = find_film_jumps(source, p, pool, advance)
         save_table(folder / "jumps.parquet", result.jumps, JUMPS)
         save_record(folder / "facts.json", VisibleFacts(result.visible.natural))
         look = pd.DataFrame({"look": list(result.look)})

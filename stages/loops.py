@@ -7,19 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from finloop.distance.map import map_rows
+from finloop.distance.map import find_map_rows
 from finloop.features.table import infer_delta_frames
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.table import save_csv, save_table
-from finloop.loops.graph import loop_graph, routes
-from finloop.loops.positions import position_table, routes_table, table_ends
+from finloop.loops.graph import build_loop_graph, find_routes
+from finloop.loops.positions import choose_table_ends, position_table, route_table
 from finloop.loops.search import (
     LOOPS,
-    NoLoops,
-    as_map,
+    NoLoopsError,
     find_video_loops,
-    least_frames,
+    least_loop_frames,
     loop_metrics,
+    to_sparse_map,
 )
 from finloop.loops.settings import LoopsSettings
 from finloop.project import Project
@@ -29,7 +29,7 @@ FOLDER, REPORT = Path("data/loops"), Path("reports/loops")
 WAYS = 5  # ways from the last end to the first
 
 
-def _write_empty_tables(none: NoLoops) -> None:
+def _write_empty_tables(none: NoLoopsError) -> None:
     """Write the files of a film without loops: empty tables, and the reason in none.txt."""
     print(f"loops: {none}\n  till then:  only the network mode", file=sys.stderr)
     with whole_folder(FOLDER) as folder:
@@ -46,24 +46,24 @@ def main() -> None:
     project = Project()
     features, facts = project.features, project.map_facts
     step, track = facts.step_median, features["track_id"].to_numpy()
-    similar = as_map(project.pairs, len(features))
+    similar = to_sparse_map(project.pairs, len(features))
     project.forget("pairs")  # the table is large
     try:
         loops, counts = find_video_loops(similar, features, project.rate_hz, step, settings)
-    except NoLoops as none:
+    except NoLoopsError as none:
         _write_empty_tables(none)
         return
-    graph = loop_graph(loops, track)
+    graph = build_loop_graph(loops, track)
     with whole_folder(FOLDER) as folder:
         save_table(folder / "loops.parquet", loops, LOOPS)
 
-    table = position_table(table_ends(graph.ends, track), features)
+    table = position_table(choose_table_ends(graph.ends, track), features)
     save_bytes(REPORT / "position_table.csv", table.to_csv(lineterminator="\n").encode())
-    jump_frames = least_frames(infer_delta_frames(features), settings)
+    jump_frames = least_loop_frames(infer_delta_frames(features), settings)
     largest = np.flatnonzero(graph.component == 0).tolist()
-    ways = routes(graph, largest[-1], largest[0], WAYS, jump_frames=jump_frames)
-    save_csv(REPORT / "routes.csv", routes_table(ways, graph, features, step), decimals=3)
-    compared = map_rows(features, project.steps)
+    ways = find_routes(graph, largest[-1], largest[0], WAYS, jump_frames=jump_frames)
+    save_csv(REPORT / "routes.csv", route_table(ways, graph, features, step), decimals=3)
+    compared = find_map_rows(features, project.steps)
     metrics = loop_metrics(loops, counts, graph, features, facts, compared)
     save_metrics(REPORT / "metrics.json", metrics)
 

@@ -12,7 +12,7 @@ from finloop.io.atomic import whole_folder
 from finloop.io.mapped import create_array, save_array
 from finloop.io.record import save_record
 from finloop.io.table import read_list_blocks, save_table
-from finloop.pose import film_poses
+from finloop.pose import compute_film_poses
 from finloop.pose.film import POSES, USED, restore_poses
 from finloop.pose.settings import PoseSettings
 from finloop.project import Project
@@ -28,7 +28,7 @@ def main() -> None:
     p: PoseSettings = load("pose")
     project = Project()
     features = project.features
-    poses = film_poses(project.tracks(USED), features, p)
+    poses = compute_film_poses(project.tracks(USED), features, p)
     with whole_folder(OUT) as folder:
         save_table(folder / "poses.parquet", poses.table(features), POSES)
         save_record(folder / "shapes.json", poses.facts)

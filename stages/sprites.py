@@ -9,20 +9,20 @@ from pathlib import Path
 
 import pandas as pd
 
-from finloop.distance.reel import sprite_row
+from finloop.distance.reel import sprite_store_row
 from finloop.features.table import count_orientations, infer_delta_frames
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.table import save_csv, save_table
 from finloop.project import Project
 from finloop.sprites import atlas
-from finloop.sprites.choice import SIDES, Choice, choose_frames, swimmer_table
+from finloop.sprites.choice import SIDES, ChosenFrames, choose_frames, swimmer_table
 from finloop.sprites.metrics import (
     cycle_metrics,
     fault_table,
-    is_still,
+    is_still_slide,
     sprite_metrics,
-    table1_after,
+    sprite_orientation_table,
 )
 from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
 from finloop.sprites.settings import SpritesSettings
@@ -32,7 +32,7 @@ FOLDER, REPORT = Path("data/sprites"), Path("reports/sprites")
 TRACKS = ("track_id", "frame", "area_px", "contrast")
 
 
-def _report_stand_ins(choices: dict[str, Choice], still: bool) -> None:
+def _report_stand_ins(choices: dict[str, ChosenFrames], still: bool) -> None:
     """Report on stderr what stands in for sequences, or a still tail, that the film lacks."""
     for word, what in (("straight", "full tail beat"), ("left", "whole turn")):
         if choices[word].stands_in:
@@ -56,9 +56,11 @@ def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: floa
             count_orientations(sprites),
         )
         for number, page in enumerate(pages):
-            picture = atlas.draw_page(page, lambda s, o: store[sprite_row(s, o, count)].pixels)
+            picture = atlas.draw_atlas_page(
+                page, lambda s, o: store[sprite_store_row(s, o, count)].pixels
+            )
             (folder / f"atlas-{number}.png").write_bytes(atlas.encode_png(picture))
-            text = json.dumps(atlas.page_json(pages, number, sprites, store.index, rate_hz))
+            text = json.dumps(atlas.atlas_page_json(pages, number, sprites, store.index, rate_hz))
             (folder / f"atlas-{number}.json").write_text(text + "\n", encoding="utf-8")
     return len(pages)
 
@@ -70,7 +72,7 @@ def main() -> None:
         features, facts, rate_hz = project.features, project.facts, project.rate_hz
         delta = infer_delta_frames(features)
         table = swimmer_table(features, project.tracks(TRACKS), settings)
-        draw_pictures = partial(project.film_reel.align_pictures, size=settings.picture_px)
+        draw_pictures = partial(project.film_reel.align_pictures, size_px=settings.picture_px)
         choices = choose_frames(table, draw_pictures, delta, settings)
         sprites = sprite_table(table, choices, settings)
         with (
@@ -87,9 +89,11 @@ def main() -> None:
         for word in ("straight", "slide"):
             cycles |= cycle_metrics(word, choices[word], table, draw_pictures)
 
-    still = settings.slide_frames is not None or is_still(choices["slide"], table, delta, settings)
+    still = settings.slide_frames is not None or is_still_slide(
+        choices["slide"], table, delta, settings
+    )
     _report_stand_ins(choices, still)
-    save_csv(REPORT / "table1_after.csv", table1_after(sprites, features), decimals=3)
+    save_csv(REPORT / "table1_after.csv", sprite_orientation_table(sprites, features), decimals=3)
     save_csv(REPORT / "faults.csv", fault_table(choices), decimals=3)
     save_metrics(
         REPORT / "metrics.json",

@@ -45,7 +45,7 @@ from finloop.edit.schema import FILM as IN_FILM
 from finloop.edit.stretch import Decision, describe_decision
 from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
-from finloop.loops.graph import can_play_for_ever, loop_graph
+from finloop.loops.graph import build_loop_graph, can_play_for_ever
 from finloop.plan.plan import CandidateVerdicts, option_table
 
 
@@ -159,7 +159,7 @@ def test_the_film_goes_on_where_the_graph_of_loops_says_so():
         track = table["track_id"].to_numpy()
         reel = film_of(table, pairs)
         after = reel.has_next & np.append(reel.recurrent[1:], False)
-        assert list(after) == list(can_play_for_ever(loop_graph(pairs, track), track))
+        assert list(after) == list(can_play_for_ever(build_loop_graph(pairs, track), track))
 
 
 def test_without_a_loop_nothing_is_endless():

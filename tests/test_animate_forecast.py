@@ -14,9 +14,9 @@ from finloop.animate.shoal import swim
 from finloop.animate.state import Fish, State
 from finloop.base.line import PX, Line
 from finloop.edit.schema import FORECAST, FRAME, Goal
-from finloop.forecast.film import MOTION, film_states, split_held_out
+from finloop.forecast.film import MOTION, compute_film_states, split_held_out
 from finloop.forecast.learning import train_predictor
-from finloop.forecast.neighbours import similar_rows
+from finloop.forecast.neighbours import build_similarity_graph
 from finloop.forecast.sampling import build_sampler, follow_row, start_at_row
 from finloop.plan.cost import Rarity
 from finloop.plan.graph import ROW, connected_parts, mark_leading_rows, without_dead_ends
@@ -31,9 +31,9 @@ GOALS = [Goal("A", 120, 100), Goal("B", 680, 500), Goal("C", 120, 500)]
 @cache
 def sample():
     features, codes = random_swimmer()
-    film = film_states(features, codes, MIRROR, RATE, HOW)
+    film = compute_film_states(features, codes, MIRROR, RATE, HOW)
     model, _ = train_predictor(film, split_held_out(film, HOW), replace(HOW, epochs=3))
-    return build_sampler(film, model, similar_rows(film, plain(film), unseen, HOW), HOW)
+    return build_sampler(film, model, build_similarity_graph(film, plain(film), unseen, HOW), HOW)
 
 
 def own_world(mirrored=True, barred=()):

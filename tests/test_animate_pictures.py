@@ -10,7 +10,7 @@ import pytest
 
 from finloop.base.cutout import Cutout
 from finloop.base.settings import settings
-from finloop.distance.picture import SPAN, centre_cutout, distance
+from finloop.distance.picture import SPAN, all_distances, draw_centred_cutout
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.pictures import (
@@ -23,7 +23,7 @@ from finloop.edit.pictures import (
 from finloop.edit.schema import FRAME, SPRITE, row_picture
 from finloop.features.table import find_orientations, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
-from finloop.pose import FilmPoses, film_poses
+from finloop.pose import FilmPoses, compute_film_poses
 from finloop.sprites.orient import sprite_outlines
 
 ORIENTATIONS = 24  # conf/features/default.yaml
@@ -106,7 +106,7 @@ def poses_of(table: pd.DataFrame) -> FilmPoses:
         "backbone_x_px": list(lines[..., 0]), "backbone_y_px": list(lines[..., 1]),
         "half_width_px": list(np.full(lines.shape[:2], 5.0)),
     })  # fmt: skip
-    return film_poses(tracks, made, settings("pose"))
+    return compute_film_poses(tracks, made, settings("pose"))
 
 
 PICTURE = ["kind", "source", "orientation", "rotation_deg", "scale", "mirrored"]
@@ -147,7 +147,7 @@ def test_what_follows_a_sprite_is_turned_as_the_sprite_that_shows_it(tmp_path):
         after, drawn = reel.after_sprites(SIZE), reel.sprite_pictures(SIZE)
     assert drawn.shape == (3, SIZE, SIZE, 2)
     one_wedge = 0.12 * np.linalg.norm(drawn[0])  # in any frame
-    assert (distance(after, drawn) < one_wedge).all()
+    assert (all_distances(after, drawn) < one_wedge).all()
 
 
 def test_an_outline_is_ahead_and_to_the_left(tmp_path):
@@ -178,7 +178,7 @@ def test_a_frame_and_a_sprite_of_it_are_drawn_alike(pictures):
 def test_a_picture_is_the_cut_out_itself_at_the_drawn_size(pictures):
     for row in (0, 5, 9):
         cutout, centre = pictures.reel.film[row], pictures.reel.centres_px[row]
-        wanted = centre_cutout(cutout, centre, LENGTH, SIZE, 25.0)
+        wanted = draw_centred_cutout(cutout, centre, LENGTH, SIZE, 25.0)
         assert np.array_equal(pictures(FRAME, row, pd.NA, 25.0, 1.0, False), wanted)
     one, twice = (
         pictures(FRAME, 0, pd.NA, 0.0, scale, False)[..., 1].sum() for scale in (1.0, 2.0)
@@ -223,7 +223,9 @@ def test_a_jump_is_as_far_as_the_frame_it_leaves_out(pictures, rot):
     found, ticks = measure_discontinuities(edit, pictures)
     assert list(ticks) == [3]
     ahead = [
-        centre_cutout(pictures.reel.film[row], pictures.reel.centres_px[row], LENGTH, SIZE, -angle)
+        draw_centred_cutout(
+            pictures.reel.film[row], pictures.reel.centres_px[row], LENGTH, SIZE, -angle
+        )
         for row, angle in ((3, 30.0), (10, 80.0))
     ]
     assert found == pytest.approx(np.linalg.norm(ahead[1] - ahead[0]), rel=1e-3)
@@ -248,7 +250,7 @@ def test_a_picture_that_is_held_has_one_seam(pictures):
 def test_a_jump_of_sprites_is_what_the_film_does_not_show(pictures):
     edit = edit_of(pictures, *((SPRITE, number, 50.0) for number in (0, 1, 2, 0, 0, 1, 3, 4)))
     found, ticks = measure_discontinuities(edit, pictures)
-    pose = distance(pictures.sprite_successors, pictures.right_facing_sprites)
+    pose = all_distances(pictures.sprite_successors, pictures.right_facing_sprites)
     assert list(ticks) == [3, 4, 6]
     assert found == pytest.approx([pose[2, 0], pose[0, 0], pose[1, 3]], rel=1e-5)
 

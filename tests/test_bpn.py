@@ -27,29 +27,35 @@ import stages.plots.bpn
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.bpn.back_propagation import (
-    layers,
+    draw_first_weights,
     learn_epoch,
     model_from_weights,
-    new_weights,
-    train,
+    split_layers,
+    train_motion_model,
     unit_output,
 )
-from finloop.bpn.held_out import assessment, confusion_matrix, predict_linearly, state_errors
+from finloop.bpn.held_out import assess_model, count_confusions, predict_by_linear_fit, state_errors
 from finloop.bpn.model import (
     INPUTS,
     MARGIN,
     OUTPUTS,
     MotionModel,
-    input_range,
-    motion_model,
-    motion_rows,
+    find_input_range,
+    pair_rows_with_later,
+    restore_motion_model,
+    round_swimming_types,
     scale_to_unit,
     split_by_blocks,
     split_by_tracks,
     split_rows,
-    type_class,
 )
-from finloop.bpn.onnx import INPUT_NAME, OUTPUT_NAME, largest_difference, onnx_bytes, to_onnx
+from finloop.bpn.onnx import (
+    INPUT_NAME,
+    OUTPUT_NAME,
+    build_onnx_model,
+    export_onnx_bytes,
+    largest_output_difference,
+)
 from finloop.features.table import FEATURES
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture, save_figure
@@ -82,14 +88,14 @@ def law(inputs):
 def random_model(seed=0, hidden=20):
     r = rng(seed)
     return MotionModel(
-        0.2, MARGIN, *input_range(random_inputs(50, seed)), np.array([0.0, -1.0]),
+        0.2, MARGIN, *find_input_range(random_inputs(50, seed)), np.array([0.0, -1.0]),
         np.array([1.0, 1.0]), r.normal(size=(4, hidden)), r.normal(size=hidden), r.normal(size=(hidden, 2)),
         r.normal(size=2),
     )  # fmt: skip
 
 
 def learnt(inputs, outputs, how=HOW, seed=0):
-    return train(inputs, outputs, (inputs[:40], outputs[:40]), how, 0.2, rng(seed))
+    return train_motion_model(inputs, outputs, (inputs[:40], outputs[:40]), how, 0.2, rng(seed))
 
 
 def table(lengths, starts=None, delta=DELTA, seed=0):
@@ -119,7 +125,7 @@ def table(lengths, starts=None, delta=DELTA, seed=0):
 
 def test_a_row_is_the_state_and_control_now_and_the_state_delta_later():
     features = table([12, 9], starts=[3, 40])
-    rows = motion_rows(features, DELTA)
+    rows = pair_rows_with_later(features, DELTA)
     assert len(rows.frame) == (12 - DELTA) + (9 - DELTA)
     at = features.set_index(["track_id", "frame"])
     for track, frame, given, wanted in zip(
@@ -127,7 +133,7 @@ def test_a_row_is_the_state_and_control_now_and_the_state_delta_later():
     ):
         assert np.array_equal(given, at.loc[(track, frame), list(INPUTS)])
         assert np.array_equal(wanted, at.loc[(track, frame + DELTA), list(OUTPUTS)])
-    mixed = motion_rows(features.sample(frac=1, random_state=0), DELTA)
+    mixed = pair_rows_with_later(features.sample(frac=1, random_state=0), DELTA)
     assert np.array_equal(rows.inputs, mixed.inputs) and np.array_equal(rows.frame, mixed.frame)
 
 
@@ -135,11 +141,13 @@ def test_a_row_needs_everything_on_both_ends():
     features = table([30])
     features.loc[4, "displacement"] = np.nan
     features.loc[11, "included_angle_deg"] = np.nan
-    rows = motion_rows(features.drop(index=20), DELTA)  # no frame 20: neither now nor later
+    rows = pair_rows_with_later(
+        features.drop(index=20), DELTA
+    )  # no frame 20: neither now nor later
     assert sorted(rows.frame) == sorted(set(range(25)) - {4, 11, 20, 15})
-    assert len(motion_rows(table([DELTA, 3]), DELTA).frame) == 0
+    assert len(pair_rows_with_later(table([DELTA, 3]), DELTA).frame) == 0
     assert (
-        len(motion_rows(table([40], delta=8), DELTA).frame) == 32
+        len(pair_rows_with_later(table([40], delta=8), DELTA).frame) == 32
     )  # Δ of the table, if that is longer
 
 
@@ -147,7 +155,7 @@ def test_a_row_needs_everything_on_both_ends():
 
 
 def test_the_seed_decides_the_split():
-    rows = motion_rows(table([500]), DELTA)
+    rows = pair_rows_with_later(table([500]), DELTA)
     one, same, other = (split_by_blocks(rows, 25, 0.3, rng(seed))[1] for seed in (1, 1, 2))
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
@@ -156,7 +164,7 @@ def test_the_seed_decides_the_split():
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("block", [8, 25, 60])
 def test_no_window_reaches_from_one_side_into_the_other(seed, block):
-    rows = motion_rows(table([200, 120, 90], starts=[0, 30, 110]), DELTA)
+    rows = pair_rows_with_later(table([200, 120, 90], starts=[0, 30, 110]), DELTA)
     train_side, held = split_by_blocks(rows, block, 0.3, rng(seed))
     assert not np.any(train_side & held)
 
@@ -172,7 +180,7 @@ def test_no_window_reaches_from_one_side_into_the_other(seed, block):
 
 
 def test_tracks_are_split_whole():
-    rows = motion_rows(table([60, 50, 40, 70, 30]), DELTA)
+    rows = pair_rows_with_later(table([60, 50, 40, 70, 30]), DELTA)
     train_side, held = split_by_tracks(rows, 0.3, rng())
     assert np.array_equal(train_side, ~held)
     assert set(rows.track_id[train_side]).isdisjoint(rows.track_id[held])
@@ -180,16 +188,16 @@ def test_tracks_are_split_whole():
 
 @pytest.mark.parametrize("share", [0.05, 0.2, 0.5, 0.9])
 def test_the_share_held_out_is_as_asked(share):
-    rows = motion_rows(table([3000, 2000]), DELTA)
+    rows = pair_rows_with_later(table([3000, 2000]), DELTA)
     train_side, held = split_by_blocks(rows, 50, share, rng())
     assert held.sum() / (held.sum() + train_side.sum()) == pytest.approx(share, abs=0.02)
-    many = motion_rows(table([50] * 60), DELTA)
+    many = pair_rows_with_later(table([50] * 60), DELTA)
     assert split_by_tracks(many, share, rng())[1].mean() == pytest.approx(share, abs=0.02)
 
 
 @pytest.mark.parametrize("share", [0.001, 0.999])
 def test_neither_side_is_ever_empty(share):
-    rows = motion_rows(table([60, 60]), DELTA)
+    rows = pair_rows_with_later(table([60, 60]), DELTA)
     for side in (*split_by_tracks(rows, share, rng()), *split_by_blocks(rows, 30, share, rng())):
         assert side.sum() >= 20
 
@@ -208,7 +216,7 @@ def test_neither_side_is_ever_empty(share):
 )  # fmt: skip
 def test_too_little_to_learn_from_is_said(lengths, split, message):
     with pytest.raises(FinloopError, match=message):
-        split(motion_rows(table(lengths), DELTA))
+        split(pair_rows_with_later(table(lengths), DELTA))
 
 
 # -- scaling ----------------------------------------------------------------------------------------
@@ -216,10 +224,10 @@ def test_too_little_to_learn_from_is_said(lengths, split, message):
 
 def test_the_scaled_range_ignores_wild_frames():
     inputs = random_inputs(1000)
-    low, high = input_range(inputs)
+    low, high = find_input_range(inputs)
     wild = inputs.copy()
     wild[::500, 2:] = [50, 179]
-    for one, two in zip((low, high), input_range(wild), strict=True):
+    for one, two in zip((low, high), find_input_range(wild), strict=True):
         assert two == pytest.approx(one, rel=0.05, abs=0.05)
     scaled = scale_to_unit(wild, low, high)
     assert np.abs(scaled).max() == 1
@@ -250,12 +258,12 @@ def problem(rows=7, hidden=6, seed=3):
     """Weights, rows with their 1s, and targets."""
     r = rng(seed)
     x = np.column_stack([r.uniform(-1, 1, (rows, 4)), np.ones(rows)])
-    return new_weights(hidden, r), x, r.uniform(0.05, 0.95, (rows, 2))
+    return draw_first_weights(hidden, r), x, r.uniform(0.05, 0.95, (rows, 2))
 
 
 def network(weights, x):
     """Fig. 6 by torch: x (n, 5) → o (n, 2)."""
-    first, second = layers(weights)
+    first, second = split_layers(weights)
     h = torch.sigmoid(x @ first.T)
     return torch.sigmoid(torch.cat([h, torch.ones_like(h[:, :1])], 1) @ second.T)
 
@@ -309,7 +317,7 @@ def test_a_unit_gives_the_sigmoid_of_its_sum_however_large(size):
 def test_a_step_reckoned_on_paper():
     """A network 4-1-2 with h = sigmoid(ln 3) = 3/4 and both o = sigmoid(0) = 1/2."""
     weights, velocity = np.zeros(9), np.zeros(9)
-    first, second = layers(weights)
+    first, second = split_layers(weights)
     first[0, 0], second[0] = np.log(3), [2, -1.5]
     before = weights.copy()
     x, t = np.array([[1.0, 0, 0, 0, 1]]), np.array([[0.1, 0.5]])
@@ -347,7 +355,7 @@ def test_the_model_says_what_the_network_says(hidden):
 
 
 def test_first_weights_are_within_their_reach_and_biases_0():
-    first, second = layers(new_weights(400, rng()))
+    first, second = split_layers(draw_first_weights(400, rng()))
     for layer, before, after in ((first, 4, 400), (second, 400, 2)):
         assert layer.shape == (after, before + 1)
         assert not layer[:, -1].any()
@@ -363,7 +371,7 @@ def test_the_model_is_the_network_that_was_learnt(hidden):
         return np.column_stack([inputs[:, 0] > 0.5, np.sign(inputs[:, 3])]).astype(float)
 
     how = replace(HOW, hidden_units=hidden, epochs=60)
-    model, curve = train(
+    model, curve = train_motion_model(
         inputs, step_law(inputs), (held, step_law(held)), how, 0.2, rng()
     )  # fmt: skip
     assert len(model.hidden_bias) == hidden
@@ -393,7 +401,7 @@ def test_states_stay_in_their_range_whatever_goes_in():
         found = model.predict(far)
         assert found.min(0).tolist() >= [0, -1]
         assert found.max(0).tolist() <= [1, 1]
-        assert set(type_class(found[:, 1])) <= {-1, 0, 1}
+        assert set(round_swimming_types(found[:, 1])) <= {-1, 0, 1}
 
 
 def same(one, two):
@@ -424,7 +432,7 @@ def test_every_row_is_learnt_from_once_an_epoch(batch_size, monkeypatch):
     inputs = random_inputs(101)
     how = replace(HOW, epochs=2, batch_size=batch_size, learning_rate=0.01)
     learnt(inputs, law(inputs), how)
-    low, high = input_range(inputs)
+    low, high = find_input_range(inputs)
     wanted = np.sort(scale_to_unit(inputs, low, high)[:, 0])
     assert np.sort(seen[:101]) == pytest.approx(wanted)
     assert np.sort(seen[101:]) == pytest.approx(wanted)
@@ -450,7 +458,7 @@ def test_errors_counted_by_hand():
     assert found["type_error_pct"] == pytest.approx(40)
     recalls = [found[f"{word}_recall_pct"] for word in ("straight", "left", "right")]
     assert recalls == pytest.approx([50, 50, 100])
-    assert confusion_matrix(said, true).tolist() == [[1, 0, 1], [1, 1, 0], [0, 0, 1]]
+    assert count_confusions(said, true).tolist() == [[1, 0, 1], [1, 1, 0], [0, 0, 1]]
     found = state_errors(np.zeros((4, 2)), np.zeros((4, 2)))
     assert found["straight_recall_pct"] == 100
     assert np.isnan(found["left_recall_pct"])  # this type does not occur
@@ -461,14 +469,18 @@ def test_the_baselines():
     slopes = np.array([[0.3, 0], [0, 0.5], [0.1, 0.1], [0.001, 0.002]])
     later = inputs @ slopes + [0.2, -0.1]
     unseen = random_inputs(20, 1)
-    assert predict_linearly(inputs, later, unseen) == pytest.approx(unseen @ slopes + [0.2, -0.1])
-    assert predict_linearly(inputs, 9 * later, unseen)[:, 0].max() == 1  # nothing beyond the range
+    assert predict_by_linear_fit(inputs, later, unseen) == pytest.approx(
+        unseen @ slopes + [0.2, -0.1]
+    )
+    assert (
+        predict_by_linear_fit(inputs, 9 * later, unseen)[:, 0].max() == 1
+    )  # nothing beyond the range
 
 
 def test_skill_is_one_minus_the_share_of_the_error():
-    rows = motion_rows(table([900, 600]), DELTA)
+    rows = pair_rows_with_later(table([900, 600]), DELTA)
     sides = split_by_blocks(rows, 50, 0.3, rng())
-    found = assessment(random_model(), rows, *sides)
+    found = assess_model(random_model(), rows, *sides)
     for baseline in ("persistence", "linear"):
         share = found["held_out_area_rmse"] / found[f"{baseline}_area_rmse"]
         assert found[f"area_rmse_skill_against_{baseline}"] == pytest.approx(1 - share)
@@ -480,12 +492,12 @@ def test_skill_is_one_minus_the_share_of_the_error():
     assert found["skills_not_above_0"] == len(worse) > 0  # an untaught network
     known = rows.inputs[sides[0]], rows.outputs[sides[0]]
     model, _ = learnt(*known, replace(HOW, epochs=100))
-    taught = assessment(model, rows, *sides)
+    taught = assess_model(model, rows, *sides)
     assert taught["skills_not_above_0"] == 0
     assert (taught["train_rows"], taught["held_out_rows"]) == tuple(side.sum() for side in sides)
     assert taught["persistence_area_rmse"] == found["persistence_area_rmse"]
-    still = motion_rows(table([200]).assign(swimming_type=0, motion_area_rel=0.3), DELTA)
-    found = assessment(random_model(), still, *split_by_blocks(still, 40, 0.3, rng()))
+    still = pair_rows_with_later(table([200]).assign(swimming_type=0, motion_area_rel=0.3), DELTA)
+    found = assess_model(random_model(), still, *split_by_blocks(still, 40, 0.3, rng()))
     assert found["persistence_area_rmse"] == 0
     assert np.isnan(found["type_error_skill_against_persistence"])  # no error to compare with
 
@@ -513,7 +525,7 @@ def test_the_figure_of_held_out_rows(tmp_path, count):
     left, right = figure.axes
     drawn = np.asarray(left.collections[-1].get_offsets())  # before it, those of the legend
     assert drawn == pytest.approx(np.column_stack([true[:, 0], said[:, 0]]))
-    for (row, column), number in np.ndenumerate(confusion_matrix(said, true)):
+    for (row, column), number in np.ndenumerate(count_confusions(said, true)):
         (cell,) = [text for text in right.texts if text.get_position() == (column, row)]
         assert f"({number})" in cell.get_text()
     save_figure(tmp_path / "a.png", figure)
@@ -528,7 +540,7 @@ def test_a_model_comes_back_to_the_bit(tmp_path):
     for seed in range(5):
         model = replace(random_model(seed, hidden=seed + 1), delta_s=6 / 28.07)
         save_json(path, model.record(), indent=1)
-        assert same(load_record(path, motion_model, "bpn"), model)
+        assert same(load_record(path, restore_motion_model, "bpn"), model)
     assert list(tmp_path.iterdir()) == [path]
     held = json.loads(path.read_text())
     assert held["inputs"] == INPUTS
@@ -564,7 +576,7 @@ def test_a_damaged_model_is_one_message(tmp_path, harm):
     path.write_text(damaged)
     for _ in range(2):
         with pytest.raises(FinloopError, match=r"model.json cannot be read(.|\n)*bpn"):
-            load_record(path, motion_model, "bpn")
+            load_record(path, restore_motion_model, "bpn")
         path.unlink(missing_ok=True)
 
 
@@ -572,7 +584,7 @@ def test_a_damaged_model_is_one_message(tmp_path, harm):
 def test_onnx_gives_the_numbers_of_the_model(tmp_path, seed):
     model = random_model(seed)
     path = tmp_path / "model.onnx"
-    path.write_bytes(onnx_bytes(model))
+    path.write_bytes(export_onnx_bytes(model))
     session = onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
     inputs = np.vstack([random_inputs(300, seed), rng(seed).normal(0, 500, (50, 4))])
     (found,) = session.run([OUTPUT_NAME], {INPUT_NAME: inputs.astype(np.float32)})
@@ -582,15 +594,15 @@ def test_onnx_gives_the_numbers_of_the_model(tmp_path, seed):
     assert float(facts["delta_s"]) == model.delta_s
     assert "included_angle_deg [deg]" in facts["inputs"]
     once = path.read_bytes()
-    assert onnx_bytes(model) == once
+    assert export_onnx_bytes(model) == once
 
 
 def test_an_export_that_says_something_else_is_refused(monkeypatch):
-    other = to_onnx(replace(random_model(), output_bias=np.array([0.0, 0.01])))
-    assert largest_difference(other, random_model()) > 1e-3
-    monkeypatch.setattr(finloop.bpn.onnx, "to_onnx", lambda model: other)
+    other = build_onnx_model(replace(random_model(), output_bias=np.array([0.0, 0.01])))
+    assert largest_output_difference(other, random_model()) > 1e-3
+    monkeypatch.setattr(finloop.bpn.onnx, "build_onnx_model", lambda model: other)
     with pytest.raises(FinloopError, match="the ONNX export is off by"):
-        onnx_bytes(random_model())
+        export_onnx_bytes(random_model())
     onnx.checker.check_model(other)  # a sound graph, only the wrong one
 
 
@@ -631,7 +643,7 @@ def metrics(folder):
 def test_the_stage_makes_the_model_and_its_reports(workspace):
     assert set(content(workspace / "reports/bpn")) == MADE
     assert set(content(workspace / "data/bpn")) == {"held_out.parquet", "model.json", "model.onnx"}
-    model = load_record(workspace / "data/bpn/model.json", motion_model, "bpn")
+    model = load_record(workspace / "data/bpn/model.json", restore_motion_model, "bpn")
     assert model.delta_s == pytest.approx(DELTA / 25)
     assert len(model.hidden_bias) == 20
     curve = pd.read_csv(workspace / "reports/bpn/curve.csv")
@@ -669,7 +681,7 @@ def test_the_seed_decides_the_split_and_the_first_weights(workspace):
     for seed in (0, 1):
         prepare(workspace, *SHORT, "bpn.learning_rate=1e-9", f"bpn.seed={seed}")
         stages.bpn.main()
-        models.append(load_record(workspace / "data/bpn/model.json", motion_model, "bpn"))
+        models.append(load_record(workspace / "data/bpn/model.json", restore_motion_model, "bpn"))
     one, two = models
     assert one.input_high[3] != two.input_high[3]  # from other rows
     assert np.abs(one.hidden_weights - two.hidden_weights).max() > 0.1
@@ -725,7 +737,7 @@ def test_a_short_film_is_learnt_whole_and_its_errors_are_not_called_held_out(
 
 @pytest.mark.parametrize("by", ["blocks", "tracks"])
 def test_of_a_long_film_so_many_rows_are_learnt_from(by):
-    rows = motion_rows(table([300, 200, 150, 120, 90]), DELTA)
+    rows = pair_rows_with_later(table([300, 200, 150, 120, 90]), DELTA)
     every, held = split_rows(rows, by, settings("bpn"))
     most = int(every.sum()) // 2
     some, same = split_rows(rows, by, with_constants(settings("bpn"), most_rows=most))

@@ -8,11 +8,11 @@ import pytest
 from finloop.base.cutout import Cutout
 from finloop.distance.picture import (
     SPAN,
-    centre_cutout,
-    distance,
-    distance_pair_by_pair,
+    all_distances,
+    draw_centred_cutout,
+    paired_distances,
     successive_distances,
-    typical_length,
+    typical_lengths_px,
 )
 
 
@@ -22,19 +22,19 @@ def fish(scale: int = 1, size: int = 64, turn_deg: float = 0.0, x: int = 45, y: 
     cv2.fillPoly(alpha := np.zeros((60, 90), np.uint8), [corners], 255)
     pixels = cv2.resize(np.dstack([alpha // 3, alpha]), None, fx=scale, fy=scale)
     centre = [7 + scale * x + (scale - 1) / 2, 9 + scale * y + (scale - 1) / 2]
-    return centre_cutout(Cutout(0, 0, 7, 9, pixels), centre, 40 * scale, size, turn_deg)
+    return draw_centred_cutout(Cutout(0, 0, 7, 9, pixels), centre, 40 * scale, size, turn_deg)
 
 
 def test_eq_5_is_0_from_a_picture_to_itself_and_the_same_both_ways():
     rng = np.random.default_rng(0)
     a, b = rng.random((2, 5, 8, 8, 2), np.float32)
-    assert distance(a, a).diagonal() == pytest.approx(0)
-    assert distance(a, b) == pytest.approx(distance(b, a).T)
+    assert all_distances(a, a).diagonal() == pytest.approx(0)
+    assert all_distances(a, b) == pytest.approx(all_distances(b, a).T)
     brute = [[np.sqrt(((i - j).astype(float) ** 2).sum()) for j in b] for i in a]
-    assert distance(a, b) == pytest.approx(np.array(brute))
-    assert successive_distances(a) == pytest.approx(distance(a, a).diagonal(1), rel=1e-5)
-    assert distance_pair_by_pair(a, b) == pytest.approx(distance(a, b).diagonal(), rel=1e-5)
-    assert distance_pair_by_pair(a[0], a[0] + 0.5) == pytest.approx(0.5 * np.sqrt(a[0].size))
+    assert all_distances(a, b) == pytest.approx(np.array(brute))
+    assert successive_distances(a) == pytest.approx(all_distances(a, a).diagonal(1), rel=1e-5)
+    assert paired_distances(a, b) == pytest.approx(all_distances(a, b).diagonal(), rel=1e-5)
+    assert paired_distances(a[0], a[0] + 0.5) == pytest.approx(0.5 * np.sqrt(a[0].size))
 
 
 def test_a_centred_picture_shows_the_fish_in_the_middle_equally_long_and_turned():
@@ -55,7 +55,7 @@ def lengths(of_tracks: list[np.ndarray]) -> np.ndarray:
     """The typical lengths of tracks whose rows are so long, one a track."""
     track = np.repeat(np.arange(len(of_tracks)), [len(one) for one in of_tracks])
     table = pd.DataFrame({"track_id": track, "body_length_px": np.concatenate(of_tracks)})
-    made = typical_length(table)
+    made = typical_lengths_px(table)
     assert (made.groupby(track).nunique() == 1).all()
     return made.groupby(track).first().to_numpy()
 

@@ -15,18 +15,18 @@ from finloop.distance.map import (
     PAIRS,
     STEPS,
     MapFacts,
-    about_mean,
-    comparable_pairs,
-    comparison_blocks,
     count_pairs,
+    find_comparable_pairs,
+    find_comparison_blocks,
+    find_frame_kinds,
+    find_map_rows,
     find_similar_pairs,
-    frame_kinds,
     full_distance_map,
-    map_rows,
+    measure_usual_steps,
+    natural_step_table,
     pair_table,
     sort_by_kind_and_area,
-    step_table,
-    usual_steps,
+    subtract_mean_picture,
 )
 from finloop.distance.picture import BODY, FILM
 from finloop.distance.reel import Reel
@@ -71,8 +71,8 @@ def test_the_full_map_is_symmetric_where_a_product_is_not(monkeypatch):
         block = squared(*arguments)
         return block * (1 + 1e-6 * rng.random(block.shape, np.float32))
 
-    squared = finloop.distance.map._distance_squares
-    monkeypatch.setattr(finloop.distance.map, "_distance_squares", add_rounding)
+    squared = finloop.distance.map._squared_distances
+    monkeypatch.setattr(finloop.distance.map, "_squared_distances", add_rounding)
     distances = full_distance_map(random_pictures(rng, 1300))
     assert (distances == distances.T).all()
     assert (distances.diagonal() == 0).all()
@@ -121,11 +121,13 @@ def test_bands_are_exactly_what_eqs_7_and_8_let_through(seed):
     pictures = random_pictures(rng, len(kind), 4)
     true = brute(pictures)
     rows = sort_by_kind_and_area(kind, area)
-    found = find_similar_pairs(about_mean(pictures[rows]), kind[rows], area[rows], threshold)
+    found = find_similar_pairs(
+        subtract_mean_picture(pictures[rows]), kind[rows], area[rows], threshold
+    )
     table = pair_table(found, rows)
     gap = np.abs(area.astype(float)[:, None] - area.astype(float))
     wanted = np.triu((kind[:, None] == kind) & (gap <= threshold), 1)
-    assert (np.triu(comparable_pairs(kind, area, threshold), 1) == wanted).all()
+    assert (np.triu(find_comparable_pairs(kind, area, threshold), 1) == wanted).all()
     assert (np.stack([table["i"], table["j"]]) == np.nonzero(wanted)).all()  # sorted, each once
     assert np.abs(table["distance"].to_numpy() - true[wanted]).max(initial=0) < EXACT
 
@@ -135,13 +137,13 @@ def test_what_is_skipped_is_not_computed():
     kind, area = np.sort(rng.integers(0, 4, 4000)), rng.random(4000)
     rows = sort_by_kind_and_area(kind, area)
     kind, area = kind[rows], area[rows]
-    blocks = list(comparison_blocks(kind, area, 0.1))
+    blocks = list(find_comparison_blocks(kind, area, 0.1))
     for one, other in blocks:
         assert len({*kind[one], *kind[other]}) == 1
         assert area[other].max() - area[one].min() <= 0.1 + np.ptp(area[one])
-    wanted = np.count_nonzero(np.triu(comparable_pairs(kind, area, 0.1), 1))
+    wanted = np.count_nonzero(np.triu(find_comparable_pairs(kind, area, 0.1), 1))
     assert wanted <= count_pairs(blocks) < 1.6 * wanted < 0.1 * len(kind) ** 2 / 2
-    assert count_pairs(comparison_blocks(np.zeros(300), np.zeros(300), 0.0)) == 300 * 299 // 2
+    assert count_pairs(find_comparison_blocks(np.zeros(300), np.zeros(300), 0.0)) == 300 * 299 // 2
 
 
 def table_of(types, orientations, tracks=None) -> pd.DataFrame:
@@ -159,7 +161,7 @@ def table_of(types, orientations, tracks=None) -> pd.DataFrame:
 def test_orientation_counts_only_as_filmed():
     every = [(kind, turn) for kind in (-1, 0, 1) for turn in range(1, 25)]
     features = table_of(*zip(*every, strict=True))
-    filmed, body = frame_kinds(features, FILM), frame_kinds(features, BODY)
+    filmed, body = find_frame_kinds(features, FILM), find_frame_kinds(features, BODY)
     assert len(set(filmed)) == 72
     assert (
         (body[:, None] == body)
@@ -179,16 +181,18 @@ def test_a_step_leads_so_many_frames_on_in_its_track_and_over_no_gap(frames, lat
     features["frame"] = [0, 1, 2, 3, 0, 2, 3]
     pictures = random_pictures(np.random.default_rng(7), 7)
     rows = np.array([4, 0, 5, 2, 3, 1, 6])
-    table = step_table(features, about_mean(pictures[rows]), np.argsort(rows), frames)
+    table = natural_step_table(
+        features, subtract_mean_picture(pictures[rows]), np.argsort(rows), frames
+    )
     expected = np.where(later, brute(pictures)[np.arange(7), later], np.nan)
     assert table["step"].to_numpy() == pytest.approx(expected, abs=EXACT, nan_ok=True)
-    assert usual_steps(table)[0] == pytest.approx(np.nanmedian(expected), abs=EXACT)
+    assert measure_usual_steps(table)[0] == pytest.approx(np.nanmedian(expected), abs=EXACT)
 
 
 @pytest.mark.parametrize("steps", [[0.0, 0.0, 3.0, np.nan], [np.nan]])
 def test_a_film_that_stands_still_is_refused(steps):
     with pytest.raises(FinloopError, match="half change nothing"):
-        usual_steps(pd.DataFrame({"step": steps}))
+        measure_usual_steps(pd.DataFrame({"step": steps}))
 
 
 def test_figure9_shows_steps_and_tints_the_pairs_that_are_skipped():
@@ -243,7 +247,7 @@ def test_the_map_of_a_part_is_that_part_of_the_map(workspace, pose, capsys):
     whole, every, _, _ = run_stage(workspace, *small)
     pairs, steps, _, metrics = run_stage(workspace, *small, "distance.max_pictures=40")
     features = load_table(workspace / "data/features/features.parquet", FEATURES)
-    rows = map_rows(features, steps)
+    rows = find_map_rows(features, steps)
     assert len(rows) == len(steps) == metrics["frames"] < len(features)
     assert metrics["film_mapped_pct"] == pytest.approx(100 * len(rows) / len(features), rel=1e-3)
     assert "distance.max_pictures" in capsys.readouterr().err

@@ -215,7 +215,11 @@ def test_a_row_that_is_not_true_is_found():
     def row(functions: list[str], tests: list[str]) -> Row:
         return Row("", "", "", "", functions, tests)
 
-    good = ["bpn.model.MotionModel.predict", "bpn.back_propagation.unit_output", "train"]
+    good = [
+        "bpn.model.MotionModel.predict",
+        "bpn.back_propagation.unit_output",
+        "train_motion_model",
+    ]
     assert not list(wrong(row(good, ["test_bpn.py"])))
     assert not list(wrong(row(["skimage.morphology.skeletonize", "dvc.yaml"], [])))
     for functions, tests in [

@@ -16,31 +16,31 @@ from finloop.base.nearest import assign_parts
 from finloop.forecast import neighbours
 from finloop.forecast.assess import (
     autocorrelation,
-    control_slopes,
-    longest_repeat,
-    measure_free_run,
+    compare_free_swim,
+    longest_repeat_rows,
+    measure_control_slopes,
     measure_predictions,
     predict_ensembles,
     roll_out_means,
 )
-from finloop.forecast.film import MOTION, film_states, split_held_out
+from finloop.forecast.film import MOTION, compute_film_states, split_held_out
 from finloop.forecast.learning import train_predictor
-from finloop.forecast.model import forecast_model
-from finloop.forecast.neighbours import similar_rows
+from finloop.forecast.model import restore_forecast
+from finloop.forecast.neighbours import build_similarity_graph
 from finloop.forecast.sampling import (
     build_sampler,
     draw_next_row,
     follow_row,
-    free_run,
     next_row_weights,
     start_at_row,
-    step,
+    step_fish,
+    swim_freely,
 )
 
 
 @pytest.fixture(scope="module")
 def film():
-    return film_states(*random_swimmer(), MIRROR, RATE, HOW)
+    return compute_film_states(*random_swimmer(), MIRROR, RATE, HOW)
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,9 @@ def learnt(film):
 
 @pytest.fixture(scope="module")
 def swim(film, learnt):
-    return build_sampler(film, learnt[0], similar_rows(film, plain(film), unseen, HOW), HOW)
+    return build_sampler(
+        film, learnt[0], build_similarity_graph(film, plain(film), unseen, HOW), HOW
+    )
 
 
 def rng(seed=0):
@@ -79,7 +81,7 @@ def test_the_mirror_image_turns_the_other_way(film):
 
 
 def test_rows_at_the_ends_of_tracks_cannot_be_learnt_from():
-    film = film_states(*random_swimmer(tracks=3), MIRROR, RATE, HOW)
+    film = compute_film_states(*random_swimmer(tracks=3), MIRROR, RATE, HOW)
     last = film.lags[-1]
     for begins in (0, 1000, 2000):
         assert not film.usable[begins : begins + last + 1].any()
@@ -88,7 +90,7 @@ def test_rows_at_the_ends_of_tracks_cannot_be_learnt_from():
 
 
 def test_a_fish_whose_sides_differ_is_not_mirrored():
-    film = film_states(*random_swimmer(), None, RATE, HOW)
+    film = compute_film_states(*random_swimmer(), None, RATE, HOW)
     assert len(film.states) == film.count
     assert film.side.tolist() == [1, 1]
     assert np.array_equal(film.mirror, np.eye(len(film.scale)))
@@ -103,7 +105,7 @@ def test_a_film_that_shows_too_little_is_refused_in_a_sentence(fault):
         features["swimming_type"] *= 0
     what = {"short": "rows with a past", "still": "moves", "straight": "turns"}[fault]
     with pytest.raises(FinloopError, match=what):
-        film_states(features, codes, MIRROR, RATE, HOW)
+        compute_film_states(features, codes, MIRROR, RATE, HOW)
 
 
 # --- learning
@@ -151,7 +153,7 @@ def test_learning_stops_when_the_error_held_out_no_longer_falls(film, learnt, mo
 
 def test_a_model_is_read_as_it_was_written(film, learnt):
     model = learnt[0]
-    again = forecast_model(**json.loads(json.dumps(model.record())))
+    again = restore_forecast(**json.loads(json.dumps(model.record())))
     rows = film.rows[:20]
     past, control = film.past(rows), film.control[rows]
     assert np.array_equal(again.mean(past, control), model.mean(past, control))
@@ -162,7 +164,7 @@ def test_a_damaged_model_is_refused(learnt, fault):
     content = learnt[0].record()
     content[fault] = "x" if fault == "format" else content[fault][:-1]
     with pytest.raises(ValueError, match=r"wanted|sizes"):
-        forecast_model(**content)
+        restore_forecast(**content)
 
 
 # --- similar rows
@@ -192,7 +194,7 @@ def test_rows_that_look_different_are_no_neighbours(film, monkeypatch):
     shown = np.roll(look, -1)  # next
     for most, share in ((3.0, 0.5), (1.0, 0.0)):
         monkeypatch.setattr(type(HOW), "look", most)
-        start, to = similar_rows(film, look, unseen, HOW)
+        start, to = build_similarity_graph(film, look, unseen, HOW)
         one = np.repeat(np.arange(len(look)), np.diff(start))
         mixed = (shown[one] != shown[to]).mean()
         assert mixed == pytest.approx(share, abs=0.1)
@@ -216,11 +218,11 @@ def test_rows_that_are_apart_to_the_eye_are_no_neighbours(film):
         asked.append((rows, to, mirrored))
         return 9.0 * (to % 2 == 0)
 
-    start, to = similar_rows(film, plain(film), record_discontinuities, HOW)
+    start, to = build_similarity_graph(film, plain(film), record_discontinuities, HOW)
     one = np.repeat(np.arange(len(film.states)), np.diff(start))
     assert len(one) and ((one % film.count % 2 == 0) | (to % film.count % 2 == 0)).all()
     with pytest.raises(FinloopError, match="look alike"):
-        similar_rows(film, plain(film), lambda rows, *_: np.full(len(rows), 9.0), HOW)
+        build_similarity_graph(film, plain(film), lambda rows, *_: np.full(len(rows), 9.0), HOW)
     rows, other, mirrored = (np.concatenate(part) for part in zip(*asked, strict=True))
     assert max(rows.max(), other.max()) < film.count and mirrored.any() and not mirrored.all()
 
@@ -229,12 +231,12 @@ def test_similar_rows_do_not_depend_on_how_many_are_looked_at_at_a_time(film, mo
     def toy_discontinuities(rows, to, mirrored):
         return np.where((rows + to) % 3 == 0, 9.0, 0.0)
 
-    whole = similar_rows(film, plain(film), toy_discontinuities, HOW)
+    whole = build_similarity_graph(film, plain(film), toy_discontinuities, HOW)
     monkeypatch.setattr(neighbours, "_LOT", 7)
     monkeypatch.setattr(neighbours, "_BLOCK", 50)
     assert len(film.rows) > 100
     for one, other in zip(
-        whole, similar_rows(film, plain(film), toy_discontinuities, HOW), strict=True
+        whole, build_similarity_graph(film, plain(film), toy_discontinuities, HOW), strict=True
     ):
         assert np.array_equal(one, other)
 
@@ -248,7 +250,7 @@ def test_neighbours_in_a_long_film_are_of_a_part_of_it(film, monkeypatch):
     parts, order = 1 + int(part.max()), np.empty(len(film.states), int)
     order[film.rows] = np.arange(len(film.rows))
     assert parts >= 3
-    pairs = np.concatenate([*neighbours._similar(film, plain(film), HOW)])
+    pairs = np.concatenate([*neighbours._find_similar_pairs(film, plain(film), HOW)])
     turn = order[pairs[:, 0]] // 50 % parts
     assert (part[pairs[:, 1] % film.count] == turn).all()
     assert len(np.unique(turn)) == parts
@@ -294,7 +296,7 @@ def test_a_difference_settles(film, swim):
 def test_a_step_changes_nothing_but_the_draws(swim):
     state = start_at_row(swim, int(np.flatnonzero(swim.usable)[40]))
     past = state.past.copy()
-    one, again = (step(swim, state, None, rng(3)) for _ in range(2))
+    one, again = (step_fish(swim, state, None, rng(3)) for _ in range(2))
     assert np.array_equal(state.past, past)
     assert np.array_equal(one.past, again.past)
     assert np.array_equal(one.past[1:], past[:-1])
@@ -318,17 +320,17 @@ def test_the_mirrored_state_and_control_give_the_mirrored_distribution(film, swi
 
 
 def test_a_free_fish_stays_within_the_films_states_and_repeats_no_second(film, swim):
-    states, rows = free_run(swim, 3000, rng())
+    states, rows = swim_freely(swim, 3000, rng())
     usual = film.states[film.rows]
     assert (states >= usual.min(0)).all() and (states <= usual.max(0)).all()
-    numbers = measure_free_run(states, rows, film, swim)
+    numbers = compare_free_swim(states, rows, film, swim)
     assert numbers["free_clamped_pct"] < 2 and numbers["free_longest_exact_repeat_s"] <= 1.0
-    assert np.array_equal(free_run(swim, 200, rng())[0], free_run(swim, 200, rng())[0])
-    assert not np.allclose(states[:200], free_run(swim, 200, rng(2))[0])
+    assert np.array_equal(swim_freely(swim, 200, rng())[0], swim_freely(swim, 200, rng())[0])
+    assert not np.allclose(states[:200], swim_freely(swim, 200, rng(2))[0])
 
 
 def test_a_fish_that_is_left_free_moves_as_the_film_does(film, swim):
-    states, _ = free_run(swim, 6000, rng())
+    states, _ = swim_freely(swim, 6000, rng())
     filmed = film.states[film.rows]
     assert np.allclose(states.std(0), filmed.std(0), rtol=0.15)
     whole = np.ones(len(states) - 1, bool)
@@ -337,7 +339,7 @@ def test_a_fish_that_is_left_free_moves_as_the_film_does(film, swim):
 
 
 def test_a_fish_turns_and_moves_as_it_is_told(film, swim):
-    slopes = control_slopes(swim, film, rng())
+    slopes = measure_control_slopes(swim, film, rng())
     assert 0.5 < slopes["angle_slope"] < 1.3
     assert slopes["displacement_slope"] > 0.3
 
@@ -369,8 +371,8 @@ def test_ahead_of_one_tick_is_the_mean(film, learnt):
 
 
 def test_the_longest_repeat_is_that_of_a_drawn_series():
-    assert longest_repeat(np.array([[1], [2], [3], [4], [2], [3], [9]])) == 2
-    assert longest_repeat(np.arange(5)[:, None]) == 0
+    assert longest_repeat_rows(np.array([[1], [2], [3], [4], [2], [3], [9]])) == 2
+    assert longest_repeat_rows(np.arange(5)[:, None]) == 0
 
 
 def test_the_autocorrelation_of_a_wave_is_a_cosine():

@@ -21,7 +21,7 @@ import stages.plots.gateways
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.distance.map import STEPS, MapFacts
-from finloop.distance.picture import BODY, FILM, centre_cutout, successive_distances
+from finloop.distance.picture import BODY, FILM, draw_centred_cutout, successive_distances
 from finloop.distance.reel import Reel
 from finloop.features.table import FEATURES, find_orientations, wrap_deg
 from finloop.gateways.find import (
@@ -29,10 +29,10 @@ from finloop.gateways.find import (
     IN,
     OUT,
     GatewaysSettings,
+    draw_sprites_and_next,
     gateway_metrics,
-    gateways,
-    nearness,
-    sprite_pictures,
+    list_gateways,
+    measure_sprite_distances,
 )
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.numbers import load_numbers
@@ -136,7 +136,9 @@ class World:
                 writer.write(one)
         self.folder = folder
         with self.open() as (store, film):
-            self.near = nearness(self.reel(store, film), np.arange(len(features)), SIZE, pose)
+            self.near = measure_sprite_distances(
+                self.reel(store, film), np.arange(len(features)), SIZE, pose
+            )
             self.step = float(np.median(successive_distances(self.film(film))[: FRAMES - 1]))
 
     @contextmanager
@@ -157,7 +159,7 @@ class World:
 
     def table(self, **asked):
         settings = with_constants(SETTINGS, **asked)
-        return gateways(self.near, self.sprites, self.features, self.step, settings)
+        return list_gateways(self.near, self.sprites, self.features, self.step, settings)
 
     def ways(self, direction, **asked):
         table = self.table(**asked)
@@ -233,7 +235,7 @@ def test_turned_by_turn_deg_the_film_fits_the_sprite_as_drawn(name, direction, r
         for way in ways.iloc[:: max(1, len(ways) // 40)].itertuples():
             row = way.row + (direction == OUT)
             turn = drawn_deg[way.sprite] + way.turn_deg
-            turned = centre_cutout(
+            turned = draw_centred_cutout(
                 film[row], of.features.loc[row, ["x_px", "y_px"]], LENGTH, SIZE, turn
             )
             far = np.linalg.norm(turned - shown[way.sprite])
@@ -247,7 +249,7 @@ def test_every_distance_is_that_of_the_two_pictures(name, request):
     with of.open() as (store, film):
         shown = of.film(film).reshape(len(of.features), -1).astype(float)
         for one in np.unique(number):
-            sides = sprite_pictures(of.reel(store, film), SIZE, of.pose, int(one))
+            sides = draw_sprites_and_next(of.reel(store, film), SIZE, of.pose, int(one))
             for side, found in zip(sides, (of.near.ahead, of.near.own), strict=True):
                 want = cdist(side.reshape(len(side), -1), shown[number == one])
                 np.testing.assert_allclose(found[:, number == one], want, atol=1e-4)
@@ -414,11 +416,12 @@ def test_ways_of_a_part_are_those_of_the_whole_that_compare_its_rows(world, film
     features, _ = film
     rows = np.arange(len(features))[len(features) // 4 : -3]
     with world.open() as (store, pictures):
-        near = nearness(world.reel(store, pictures), rows, SIZE, world.pose)
+        near = measure_sprite_distances(world.reel(store, pictures), rows, SIZE, world.pose)
     np.testing.assert_array_equal(near.own, world.near.own[:, rows])
     settings = replace(SETTINGS, distance_threshold=3.0)
     whole, some = (
-        gateways(one, world.sprites, features, world.step, settings) for one in (world.near, near)
+        list_gateways(one, world.sprites, features, world.step, settings)
+        for one in (world.near, near)
     )
     out = whole[(whole["direction"] == OUT) & np.isin(whole["row"] + 1, rows)]
     pd.testing.assert_frame_equal(

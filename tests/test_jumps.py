@@ -15,8 +15,13 @@ from finloop.edit.build import resolve_mirror_images
 from finloop.edit.schema import TERMS
 from finloop.features.table import wrap_deg
 from finloop.jumps import film
-from finloop.jumps.film import Search, _best_jumps, best_jumps
-from finloop.jumps.signature import SignatureParts, handedness, sides_apart, signatures
+from finloop.jumps.film import JumpSearch, _find_best_jumps, choose_best_jumps
+from finloop.jumps.signature import (
+    SignatureParts,
+    compute_signatures,
+    measure_handedness,
+    measure_side_difference,
+)
 from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
 from finloop.plan.graph import motion_graph, neighbour_jumps
@@ -36,7 +41,7 @@ def walk(rng: np.random.Generator, n: int = 160) -> np.ndarray:
 
 
 def nearest(values, track, mirror=True):
-    return Search.from_values(values, track, COUNT, LEAST, mirror)(np.arange(len(track)))
+    return JumpSearch.from_values(values, track, COUNT, LEAST, mirror)(np.arange(len(track)))
 
 
 @pytest.mark.parametrize("mirror", [True, False])
@@ -95,7 +100,7 @@ def of_parts(monkeypatch, most: int) -> None:
 def test_in_a_part_of_the_film_are_the_nearest_that_lie_there(rng, monkeypatch):
     of_parts(monkeypatch, 60)
     values, track = walk(rng), np.zeros(160, int)
-    made, whole = (Search.from_values(values, track, count, LEAST) for count in (COUNT, 160))
+    made, whole = (JumpSearch.from_values(values, track, count, LEAST) for count in (COUNT, 160))
     assert made.parts == 3
     rows, every = np.arange(160), whole(np.arange(160))
     for part in range(3):
@@ -115,8 +120,8 @@ def test_jumps_of_a_long_film_lead_to_the_nearest_rows_and_to_others(rng, monkey
     made = {}
     for most in (2000, 160):
         of_parts(monkeypatch, most)
-        look = Search.from_values(values, track, 10, LEAST, mirror=False)
-        made[most] = _best_jumps(Nothing(), look, 1.0, (8, 3), np.arange(len(track)))
+        look = JumpSearch.from_values(values, track, 10, LEAST, mirror=False)
+        made[most] = _find_best_jumps(Nothing(), look, 1.0, (8, 3), np.arange(len(track)))
     # The nearest are all of the same moment, after which all goes on alike.
     elsewhere = {
         most: (jumps["to"] % len(one) - jumps["row"] % len(one)).abs() >= LEAST
@@ -135,7 +140,7 @@ def test_a_film_too_short_to_go_on_has_no_jump(rng):
 
 def test_of_what_is_near_the_best_to_the_eye_are_chosen():
     near = pd.DataFrame({"row": [0] * 4 + [1], "to": range(4, 9), "mirrored": False, "far": 0.5})
-    made = best_jumps(near, np.array([1.5, 0.5, 3.0, 2.0, 9.0]), 2)
+    made = choose_best_jumps(near, np.array([1.5, 0.5, 3.0, 2.0, 9.0]), 2)
     assert list(made) == JUMPS.names
     assert made["to"].tolist() == [5, 4, 8] and made["row"].tolist() == [0, 0, 1]
     assert made["seam"].tolist() == [0.75, 2.75, 81.5]
@@ -173,7 +178,7 @@ def test_no_more_is_drawn_than_the_best_of_every_row_need(rng):
     drawn = np.isfinite(some)
     assert some[drawn] == pytest.approx(every[drawn])
     assert 8 * COUNT <= drawn.sum() < 160
-    assert best_jumps(near, some, COUNT).equals(best_jumps(near, every, COUNT))
+    assert choose_best_jumps(near, some, COUNT).equals(choose_best_jumps(near, every, COUNT))
 
 
 def test_the_unit_is_the_natural_step_and_weights_take_parts_out(rng):
@@ -182,13 +187,13 @@ def test_the_unit_is_the_natural_step_and_weights_take_parts_out(rng):
     noise = rng.normal(0, 100, (2, n, 4))
     made = SignatureParts(sides, sides, sides, noise)
     ends = np.arange(n - 1), np.arange(1, n)
-    values = signatures(made, ends, settings("jumps", appearance_weight=0.0))
+    values = compute_signatures(made, ends, settings("jumps", appearance_weight=0.0))
     assert np.median(np.linalg.norm(np.diff(values[0], axis=0), axis=1)) == pytest.approx(1)
-    louder = signatures(
+    louder = compute_signatures(
         made._replace(look=7 * noise), ends, settings("jumps", appearance_weight=0.0)
     )
     assert louder == pytest.approx(values)
-    scaled = signatures(
+    scaled = compute_signatures(
         made._replace(pose=9 * sides), ends, settings("jumps", appearance_weight=0.0)
     )
     assert scaled == pytest.approx(values)
@@ -206,8 +211,8 @@ def test_sides_that_are_alike_are_near_and_others_far(rng):
             return one + rng.normal(0, 0.02, one.shape).astype(np.float32)
 
     track = np.zeros(100, int)
-    assert sides_apart(Pictures(0.0), track) == pytest.approx(1, abs=0.1)
-    assert sides_apart(Pictures(0.3), track) > 3
+    assert measure_side_difference(Pictures(0.0), track) == pytest.approx(1, abs=0.1)
+    assert measure_side_difference(Pictures(0.3), track) > 3
 
 
 @pytest.mark.parametrize(("rates", "least", "most"), [
@@ -223,7 +228,7 @@ def test_who_turns_one_way_more_often_is_handed(rng, rates, least, most):
     made = SignatureParts(
         np.stack([pose, pose * (-1, 1)]), None, np.stack([motion, motion * (1, -1, -1)]), None
     )
-    assert least <= handedness(made, 100) <= most
+    assert least <= measure_handedness(made, 100) <= most
 
 
 def both_sides():

@@ -31,27 +31,34 @@ from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
-from finloop.loops.graph import JUMP, PLAY, can_play_for_ever, in_component, loop_graph, routes
+from finloop.loops.graph import (
+    JUMP,
+    PLAY,
+    build_loop_graph,
+    can_play_for_ever,
+    find_routes,
+    is_in_component,
+)
 from finloop.loops.positions import (
-    merge_legs,
+    choose_table_ends,
+    find_quadrants,
+    merge_play_legs,
     position_table,
-    quadrant,
-    routes_table,
-    table_ends,
+    route_table,
 )
 from finloop.loops.search import (
     LOOPS,
     LoopsSettings,
-    as_map,
     binomial_weights,
+    choose_best_loops,
     filter_diagonals,
-    find_candidates,
+    find_local_minima,
+    find_loop_candidates,
     find_video_loops,
-    groups,
-    improper,
-    keep_best,
-    minima,
-    travel_of,
+    group_overlapping_loops,
+    is_improper,
+    measure_travel,
+    to_sparse_map,
 )
 from finloop.plots.improper_loop import figure13, most_improper, rows_on_way
 from finloop.plots.loop_groups import figure12, film_below, stretches
@@ -102,7 +109,7 @@ def film_map(film, keep=np.inf):
     far = np.linalg.norm(film[i] - film[j], axis=1)
     kept = far <= keep
     table = pd.DataFrame({"i": i[kept], "j": j[kept], "distance": far[kept]})
-    return as_map(table, len(film))
+    return to_sparse_map(table, len(film))
 
 
 def dense(pairs, values):
@@ -119,7 +126,9 @@ def filtered_map(pairs, track, n, limit):
 
 def minima_of(pairs, value, track, radius, least):
     """The local minima as sorted pairs of rows."""
-    found = dense(pairs, np.where(minima(pairs, value, track, radius, least), 0.0, np.inf))
+    found = dense(
+        pairs, np.where(find_local_minima(pairs, value, track, radius, least), 0.0, np.inf)
+    )
     return [tuple(pair) for pair in np.argwhere(found == 0).tolist()]
 
 
@@ -233,13 +242,13 @@ LINE = np.arange(40) * 3.0
 def test_a_loop_is_improper_if_it_travels_against_the_heading(heading, bad):
     """The fish drifts to the right; each end does too, so look at each test alone."""
     table = features_at(LINE, np.zeros(40), heading)
-    assert improper(np.array([5]), np.array([30]), table, 90.0)[0] == bad
+    assert is_improper(np.array([5]), np.array([30]), table, 90.0)[0] == bad
     across = features_at(np.r_[LINE[:20], LINE[:20]], np.zeros(40), heading, np.repeat([0, 1], 20))
-    assert improper(np.array([5]), np.array([30]), across, 90.0)[0] == bad  # by its ends alone
+    assert is_improper(np.array([5]), np.array([30]), across, 90.0)[0] == bad  # by its ends alone
     # ... and by its whole way alone: at its ends the fish stays where it is.
     held = np.r_[np.zeros(10), np.arange(20) * 3.0, np.full(10, 57.0)]
     table = features_at(held, np.zeros(40), heading)
-    assert improper(np.array([5]), np.array([35]), table, 90.0)[0] == bad
+    assert is_improper(np.array([5]), np.array([35]), table, 90.0)[0] == bad
 
 
 def test_a_fish_that_turned_round_or_stayed_is_not_tested():
@@ -248,9 +257,9 @@ def test_a_fish_that_turned_round_or_stayed_is_not_tested():
     circle = features_at(
         100 * np.sin(angle) + 3 * np.arange(60), -100 * np.cos(angle), wrap_deg(np.degrees(angle))
     )
-    assert not improper(np.array([2]), np.array([57]), circle, 90.0)[0]
+    assert not is_improper(np.array([2]), np.array([57]), circle, 90.0)[0]
     stays = features_at(np.arange(40) * -0.01, np.zeros(40))  # it drifts back by almost nothing
-    assert not improper(np.array([5]), np.array([30]), stays, 90.0)[0]
+    assert not is_improper(np.array([5]), np.array([30]), stays, 90.0)[0]
 
 
 def test_improper_loops_are_dropped_and_counted():
@@ -272,31 +281,36 @@ def test_no_end_has_more_loops_than_asked_and_only_full_ends_lose_one():
     rng = np.random.default_rng(1)
     pairs = np.unique(np.sort(rng.integers(0, 30, (300, 2)), axis=1), axis=0)
     a, b = rng.permutation(pairs[pairs[:, 0] < pairs[:, 1]]).T
-    keep = keep_best(a, b, 3)
+    keep = choose_best_loops(a, b, 3)
     used = np.bincount(np.r_[a[keep], b[keep]], minlength=30)
     assert used.max() == 3 and keep[0]
     for p in np.flatnonzero(~keep):  # better ones had filled one of its ends
         before = np.r_[a[:p][keep[:p]], b[:p][keep[:p]]]
         assert max((before == a[p]).sum(), (before == b[p]).sum()) == 3
-    assert keep_best(a, b, 10**6).all()
+    assert choose_best_loops(a, b, 10**6).all()
 
 
 def test_loops_fall_into_groups_as_in_fig12():
     """Six loops in time order; the former three overlap, and the later three do."""
     a, b = np.array([0, 3, 6, 20, 22, 25]), np.array([5, 9, 11, 24, 30, 28])
-    assert groups(a, b, np.zeros(40, int)).tolist() == [0, 0, 0, 1, 1, 1]
+    assert group_overlapping_loops(a, b, np.zeros(40, int)).tolist() == [0, 0, 0, 1, 1, 1]
     later = np.r_[a, 32], np.r_[b, 36]
-    assert groups(*later, np.zeros(40, int)).tolist() == [0, 0, 0, 1, 1, 1, 2]
+    assert group_overlapping_loops(*later, np.zeros(40, int)).tolist() == [0, 0, 0, 1, 1, 1, 2]
     # One from group to group joins them; the last stays alone.
     joined = np.r_[later[0], 10], np.r_[later[1], 21]
-    assert groups(*joined, np.zeros(40, int)).tolist() == [0, 0, 0, 0, 0, 0, 1, 0]
+    assert group_overlapping_loops(*joined, np.zeros(40, int)).tolist() == [0, 0, 0, 0, 0, 0, 1, 0]
 
 
 def test_a_loop_across_tracks_lies_over_its_two_ends_alone():
     track = np.repeat([0, 1, 2], 20)
     a, b = np.array([2, 22, 5, 12]), np.array([10, 30, 25, 50])
-    assert groups(a, b, track).tolist() == [0, 0, 0, 1]  # (12, 50) passes over (22, 30), no more
-    assert groups(a, b, np.zeros(60, int)).tolist() == [0, 0, 0, 0]
+    assert group_overlapping_loops(a, b, track).tolist() == [
+        0,
+        0,
+        0,
+        1,
+    ]  # (12, 50) passes over (22, 30), no more
+    assert group_overlapping_loops(a, b, np.zeros(60, int)).tolist() == [0, 0, 0, 0]
 
 
 # -- the graph: Fig. 10 -----------------------------------------------------------------------------
@@ -314,7 +328,7 @@ LOOPS_OF_FIG10 = ["AG", "BE", "DF", "CH"]
 @pytest.fixture(scope="module")
 def fig10():
     pairs = [tuple(FIG10[end] for end in name) for name in LOOPS_OF_FIG10]
-    return loop_graph(table_of(*pairs), np.zeros(90, int))
+    return build_loop_graph(table_of(*pairs), np.zeros(90, int))
 
 
 def way_letters(way):
@@ -325,7 +339,7 @@ def way_letters(way):
 
 def test_the_ways_of_fig10(fig10):
     source, target = "ABCDEFGH".index("G"), "ABCDEFGH".index("F")
-    ways = routes(fig10, source, target, 12)
+    ways = find_routes(fig10, source, target, 12)
     found = [way_letters(way) for way in ways]
     assert {"GHCDEF", "GABCDEF", "GHCDEBCDEF"} <= set(found)
     assert set(found[:2]) == {"GHCDF", "GABEF"}  # by two loops, quicker than what the paper draws
@@ -341,17 +355,17 @@ def test_the_ways_of_fig10(fig10):
 
 def test_dear_jumps_are_rare(fig10):
     source, target = "ABCDEFGH".index("G"), "ABCDEFGH".index("F")
-    assert [(65, 75, PLAY), (75, 25, JUMP), (25, 35, PLAY), (35, 55, JUMP)] in routes(
+    assert [(65, 75, PLAY), (75, 25, JUMP), (25, 35, PLAY), (35, 55, JUMP)] in find_routes(
         fig10, source, target, 2
     )
-    (dear,) = routes(fig10, source, target, 1, jump_frames=1000)
+    (dear,) = find_routes(fig10, source, target, 1, jump_frames=1000)
     assert way_letters(dear) == "GHCDEF"  # the quickest of those with one jump
 
 
 def test_no_way_is_an_empty_list():
-    graph = loop_graph(table_of((5, 25), (35, 55)), np.zeros(60, int))
-    assert routes(graph, 0, 3, 5)  # playing on leads there
-    assert routes(graph, 3, 0, 5) == []  # Fig. 12: never back
+    graph = build_loop_graph(table_of((5, 25), (35, 55)), np.zeros(60, int))
+    assert find_routes(graph, 0, 3, 5)  # playing on leads there
+    assert find_routes(graph, 3, 0, 5) == []  # Fig. 12: never back
 
 
 def test_the_graph_of_fig10(fig10):
@@ -362,15 +376,15 @@ def test_the_graph_of_fig10(fig10):
     assert fig10.component.tolist() == [0, 0, 0, 0, 0, 0, 0, 1]  # no film follows H
     assert fig10.endless.tolist() == [True] * 7 + [False]
     assert can_play_for_ever(fig10, np.zeros(90, int)).tolist() == [True] * 75 + [False] * 15
-    assert in_component(fig10, 90).nonzero()[0].tolist() == list(range(5, 75))
+    assert is_in_component(fig10, 90).nonzero()[0].tolist() == list(range(5, 75))
 
 
 def test_one_loop_goes_on_for_ever_within_a_track_alone():
-    graph = loop_graph(table_of((10, 30)), np.zeros(40, int))
+    graph = build_loop_graph(table_of((10, 30)), np.zeros(40, int))
     assert graph.cyclic.tolist() == [True, False] and graph.endless.tolist() == [True, False]
     assert graph.frames.tolist() == [20, 0]
     # Between two tracks it leads there and back, and from either the film runs out.
-    graph = loop_graph(table_of((10, 30)), np.repeat([0, 1], 20))
+    graph = build_loop_graph(table_of((10, 30)), np.repeat([0, 1], 20))
     assert not graph.endless.any() and not graph.cyclic.any()
     assert not can_play_for_ever(graph, np.repeat([0, 1], 20)).any()
 
@@ -382,7 +396,7 @@ def test_components_and_dead_ends_are_those_of_the_film_frame_by_frame(seed):
     track = np.sort(rng.integers(0, 5, 120))
     pairs = np.unique(np.sort(rng.integers(0, 120, (9, 2)), axis=1), axis=0)
     loops = table_of(*[(a, b) for a, b in pairs.tolist() if b - a > 3])
-    graph = loop_graph(loops, track)
+    graph = build_loop_graph(loops, track)
     reach = np.zeros((120, 120), bool)
     reach[np.arange(119), np.arange(1, 120)] = track[1:] == track[:-1]
     for a, b in loops[["a", "b"]].to_numpy().tolist():
@@ -396,7 +410,7 @@ def test_components_and_dead_ends_are_those_of_the_film_frame_by_frame(seed):
     np.testing.assert_array_equal(can_play_for_ever(graph, track), for_ever)
     np.testing.assert_array_equal(graph.endless, for_ever[graph.ends])
     together = reach & reach.T
-    mine = in_component(graph, 120)
+    mine = is_in_component(graph, 120)
     if again.any():
         assert mine.sum() == together.sum(axis=1).max()
         np.testing.assert_array_equal(together[mine.argmax()], mine)
@@ -406,14 +420,16 @@ def test_components_and_dead_ends_are_those_of_the_film_frame_by_frame(seed):
 
 def test_the_first_component_has_the_most_film_not_the_most_loops():
     many = [(5, 15), (10, 20), (17, 25)]
-    graph = loop_graph(table_of(*many, (60, 110)), np.zeros(120, int))
+    graph = build_loop_graph(table_of(*many, (60, 110)), np.zeros(120, int))
     assert graph.component[np.searchsorted(graph.ends, 60)] == 0
-    assert in_component(graph, 120).nonzero()[0].tolist() == list(range(60, 110))
-    assert in_component(graph, 120, 1).nonzero()[0].tolist() == list(range(5, 25))
+    assert is_in_component(graph, 120).nonzero()[0].tolist() == list(range(60, 110))
+    assert is_in_component(graph, 120, 1).nonzero()[0].tolist() == list(range(5, 25))
 
 
 def test_jumps_are_sorted_by_distance():
-    graph = loop_graph(table_of((10, 30), (10, 50), (10, 70), distance=[3, 1, 2]), np.zeros(80))
+    graph = build_loop_graph(
+        table_of((10, 30), (10, 50), (10, 70), distance=[3, 1, 2]), np.zeros(80)
+    )
     assert graph.jumps(0).tolist() == [2, 3, 1]
     assert graph.distance[:3].tolist() == [1, 2, 3]
 
@@ -444,12 +460,12 @@ def test_the_table_of_fig11_as_printed():
 
 def test_quadrants_count_anticlockwise_from_the_upper_right():
     angle = np.radians([45, 135, 225, 315])
-    assert quadrant(np.cos(angle), np.sin(angle)).tolist() == [1, 2, 3, 4]
+    assert find_quadrants(np.cos(angle), np.sin(angle)).tolist() == [1, 2, 3, 4]
     rng = np.random.default_rng(0)
     dx, dy = rng.normal(size=(2, 200))
-    turned = quadrant(-dy, dx)  # by a right angle
-    np.testing.assert_array_equal(turned, quadrant(dx, dy) % 4 + 1)
-    assert quadrant(np.array([1, 0, -1, 0, 0.0]), np.array([0, 1, 0, -1, 0.0])).tolist() == [
+    turned = find_quadrants(-dy, dx)  # by a right angle
+    np.testing.assert_array_equal(turned, find_quadrants(dx, dy) % 4 + 1)
+    assert find_quadrants(np.array([1, 0, -1, 0, 0.0]), np.array([0, 1, 0, -1, 0.0])).tolist() == [
         1, 2, 3, 4, 1,
     ]  # fmt: skip
 
@@ -461,28 +477,30 @@ def test_the_table_is_of_pairs_of_one_track_and_y_is_up():
     table = position_table(np.array([3, 9, 20, 38, 45, 60]), features)
     pairs = [table.index[i] + table.columns[j] for i, j in np.argwhere(table.to_numpy() != "")]
     assert pairs == ["AB", "AC", "AD", "BC", "BD", "CD", "EF"]
-    assert table.loc["A", "B"] == str(quadrant(x[9] - x[3], y[9] - y[3]))
+    assert table.loc["A", "B"] == str(find_quadrants(x[9] - x[3], y[9] - y[3]))
 
 
 def test_a_table_for_people_has_at_most_26_ends_of_one_track():
     track = np.repeat([0, 1], [50, 300])
     few = np.array([5, 9, 60, 90, 120])
-    assert table_ends(few, track).tolist() == [60, 90, 120]
-    some = table_ends(np.arange(50, 350), track)
+    assert choose_table_ends(few, track).tolist() == [60, 90, 120]
+    some = choose_table_ends(np.arange(50, 350), track)
     assert len(some) == 26 and some[0] == 50 and some[-1] == 349
     assert np.diff(some).max() <= 2 * np.diff(some).min()
-    assert np.unique(np.diff(table_ends(np.r_[50:90, 340:350], track)) > 0).tolist() == [True]
+    assert np.unique(np.diff(choose_table_ends(np.r_[50:90, 340:350], track)) > 0).tolist() == [
+        True
+    ]
 
 
 def test_routes_are_told_stretch_by_stretch(fig10):
     way = [(65, 75, PLAY), (75, 25, JUMP), (25, 35, PLAY), (35, 45, PLAY), (45, 55, PLAY)]
-    assert merge_legs(way) == [(65, 75, PLAY), (75, 25, JUMP), (25, 55, PLAY)]
-    told = routes_table([way, way[:1]], fig10, still(90, 4), step=2.0)
+    assert merge_play_legs(way) == [(65, 75, PLAY), (75, 25, JUMP), (25, 55, PLAY)]
+    told = route_table([way, way[:1]], fig10, still(90, 4), step_median=2.0)
     assert told["route"].tolist() == [1, 1, 1, 2]
     assert told["frames"].tolist() == [10, 0, 30, 10]
     assert told["jump_distance"].dropna().tolist() == [0.5]
     assert told["from_track"].eq(4).all() and told["from_frame"].tolist() == [65, 75, 25, 65]
-    assert list(routes_table([], fig10, still(90), 2.0).columns) == list(told.columns)
+    assert list(route_table([], fig10, still(90), 2.0).columns) == list(told.columns)
 
 
 # -- no loops ---------------------------------------------------------------------------------------
@@ -613,7 +631,7 @@ def test_no_film_lies_below_two_groups(seed):
     track = np.sort(rng.integers(0, 6, 150))
     pairs = np.unique(np.sort(rng.integers(0, 150, (14, 2)), axis=1), axis=0)
     a, b = pairs[pairs[:, 0] < pairs[:, 1]].T
-    loops = pd.DataFrame({"a": a, "b": b, "group": groups(a, b, track)})
+    loops = pd.DataFrame({"a": a, "b": b, "group": group_overlapping_loops(a, b, track)})
     below = [film_below(mine, track) for _, mine in loops.groupby("group")]
     assert np.sum(below, axis=0).max() == 1 and len(below) > 1
     for _, loop in loops.iterrows():
@@ -628,8 +646,8 @@ def test_fig_12_tells_the_sizes_of_the_groups_and_names_the_dead_ends():
     pairs = [(0, 5), (3, 9), (6, 11), (20, 24), (22, 30), (25, 28)]
     loops = within_track(*pairs, rate=1.0)
     track = np.zeros(40, int)
-    loops["group"] = groups(loops["a"].to_numpy(), loops["b"].to_numpy(), track)
-    figure = figure12(loops, loop_graph(loops, track), still(40), 1.0)
+    loops["group"] = group_overlapping_loops(loops["a"].to_numpy(), loops["b"].to_numpy(), track)
+    figure = figure12(loops, build_loop_graph(loops, track), still(40), 1.0)
     within, every, bar, *_ = figure.axes
     assert "6 loops within a track, 2 groups" in within.get_title("left")
     assert [text.get_text() for text in within.texts] == ["3", "3"]
@@ -644,8 +662,8 @@ def test_fig_12_has_as_many_rows_as_can_be_read():
     pairs = [(20 * k, 20 * k + 5) for k in range(15)]
     loops = within_track(*pairs)
     track = np.zeros(320, int)
-    loops["group"] = groups(loops["a"].to_numpy(), loops["b"].to_numpy(), track)
-    figure = figure12(loops, loop_graph(loops, track), still(320), RATE)
+    loops["group"] = group_overlapping_loops(loops["a"].to_numpy(), loops["b"].to_numpy(), track)
+    figure = figure12(loops, build_loop_graph(loops, track), still(320), RATE)
     (side,) = figure.axes[1].child_axes
     shown = [label.get_text() for label in side.get_yticklabels()]
     assert len(shown) == 10 and shown[-1].startswith("6 more groups: 6 loops")
@@ -659,7 +677,7 @@ def test_travel_and_heading_turn_with_the_film(turn):
     spin = np.exp(1j * np.radians(turn))
     place = (LINE - 0.3j * LINE) * spin
     table = features_at(place.real, place.imag, wrap_deg(np.array([turn + 10.0]))[0])
-    travel = travel_of(np.array([5]), np.array([30]), table)
+    travel = measure_travel(np.array([5]), np.array([30]), table)
     assert travel.off_deg == pytest.approx(10 + np.degrees(np.arctan(0.3)), abs=1e-3)
     assert wrap_deg(travel.heading_deg - turn) == pytest.approx(10, abs=1e-3)
 
@@ -668,7 +686,7 @@ def test_the_improper_loop_that_is_drawn_goes_farthest_against_its_heading():
     x = np.r_[np.zeros(30), -LINE[:30], np.zeros(10)]  # it drifts backwards in the middle
     table = features_at(x, np.zeros(70))
     pairs = [(2, 25), (10, 55), (30, 50)]
-    bad = improper(*np.array(pairs).T, table, 90.0)
+    bad = is_improper(*np.array(pairs).T, table, 90.0)
     assert bad.tolist() == [False, True, True]
     every = table_of(*pairs).assign(filtered=0.5, improper=bad)
     loop = most_improper(every, table, 90.0)
@@ -819,8 +837,8 @@ def test_a_film_that_drifts_backwards_has_no_loops_but_an_improper_one(tmp_path,
     words, drawn = (load_picture(reports / f"{name}.png") for name in ("fig10", "fig13"))
     assert drawn.shape[0] > 2 * words.shape[0]
     table, opened = toy_reel(tmp_path)
-    pairs = as_map(load_table(tmp_path / "data/distance/pairs.parquet", PAIRS), len(table))
-    every, counts = find_candidates(pairs, table, 100.0, EASY)
+    pairs = to_sparse_map(load_table(tmp_path / "data/distance/pairs.parquet", PAIRS), len(table))
+    every, counts = find_loop_candidates(pairs, table, 100.0, EASY)
     assert every["improper"].all() and counts["improper_dropped"] == len(every)
     loop = most_improper(every, table, 90.0)
     assert abs(loop.travel_deg) == pytest.approx(180) and loop.heading_deg == pytest.approx(0)

@@ -9,7 +9,7 @@ from finloop.base.settings import settings
 from finloop.features.memory import measure_memory_frames
 from finloop.io.record import load_json, remake_hint, save_record
 from finloop.io.table import load_list_columns, save_table
-from finloop.pose import film_poses
+from finloop.pose import compute_film_poses
 from finloop.pose.film import POSES, restore_poses
 from finloop.puppet.pose import mirror_posture
 
@@ -46,7 +46,7 @@ def swinging(n=200):
 
 def test_postures_come_back_from_files_as_they_were(tmp_path):
     tracks, features = film(swinging())
-    poses = film_poses(tracks, features, settings("pose"))
+    poses = compute_film_poses(tracks, features, settings("pose"))
     save_table(tmp_path / "poses.parquet", poses.table(features), POSES)
     save_record(tmp_path / "shapes.json", poses.facts)
     (codes,) = load_list_columns(tmp_path / "poses.parquet", POSES, "codes")
@@ -68,7 +68,7 @@ def test_postures_come_back_from_files_as_they_were(tmp_path):
 
 def test_few_codes_stand_for_the_backbones_and_mirror_as_they_do():
     tracks, features = film(swinging())
-    poses = film_poses(tracks, features, settings("pose"))
+    poses = compute_film_poses(tracks, features, settings("pose"))
     line = np.stack([np.stack(tracks[f"backbone_{axis}_px"]) for axis in "xy"], -1)
     assert np.abs(poses.pose.backbone_px() - line).max() < 1.0
     assert poses.codes.shape[1] <= 3
@@ -78,7 +78,8 @@ def test_few_codes_stand_for_the_backbones_and_mirror_as_they_do():
 
 def test_a_backbone_from_tail_to_head_is_turned_round():
     one, other = (
-        film_poses(*film(swinging(), backwards=back), settings("pose")) for back in (False, True)
+        compute_film_poses(*film(swinging(), backwards=back), settings("pose"))
+        for back in (False, True)
     )
     assert np.allclose(one.pose.posture, other.pose.posture)
 
@@ -86,17 +87,17 @@ def test_a_backbone_from_tail_to_head_is_turned_round():
 def test_the_film_says_whether_a_tail_is_counted_apart():
     seen = np.resize([0.0, 15.0, 30.0, 45.0, 60.0], 200)
     for tails, apart in ((seen, True), (20.0, False), (0.0, False)):
-        poses = film_poses(*film(swinging(), tails), settings("pose"))
+        poses = compute_film_poses(*film(swinging(), tails), settings("pose"))
         assert poses.trunk == apart, poses.tail_spread
     for word, apart in (("yes", True), ("no", False)):
         p = settings("pose", separate_tail=word)
-        assert film_poses(*film(swinging(), seen), p).trunk == apart
+        assert compute_film_poses(*film(swinging(), seen), p).trunk == apart
 
 
 def test_a_posture_is_remembered_for_a_part_of_its_beat():
     # Of a sine of 20 frames the mean square reaches half of its mean after a sixth of the beat.
     tracks, features = film(swinging())
-    poses = film_poses(tracks, features, settings("pose"))
+    poses = compute_film_poses(tracks, features, settings("pose"))
     assert poses.memory_frames == pytest.approx(20 / 6, abs=0.4)
     noise = np.random.default_rng(0).normal(size=(500, 2))
     assert measure_memory_frames(noise, np.zeros(500, int)) < 1
@@ -104,7 +105,7 @@ def test_a_posture_is_remembered_for_a_part_of_its_beat():
 
 @pytest.mark.parametrize("bends", [[0.0] * 10, swinging(10), [0.3] * 10])
 def test_ten_frames_and_a_fish_that_never_bends(bends):
-    poses = film_poses(*film(bends), settings("pose"))
+    poses = compute_film_poses(*film(bends), settings("pose"))
     assert len(poses.codes) == 10 and np.isfinite(poses.codes).all()
     assert np.isfinite(poses.shapes.variance_shares).all() and poses.memory_frames > 0
     assert not poses.shapes.nearest_codes(poses.codes).clamped.any()
@@ -114,4 +115,4 @@ def test_ten_frames_and_a_fish_that_never_bends(bends):
 
 def test_one_frame_is_too_few():
     with pytest.raises(FinloopError, match="two or more postures"):
-        film_poses(*film([0.1]), settings("pose"))
+        compute_film_poses(*film([0.1]), settings("pose"))

@@ -8,8 +8,8 @@ import pytest
 
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
-from finloop.distance.picture import BODY, FILM, distance
-from finloop.distance.reel import Reel, sprite_row
+from finloop.distance.picture import BODY, FILM, all_distances
+from finloop.distance.reel import Reel, sprite_store_row
 
 ORIENTATIONS, SIZE = 4, 24
 
@@ -59,7 +59,7 @@ def reel():
 
 @pytest.mark.parametrize("count", [1, 4, 24, 120])
 def test_sprite_row_is_a_bijection(count):
-    rows = [sprite_row(s, o, count) for s, o in product(range(7), range(1, count + 1))]
+    rows = [sprite_store_row(s, o, count) for s, o in product(range(7), range(1, count + 1))]
     assert rows == list(range(7 * count))
 
 
@@ -99,7 +99,7 @@ def test_a_step_is_eq_5_to_the_next_frame(monkeypatch, pose, lot):
     monkeypatch.setattr("finloop.distance.reel._LOT", lot)
     one = reel()
     shown = one.frames(np.arange(5), SIZE, pose)
-    wanted = np.append(distance(shown, shown).diagonal(1), np.nan)
+    wanted = np.append(all_distances(shown, shown).diagonal(1), np.nan)
     wanted[~one.goes_on] = np.nan
     np.testing.assert_allclose(one.steps(SIZE, pose), wanted, rtol=1e-5)
 

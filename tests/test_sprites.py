@@ -23,7 +23,7 @@ import stages.sprites
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
-from finloop.distance.reel import Reel, sprite_row
+from finloop.distance.reel import Reel, sprite_store_row
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.metrics import orientation_table
 from finloop.features.table import FEATURES, measure_features, wrap_deg
@@ -37,18 +37,18 @@ from finloop.plots.sprites import draw_sprites
 from finloop.sprites import atlas as sprites_atlas
 from finloop.sprites.choice import (
     SIDES,
-    Choice,
+    ChosenFrames,
     FrameRun,
-    best_of_tracks,
-    choose_combination,
+    best_runs_of_tracks,
     choose_frames,
-    closure,
-    cycle_heading,
+    choose_run_combination,
+    cycle_headings,
     find_glides,
     find_tail_beats,
     find_turns,
-    sharpness,
-    smooth,
+    loop_closure,
+    measure_sharpness,
+    smooth_series,
     swimmer_table,
     turn_phases,
 )
@@ -56,13 +56,13 @@ from finloop.sprites.metrics import (
     count_complete_orientations,
     cycle_metrics,
     fault_table,
-    is_still,
+    is_still_slide,
     sprite_metrics,
-    table1_after,
+    sprite_orientation_table,
 )
 from finloop.sprites.orient import (
     SPRITES,
-    rotation,
+    rotation_matrix,
     sprite_cutouts,
     sprite_table,
     trim_picture,
@@ -97,7 +97,7 @@ class Film:
     @property
     def look(self):
         return partial(
-            Reel(self.features, Held(self.cutouts)).align_pictures, size=AUTOMATIC.picture_px
+            Reel(self.features, Held(self.cutouts)).align_pictures, size_px=AUTOMATIC.picture_px
         )
 
 
@@ -264,7 +264,7 @@ def test_quarter_turns_that_take_pixels_to_pixels_are_exact(pivot, quarter):
     _, _, want = trim_picture(np.rot90(SOURCE.pixels, quarter))  # anticlockwise as seen
     np.testing.assert_array_equal(one.pixels, want)
     np.testing.assert_allclose(
-        centre(one), rotation(90 * quarter) @ (centre(SOURCE) - pivot) + pivot
+        centre(one), rotation_matrix(90 * quarter) @ (centre(SOURCE) - pivot) + pivot
     )
 
 
@@ -276,7 +276,7 @@ def test_mass_and_its_centre_are_kept(pivot, angle):
     assert all(edge.any() for edge in (alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]))  # trimmed
     mass = int(SOURCE.pixels[..., -1].sum())
     assert int(one.pixels[..., -1].sum()) == pytest.approx(mass, rel=3e-3)  # nothing is clipped
-    want = rotation(angle) @ (centre(SOURCE) - pivot) + pivot
+    want = rotation_matrix(angle) @ (centre(SOURCE) - pivot) + pivot
     np.testing.assert_allclose(centre(one), want, atol=0.03)
 
 
@@ -380,9 +380,9 @@ def test_fish_near_another_cannot_be_used(toy):
 
 def test_smoothing_keeps_lines_and_a_monotone_run_monotone():
     for line in ([1.0], [1.0, 5.0], [3.0, 5.0, 7.0, 9.0]):
-        np.testing.assert_allclose(smooth(np.array(line)), line)
+        np.testing.assert_allclose(smooth_series(np.array(line)), line)
     run = np.sort(np.random.default_rng(1).exponential(size=30)).cumsum()
-    assert (np.diff(smooth(run)) > 0).all()
+    assert (np.diff(smooth_series(run)) > 0).all()
 
 
 # -- picking ----------------------------------------------------------------------------------------
@@ -405,13 +405,16 @@ def test_a_slide_has_a_still_tail(toy, automatic_choice, monkeypatch):
     slide = automatic_choice["slide"].stretch
     assert within(slide, plan_frames(PLAN, "slide"), slack=1)
     assert 0.4 * RATE <= len(slide) <= RATE
-    assert is_still(automatic_choice["slide"], toy.table, DELTA, AUTOMATIC)
-    assert not is_still(automatic_choice["straight"], toy.table, DELTA, AUTOMATIC)
+    assert is_still_slide(automatic_choice["slide"], toy.table, DELTA, AUTOMATIC)
+    assert not is_still_slide(automatic_choice["straight"], toy.table, DELTA, AUTOMATIC)
     for swing, still in ((0.04, True), (0.06, False)):  # less than its width, or more
         table = pd.DataFrame({"tail": swing * (np.arange(12) % 2)})
-        assert is_still(Choice(FrameRun(3, 0, 11, slice(0, 12))), table, DELTA, AUTOMATIC) == still
+        assert (
+            is_still_slide(ChosenFrames(FrameRun(3, 0, 11, slice(0, 12))), table, DELTA, AUTOMATIC)
+            == still
+        )
     monkeypatch.setattr(SpritesSettings, "slide_least", 20.0)
-    assert not is_still(automatic_choice["slide"], toy.table, DELTA, AUTOMATIC)
+    assert not is_still_slide(automatic_choice["slide"], toy.table, DELTA, AUTOMATIC)
 
 
 @pytest.mark.parametrize(("word", "sign"), [("left", 1), ("right", -1)])
@@ -530,9 +533,9 @@ def test_one_animal_for_all_unless_it_costs_much(toy):
         "straight": [stretch(3, 1.0), stretch(8, 1.1)],
         "left": [stretch(3, 2.0), stretch(8, 1.9)],
     }
-    assert {s.track_id for s in choose_combination(table, both, AUTOMATIC).values()} == {3}
+    assert {s.track_id for s in choose_run_combination(table, both, AUTOMATIC).values()} == {3}
     both["left"] = [stretch(3, 9.0), stretch(8, 1.9)]
-    assert {s.track_id for s in choose_combination(table, both, AUTOMATIC).values()} == {8}
+    assert {s.track_id for s in choose_run_combination(table, both, AUTOMATIC).values()} == {8}
 
 
 def test_the_head_s_yaw_does_not_tilt_the_line():
@@ -540,14 +543,14 @@ def test_the_head_s_yaw_does_not_tilt_the_line():
         {"heading": 40 + 0.5 * np.arange(30) + 6 * np.sin(2 * np.pi * np.arange(30) / 10)}
     )
     for start in range(10):
-        line = cycle_heading(table, start, 10)
+        line = cycle_headings(table, start, 10)
         np.testing.assert_allclose(line, 40 + 0.5 * (start + np.arange(11)), atol=1e-9)
 
 
 def test_closure_counts_natural_steps():
     wheel = np.stack([[[[np.cos(a), np.sin(a)]]] for a in 2 * np.pi * np.arange(9) / 8])
-    assert closure(wheel) == pytest.approx(0, abs=1e-9)
-    assert closure(wheel[:-1]) == pytest.approx(1)
+    assert loop_closure(wheel) == pytest.approx(0, abs=1e-9)
+    assert loop_closure(wheel[:-1]) == pytest.approx(1)
 
 
 def test_a_loop_that_closes_is_preferred(toy):
@@ -555,7 +558,7 @@ def test_a_loop_that_closes_is_preferred(toy):
     candidates = pd.DataFrame(
         {"start": first + 5, "length": [BEAT - 3, BEAT, BEAT + 3], "fault": 1.0}
     )
-    (best,) = best_of_tracks(toy.table, candidates, toy.look, 1e-6, AUTOMATIC, loops=True)
+    (best,) = best_runs_of_tracks(toy.table, candidates, toy.look, 1e-6, AUTOMATIC, is_cycle=True)
     assert len(best) == BEAT and set(best.faults) == {"fault", "does not close", "soft"}
 
 
@@ -563,8 +566,8 @@ def test_blurred_pictures_are_soft(toy):
     look = toy.look
     clear = look(np.array([3]), np.array([20.0]))
     soft = np.stack([cv2.GaussianBlur(one, (0, 0), 1.5) for one in clear])
-    assert sharpness(soft)[0] < 0.8 * sharpness(clear)[0]
-    assert sharpness(np.zeros_like(clear))[0] == 0
+    assert measure_sharpness(soft)[0] < 0.8 * measure_sharpness(clear)[0]
+    assert measure_sharpness(np.zeros_like(clear))[0] == 0
 
 
 def test_faults_explain_the_choice(automatic_choice):
@@ -670,7 +673,7 @@ def test_a_sprite_that_need_not_be_turned_is_the_source(toy, sprites):
 
 
 def test_table_1_has_all_types_in_every_orientation(toy, sprites):
-    before, after = orientation_table(toy.features), table1_after(sprites, toy.features)
+    before, after = orientation_table(toy.features), sprite_orientation_table(sprites, toy.features)
     assert count_complete_orientations(before) < ORIENTATIONS == count_complete_orientations(after)
     np.testing.assert_allclose(after[["straight_pct", "left_pct", "right_pct"]].sum(axis=1), 100)
     np.testing.assert_allclose(after["amount_pct"], 100 / ORIENTATIONS)
@@ -690,7 +693,7 @@ def test_numbers_are_flat_and_finite(toy, sprites):
 
 def test_the_contact_sheet_shows_steps_and_orientations(sprites, pictures):
     sheet = draw_sprites(
-        sprites, lambda s, o: pictures[sprite_row(s, o, ORIENTATIONS)], columns=6, size=60
+        sprites, lambda s, o: pictures[sprite_store_row(s, o, ORIENTATIONS)], columns=6, size=60
     )
     lines = sum(-(-len(rows) // 6) for _, rows in sprites.groupby("sequence")) + ORIENTATIONS // 6
     assert sheet.shape == (60 * lines, 360, 3) and sheet.std() > 5
@@ -818,13 +821,13 @@ def test_colour_bleeds_under_the_edge_and_stays_the_same():
     alpha = rng.integers(1, 256, (4, 4))
     premultiplied[4:8, 4:8, 3] = alpha
     premultiplied[4:8, 4:8, :3] = (alpha[..., None] * rng.random((4, 4, 3))).round()
-    out = sprites_atlas.straight_alpha(premultiplied)
+    out = sprites_atlas.to_straight_alpha(premultiplied)
     back = np.round(out[..., :3] * (out[..., 3:] / 255.0))
     np.testing.assert_array_equal(back, premultiplied[..., :3])
     np.testing.assert_array_equal(out[..., 3], premultiplied[..., 3])
     even = np.zeros((12, 12, 4), np.uint8)
     even[4:8, 4:8] = 51, 102, 204, 255
-    out = sprites_atlas.straight_alpha(even)
+    out = sprites_atlas.to_straight_alpha(even)
     assert (out[2:10, 2:10, :3] == (51, 102, 204)).all()  # no dark rim when a filter mixes
     assert not out[:2].any()
 

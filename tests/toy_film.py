@@ -28,7 +28,7 @@ from finloop.edit.schema import WHY
 from finloop.edit.stretch import Swim
 from finloop.features.table import wrap_deg
 from finloop.gateways.find import GATEWAYS
-from finloop.loops.graph import loop_graph
+from finloop.loops.graph import build_loop_graph
 from finloop.modes.hybrid import Gateways, Hybrid
 from finloop.modes.loops import Loops
 from finloop.modes.network import Network
@@ -228,7 +228,7 @@ def film_of(
 ) -> MotionGraph:
     """A film with its loops; its drawn length is the median of its own."""
     n = len(features)
-    graph = loop_graph(found, features["track_id"].to_numpy())
+    graph = build_loop_graph(found, features["track_id"].to_numpy())
     barred = np.zeros(n, bool) if barred is None else np.isin(np.arange(n), barred)
     length = float(features["body_length_px"].median())
     sized = replace(taught or lesson(), body_length_px=length)

@@ -14,7 +14,7 @@ import pandas as pd
 from finloop.animate.protocols import AnyPlayer
 from finloop.base.arrays import Floats, Ints
 from finloop.base.axes import to_body_axes
-from finloop.distance.picture import typical_length
+from finloop.distance.picture import typical_lengths_px
 from finloop.edit.schema import FRAME
 
 
@@ -122,7 +122,7 @@ def film_nearest(features: pd.DataFrame) -> Floats:
 
     (k,): one for each row of the feature table whose frame shows several animals.
     """
-    length = typical_length(features).to_numpy(float)
+    length = typical_lengths_px(features).to_numpy(float)
     where = features[["x_px", "y_px"]].to_numpy(float)
     together = [rows for rows in features.groupby("frame").indices.values() if len(rows) > 1]
     return np.concatenate(

@@ -7,7 +7,8 @@ swimming type Δ later.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "held_out": ["assessment"],
-    "model": ["MotionModel", "motion_model", "motion_rows", "split_by_blocks", "split_by_tracks"],
-    "onnx": ["onnx_bytes"], "back_propagation": ["train"],
+    "held_out": ["assess_model"],
+    "model": ["MotionModel", "pair_rows_with_later", "restore_motion_model", "split_by_blocks",
+              "split_by_tracks"],
+    "onnx": ["export_onnx_bytes"], "back_propagation": ["train_motion_model"],
 })  # fmt: skip

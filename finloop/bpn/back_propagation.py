@@ -21,9 +21,9 @@ from finloop.bpn.model import (
     OUTPUT_HIGH,
     OUTPUT_LOW,
     OUTPUTS,
+    LearningRows,
     MotionModel,
-    Rows,
-    input_range,
+    find_input_range,
     scale_to_unit,
 )
 from finloop.bpn.settings import BpnSettings
@@ -33,14 +33,14 @@ _RUN_AWAY = 1e6  # size of a weight at which its sigmoid is a mere switch
 _IN, _OUT = len(INPUTS) + 1, len(OUTPUTS)
 
 
-def new_weights(hidden: int, rng: np.random.Generator) -> Floats:
-    """Draw the network's first weights as one flat vector, (7 hidden + 2,); `layers` splits it.
+def draw_first_weights(hidden_units: int, rng: np.random.Generator) -> Floats:
+    """Draw the network's first weights as one flat vector, (7 hidden_units + 2,).
 
-    Each layer is uniform within ±√(6 / (units before + units after)); biases are 0. hidden: units
-    of the hidden layer.
+    `split_layers` splits it. Each layer is uniform within ±√(6 / (units before + units after));
+    biases are 0.
     """
-    weights = np.zeros((_IN + _OUT) * hidden + _OUT)
-    for layer in layers(weights):
+    weights = np.zeros((_IN + _OUT) * hidden_units + _OUT)
+    for layer in split_layers(weights):
         before = layer[:, :-1].T
         reach = np.sqrt(6 / sum(before.shape))
         before[:] = rng.uniform(-reach, reach, before.shape)
@@ -48,7 +48,7 @@ def new_weights(hidden: int, rng: np.random.Generator) -> Floats:
 
 
 @for_kernels
-def layers(weights):  # type: ignore[no-untyped-def]
+def split_layers(weights):  # type: ignore[no-untyped-def]
     """Split flat weights into the hidden and the output layer: views (hidden, 5), (2, hidden + 1).
 
     A row has the weights of one unit, its bias last.
@@ -75,14 +75,14 @@ def learn_epoch(x, t, weights, velocity, rule):  # type: ignore[no-untyped-def]
     """Learn once from every row by back-propagation (§3.1); change weights and velocity in place.
 
     x (n, 5): scaled inputs and a 1; t (n, 2): scaled targets, in 0 … 1; both are used in their
-    order. weights, velocity: flat (see `new_weights`). rule: rows a batch, learning rate, momentum.
-    After each batch velocity ← momentum · velocity - learning rate · ∂E/∂weights, and weights ←
-    weights + velocity. step, back: learning rate · ∂E/∂(sum that goes into an output, into a hidden
-    unit).
+    order. weights, velocity: flat (see `draw_first_weights`). rule: rows a batch, learning rate,
+    momentum. After each batch velocity ← momentum · velocity - learning rate · ∂E/∂weights, and
+    weights ← weights + velocity. step, back: learning rate · ∂E/∂(sum that goes into an output,
+    into a hidden unit).
     """
     size, learning_rate, momentum = rule
-    first, second = layers(weights)
-    first_velocity, second_velocity = layers(velocity)
+    first, second = split_layers(weights)
+    first_velocity, second_velocity = split_layers(velocity)
     hidden = len(first)
     h, step = np.ones(hidden + 1), np.empty(_OUT)
     for begin in range(0, len(x), size):
@@ -106,23 +106,24 @@ def learn_epoch(x, t, weights, velocity, rule):  # type: ignore[no-untyped-def]
         weights += velocity
 
 
-def train_network(
-    rows: Rows,
+def train_on_film_rows(
+    rows: LearningRows,
     sides: tuple[Mask, Mask],
     p: BpnSettings,
     rate_hz: float,
     advance: Callable[[], object] = lambda: None,
 ) -> tuple[MotionModel, pd.DataFrame]:
-    """Train the network on some of a film's rows; return model and learning curve (see `train`).
+    """Train the network on some of a film's rows; return model and learning curve.
 
-    sides: masks (n,) of the rows to learn from, and of held-out rows for the curve.
+    sides: masks (n,) of the rows to learn from, and of held-out rows for the curve (see
+    `train_motion_model`).
     """
     training, held_out = ((rows.inputs[side], rows.outputs[side]) for side in sides)
     rng = np.random.default_rng((p.seed, 1))
-    return train(*training, held_out, p, rows.delta_frames / rate_hz, rng, advance)
+    return train_motion_model(*training, held_out, p, rows.delta_frames / rate_hz, rng, advance)
 
 
-def train(
+def train_motion_model(
     inputs: Floats,
     outputs: Floats,
     held_out: tuple[Floats, Floats],
@@ -139,15 +140,15 @@ def train(
     epoch. The table has the errors COMPARED of both sets, as train_… and held_out_…; in epoch 0 the
     network is untrained.
     """
-    low, high = input_range(inputs)
+    low, high = find_input_range(inputs)
     x = np.column_stack([scale_to_unit(inputs, low, high), np.ones(len(inputs))])
     t = MARGIN + (1 - 2 * MARGIN) * (outputs - OUTPUT_LOW) / (OUTPUT_HIGH - OUTPUT_LOW)
     watched = {"train": (inputs, outputs), "held_out": held_out}
     rule = settings.batch_size, settings.learning_rate, settings.momentum
-    weights = new_weights(settings.hidden_units, rng)
+    weights = draw_first_weights(settings.hidden_units, rng)
     velocity = np.zeros_like(weights)
     model = model_from_weights(weights, low, high, delta_s)
-    curve = [_errors(model, watched)]
+    curve = [_learning_curve_row(model, watched)]
     for _ in range(settings.epochs):
         order = rng.permutation(len(x))
         learn_epoch(x[order], t[order], weights, velocity, rule)
@@ -160,27 +161,32 @@ def train(
                 "bpn.momentum",
             )
         model = model_from_weights(weights, low, high, delta_s)
-        curve.append(_errors(model, watched))
+        curve.append(_learning_curve_row(model, watched))
         advance()
     return model, pd.DataFrame(curve).rename_axis("epoch").reset_index()
 
 
 def model_from_weights(weights: Floats, low: Floats, high: Floats, delta_s: float) -> MotionModel:
-    """Return a motion model with a copy of flat weights (see `new_weights`).
+    """Return a motion model with a copy of flat weights (see `draw_first_weights`).
 
     low, high (4,): the inputs that are scaled to -1 and 1, in the units of INPUTS; delta_s: Δ [s].
     """
-    first, second = (layer.T.copy() for layer in layers(weights))
+    first, second = (layer.T.copy() for layer in split_layers(weights))
     return MotionModel(
         delta_s, MARGIN, low, high, OUTPUT_LOW, OUTPUT_HIGH,
         first[:-1], first[-1], second[:-1], second[-1],
     )  # fmt: skip
 
 
-def _errors(model: MotionModel, watched: dict[str, tuple[Floats, Floats]]) -> dict[str, float]:
-    """Return a row of the curve: the model's errors on each side, NaN on a side without rows."""
+def _learning_curve_row(
+    model: MotionModel, sides: dict[str, tuple[Floats, Floats]]
+) -> dict[str, float]:
+    """Return a row of the learning curve: the model's errors on each side.
+
+    sides: inputs and outputs by name of the side; the errors of a side without rows are NaN.
+    """
     result: dict[str, float] = {}
-    for side, (inputs, outputs) in watched.items():
+    for side, (inputs, outputs) in sides.items():
         parts = [model.predict(inputs[at : at + _PART]) for at in range(0, len(inputs), _PART)]
         found = state_errors(np.concatenate(parts), outputs) if parts else {}
         result |= {f"{side}_{name}": found.get(name, math.nan) for name in COMPARED}

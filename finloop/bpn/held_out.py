@@ -10,7 +10,14 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.schema import Schema, columns
-from finloop.bpn.model import OUTPUT_HIGH, OUTPUT_LOW, OUTPUTS, MotionModel, Rows, type_class
+from finloop.bpn.model import (
+    OUTPUT_HIGH,
+    OUTPUT_LOW,
+    OUTPUTS,
+    LearningRows,
+    MotionModel,
+    round_swimming_types,
+)
 from finloop.features.swimming_type import WORDS
 
 HELD_OUT = Schema(
@@ -23,7 +30,7 @@ HELD_OUT = Schema(
 COMPARED = ("area_rmse", "type_rmse", "type_error_pct")
 
 
-def held_out_table(model: MotionModel, rows: Rows, held_out: Mask) -> pd.DataFrame:
+def held_out_table(model: MotionModel, rows: LearningRows, held_out: Mask) -> pd.DataFrame:
     """Return the table HELD_OUT: a model's predicted and the true states Δ after held-out rows.
 
     held_out: mask (n,) of `rows`.
@@ -32,8 +39,8 @@ def held_out_table(model: MotionModel, rows: Rows, held_out: Mask) -> pd.DataFra
     return pd.DataFrame(states, columns=HELD_OUT.names)
 
 
-def predict_linearly(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Floats:
-    """Fit linear least squares with an intercept, and predict outputs (n, 2) for `inputs` (n, 4).
+def predict_by_linear_fit(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Floats:
+    """Fit linear least squares with an intercept, and predict outputs (n, 2) for inputs (n, 4).
 
     train_inputs (m, 4), train_outputs (m, 2): the rows of the fit. Predictions are clipped to the
     range of the outputs.
@@ -47,13 +54,13 @@ def predict_linearly(train_inputs: Floats, train_outputs: Floats, inputs: Floats
 def state_errors(predicted: Floats, true: Floats) -> dict[str, float]:
     """Return the errors of predicted motion area and swimming type, by name.
 
-    predicted, true: (n, 2), columns OUTPUTS. area_rmse, type_rmse: root mean squares, of areas
-    0 … 1 and of types -1 … 1. type_error_pct, type_accuracy_pct: rows whose rounded type is wrong,
+    predicted, true: (n, 2), columns OUTPUTS. area_rmse, type_rmse: root mean squares, of areas 0 …
+    1 and of types -1 … 1. type_error_pct, type_accuracy_pct: rows whose rounded type is wrong,
     right. …_recall_pct: rows of one true type that are predicted as it; NaN if the type does not
     occur.
     """
     area, kind = np.sqrt(np.mean((predicted - true) ** 2, axis=0))
-    counts = confusion_matrix(predicted, true)
+    counts = count_confusions(predicted, true)
     with np.errstate(invalid="ignore"):
         recall = 100 * np.diag(counts) / counts.sum(1)
     wrong = 100 * (1 - np.trace(counts) / len(true))
@@ -69,16 +76,18 @@ def state_errors(predicted: Floats, true: Floats) -> dict[str, float]:
     }
 
 
-def confusion_matrix(predicted: Floats, true: Floats) -> Ints:
+def count_confusions(predicted: Floats, true: Floats) -> Ints:
     """Count rows by true type (first axis) and predicted type (second axis): (3, 3).
 
     predicted, true: (n, 2), columns OUTPUTS. Types are rounded, in the order straight, left, right.
     """
-    answer, truth = type_class(predicted[:, 1]), type_class(true[:, 1])
+    answer, truth = round_swimming_types(predicted[:, 1]), round_swimming_types(true[:, 1])
     return np.array([[np.sum((truth == a) & (answer == b)) for b in WORDS] for a in WORDS])
 
 
-def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> dict[str, float]:
+def assess_model(
+    model: MotionModel, rows: LearningRows, train: Mask, held_out: Mask
+) -> dict[str, float]:
     """Return a model's errors, its skills against the baselines, and numbers of rows, by name.
 
     train, held_out: masks (n,) of `rows`. A skill against a baseline without error is NaN. Without
@@ -90,7 +99,10 @@ def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> d
     skills: dict[str, float] = {}
     if held_out.any():
         own = results["held_out"] = state_errors(model.predict(inputs), outputs)
-        baselines = {"persistence": inputs[:, :2], "linear": predict_linearly(*training, inputs)}
+        baselines = {
+            "persistence": inputs[:, :2],
+            "linear": predict_by_linear_fit(*training, inputs),
+        }
         for baseline, predicted in baselines.items():
             errors = results[baseline] = state_errors(predicted, outputs)
             for name in COMPARED:

@@ -54,7 +54,7 @@ class MotionModel:
     output_bias: Floats  # (2,)
 
     def record(self) -> dict[str, Any]:
-        """Return the model as plain values that JSON can hold; `motion_model` restores it."""
+        """Return the model as values that JSON can hold; `restore_motion_model` restores it."""
         return _HEADER | {
             name: np.asarray(value, float).tolist() for name, value in vars(self).items()
         }
@@ -63,7 +63,7 @@ class MotionModel:
         """Predict the states (n, 2) Δ later from states and controls (n, 4), by Eq. 4.
 
         inputs: columns and units INPUTS; the result: OUTPUTS. Motion area is in 0 … 1, swimming
-        type a real number in -1 … 1: `type_class` rounds it.
+        type a real number in -1 … 1: `round_swimming_types` rounds it.
         """
         scaled = scale_to_unit(inputs, self.input_low, self.input_high)
         hidden = scipy.special.expit(scaled @ self.hidden_weights + self.hidden_bias)
@@ -78,7 +78,7 @@ _HEADER: dict[str, Any] = {
 }  # fmt: skip
 
 
-def motion_model(**content: Any) -> MotionModel:
+def restore_motion_model(**content: Any) -> MotionModel:
     """Restore a motion model from the fields of `MotionModel.record`.
 
     KeyError, TypeError or ValueError if a field is missing, of another size or out of range.
@@ -110,17 +110,17 @@ def scale_to_unit(values: Reals, low: Floats, high: Floats) -> Floats:
     return 2 * (np.clip(np.asarray(values, float), low, high) - low) / (high - low) - 1
 
 
-def type_class(swimming_type: Reals) -> NDArray[np.int8]:
+def round_swimming_types(swimming_type: Reals) -> NDArray[np.int8]:
     """Round swimming types (any shape) to -1 right, 0 straight or 1 left."""
     return np.rint(swimming_type).astype(np.int8)
 
 
-def input_range(inputs: Floats) -> tuple[Floats, Floats]:
+def find_input_range(inputs: Floats) -> tuple[Floats, Floats]:
     """Return the inputs, (4,) each, that the network scales to -1 and to 1.
 
     inputs (n, 4): columns and units INPUTS. Motion area and swimming type have fixed ranges.
-    Displacement and angle take theirs from the rows, without the extreme 1 %, so that a wild
-    frame does not squeeze the rest. 0° stays in the middle.
+    Displacement and angle take theirs from the rows, without the extreme 1 %, so that a wild frame
+    does not squeeze the rest. 0° stays in the middle.
     """
     near, far = np.quantile(inputs[:, 2], [_TAIL, 1 - _TAIL])
     wide = np.quantile(np.abs(inputs[:, 3]), 1 - _TAIL)
@@ -130,7 +130,7 @@ def input_range(inputs: Floats) -> tuple[Floats, Floats]:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class LearningRows:
     """The n rows that the network can learn from: inputs (n, 4), and outputs (n, 2) Δ later.
 
     Columns and units: INPUTS, OUTPUTS. track_id, frame: (n,) of the inputs; delta_frames: Δ in
@@ -144,7 +144,7 @@ class Rows:
     delta_frames: int
 
 
-def motion_rows(features: pd.DataFrame, delta_frames: int) -> Rows:
+def pair_rows_with_later(features: pd.DataFrame, delta_frames: int) -> LearningRows:
     """Pair every row of a feature table with the row of the same track Δ later.
 
     features: track_id, frame and the columns INPUTS; delta_frames: Δ in frames. A row without a
@@ -155,7 +155,7 @@ def motion_rows(features: pd.DataFrame, delta_frames: int) -> Rows:
     later = later.assign(frame=later["frame"] - delta_frames)
     both = now.merge(later, on=["track_id", "frame"], suffixes=("", "_later")).dropna()
     both = both.sort_values(["track_id", "frame"])
-    return Rows(
+    return LearningRows(
         both[list(INPUTS)].to_numpy(float),
         both[[f"{name}_later" for name in OUTPUTS]].to_numpy(float),
         both["track_id"].to_numpy(np.int64),
@@ -165,12 +165,12 @@ def motion_rows(features: pd.DataFrame, delta_frames: int) -> Rows:
 
 
 def split_by_blocks(
-    rows: Rows, block_frames: int, held_out: float, rng: np.random.Generator
+    rows: LearningRows, block_frames: int, held_out_share: float, rng: np.random.Generator
 ) -> tuple[Mask, Mask]:
     """Return masks (n,) of the rows to learn from and of those held out, by stretches of time.
 
-    block_frames: length of a stretch, which holds all tracks; held_out: about this share of the
-    rows, 0 … 1. A row whose window t … t + Δ reaches from one side into the other is in neither.
+    block_frames: length of a stretch, which holds all tracks; held_out_share: of the rows, about, 0
+    … 1. A row whose window t … t + Δ reaches from one side into the other is in neither.
     FinloopError if blocks are shorter than Δ, or rows too few.
     """
     if block_frames < rows.delta_frames:  # a window would reach over a whole block
@@ -188,15 +188,17 @@ def split_by_blocks(
             "at least two: one to learn from, one to hold out",
             "a smaller bpn.held_out_block_deltas, or a longer film",
         )
-    sample = _sample_groups(first, held_out, rng)
+    sample = _draw_groups(first, held_out_share, rng)
     begins, ends = np.isin(first, sample), np.isin(last, sample)
     return _require_rows(~begins & ~ends, begins & ends)
 
 
-def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tuple[Mask, Mask]:
+def split_by_tracks(
+    rows: LearningRows, held_out_share: float, rng: np.random.Generator
+) -> tuple[Mask, Mask]:
     """Return masks (n,) of the rows to learn from and of those held out, by whole tracks.
 
-    held_out: about this share of the rows, 0 … 1. FinloopError if there are too few tracks or rows.
+    held_out_share: of the rows, about, 0 … 1. FinloopError if there are too few tracks or rows.
     """
     tracks = len(np.unique(rows.track_id))
     if tracks < 2:
@@ -205,18 +207,18 @@ def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tu
             "at least two for bpn.held_out_by=tracks: one to learn from, one to hold out",
             "bpn.held_out_by=blocks, which splits by time",
         )
-    test = np.isin(rows.track_id, _sample_groups(rows.track_id, held_out, rng))
+    test = np.isin(rows.track_id, _draw_groups(rows.track_id, held_out_share, rng))
     return _require_rows(~test, test)
 
 
-def split_rows(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
-    """Return masks (n,) of the rows to learn from and of those held out, by "blocks" or "tracks".
+def split_rows(rows: LearningRows, split_by: str, p: BpnSettings) -> tuple[Mask, Mask]:
+    """Return masks (n,) of the rows to learn from and of those held out.
 
-    At most `p.most_rows` are learnt from: a random sample in a long film. FinloopError if the film
-    is too short.
+    split_by: "blocks" of time or whole "tracks". At most `p.most_rows` are learnt from: a random
+    sample in a long film. FinloopError if the film is too short.
     """
     rng = np.random.default_rng((p.seed, 0))
-    if by == "tracks":
+    if split_by == "tracks":
         train, held_out = split_by_tracks(rows, p.held_out_ratio, rng)
     else:
         least = rows.delta_frames + _LEAST_HELD_OUT
@@ -230,7 +232,7 @@ def split_rows(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
     return train, held_out
 
 
-def split_or_all(rows: Rows, p: BpnSettings) -> tuple[Mask, Mask]:
+def split_or_all(rows: LearningRows, p: BpnSettings) -> tuple[Mask, Mask]:
     """Return the masks (n,) of `split_rows` by `p.held_out_by`; too short a film holds no row out.
 
     FinloopError if the film has no rows, or if `p` is the reason for too few rows: whole tracks, or
@@ -246,8 +248,11 @@ def split_or_all(rows: Rows, p: BpnSettings) -> tuple[Mask, Mask]:
     return every, ~every
 
 
-def _sample_groups(group: Ints, share: float, rng: np.random.Generator) -> list[int]:
-    """Draw random groups with about a share of the rows: at least one group, and not all."""
+def _draw_groups(group: Ints, share: float, rng: np.random.Generator) -> list[int]:
+    """Draw random groups with about a share of the rows: at least one group, and not all.
+
+    group (n,): of each row; share: 0 … 1.
+    """
     groups, counts = np.unique(group, return_counts=True)
     sample: list[int] = []
     missing = share * len(group)

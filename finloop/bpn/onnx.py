@@ -19,7 +19,7 @@ _OPSET, _IR_VERSION = 17, 8  # of 2022: today's runtimes read them
 _TOLERANCE = 1e-4  # share of the range of an output; 32-bit rounding gives about a hundredth of it
 
 
-def to_onnx(model: MotionModel) -> onnx.ModelProto:
+def build_onnx_model(model: MotionModel) -> onnx.ModelProto:
     """Build the ONNX graph of `MotionModel.predict`: float32 (n, 4) → (n, 2), in physical units."""
     reach = (model.input_high - model.input_low) / 2
     span = (model.output_high - model.output_low) / (1 - 2 * model.margin)
@@ -70,14 +70,14 @@ def to_onnx(model: MotionModel) -> onnx.ModelProto:
     return proto
 
 
-def onnx_bytes(model: MotionModel) -> bytes:
+def export_onnx_bytes(model: MotionModel) -> bytes:
     """Convert a model to the bytes of an ONNX file, and check the graph against the model.
 
     FinloopError if their outputs differ by more than 1e-4 of their range.
     """
-    proto = to_onnx(model)
+    proto = build_onnx_model(model)
     onnx.checker.check_model(proto, full_check=True)
-    off = largest_difference(proto, model)
+    off = largest_output_difference(proto, model)
     if not off <= _TOLERANCE:
         raise FinloopError(
             f"the ONNX export is off by {off:g} of the range of an output",
@@ -87,7 +87,7 @@ def onnx_bytes(model: MotionModel) -> bytes:
     return proto.SerializeToString(deterministic=True)
 
 
-def largest_difference(proto: onnx.ModelProto, model: MotionModel) -> float:
+def largest_output_difference(graph: onnx.ModelProto, model: MotionModel) -> float:
     """Return the largest difference of a graph's outputs from the model's, over their range.
 
     Both predict from the corners of the input range, from beyond them, and from points spread over
@@ -98,6 +98,6 @@ def largest_difference(proto: onnx.ModelProto, model: MotionModel) -> float:
     corners = np.stack(np.meshgrid(*([[-1.0, 0.0, 0.5, 1.0, 2.0]] * len(low))), -1)
     points = low + np.vstack([shares, corners.reshape(-1, len(low))]) * (high - low)
     inputs = points.astype(np.float32)
-    answers: Any = ReferenceEvaluator(proto).run(None, {INPUT_NAME: inputs})
+    answers: Any = ReferenceEvaluator(graph).run(None, {INPUT_NAME: inputs})
     span = model.output_high - model.output_low
     return float(np.abs((answers[0] - model.predict(points)) / span).max())

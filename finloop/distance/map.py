@@ -73,7 +73,7 @@ class MapFacts:
     step_p95: float
 
 
-class Block(NamedTuple):
+class MapBlock(NamedTuple):
     """A rectangle of a distance map: its range of rows and its range of columns."""
 
     rows: slice
@@ -92,15 +92,18 @@ PicturePairs = tuple[Ints, Ints, NDArray[np.float32]]
 """Pairs of pictures (k,): the row numbers a and b in x, and their picture distance (Eq. 5)."""
 
 
-def about_mean(pictures: Picture) -> Picture:
-    """Return x (n, k): pictures (n, …) as rows, minus their mean; overwrite them to save memory."""
+def subtract_mean_picture(pictures: Picture) -> Picture:
+    """Return pictures (n, …) as rows (n, k) minus their mean; overwrite them to save memory."""
     x = pictures.reshape(len(pictures), -1)
     x -= x.mean(axis=0)
     return x
 
 
-def _pair_distances(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
-    """Return the picture distances (k,) (Eq. 5) between rows a (k,) and b (k,) of x."""
+def _distances_of_pairs(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
+    """Return the picture distances (k,) (Eq. 5) between rows a (k,) and b (k,) of x.
+
+    x (n, k): pictures as rows.
+    """
     distances = np.empty(len(a), np.float32)
     lot = max(1, _CHUNK // x.shape[1])
     for start in range(0, len(a), lot):
@@ -116,14 +119,14 @@ def full_distance_map(pictures: Picture) -> Picture:
     """Return the complete distance map (n, n) of pictures (n, …): Eq. 5 for all pairs."""
     x = pictures.reshape(len(pictures), -1)
     x = x - x.mean(axis=0)
-    norms = _norms(x)
+    norms = _squared_norms(x)
     distances = np.empty((len(x), len(x)), np.float32)
-    for rows in _lots(0, len(x), _SIDE):
-        for columns in _lots(rows.start, len(x), _SIDE):  # the map is symmetric
-            block = _distance_squares(x, norms, Block(rows, columns))
+    for rows in _split_range(0, len(x), _SIDE):
+        for columns in _split_range(rows.start, len(x), _SIDE):  # the map is symmetric
+            block = _squared_distances(x, norms, MapBlock(rows, columns))
             if rows == columns:
                 np.fill_diagonal(block, np.inf)  # not measured again
-            _sharpen(x, norms, Block(rows, columns), block)
+            _recompute_small_squares(x, norms, MapBlock(rows, columns), block)
             if rows == columns:  # a kernel may round a product and its transpose differently
                 block = np.triu(block, 1)
                 block += block.T
@@ -133,53 +136,67 @@ def full_distance_map(pictures: Picture) -> Picture:
     return distances
 
 
-def _lots(start: int, stop: int, most: int) -> Iterator[slice]:
-    """Yield successive slices of at most `most` numbers from `start` to `stop`."""
-    yield from (slice(a, min(a + most, stop)) for a in range(start, stop, most))
+def _split_range(start: int, stop: int, most_length: int) -> Iterator[slice]:
+    """Yield successive slices, at most `most_length` long, from `start` to `stop`."""
+    yield from (slice(a, min(a + most_length, stop)) for a in range(start, stop, most_length))
 
 
-def _norms(x: Picture) -> NDArray[np.float32]:
-    """Return squared norms (n,), summed in float64: einsum's float32 sums lose three digits."""
+def _squared_norms(x: Picture) -> NDArray[np.float32]:
+    """Return the squared norms (n,) of rows x (n, k).
+
+    They are summed in float64: einsum's float32 sums lose three digits.
+    """
     return np.einsum("nk,nk->n", x, x, dtype=np.float64).astype(np.float32)
 
 
-def _distance_squares(x: Picture, norms: NDArray[np.float32], at: Block) -> Picture:
-    """Return the squares of Eq. 5 in a block, as a matrix product leaves them."""
-    columns = x[at.columns].T
-    if at.rows == at.columns:
+def _squared_distances(x: Picture, norms: NDArray[np.float32], rectangle: MapBlock) -> Picture:
+    """Return the squares of Eq. 5 in a rectangle of the map, as a matrix product leaves them.
+
+    x (n, k): pictures as rows; norms (n,): squared.
+    """
+    columns = x[rectangle.columns].T
+    if rectangle.rows == rectangle.columns:
         columns = columns.copy()  # numpy is slow for a product with the same memory
-    block = x[at.rows] @ columns
+    block = x[rectangle.rows] @ columns
     block *= -2
-    block += norms[at.rows, None] + norms[at.columns]
+    block += norms[rectangle.rows, None] + norms[rectangle.columns]
     return np.maximum(block, 0, out=block)
 
 
-def _sharpen(x: Picture, norms: NDArray[np.float32], at: Block, block: Picture) -> None:
+def _recompute_small_squares(
+    x: Picture, norms: NDArray[np.float32], rectangle: MapBlock, block_squares: Picture
+) -> None:
     """Compute again, in place, the squares whose root would be off by more than EXACT.
 
-    An error e of a square d² is an error e / 2d of its root.
+    rectangle: of the map; block_squares: of the distances in it; x (n, k): pictures as rows; norms
+    (n,): squared. An error e of a square d² is an error e / 2d of its root.
     """
     share = _LOSS / (2 * EXACT)
-    if block.min() >= (share * (norms[at.rows].max() + norms[at.columns].max())) ** 2:
+    if (
+        block_squares.min()
+        >= (share * (norms[rectangle.rows].max() + norms[rectangle.columns].max())) ** 2
+    ):
         return
-    limit = norms[at.rows, None] + norms[at.columns]
+    limit = norms[rectangle.rows, None] + norms[rectangle.columns]
     limit *= share
-    close = block < np.square(limit, out=limit)
+    close = block_squares < np.square(limit, out=limit)
     count = np.count_nonzero(close)
-    if count > _MANY * block.size:  # a fish that does not move
-        wide = x[at.rows].astype(np.float64), x[at.columns].astype(np.float64)
+    if count > _MANY * block_squares.size:  # a fish that does not move
+        wide = x[rectangle.rows].astype(np.float64), x[rectangle.columns].astype(np.float64)
         squares = [np.einsum("nk,nk->n", w, w) for w in wide]
         exact = squares[0][:, None] + squares[1] - 2 * (wide[0] @ wide[1].T)
-        block[close] = np.maximum(exact[close], 0)
+        block_squares[close] = np.maximum(exact[close], 0)
     elif count:
         a, b = np.nonzero(close)
-        block[close] = _pair_distances(x, a + at.rows.start, b + at.columns.start) ** 2
+        block_squares[close] = (
+            _distances_of_pairs(x, a + rectangle.rows.start, b + rectangle.columns.start) ** 2
+        )
 
 
 # --- Eq. 6: like with like
 
 
-def frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
+def find_frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
     """Return the kind (n,) of each row as a number; Eq. 6 compares only equal kinds (Eq. 7).
 
     It stands for the swimming type, and in the pose FILM, where turned fish differ, also for the
@@ -189,15 +206,15 @@ def frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
     return 3 * features["orientation"].to_numpy(np.intp) * (pose == FILM) + swims
 
 
-def comparable_pairs(kind: Ints, area: Reals, threshold: float) -> Mask:
+def find_comparable_pairs(kind: Ints, area: Reals, threshold: float) -> Mask:
     """Return which pairs (n, n) Eq. 6 compares: equal kinds (Eq. 7), similar motion areas (Eq. 8).
 
-    kind (n,): from `frame_kinds`; threshold: the largest difference of motion areas (n,).
+    kind (n,): from `find_frame_kinds`; threshold: the largest difference of motion areas (n,).
     """
-    return (kind[:, None] == kind) & _similar_areas(area, area, threshold)
+    return (kind[:, None] == kind) & _have_similar_areas(area, area, threshold)
 
 
-def _similar_areas(a: Reals, b: Reals, threshold: float) -> Mask:
+def _have_similar_areas(a: Reals, b: Reals, threshold: float) -> Mask:
     """Return which pairs (n, m) of motion areas (n,) and (m,) differ by at most `threshold`."""
     return np.abs(a.astype(float)[:, None] - b.astype(float)) <= threshold
 
@@ -207,7 +224,7 @@ def sort_by_kind_and_area(kind: Ints, area: Reals) -> Ints:
     return np.lexsort((area, kind))
 
 
-def comparison_blocks(kind: Ints, area: Reals, threshold: float) -> Iterator[Block]:
+def find_comparison_blocks(kind: Ints, area: Reals, threshold: float) -> Iterator[MapBlock]:
     """Yield the blocks of the map that hold every pair a < b that Eq. 6 compares, each pair once.
 
     kind, area (n,): of frames sorted by `sort_by_kind_and_area`; threshold: as in Eq. 8.
@@ -215,14 +232,14 @@ def comparison_blocks(kind: Ints, area: Reals, threshold: float) -> Iterator[Blo
     area = area.astype(float)
     edges = [0, *(np.flatnonzero(np.diff(kind)) + 1), len(kind)]
     for start, stop in pairwise(edges):
-        for rows in _lots(start, stop, _BAND):
+        for rows in _split_range(start, stop, _BAND):
             # Slightly wider than the threshold: the exact test comes after the product.
             far = np.nextafter(area[rows.stop - 1] + threshold, np.inf)
             end = start + int(np.searchsorted(area[start:stop], far, "right"))
-            yield from (Block(rows, c) for c in _lots(rows.start, end, 8 * _BAND))
+            yield from (MapBlock(rows, c) for c in _split_range(rows.start, end, 8 * _BAND))
 
 
-def count_pairs(blocks: Iterable[Block]) -> int:
+def count_pairs(blocks: Iterable[MapBlock]) -> int:
     """Count the pairs a < b (row number less than column number) that lie in blocks."""
     count = 0
     for rows, columns in blocks:
@@ -232,23 +249,23 @@ def count_pairs(blocks: Iterable[Block]) -> int:
 
 
 def find_similar_pairs(
-    x: Picture, kind: Ints, area: Reals, threshold: float, most: float = np.inf
+    x: Picture, kind: Ints, area: Reals, threshold: float, most_distance: float = np.inf
 ) -> Iterator[PicturePairs]:
-    """Yield, block by block, the pairs a < b that Eq. 6 compares and that are at most `most` apart.
+    """Yield, block by block, the pairs a < b that Eq. 6 compares and that are near each other.
 
-    x: from `about_mean`; kind, area, threshold: as in `comparison_blocks`; most: a distance.
-    Memory does not grow with the number of pairs.
+    x: from `subtract_mean_picture`; kind, area, threshold: as in `find_comparison_blocks`;
+    most_distance: of a pair. Memory does not grow with the number of pairs.
     """
-    norms = _norms(x)
-    for at in comparison_blocks(kind, area, threshold):
-        block = _distance_squares(x, norms, at)
+    norms = _squared_norms(x)
+    for at in find_comparison_blocks(kind, area, threshold):
+        block = _squared_distances(x, norms, at)
         rows, columns = (np.arange(part.start, part.stop) for part in at)
-        compared = _similar_areas(area[at.rows], area[at.columns], threshold) & (
+        compared = _have_similar_areas(area[at.rows], area[at.columns], threshold) & (
             rows[:, None] < columns
         )
         block[~compared] = np.inf
-        _sharpen(x, norms, at, block)
-        a, b = np.nonzero(compared & (block <= most**2))
+        _recompute_small_squares(x, norms, at, block)
+        a, b = np.nonzero(compared & (block <= most_distance**2))
         yield rows[a], columns[b], np.sqrt(block[a, b])
 
 
@@ -270,21 +287,25 @@ def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
 # --- natural steps
 
 
-def step_table(features: pd.DataFrame, x: Picture, place: Ints, frames: int = 1) -> pd.DataFrame:
-    """Return the natural steps: Eq. 5 from each row to that `frames` later in its track.
+def natural_step_table(
+    features: pd.DataFrame, x: Picture, place: Ints, step_frames: int = 1
+) -> pd.DataFrame:
+    """Return the natural steps of a film: Eq. 5 from each row to a later frame of its track.
 
-    features (n rows); x: pictures as rows; place (n,): each row's place in x. Columns: track_id,
-    frame, step; step is NaN where the track has no such frame.
+    features (n rows); x: pictures as rows; place (n,): each row's place in x; step_frames: how much
+    later. Columns: track_id, frame, step; step is NaN where the track has no such frame.
     """
     here = features[["track_id", "frame"]]
-    follows = here["track_id"].diff(frames).eq(0) & here["frame"].diff(frames).eq(frames)
+    follows = here["track_id"].diff(step_frames).eq(0) & here["frame"].diff(step_frames).eq(
+        step_frames
+    )
     after = np.flatnonzero(follows)
     step = np.full(len(here), np.nan, np.float32)
-    step[after - frames] = _pair_distances(x, place[after - frames], place[after])
+    step[after - step_frames] = _distances_of_pairs(x, place[after - step_frames], place[after])
     return here.assign(step=step)
 
 
-def map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
+def find_map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
     """Return the feature rows (k,) that the distance map holds: those that STEPS lists."""
     here, there = (
         table["track_id"].to_numpy(np.int64) << 32 | table["frame"].to_numpy(np.int64)
@@ -293,7 +314,7 @@ def map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
     return np.flatnonzero(np.isin(here, there))
 
 
-def usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
+def measure_usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
     """Return the median and the 95th percentile of the natural steps (Eq. 5), column step of STEPS.
 
     FinloopError if the film does not move, or no frame follows another: then steps are no unit.
@@ -312,16 +333,18 @@ def usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
 # --- the comparison of a film
 
 
-def map_blocks(features: pd.DataFrame, p: DistanceSettings) -> list[Block]:
+def list_map_blocks(features: pd.DataFrame, p: DistanceSettings) -> list[MapBlock]:
     """Return the blocks of the distance map that `compare_frames` computes, in their order.
 
     Their rows and columns count the compared rows, sorted by `sort_by_kind_and_area`.
     """
-    _, _, kind, area = _sort_frames(features, p)
-    return list(comparison_blocks(kind, area, p.motion_area_threshold))
+    _, _, kind, area = _choose_and_sort_rows(features, p)
+    return list(find_comparison_blocks(kind, area, p.motion_area_threshold))
 
 
-def _sort_frames(features: pd.DataFrame, p: DistanceSettings) -> tuple[Ints, Ints, Ints, Reals]:
+def _choose_and_sort_rows(
+    features: pd.DataFrame, p: DistanceSettings
+) -> tuple[Ints, Ints, Ints, Reals]:
     """Return the rows to compare, their sorted order, and the kinds and areas in that order.
 
     The rows are all of the film, or stretches spread over a longer one.
@@ -330,7 +353,10 @@ def _sort_frames(features: pd.DataFrame, p: DistanceSettings) -> tuple[Ints, Int
     stretches = sample_stretches(track, max(2, most // _STRETCHES), most, seed=0)
     rows = np.concatenate([np.arange(stretch.start, stretch.stop) for stretch in stretches])
     features = features.iloc[rows]
-    kind, area = frame_kinds(features, p.frame_of_reference), features["motion_area_rel"].to_numpy()
+    kind, area = (
+        find_frame_kinds(features, p.frame_of_reference),
+        features["motion_area_rel"].to_numpy(),
+    )
     order = sort_by_kind_and_area(kind, area)
     return rows, order, kind[order], area[order]
 
@@ -344,21 +370,22 @@ def compare_frames(
     stretches are compared. FinloopError if the film does not move.
     """
     size, pose = p.picture_size_px, p.frame_of_reference
-    rows, order, kind, area = _sort_frames(film.features, p)
+    rows, order, kind, area = _choose_and_sort_rows(film.features, p)
     features, later = film.features.iloc[rows], natural_step_frames(film.features)
     # Pictures are in the sorted order, so a band is a slice and needs no copy.
-    x = about_mean(film.frames(rows[order], size, pose))
-    steps = step_table(features, x, np.argsort(order), later)
+    x = subtract_mean_picture(film.frames(rows[order], size, pose))
+    steps = natural_step_table(features, x, np.argsort(order), later)
     steps["headed"] = steps["step"]
     if pose == FILM:
-        headed = about_mean(film.frames(rows, size, BODY))
-        steps["headed"] = step_table(features, headed, np.arange(len(rows)), later)["step"]
+        headed = subtract_mean_picture(film.frames(rows, size, BODY))
+        steps["headed"] = natural_step_table(features, headed, np.arange(len(rows)), later)["step"]
         del headed  # as large as x
     steps["as_filmed"] = film.steps(size, FILM, rows)
-    median, p95 = usual_steps(steps)
+    median, p95 = measure_usual_steps(steps)
     most = np.inf if p.max_distance_steps is None else p.max_distance_steps * median
 
     def with_progress() -> Iterator[PicturePairs]:
+        """Yield the similar pairs, block by block, and report each block."""
         for pairs in find_similar_pairs(x, kind, area, p.motion_area_threshold, most):
             yield pairs
             advance()

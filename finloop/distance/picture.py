@@ -20,20 +20,20 @@ FILM, BODY = "film", "body"
 SPAN = 1.5  # body lengths across a centred picture: room for a fish in any direction
 
 
-def centre_cutout(
-    cutout: Cutout, centre_px: ArrayLike, length_px: float, size: int, turn_deg: float = 0.0
+def draw_centred_cutout(
+    cutout: Cutout, centre_px: ArrayLike, length_px: float, size_px: int, turn_deg: float = 0.0
 ) -> NDArray[np.float32]:
-    """Draw a film cut-out in the middle of a picture (size, size, channels), 0 … 1.
+    """Draw a film cut-out in the middle of a picture (size_px, size_px, channels), 0 … 1.
 
     centre_px: x, y of its mass centre in the film; length_px: its body length there (all fish come
     out equally long); turn_deg: turns it anticlockwise as seen.
     """
     centre = (np.asarray(centre_px, float) - (cutout.x0_px, cutout.y0_px)).tolist()
-    scale = size / (SPAN * length_px)
+    scale = size_px / (SPAN * length_px)
     matrix = cv2.getRotationMatrix2D(centre, turn_deg, scale)
-    matrix[:, 2] += (size - 1) / 2 - np.array(centre)
+    matrix[:, 2] += (size_px - 1) / 2 - np.array(centre)
     source = blur_for_shrinking(cutout.pixels.astype(np.float32) / 255, scale)
-    return cv2.warpAffine(source, matrix, (size, size), flags=cv2.INTER_LINEAR)
+    return cv2.warpAffine(source, matrix, (size_px, size_px), flags=cv2.INTER_LINEAR)
 
 
 def blur_for_shrinking(pixels: NDArray[Any], scale: float) -> NDArray[Any]:
@@ -45,7 +45,7 @@ def blur_for_shrinking(pixels: NDArray[Any], scale: float) -> NDArray[Any]:
     return cv2.GaussianBlur(pixels, (0, 0), 0.4 / scale) if scale < 0.75 else pixels
 
 
-def typical_length(features: pd.DataFrame) -> pd.Series:
+def typical_lengths_px(features: pd.DataFrame) -> pd.Series:
     """Return the typical length [px] of the animal in each row of the feature table.
 
     It is the track's median, drawn towards the mean of all tracks as far as it is uncertain: a
@@ -66,11 +66,11 @@ def typical_length(features: pd.DataFrame) -> pd.Series:
     if len(rows) > 1 and halves.shape[1] == 2:
         square = (halves[True] - halves[False]).fillna(0.0) ** 2
         kappa = float((square * rows**2).sum() / (4 * rows.sum()))
-        medians = _shrunk(medians, kappa / rows) if kappa else medians
+        medians = _shrink_to_mean(medians, kappa / rows) if kappa else medians
     return track.map(medians)
 
 
-def _shrunk(values: pd.Series, variance: pd.Series) -> pd.Series:
+def _shrink_to_mean(values: pd.Series, variance: pd.Series) -> pd.Series:
     """Return values (k,) of known variances, shrunk towards their mean (empirical Bayes)."""
     weight = 1 / variance
     mean = float((weight * values).sum() / weight.sum())
@@ -81,17 +81,17 @@ def _shrunk(values: pd.Series, variance: pd.Series) -> pd.Series:
     return mean + between * weight * (values - mean)
 
 
-def distance_pair_by_pair(a: Reals, b: Reals) -> Floats:
+def paired_distances(a: Reals, b: Reals) -> Floats:
     """Return the distances (…) (Eq. 5) of pictures a, b (…, size, size, channels), pair by pair."""
     return np.linalg.norm((a - b).reshape(*np.shape(a)[:-3], -1), axis=-1).astype(float)
 
 
 def successive_distances(pictures: Reals) -> Floats:
     """Return the distances (n − 1,) (Eq. 5) from each of n pictures to the next."""
-    return distance_pair_by_pair(pictures[1:], pictures[:-1])
+    return paired_distances(pictures[1:], pictures[:-1])
 
 
-def distance(a: NDArray[np.float32], b: NDArray[np.float32]) -> Floats:
+def all_distances(a: NDArray[np.float32], b: NDArray[np.float32]) -> Floats:
     """Return the distances (n, m) (Eq. 5) between all pictures a (n, …) and all b (m, …).
 
     For whole films `finloop.distance.map` computes them, by matrix products.

@@ -15,7 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from finloop.base.arrays import Floats, Mask, Reals
 from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.errors import FinloopError
-from finloop.distance.picture import BODY, centre_cutout, successive_distances, typical_length
+from finloop.distance.picture import (
+    BODY,
+    draw_centred_cutout,
+    successive_distances,
+    typical_lengths_px,
+)
 from finloop.features.table import count_orientations, natural_step_frames, orientation_heading_deg
 
 Pictures = NDArray[np.float32]
@@ -25,7 +30,7 @@ _KEY = ["track_id", "frame"]
 _LOT = 500  # pictures at a time
 
 
-def sprite_row(sprite: int, orientation: int, orientations: int) -> int:
+def sprite_store_row(sprite: int, orientation: int, orientations: int) -> int:
     """Return the row of a sprite in an orientation (1 … orientations) in the store of sprites."""
     return sprite * orientations + orientation - 1
 
@@ -47,6 +52,7 @@ class Reel:
     size: float = 1.0
 
     def __post_init__(self) -> None:
+        """Raise FinloopError if tables and stores are not of one film."""
         keys = self.features[_KEY].to_numpy()
         problems = []
         if not np.array_equal(keys, self.film.index[_KEY].to_numpy()):
@@ -58,7 +64,7 @@ class Reel:
                 problems.append(f"{len(self.sprites)} sprites are of other frames than they say")
         if self.store is not None:
             index, count = self.store.index, self.orientations
-            rows = sprite_row(index["sprite"], index["orientation"], count)
+            rows = sprite_store_row(index["sprite"], index["orientation"], count)
             if not np.array_equal(rows, np.arange(len(self.sprites) * count)):
                 problems.append(
                     f"{len(self.store)} pictures of sprites, wanted {len(self.sprites)} sprites in "
@@ -72,14 +78,15 @@ class Reel:
             )
 
     def __len__(self) -> int:
+        """Return the number of rows: fish in all frames together."""
         return len(self.features)
 
-    def scale_to(self, size: float) -> "Reel":
-        """Return the same film and sprites, drawn `size` times as large as filmed."""
+    def scale_to(self, times_filmed: float) -> "Reel":
+        """Return this film and its sprites, drawn `times_filmed` times as large as filmed."""
         sprites = self.sprites
         if len(sprites):
-            sprites = sprites.assign(scale=sprites["scale"] * (size / self.size))
-        return replace(self, sprites=sprites, size=size)
+            sprites = sprites.assign(scale=sprites["scale"] * (times_filmed / self.size))
+        return replace(self, sprites=sprites, size=times_filmed)
 
     @property
     def orientations(self) -> int:
@@ -96,7 +103,7 @@ class Reel:
     @cached_property
     def lengths_px(self) -> Reals:
         """Return the typical body length (n,) [px], as filmed, of the animal in each row."""
-        return typical_length(self.features).to_numpy()
+        return typical_lengths_px(self.features).to_numpy()
 
     @cached_property
     def centres_px(self) -> Reals:
@@ -116,51 +123,54 @@ class Reel:
         first = np.flatnonzero((keys[frames:] - keys[:-frames] == (0, frames)).all(axis=1))
         return first, first + frames
 
-    def next_rows(self, row: ArrayLike) -> Rows:
+    def next_rows(self, rows_now: ArrayLike) -> Rows:
         """Return the row (…) of each row's next frame; at the end of a track the row itself."""
-        rows = np.asarray(row, np.intp)
+        rows = np.asarray(rows_now, np.intp)
         return rows + self.goes_on[rows]
 
     # --- pictures
 
-    def frame(self, row: int, size: int, length_px: float, turn_deg: float) -> Pictures:
-        """Return a row's centred picture (size, size, channels), turned anticlockwise as seen.
+    def frame(self, row: int, size_px: int, length_px: float, turn_deg: float) -> Pictures:
+        """Draw a row's fish in the middle of a picture, turned anticlockwise as seen.
 
-        length_px: its body length as filmed; all fish come out equally long. Values are 0 … 1.
+        The picture is (size_px, size_px, channels), 0 … 1. length_px: the fish's body length as
+        filmed; all fish come out equally long.
         """
-        return centre_cutout(self.film[int(row)], self.centres_px[row], length_px, size, turn_deg)
+        return draw_centred_cutout(
+            self.film[int(row)], self.centres_px[row], length_px, size_px, turn_deg
+        )
 
-    def frames(self, rows: Rows, size: int, pose: str) -> Pictures:
-        """Return centred pictures (k, size, size, channels), 0 … 1, of rows (k,), at least one.
+    def frames(self, rows: Rows, size_px: int, pose: str) -> Pictures:
+        """Draw the fish of rows (k,), at least one, each in the middle of a picture.
 
-        pose: FILM, as filmed, or BODY, turned to head right. All fish come out equally long, by the
-        typical length of the animal.
+        The pictures are (k, size_px, size_px, channels), 0 … 1. pose: FILM, as filmed, or BODY,
+        turned to head right. All fish come out equally long, by the typical length of the animal.
         """
         heading = self.features["heading_deg"].to_numpy(float)[rows] * (pose == BODY)
-        return self.align_pictures(rows, heading, size)
+        return self.align_pictures(rows, heading, size_px)
 
-    def align_pictures(self, rows: Rows, heading_deg: Reals, size: int) -> Pictures:
-        """Return centred pictures (k, size, size, channels), 0 … 1, of rows (k,), turned.
+    def align_pictures(self, rows: Rows, heading_deg: Reals, size_px: int) -> Pictures:
+        """Draw the fish of rows (k,), each turned so that a direction in the film points right.
 
-        heading_deg (k,): the direction in the film that points right in each picture.
+        heading_deg (k,): that direction. The pictures are (k, size_px, size_px, channels), 0 … 1.
         """
         channels = self.film[0].pixels.shape[2]
         # A list would double the memory.
-        pictures = np.empty((len(rows), size, size, channels), np.float32)
+        pictures = np.empty((len(rows), size_px, size_px, channels), np.float32)
         for number, (row, heading) in enumerate(zip(rows.tolist(), heading_deg, strict=True)):
-            pictures[number] = self.frame(row, size, self.lengths_px[row], -heading)
+            pictures[number] = self.frame(row, size_px, self.lengths_px[row], -heading)
         return pictures
 
-    def steps(self, size: int, pose: str, rows: Rows | None = None) -> Floats:
-        """Return the picture distance (k,) (Eq. 5) from each row to the next one of `rows`.
+    def steps(self, size_px: int, pose: str, rows: Rows | None = None) -> Floats:
+        """Return the picture distance (k,) (Eq. 5) from each of some rows to the next one of them.
 
-        rows (k,): rising, None for all; size: px, side of the pictures; pose: FILM or BODY. NaN
+        rows (k,): rising, None for all; size_px: side of the pictures; pose: FILM or BODY. NaN
         where the next one is not the next frame of the same track.
         """
         rows = np.arange(len(self)) if rows is None else rows
         step = np.full(len(rows), np.nan)
         for start in range(0, len(rows) - 1, _LOT):
-            lot = self.frames(rows[start : start + _LOT + 1], size, pose)
+            lot = self.frames(rows[start : start + _LOT + 1], size_px, pose)
             step[start : start + len(lot) - 1] = successive_distances(lot)
         step[:-1][(np.diff(rows) != 1) | ~self.goes_on[rows[:-1]]] = np.nan
         return step
@@ -171,7 +181,7 @@ class Reel:
         """Return the stored cut-out of sprite `number` in an orientation, 1 …."""
         if self.store is None:
             raise ValueError("this reel has no sprites")
-        return self.store[sprite_row(int(number), int(orientation), self.orientations)]
+        return self.store[sprite_store_row(int(number), int(orientation), self.orientations)]
 
     @cached_property
     def sprite_centres_px(self) -> Reals:
@@ -184,22 +194,25 @@ class Reel:
         return self.length_px / self.sprites["scale"].to_numpy()
 
     def sprite_picture(
-        self, number: int, size: int, orientation: int = 1, turn_deg: float = 0.0
+        self, number: int, size_px: int, orientation: int = 1, turn_deg: float = 0.0
     ) -> Pictures:
-        """Return a sprite's centred picture (size, size, channels) in an orientation.
+        """Draw a sprite in an orientation in the middle of a picture.
 
-        turn_deg: turns it further, anticlockwise as seen. Values are 0 … 1.
+        The picture is (size_px, size_px, channels), 0 … 1. turn_deg: turns the sprite further,
+        anticlockwise as seen.
         """
         centre, length = self.sprite_centres_px[number], self._sprite_lengths_px[number]
-        return centre_cutout(self.sprite(number, orientation), centre, length, size, turn_deg)
+        return draw_centred_cutout(
+            self.sprite(number, orientation), centre, length, size_px, turn_deg
+        )
 
-    def sprite_pictures(self, size: int, orientation: int = 1) -> Pictures:
-        """Return pictures (s, size, size, channels), 0 … 1, of all sprites in an orientation."""
+    def sprite_pictures(self, size_px: int, orientation: int = 1) -> Pictures:
+        """Draw all sprites in an orientation: pictures (s, size_px, size_px, channels), 0 … 1."""
         numbers = range(len(self.sprites))
-        return np.stack([self.sprite_picture(number, size, orientation) for number in numbers])
+        return np.stack([self.sprite_picture(number, size_px, orientation) for number in numbers])
 
-    def after_sprites(self, size: int, orientation: int = 1) -> Pictures:
-        """Return pictures (s, size, size, channels) of what the film shows after each sprite.
+    def after_sprites(self, size_px: int, orientation: int = 1) -> Pictures:
+        """Draw what the film shows after each sprite: pictures (s, size_px, size_px, channels).
 
         They are turned, and mirrored, as the next sprite would be in this orientation. At the end
         of a track it is the sprite's own frame.
@@ -210,6 +223,6 @@ class Reel:
             row, side = int(sprite.row), -1 if sprite.mirrored else 1
             turn = -sprite.heading_deg - side * sprite.turn_deg * self.goes_on[row]
             # A mirrored one is turned to the right, mirrored there, and its mirror turned on.
-            picture = self.frame(int(self.next_rows(row)), size, length, turn + side * ahead)
+            picture = self.frame(int(self.next_rows(row)), size_px, length, turn + side * ahead)
             pictures.append(picture[::side])
         return np.stack(pictures)

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints
-from finloop.distance.picture import SPAN, centre_cutout, distance_pair_by_pair
+from finloop.distance.picture import SPAN, draw_centred_cutout, paired_distances
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies, Body
 from finloop.edit.joins import BendingTest
@@ -46,8 +46,10 @@ class Pictures:
         if kind == FRAME and mirrored:
             heading = float(self.bodies.heading_deg[source])
             turn = -turn - 2 * heading
-            return centre_cutout(cutout, centre, reel.length_px / scale, self.size, turn)[::-1]
-        return centre_cutout(cutout, centre, reel.length_px / scale, self.size, turn)
+            return draw_centred_cutout(cutout, centre, reel.length_px / scale, self.size, turn)[
+                ::-1
+            ]
+        return draw_centred_cutout(cutout, centre, reel.length_px / scale, self.size, turn)
 
     def target_pose(self, body: Body, scale: float, codes: Floats, turn_deg: float = 0.0) -> Pose:
         """Return the pose, in px of the picture, that draws a body in the posture of codes (c,).
@@ -87,7 +89,7 @@ class Pictures:
         )
         other_picture = self.draw_body(bodies[1], wanted)
         bent, plain = (
-            distance_pair_by_pair(self.draw_body(bodies[0], pose), other_picture)
+            paired_distances(self.draw_body(bodies[0], pose), other_picture)
             for pose in (wanted, own)
         )
         return bool(bent < plain)
@@ -112,7 +114,7 @@ def cross_fade_distance(row: Any, pictures: Pictures) -> float:
     row: a row of an edit list as a named tuple, with `weight` > 0.
     """
     own, partner = (pictures(*name(row)) for name in (row_picture, row_partner))
-    return float(distance_pair_by_pair(own, partner))
+    return float(paired_distances(own, partner))
 
 
 def remove_ghost_fades(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
@@ -140,7 +142,7 @@ def drawn_step_distances(edit: pd.DataFrame, pictures: Pictures) -> Floats:
     Joins, poses and cross-fades are included.
     """
     drawn = pairwise(draw_edit_list(edit, pictures))
-    return np.array([float(distance_pair_by_pair(after, before)) for before, after in drawn])
+    return np.array([float(paired_distances(after, before)) for before, after in drawn])
 
 
 def draw_edit_list(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
@@ -181,7 +183,7 @@ def measure_discontinuities(
                 continue
         elif now.kind == SPRITE and now.source == next_sprite[before.source]:
             continue
-        distances.append(float(distance_pair_by_pair(*_draw_join(before, now, pictures))))
+        distances.append(float(paired_distances(*_draw_join(before, now, pictures))))
         ticks.append(tick)
     return np.array(distances), np.array(ticks, np.intp)
 

@@ -9,9 +9,9 @@ frame, are its spread. So a fish swims like the filmed ones, but along new route
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "film": ["FilmStates", "film_states"],
+    "film": ["FilmStates", "compute_film_states"],
     "learning": ["train_predictor"],
     "model": ["Forecast"],
-    "neighbours": ["similar_rows"],
-    "sampling": ["RolloutState", "start_at_row", "step"],
+    "neighbours": ["build_similarity_graph"],
+    "sampling": ["RolloutState", "start_at_row", "step_fish"],
 })  # fmt: skip

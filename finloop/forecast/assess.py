@@ -15,7 +15,7 @@ from finloop.base.schema import Column, Schema, columns
 from finloop.features.area import measure_bend
 from finloop.forecast.film import MOTION, FilmStates, Partition
 from finloop.forecast.model import Forecast
-from finloop.forecast.sampling import RolloutState, Sampler, draw_next_row, start_at_row, step
+from finloop.forecast.sampling import RolloutState, Sampler, draw_next_row, start_at_row, step_fish
 from finloop.puppet.pose import Pose, backbone_steps
 
 HELD_OUT = Schema(
@@ -39,7 +39,7 @@ _PRIOR = 4.0  # rows of the whole film that count beside an ensemble's own, in i
 _LEAST = 5  # least members of an ensemble
 
 
-class Ensemble(NamedTuple):
+class PredictedEnsembles(NamedTuple):
     """Predicted states after k held-out rows, each from an ensemble of similar film motions.
 
     rows: (k,) of the film. mean, spread: (k, d), of a row's members; rank: (k, d), the share of
@@ -55,7 +55,7 @@ class Ensemble(NamedTuple):
 
 def predict_ensembles(
     film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator
-) -> Ensemble:
+) -> PredictedEnsembles:
     """Predict the states after held-out rows, each by an ensemble built from training rows alone.
 
     A member is the network's mean plus the film's departure from it after a similar training row;
@@ -81,14 +81,14 @@ def predict_ensembles(
         spreads.append(np.sqrt(variance))
         ranks.append(below / (len(similar) + 1))
     d = len(film.scale)
-    return Ensemble(
+    return PredictedEnsembles(
         np.array(rows, np.int64),
         *(np.array(part).reshape(-1, d) for part in (means, spreads, ranks)),
     )
 
 
 def measure_predictions(
-    film: FilmStates, ensemble: Ensemble, swim: Sampler, parts: Partition
+    film: FilmStates, ensemble: PredictedEnsembles, swim: Sampler, parts: Partition
 ) -> dict[str, float]:
     """Return errors, log likelihoods and coverage of predictions on held-out rows, by name.
 
@@ -139,7 +139,9 @@ def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
     return past[:, 0]
 
 
-def control_slopes(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict[str, float]:
+def measure_control_slopes(
+    swim: Sampler, film: FilmStates, rng: np.random.Generator
+) -> dict[str, float]:
     """Return how well a fish follows controls over Δ: slopes of its motion against the control.
 
     displacement_slope, angle_slope: 1 if it does as controlled, 0 if it ignores the control; left
@@ -155,7 +157,7 @@ def control_slopes(swim: Sampler, film: FilmStates, rng: np.random.Generator) ->
         past, follows = start_at_row(swim, row).past, draw_next_row(swim, row, control, rng)
         state, moves = RolloutState(past, follows), []
         for _ in range(delta):
-            state = step(swim, state, control, rng)
+            state = step_fish(swim, state, control, rng)
             moves.append(state.past[0, -MOTION:] * step_s)
         ahead, left, turn = np.transpose(moves)
         heading = np.cumsum(turn)
@@ -170,34 +172,34 @@ def control_slopes(swim: Sampler, film: FilmStates, rng: np.random.Generator) ->
     }
 
 
-def motion_area(postures: Floats) -> Floats:
+def posture_motion_areas(postures: Floats) -> Floats:
     """Return the motion area (k,) [BL²] of postures (k, 2 + 2 n): between body and chord (§2.2)."""
     none = np.zeros(len(postures))
     lines = Pose(none, none, none, none + 1, postures).backbone_px()
     return np.abs(measure_bend(lines, backbone_steps(postures).sum(1)))
 
 
-def held_out_table(ensemble: Ensemble) -> pd.DataFrame:
+def rank_table(ensemble: PredictedEnsembles) -> pd.DataFrame:
     """Return the table HELD_OUT: the ranks of the true first code and speeds, per held-out row."""
     ranks = dict(zip(HELD_OUT.names[1:], ensemble.rank[:, [0, -3, -2, -1]].T, strict=True))
     return pd.DataFrame({"row": ensemble.rows, **ranks})
 
 
-def free_table(states: Floats, rows: Ints) -> pd.DataFrame:
-    """Return the table FREE of a free swim, with states (t, d) and rows (t,) from `free_run`."""
+def free_swim_table(states: Floats, rows: Ints) -> pd.DataFrame:
+    """Return the table FREE of a free swim, with states (t, d) and rows (t,) from `swim_freely`."""
     return pd.DataFrame({
         "row": rows, "forward": states[:, -3], "sideways": states[:, -2], "turning": states[:, -1],
         "pose": states[:, 0],
     })  # fmt: skip
 
 
-def measure_free_run(
+def compare_free_swim(
     states: Floats, rows: Ints, film: FilmStates, swim: Sampler
 ) -> dict[str, float]:
     """Compare a free swim with the film: its spread, how often it is clamped, its longest repeats.
 
-    states (t, d), rows (t,): from `free_run`. …_spread_of_film: standard deviation over the film's;
-    free_clamped_pct: ticks at the edge of the film's range; …_repeat_s: seconds.
+    states (t, d), rows (t,): from `swim_freely`. …_spread_of_film: standard deviation over the
+    film's; free_clamped_pct: ticks at the edge of the film's range; …_repeat_s: seconds.
     """
     usual = film.states[film.rows]
     clamped = (states <= swim.low) | (states >= swim.high)
@@ -207,12 +209,12 @@ def measure_free_run(
         "free_forward_spread_of_film": float(spread[-3]),
         "free_turning_spread_of_film": float(spread[-1]),
         "free_clamped_pct": float(100 * clamped.any(1).mean()),
-        "free_longest_exact_repeat_s": longest_repeat(states.round(9)) / film.rate_hz,
-        "free_longest_row_repeat_s": longest_repeat(rows[:, None]) / film.rate_hz,
+        "free_longest_exact_repeat_s": longest_repeat_rows(states.round(9)) / film.rate_hz,
+        "free_longest_row_repeat_s": longest_repeat_rows(rows[:, None]) / film.rate_hz,
     }
 
 
-def longest_repeat(values: NDArray[np.generic]) -> int:
+def longest_repeat_rows(values: NDArray[np.generic]) -> int:
     """Return the length, in rows, of the longest run of `values` (n, k) that occurs twice.
 
     The second occurrence begins after the first ends.

@@ -16,7 +16,7 @@ import pandas as pd
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.axes import to_body_axes
 from finloop.base.errors import FinloopError
-from finloop.distance.picture import typical_length
+from finloop.distance.picture import typical_lengths_px
 from finloop.features.current import places_through_water
 from finloop.features.memory import held_out_block_frames, measure_memory_frames
 from finloop.features.table import infer_delta_frames
@@ -69,20 +69,23 @@ class FilmStates:
         return self.states[np.asarray(rows)[:, None] - self.lags]
 
 
-def film_states(
+def compute_film_states(
     features: pd.DataFrame, codes: Reals, mirror: Reals | None, rate_hz: float, p: ForecastSettings
 ) -> FilmStates:
     """Compute the states and controls of all rows of a film and of their mirror images.
 
-    codes: (n, c) of the rows' postures, the most important first; mirror: from `posture_mirror`.
-    FinloopError if too few rows have a past and a future, or no fish turns or moves in them.
+    codes: (n, c) of the rows' postures, the most important first; mirror: from
+    `posture_mirror_matrix`. FinloopError if too few rows have a past and a future, or no fish turns
+    or moves in them.
     """
     delta, n = infer_delta_frames(features), len(features)
     track, frame = (features[name].to_numpy(np.int64) for name in ("track_id", "frame"))
     lags = np.unique(np.round(np.array(p.lags) * delta)).astype(np.int64)
     square = (np.asarray(codes, float) ** 2).mean(0).cumsum()
     c = 1 + int(np.searchsorted(square, p.pose_variance_ratio * square[-1]))
-    states = np.concatenate([np.asarray(codes, float)[:, :c], _motion(features, rate_hz)], 1)
+    states = np.concatenate(
+        [np.asarray(codes, float)[:, :c], _measure_speeds(features, rate_hz)], 1
+    )
     angle = np.radians(features["included_angle_deg"].to_numpy(float))
     control = np.stack([features["displacement"].to_numpy(float), angle], 1)
     place = np.arange(n) - np.searchsorted(track, track)
@@ -117,7 +120,7 @@ def film_states(
     )  # fmt: skip
 
 
-def posture_mirror(poses: FilmPoses, look: Reals) -> Reals | None:
+def posture_mirror_matrix(poses: FilmPoses, look: Reals) -> Reals | None:
     """Return the matrix (c, c) that mirrors posture codes; None if the fish may not be mirrored.
 
     look: light and skin (table LOOK); it has more rows than `poses` if the fish may be mirrored.
@@ -125,11 +128,14 @@ def posture_mirror(poses: FilmPoses, look: Reals) -> Reals | None:
     return poses.shapes.mirror_matrix if len(look) > len(poses.codes) else None
 
 
-def _motion(features: pd.DataFrame, rate_hz: float) -> Floats:
-    """Return forward, sideways and turning speed (n, 3); NaN at a track's first row."""
+def _measure_speeds(features: pd.DataFrame, rate_hz: float) -> Floats:
+    """Return the forward and sideways [body lengths/s] and turning speed [rad/s] of rows, (n, 3).
+
+    They are NaN at a track's first row. rate_hz: frames per second.
+    """
     place = places_through_water(features)
     heading = np.radians(features["heading_deg"].to_numpy(float))
-    length = typical_length(features).to_numpy(float)
+    length = typical_lengths_px(features).to_numpy(float)
     step, turn = (np.diff(values, axis=0, prepend=values[:1]) for values in (place, heading))
     travel = to_body_axes(step, np.append(heading[:1], heading[:-1])) / length[:, None]
     motion = np.column_stack([travel, np.angle(np.exp(1j * turn))]) * rate_hz

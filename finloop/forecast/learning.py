@@ -26,10 +26,11 @@ _STEADY = 0.3  # share of the noise that differs between lags; the rest shifts t
 class _Network(nn.Module):
     """The network g, averaged with its mirror image; inputs in units of their scales."""
 
-    def __init__(self, film: FilmStates, hidden: int) -> None:
+    def __init__(self, film: FilmStates, hidden_units: int) -> None:
+        """Build layers for a film's states and controls, which at first predict no change."""
         super().__init__()
         d = len(film.scale)
-        sizes = (len(film.lags) * d + CONTROL, hidden, hidden, d)
+        sizes = (len(film.lags) * d + CONTROL, hidden_units, hidden_units, d)
         first, second, third = (nn.Linear(before, after) for before, after in pairwise(sizes))
         nn.init.zeros_(third.bias)
         third.weight.data *= 0.1  # at first nothing changes
@@ -40,10 +41,12 @@ class _Network(nn.Module):
         self.double()
 
     def forward(self, past: Tensor, control: Tensor) -> Tensor:
+        """Predict the next states (m, d) from pasts (m, l, d) and controls (m, 2)."""
         mirrored = self.change(past @ self.mirror, control * self.side) @ self.mirror
         return past[:, 0] + 0.5 * (self.change(past, control) + mirrored)
 
     def change(self, past: Tensor, control: Tensor) -> Tensor:
+        """Return the change of state (m, d) that g predicts without its mirror image."""
         x = torch.cat([past.flatten(1), control], 1)
         for layer in self.layers[:2]:
             x = nn.functional.silu(layer(x))
@@ -62,22 +65,22 @@ def train_predictor(
     train_error, held_out_error, mean squares; 1 is the error of persistence. advance(): called
     after each epoch.
     """
-    with _one_thread(p.seed) as chance:
+    with _torch_on_one_thread(p.seed) as chance:
         network = _Network(film, p.hidden_units)
-        train, held_out = (_tensors(film, rows) for rows in (parts.train, parts.held_out))
+        train, held_out = (_make_sample(film, rows) for rows in (parts.train, parts.held_out))
         weight = 1 / ((train[0][:, 0] - train[2]).square().mean(0) + _FLOOR)
         adam = torch.optim.AdamW(
             network.parameters(), lr=p.learning_rate, weight_decay=p.weight_decay
         )
-        curve = [_errors(network, weight, train, held_out)]
-        best, wait = _copy(network), 0
+        curve = [_mean_square_errors(network, weight, train, held_out)]
+        best, wait = _copy_weights(network), 0
         for _ in range(p.epochs):
-            _learn_once(network, adam, (train, weight), p, chance)
-            curve.append(_errors(network, weight, train, held_out))
+            _learn_epoch(network, adam, (train, weight), p, chance)
+            curve.append(_mean_square_errors(network, weight, train, held_out))
             advance()
             wait += 1
             if curve[-1]["held_out_error"] < min(row["held_out_error"] for row in curve[:-1]):
-                best, wait = _copy(network), 0
+                best, wait = _copy_weights(network), 0
             if wait >= p.patience:
                 break
     weights = {name: value.numpy().astype(np.float32) for name, value in best.items()}
@@ -93,8 +96,8 @@ Sample = tuple[Tensor, Tensor, Tensor]
 """Pasts (m, l, d), controls (m, 2) and next states (m, d), in units of their scales."""
 
 
-def _tensors(film: FilmStates, rows: Ints) -> Sample:
-    """Return rows of a film as a sample for the network."""
+def _make_sample(film: FilmStates, rows: Ints) -> Sample:
+    """Return rows (m,) of a film as a sample for the network: pasts, controls and next states."""
     parts = (
         film.past(rows) / film.scale, film.control[rows] / film.control_scale,
         film.states[rows + 1] / film.scale,
@@ -103,17 +106,20 @@ def _tensors(film: FilmStates, rows: Ints) -> Sample:
     return past, control, later
 
 
-def _learn_once(
+def _learn_epoch(
     network: _Network, adam: torch.optim.Optimizer, sample: tuple[Sample, Tensor],
-    p: ForecastSettings, chance: torch.Generator,
+    p: ForecastSettings, generator: torch.Generator,
 ) -> None:  # fmt: skip
-    """Show the network the whole sample once, in random batches and with noise on the past."""
+    """Show the network the whole sample once, in random batches and with noise on the past.
+
+    sample: the training rows, and the weight (d,) of each state number's error.
+    """
     (past, control, later), weight = sample
     size = min(p.batch_size, len(past))
-    order = torch.randperm(len(past), generator=chance)
+    order = torch.randperm(len(past), generator=generator)
     for first in range(0, len(past) - size + 1, size):
         lot = order[first : first + size]
-        noise = p.input_noise_sd * _noise(past[lot].shape, chance)
+        noise = p.input_noise_sd * _draw_disturbances(past[lot].shape, generator)
         error = network(past[lot] + noise, control[lot]) - later[lot]
         loss = (error.square() * weight).mean()
         adam.zero_grad()
@@ -121,18 +127,23 @@ def _learn_once(
         adam.step()
 
 
-def _noise(shape: torch.Size, chance: torch.Generator) -> Tensor:
+def _draw_disturbances(shape: torch.Size, generator: torch.Generator) -> Tensor:
     """Draw disturbances (m, l, d) of pasts: a shift of all lags, and one of each."""
     m, lags, d = shape
     shift, each = (
-        torch.randn(m, count, d, generator=chance, dtype=torch.float64) for count in (1, lags)
+        torch.randn(m, count, d, generator=generator, dtype=torch.float64) for count in (1, lags)
     )
-    most = torch.rand(2, m, 1, 1, generator=chance, dtype=torch.float64)
+    most = torch.rand(2, m, 1, 1, generator=generator, dtype=torch.float64)
     return most[0] * shift + most[1] * _STEADY * each
 
 
-def _errors(network: _Network, weight: Tensor, train: Sample, held_out: Sample) -> dict[str, float]:
-    """Return mean squares of each state number's error, in units of those of persistence."""
+def _mean_square_errors(
+    network: _Network, weight: Tensor, train: Sample, held_out: Sample
+) -> dict[str, float]:
+    """Return the network's mean square error on both sides, in units of that of persistence.
+
+    weight (d,): of each state number's error.
+    """
     errors = {}
     with torch.inference_mode():
         for name, (past, control, later) in (("train", train), ("held_out", held_out)):
@@ -141,14 +152,14 @@ def _errors(network: _Network, weight: Tensor, train: Sample, held_out: Sample) 
     return errors
 
 
-def _copy(network: _Network) -> dict[str, Tensor]:
+def _copy_weights(network: _Network) -> dict[str, Tensor]:
     """Return a copy of the network's present weights, by name."""
     return {name: value.detach().clone() for name, value in network.state_dict().items()}
 
 
 @contextmanager
-def _one_thread(seed: int) -> Iterator[torch.Generator]:
-    """Run torch on one thread, for reproducible sums; the seed draws its first weights."""
+def _torch_on_one_thread(seed: int) -> Iterator[torch.Generator]:
+    """Run torch on one thread, for reproducible sums; the seed draws the first weights."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

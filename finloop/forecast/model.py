@@ -23,7 +23,7 @@ _UNITS = ("lags", "scale", "control_scale", "mirror", "side")
 _FORMAT = "finloop forecast 1"
 
 
-class Net(NamedTuple):
+class KernelWeights(NamedTuple):
     """The weights (2, in, out) and biases (2, out) of g [0] and its mirrored network [1].
 
     Kernels use them; the scales of states and controls are folded in.
@@ -54,7 +54,7 @@ class Forecast:
     mirror: Floats
     side: Floats
 
-    def net(self) -> Net:
+    def net(self) -> KernelWeights:
         """Return the weights for the kernel, which takes states and controls in their own units."""
         (first, second, third), (first_bias, second_bias, third_bias) = self.layers, self.biases
         d, lags = len(self.scale), len(self.lags)
@@ -69,7 +69,7 @@ class Forecast:
             [out[0], out[0] @ self.mirror], [first_bias] * 2, [second_bias] * 2,
             [out[1], out[1] @ self.mirror],
         )  # fmt: skip
-        return Net(*(np.ascontiguousarray(np.stack(pair), np.float32) for pair in both))
+        return KernelWeights(*(np.ascontiguousarray(np.stack(pair), np.float32) for pair in both))
 
     def mean(self, past: Reals, control: Reals) -> Floats:
         """Predict the means (k, d) of the next states, in the units of `FilmStates`.
@@ -87,14 +87,14 @@ class Forecast:
         return mean
 
     def record(self) -> dict[str, Any]:
-        """Return the network as plain values that JSON can hold; `forecast_model` restores it."""
+        """Return the network as plain values that JSON can hold; `restore_forecast` restores it."""
         arrays = dict(zip(_LAYERS, self.layers, strict=True))
         arrays |= {f"{name}_bias": bias for name, bias in zip(_LAYERS, self.biases, strict=True)}
         arrays |= {name: getattr(self, name) for name in _UNITS}
         return {"format": _FORMAT} | {name: array.tolist() for name, array in arrays.items()}
 
 
-def forecast_model(**content: Any) -> Forecast:
+def restore_forecast(**content: Any) -> Forecast:
     """Restore the network from the fields of `Forecast.record`.
 
     KeyError, TypeError or ValueError if a field is missing, of another size or not finite.
@@ -116,12 +116,12 @@ def forecast_model(**content: Any) -> Forecast:
 
 
 def _silu(x: Reals) -> Reals:
-    """Return x · sigmoid(x) (Elfwing 2018)."""
+    """Return x · sigmoid(x), the SiLU of numbers of any shape (Elfwing 2018)."""
     return x / (1 + np.exp(-x))
 
 
 @finite_leaf
-def next_mean(net: Net, past: Weights, out: Floats, hidden: Weights) -> None:
+def predict_next_mean(net: KernelWeights, past: Weights, out: Floats, hidden: Weights) -> None:
     """Write the predicted mean of the next state into `out` (d,).
 
     past: (l d + 2,), the states at all lags, the present first, then the control, in the units of
@@ -131,8 +131,8 @@ def next_mean(net: Net, past: Weights, out: Floats, hidden: Weights) -> None:
     for j in range(d):
         out[j] = past[j]
     for side in range(2):
-        _layer(past, net.first[side], net.first_bias[side], first)
-        _layer(first, net.second[side], net.second_bias[side], second)
+        _compute_layer(past, net.first[side], net.first_bias[side], first)
+        _compute_layer(first, net.second[side], net.second_bias[side], second)
         for j in range(d):
             out[j] += net.third_bias[side, j]
         for i in range(h):
@@ -141,8 +141,11 @@ def next_mean(net: Net, past: Weights, out: Floats, hidden: Weights) -> None:
 
 
 @finite_leaf
-def _layer(x, weights, bias, out):  # type: ignore[no-untyped-def]
-    """Write SiLU(x weights + bias) into `out`."""
+def _compute_layer(x, weights, bias, out):  # type: ignore[no-untyped-def]
+    """Write the output of one layer, SiLU(x · weights + bias), into `out` (units,).
+
+    x (inputs,), weights (inputs, units), bias (units,).
+    """
     for j in range(out.size):
         out[j] = bias[j]
     for i in range(x.size):

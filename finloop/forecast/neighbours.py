@@ -37,7 +37,7 @@ VisibleDistance = Callable[[Ints, Ints, Mask], Floats]
 """The visible distance, in natural steps, of rows (k,) and rows (k,), mirrored or not."""
 
 
-def similar_rows(
+def build_similarity_graph(
     film: FilmStates, look: Reals, visible: VisibleDistance, p: ForecastSettings
 ) -> tuple[Ints, NDArray[np.int32]]:
     """Return the graph of similar rows: start (m + 1,) and to (e,).
@@ -48,7 +48,10 @@ def similar_rows(
     differ by at most `p.look` in look (m, k), of total variance 1, and by at most
     `p.max_discontinuity` in visible distance. FinloopError if no two rows are similar.
     """
-    every = [_alike(pairs, film.count, visible, p) for pairs in _similar(film, look, p)]
+    every = [
+        _choose_alike_pairs(pairs, film.count, visible, p)
+        for pairs in _find_similar_pairs(film, look, p)
+    ]
     there = np.concatenate([np.empty((0, 2), np.int64), *every])
     if not len(there):
         raise FinloopError(
@@ -58,34 +61,38 @@ def similar_rows(
             "take a longer film, in which postures repeat, or raise forecast.max_discontinuity, "
             "or leave the forecast out (matching.uses=[film])",
         )
-    return _both_ways(there, film.count, len(film.states))
+    return _make_symmetric(there, film.count, len(film.states))
 
 
-def _both_ways(there: Ints, count: int, rows: int) -> tuple[Ints, NDArray[np.int32]]:
-    """Return the graph of pairs (k, 2), of their reverses, and of their mirror images.
+def _make_symmetric(
+    similar_pairs: Ints, film_rows: int, all_rows: int
+) -> tuple[Ints, NDArray[np.int32]]:
+    """Return the graph of similar pairs (k, 2), of their reverses, and of their mirror images.
 
-    count: the film's own rows; rows: with their mirror images.
+    film_rows: the film's own rows; all_rows: with their mirror images. The graph is start, to, as
+    of `build_similarity_graph`.
     """
-    image = (there + count) % rows if rows > count else there
-    ways = ((pairs, side) for pairs in (there, image) for side in (0, 1))
-    edges = np.concatenate([pairs[:, side] * rows + pairs[:, 1 - side] for pairs, side in ways])
+    image = (similar_pairs + film_rows) % all_rows if all_rows > film_rows else similar_pairs
+    ways = ((pairs, side) for pairs in (similar_pairs, image) for side in (0, 1))
+    edges = np.concatenate([pairs[:, side] * all_rows + pairs[:, 1 - side] for pairs, side in ways])
     edges.sort()  # in place, as below: a million rows have 50 million edges
     edges = edges[np.append(True, edges[1:] != edges[:-1])]
-    start = np.searchsorted(edges, np.arange(rows + 1) * rows)
-    edges %= rows
+    start = np.searchsorted(edges, np.arange(all_rows + 1) * all_rows)
+    edges %= all_rows
     return start, edges.astype(np.int32)
 
 
-def _embed(film: FilmStates, rows: Ints, fade: float) -> NDArray[np.float32]:
+def _embed_pasts(film: FilmStates, rows: Ints, fade_deltas: float) -> NDArray[np.float32]:
     """Return vectors (m, l d) of rows, about their mean; their distance is how unlike pasts are.
 
-    fade: in Δ; a state this long ago counts half.
+    fade_deltas: age in Δ at which a state counts half.
     """
     unit = film.scale.copy()
     unit[:-MOTION] = np.sqrt((film.scale[:-MOTION] ** 2).sum())  # codes share one unit
-    weight = 0.5 ** (film.lags / (fade * film.delta))
+    weight = 0.5 ** (film.lags / (fade_deltas * film.delta))
 
     def embed(lot: Ints) -> Floats:
+        """Return the vectors of some rows, not yet about their mean."""
         return (film.past(lot) / unit * weight[:, None]).reshape(len(lot), -1)
 
     lots = np.split(rows, range(_BLOCK, len(rows), _BLOCK))
@@ -93,7 +100,7 @@ def _embed(film: FilmStates, rows: Ints, fade: float) -> NDArray[np.float32]:
     return np.concatenate([(embed(lot) - mean).astype(np.float32) for lot in lots])
 
 
-def _similar(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Ints]:
+def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Ints]:
     """Yield pairs (k, 2) of the film's own rows, rising, and similar rows, the most similar first.
 
     The rows after a pair look alike. A row has up to `_SPARE` · `p.neighbours` of them, each of
@@ -102,7 +109,7 @@ def _similar(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Int
     """
     rows, count, n = film.rows, p.neighbours, int((film.rows < film.count).sum())
     passage, near = max(film.delta, round(film.memory)), _NEAR * _SPARE * count
-    space, looks = _embed(film, rows, p.fade), np.asarray(look)[rows + 1]
+    space, looks = _embed_pasts(film, rows, p.fade), np.asarray(look)[rows + 1]
     looks = (looks - looks.mean(0)).astype(np.float32)
     limits = near, passage, _SPARE * count
     part = assign_parts(film.count, _STRETCH * film.delta)[rows % film.count]
@@ -111,6 +118,7 @@ def _similar(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Int
 
     @lru_cache(1)
     def of_part(number: int) -> tuple[Ints, Nearest]:
+        """Return the rows of one part of the film, and the index of their vectors."""
         some = np.flatnonzero(part == number)
         return some, Nearest.from_vectors(space[some], MOST if parts == 1 else len(some))
 
@@ -119,41 +127,50 @@ def _similar(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Int
         some, index = of_part(first // _TURN % parts)
 
         def choose(queries: Ints, near: Ints, lot: Ints = lot, some: Ints = some) -> Any:
+            """Return the nearest rows that look alike, for some rows of the lot."""
             numbers = np.where(near < 0, -1, some[near])
-            return _passages(rows, lot, (looks, p.look), limits, queries, numbers)
+            return _choose_passages(rows, lot, (looks, p.look), limits, queries, numbers)
 
         (choice,) = index.choose(space[lot], near, choose, most)
         at, place = np.nonzero(choice >= 0)
         yield np.column_stack([rows[lot[at]], choice[at, place]])
 
 
-def _alike(pairs: Ints, count: int, visible: VisibleDistance, p: ForecastSettings) -> Ints:
-    """Return, of the pairs (k, 2), each row's first `p.neighbours` that look alike."""
+def _choose_alike_pairs(
+    pairs: Ints, film_rows: int, visible: VisibleDistance, p: ForecastSettings
+) -> Ints:
+    """Return, of pairs (k, 2) of rows, each row's first `p.neighbours` that look alike.
+
+    film_rows: how many rows the film has, without mirror images.
+    """
     _, row = np.unique(pairs[:, 0], return_inverse=True)
     place = np.arange(len(pairs)) - np.searchsorted(row, row)
     few = np.flatnonzero(place < p.neighbours)
     near = np.zeros(len(pairs), bool)
-    near[few] = _visible(pairs[few], count, visible) <= p.max_discontinuity
+    near[few] = _visible_distances_after(pairs[few], film_rows, visible) <= p.max_discontinuity
     # The remaining pairs are drawn only for rows that lack neighbours.
     lacks = np.bincount(row[few], near[few]) < p.neighbours
     rest = np.flatnonzero((place >= p.neighbours) & lacks[row])
-    near[rest] = _visible(pairs[rest], count, visible) <= p.max_discontinuity
+    near[rest] = _visible_distances_after(pairs[rest], film_rows, visible) <= p.max_discontinuity
     pairs, row = pairs[near], row[near]
     return pairs[np.arange(len(pairs)) - np.searchsorted(row, row) < p.neighbours]
 
 
-def _visible(pairs: Ints, count: int, visible: VisibleDistance) -> Floats:
-    """Return the visible distance (k,) of the rows after each pair; count: the film's rows."""
+def _visible_distances_after(pairs: Ints, film_rows: int, visible: VisibleDistance) -> Floats:
+    """Return the visible distance (k,) of the rows after each pair (k, 2).
+
+    film_rows: how many rows the film has, without mirror images.
+    """
     row, neighbour = (pairs + 1).T
-    return visible(row, neighbour % count, neighbour >= count)
+    return visible(row, neighbour % film_rows, neighbour >= film_rows)
 
 
 @kernel
-def _passages(
+def _choose_passages(
     rows: Ints, lot: Ints, alike: tuple[NDArray[np.float32], float], limits: tuple[int, int, int],
-    some: Ints, near: Ints,
+    queries: Ints, near: Ints,
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
-    """Return the nearest rows (k, count) of rows[lot[some]] that look alike, one a passage.
+    """Return the nearest rows (k, count) of rows[lot[queries]] that look alike, one a passage.
 
     −1: none. near (k, l): numbers into `rows`, the nearest first. alike: looks (m, c), and their
     largest distance. limits: how many alike rows are examined, how far passages are apart, count.
@@ -161,9 +178,9 @@ def _passages(
     """
     looks, most_apart = alike
     looked_at, apart, count = limits
-    choice, full = np.full((len(some), count), -1), np.zeros(len(some), np.bool_)
-    for k in range(len(some)):
-        row, many, checked = lot[some[k]], 0, 0
+    choice, full = np.full((len(queries), count), -1), np.zeros(len(queries), np.bool_)
+    for k in range(len(queries)):
+        row, many, checked = lot[queries[k]], 0, 0
         for c in range(near.shape[1]):
             neighbour = near[k, c]
             if neighbour < 0 or many == count or checked == looked_at:

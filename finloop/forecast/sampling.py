@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import finite_kernel
 from finloop.forecast.film import MOTION, FilmStates
-from finloop.forecast.model import Forecast, Net, next_mean
+from finloop.forecast.model import Forecast, KernelWeights, predict_next_mean
 from finloop.forecast.settings import ForecastSettings
 
 _LOT = 50_000  # rows at a time
@@ -36,12 +36,12 @@ class Sampler(NamedTuple):
     net: the network's weights; states, mean: (m, d) of rows, and the next states predicted from
     them; control: (m, 2); usable: (m,); low, high: (d,) the range of the film's states; lags: (l,)
     ticks; settle: (d,) the share of a difference that remains after a tick; start, to: the graph of
-    `similar_rows`; follow: mean ticks for which a row is followed; obey: (2,) the difference of a
-    row's control from the given one at which the row's likelihood is exp(−1/2); rests: (m,) whether
-    a fish at the row rests: it moves as in the film, not as predicted.
+    `build_similarity_graph`; follow: mean ticks for which a row is followed; obey: (2,) the
+    difference of a row's control from the given one at which the row's likelihood is exp(−1/2);
+    rests: (m,) whether a fish at the row rests: it moves as in the film, not as predicted.
     """
 
-    net: Net
+    net: KernelWeights
     states: Floats
     mean: Floats
     control: Floats
@@ -73,7 +73,7 @@ def build_sampler(
 ) -> Sampler:  # fmt: skip
     """Build the sampler, which drives a simulated fish, from a film, its network and a graph.
 
-    graph: from `neighbours.similar_rows`; mean: `Sampler.mean`, None to compute it.
+    graph: from `neighbours.build_similarity_graph`; mean: `Sampler.mean`, None to compute it.
     """
     rows, d = film.rows, len(film.scale)
     if mean is None:
@@ -98,13 +98,13 @@ def start_at_row(swim: Sampler, row: int) -> RolloutState:
     return RolloutState(swim.states[row - np.arange(swim.lags[-1] + 1)], row)
 
 
-def step(
+def step_fish(
     swim: Sampler, state: RolloutState, control: Floats | None, rng: np.random.Generator
 ) -> RolloutState:
     """Return the fish one tick later, under a control (2,), or freely if that is None.
 
-    control: displacement [body lengths] and included angle [rad] over Δ. Only `rng` changes: the
-    same state, control and draws give the same next state.
+    swim: drives the fish. control: displacement [body lengths] and included angle [rad] over Δ.
+    Only `rng` changes: the same state, control and draws give the same next state.
     """
     row = state.row
     if not swim.usable[row] or rng.random() < 1 / swim.follow:
@@ -117,8 +117,9 @@ def step(
 def draw_next_row(swim: Sampler, row: int, control: Floats | None, rng: np.random.Generator) -> int:
     """Draw the row that a fish follows next: a row similar to `row`, or `row` itself.
 
-    control (2,): with q a row's squared difference from it, in units of `swim.obey`, the row is
-    exp(−½ (q − least q)) times as likely; None: the control does not matter.
+    swim: drives the fish. control (2,): with q a row's squared difference from it, in units of
+    `swim.obey`, the row is exp(−½ (q − least q)) times as likely; None: the control does not
+    matter.
     """
     rows, chance = next_row_weights(swim, row)
     if control is not None:
@@ -128,12 +129,12 @@ def draw_next_row(swim: Sampler, row: int, control: Floats | None, rng: np.rando
 
 
 def next_row_weights(swim: Sampler, row: int) -> tuple[Ints, Floats]:
-    """Return the rows (k,) that a fish at `row` may follow next, and their weights (k,) in a draw.
+    """Return the rows (k,) that a fish may follow next, and their weights (k,) in a draw.
 
-    The weights (Metropolis) let all rows be visited equally often; their sum may be below 1. The
-    last one is `row` itself. A row that is not usable leads only to its similar rows. If it has
-    none, these are those of the last earlier row that has some, shifted by the rows between; that
-    row comes last.
+    row: that it follows now. The weights (Metropolis) let all rows be visited equally often; their
+    sum may be below 1. The last one is `row` itself. A row that is not usable leads only to its
+    similar rows. If it has none, these are those of the last earlier row that has some, shifted by
+    the rows between; that row comes last.
     """
     last = row
     while not swim.usable[last] and swim.start[last] == swim.start[last + 1]:
@@ -148,7 +149,7 @@ def next_row_weights(swim: Sampler, row: int) -> tuple[Ints, Floats]:
     return np.append(rows, last), np.append(chance, stays)
 
 
-def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
+def swim_freely(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
     """Let a fish swim freely from a random row; return its states (ticks, d) and rows (ticks,)."""
     past, row = start_at_row(swim, int(rng.choice(np.flatnonzero(swim.usable))))
     states, rows, n = [], [], 0
@@ -167,8 +168,9 @@ def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Float
 def follow_row(swim: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
     """Return the next states (ticks, d) of a fish that follows a film row, the last tick first.
 
-    They are fewer if the row's film ends. past (L + 1, d): the present first. control (2,): of the
-    first tick; its difference from the row's own control stays constant.
+    swim: drives the fish. They are fewer if the row's film ends. past (L + 1, d): the present
+    first. control (2,): of the first tick; its difference from the row's own control stays
+    constant.
     """
     d, lags, deep = swim.states.shape[1], swim.lags, len(past)
     while ticks > 1 and not swim.usable[row : row + ticks].all():
@@ -186,7 +188,7 @@ def follow_row(swim: Sampler, past: Floats, row: int, ticks: int, control: Float
                 x[i * d + j] = states[now + lags[i], j]
         for j in range(2):
             x[lags.size * d + j] = swim.control[row + t, j] + control[j] - swim.control[row, j]
-        next_mean(swim.net, x, mean, hidden)
+        predict_next_mean(swim.net, x, mean, hidden)
         for j in range(d):
             value = swim.states[row + t + 1, j]
             if not (swim.rests[row + t + 1] and j >= d - MOTION):

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
 from finloop.base.schema import Column, Schema
-from finloop.distance.picture import BODY, distance
+from finloop.distance.picture import BODY, all_distances
 from finloop.distance.reel import Reel
 from finloop.features.table import (
     count_orientations,
@@ -55,7 +55,7 @@ Ints = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
-class Nearness:
+class SpriteDistances:
     """Picture distances (Eq. 5) between s sprites and n rows of the feature table.
 
     rows (n,): rising. ahead (s, n): from the film's frame after a sprite. own (s, n): from the
@@ -73,22 +73,28 @@ class Nearness:
     orientation: NDArray[np.int8]
 
 
-def nearness(
-    reel: Reel, rows: Ints, size: int, pose: str, advance: Callable[[int], object] = lambda _: None
-) -> Nearness:
-    """Measure the picture distances (Eq. 5) between all sprites and rows (n,) of the film, rising.
+def measure_sprite_distances(
+    reel: Reel,
+    rows: Ints,
+    size_px: int,
+    pose: str,
+    advance: Callable[[int], object] = lambda _: None,
+) -> SpriteDistances:
+    """Measure the picture distances (Eq. 5) between all sprites and some rows of the film.
 
-    size: px, side of the pictures; pose: BODY, the measured heading points right, or FILM, each row
-    as filmed and the sprites in its orientation as they are drawn. advance(k): called when k more
-    rows are done. At most `_BLOCK` pictures are held at once.
+    rows (n,): rising; size_px: side of the pictures; pose: BODY, the measured heading points right,
+    or FILM, each row as filmed and the sprites in its orientation as they are drawn. advance(k):
+    called when k more rows are done. At most `_BLOCK` pictures are held at once.
     """
     features, sprites = reel.features, reel.sprites
-    row, after = _rows_of(reel)
+    row, after = _rows_of_sprites(reel)
     if pose == BODY:
         orientation = np.zeros(len(rows), np.int8)
         heading = features["heading_deg"].to_numpy(float)
         pose_deg = heading[rows]
-        ahead_deg, own_deg = (_heading(sprites, heading[at]) for at in (after, row))
+        ahead_deg, own_deg = (
+            _headings_relative_to_sprites(sprites, heading[at]) for at in (after, row)
+        )
     else:
         orientation = features["orientation"].to_numpy()[rows]
         pose_deg = orientation_heading_deg(orientation, count_orientations(features))
@@ -96,111 +102,121 @@ def nearness(
         own_deg = np.zeros(len(sprites))
     ahead, own = np.empty((2, len(sprites), len(rows)))
     for number in np.unique(orientation):
-        next_pictures, own_pictures = sprite_pictures(reel, size, pose, int(number))
+        next_pictures, own_pictures = draw_sprites_and_next(reel, size_px, pose, int(number))
         mine = np.flatnonzero(orientation == number)
         for block in np.split(mine, range(_BLOCK, len(mine), _BLOCK)):
-            filmed = reel.frames(rows[block], size, pose)
-            ahead[:, block] = distance(next_pictures, filmed).round(_DIGITS)
-            own[:, block] = distance(own_pictures, filmed).round(_DIGITS)
+            filmed = reel.frames(rows[block], size_px, pose)
+            ahead[:, block] = all_distances(next_pictures, filmed).round(_DIGITS)
+            own[:, block] = all_distances(own_pictures, filmed).round(_DIGITS)
             advance(len(block))
-    return Nearness(rows, ahead, own, ahead_deg, own_deg, pose_deg, orientation)
+    return SpriteDistances(rows, ahead, own, ahead_deg, own_deg, pose_deg, orientation)
 
 
-def sprite_pictures(
-    reel: Reel, size: int, pose: str, number: int
+def draw_sprites_and_next(
+    reel: Reel, size_px: int, pose: str, orientation: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the film's next picture after every sprite, and the sprites: (s, size, size, c) each.
+    """Draw the film's next picture after every sprite, and the sprites themselves.
 
-    number: the orientation they are drawn in; in pose BODY the measured heading points right.
+    Both are (s, size_px, size_px, c). orientation: in which they are drawn; in pose BODY the
+    measured heading points right.
     """
     if pose != BODY:
-        return reel.after_sprites(size, number), reel.sprite_pictures(size, number)
-    row, after = _rows_of(reel)
-    ahead = reel.frames(after, size, pose)
+        return reel.after_sprites(size_px, orientation), reel.sprite_pictures(size_px, orientation)
+    row, after = _rows_of_sprites(reel)
+    ahead = reel.frames(after, size_px, pose)
     mirrored = reel.sprites["mirrored"].to_numpy()
     ahead[mirrored] = ahead[mirrored, ::-1]
-    turn = -_heading(reel.sprites, reel.features["heading_deg"].to_numpy(float)[row])
-    own = [reel.sprite_picture(at, size, 1, angle) for at, angle in enumerate(turn)]
+    turn = -_headings_relative_to_sprites(
+        reel.sprites, reel.features["heading_deg"].to_numpy(float)[row]
+    )
+    own = [reel.sprite_picture(at, size_px, 1, angle) for at, angle in enumerate(turn)]
     return ahead, np.stack(own)
 
 
-def _heading(sprites: pd.DataFrame, filmed_deg: Floats) -> Floats:
-    """Return the headings (s,) of the film relative to the sprites', mirrored with the sprite."""
+def _headings_relative_to_sprites(sprites: pd.DataFrame, filmed_deg: Floats) -> Floats:
+    """Return the film's headings (s,) [°] relative to the sprites', mirrored with the sprite."""
     off = wrap_deg(filmed_deg - sprites["heading_deg"].to_numpy(float))
     return np.where(sprites["mirrored"], -off, off)
 
 
-def _rows_of(reel: Reel) -> tuple[Ints, Ints]:
-    """Return the row of every sprite's frame, and the next one; at a track's end the same."""
+def _rows_of_sprites(reel: Reel) -> tuple[Ints, Ints]:
+    """Return the row of every sprite's frame, and the next one; at a track's end the row itself."""
     row = reel.sprites["row"].to_numpy(np.intp)
     return row, reel.next_rows(row)
 
 
-def _frames_ahead(features: pd.DataFrame) -> Ints:
+def _count_frames_ahead(features: pd.DataFrame) -> Ints:
     """Return how many frames of its track follow each row."""
     return features.groupby("track_id").cumcount(ascending=False).to_numpy()
 
 
-def gateways(
-    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, step: float,
+def list_gateways(
+    distances: SpriteDistances, sprites: pd.DataFrame, features: pd.DataFrame, step_median: float,
     settings: GatewaysSettings,
 ) -> pd.DataFrame:  # fmt: skip
     """Return all gateways (schema `GATEWAYS`): ways in, then ways out.
 
-    step: the median natural step. A sprite leads to its `frames_per_sprite` nearest rows in each
-    orientation. These are `apart` apart and have `least` of their track ahead. A row leads to the
-    `sprites_per_frame` sprites of each sequence that are nearest to its next row. The last row of a
-    track has no way out, and a turn is entered only by its first sprite.
+    step_median: the median natural step. A sprite leads to its `frames_per_sprite` nearest rows in
+    each orientation. These are `apart` apart and have `least` of their track ahead. A row leads to
+    the `sprites_per_frame` sprites of each sequence that are nearest to its next row. The last row
+    of a track has no way out, and a turn is entered only by its first sprite.
     """
-    most = settings.distance_threshold * step
-    ways_in = _ways_in(near, features, most, settings).assign(direction=IN)
-    ways_out = _ways_out(near, sprites, features, most, settings.sprites_per_frame)
+    most = settings.distance_threshold * step_median
+    ways_in = _find_ways_in(distances, features, most, settings).assign(direction=IN)
+    ways_out = _find_ways_out(distances, sprites, features, most, settings.sprites_per_frame)
     table = pd.concat([ways_in, ways_out.assign(direction=OUT)], ignore_index=True)
     sprite, leads_in = table["sprite"].to_numpy(), (table["direction"] == IN).to_numpy()
-    column = np.searchsorted(near.rows, table["row"].to_numpy() + ~leads_in)
-    table["orientation"] = near.orientation[column]
-    fits = np.where(leads_in, near.ahead_deg[sprite], near.own_deg[sprite])
-    table["turn_deg"] = wrap_deg(fits - near.pose_deg[column])
+    column = np.searchsorted(distances.rows, table["row"].to_numpy() + ~leads_in)
+    table["orientation"] = distances.orientation[column]
+    fits = np.where(leads_in, distances.ahead_deg[sprite], distances.own_deg[sprite])
+    table["turn_deg"] = wrap_deg(fits - distances.pose_deg[column])
     return table[GATEWAYS.names]
 
 
-def _ways_in(
-    near: Nearness, features: pd.DataFrame, most: float, settings: GatewaysSettings
+def _find_ways_in(
+    distances: SpriteDistances,
+    features: pd.DataFrame,
+    most_distance: float,
+    settings: GatewaysSettings,
 ) -> pd.DataFrame:
     """Return sprite, row, rank, distance: the best rows of each sprite and orientation."""
-    track, frame = (features[name].to_numpy()[near.rows] for name in ("track_id", "frame"))
+    track, frame = (features[name].to_numpy()[distances.rows] for name in ("track_id", "frame"))
     delta = infer_delta_frames(features)
-    lasts = _frames_ahead(features)[near.rows] >= settings.least * delta
+    lasts = _count_frames_ahead(features)[distances.rows] >= settings.least * delta
     ways: list[tuple[int, int, int, float]] = []
-    for number in np.unique(near.orientation):
-        rows = np.flatnonzero(lasts & (near.orientation == number))
-        for sprite, far in enumerate(near.ahead[:, rows]):
+    for number in np.unique(distances.orientation):
+        rows = np.flatnonzero(lasts & (distances.orientation == number))
+        for sprite, far in enumerate(distances.ahead[:, rows]):
             order = rows[np.argsort(far, kind="stable")]
-            order = order[near.ahead[sprite, order] <= most]
+            order = order[distances.ahead[sprite, order] <= most_distance]
             best: list[int] = []
             while len(order) and len(best) < settings.frames_per_sprite:
                 best.append(int(order[0]))
                 late = np.abs(frame[order] - frame[best[-1]]) >= settings.apart * delta
                 order = order[(late & (order != best[-1])) | (track[order] != track[best[-1]])]
-            far = near.ahead[sprite, best]
-            ways += zip(repeat(sprite), near.rows[best], count(1), far, strict=False)
+            far = distances.ahead[sprite, best]
+            ways += zip(repeat(sprite), distances.rows[best], count(1), far, strict=False)
     kinds = {"sprite": int, "row": int, "rank": int, "distance": float}
     table = pd.DataFrame(ways, columns=list(kinds)).astype(kinds)
     return table.sort_values("sprite", kind="stable")
 
 
-def _ways_out(
-    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, most: float, top: int
+def _find_ways_out(
+    distances: SpriteDistances,
+    sprites: pd.DataFrame,
+    features: pd.DataFrame,
+    most_distance: float,
+    most_sprites: int,
 ) -> pd.DataFrame:
-    """Return sprite, row, rank, distance: each row's `top` best sprites of every sequence."""
+    """Return sprite, row, rank, distance: each row's best sprites of every sequence."""
     # Rows whose next frame is among `near.rows`, and its place there.
-    follows = np.append(False, _frames_ahead(features) > 0)[near.rows]
-    row, after = near.rows[follows] - 1, np.flatnonzero(follows)
+    follows = np.append(False, _count_frames_ahead(features) > 0)[distances.rows]
+    row, after = distances.rows[follows] - 1, np.flatnonzero(follows)
     entries = np.flatnonzero(sprites["sequence"].isin(_CYCLES) | (sprites["step"] == 0))
     ways = []
     for _, sequence in sprites.iloc[entries].groupby("sequence", sort=False):
-        far = near.own[np.ix_(sequence.index, after)]
-        best = np.argsort(far, axis=0, kind="stable")[:top]
+        far = distances.own[np.ix_(sequence.index, after)]
+        best = np.argsort(far, axis=0, kind="stable")[:most_sprites]
         sprite = sequence.index.to_numpy()[best].T.ravel()
         distance = np.take_along_axis(far, best, 0).T.ravel()
         rows = np.repeat(row, len(best))
@@ -210,31 +226,31 @@ def _ways_out(
 
 
 def gateway_metrics(
-    table: pd.DataFrame, nearest: pd.DataFrame, near: Nearness, features: pd.DataFrame,
-    rate_hz: float, step: float,
+    table: pd.DataFrame, nearest: pd.DataFrame, distances: SpriteDistances, features: pd.DataFrame,
+    rate_hz: float, step_median: float,
 ) -> dict[str, float]:  # fmt: skip
     """Return the metrics of the gateways, by their names in metrics.json.
 
-    table: the gateways; nearest: those without a threshold; step: the median natural step.
+    table: the gateways; nearest: those without a threshold; step_median: the median natural step.
     """
     result: dict[str, float] = {}
     for word in (IN, OUT):
-        far = table.loc[table["direction"] == word, "distance"] / step
+        far = table.loc[table["direction"] == word, "distance"] / step_median
         least = nearest.loc[nearest["direction"] == word, "distance"].min()
         result |= {
             f"ways_{word}": len(far),
             f"distance_{word}_median_steps": far.median(),
             f"distance_{word}_p95_steps": far.quantile(0.95),
-            f"nearest_{word}_steps": least / step,
+            f"nearest_{word}_steps": least / step_median,
         }
     leads_in, leads_out = (table[table["direction"] == word] for word in (IN, OUT))
-    compared = len(near.ahead) * len(np.unique(near.orientation))
+    compared = len(distances.ahead) * len(np.unique(distances.orientation))
     entered = len(leads_in[["sprite", "orientation"]].drop_duplicates())
-    out = np.isin(near.rows, leads_out["row"])
+    out = np.isin(distances.rows, leads_out["row"])
     track = features["track_id"].to_numpy()
-    without = pd.Series(~out).groupby([track[near.rows], out.cumsum()]).sum()  # runs of rows
+    without = pd.Series(~out).groupby([track[distances.rows], out.cumsum()]).sum()  # runs of rows
     return result | {
-        "sprites": len(near.ahead),
+        "sprites": len(distances.ahead),
         "sprites_in_orientations": compared,
         "sprites_in_orientations_without_way_in": compared - entered,
         "film_rows_led_to": leads_in["row"].nunique(),

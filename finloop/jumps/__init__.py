@@ -8,6 +8,6 @@ can jump to its nearest neighbours in these numbers, including mirror images.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "film": ["Search", "film_jumps"], "visible": ["VisibleDistance"],
-    "signature": ["sides_apart"], "table": ["JUMPS", "LOOK"],
+    "film": ["JumpSearch", "find_film_jumps"], "visible": ["VisibleDistance"],
+    "signature": ["measure_side_difference"], "table": ["JUMPS", "LOOK"],
 })  # fmt: skip

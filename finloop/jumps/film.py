@@ -17,13 +17,13 @@ from finloop.features.table import infer_delta_frames
 from finloop.jumps.settings import JumpsSettings
 from finloop.jumps.signature import (
     RowSource,
-    blocks,
+    compute_signature_parts,
+    compute_signatures,
     draw_straight,
-    handedness,
-    sides_apart,
-    signature_parts,
-    signatures,
-    standardize,
+    measure_handedness,
+    measure_side_difference,
+    split_into_blocks,
+    standardize_part,
 )
 from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
@@ -35,7 +35,7 @@ _SPARE = 8  # times `count`: nearest rows that are searched first for `count` pa
 
 
 @dataclass(frozen=True)
-class Search:
+class JumpSearch:
     """The search for the `count` nearest neighbours of each row, one of each passage of film.
 
     Of successive rows only the nearest counts, and none within `least` rows of a nearer one. A jump
@@ -56,14 +56,14 @@ class Search:
 
     @classmethod
     def from_values(
-        cls, values: Floats, track: Ints, count: int, least: int, mirror: bool = True
-    ) -> "Search":
-        """Build the search from signatures (2, n, d): of rows [0] and of their mirror images [1].
+        cls, signatures: Floats, track: Ints, count: int, least: int, mirror: bool = True
+    ) -> "JumpSearch":
+        """Build the search from signatures (2, n, d) of rows [0] and their mirror images [1].
 
-        track (n,): rising ids; count, least: see `Search`; mirror: whether jumps may lead to mirror
-        images.
+        track (n,): rising ids; count, least: see `JumpSearch`; mirror: whether jumps may lead to
+        mirror images.
         """
-        targets = np.ascontiguousarray(values[: 1 + mirror].reshape(-1, values.shape[-1]))
+        targets = np.ascontiguousarray(signatures[: 1 + mirror].reshape(-1, signatures.shape[-1]))
         stays = np.searchsorted(track, track, "right") - 1 - np.arange(len(track)) >= least
         goals = np.flatnonzero(np.tile(stays, 1 + mirror))
         index = Nearest.from_vectors(targets[goals])
@@ -89,12 +89,16 @@ class Search:
         return self._nearest(rows, goals, Nearest.from_vectors(self.targets[goals], len(goals)))
 
     def _nearest(self, rows: Ints, goals: Ints, index: Nearest) -> pd.DataFrame:
-        """Return neighbours of rows among some goals, which are in an index."""
+        """Return the neighbours of rows (k,) among some targets, as `__call__` does.
+
+        goals: numbers of these targets; index: of their signatures.
+        """
 
         def choose_passages(some: Ints, near: Ints) -> tuple[tuple[Ints, Floats], Mask]:
+            """Return the nearest targets of some rows, and which rows have enough of them."""
             near = np.sort(np.where(near < 0, -1, goals[near]), axis=1)
             least, count = self.least, self.count
-            to, far = _minima(self.targets, self.track, rows[some], near, least, count)
+            to, far = _nearest_by_passage(self.targets, self.track, rows[some], near, least, count)
             return (to, far), np.isfinite(far[:, -1])
 
         to, far = index.choose(self.targets[rows], _SPARE * self.count, choose_passages)
@@ -105,36 +109,39 @@ class Search:
         )
 
 
-def best_jumps(near: pd.DataFrame, visible: Floats, count: int) -> pd.DataFrame:
+def choose_best_jumps(
+    neighbours: pd.DataFrame, visible_distance: Floats, count: int
+) -> pd.DataFrame:
     """Return the `count` jumps of every row with the least discontinuity: columns of `JUMPS`.
 
     The discontinuity (column seam) is `far` plus the square of the visible distance. That square is
-    small below a natural step, where the motion hides it. near: from `Search`, k rows; visible:
-    (k,) natural steps.
+    small below a natural step, where the motion hides it. neighbours: from `JumpSearch`, k rows;
+    visible_distance: (k,) natural steps.
     """
-    table = near.assign(seam=near["far"] + np.square(visible))
+    table = neighbours.assign(seam=neighbours["far"] + np.square(visible_distance))
     table = table.sort_values(["row", "seam", "to"]).groupby("row").head(count)
     return table[JUMPS.names].astype(JUMPS.kinds).reset_index(drop=True)
 
 
 @kernel
-def _minima(
-    targets: Floats, track: Ints, rows: Ints, near: Ints, least: int, count: int
+def _nearest_by_passage(
+    targets: Floats, track: Ints, rows: Ints, targets_near: Ints, least: int, count: int
 ) -> tuple[Ints, Floats]:
-    """Return the `count` nearest targets of rows (k,) among `near` (k, l), rising; one a passage.
+    """Return the nearest targets of rows (k,), one of each passage of film, and their distances.
 
-    Of successive targets only local minima of the distance count, and none within `least` of a
-    nearer one. Targets of the row's own passage are left out.
+    Both are (k, count). targets (m, d): signatures; track (n,): ids; targets_near (k, l): the
+    targets to choose from, rising. Of successive targets only local minima of the distance count,
+    and none within `least` of a nearer one. Targets of the row's own passage are left out.
     """
     d = targets.shape[1]
     to, far = np.full((len(rows), count), -1), np.full((len(rows), count), np.inf)
-    apart = np.empty(near.shape[1])
+    apart = np.empty(targets_near.shape[1])
     for k in range(len(rows)):
         row = rows[k]
-        for c in range(near.shape[1]):
-            target = near[k, c]
+        for c in range(targets_near.shape[1]):
+            target = targets_near[k, c]
             apart[c] = np.inf
-            if target >= 0 and not _beside(track, row, target, least):
+            if target >= 0 and not _is_same_passage(track, row, target, least):
                 square = 0.0
                 for i in range(d):
                     square += (targets[row, i] - targets[target, i]) ** 2
@@ -143,22 +150,25 @@ def _minima(
         for c in np.argsort(apart, kind="mergesort"):
             if many == count or apart[c] == np.inf:
                 break
-            before = c > 0 and near[k, c - 1] == near[k, c] - 1
-            after = c + 1 < len(apart) and near[k, c + 1] == near[k, c] + 1
+            before = c > 0 and targets_near[k, c - 1] == targets_near[k, c] - 1
+            after = c + 1 < len(apart) and targets_near[k, c + 1] == targets_near[k, c] + 1
             if (before and apart[c - 1] <= apart[c]) or (after and apart[c + 1] < apart[c]):
                 continue
             new = True
             for i in range(many):
-                new = new and not _beside(track, to[k, i], near[k, c], least)
+                new = new and not _is_same_passage(track, to[k, i], targets_near[k, c], least)
             if new:
-                to[k, many], far[k, many] = near[k, c], apart[c]
+                to[k, many], far[k, many] = targets_near[k, c], apart[c]
                 many += 1
     return to, far
 
 
 @kernel
-def _beside(track, a, b, least):  # type: ignore[no-untyped-def]
-    """Return whether two targets are one passage: one track and side, less than `least` apart."""
+def _is_same_passage(track, a, b, least):  # type: ignore[no-untyped-def]
+    """Return whether two targets are one passage: one track and side, less than `least` apart.
+
+    track (n,): ids; a, b: numbers of targets.
+    """
     n = len(track)
     same = (a < n) == (b < n) and abs(a - b) < least
     return same and track[a % n] == track[b % n]
@@ -177,7 +187,7 @@ class FilmJumps(NamedTuple):
     numbers: dict[str, float]
 
 
-def film_jumps(
+def find_film_jumps(
     source: RowSource, settings: JumpsSettings, workers: Workers = ALONE,
     advance: Callable[[int], None] = lambda _: None,
 ) -> FilmJumps:  # fmt: skip
@@ -188,19 +198,19 @@ def film_jumps(
     """
     reel, _ = source.film()
     track = reel.features["track_id"].to_numpy()
-    row_parts = signature_parts(source, settings, workers)
+    row_parts = compute_signature_parts(source, settings, workers)
     block = max(1, round(settings.block * infer_delta_frames(reel.features)))
-    sides = sides_apart(partial(draw_straight, source, settings.look_px), track)
-    hand = handedness(row_parts, block)
+    sides = measure_side_difference(partial(draw_straight, source, settings.look_px), track)
+    hand = measure_handedness(row_parts, block)
     alike = sides < settings.sides_most and hand < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)
-    values = signatures(row_parts, reel.step_ends, settings)
+    values = compute_signatures(row_parts, reel.step_ends, settings)
     least = max(1, round(settings.min_jump_deltas * infer_delta_frames(reel.features)))
-    search = Search.from_values(values, track, settings.candidates, least, mirror)
+    search = JumpSearch.from_values(values, track, settings.candidates, least, mirror)
     visible, tables = VisibleDistance.from_source(source, workers), []
-    rows = blocks(len(track), _LOT)
+    rows = split_into_blocks(len(track), _LOT)
     counts = settings.jumps_per_frame, min(settings.nearest, settings.jumps_per_frame)
-    best_of = partial(_best_jumps, source, search, visible.natural, counts)
+    best_of = partial(_find_best_jumps, source, search, visible.natural, counts)
     for lot, table in zip(rows, ordered_map(best_of, rows, workers), strict=True):
         tables.append(table)
         advance(len(lot))
@@ -208,7 +218,7 @@ def film_jumps(
     first, later = reel.step_ends
     step = np.linalg.norm(values[0, later] - values[0, first], axis=-1)
     best = jumps.groupby("row")["seam"].min()
-    look = standardize(row_parts.look)[: 1 + mirror].reshape(-1, row_parts.look.shape[-1])
+    look = standardize_part(row_parts.look)[: 1 + mirror].reshape(-1, row_parts.look.shape[-1])
     return FilmJumps(jumps, look.astype(np.float32), visible, {
         "jumps": len(jumps),
         "rows_with_jumps_pct": 100 * len(best) / len(track),
@@ -224,20 +234,21 @@ def film_jumps(
     })  # fmt: skip
 
 
-def _best_jumps(
-    source: RowSource, search: Search, natural: float, counts: tuple[int, int], rows: Ints
+def _find_best_jumps(
+    source: RowSource, search: JumpSearch, natural_step: float, counts: tuple[int, int], rows: Ints
 ) -> pd.DataFrame:
-    """Return the best jumps of rows. natural: see `VisibleDistance`.
+    """Return the best jumps of some rows: columns of `JUMPS`.
 
-    counts: their number; and in a film of several parts, how many of them lead to the nearest rows
-    of all. The others lead to one part, of `_TURN` successive rows to the same one, then to the
-    next.
+    natural_step: see `VisibleDistance`. counts: how many jumps of a row; and in a film of several
+    parts, how many of them lead to the nearest rows of all. The others lead to one part, of `_TURN`
+    successive rows to the same one, then to the next.
     """
-    visible = VisibleDistance(source.pictures(), source.film()[1].pose.posture, natural)
+    visible = VisibleDistance(source.pictures(), source.film()[1].pose.posture, natural_step)
     (count, few), parts = counts, search.parts
 
     def best(near: pd.DataFrame, most: int) -> pd.DataFrame:
-        return best_jumps(near, visible.best(near, most), most)
+        """Return the best jumps to some neighbours."""
+        return choose_best_jumps(near, visible.best(near, most), most)
 
     if parts == 1 or few == count:
         return best(search(rows), count)

@@ -16,7 +16,7 @@ from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.axes import to_body_axes
 from finloop.base.parallel import Workers, ordered_map
 from finloop.base.stretches import spread_rows
-from finloop.distance.picture import distance_pair_by_pair
+from finloop.distance.picture import paired_distances
 from finloop.distance.reel import Reel
 from finloop.features.current import places_through_water
 from finloop.features.table import infer_delta_frames
@@ -53,13 +53,13 @@ class RowSource(Protocol):
         ...
 
 
-def shape_of(reel: Reel, size: int) -> tuple[int, ...]:
-    """Return the shape (n, size, size, c) of the array of all rows' pictures."""
-    return len(reel), size, size, reel.film[0].pixels.shape[2]
+def picture_array_shape(reel: Reel, size_px: int) -> tuple[int, ...]:
+    """Return the shape (n, size_px, size_px, c) of the array of all rows' pictures."""
+    return len(reel), size_px, size_px, reel.film[0].pixels.shape[2]
 
 
 @dataclass(frozen=True)
-class InMemory:
+class InMemorySource:
     """A film and its pictures in memory, for workers of this process."""
 
     reel: Reel
@@ -67,9 +67,9 @@ class InMemory:
     drawn: Pictures
 
     @classmethod
-    def from_reel(cls, reel: Reel, poses: FilmPoses, size: int) -> "InMemory":
-        """Make the source with an empty array for pictures `size` px across."""
-        return cls(reel, poses, np.empty(shape_of(reel, size), np.uint8))
+    def from_reel(cls, reel: Reel, poses: FilmPoses, size_px: int) -> "InMemorySource":
+        """Make the source with an empty array for pictures `size_px` px across."""
+        return cls(reel, poses, np.empty(picture_array_shape(reel, size_px), np.uint8))
 
     def film(self) -> tuple[Reel, FilmPoses]:
         """Return the film's rows and, in the same order, their postures."""
@@ -97,84 +97,101 @@ class SignatureParts(NamedTuple):
     look: Floats
 
 
-def draw_straight(source: RowSource, size: int, rows: NDArray[np.intp]) -> NDArray[np.float32]:
+def draw_straight(source: RowSource, size_px: int, rows: NDArray[np.intp]) -> NDArray[np.float32]:
     """Draw rows (k,) in one straight posture, headed right: they differ in light and skin only.
 
-    The posture is the film's mean posture, which is its own mirror image: pictures (k, size, size,
-    c), premultiplied, 0 … 1, are the mirror images if turned upside down.
+    The posture is the film's mean posture, which is its own mirror image: pictures (k, size_px,
+    size_px, c), premultiplied, 0 … 1, are the mirror images if turned upside down.
     """
     reel, poses = source.film()
-    middle = (size - 1) / 2
-    place = (np.array(number) for number in (middle, middle, 0.0, size / _SPAN))
+    middle = (size_px - 1) / 2
+    place = (np.array(number) for number in (middle, middle, 0.0, size_px / _SPAN))
     target = Pose(*place, poses.shapes.mean)
     return np.stack([
-        draw_in_pose(reel.film[int(row)], poses.pose[row], target, (size, size), sharp=False)
+        draw_in_pose(reel.film[int(row)], poses.pose[row], target, (size_px, size_px), sharp=False)
         for row in rows
     ])  # fmt: skip
 
 
-def _components(straight: DrawStraight, n: int, count: int, workers: Workers) -> Floats:
-    """Return principal components (2, n, count) of straight pictures and their mirror images."""
-    sample = straight(spread_rows(np.arange(n), _SAMPLE))
+def _appearance_components(
+    draw_rows_straight: DrawStraight, rows: int, most_components: int, workers: Workers
+) -> Floats:
+    """Return principal components (2, rows, c) of straight pictures and their mirror images.
+
+    draw_rows_straight: from row numbers to pictures; rows: of the film; c: at most
+    `most_components`.
+    """
+    sample = draw_rows_straight(spread_rows(np.arange(rows), _SAMPLE))
     both = np.concatenate([sample, sample[:, ::-1]]).reshape(2 * len(sample), -1)
     mean = both.mean(0)
-    count = min(count, min(both.shape) - 1)
-    axes = svds((both - mean).astype(float), count, random_state=0)[2][::-1].T
-    lots = ordered_map(partial(_along, straight, mean, axes), blocks(n, _LOT), workers)
+    most_components = min(most_components, min(both.shape) - 1)
+    axes = svds((both - mean).astype(float), most_components, random_state=0)[2][::-1].T
+    lots = ordered_map(
+        partial(_project_on_axes, draw_rows_straight, mean, axes),
+        split_into_blocks(rows, _LOT),
+        workers,
+    )
     return np.concatenate(list(lots), axis=1).astype(float)
 
 
-def _along(straight: DrawStraight, mean: Reals, axes: Floats, rows: Ints) -> Floats:
-    """Project straight pictures of rows (k,) and their mirror images on axes: (2, k, count)."""
-    lot = straight(rows)
+def _project_on_axes(
+    draw_rows_straight: DrawStraight, mean: Reals, axes: Floats, rows: Ints
+) -> Floats:
+    """Return the components (2, k, c) of straight pictures of rows (k,) and their mirror images.
+
+    mean (pixels,): subtracted first; axes (pixels, c): onto which the pictures are projected.
+    """
+    lot = draw_rows_straight(rows)
     sides = (lot, lot[:, ::-1])
     return np.stack([(side.reshape(len(lot), -1) - mean) @ axes for side in sides])
 
 
-def blocks(n: int, most: int) -> list[Ints]:
-    """Split the row numbers 0 … n − 1 into blocks of at most `most` successive rows."""
-    return np.split(np.arange(n), range(most, n, most))
+def split_into_blocks(rows: int, most_rows: int) -> list[Ints]:
+    """Split the row numbers 0 … rows − 1 into blocks of at most `most_rows` successive rows."""
+    return np.split(np.arange(rows), range(most_rows, rows, most_rows))
 
 
-def signature_parts(source: RowSource, settings: JumpsSettings, workers: Workers) -> SignatureParts:
+def compute_signature_parts(
+    source: RowSource, settings: JumpsSettings, workers: Workers
+) -> SignatureParts:
     """Compute the signature parts pose, change, motion, look of all rows and mirror images."""
     reel, poses = source.film()
     span = max(1, round(infer_delta_frames(reel.features) / 4))
     pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
     change = np.stack([change_per_row(codes, reel.goes_on, span) for codes in pose])
     straight = partial(draw_straight, source, settings.look_px)
-    look = _components(straight, len(reel), settings.look_numbers, workers)
-    return SignatureParts(pose, change, film_motion(reel, span), look)
+    look = _appearance_components(straight, len(reel), settings.look_numbers, workers)
+    return SignatureParts(pose, change, measure_film_motion(reel, span), look)
 
 
-def signatures(
-    row_parts: SignatureParts, ends: tuple[Ints, Ints], settings: JumpsSettings
+def compute_signatures(
+    row_parts: SignatureParts, step_ends: tuple[Ints, Ints], settings: JumpsSettings
 ) -> Floats:
     """Return the signatures (2, n, d), in natural steps, of rows [0] and mirror images [1].
 
     A signature has all parts side by side, each standardized and times its weight in `settings`.
-    ends: rows (k,), and rows (k,) a step later; their median distance is the natural step.
+    step_ends: rows (k,), and rows (k,) a step later; their median distance is the natural step.
     """
     weights = (
         settings.pose_weight, settings.change, settings.motion_weight, settings.appearance_weight,
     )  # fmt: skip
-    sides = [standardize(part, name == "motion") * weight for (name, part), weight in
+    sides = [standardize_part(part, name == "motion") * weight for (name, part), weight in
              zip(row_parts._asdict().items(), weights, strict=True)]  # fmt: skip
     values = np.concatenate(sides, axis=-1)
-    step = np.median(np.linalg.norm(values[0, ends[1]] - values[0, ends[0]], axis=-1))
+    step = np.median(np.linalg.norm(values[0, step_ends[1]] - values[0, step_ends[0]], axis=-1))
     return values / max(float(step), 1e-12)
 
 
-def standardize(part: Floats, each: bool = False) -> Floats:
+def standardize_part(part: Floats, each: bool = False) -> Floats:
     """Centre and scale a part (2, n, k): the variances of its k numbers sum to 1.
 
     each: whether all k numbers get the same variance; else one factor scales them all.
     """
-    return (part - part.mean((0, 1))) / deviation(part, each)
+    return (part - part.mean((0, 1))) / part_divisors(part, each)
 
 
-def deviation(part: Floats, each: bool = False) -> Floats:
-    """Return the divisors (k,) that `standardize` applies to the k numbers of a part (2, n, k).
+def part_divisors(part: Floats, each: bool = False) -> Floats:
+    """Return the divisors (k,) that `standardize_part` applies to the numbers of a part (2, n, k).
 
     Without `each` it is the root of the summed variances; with it a number's deviation times √k.
     """
@@ -183,49 +200,50 @@ def deviation(part: Floats, each: bool = False) -> Floats:
     return np.sqrt(np.maximum(total, 1e-24))
 
 
-def change_per_row(values: Floats, goes_on: Mask, span: int) -> Floats:
-    """Return the change (n, k) per row of values (n, k), from `span` rows before to `span` after.
+def change_per_row(values: Floats, goes_on: Mask, span_rows: int) -> Floats:
+    """Return the change (n, k) per row of values (n, k), over some rows before and after each.
 
-    goes_on (n,): whether the next row is of the same track. Near a track's end the span is shorter,
-    on one side only at the end itself.
+    goes_on (n,): whether the next row is of the same track; span_rows: how many rows to each side.
+    Near a track's end the span is shorter, on one side only at the end itself.
     """
     last = np.flatnonzero(~goes_on)
     rows = np.arange(len(values))
     end = last[np.searchsorted(last, rows)]
     begin = np.concatenate([[0], last[:-1] + 1])[np.searchsorted(last, rows)]
-    a, b = np.maximum(rows - span, begin), np.minimum(rows + span, end)
+    a, b = np.maximum(rows - span_rows, begin), np.minimum(rows + span_rows, end)
     return (values[b] - values[a]) / np.maximum(b - a, 1)[:, None]
 
 
-def film_motion(reel: Reel, span: int) -> Floats:
+def measure_film_motion(reel: Reel, span_rows: int) -> Floats:
     """Return the speeds (2, n, 3) of rows [0] and mirror images [1]: ahead, left, turning.
 
-    Body lengths a frame through the water, and ° a frame, anticlockwise; averaged over ± span rows.
+    Body lengths a frame through the water, and ° a frame, anticlockwise; averaged over ±
+    `span_rows`.
     """
     features = reel.features
     place = places_through_water(features) / reel.lengths_px[:, None]
-    speed = motion(place, features["heading_deg"].to_numpy(float), reel.goes_on, span)
+    speed = measure_motion(place, features["heading_deg"].to_numpy(float), reel.goes_on, span_rows)
     return np.stack([speed, speed * (1, -1, -1)])
 
 
-def motion(place: Floats, heading_deg: Floats, goes_on: Mask, span: int) -> Floats:
+def measure_motion(place: Floats, heading_deg: Floats, goes_on: Mask, span_rows: int) -> Floats:
     """Return the speeds (n, 3): ahead and to the left [body lengths a row], turning [° a row].
 
-    place (n, 2): x, y in body lengths; heading_deg (n,): anticlockwise; goes_on, span: see
+    place (n, 2): x, y in body lengths; heading_deg (n,): anticlockwise; goes_on, span_rows: see
     `change_per_row`.
     """
     unwrapped = np.concatenate([
         np.unwrap(track, period=360)
         for track in np.split(heading_deg, np.flatnonzero(~goes_on)[:-1] + 1)
     ])  # fmt: skip
-    velocity = change_per_row(np.column_stack([place, unwrapped]), goes_on, span)
+    velocity = change_per_row(np.column_stack([place, unwrapped]), goes_on, span_rows)
     return np.column_stack([to_body_axes(velocity[:, :2], np.radians(heading_deg)), velocity[:, 2]])
 
 
 # --- may the fish be mirrored?
 
 
-def sides_apart(straight: DrawStraight, track: Ints, seed: int = 0) -> float:
+def measure_side_difference(draw_rows_straight: DrawStraight, track: Ints, seed: int = 0) -> float:
     """Return how much a fish differs from its mirror image, over how much its pictures differ.
 
     1 or less: the sides are alike. All pictures are drawn in one posture; their distance is
@@ -236,25 +254,25 @@ def sides_apart(straight: DrawStraight, track: Ints, seed: int = 0) -> float:
     rng = np.random.default_rng(seed)
     rows = spread_rows(np.arange(n), _ROWS)
     first, last = np.searchsorted(track, track[rows]), np.searchsorted(track, track[rows], "right")
-    own, random = straight(rows), straight(rng.integers(first, last))
+    own, random = draw_rows_straight(rows), draw_rows_straight(rng.integers(first, last))
     mirror, usual = (
-        float(np.median(distance_pair_by_pair(own, against))) for against in (own[:, ::-1], random)
+        float(np.median(paired_distances(own, against))) for against in (own[:, ::-1], random)
     )
     return mirror / max(usual, 1e-12)
 
 
-def handedness(parts: SignatureParts, block: int) -> float:
+def measure_handedness(parts: SignatureParts, block_rows: int) -> float:
     """Return how much more a fish bends, drifts or turns to one side than to the other, 0 … 1.
 
     0: both sides alike, as far as the film can show; 1: only one side. It is a lower limit, the
     largest of the three. Each takes the odd part, which changes sign in the mirror: its mean, less
     twice that mean's standard error, over its root mean square. The error is that of means over
-    `block` rows, since a circling fish repeats itself within a block. A single block gives 0.
+    `block_rows` rows, since a circling fish repeats itself within a block. A single block gives 0.
     """
     largest = 0.0
     for both in (parts.pose, parts.motion[..., 1:2], parts.motion[..., 2:]):
         odd = (both[0] - both[1]) / 2
-        parts_of_film = np.array_split(odd, max(1, len(odd) // block))
+        parts_of_film = np.array_split(odd, max(1, len(odd) // block_rows))
         if len(parts_of_film) == 1:
             break
         means = np.stack([part.mean(0) for part in parts_of_film])

@@ -7,7 +7,7 @@ from finloop.base.schema import ANY, Column, Schema, columns
 
 @dataclass(frozen=True)
 class VisibleFacts:
-    """What restores `VisibleDistance` beside pictures and postures. natural: see there."""
+    """What restores a `VisibleDistance` beside its pictures and postures: its `natural`."""
 
     natural: float
 

@@ -10,8 +10,8 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.parallel import Workers, ordered_map
-from finloop.distance.picture import SPAN, distance_pair_by_pair
-from finloop.jumps.signature import Pictures, RowSource, blocks
+from finloop.distance.picture import SPAN, paired_distances
+from finloop.jumps.signature import Pictures, RowSource, split_into_blocks
 from finloop.puppet import draw_in_pose
 from finloop.puppet.lay import PictureSet, distances_in_pose, nearest_in_pose
 
@@ -34,14 +34,14 @@ class VisibleDistance:
     def from_source(cls, source: RowSource, workers: Workers) -> "VisibleDistance":
         """Draw the pictures of all rows into the source's array, and measure the natural step."""
         reel, poses = source.film()
-        pictures, rows = source.pictures(), blocks(len(reel), _LOT)
+        pictures, rows = source.pictures(), split_into_blocks(len(reel), _LOT)
         drawn = ordered_map(partial(_draw_rows, source, pictures.shape[1]), rows, workers)
         for lot, of_lot in zip(rows, drawn, strict=True):
             pictures[lot] = of_lot
         source.keep()
         ends = np.stack(reel.step_ends)
         step = [
-            distance_pair_by_pair(*pictures[lot].astype(np.float32) / 255)
+            paired_distances(*pictures[lot].astype(np.float32) / 255)
             for lot in np.array_split(ends, 1 + ends.shape[1] // _LOT, axis=1)
         ]
         natural = float(np.median(np.concatenate(step)))
@@ -60,23 +60,24 @@ class VisibleDistance:
             steps = pool.map(lambda k: distances_in_pose(film, rows[k], to[k], mirrored[k]), parts)
             return np.concatenate(list(steps)) / self.natural
 
-    def best(self, near: pd.DataFrame, count: int) -> Floats:
+    def best(self, neighbours: pd.DataFrame, count: int) -> Floats:
         """Return the visible distances (k,), in natural steps, of jumps that can be a row's best.
 
-        near: from `Search`; a jump costs its `far` plus the square of its visible distance. The
-        distance is infinite, and not measured, where `count` other jumps of the row cost less.
+        neighbours: from `JumpSearch`; a jump costs its `far` plus the square of its visible
+        distance. The distance is infinite, and not measured, where `count` other jumps of the row
+        cost less.
         """
-        rows, to = (near[name].to_numpy(np.int64) for name in ("row", "to"))
-        mirrored, far = near["mirrored"].to_numpy(bool), near["far"].to_numpy(float)
+        rows, to = (neighbours[name].to_numpy(np.int64) for name in ("row", "to"))
+        mirrored, far = neighbours["mirrored"].to_numpy(bool), neighbours["far"].to_numpy(float)
         film = PictureSet(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
         steps = nearest_in_pose(film, rows, (to, mirrored, far), self.natural, count)
         return np.where(steps < 0, np.inf, steps / self.natural)
 
 
-def _draw_rows(source: RowSource, size: int, rows: Ints) -> Pictures:
-    """Draw pictures (k, size, size, c) of rows (k,) in their own postures, headed right."""
+def _draw_rows(source: RowSource, size_px: int, rows: Ints) -> Pictures:
+    """Draw pictures (k, size_px, size_px, c) of rows (k,) in their own postures, headed right."""
     reel, poses = source.film()
-    middle, length, shape = (size - 1) / 2, size / SPAN, (size, size)
+    middle, length, shape = (size_px - 1) / 2, size_px / SPAN, (size_px, size_px)
     own = poses.pose[rows]
     there = own.move_to(middle, middle, 0.0, length)
     pictures = np.stack([

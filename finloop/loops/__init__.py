@@ -7,6 +7,7 @@ form a graph; the position table gives distance and direction between their ends
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "search": ["NoLoops", "as_map", "find_video_loops"],
-    "graph": ["LoopGraph", "loop_graph", "routes"], "positions": ["position_table", "quadrant"],
+    "search": ["NoLoopsError", "to_sparse_map", "find_video_loops"],
+    "graph": ["LoopGraph", "build_loop_graph", "find_routes"],
+    "positions": ["find_quadrants", "position_table"],
 })  # fmt: skip

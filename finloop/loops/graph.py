@@ -53,7 +53,7 @@ class LoopGraph:
         return np.where(self.ahead >= 0, self.ends[self.ahead] - self.ends, 0).astype(np.int32)
 
 
-def loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> LoopGraph:
+def build_loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> LoopGraph:
     """Return the graph of all video loops of a film.
 
     loops: columns a, b (feature rows) and distance (Eq. 5); track_id (n,): of every feature row.
@@ -69,19 +69,22 @@ def loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> LoopGraph:
     order = np.lexsort((to, np.r_[far, far], source))
     start = np.searchsorted(source[order], np.arange(m + 1)).astype(np.int32)
     jumps = to[order].astype(np.int32)
-    following = _following(ahead, start, jumps)
+    following = _segment_successors(ahead, start, jumps)
     count, name = connected_components(following, directed=True, connection="strong")
     cyclic = (np.bincount(name, minlength=count) > 1)[name] | (following.diagonal() > 0)
-    component = rank_groups(name, np.where(ahead >= 0, ends[ahead] - ends, 0) * cyclic)
-    endless = _never_ends(track_id, ends, start, jumps)[ends]
+    component = renumber_groups(name, np.where(ahead >= 0, ends[ahead] - ends, 0) * cyclic)
+    endless = _has_endless_future(track_id, ends, start, jumps)[ends]
     distance = np.r_[far, far][order]
     return LoopGraph(ends, ahead, start, jumps, distance, component, cyclic, endless)
 
 
-def _following(
+def _segment_successors(
     ahead: NDArray[np.int32], start: NDArray[np.int32], to: NDArray[np.int32]
 ) -> csr_array:
-    """Return which segment (row) can be followed by which (column)."""
+    """Return the sparse matrix (m, m) of which segment (row) can be followed by which (column).
+
+    ahead, start, to: as in `LoopGraph`.
+    """
     m = len(ahead)
     played = np.flatnonzero(ahead >= 0)
     next_end = ahead[played]
@@ -92,26 +95,29 @@ def _following(
     return coo_array((np.ones(len(rows), np.int8), (rows, columns)), (m, m)).tocsr()
 
 
-def rank_groups(name: NDArray[np.integer], weight: NDArray[Any] | None = None) -> NDArray[np.int32]:
-    """Renumber the groups of n members by falling weight: return each member's group (n,).
+def renumber_groups(
+    group: NDArray[np.integer], weight: NDArray[Any] | None = None
+) -> NDArray[np.int32]:
+    """Renumber groups so that group 0 weighs most; return the new group (n,) of each member.
 
-    name (n,): each member's old group; weight (n,): of each member, None: 1. Ties keep their order.
+    group (n,): the old group of each member; weight (n,): of each member, None: 1. Groups of equal
+    weight keep their order.
     """
-    total, first = np.bincount(name, weight), np.unique(name, return_index=True)[1]
+    total, first = np.bincount(group, weight), np.unique(group, return_index=True)[1]
     rank = np.empty(len(total), np.int32)
     rank[np.lexsort((first, -total))] = np.arange(len(total))
-    return rank[name]
+    return rank[group]
 
 
 @kernel
-def endless_rows(more, end, start, to):  # type: ignore[no-untyped-def]
+def find_endless_rows(has_next, end, start, to):  # type: ignore[no-untyped-def]
     """Return whether the film can play for ever from each row (n,), by playing on or jumping.
 
-    more (n,): whether a row is followed by another; end (n,): the loop end at a row, −1 for none;
-    from end k the film can jump to `to[start[k]:start[k + 1]]`. Rows without a successor are
+    has_next (n,): whether a row is followed by another; end (n,): the loop end at a row, −1 for
+    none; from end k the film can jump to `to[start[k]:start[k + 1]]`. Rows without a successor are
     removed until nothing changes.
     """
-    n = more.size
+    n = has_next.size
     live = np.ones(n, np.bool_)
     changed = True
     while changed:
@@ -119,12 +125,12 @@ def endless_rows(more, end, start, to):  # type: ignore[no-untyped-def]
         for row in range(n - 1, -1, -1):
             if not live[row]:
                 continue
-            goes = more[row] and live[row + 1]
+            goes = has_next[row] and live[row + 1]
             k = end[row]
             if not goes and k >= 0:
                 for e in range(start[k], start[k + 1]):
                     # The film must play on from there, or two ends would swap for ever.
-                    if more[to[e]] and live[to[e] + 1]:
+                    if has_next[to[e]] and live[to[e] + 1]:
                         goes = True
                         break
             if not goes:
@@ -133,15 +139,18 @@ def endless_rows(more, end, start, to):  # type: ignore[no-untyped-def]
     return live
 
 
-def _never_ends(
+def _has_endless_future(
     track_id: NDArray[np.integer], ends: NDArray[np.int32], start: NDArray[np.int32],
     to: NDArray[np.int32],
 ) -> Mask:  # fmt: skip
-    """Return whether the film can play for ever after each row (n,)."""
+    """Return whether the film can play for ever after each feature row (n,).
+
+    track_id (n,): of every row; ends, start, to: as in `LoopGraph`.
+    """
     more = np.append(track_id[1:] == track_id[:-1], False)
     end = np.full(len(track_id), -1, np.int32)
     end[ends] = np.arange(len(ends))
-    return more & np.append(endless_rows(more, end, start, ends[to])[1:], False)
+    return more & np.append(find_endless_rows(more, end, start, ends[to])[1:], False)
 
 
 def can_play_for_ever(graph: LoopGraph, track_id: NDArray[np.integer]) -> Mask:
@@ -149,10 +158,10 @@ def can_play_for_ever(graph: LoopGraph, track_id: NDArray[np.integer]) -> Mask:
 
     track_id (n,): of every row.
     """
-    return _never_ends(track_id, graph.ends, graph.start, graph.to)
+    return _has_endless_future(track_id, graph.ends, graph.start, graph.to)
 
 
-def in_component(graph: LoopGraph, rows: int, number: int = 0) -> Mask:
+def is_in_component(graph: LoopGraph, rows: int, number: int = 0) -> Mask:
     """Return whether each feature row (rows,) lies in a segment of component `number`.
 
     Component 0 holds the most film.
@@ -164,32 +173,32 @@ def in_component(graph: LoopGraph, rows: int, number: int = 0) -> Mask:
     return np.cumsum(edge)[:-1] > 0
 
 
-def routes(
-    graph: LoopGraph, source_end: int, target_end: int, most: int, jump_frames: float = 0
+def find_routes(
+    graph: LoopGraph, source_end: int, target_end: int, most_routes: int, jump_frames: float = 0
 ) -> list[list[Leg]]:
-    """Return the `most` best routes from one loop end to another, the best first (Fig. 10).
+    """Return the best routes from one loop end to another, the best first (Fig. 10).
 
     source_end, target_end: indices of ends. The best route has the fewest frames, where a jump
     counts as `jump_frames`. Each route is a list of (from row, to row, "play" | "jump"), from one
     end to the next. It may pass an end twice (GHCDEBCDEF does), but takes no jump twice. There is
     film between two jumps, for two frames that are like a third need not be alike. The search
-    follows at most `most` routes through any end.
+    follows at most `most_routes` routes through any end.
     """
-    rest = _least_cost(graph, target_end, jump_frames)
+    rest = _least_route_costs(graph, target_end, jump_frames)
     ways: list[list[Leg]] = []
     # (least cost of the whole route, order of arrival, cost so far, end, route so far)
     queue: list[tuple[float, int, float, int, tuple[Leg, ...]]]
     queue = [(rest[source_end], 0, 0, source_end, ())]
     visits: dict[tuple[int, bool], int] = {}
     arrival = 0
-    while queue and len(ways) < most:
+    while queue and len(ways) < most_routes:
         _, _, cost, end, way = heapq.heappop(queue)
         if way and end == target_end:
             ways.append(list(way))
             continue
         jumped = bool(way) and way[-1][2] == JUMP
         visits[end, jumped] = visits.get((end, jumped), 0) + 1
-        if visits[end, jumped] > most:
+        if visits[end, jumped] > most_routes:
             continue
         choices = [] if jumped else [(int(to), JUMP, jump_frames) for to in graph.jumps(end)]
         if graph.ahead[end] >= 0:
@@ -203,11 +212,14 @@ def routes(
     return ways
 
 
-def _least_cost(graph: LoopGraph, target: int, jump_frames: float) -> Floats:
-    """Return the least cost from each end (m,) to `target`; inf where there is no route."""
+def _least_route_costs(graph: LoopGraph, target_end: int, jump_frames: float) -> Floats:
+    """Return the least cost [frames] from each end (m,) to an end; inf where there is no route.
+
+    jump_frames: what a jump costs.
+    """
     m = len(graph.ends)
     played = np.flatnonzero(graph.ahead >= 0)
     jumped = np.repeat(np.arange(m), np.diff(graph.start))
     cost = np.r_[graph.frames[played], np.full(len(jumped), max(jump_frames, _FREE))]
     back = np.r_[graph.ahead[played], graph.to], np.r_[played, jumped]
-    return dijkstra(coo_array((cost, back), (m, m)).tocsr(), indices=target) * (1 - 1e-9)
+    return dijkstra(coo_array((cost, back), (m, m)).tocsr(), indices=target_end) * (1 - 1e-9)

@@ -19,8 +19,8 @@ LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 Rows = NDArray[np.integer]
 
 
-def quadrant(dx: Any, dy: Any) -> NDArray[np.int8]:
-    """Return the quadrant (…), 1 … 4, into which displacements point (Fig. 11b).
+def find_quadrants(dx: Any, dy: Any) -> NDArray[np.int8]:
+    """Return the quadrants (…), 1 … 4, into which displacements point (Fig. 11b).
 
     1 upper right, 2 upper left, 3 lower left, 4 lower right. dx, dy (…): in any unit, y up. An axis
     belongs to the quadrant that follows it anticlockwise; no displacement is quadrant 1.
@@ -30,8 +30,8 @@ def quadrant(dx: Any, dy: Any) -> NDArray[np.int8]:
 
 
 @kernel
-def quadrant_of(dx, dy):  # type: ignore[no-untyped-def]
-    """Return the quadrant, 1 … 4, of one displacement (dx, dy), y up: `quadrant` for kernels."""
+def quadrant_of_displacement(dx, dy):  # type: ignore[no-untyped-def]
+    """Return the quadrant, 1 … 4, of one displacement (y up): `find_quadrants` for kernels."""
     if (dx > 0 and dy >= 0) or (dx == 0 and dy == 0):
         return 1
     if dx <= 0 and dy > 0:
@@ -41,7 +41,7 @@ def quadrant_of(dx, dy):  # type: ignore[no-untyped-def]
     return 4
 
 
-def table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
+def choose_table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
     """Return at most 26 loop ends (rows) for a printed table: of the track with the most ends.
 
     ends: feature rows; track_id (n,): of every row. Of more ends those are taken that are nearest
@@ -64,37 +64,37 @@ def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
     x, y = places_through_water(features)[ends].T
     track = features["track_id"].to_numpy()[ends]
     later = (track[:, None] == track) & (ends[:, None] < ends)
-    quadrants = quadrant(x - x[:, None], y[:, None] - y)
+    quadrants = find_quadrants(x - x[:, None], y[:, None] - y)
     names = list(LETTERS[: len(ends)])
     return pd.DataFrame(np.where(later, quadrants.astype("U1"), ""), names, names, dtype=object)
 
 
-def routes_table(
-    ways: Sequence[Sequence[Leg]], graph: LoopGraph, features: pd.DataFrame, step: float
+def route_table(
+    routes: Sequence[Sequence[Leg]], graph: LoopGraph, features: pd.DataFrame, step_median: float
 ) -> pd.DataFrame:
-    """Return the routes as a table (Fig. 10b): a row for each stretch of play and for each jump.
+    """Return routes as a table (Fig. 10b): a row for each stretch of play and for each jump.
 
-    ways: from `routes`; step: the median natural step. `jump_distance` is D of a jump in median
-    natural steps. Ends at which the film plays on have no row.
+    routes: from `find_routes`; step_median: the median natural step. `jump_distance` is D of a jump
+    in median natural steps. Ends at which the film plays on have no row.
     """
     track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     columns = ["route", "how", "from_track", "from_frame", "to_track", "to_frame", "frames"]
     rows: list[tuple[Any, ...]] = []
-    for number, way in enumerate(ways, start=1):
-        for a, b, how in merge_legs(way):
+    for number, way in enumerate(routes, start=1):
+        for a, b, how in merge_play_legs(way):
             frames, distance = b - a, None
             if how == JUMP:
                 end, to = np.searchsorted(graph.ends, [a, b])
                 jump = graph.start[end] + np.flatnonzero(graph.jumps(end) == to)[0]
-                frames, distance = 0, float(graph.distance[jump]) / step
+                frames, distance = 0, float(graph.distance[jump]) / step_median
             rows.append((number, how, track[a], frame[a], track[b], frame[b], frames, distance))
     return pd.DataFrame(rows, columns=[*columns, "jump_distance"])
 
 
-def merge_legs(way: Sequence[Leg]) -> list[Leg]:
+def merge_play_legs(route: Sequence[Leg]) -> list[Leg]:
     """Return a route in which successive legs of play are one leg."""
     legs: list[Leg] = []
-    for a, b, how in way:
+    for a, b, how in route:
         if legs and how != JUMP and legs[-1][2] == how:
             legs[-1] = legs[-1][0], b, how
         else:

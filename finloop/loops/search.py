@@ -22,17 +22,17 @@ from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.base.schema import Column, Schema, columns
 from finloop.distance.map import MapFacts
-from finloop.distance.picture import typical_length
+from finloop.distance.picture import typical_lengths_px
 from finloop.features.current import places_through_water
 from finloop.features.table import infer_delta_frames, wrap_deg
-from finloop.loops.graph import LoopGraph, can_play_for_ever, in_component, rank_groups
+from finloop.loops.graph import LoopGraph, can_play_for_ever, is_in_component, renumber_groups
 from finloop.loops.settings import LoopsSettings
 
 TRAVEL = 0.05  # body lengths from which a fish has a direction of travel
 RESULTANT = 0.3  # length of the mean heading vector; with less, the fish turned round
 
 
-class NoLoops(FinloopError):
+class NoLoopsError(FinloopError):
     """The film has no loops; the message names the parameter that would give some."""
 
 
@@ -47,7 +47,7 @@ LOOPS = Schema(
 Rows = NDArray[np.integer]
 
 
-class SparseMap(NamedTuple):
+class SparseDistanceMap(NamedTuple):
     """The sparse distance map: row i holds columns `j[start[i]:start[i + 1]]`, rising, all > i."""
 
     start: Ints
@@ -55,60 +55,75 @@ class SparseMap(NamedTuple):
     distance: NDArray[np.float32]
 
 
-def as_map(table: pd.DataFrame, rows: int) -> SparseMap:
-    """Return a table of pairs as a sparse map with `rows` rows (the number of feature rows).
+def to_sparse_map(table: pd.DataFrame, rows: int) -> SparseDistanceMap:
+    """Return a table of pairs as a sparse distance map.
 
-    table: columns i, j (feature rows), distance; sorted by i, then by j.
+    table: columns i, j (feature rows), distance; sorted by i, then by j; rows: the number of
+    feature rows, and of rows of the map.
     """
     start = np.searchsorted(table["i"].to_numpy(), np.arange(rows + 1))
-    return SparseMap(start, table["j"].to_numpy(np.int32), table["distance"].to_numpy(np.float32))
+    return SparseDistanceMap(
+        start, table["j"].to_numpy(np.int32), table["distance"].to_numpy(np.float32)
+    )
 
 
 def find_video_loops(
-    pairs: SparseMap, features: pd.DataFrame, rate_hz: float, step: float, settings: LoopsSettings
+    pairs: SparseDistanceMap,
+    features: pd.DataFrame,
+    rate_hz: float,
+    step_median: float,
+    settings: LoopsSettings,
 ) -> tuple[pd.DataFrame, dict[str, float]]:
     """Return a film's video loops (§4.1, Figs. 8, 12, 13), best first, and each test's counts.
 
-    pairs: D of the rows that may be compared (Eq. 6); step: the median natural step, in the unit of
-    D. The loops have the columns of `LOOPS`; the counts are those of `find_candidates`. NoLoops if
-    there is none; its message names the parameter that would give some.
+    pairs: D of the rows that may be compared (Eq. 6); step_median: the median natural step, in the
+    unit of D. The loops have the columns of `LOOPS`; the counts are those of
+    `find_loop_candidates`. NoLoopsError if there is none; its message names the parameter that
+    would give some.
     """
-    loops, counts = find_candidates(pairs, features, settings.distance_threshold * step, settings)
+    loops, counts = find_loop_candidates(
+        pairs, features, settings.distance_threshold * step_median, settings
+    )
     loops = loops[~loops["improper"]].reset_index(drop=True)
     if loops.empty:
-        raise _explain_no_loops(pairs, features, step, settings)
-    loops = loops[keep_best(loops["a"].to_numpy(), loops["b"].to_numpy(), settings.most_per_end)]
+        raise _explain_no_loops(pairs, features, step_median, settings)
+    loops = loops[
+        choose_best_loops(loops["a"].to_numpy(), loops["b"].to_numpy(), settings.most_per_end)
+    ]
     loops = loops.reset_index(drop=True)
     track = features["track_id"].to_numpy()
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     loops["loop"] = np.arange(len(loops))
     loops["length_s"] = np.where(track[a] == track[b], (b - a) / rate_hz, np.nan)
-    loops["group"] = groups(a, b, track)
+    loops["group"] = group_overlapping_loops(a, b, track)
     return loops[LOOPS.names], counts
 
 
-def least_frames(delta: int, settings: LoopsSettings) -> int:
-    """Return the least number of frames between two ends of a loop in one track; delta: frames."""
-    return max(1, round(settings.min_length_deltas * delta))
+def least_loop_frames(delta_frames: int, settings: LoopsSettings) -> int:
+    """Return the least number of frames between two ends of a loop in one track.
+
+    delta_frames: Δ, the time in which motion is measured.
+    """
+    return max(1, round(settings.min_length_deltas * delta_frames))
 
 
-def find_candidates(
-    pairs: SparseMap, features: pd.DataFrame, limit: float, settings: LoopsSettings
+def find_loop_candidates(
+    pairs: SparseDistanceMap, features: pd.DataFrame, most_distance: float, settings: LoopsSettings
 ) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Return all local minima of filtered D up to `limit`, the best first, and each test's counts.
+    """Return all local minima of filtered D up to a distance, best first, and each test's counts.
 
     Columns: a, b (feature rows, a < b), distance, filtered, improper (Fig. 13: whether the pair is
     no loop). Counts: pairs, pairs_below_threshold, minima, improper_dropped.
     """
     track = features["track_id"].to_numpy(np.int32)
     weight = binomial_weights(settings.compared_neighbour_frames)
-    value = filter_diagonals(pairs, track, weight, limit)
+    value = filter_diagonals(pairs, track, weight, most_distance)
     delta = infer_delta_frames(features)
-    radius, least = max(1, round(settings.apart * delta)), least_frames(delta, settings)
-    at = np.flatnonzero(minima(pairs, value, track, radius, least))
+    radius, least = max(1, round(settings.apart * delta)), least_loop_frames(delta, settings)
+    at = np.flatnonzero(find_local_minima(pairs, value, track, radius, least))
     a = (np.searchsorted(pairs.start, at, side="right") - 1).astype(np.int32)
     b = pairs.j[at]
-    bad = improper(a, b, features, settings.improper_angle_deg)
+    bad = is_improper(a, b, features, settings.improper_angle_deg)
     table = pd.DataFrame(
         {"a": a, "b": b, "distance": pairs.distance[at], "filtered": value[at], "improper": bad}
     )
@@ -127,11 +142,11 @@ def binomial_weights(n: int) -> Floats:
 
 
 @kernel
-def _column(j: NDArray[np.int32], low: int, high: int, least: int) -> int:
-    """Return the first place in j[low:high], rising, that holds `least` or more."""
+def _find_column(j: NDArray[np.int32], low: int, high: int, least_column: int) -> int:
+    """Return the first place in j[low:high], rising, that holds at least `least_column`."""
     while low < high:
         middle = (low + high) // 2
-        if j[middle] < least:
+        if j[middle] < least_column:
             low = middle + 1
         else:
             high = middle
@@ -140,13 +155,13 @@ def _column(j: NDArray[np.int32], low: int, high: int, least: int) -> int:
 
 @kernel
 def filter_diagonals(
-    pairs: SparseMap, track: NDArray[np.int32], weight: Floats, limit: float
+    pairs: SparseDistanceMap, track: NDArray[np.int32], weight: Floats, most_distance: float
 ) -> NDArray[np.float32]:
     """Return the filtered D of every stored pair: Σ w_k D(a+k, b+k), k = −n … n (§4.1).
 
-    track: of every feature row; weight: w, (2 n + 1,). The value is inf where it exceeds `limit`,
-    where one of the pairs along the diagonal is not in the map, or where one lies beyond the end of
-    either track.
+    track: of every feature row; weight: w, (2 n + 1,). The value is inf where it exceeds
+    `most_distance`, where one of the pairs along the diagonal is not in the map, or where one lies
+    beyond the end of either track.
     """
     start, j, distance = pairs
     n, rows = len(weight) // 2, len(track)
@@ -160,43 +175,45 @@ def filter_diagonals(
                 continue
             total = weight[n] * distance[p]
             for k in range(-n, n + 1):
-                if k == 0 or total > limit:
+                if k == 0 or total > most_distance:
                     continue
                 end = start[a + k + 1]
-                q = _column(j, start[a + k], end, b + k)
+                q = _find_column(j, start[a + k], end, b + k)
                 if q == end or j[q] != b + k:
                     total = np.inf
                 else:
                     total += weight[k + n] * distance[q]
-            if total <= limit:
+            if total <= most_distance:
                 value[p] = total
     return value
 
 
 @kernel
-def minima(pairs, value, track, radius, least):  # type: ignore[no-untyped-def]
-    """Return which pairs are local minima of their filtered D, `value`.
+def find_local_minima(pairs, filtered, track, radius_frames, least_frames):  # type: ignore[no-untyped-def]
+    """Return which pairs are local minima of their filtered D.
 
-    Each is the smallest within `radius` frames along a and along b, inside the two tracks; the
-    first of equal ones that are as near (a film that repeats). In one track b is at least `least`
-    frames after a; nearer pairs are no loops, but they count in the comparison: a pair on a slope
-    down to them is no minimum.
+    filtered: from `filter_diagonals`; track: of every feature row. Each is the smallest within
+    `radius_frames` along a and along b, inside the two tracks; the first of equal ones that are as
+    near (a film that repeats). In one track b is at least `least_frames` after a; nearer pairs are
+    no loops, but they count in the comparison: a pair on a slope down to them is no minimum.
     """
     start, j = pairs.start, pairs.j
     minimum = np.zeros(len(j), np.bool_)
     for a in range(len(track)):
         for p in range(start[a], start[a + 1]):
             b = j[p]
-            if np.isinf(value[p]) or (track[a] == track[b] and b - a < least):
+            if np.isinf(filtered[p]) or (track[a] == track[b] and b - a < least_frames):
                 continue
             smallest = True
-            for row in range(max(0, a - radius), min(len(track), a + radius + 1)):
+            for row in range(max(0, a - radius_frames), min(len(track), a + radius_frames + 1)):
                 if track[row] != track[a]:
                     continue
-                for q in range(_column(j, start[row], start[row + 1], b - radius), start[row + 1]):
-                    if j[q] > b + radius:
+                for q in range(
+                    _find_column(j, start[row], start[row + 1], b - radius_frames), start[row + 1]
+                ):
+                    if j[q] > b + radius_frames:
                         break
-                    less = value[q] < value[p] or (value[q] == value[p] and minimum[q])
+                    less = filtered[q] < filtered[p] or (filtered[q] == filtered[p] and minimum[q])
                     if less and track[j[q]] == track[b]:
                         smallest = False
                         break
@@ -207,21 +224,22 @@ def minima(pairs, value, track, radius, least):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def keep_best(a, b, most):  # type: ignore[no-untyped-def]
-    """Return which loops (n,) to keep so that no frame is an end of more than `most` loops.
+def choose_best_loops(a, b, most_per_end):  # type: ignore[no-untyped-def]
+    """Return which loops (n,) to keep so that no frame is an end of too many loops.
 
-    a, b (n,): the loops' ends (feature rows), the best loop first.
+    a, b (n,): the loops' ends (feature rows), the best loop first; most_per_end: loops of one
+    frame.
     """
     keep, count = np.zeros(len(a), np.bool_), np.zeros(b.max() + 1, np.int32)
     for p in range(len(a)):
-        if count[a[p]] < most and count[b[p]] < most:
+        if count[a[p]] < most_per_end and count[b[p]] < most_per_end:
             keep[p] = True
             count[a[p]] += 1
             count[b[p]] += 1
     return keep
 
 
-def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
+def group_overlapping_loops(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
     """Return the number (n,) of each loop's overlapping group (Fig. 12); 0 has the most loops.
 
     a, b (n,): the loops' ends, feature rows; track: track number of every feature row. A loop
@@ -240,43 +258,46 @@ def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
     size = int(parts[-1]) + 1
     overlaps = coo_array((np.ones(n, np.int8), (part[:n], part[n:])), (size, size))
     _, name = connected_components(overlaps, directed=False)
-    return rank_groups(name[part[:n]])
+    return renumber_groups(name[part[:n]])
 
 
 def _explain_no_loops(
-    pairs: SparseMap, features: pd.DataFrame, step: float, settings: LoopsSettings
-) -> NoLoops:
-    """Return the error for a film without loops, which says what to change."""
+    pairs: SparseDistanceMap, features: pd.DataFrame, step_median: float, settings: LoopsSettings
+) -> NoLoopsError:
+    """Return the error for a film without loops, which says what to change.
+
+    step_median: the median natural step, in the unit of the distances.
+    """
     goal = "at least one pair of similar frames between which the film can jump"
     track = features["track_id"].to_numpy()
     longest = int(np.unique(track, return_counts=True)[1].max())
-    least = least_frames(infer_delta_frames(features), settings)
+    least = least_loop_frames(infer_delta_frames(features), settings)
     if len(np.unique(track)) == 1 and longest <= least:
-        return NoLoops(
+        return NoLoopsError(
             f"one track of {longest} frames, and the ends of a loop are at least {least} apart "
             f"(loops.min_length_deltas {settings.min_length_deltas:g} Δ)",
             goal,
             "take a longer clip, or a smaller loops.min_length_deltas",
         )
     if len(pairs.j) == 0:
-        return NoLoops(
+        return NoLoopsError(
             "no video loops: the distance map holds no pair of frames at all",
             goal,
             "let more be compared: a greater distance.max_distance_steps or "
             "distance.motion_area_threshold, or distance.frame_of_reference=body; or take a longer "
             "clip",
         )
-    any_far, _ = find_candidates(pairs, features, np.inf, settings)
+    any_far, _ = find_loop_candidates(pairs, features, np.inf, settings)
     any_far = any_far[~any_far["improper"]]
     if len(any_far):
-        enough = np.ceil(100 * any_far["filtered"].iloc[0] / step) / 100
-        return NoLoops(
+        enough = np.ceil(100 * any_far["filtered"].iloc[0] / step_median) / 100
+        return NoLoopsError(
             f"no video loops with loops.distance_threshold {settings.distance_threshold:g} "
             "(median natural steps)",
             goal,
             f"loops.distance_threshold={enough:g} would have given the first; natural steps are 1",
         )
-    return NoLoops(
+    return NoLoopsError(
         f"no video loops at any threshold: of {len(pairs.j)} pairs of similar frames none passes "
         f"loops.min_length_deltas {settings.min_length_deltas:g}, "
         f"loops.compared_neighbour_frames {settings.compared_neighbour_frames}, "
@@ -291,16 +312,17 @@ def _explain_no_loops(
 # --- Fig. 13
 
 
-def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
+def is_improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
     """Return whether each loop (n,) is improper: it travels against the heading (Fig. 13).
 
-    Travel and heading differ by more than `most_deg` over the loop, at its end a or at its end b,
-    see `travel_of`: there head and tail may be swapped, or the fish adrift.
+    a, b (n,): the loops' ends, feature rows. Travel and heading differ by more than `most_deg` over
+    the loop, at its end a or at its end b, see `measure_travel`: there head and tail may be
+    swapped, or the fish adrift.
     """
-    return np.asarray((travel_of(a, b, features).off_deg > most_deg).any(axis=-1))
+    return np.asarray((measure_travel(a, b, features).off_deg > most_deg).any(axis=-1))
 
 
-class Travel(NamedTuple):
+class LoopTravel(NamedTuple):
     """Directions of travel and headings of n loops, each between its ends, at end a and at end b.
 
     travel_deg, heading_deg (n, 3): anticlockwise as seen; travel is NaN where there is none.
@@ -315,7 +337,7 @@ class Travel(NamedTuple):
         return np.abs(wrap_deg(self.travel_deg - self.heading_deg))
 
 
-def travel_of(a: Rows, b: Rows, features: pd.DataFrame) -> Travel:
+def measure_travel(a: Rows, b: Rows, features: pd.DataFrame) -> LoopTravel:
     """Return the directions of travel and the headings of n loops (Fig. 13).
 
     a, b (n,): the loops' ends, feature rows. Between its ends, a loop within one track travels from
@@ -325,10 +347,11 @@ def travel_of(a: Rows, b: Rows, features: pd.DataFrame) -> Travel:
     """
     track = features["track_id"].to_numpy()
     x, y = places_through_water(features).T * ((1,), (-1,))
-    length = typical_length(features).to_numpy(float)
+    length = typical_lengths_px(features).to_numpy(float)
     unit = np.exp(1j * np.radians(features["heading_deg"].to_numpy(float)))
 
     def travel(low: Rows, high: Rows, known: Mask) -> Floats:
+        """Return the direction of travel from low to high rows; NaN where there is none."""
         way = (x[high] - x[low]) + 1j * (y[high] - y[low])
         known = known & (np.abs(way) >= TRAVEL * length[low])
         return np.where(known, np.degrees(np.angle(way)), np.nan)
@@ -344,7 +367,7 @@ def travel_of(a: Rows, b: Rows, features: pd.DataFrame) -> Travel:
         high = np.minimum(low + delta, last[end])
         travels.append(travel(low, high, np.ones(len(end), bool)))
     headings = [np.degrees(np.angle(vector)) for vector in (mean, unit[a], unit[b])]
-    return Travel(np.stack(travels, axis=-1), np.stack(headings, axis=-1))
+    return LoopTravel(np.stack(travels, axis=-1), np.stack(headings, axis=-1))
 
 
 # --- metrics
@@ -363,7 +386,7 @@ def loop_metrics(
     track = features["track_id"].to_numpy()
     seam = loops["distance"].to_numpy(float) / facts.step_median
     within = loops["length_s"].notna()
-    largest = in_component(graph, len(features))
+    largest = is_in_component(graph, len(features))
     sizes = loops["group"].value_counts()
     return {
         **counts,

@@ -26,7 +26,7 @@ from finloop.edit.pictures import Pictures, remove_ghost_fades
 from finloop.edit.schema import FADE, Goal
 from finloop.edit.stretch import Swim
 from finloop.features.table import infer_delta_frames
-from finloop.loops.graph import loop_graph
+from finloop.loops.graph import build_loop_graph
 from finloop.modes.player import PaperMode, PaperPlayer
 from finloop.modes.sprites import Sprites
 from finloop.plan.graph import Jumps, MotionGraph, loop_jumps, motion_graph
@@ -201,7 +201,7 @@ def loop_film(made: FilmData, basis: ModeAssets, loops: pd.DataFrame) -> MotionG
     none = np.zeros(0, np.int32)
     jumps = Jumps(np.full(n, -1, np.int32), np.zeros(1, np.int32), none, np.zeros(0))
     if len(loops):
-        jumps = loop_jumps(loop_graph(loops, track), n, made.map_facts.step_median)
+        jumps = loop_jumps(build_loop_graph(loops, track), n, made.map_facts.step_median)
     return motion_graph(
         features, jumps, basis.world.motion, made.map_facts.pose, basis.sized.barred, np.zeros(n)
     )

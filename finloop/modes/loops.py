@@ -24,7 +24,7 @@ from finloop.base.kernel import kernel
 from finloop.edit.schema import FILM, FRAME, JUMP, PLAY, SPOT, VERDICTS
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
-from finloop.loops.positions import quadrant_of
+from finloop.loops.positions import quadrant_of_displacement
 from finloop.loops.settings import LoopsSettings
 from finloop.modes.animator import (
     FilmData,
@@ -294,7 +294,7 @@ def _follow_starts(film, legal, ends, begin, goal, most):  # type: ignore[no-unt
     far, touched = np.full(k, np.inf), np.zeros(k, np.bool_)
     leads, verdict = np.zeros(k, np.int8), np.full(k, _TANK, np.int8)
     stay, most_off = most
-    wanted = quadrant_of(goal.x - place[0], place[1] - goal.y)
+    wanted = quadrant_of_displacement(goal.x - place[0], place[1] - goal.y)
     for way in range(k):
         row, rot = starts.rows[way], starts.rots[way]
         x, y, n = place[0], place[1], 0
@@ -311,11 +311,11 @@ def _follow_starts(film, legal, ends, begin, goal, most):  # type: ignore[no-unt
                 if left < nearest:
                     nearest, within[way] = left, n
                 off = abs(wrap(bearing(place[0], place[1], x, y) - begins))
-                leads_there = goal.free or quadrant_of(dx, dy) == wanted
+                leads_there = goal.free or quadrant_of_displacement(dx, dy) == wanted
                 if touch or (leads_there and off <= most_off):
                     if left < far[way]:
                         far[way], ticks[way], touched[way] = left, n, touch
-                        leads[way], verdict[way] = quadrant_of(dx, dy), 0
+                        leads[way], verdict[way] = quadrant_of_displacement(dx, dy), 0
                 elif verdict[way] != 0:
                     verdict[way] = _HEADING if leads_there else max(verdict[way], _QUADRANT)
             if (touch and ends[row]) or not at.has_next:

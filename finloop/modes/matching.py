@@ -25,7 +25,7 @@ from finloop.animate.size import head_ahead_px, scale_film
 from finloop.base.arrays import Ints, Mask, Picture, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.line import Line
-from finloop.distance.map import MapFacts, map_rows
+from finloop.distance.map import MapFacts, find_map_rows
 from finloop.distance.picture import BODY
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
@@ -229,7 +229,7 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
             barred[line.rows] = True
     how = resolve_join_rules(p, p.join, bodies, motion.delta, pictures.bending_helps)
     seen = np.full(len(features), np.nan)
-    seen[map_rows(features, made.steps)] = made.steps["as_filmed"]
+    seen[find_map_rows(features, made.steps)] = made.steps["as_filmed"]
     rarity = Rarity.from_movement(
         bodies.movement,
         made.poses.codes,

@@ -19,7 +19,7 @@ from finloop.animate.state import Fish
 from finloop.animate.world import World
 from finloop.base.arrays import Floats, Ints
 from finloop.bpn.model import MotionModel
-from finloop.distance.picture import distance
+from finloop.distance.picture import all_distances
 from finloop.edit.schema import DECELERATE, PHASE, SLIDE, STATES, TURN, TURNING, WALL
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.swimming_type import LEFT, RIGHT
@@ -306,7 +306,7 @@ def make_network(
     made: data of the film; basis: what the modes share; model: the trained network.
     """
     pictures, motion = basis.pictures, basis.world.motion
-    near = distance(pictures.sprite_successors, pictures.right_facing_sprites)
+    near = all_distances(pictures.sprite_successors, pictures.right_facing_sprites)
     sprites = make_sprites(basis.cast.sprites, near, motion.rate_hz)
     phases = learn_phases(basis.sized.reel.features, made.rate_hz, motion.delta, q)
     return Network(basis.world, sprites, phases, model, q), sprites

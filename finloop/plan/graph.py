@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from finloop.animate.motion import MotionStatistics
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, kernel_part, leaf_kernel
-from finloop.distance.picture import BODY, typical_length
+from finloop.distance.picture import BODY, typical_lengths_px
 from finloop.features.current import places_through_water
 from finloop.forecast.sampling import Sampler, Similar
-from finloop.loops.graph import LoopGraph, endless_rows
+from finloop.loops.graph import LoopGraph, find_endless_rows
 
 ROW = np.dtype(
     [
@@ -128,7 +128,7 @@ def motion_graph(
     down. Jumps to barred rows are left out, and those after which the film would have to stop.
     """
     n = len(features)
-    scale = motion.body_length_px / typical_length(features).to_numpy(float)
+    scale = motion.body_length_px / typical_lengths_px(features).to_numpy(float)
     place = places_through_water(features) * scale[:, None]
     track = features["track_id"].to_numpy()
     has_next = np.append(track[1:] == track[:-1], False) & ~barred & ~np.append(barred[1:], True)
@@ -151,7 +151,7 @@ def motion_graph(
     del jumps  # a film of hours has 24 million
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
     has_next, jump_slot = rows["has_next"].copy(), rows["jump_slot"].copy()
-    rows["recurrent"] = endless_rows(has_next, jump_slot, made.start, made.to)
+    rows["recurrent"] = find_endless_rows(has_next, jump_slot, made.start, made.to)
     leads = rows["has_next"] & np.append(rows["recurrent"][1:], False)
     return made.with_jumps(leads[made.to])
 

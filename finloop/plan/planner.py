@@ -36,7 +36,7 @@ from finloop.edit.schema import (
 )
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
-from finloop.loops.positions import quadrant_of
+from finloop.loops.positions import quadrant_of_displacement
 from finloop.plan.cost import CHANCE, CostWeights
 from finloop.plan.fallback import Fallback
 from finloop.plan.objectives import ANYWHERE, Objective, along_path, rule_target, to_goal
@@ -348,7 +348,7 @@ class Planner:
         decision = Decision(plays, seam=found.seam)
         if len(way) and not on_path:
             x, y, _ = way[-1].tolist()
-            decision = decision._replace(quadrant=quadrant_of(x - fish.x, fish.y - y))
+            decision = decision._replace(quadrant=quadrant_of_displacement(x - fish.x, fish.y - y))
         if plan is not None:
             options = plan.options(rate)
             value_s = plan.value / rate if np.isfinite(plan.value) else np.nan

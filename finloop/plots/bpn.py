@@ -6,8 +6,8 @@ from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 
 from finloop.base.arrays import Floats
-from finloop.bpn.held_out import confusion_matrix
-from finloop.bpn.model import type_class
+from finloop.bpn.held_out import count_confusions
+from finloop.bpn.model import round_swimming_types
 from finloop.plots.features import TYPES
 
 
@@ -38,7 +38,7 @@ def held_out_figure(predicted: Floats, true: Floats) -> Figure:
     """
     figure = Figure(figsize=(10, 4.8), layout="constrained")
     left, right = figure.subplots(1, 2)
-    kinds = type_class(true[:, 1])
+    kinds = round_swimming_types(true[:, 1])
     colours = np.empty((len(true), 4))
     for kind, (word, colour) in TYPES.items():
         colours[kinds == kind] = to_rgba_array(colour)
@@ -51,7 +51,7 @@ def held_out_figure(predicted: Floats, true: Floats) -> Figure:
     )  # fmt: skip
     left.legend(frameon=True, title="true type", loc="upper left", fontsize=8)
 
-    counts = confusion_matrix(predicted, true)
+    counts = count_confusions(predicted, true)
     share = 100 * counts / np.maximum(counts.sum(1, keepdims=True), 1)
     words = [word for word, _ in TYPES.values()]
     right.imshow(share, cmap="Blues", vmin=0, vmax=100)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from finloop.distance.map import MapFacts
 from finloop.distance.reel import Reel
-from finloop.gateways.find import IN, OUT, sprite_pictures
+from finloop.gateways.find import IN, OUT, draw_sprites_and_next
 from finloop.plots.loops import sample
 from finloop.plots.parts import Picture, in_rows, on_grey, write
 
@@ -54,7 +54,7 @@ def gateway_pictures(
 
     @lru_cache(1)  # in the pose BODY there is but one
     def of_sprites(number: int) -> tuple[Stack, Stack]:
-        return sprite_pictures(reel, TILE, facts.pose, number)
+        return draw_sprites_and_next(reel, TILE, facts.pose, number)
 
     for way in gateways.itertuples():
         sprite, row = reel.sprites.iloc[way.sprite], reel.features.iloc[way.row]

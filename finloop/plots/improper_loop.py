@@ -13,7 +13,7 @@ from finloop.base.arrays import Floats, Picture
 from finloop.distance.reel import Reel
 from finloop.features.current import places_through_water
 from finloop.features.table import infer_delta_frames, wrap_deg
-from finloop.loops.search import travel_of
+from finloop.loops.search import measure_travel
 from finloop.plots.loops import SIZE_PX, fish_rows, on_light
 from finloop.plots.parts import draw_arrow
 
@@ -49,13 +49,14 @@ def most_improper(
 
     Pairs that are improper between their ends come before those that are improper at an end. Of
     these it is the pair whose travel differs most from the heading; a path below one body length
-    counts less. candidates: from `loops.search.find_candidates`; most_deg: a loop's largest angle.
+    counts less. candidates: from `loops.search.find_loop_candidates`; most_deg: a loop's largest
+    angle.
     """
     pairs = candidates[candidates["improper"]]
     if pairs.empty:
         return None
     a, b = pairs["a"].to_numpy(), pairs["b"].to_numpy()
-    travel = travel_of(a, b, features)
+    travel = measure_travel(a, b, features)
     off = np.where(travel.off_deg > most_deg, travel.off_deg, 0.0)
     way = np.diff(places_through_water(features)[np.stack([a, b])], axis=0)[0]
     length = features["body_length_px"].to_numpy(float)[a]

@@ -12,8 +12,8 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Mask
-from finloop.loops.graph import LoopGraph, can_play_for_ever, in_component
-from finloop.loops.search import groups
+from finloop.loops.graph import LoopGraph, can_play_for_ever, is_in_component
+from finloop.loops.search import group_overlapping_loops
 from finloop.plots.loops import arc_points, sample
 
 _LARGEST, _OTHER, _DEAD = "#0072B2", "#E69F00", "#D55E00"  # Okabe-Ito
@@ -79,7 +79,7 @@ def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: 
     if some.empty:
         axes.set_title("no loop lies within one track", loc="left", fontsize=10)
         return
-    number = groups(some["a"].to_numpy(), some["b"].to_numpy(), track_id)
+    number = group_overlapping_loops(some["a"].to_numpy(), some["b"].to_numpy(), track_id)
     some = some.assign(own=number).sort_values(["own", "length_s"])
     count, drawn = int(number.max()) + 1, 0
     share = max(1, min(_PER_GROUP, _ARCS // count))
@@ -142,7 +142,7 @@ def _count(number: int, noun: str) -> str:
 def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_hz: float) -> None:
     track_id, frame = (features[name].to_numpy() for name in ("track_id", "frame"))
     rows = len(track_id)
-    endless, largest = can_play_for_ever(graph, track_id), in_component(graph, rows)
+    endless, largest = can_play_for_ever(graph, track_id), is_in_component(graph, rows)
     state = np.where(largest, 0, np.where(endless, 1, 2))
     axes.imshow(
         state[None], aspect="auto", extent=(0, rows / rate_hz, 0, 1), interpolation="nearest",

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints
 from finloop.distance.reel import Reel
-from finloop.loops.graph import JUMP, PLAY, Leg, loop_graph, routes
-from finloop.loops.positions import LETTERS, merge_legs
+from finloop.loops.graph import JUMP, PLAY, Leg, build_loop_graph, find_routes
+from finloop.loops.positions import LETTERS, merge_play_legs
 from finloop.plots.loops import SIZE_PX, arc_points, fish_rows, on_light, sample
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # Okabe-Ito, of L1 … L4
@@ -63,8 +63,8 @@ def find_three_ways(loops: pd.DataFrame, track_id: Rows) -> ThreeWays | None:
     if chosen is None:
         return None
     chosen = chosen.sort_values("a", ignore_index=True)
-    graph = loop_graph(chosen, track_id)
-    return ThreeWays(chosen, graph.ends, choose_cases(routes(graph, _G, _F, _ENOUGH)))
+    graph = build_loop_graph(chosen, track_id)
+    return ThreeWays(chosen, graph.ends, choose_cases(find_routes(graph, _G, _F, _ENOUGH)))
 
 
 def _spread(pairs: Ints) -> Floats:
@@ -190,7 +190,7 @@ def _draw_fish(part: SubFigure, three: ThreeWays, reel: Reel, pose: str, frame: 
 
 def _draw_way(axes: Axes, way: Sequence[Leg], ends: Rows, frame: Rows) -> None:
     level = 0
-    for a, b, how in merge_legs(way):
+    for a, b, how in merge_play_legs(way):
         if how == PLAY:
             axes.plot(frame[[a, b]], [-level, -level], color="black", lw=2.5, solid_capstyle="butt")
         else:

@@ -7,5 +7,5 @@ principal shapes.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "film": ["FilmPoses", "film_poses"],
+    "film": ["FilmPoses", "compute_film_poses"],
 })  # fmt: skip

@@ -9,7 +9,7 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Reals
 from finloop.base.schema import ANY, Column, Schema, lists_to_points
-from finloop.distance.picture import typical_length
+from finloop.distance.picture import typical_lengths_px
 from finloop.features.head import begins_at_tail
 from finloop.features.memory import measure_memory_frames
 from finloop.pose.settings import PoseSettings
@@ -84,7 +84,7 @@ class FilmPoses:
         return features[["track_id", "frame"]].assign(codes=codes)
 
 
-def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) -> FilmPoses:
+def compute_film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) -> FilmPoses:
     """Compute the postures of all rows of a film, their principal shapes and their codes.
 
     tracks: columns `USED`; features: columns of `FEATURES`, the same rows. FinloopError if the film
@@ -129,12 +129,16 @@ def _build_poses(
     features: pd.DataFrame, codes: Floats, shapes: PoseShapes, facts: tuple[bool, float, float],
     posture: Floats | None = None,
 ) -> FilmPoses:  # fmt: skip
-    """Return the poses with codes (n, c); posture: those of the codes, None to compute them."""
+    """Return the poses of a film's rows from their codes (n, c).
+
+    facts: trunk, tail_spread and memory_frames of `FilmPoses`; posture (n, d): the postures of the
+    codes, None to compute them.
+    """
     whole = replace(shapes, codes=np.concatenate([codes, codes @ shapes.mirror_matrix]))
     pose = Pose(
         features["x_px"].to_numpy(float), features["y_px"].to_numpy(float),
         np.radians(features["heading_deg"].to_numpy(float)),
-        typical_length(features).to_numpy(float),
+        typical_lengths_px(features).to_numpy(float),
         whole.decode(codes) if posture is None else posture,
     )  # fmt: skip
     return FilmPoses(pose, codes, whole, *facts)

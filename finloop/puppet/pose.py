@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from finloop.base.arrays import Floats, Points, Reals
 from finloop.base.axes import to_body_axes
-from finloop.distance.picture import typical_length
+from finloop.distance.picture import typical_lengths_px
 
 _AHEAD, _LEFT, _STEPS = 0, 1, 2
 
@@ -117,7 +117,7 @@ def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:
     way = -np.diff(lines, axis=1)
     x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
     heading = np.radians(features["heading_deg"].to_numpy(float))
-    size = typical_length(features).to_numpy(float)
+    size = typical_lengths_px(features).to_numpy(float)
     angles = np.arctan2(-way[..., 1], way[..., 0]) - heading[:, None]
     angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the other angles continue from the head
     length = np.hypot(way[..., 0], way[..., 1]) / size[:, None]

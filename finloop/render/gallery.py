@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats
 from finloop.base.cutout import Cutouts
 from finloop.base.errors import FinloopError
-from finloop.distance.reel import sprite_row
+from finloop.distance.reel import sprite_store_row
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import FRAME, SPRITE, RowPicture, row_partner, row_picture
 from finloop.features.table import count_orientations
@@ -63,7 +63,7 @@ class Gallery:
     ) -> PaddedPicture:
         """Return a stored cut-out as a picture to draw; mirrored: left and right exchanged."""
         shelf = self.shelves[kind]
-        cutout = shelf.store[sprite_row(source, orientation, shelf.orientations)]
+        cutout = shelf.store[sprite_store_row(source, orientation, shelf.orientations)]
         x_px, y_px = shelf.centres_px[source]
         x, y = x_px - cutout.x0_px, y_px - cutout.y0_px
         if mirrored:

@@ -15,7 +15,12 @@ from finloop.base.nearest import Nearest
 from finloop.distance.reel import Reel
 from finloop.features.table import infer_delta_frames
 from finloop.jumps.settings import JumpsSettings as Weights
-from finloop.jumps.signature import change_per_row, deviation, film_motion, motion
+from finloop.jumps.signature import (
+    change_per_row,
+    measure_film_motion,
+    measure_motion,
+    part_divisors,
+)
 from finloop.pose.film import FilmPoses
 
 _BEAM = 4  # times the candidates: the sequences kept for the next tick
@@ -52,11 +57,11 @@ class FilmRows:
         sides = len(look) // n
         pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
         change = np.stack([change_per_row(one, reel.goes_on, span) for one in pose])
-        speed = film_motion(reel, span)
+        speed = measure_film_motion(reel, span)
         scales = [
-            weights.pose_weight / deviation(pose),
-            weights.change / deviation(change),
-            weights.motion_weight / deviation(speed, each=True),
+            weights.pose_weight / part_divisors(pose),
+            weights.change / part_divisors(change),
+            weights.motion_weight / part_divisors(speed, each=True),
         ]
         parts = [
             one[:sides] * scale for one, scale in zip((pose, change, speed), scales, strict=True)
@@ -99,7 +104,7 @@ class FilmRows:
         pose codes, None for a track without postures.
         """
         goes_on = np.arange(len(place)) < len(place) - 1
-        parts = [motion(place, np.degrees(heading_rad), goes_on, self.span)]
+        parts = [measure_motion(place, np.degrees(heading_rad), goes_on, self.span)]
         if codes is not None:
             parts = [codes, change_per_row(codes, goes_on, self.span), *parts]
         scaled = [one * scale for one, scale in zip(parts, self.scales, strict=True)]

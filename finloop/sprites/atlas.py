@@ -72,7 +72,7 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
         fit = bisect_left(
             range(1, len(groups) + 1),
             True,
-            key=lambda count: _pack([*chain(*groups[:count])], page_px, page_px) is None,
+            key=lambda count: _pack_page([*chain(*groups[:count])], page_px, page_px) is None,
         )
         if fit == 0:
             slots = groups[0]
@@ -86,22 +86,25 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
         slots = [*chain(*groups[:fit])]
         area = sum((s.width + PADDING) * (s.height + PADDING) for s in slots)
         width = min(page_px, max(int(area**0.5), max(s.width for s in slots) + 2 * PADDING))
-        while (page := _pack(slots, width, page_px)) is None:  # about as wide as high
+        while (page := _pack_page(slots, width, page_px)) is None:  # about as wide as high
             width = min(page_px, width + width // 8 + 1)
         atlas.append(page)
         groups = groups[fit:]
     return atlas
 
 
-def _pack(slots: list[AtlasSlot], width: int, height: int) -> AtlasPage | None:
-    """Place pictures in rows, highest first; None if they do not fit. The order stays as given."""
+def _pack_page(slots: list[AtlasSlot], most_width: int, most_height: int) -> AtlasPage | None:
+    """Return a page with pictures in rows, highest first; None if they do not fit.
+
+    slots: in any order, which stays; most_width, most_height: px, largest sides of the page.
+    """
     places: dict[str, AtlasSlot] = {}
     x = y = PADDING
     row = right = 0
     for slot in sorted(slots, key=lambda s: (-s.height, -s.width)):
-        if x + slot.width + PADDING > width:
+        if x + slot.width + PADDING > most_width:
             x, y, row = PADDING, y + row + PADDING, 0
-        if x + slot.width + PADDING > width or y + slot.height + PADDING > height:
+        if x + slot.width + PADDING > most_width or y + slot.height + PADDING > most_height:
             return None
         places[slot.name] = slot._replace(x=x, y=y)
         x += slot.width + PADDING
@@ -109,19 +112,20 @@ def _pack(slots: list[AtlasSlot], width: int, height: int) -> AtlasPage | None:
     return AtlasPage(right, y + row + PADDING, [places[slot.name] for slot in slots])
 
 
-def draw_page(
-    page: AtlasPage, pixels: Callable[[int, int], NDArray[np.uint8]]
+def draw_atlas_page(
+    page: AtlasPage, read_pixels: Callable[[int, int], NDArray[np.uint8]]
 ) -> NDArray[np.uint8]:
     """Draw an atlas page as a picture (height, width, 4), RGBA with straight alpha.
 
-    pixels(sprite, orientation): returns the premultiplied picture (h, w, 2 or 4) of one sprite.
+    read_pixels(sprite, orientation): returns the premultiplied picture (h, w, 2 or 4) of one
+    sprite.
     """
     canvas = np.zeros((page.height, page.width, 4), np.uint8)
     for slot in page.slots:
         here = canvas[slot.y : slot.y + slot.height, slot.x : slot.x + slot.width]
-        source = pixels(slot.sprite, slot.orientation)
+        source = read_pixels(slot.sprite, slot.orientation)
         here[..., :3], here[..., 3:] = source[..., :-1], source[..., -1:]  # grey gives R = G = B
-    return straight_alpha(canvas)
+    return to_straight_alpha(canvas)
 
 
 def encode_png(rgba: NDArray[np.uint8]) -> bytes:
@@ -130,7 +134,7 @@ def encode_png(rgba: NDArray[np.uint8]) -> bytes:
     return cv2.imencode(".png", cv2.cvtColor(rgba, cv2.COLOR_RGBA2BGRA), settings)[1].tobytes()
 
 
-def straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def to_straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Convert premultiplied RGBA (h, w, 4) to straight alpha: divide its colour by alpha.
 
     Colour also extends `BLEED` px under the transparent pixels around the edge. Premultiplying the
@@ -151,15 +155,19 @@ def straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.dstack([colour, alpha])
 
 
-def page_json(
-    atlas: list[AtlasPage], number: int, sprites: pd.DataFrame, index: pd.DataFrame, rate_hz: float
+def atlas_page_json(
+    atlas: list[AtlasPage],
+    page_number: int,
+    sprites: pd.DataFrame,
+    index: pd.DataFrame,
+    rate_hz: float,
 ) -> dict[str, Any]:
-    """Return the JSON of page `number`: its sprites' rectangles, its sequences, each step's motion.
+    """Return the JSON of an atlas page: its sprites' rectangles, sequences, and each step's motion.
 
     sprites, index: as for `lay_out_pages`. All sprites have the same untrimmed size; its middle is
     within a pixel of the mass centre.
     """
-    page = atlas[number]
+    page = atlas[page_number]
     centres = sprites[["x_px", "y_px"]].to_numpy()
     middles = np.floor(centres + 0.5)  # pixels with a mass centre
     corner = index[["x0_px", "y0_px"]].to_numpy() - middles[index["sprite"]]
@@ -194,7 +202,7 @@ def page_json(
     meta = {
         "app": "finloop",
         "version": "1.0",
-        "image": f"atlas-{number}.png",
+        "image": f"atlas-{page_number}.png",
         "format": "RGBA8888",
         "size": {"w": page.width, "h": page.height},
         "scale": "1",
@@ -211,6 +219,6 @@ def page_json(
         },
     }  # fmt: skip
     if len(atlas) > 1:
-        packs = [f"atlas-{n}.json" for n in range(len(atlas)) if n != number]
+        packs = [f"atlas-{n}.json" for n in range(len(atlas)) if n != page_number]
         meta["related_multi_packs"] = packs
     return {"frames": frames, "animations": groups, "meta": meta}

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Reals
 from finloop.base.errors import FinloopError
-from finloop.distance.picture import distance_pair_by_pair, successive_distances
+from finloop.distance.picture import paired_distances, successive_distances
 from finloop.features.current import places_through_water
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.sprites.settings import SpritesSettings
@@ -59,11 +59,11 @@ def swimmer_table(
     dx = (table["tail_x_px"] - table["head_x_px"]).to_numpy(float)
     dy = (table["tail_y_px"] - table["head_y_px"]).to_numpy(float)
     path = pd.DataFrame(places_through_water(table)).groupby(table["track_id"], sort=False)
-    place = path.transform(lambda x: smooth(x.to_numpy(float))).to_numpy()
+    place = path.transform(lambda x: smooth_series(x.to_numpy(float))).to_numpy()
     travel = np.diff(place, axis=0, append=place[-1:])
     last = (of_track.cumcount(ascending=False) == 0).to_numpy()
     travel[last] = travel[np.maximum(np.flatnonzero(last) - 1, 0)]
-    alone = _nearest_other_px(table) / np.median(length)
+    alone = _nearest_neighbour_px(table) / np.median(length)
     off = np.abs(table["body_length_px"].to_numpy() / length - 1)
     copied = ["track_id", "frame", "x_px", "y_px", "orientations", "bend", "area_px", "contrast"]
     return table[copied].assign(
@@ -86,7 +86,7 @@ def swimmer_table(
     )
 
 
-def smooth(values: Reals) -> Floats:
+def smooth_series(values: Reals) -> Floats:
     """Smooth a series (frames,) by the weights ¼, ½, ¼; lines stay lines, also at the ends."""
     x = np.array(values, np.float64)
     if len(x) < 3:
@@ -95,8 +95,8 @@ def smooth(values: Reals) -> Floats:
     return scipy.ndimage.convolve1d(ends, [0.25, 0.5, 0.25])[1:-1]
 
 
-def _nearest_other_px(table: pd.DataFrame) -> Floats:
-    """Return each fish's distance (rows,) [px] to the nearest other one in the frame; or inf."""
+def _nearest_neighbour_px(table: pd.DataFrame) -> Floats:
+    """Return each fish's distance (rows,) [px] to the nearest other one in its frame, else inf."""
     nearest = np.full(len(table), np.inf)
     place = table[["x_px", "y_px"]].to_numpy()
     for rows in table.groupby("frame").indices.values():
@@ -125,6 +125,7 @@ class FrameRun:
     faults: dict[str, float] = field(default_factory=dict)
 
     def __len__(self) -> int:
+        """Return the number of frames."""
         return self.rows.stop - self.rows.start
 
     @property
@@ -133,9 +134,12 @@ class FrameRun:
         return sum(self.faults.values())
 
 
-def _parse_frame_run(table: pd.DataFrame, word: str, text: str, hold: float) -> FrameRun:
-    """Return the frames that the setting `sprites.<word>_frames` lists, as "track:first-last"."""
-    name = f"sprites.{word}_frames={text}"
+def _parse_frame_run(table: pd.DataFrame, sequence: str, text: str, hold_share: float) -> FrameRun:
+    """Return the frames that the setting `sprites.<sequence>_frames` lists, as "track:first-last".
+
+    hold_share: as in `turn_phases`. FinloopError if the text, the track or the frames are wrong.
+    """
+    name = f"sprites.{sequence}_frames={text}"
     form = re.fullmatch(r"\s*(\d+)\s*:\s*(\d+)\s*-\s*(\d+)\s*", text)
     if form is None:
         raise FinloopError(
@@ -151,7 +155,7 @@ def _parse_frame_run(table: pd.DataFrame, word: str, text: str, hold: float) -> 
             "see reports/features/trajectories.png and data/features/features.parquet",
         )
     frames = table["frame"].to_numpy()[track]
-    least = 3 if word in SIDES else 2
+    least = 3 if sequence in SIDES else 2
     if last - first + 1 < least:
         raise FinloopError(
             f"{name}: {max(0, last - first + 1)} frames", f"at least {least}", "list more frames"
@@ -164,41 +168,41 @@ def _parse_frame_run(table: pd.DataFrame, word: str, text: str, hold: float) -> 
             "list frames of that range, or another track",
         )
     run = FrameRun(number, first, last, slice(int(rows[0]), int(rows[-1]) + 1))
-    if word in SIDES and "hold" not in turn_phases(table, run, SIDES[word], hold):
+    if sequence in SIDES and "hold" not in turn_phases(table, run, SIDES[sequence], hold_share):
         raise FinloopError(
-            f"{name}: the fish does not bend to the {word} between its first and last frame",
-            f"frames before, during and after a bend to the {word}",
+            f"{name}: the fish does not bend to the {sequence} between its first and last frame",
+            f"frames before, during and after a bend to the {sequence}",
             "list frames of a turn to that side (reports/features/fig7.png shows where they are)",
         )
     return run
 
 
-def turn_phases(table: pd.DataFrame, run: FrameRun, side: int, hold: float) -> list[str]:
+def turn_phases(table: pd.DataFrame, run: FrameRun, side: int, hold_share: float) -> list[str]:
     """Return the phase of each frame of a turn: "in", "hold" or "out"; ["none"] without a bend.
 
-    The phase is hold where the bend is at least the share `hold` of its largest value.
+    side: 1 left, −1 right. The phase is hold where the bend is at least the share `hold_share` of
+    its largest value.
     """
     bend = side * table["bend"].to_numpy()[run.rows]
     peak = int(bend.argmax())
     if bend[peak] <= 0 or peak in (0, len(bend) - 1):
         return ["none"]
-    strong = bend >= hold * bend[peak]
+    strong = bend >= hold_share * bend[peak]
     first = peak - int(np.argmin(np.r_[strong[:peak][::-1], False]))
     last = peak + int(np.argmin(np.r_[strong[peak + 1 :], False]))
     first, last = max(first, 1), min(last, len(bend) - 2)
     return ["in"] * first + ["hold"] * (last - first + 1) + ["out"] * (len(bend) - 1 - last)
 
 
-def cycle_heading(table: pd.DataFrame, start: int, n: int) -> Floats:
-    """Return headings [°] on a line (n + 1,) for n straight frames and the frame after them.
+def cycle_headings(table: pd.DataFrame, first_row: int, frames: int) -> Floats:
+    """Return headings [°] on a line for some straight frames and the one after them, (frames + 1,).
 
-    start: row of the first frame. The slope is the drift from the first frame to that after the
-    last. Both show the same phase of the tail beat, so the head's yaw, which a least-squares line
-    would follow, cancels.
+    The slope is the drift from the first frame to that after the last. Both show the same phase of
+    the tail beat, so the head's yaw, which a least-squares line would follow, cancels.
     """
-    heading = table["heading"].to_numpy()[start : start + n + 1]
-    slope = (heading[-1] - heading[0]) / n
-    return heading[:-1].mean() + slope * (np.arange(n + 1) - (n - 1) / 2)
+    heading = table["heading"].to_numpy()[first_row : first_row + frames + 1]
+    slope = (heading[-1] - heading[0]) / frames
+    return heading[:-1].mean() + slope * (np.arange(frames + 1) - (frames - 1) / 2)
 
 
 # -- candidates: tail beats and glides -------------------------------------------------------------
@@ -206,11 +210,18 @@ def cycle_heading(table: pd.DataFrame, start: int, n: int) -> Floats:
 # one per fault. The frame after a candidate is of the same track: it is compared with the first.
 
 
-def find_tail_beats(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
-    """Return the film's runs of one tail beat in straight swimming, with their faults."""
-    least = max(settings.beat_frames, round(settings.beat_least * delta))
+def find_tail_beats(
+    table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
+) -> pd.DataFrame:
+    """Return the film's runs of one tail beat in straight swimming, with their faults.
+
+    table: of swimmers; the runs are a table of candidates (start, length, one column per fault).
+    """
+    least = max(settings.beat_frames, round(settings.beat_least * delta_frames))
     parts = []
-    for track, n, start, at in _straight_windows(table, least, round(settings.beat_most * delta)):
+    for track, n, start, at in _find_straight_runs(
+        table, least, round(settings.beat_most * delta_frames)
+    ):
         tail = sliding_window_view(track["tail"].to_numpy(), n)[start]
         power = np.abs(np.fft.rfft(tail - tail.mean(1, keepdims=True), axis=1)) ** 2
         power[:, 1 : (n + 1) // 2] *= 2
@@ -231,18 +242,19 @@ def find_tail_beats(table: pd.DataFrame, delta: int, settings: SpritesSettings) 
     return waves.drop(columns="swing").assign(**{"untypical beat": untypical})
 
 
-def find_glides(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
+def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSettings) -> pd.DataFrame:
     """Return the film's runs of straight gliding with a still tail, with their faults.
 
+    table: of swimmers; the runs are a table of candidates (start, length, one column per fault).
     Runs shorter than `slide_least` are included only if there are no longer ones, and those whose
     tail moves more than `still` only if no tail is still.
     """
-    least = max(3, round(settings.slide_least * delta))
-    most = max(3, round(settings.slide_most * delta))
+    least = max(3, round(settings.slide_least * delta_frames))
+    most = max(3, round(settings.slide_most * delta_frames))
     typical = max(float(table.loc[table["usable"], "speed"].median()), 1e-6)
     for shortest in sorted({least, max(3, least // 2), 3}, reverse=True):
         parts = []
-        for track, n, start, at in _straight_windows(table, shortest, most):
+        for track, n, start, at in _find_straight_runs(table, shortest, most):
             tail = sliding_window_view(track["tail"].to_numpy(), n)[start]
             speed = sliding_window_view(track["speed"].to_numpy(), n)[start].mean(1)
             faults = _common_faults(track, start, n, settings) | {
@@ -259,27 +271,28 @@ def find_glides(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> p
     return pd.DataFrame()
 
 
-def _substitute_tail_beats(
-    table: pd.DataFrame, delta: int, settings: SpritesSettings
+def _find_substitute_tail_beats(
+    table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
 ) -> pd.DataFrame:
     """Return glides in place of a tail beat: of straight frames, else of usable, else of any."""
     as_straight = table.assign(type=np.int8(STRAIGHT))
     for rows in (table, as_straight, as_straight.assign(usable=True)):
-        if not (glides := find_glides(rows, delta, settings)).empty:
+        if not (glides := find_glides(rows, delta_frames, settings)).empty:
             return glides
     return pd.DataFrame()
 
 
-def _straight_windows(
-    table: pd.DataFrame, least: int, most: int
+def _find_straight_runs(
+    table: pd.DataFrame, least_frames: int, most_frames: int
 ) -> Iterator[tuple[pd.DataFrame, int, Rows, Rows]]:
-    """Yield runs of `least` … `most` usable straight frames, followed by another such frame.
+    """Yield runs of usable straight frames of each length, followed by another such frame.
 
-    Each item is a track, a length, and the runs' first rows in that track and in `table`.
+    Each item is a track, a length (`least_frames` … `most_frames`), and the first rows of all runs
+    of that length, in that track and in `table`.
     """
     fine = ((table["type"] == STRAIGHT) & table["usable"]).to_numpy()
     for span in _unbroken_row_slices(table):
-        for n in range(least, min(most, span.stop - span.start - 1) + 1):
+        for n in range(least_frames, min(most_frames, span.stop - span.start - 1) + 1):
             start = np.flatnonzero(sliding_window_view(fine[span], n + 1).all(1))
             if start.size:
                 yield table.iloc[span], n, start, start + span.start
@@ -293,25 +306,31 @@ def _unbroken_row_slices(table: pd.DataFrame) -> Iterator[slice]:
 
 
 def _common_faults(
-    track: pd.DataFrame, start: Rows, n: int, settings: SpritesSettings
+    track: pd.DataFrame, first_rows: Rows, frames: int, settings: SpritesSettings
 ) -> dict[str, Floats]:
-    """Return the faults that tail beats and glides share, for runs of n frames from `start`."""
+    """Return the faults that tail beats and glides share, for runs of equal length in one track.
+
+    first_rows: of the runs, in the track; frames: their length.
+    """
     heading = track["heading"].to_numpy()
-    speed = sliding_window_view(track["speed"].to_numpy(), n)[start]
-    area = sliding_window_view(track["area_px"].to_numpy(), n + 1)[start]
-    change = np.abs(speed[:, -(n // 2) :].mean(1) - speed[:, : n // 2].mean(1))
-    alone = sliding_window_view(track["alone"].to_numpy(), n)[start].min(1)
+    speed = sliding_window_view(track["speed"].to_numpy(), frames)[first_rows]
+    area = sliding_window_view(track["area_px"].to_numpy(), frames + 1)[first_rows]
+    change = np.abs(speed[:, -(frames // 2) :].mean(1) - speed[:, : frames // 2].mean(1))
+    alone = sliding_window_view(track["alone"].to_numpy(), frames)[first_rows].min(1)
     return {
-        "drift": np.abs(heading[start + n] - heading[start]) / settings.drift_deg,
+        "drift": np.abs(heading[first_rows + frames] - heading[first_rows]) / settings.drift_deg,
         "speed changes": change / np.maximum(speed.mean(1), 1e-6) / settings.speed_change,
         "area changes": np.ptp(area, axis=1) / area.mean(1) / settings.area_change,
-        "another size": track["animal_off"].to_numpy()[start],
-        "not alone": _crowding(alone, settings),
+        "another size": track["animal_off"].to_numpy()[first_rows],
+        "not alone": _crowding_fault(alone, settings),
     }
 
 
-def _crowding(alone: Reals, settings: SpritesSettings) -> Floats:
-    """Return 1 where another fish is just far enough away, 0 from twice that distance."""
+def _crowding_fault(alone: Reals, settings: SpritesSettings) -> Floats:
+    """Return 1 where another fish is just far enough away, 0 from twice that distance.
+
+    alone: body lengths to the nearest other fish.
+    """
     return np.clip(2 - alone / settings.min_neighbour_distance_bl, 0, 1)
 
 
@@ -321,9 +340,9 @@ def _crowding(alone: Reals, settings: SpritesSettings) -> Floats:
 def find_turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.DataFrame:
     """Return the film's strongest whole turns to one side, with their faults.
 
-    A turn is whole if all its frames are usable, it has frames before and after the largest bend,
-    and the heading changes. Weaker turns are included only if there are no stronger ones: see
-    `strong` in the settings.
+    side: 1 left, −1 right. A turn is whole if all its frames are usable, it has frames before and
+    after the largest bend, and the heading changes. Weaker turns are included only if there are no
+    stronger ones: see `strong` in the settings.
     """
     bend = side * table["bend"].to_numpy()
     turning = (table["type"] == side).to_numpy() & table["usable"].to_numpy()
@@ -345,10 +364,11 @@ def find_turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.
     return pd.DataFrame()
 
 
-def _substitute_turns(table: pd.DataFrame, side: int) -> pd.DataFrame:
+def _find_substitute_turns(table: pd.DataFrame, side: int) -> pd.DataFrame:
     """Return bends to one side in place of a whole turn, from a minimum of bending to the next.
 
-    Their one fault, weaker, is the share of the strongest bend that they lack.
+    side: 1 left, −1 right. Their one fault, weaker, is the share of the strongest bend that they
+    lack.
     """
     bends = []
     for span in _unbroken_row_slices(table):
@@ -364,20 +384,21 @@ def _substitute_turns(table: pd.DataFrame, side: int) -> pd.DataFrame:
 
 
 def _measure_turn(
-    track: pd.DataFrame, bend: Floats, side: int, peak: int, strongest: float,
+    track: pd.DataFrame, bend: Floats, side: int, peak_row: int, strongest_bend: float,
     settings: SpritesSettings,
 ) -> dict[str, float] | None:  # fmt: skip
-    """Return start, length and faults of the turn around the row `peak`; None if it is not whole.
+    """Return start, length and faults of the turn around a row; None if the turn is not whole.
 
-    bend: to that side, of each row; strongest: the largest one of the film.
+    track: rows of the table of swimmers; bend: to the side, of each row; side: 1 left, −1 right;
+    peak_row: where the bend is largest; strongest_bend: of the film.
     """
-    first = _find_straightest_row(bend, peak, 0, -1, settings)
-    last = _find_straightest_row(bend, peak, len(bend) - 1, 1, settings)
+    first = _find_straightest_row(bend, peak_row, 0, -1, settings)
+    last = _find_straightest_row(bend, peak_row, len(bend) - 1, 1, settings)
     before = first - 1  # the head has begun to turn by the first frame that is bent at all
-    if before >= 0 and abs(bend[before]) < settings.bent * bend[peak]:
+    if before >= 0 and abs(bend[before]) < settings.bent * bend[peak_row]:
         first = before
     inside = slice(first, last + 1)
-    strong = np.flatnonzero(bend[inside] >= settings.hold * bend[peak]) + first
+    strong = np.flatnonzero(bend[inside] >= settings.hold * bend[peak_row]) + first
     if first == strong[0] or last == strong[-1] or last + 1 >= len(bend):
         return None
     if not track["usable"].to_numpy()[inside].all():
@@ -385,7 +406,7 @@ def _measure_turn(
     if (track["type"].to_numpy()[inside] == -side).any():
         return None
     heading = track["heading"].to_numpy()[first : last + 2]
-    step = side * np.diff(smooth(heading))
+    step = side * np.diff(smooth_series(heading))
     if step.sum() < settings.min_turn_deg:
         return None
     area = track["area_px"].to_numpy()[inside]
@@ -396,32 +417,33 @@ def _measure_turn(
     return {
         "start": first,
         "length": n,
-        "weaker": (1 - bend[peak] / strongest) / settings.weaker,
-        "bent at the ends": ends.sum() / bend[peak] / (2 * settings.bent),
+        "weaker": (1 - bend[peak_row] / strongest_bend) / settings.weaker,
+        "bent at the ends": ends.sum() / bend[peak_row] / (2 * settings.bent),
         "turns back": -np.minimum(step, 0).sum() / settings.drift_deg,
         "goes on": abs(heading[-1] - heading[-2]) / settings.drift_deg,
-        "bends twice": second / bend[peak] / settings.bent,
+        "bends twice": second / bend[peak_row] / settings.bent,
         "jumps": step.max() / settings.jump_deg,
         "flicker": settings.flicker_frames / n,
         "area changes": np.abs(np.diff(area)).max() / area.mean() / settings.area_change,
         "another size": track["animal_off"].to_numpy()[first],
-        "not alone": float(_crowding(track["alone"].to_numpy()[inside].min(), settings)),
+        "not alone": float(_crowding_fault(track["alone"].to_numpy()[inside].min(), settings)),
     }
 
 
 def _find_straightest_row(
-    bend: Reals, peak: int, end: int, direction: int, settings: SpritesSettings
+    bend: Reals, peak_row: int, end_row: int, direction: int, settings: SpritesSettings
 ) -> int:
-    """Return the row from `peak` to `end` where the fish is straightest before the next bend.
+    """Return the row before or after a peak where the fish is straightest before the next bend.
 
-    direction: 1 = later, −1 = earlier. Small rises do not end the search; a straight fish does.
+    bend: of each row of a track; end_row: the last row to look at; direction: 1 = later, −1 =
+    earlier. Small rises do not end the search; a straight fish does.
     """
-    low = row = peak
-    while row != end and abs(bend[low]) > settings.straight_bend * bend[peak]:
+    low = row = peak_row
+    while row != end_row and abs(bend[low]) > settings.straight_bend * bend[peak_row]:
         row += direction
         if abs(bend[row]) < abs(bend[low]):
             low = row
-        elif bend[row] < 0 or bend[row] > bend[low] + settings.bent * bend[peak]:
+        elif bend[row] < 0 or bend[row] > bend[low] + settings.bent * bend[peak_row]:
             break
     return low
 
@@ -430,7 +452,7 @@ def _find_straightest_row(
 
 
 @dataclass(frozen=True)
-class Choice:
+class ChosenFrames:
     """The film's frames for one sequence of sprites.
 
     mirrored: the frames show a turn to the other side, and the sprites are their mirror images.
@@ -444,23 +466,29 @@ class Choice:
 
 
 def choose_frames(
-    table: pd.DataFrame, draw_pictures: DrawPictures, delta: int, settings: SpritesSettings
-) -> dict[str, Choice]:
+    table: pd.DataFrame, draw_pictures: DrawPictures, delta_frames: int, settings: SpritesSettings
+) -> dict[str, ChosenFrames]:
     """Choose the film's frames for each sequence of `WORDS`: those of the settings, else the best.
 
-    A side without a turn gets the opposite turn, mirrored. A film without a tail beat or a whole
-    turn gets the best substitute. FinloopError if the settings name frames that do not exist, or
-    the fish never bends.
+    table: of swimmers. A side without a turn gets the opposite turn, mirrored. A film without a
+    tail beat or a whole turn gets the best substitute. FinloopError if the settings name frames
+    that do not exist, or the fish never bends.
     """
     usable = np.flatnonzero(table["usable"])
     usable = usable if usable.size else np.arange(len(table))
     sample = usable[np.linspace(0, usable.size - 1, min(_SAMPLE, usable.size)).astype(int)]
     pictures = draw_pictures(sample, table["heading"].to_numpy()[sample])
-    typical_sharpness = float(np.median(sharpness(pictures)))
+    typical_sharpness = float(np.median(measure_sharpness(pictures)))
 
     def best(word: str, candidates: pd.DataFrame) -> list[FrameRun]:
-        return best_of_tracks(
-            table, candidates, draw_pictures, typical_sharpness, settings, loops=word not in SIDES
+        """Return the best candidates for one sequence, one of each track."""
+        return best_runs_of_tracks(
+            table,
+            candidates,
+            draw_pictures,
+            typical_sharpness,
+            settings,
+            is_cycle=word not in SIDES,
         )
 
     runs: dict[str, Sequence[FrameRun]] = {}
@@ -473,13 +501,15 @@ def choose_frames(
             runs[word] = best(word, find_turns(table, SIDES[word], settings))
         else:
             find = find_tail_beats if word == "straight" else find_glides
-            runs[word] = best(word, find(table, delta, settings))
+            runs[word] = best(word, find(table, delta_frames, settings))
     if not runs["straight"]:
-        runs["straight"] = best("straight", _substitute_tail_beats(table, delta, settings))
+        runs["straight"] = best(
+            "straight", _find_substitute_tail_beats(table, delta_frames, settings)
+        )
         stands_in.add("straight")
     if not (runs["left"] or runs["right"]):
         for word, side in SIDES.items():
-            runs[word] = best(word, _substitute_turns(table, side))
+            runs[word] = best(word, _find_substitute_turns(table, side))
             stands_in.add(word)
     lacks = [] if runs["straight"] else ["four frames of one track, one after the other"]
     if not (runs["left"] or runs["right"]):
@@ -491,8 +521,8 @@ def choose_frames(
             "take a longer film (reports/features/trajectories.png shows what was followed)",
         )
     choices = {
-        word: Choice(run, stands_in=word in stands_in)
-        for word, run in choose_combination(table, runs, settings).items()
+        word: ChosenFrames(run, stands_in=word in stands_in)
+        for word, run in choose_run_combination(table, runs, settings).items()
     }
     if "slide" not in choices:  # nothing glides: the straightest there is
         choices["slide"] = choices["straight"]
@@ -502,14 +532,14 @@ def choose_frames(
     return {word: choices[word] for word in WORDS}
 
 
-def best_of_tracks(
+def best_runs_of_tracks(
     table: pd.DataFrame, candidates: pd.DataFrame, draw_pictures: DrawPictures,
-    typical_sharpness: float, settings: SpritesSettings, *, loops: bool,
+    typical_sharpness: float, settings: SpritesSettings, *, is_cycle: bool,
 ) -> list[FrameRun]:  # fmt: skip
     """Return each track's best candidate, with the faults of its pictures; the best track first.
 
-    typical_sharpness: the median of `sharpness` over the film; loops: the frame after the last
-    should be like the first, within a natural step.
+    typical_sharpness: the median of `measure_sharpness` over the film; is_cycle: whether the frame
+    after the last should be like the first, within a natural step.
     """
     if candidates.empty:
         return []
@@ -522,10 +552,10 @@ def best_of_tracks(
     for at in order[(rank < settings.candidates_per_track).to_numpy()][: settings.candidates]:
         start, n = int(candidates.at[at, "start"]), int(candidates.at[at, "length"])
         rows = np.arange(start, start + n + 1)
-        heading = cycle_heading(table, start, n) if loops else table["heading"].to_numpy()[rows]
+        heading = cycle_headings(table, start, n) if is_cycle else table["heading"].to_numpy()[rows]
         pictures = draw_pictures(rows, heading)
-        more = {"does not close": closure(pictures)} if loops else {}
-        soft = 1 - float(np.median(sharpness(pictures))) / typical_sharpness
+        more = {"does not close": loop_closure(pictures)} if is_cycle else {}
+        soft = 1 - float(np.median(measure_sharpness(pictures))) / typical_sharpness
         more["soft"] = max(0.0, soft) / settings.soft
         track = int(table["track_id"].iat[start])
         run = FrameRun(
@@ -537,18 +567,18 @@ def best_of_tracks(
     return sorted(best.values(), key=lambda run: run.cost)
 
 
-def closure(pictures: Reals) -> float:
+def loop_closure(pictures: Reals) -> float:
     """Return the picture distance from a loop's end to its start, over its median step.
 
     pictures (n + 1, size, size, channels): the n frames of the loop and the frame after them. At 1
     the loop closes as smoothly as the film plays on.
     """
-    return float(distance_pair_by_pair(pictures[-1], pictures[0])) / max(
+    return float(paired_distances(pictures[-1], pictures[0])) / max(
         float(np.median(successive_distances(pictures))), 1e-9
     )
 
 
-def sharpness(pictures: Reals) -> Floats:
+def measure_sharpness(pictures: Reals) -> Floats:
     """Return how sharp each picture is (n,): its summed squared gradient over its summed alpha.
 
     pictures (n, h, w, channels): values 0 … 1, alpha last.
@@ -557,7 +587,7 @@ def sharpness(pictures: Reals) -> Floats:
     return (down**2 + right**2).sum((1, 2, 3)) / np.maximum(pictures[..., -1].sum((1, 2)), 1e-9)
 
 
-def choose_combination(
+def choose_run_combination(
     table: pd.DataFrame, runs: dict[str, Sequence[FrameRun]], settings: SpritesSettings
 ) -> dict[str, FrameRun]:
     """Choose one run for each sequence: least faults together, and few changes of the animal.
@@ -577,6 +607,7 @@ def choose_combination(
     log_appearance = np.log(appearance)
 
     def change_cost(a: int, b: int) -> float:
+        """Return what a change from one track to another costs."""
         if a == b:
             return 0.0
         difference = float(np.abs(log_appearance.loc[a] - log_appearance.loc[b]).mean())

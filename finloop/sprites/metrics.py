@@ -3,15 +3,15 @@
 import numpy as np
 import pandas as pd
 
-from finloop.distance.picture import distance_pair_by_pair, successive_distances
+from finloop.distance.picture import paired_distances, successive_distances
 from finloop.features.metrics import orientation_table
 from finloop.features.swimming_type import STRAIGHT
 from finloop.features.table import count_orientations
-from finloop.sprites.choice import SIDES, Choice, DrawPictures, closure, cycle_heading
+from finloop.sprites.choice import SIDES, ChosenFrames, DrawPictures, cycle_headings, loop_closure
 from finloop.sprites.settings import SpritesSettings
 
 
-def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
+def sprite_orientation_table(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
     """Return the fish paper's Table 1 for the sprites: a row for each of their orientations.
 
     sprites: schema `SPRITES`; features: the film's. Largest motion areas are shares of the film's
@@ -42,20 +42,24 @@ def count_complete_orientations(table: pd.DataFrame) -> int:
 
 
 def sprite_metrics(
-    sprites: pd.DataFrame, table: pd.DataFrame, features: pd.DataFrame, frames: int, rate_hz: float
+    sprites: pd.DataFrame,
+    table: pd.DataFrame,
+    features: pd.DataFrame,
+    film_frames: int,
+    rate_hz: float,
 ) -> dict[str, float]:
     """Return the metrics of the chosen sprites, by their names in metrics.json.
 
-    sprites: schema `SPRITES`; table: from `swimmer_table`; frames: how many the film has.
+    sprites: schema `SPRITES`; table: from `swimmer_table`; film_frames: how many the film has.
     """
     sequences = dict(iter(sprites.groupby("sequence", sort=False)))
     used = sprites[["track_id", "frame"]].drop_duplicates()
-    after = table1_after(sprites, features)
+    after = sprite_orientation_table(sprites, features)
     result: dict[str, float] = {
         "sprites": len(sprites),
         "pictures": len(sprites) * count_orientations(sprites),
         "picked_of_fish_frames_pct": 100 * len(used) / len(table),
-        "picked_of_film_frames_pct": 100 * used["frame"].nunique() / frames,
+        "picked_of_film_frames_pct": 100 * used["frame"].nunique() / film_frames,
         "tracks_used": sprites["track_id"].nunique(),
         "scale_min": sprites["scale"].min(),
         "scale_max": sprites["scale"].max(),
@@ -77,35 +81,36 @@ def sprite_metrics(
 
 
 def cycle_metrics(
-    word: str, choice: Choice, table: pd.DataFrame, draw_pictures: DrawPictures
+    sequence: str, choice: ChosenFrames, table: pd.DataFrame, draw_pictures: DrawPictures
 ) -> dict[str, float]:
     """Return how far the tail swings [body lengths] in a cycle, and how well the cycle closes.
 
-    word: the sequence, straight or slide. Closure is the picture distance of the last frame, and of
-    the one after it, from the first, over the cycle's median step. It is missing if the track ends
-    there.
+    sequence: straight or slide. Closure is the picture distance of the last frame, and of the one
+    after it, from the first, over the cycle's median step. It is missing if the track ends there.
     """
     start, stop = choice.stretch.rows.start, choice.stretch.rows.stop
     tail = table["tail"].to_numpy()[start:stop]
-    result = {f"{word}_tail_swing_body_lengths": float(np.ptp(tail))}
+    result = {f"{sequence}_tail_swing_body_lengths": float(np.ptp(tail))}
     if stop < len(table) and table["track_id"].iat[stop] == choice.stretch.track_id:
-        heading = cycle_heading(table, start, stop - start)
+        heading = cycle_headings(table, start, stop - start)
         pictures = draw_pictures(np.arange(start, stop + 1), heading)
         median = max(float(np.median(successive_distances(pictures))), 1e-9)
-        last = float(distance_pair_by_pair(pictures[-2], pictures[0]))
-        result[f"{word}_closure_last_to_first"] = last / median
-        result[f"{word}_closure_after_last_to_first"] = closure(pictures)
+        last = float(paired_distances(pictures[-2], pictures[0]))
+        result[f"{sequence}_closure_last_to_first"] = last / median
+        result[f"{sequence}_closure_after_last_to_first"] = loop_closure(pictures)
     return result
 
 
-def is_still(choice: Choice, table: pd.DataFrame, delta: int, settings: SpritesSettings) -> bool:
+def is_still_slide(
+    choice: ChosenFrames, table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
+) -> bool:
     """Return whether a chosen slide is at least `slide_least` long and its tail within `still`."""
     tail = table["tail"].to_numpy()[choice.stretch.rows]
-    long = len(tail) >= round(settings.slide_least * delta)
+    long = len(tail) >= round(settings.slide_least * delta_frames)
     return long and float(np.ptp(tail)) <= settings.still
 
 
-def fault_table(choices: dict[str, Choice]) -> pd.DataFrame:
+def fault_table(choices: dict[str, ChosenFrames]) -> pd.DataFrame:
     """Return every fault of each choice: sequence, frames, fault, value (1 is acceptable)."""
     rows = []
     for word, choice in choices.items():

@@ -19,7 +19,7 @@ from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.schema import Column, Schema, columns
 from finloop.distance.reel import Reel
 from finloop.features.table import orientation_heading_deg, wrap_deg
-from finloop.sprites.choice import SIDES, Choice, cycle_heading, smooth, turn_phases
+from finloop.sprites.choice import SIDES, ChosenFrames, cycle_headings, smooth_series, turn_phases
 from finloop.sprites.settings import SpritesSettings
 
 _REACH = 4  # px that a Lanczos kernel of four lobes reaches beyond a pixel
@@ -43,30 +43,32 @@ SPRITES = Schema(
 
 
 def sprite_table(
-    table: pd.DataFrame, choices: dict[str, Choice], settings: SpritesSettings
+    table: pd.DataFrame, choices: dict[str, ChosenFrames], settings: SpritesSettings
 ) -> pd.DataFrame:
     """Return the table of sprites (schema `SPRITES`): every chosen frame, its heading, its motion.
 
     table: from `swimmer_table`; choices: the frames of each sequence.
     """
-    rows = pd.concat([_sequence(table, word, choice, settings) for word, choice in choices.items()])
+    rows = pd.concat(
+        [_sequence_rows(table, word, choice, settings) for word, choice in choices.items()]
+    )
     rows.insert(0, "sprite", np.arange(len(rows)))
     return rows.reset_index(drop=True)[SPRITES.names]
 
 
-def _sequence(
-    table: pd.DataFrame, word: str, choice: Choice, settings: SpritesSettings
+def _sequence_rows(
+    table: pd.DataFrame, sequence: str, choice: ChosenFrames, settings: SpritesSettings
 ) -> pd.DataFrame:
     """Return the sprites of one sequence, columns of `SPRITES` without their numbers."""
     run, sign = choice.stretch, -1 if choice.mirrored else 1
     here = table.iloc[run.rows]
     n, start, after = len(here), run.rows.start, run.rows.stop
     goes_on = after < len(table) and table["track_id"].iat[after] == run.track_id
-    side = sign * SIDES.get(word, 0)  # as filmed
+    side = sign * SIDES.get(sequence, 0)  # as filmed
     if side:
-        heading = smooth(table["heading"].to_numpy()[start : after + goes_on])
+        heading = smooth_series(table["heading"].to_numpy()[start : after + goes_on])
     else:
-        heading = cycle_heading(table, start, n if goes_on else n - 1)
+        heading = cycle_headings(table, start, n if goes_on else n - 1)
     if not goes_on:  # to the frame that would come next
         heading = np.r_[heading, 2 * heading[-1] - heading[-2]]
     if side and -np.minimum(side * np.diff(heading), 0).sum() <= settings.turn_back_deg:
@@ -75,7 +77,7 @@ def _sequence(
     dx, dy = here["step_x_px"].to_numpy(), here["step_y_px"].to_numpy()
     length = here["length_px"].to_numpy()
     return here[["track_id", "frame", "x_px", "y_px", "orientations"]].assign(
-        sequence=word,
+        sequence=sequence,
         step=np.arange(n),
         phase=turn_phases(table, run, side, settings.hold) if side else "cycle",
         row=np.arange(start, after),
@@ -92,7 +94,7 @@ def _sequence(
 
 
 def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
-    """Yield the cut-out of every sprite in every orientation, in the order of `sprite_row`.
+    """Yield the cut-out of every sprite in every orientation, in the order of `sprite_store_row`.
 
     sprites: schema `SPRITES`; film: the cut-outs of all rows.
     """
@@ -120,7 +122,7 @@ def sprite_outlines(reel: Reel) -> list[Floats]:
     return hulls
 
 
-def rotation(angle_deg: float) -> Floats:
+def rotation_matrix(angle_deg: float) -> Floats:
     """Return the matrix (2, 2) that turns points (x right, y down); exact at multiples of 90°."""
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     if angle_deg % 90 == 0:
@@ -128,9 +130,9 @@ def rotation(angle_deg: float) -> Floats:
     return np.array([[c, s], [-s, c]])
 
 
-def reflection(axis_deg: float) -> Floats:
+def reflection_matrix(axis_deg: float) -> Floats:
     """Return the matrix (2, 2) that mirrors points about a line through 0 in this direction."""
-    return rotation(axis_deg) @ np.diag([1.0, -1.0]) @ rotation(-axis_deg)
+    return rotation_matrix(axis_deg) @ np.diag([1.0, -1.0]) @ rotation_matrix(-axis_deg)
 
 
 def turn_cutout(
@@ -145,9 +147,9 @@ def turn_cutout(
     angle_deg %= 360
     if angle_deg == 0 and mirror_axis_deg is None:
         return source
-    linear = rotation(angle_deg)
+    linear = rotation_matrix(angle_deg)
     if mirror_axis_deg is not None:
-        linear = linear @ reflection(mirror_axis_deg)
+        linear = linear @ reflection_matrix(mirror_axis_deg)
     pivot, origin = np.array([x_px, y_px]), np.array([source.x0_px, source.y0_px])
     h, w = source.pixels.shape[:2]
     corners = np.array([[0, 0], [w - 1, 0], [0, h - 1], [w - 1, h - 1]]) + origin

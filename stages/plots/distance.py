@@ -4,7 +4,12 @@ from stages.run import run  # isort: skip  (before numpy)
 
 from pathlib import Path
 
-from finloop.distance.map import about_mean, comparable_pairs, frame_kinds, full_distance_map
+from finloop.distance.map import (
+    find_comparable_pairs,
+    find_frame_kinds,
+    full_distance_map,
+    subtract_mean_picture,
+)
 from finloop.distance.settings import DistanceSettings
 from finloop.io.picture import save_figure
 from finloop.plots.distance import figure9, picture_rows
@@ -19,10 +24,10 @@ def main() -> None:
         facts, features = project.map_facts, project.features
         rows = picture_rows(features, p.picture_frames)
         pictures = project.film_reel.frames(rows, facts.size, facts.pose)
-        distance = full_distance_map(about_mean(pictures))
+        distance = full_distance_map(subtract_mean_picture(pictures))
     features = features.iloc[rows]
-    kinds, area = frame_kinds(features, facts.pose), features["motion_area_rel"].to_numpy()
-    compared = comparable_pairs(kinds, area, p.motion_area_threshold)
+    kinds, area = find_frame_kinds(features, facts.pose), features["motion_area_rel"].to_numpy()
+    compared = find_comparable_pairs(kinds, area, p.motion_area_threshold)
     figure = figure9(distance, compared, features["track_id"].to_numpy(), facts.step_median)
     save_figure(Path("reports/distance/fig9.png"), figure)
 

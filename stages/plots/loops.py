@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 
 from finloop.features.table import infer_delta_frames
 from finloop.io.picture import save_figure
-from finloop.loops.graph import loop_graph
-from finloop.loops.positions import position_table, table_ends
-from finloop.loops.search import as_map, find_candidates, least_frames
+from finloop.loops.graph import build_loop_graph
+from finloop.loops.positions import choose_table_ends, position_table
+from finloop.loops.search import find_loop_candidates, least_loop_frames, to_sparse_map
 from finloop.loops.settings import LoopsSettings
 from finloop.plots import loops as draw
 from finloop.plots.improper_loop import figure13, most_improper
@@ -45,7 +45,7 @@ def _draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figur
     loops, features, reel = project.loops, project.features, project.film_reel
     facts, rate_hz = project.map_facts, project.rate_hz
     track = features["track_id"].to_numpy()
-    graph = loop_graph(loops, track)
+    graph = build_loop_graph(loops, track)
     yield "over_time", figure12(loops, graph, features, rate_hz)
     yield "over_tank", draw.draw_over_tank(loops, graph, features, project.background)
     three = find_three_ways(loops, track)
@@ -54,9 +54,9 @@ def _draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figur
         yield "fig10", message(f"{why}paper.")
     else:
         yield "fig10", figure10(three, reel, facts.pose, facts.step_median)
-    ends = table_ends(graph.ends, track)
+    ends = choose_table_ends(graph.ends, track)
     yield "fig11", draw.figure11(position_table(ends, features), ends, features)
-    gap = least_frames(infer_delta_frames(features), p)
+    gap = least_loop_frames(infer_delta_frames(features), p)
     best, worst = (
         list(draw.loop_examples(ranked.iloc[draw.separate_loops(ranked, gap, BEST)], reel, facts))
         for ranked in (loops, loops[::-1])
@@ -67,8 +67,10 @@ def _draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figur
 def _draw_improper(project: Project, p: LoopsSettings) -> Figure:
     """Return Fig. 13 of the fish paper, or a figure that says that no loop is improper."""
     features, reel, facts = project.features, project.film_reel, project.map_facts
-    pairs = as_map(project.pairs, len(features))
-    every, counts = find_candidates(pairs, features, p.distance_threshold * facts.step_median, p)
+    pairs = to_sparse_map(project.pairs, len(features))
+    every, counts = find_loop_candidates(
+        pairs, features, p.distance_threshold * facts.step_median, p
+    )
     loop = most_improper(every, features, p.improper_angle_deg)
     if loop is None:
         return message(

@@ -4,7 +4,7 @@ from stages.run import run  # isort: skip  (before numpy)
 
 from pathlib import Path
 
-from finloop.distance.reel import sprite_row
+from finloop.distance.reel import sprite_store_row
 from finloop.features.table import count_orientations
 from finloop.io.picture import save_picture
 from finloop.plots.sprites import draw_sprites
@@ -16,7 +16,7 @@ def main() -> None:
     with Project() as project:
         sprites, store = project.sprites, project.sprite_cutouts
         count = count_orientations(sprites)
-        sheet = draw_sprites(sprites, lambda s, o: store[sprite_row(s, o, count)])
+        sheet = draw_sprites(sprites, lambda s, o: store[sprite_store_row(s, o, count)])
     save_picture(Path("reports/sprites/contact_sheet.png"), sheet)
 
 
