@@ -272,7 +272,8 @@ def test_fish_that_cross_keep_their_identities(tmp_path, monkeypatch):
     put_clip(tmp_path, frames)
     for stage in (stages.extract, stages.features, stages.identity, stages.plots.identity):
         stage.main()
-    told = load_table(tmp_path / "data/identity/identities.parquet", IDENTITIES)  # by `identify_animals`
+    # `identify_animals` made it
+    told = load_table(tmp_path / "data/identity/identities.parquet", IDENTITIES)
     rows = pd.read_parquet(tmp_path / "data/features/features.parquet").merge(told, on="track_id")
     assert len(told) >= 4  # they did touch
     apart = np.abs(truth[rows["frame"], :, 1] - rows["y_px"].to_numpy()[:, None])
