@@ -41,7 +41,7 @@ from benchmarks.films import file_overrides
 from benchmarks.pipeline import ROOT, prepare, stage
 from finloop.base.arrays import Floats, Mask
 from finloop.base.settings import settings
-from finloop.clip.settings import Carp
+from finloop.clip.settings import CarpSettings
 from finloop.drawn.carp.film import film
 from finloop.drawn.carp.motion import CarpMotion, room_of, simulate
 from finloop.io.movie import VideoWriter
@@ -93,7 +93,7 @@ def carp(seed: int, folder: Path) -> Film:
     return Film(path, overrides, FISH, inside, 125, 100, truth[["frame", "animal", *_PLACE]])
 
 
-def crossing(p: Carp) -> CarpMotion:
+def crossing(p: CarpSettings) -> CarpMotion:
     """Return the poses of carp that each swim as if alone."""
     room = room_of(p.width_px, p.height_px, p.body_length_px)
     streams = np.random.default_rng(p.seed).spawn(p.fish)

@@ -403,7 +403,7 @@ class Project:
         """Return the film's postures, and the rows from which its sprites are made."""
         from finloop.edit.bodies import Bodies
 
-        return Bodies(self.poses, self.reel.goes_on, self.sprites)
+        return Bodies(self.poses, self.reel.has_next_frame, self.sprites)
 
     @cached_property
     def whole_gallery(self) -> Gallery:

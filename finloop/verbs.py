@@ -137,7 +137,7 @@ def open_film(path: str | Path, folder: str | Path | None = None, **changes: Any
     """Read a film, a folder of pictures or a TIFF stack; write it as a clip and return the clip.
 
     The clip lies in `folder`/clip, or in a temporary folder. `changes` override
-    `finloop.clip.settings.File`, for example frame_rate_hz=25.0 or end_s=60.0.
+    `finloop.clip.settings.FootageSettings`, for example frame_rate_hz=25.0 or end_s=60.0.
     """
     return _film(folder, source="file", path=str(path), **changes)
 
@@ -145,7 +145,7 @@ def open_film(path: str | Path, folder: str | Path | None = None, **changes: Any
 def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
     """Draw a synthetic film of carp; write it as a clip to `folder`/clip and return the clip.
 
-    `changes` override `finloop.clip.settings.Carp`.
+    `changes` override `finloop.clip.settings.CarpSettings`.
     """
     return _film(folder, source="carp", **changes)
 
@@ -223,7 +223,7 @@ def make_sprites(
     """
     p, film = settings("sprites", **changes), tracks.cutouts
     table = swimmer_table(features, tracks.table, p)
-    look = partial(Reel(features, film).align_pictures, size_px=p.picture_px)
+    look = partial(Reel(features, film).draw_aligned_rows, size_px=p.picture_px)
     sprites = sprite_table(table, choose_frames(table, look, infer_delta_frames(features), p), p)
     home = _make_folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
@@ -415,7 +415,7 @@ def write_video(
     """
     p = settings("render", **changes)
     stores = {FRAME: reel.film} | ({} if reel.store is None else {SPRITE: reel.store})
-    bodies = Bodies(poses, reel.goes_on, reel.sprites)
+    bodies = Bodies(poses, reel.has_next_frame, reel.sprites)
     gallery = Gallery(build_shelves(stores, tracks.table, reel.sprites), bodies)
     length_px = reel.length_px * float(edit["scale"].median())
     shadow = Shadow(p.shadow_darkness, p.shadow_blur * length_px)

@@ -13,7 +13,7 @@ import pandas as pd
 from finloop.base.errors import FinloopError
 from finloop.clip.check import Quality, psnr_db
 from finloop.clip.rewrite import Watch, make_clip
-from finloop.clip.settings import ClipSettings, File
+from finloop.clip.settings import ClipSettings, FootageSettings
 from finloop.clip.verdict import REPAIRS, list_findings
 from finloop.clip.write import ClipSource, open_clip_source
 from finloop.io.atomic import whole_folder
@@ -35,7 +35,7 @@ FACTS = (  # among the metrics
 def main() -> None:
     """Write the normalised clip to data/clip/, and metrics and findings to reports/clip/."""
     p: ClipSettings = load("clip")
-    films = drop_repeated_films(films_of(p)) if isinstance(p, File) else []
+    films = drop_repeated_films(films_of(p)) if isinstance(p, FootageSettings) else []
     with whole_folder(CLIP) as folder:
         if len(films) > 1:
             numbers = _write_clips(films, folder)
@@ -46,7 +46,7 @@ def main() -> None:
     _report_findings(numbers)
 
 
-def films_of(p: File) -> list[File]:
+def films_of(p: FootageSettings) -> list[FootageSettings]:
     """Return the parameters of each film that a path, pattern, folder or list names, in order."""
     return [
         replace(of_path, path=str(film))
@@ -55,9 +55,9 @@ def films_of(p: File) -> list[File]:
     ]
 
 
-def drop_repeated_films(films: list[File]) -> list[File]:
+def drop_repeated_films(films: list[FootageSettings]) -> list[FootageSettings]:
     """Return the films without those named twice with equal values; warn of each on stderr."""
-    taken = dict[File, File]()
+    taken = dict[FootageSettings, FootageSettings]()
     for film in films:
         key = replace(film, path=str(film.film.resolve()))
         if key in taken:
@@ -73,12 +73,12 @@ def _write_clip(
     """Write one film's clip to `folder`; return its metrics. Refuse a file that changes."""
     for note in source.facts.notes:
         print(f"finloop: note: {note}", file=sys.stderr)
-    before = read_file_stamps(p.film) if isinstance(p, File) else []
+    before = read_file_stamps(p.film) if isinstance(p, FootageSettings) else []
     clip = make_clip(p, source, folder, watch)
     facts, tally = clip.facts, clip.tally
     for note in source.loss.notes:
         print(f"finloop: WARNING: {note}", file=sys.stderr)
-    if isinstance(p, File):
+    if isinstance(p, FootageSettings):
         refuse_changed_film(p.film, before)
     coded = read_chosen_frames(folder / CLIP_NAME, list(tally.samples), colour=facts.colour)
     return {
@@ -105,7 +105,7 @@ def _report_findings(metrics: dict[str, float]) -> None:
     save_csv(FINDINGS, pd.DataFrame(rows), 0)
 
 
-def _write_clips(films: list[File], folder: Path) -> dict[str, float]:
+def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]:
     """Write the clips of several films, a folder each, and join them; return all metrics."""
     code, parts = code_digest("clip"), list[FilmPart]()
     numbers: dict[str, float] = {}

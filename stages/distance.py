@@ -27,7 +27,7 @@ def _count_inexact(pairs: pd.DataFrame, reel: Reel, size_px: int, pose: str) -> 
     sample, count = pairs.sample(min(SAMPLE, len(pairs)), random_state=0), 0
     for start in range(0, len(sample), 50):
         part = sample.iloc[start : start + 50]
-        a, b = (reel.frames(part[end].to_numpy(), size_px, pose).astype(float) for end in "ij")
+        a, b = (reel.draw_rows(part[end].to_numpy(), size_px, pose).astype(float) for end in "ij")
         errors = np.abs(paired_distances(a, b) - part["distance"].to_numpy())
         count += int((errors > EXACT).sum())
     return count

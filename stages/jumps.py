@@ -50,15 +50,15 @@ class StoredFilm:
             self.path, picture_array_shape(self.project.film_reel, self.size), "uint8"
         )
 
-    def film(self) -> tuple[Reel, FilmPoses]:
+    def load_film(self) -> tuple[Reel, FilmPoses]:
         """Return the pictures and the postures of the film's rows."""
         return self.project.film_reel, self.project.poses
 
-    def pictures(self) -> Pictures:
+    def picture_array(self) -> Pictures:
         """Return the array (n, size, size, c) uint8 of the rows' pictures, mapped from the file."""
         return self._pictures
 
-    def keep(self) -> None:
+    def share_pictures(self) -> None:
         """Write the pictures to the file, so that other processes see them."""
         flush_array(self._pictures)
 
@@ -76,7 +76,7 @@ def main() -> None:
     ):
         source = StoredFilm(folder / "pictures.npy", p.look_px, project)
         source.create()
-        with progress("jumps", len(source.film()[0]), "rows") as advance:
+        with progress("jumps", len(source.load_film()[0]), "rows") as advance:
             result = find_film_jumps(source, p, pool, advance)
         save_table(folder / "jumps.parquet", result.jumps, JUMPS)
         save_record(folder / "facts.json", VisibleFacts(result.visible.natural))

@@ -72,7 +72,7 @@ def main() -> None:
         features, facts, rate_hz = project.features, project.facts, project.rate_hz
         delta = infer_delta_frames(features)
         table = swimmer_table(features, project.tracks(TRACKS), settings)
-        draw_pictures = partial(project.film_reel.align_pictures, size_px=settings.picture_px)
+        draw_pictures = partial(project.film_reel.draw_aligned_rows, size_px=settings.picture_px)
         choices = choose_frames(table, draw_pictures, delta, settings)
         sprites = sprite_table(table, choices, settings)
         with (

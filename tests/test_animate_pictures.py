@@ -92,7 +92,7 @@ def pictures(tmp_path):
     table = film_of(tmp_path, wider, narrower)
     sprites = sprites_of(tmp_path, table, [0, 1, 2, 4, 5])
     with open_reel(tmp_path, table, sprites) as reel:
-        yield Pictures(reel, SIZE, Bodies(poses_of(table), reel.goes_on, sprites))
+        yield Pictures(reel, SIZE, Bodies(poses_of(table), reel.has_next_frame, sprites))
 
 
 def poses_of(table: pd.DataFrame) -> FilmPoses:
@@ -144,7 +144,7 @@ def test_what_follows_a_sprite_is_turned_as_the_sprite_that_shows_it(tmp_path):
     table = film_of(tmp_path, [(20.0 * i, 1 / 3) for i in range(4)])
     sprites = sprites_of(tmp_path, table, [0, 1, 2])
     with open_reel(tmp_path, table, sprites) as reel:
-        after, drawn = reel.after_sprites(SIZE), reel.sprite_pictures(SIZE)
+        after, drawn = reel.draw_after_sprites(SIZE), reel.draw_sprites(SIZE)
     assert drawn.shape == (3, SIZE, SIZE, 2)
     one_wedge = 0.12 * np.linalg.norm(drawn[0])  # in any frame
     assert (all_distances(after, drawn) < one_wedge).all()

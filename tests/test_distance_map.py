@@ -234,7 +234,7 @@ def film(folder, pose, size):
     """The feature table and all pictures of it."""
     features = load_table(folder / "data/features/features.parquet", FEATURES)
     with open_cutouts(folder / "data/extract/cutouts.arrow") as store:
-        return features, Reel(features, store).frames(np.arange(len(features)), size, pose)
+        return features, Reel(features, store).draw_rows(np.arange(len(features)), size, pose)
 
 
 @pytest.mark.parametrize("pose", [BODY, FILM])

@@ -114,7 +114,7 @@ def test_a_film_that_shows_too_little_is_refused_in_a_sentence(fault):
 def test_the_network_learns_the_law_that_the_fish_swims_by(film, learnt):
     model, sides = learnt
     held = sides.held_out
-    error = model.mean(film.past(held), film.control[held]) - film.states[held + 1]
+    error = model.predict_means(film.past(held), film.control[held]) - film.states[held + 1]
     persistence = film.states[held] - film.states[held + 1]
     skill = 1 - (error**2).mean(0) / (persistence**2).mean(0)
     assert skill[0] > 0.1  # the control tells of the noise to come, so more than the law does
@@ -125,7 +125,10 @@ def test_the_mirrored_past_and_control_give_the_mirrored_mean(film, learnt):
     model, _ = learnt
     rows = rng().choice(film.rows, 50)
     past, control = film.past(rows), film.control[rows]
-    mean, image = model.mean(past, control), model.mean(past @ film.mirror, control * film.side)
+    mean, image = (
+        model.predict_means(past, control),
+        model.predict_means(past @ film.mirror, control * film.side),
+    )
     assert np.allclose(image, mean @ film.mirror, atol=1e-4)
 
 
@@ -156,7 +159,7 @@ def test_a_model_is_read_as_it_was_written(film, learnt):
     again = restore_forecast(**json.loads(json.dumps(model.record())))
     rows = film.rows[:20]
     past, control = film.past(rows), film.control[rows]
-    assert np.array_equal(again.mean(past, control), model.mean(past, control))
+    assert np.array_equal(again.predict_means(past, control), model.predict_means(past, control))
 
 
 @pytest.mark.parametrize("fault", ["format", "scale", "first"])
@@ -367,7 +370,7 @@ def test_ahead_of_one_tick_is_the_mean(film, learnt):
     model, sides = learnt
     rows = sides.held_out[:10]
     one = roll_out_means(replace(film, delta=1), model, rows)
-    assert np.allclose(one, model.mean(film.past(rows), film.control[rows]))
+    assert np.allclose(one, model.predict_means(film.past(rows), film.control[rows]))
 
 
 def test_the_longest_repeat_is_that_of_a_drawn_series():

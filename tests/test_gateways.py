@@ -155,7 +155,7 @@ class World:
 
     def film(self, film, pose=None):
         rows = np.arange(len(self.features))
-        return Reel(self.features, film).frames(rows, SIZE, pose or self.pose)
+        return Reel(self.features, film).draw_rows(rows, SIZE, pose or self.pose)
 
     def table(self, **asked):
         settings = with_constants(SETTINGS, **asked)
@@ -227,10 +227,10 @@ def test_turned_by_turn_deg_the_film_fits_the_sprite_as_drawn(name, direction, r
     assert len(ways) > 20
     with of.open() as (store, film):
         if direction == IN:  # drawn in that orientation after the sprite has turned on
-            shown = of.reel(store, film).after_sprites(SIZE, number)
+            shown = of.reel(store, film).draw_after_sprites(SIZE, number)
             drawn_deg = drawn_deg - of.sprites["turn_deg"].to_numpy()
         else:
-            shown = of.reel(store, film).sprite_pictures(SIZE, number)
+            shown = of.reel(store, film).draw_sprites(SIZE, number)
             drawn_deg = np.full(len(of.sprites), drawn_deg)
         for way in ways.iloc[:: max(1, len(ways) // 40)].itertuples():
             row = way.row + (direction == OUT)

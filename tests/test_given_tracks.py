@@ -338,7 +338,7 @@ def run(told, frames, cuts=(), least=3):
     """Track numbers by frame of toy silhouettes, and what the run has counted."""
     followed = ExternalTrackLinker(told, 20.0, least)
     seen = (Detections(["fish"] * len(spots), spots, [Anything()] * len(spots)) for spots in frames)
-    rows = [(f.track_id, f.frame) for _, ready in followed.tracks(seen, cuts) for f in ready]
+    rows = [(f.track_id, f.frame) for _, ready in followed.link_frames(seen, cuts) for f in ready]
     return sorted(rows), followed
 
 

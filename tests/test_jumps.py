@@ -85,10 +85,10 @@ def test_a_rest_is_no_more_neighbours_than_it_has_passages(rng):
 class Nothing:
     """A film of which no picture is looked at."""
 
-    def pictures(self):
+    def picture_array(self):
         return np.zeros((0, 8, 8, 2), np.uint8)
 
-    def film(self):
+    def load_film(self):
         return None, SimpleNamespace(pose=SimpleNamespace(posture=np.zeros((0, 2))))
 
 
@@ -116,7 +116,7 @@ def test_jumps_of_a_long_film_lead_to_the_nearest_rows_and_to_others(rng, monkey
     one = walk(rng)[0]
     own = np.concatenate([one + rng.normal(0, 1e-3, one.shape) for _ in range(10)])
     values, track = np.stack([own, own]), np.repeat(np.arange(10), len(one))
-    monkeypatch.setattr(VisibleDistance, "best", lambda self, near, count: 0 * near["far"])
+    monkeypatch.setattr(VisibleDistance, "measure_best", lambda self, near, count: 0 * near["far"])
     made = {}
     for most in (2000, 160):
         of_parts(monkeypatch, most)
@@ -174,7 +174,7 @@ def test_no_more_is_drawn_than_the_best_of_every_row_need(rng):
     near = pd.DataFrame({"row": np.repeat(np.arange(8), 20), "to": rng.integers(0, 40, 160)})
     near = near.assign(mirrored=rng.random(160) < 0.5, far=far.ravel())
     every = seen(near["row"], near["to"], near["mirrored"])
-    some = seen.best(near, COUNT)
+    some = seen.measure_best(near, COUNT)
     drawn = np.isfinite(some)
     assert some[drawn] == pytest.approx(every[drawn])
     assert 8 * COUNT <= drawn.sum() < 160

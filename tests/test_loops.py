@@ -736,7 +736,7 @@ def put_film(folder, n=N, period=16, tracks=2, keep=2.5, backwards=False):
             phase = 2 * np.pi * (one.frame + 0.3 + 5 * one.track_id) / period
             writer.write(Cutout(one.track_id, one.frame, x, y, draw(phase, rng)))
     with open_cutouts(folder / "data/extract/cutouts.arrow") as film:
-        pictures = Reel(table, film).frames(np.arange(n * tracks), 24, BODY)
+        pictures = Reel(table, film).draw_rows(np.arange(n * tracks), 24, BODY)
     far = cdist(*[pictures.reshape(n * tracks, -1)] * 2)
     step = np.where(np.diff(track) == 0, successive_distances(pictures), np.nan)
     median, p95 = float(np.nanmedian(step)), float(np.nanquantile(step, 0.95))

@@ -65,12 +65,12 @@ def test_sprite_row_is_a_bijection(count):
 
 def test_a_sprite_in_an_orientation_is_the_picture_of_its_row():
     one = reel()
-    assert np.array_equal(one.sprite(2, 3).pixels, smear(100 + 2 * ORIENTATIONS + 2))
+    assert np.array_equal(one.read_sprite(2, 3).pixels, smear(100 + 2 * ORIENTATIONS + 2))
 
 
 def test_the_next_frame_is_of_the_same_track_without_a_gap():
     one = reel()
-    assert one.goes_on.tolist() == [True, False, False, True, False]
+    assert one.has_next_frame.tolist() == [True, False, False, True, False]
     assert one.next_rows(np.arange(5)).tolist() == [1, 1, 2, 4, 4]
     assert int(one.next_rows(3)) == 4
 
@@ -98,27 +98,27 @@ def test_the_ends_of_a_step_are_a_fifth_of_delta_apart(delta, frames):
 def test_a_step_is_eq_5_to_the_next_frame(monkeypatch, pose, lot):
     monkeypatch.setattr("finloop.distance.reel._LOT", lot)
     one = reel()
-    shown = one.frames(np.arange(5), SIZE, pose)
+    shown = one.draw_rows(np.arange(5), SIZE, pose)
     wanted = np.append(all_distances(shown, shown).diagonal(1), np.nan)
-    wanted[~one.goes_on] = np.nan
-    np.testing.assert_allclose(one.steps(SIZE, pose), wanted, rtol=1e-5)
+    wanted[~one.has_next_frame] = np.nan
+    np.testing.assert_allclose(one.measure_steps(SIZE, pose), wanted, rtol=1e-5)
 
 
 def test_a_row_s_picture_does_not_depend_on_what_else_is_asked():
     one = reel()
-    whole = one.frames(np.arange(5), SIZE, BODY)
+    whole = one.draw_rows(np.arange(5), SIZE, BODY)
     some = np.array([4, 0, 4])
-    assert np.array_equal(one.frames(some, SIZE, BODY), whole[some])
-    level = one.align_pictures(some, np.zeros(3), SIZE)
-    assert np.array_equal(level, one.frames(some, SIZE, FILM))
+    assert np.array_equal(one.draw_rows(some, SIZE, BODY), whole[some])
+    level = one.draw_aligned_rows(some, np.zeros(3), SIZE)
+    assert np.array_equal(level, one.draw_rows(some, SIZE, FILM))
 
 
 def test_what_comes_after_a_sprite_is_the_film_s_next_frame_turned_on():
     one = reel()
-    after = one.after_sprites(SIZE)
-    own = one.frame(1, SIZE, one.length_px, -30.0)  # nothing follows: itself, headed right
+    after = one.draw_after_sprites(SIZE)
+    own = one.draw_row(1, SIZE, one.length_px, -30.0)  # nothing follows: itself, headed right
     assert np.array_equal(after[0], own)
-    ahead = one.frame(1, SIZE, one.length_px, 7.0)[::-1]  # mirrored
+    ahead = one.draw_row(1, SIZE, one.length_px, 7.0)[::-1]  # mirrored
     assert np.array_equal(after[2], ahead)
 
 

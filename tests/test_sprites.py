@@ -97,7 +97,7 @@ class Film:
     @property
     def look(self):
         return partial(
-            Reel(self.features, Held(self.cutouts)).align_pictures, size_px=AUTOMATIC.picture_px
+            Reel(self.features, Held(self.cutouts)).draw_aligned_rows, size_px=AUTOMATIC.picture_px
         )
 
 

@@ -110,8 +110,8 @@ def settings(word: str, **values: Any) -> Any:
     """Return a stage word's settings dataclass: conf/'s values, with `values` in place of some.
 
     `settings("extract", noise_sigmas=6.0)` is a `finloop.extract.settings.ExtractSettings`;
-    `settings("clip", source="carp", frames=50)` is a `finloop.clip.settings.Carp`. FinloopError
-    lists all names that are unknown, and values of a wrong type or out of range.
+    `settings("clip", source="carp", frames=50)` is a `finloop.clip.settings.CarpSettings`.
+    FinloopError lists all names that are unknown, and values of a wrong type or out of range.
     """
     whole = values_of(word, values.get("source", default_variants()[word])) | values
     group, problems = check_values(word, variants(word), whole)

@@ -18,7 +18,7 @@ from finloop.base.arrays import Mask, Picture
 from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, ClipTally, Quality, check_film, to_grey
 from finloop.clip.doubled import RepeatedFrames, find_repeats
 from finloop.clip.light import measure_gain, undo_gain
-from finloop.clip.settings import ClipSettings, File
+from finloop.clip.settings import ClipSettings, FootageSettings
 from finloop.clip.shake import (
     STILL,
     UNKNOWN,
@@ -98,7 +98,7 @@ def make_clip(
         facts, tally, arena = write_clip(source, p, folder, advance)
     filmed, tank = _check_clip(facts, tally, folder)
     result = ClipResult(facts, tally, arena, filmed, filmed, frozenset())
-    if not isinstance(p, File):
+    if not isinstance(p, FootageSettings):
         return result
     fields: Order = ""
     twice: RepeatedFrames | None = None
@@ -129,7 +129,7 @@ def make_clip(
     return result
 
 
-def choose_repairs(p: File, quality: Quality, smaller_side_px: int) -> set[str]:
+def choose_repairs(p: FootageSettings, quality: Quality, smaller_side_px: int) -> set[str]:
     """Return the names of the repairs that a film needs, or that the parameters demand.
 
     They are keys of `REPAIRED_BY`. smaller_side_px: the picture's, which limits the shake that can
@@ -211,7 +211,10 @@ class _FrameCorrector:
 
 
 def _reopen_film(
-    p: File, fields: Order, repeated: RepeatedFrames | None, corrector: _FrameCorrector | None
+    p: FootageSettings,
+    fields: Order,
+    repeated: RepeatedFrames | None,
+    corrector: _FrameCorrector | None,
 ) -> ClipSource:
     """Open a film again so that its frames are read without repeats and corrected.
 

@@ -15,7 +15,7 @@ CIRCLE, RECTANGLE = 3, 4
 
 
 @dataclass(frozen=True)
-class Zebrafish:
+class ZebrafishSettings:
     """Eight real zebrafish from above: two clips of a Python package, downloaded once."""
 
     source: Literal["zebrafish"]  # names this variant
@@ -25,7 +25,7 @@ class Zebrafish:
 
 
 @dataclass(frozen=True)
-class Carp(CarpFilm):
+class CarpSettings(CarpFilm):
     """Drawn carp from above, with exact ground truth, from a seed."""
 
     source: Literal["carp"]  # names this variant
@@ -34,7 +34,7 @@ class Carp(CarpFilm):
 
 
 @dataclass(frozen=True)
-class File:
+class FootageSettings:
     """The user's own footage: films, folders of pictures, or TIFF stacks.
 
     Pixels are those of the upright picture: x right, y down from the centre of the upper left one.
@@ -94,7 +94,7 @@ class File:
             raise ValueError(f"several films: {self.path}")
         return Path(self.path).expanduser()
 
-    def settings_by_path(self) -> list[tuple[str, "File"]]:
+    def settings_by_path(self) -> list[tuple[str, "FootageSettings"]]:
         """Return a path and its parameters for each entry of `path`."""
         if isinstance(self.path, str):
             return [(self.path, self)]
@@ -108,7 +108,7 @@ class File:
         """Return these parameters with the values of one film, and what is wrong with them."""
         if not isinstance(values.get("path"), str):
             return None, [f"a film of the list needs a path, got {values!r}"]
-        return check_values("clip", {"file": File}, {**vars(self), **values})
+        return check_values("clip", {"file": FootageSettings}, {**vars(self), **values})
 
 
-ClipSettings = Zebrafish | Carp | File
+ClipSettings = ZebrafishSettings | CarpSettings | FootageSettings

@@ -19,7 +19,13 @@ import pandas as pd
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import prefetch
 from finloop.clip.check import ClipTally
-from finloop.clip.settings import CIRCLE, Carp, ClipSettings, File, Zebrafish
+from finloop.clip.settings import (
+    CIRCLE,
+    CarpSettings,
+    ClipSettings,
+    FootageSettings,
+    ZebrafishSettings,
+)
 from finloop.drawn.carp.film import film, is_tank_large_enough
 from finloop.drawn.truth import TRUTH
 from finloop.io.atomic import require_free_space
@@ -64,7 +70,7 @@ def open_clip_source(p: ClipSettings, fields: Order = "") -> ClipSource:
     fields: which field of the user's footage is earlier, if it is to be deinterlaced. FinloopError
     if the film cannot be opened, or the carp have no room.
     """
-    return _open_carp(p) if isinstance(p, Carp) else _open_films(p, fields)
+    return _open_carp(p) if isinstance(p, CarpSettings) else _open_films(p, fields)
 
 
 def write_clip(
@@ -81,7 +87,7 @@ def write_clip(
     with ExitStack() as stack:
         writer = stack.enter_context(VideoWriter.from_facts(folder / CLIP_NAME, facts))
         truth = None
-        if isinstance(p, Carp):
+        if isinstance(p, CarpSettings):
             truth = stack.enter_context(table_writer(folder / TRUTH_NAME, TRUTH))
         timing, tally, source_frames = _write_takes(writer, source, truth, advance)
     facts = replace(
@@ -103,7 +109,7 @@ def write_clip(
     return facts, tally, arena
 
 
-def _open_carp(p: Carp) -> ClipSource:
+def _open_carp(p: CarpSettings) -> ClipSource:
     """Return the source of a drawn film of carp; FinloopError if they have no room."""
     if not is_tank_large_enough(p):
         raise FinloopError(
@@ -128,12 +134,12 @@ def _open_carp(p: Carp) -> ClipSource:
     return ClipSource(facts, [take()], LostFrames(), truth)
 
 
-def _open_films(p: Zebrafish | File, fields: Order) -> ClipSource:
+def _open_films(p: ZebrafishSettings | FootageSettings, fields: Order) -> ClipSource:
     """Return the source of the zebrafish clips, or of the user's footage.
 
     fields: which field is earlier, "" if the film is not interlaced.
     """
-    if isinstance(p, Zebrafish):
+    if isinstance(p, ZebrafishSettings):
         paths = fetch_zebrafish_clips(p.parts, find_cache_folder())
         films = [open_footage(path, colour=False) for path in paths]
     else:
@@ -211,9 +217,9 @@ def _write_takes(
 
 def _make_arena(p: ClipSettings, width_px: int, height_px: int) -> np.ndarray:
     """Return the mask (height_px, width_px) of the pixels where animals can be."""
-    if isinstance(p, Zebrafish):
+    if isinstance(p, ZebrafishSettings):
         return rectangle_arena(width_px, height_px, *TANK_PX)
-    if not isinstance(p, File) or p.arena is None:
+    if not isinstance(p, FootageSettings) or p.arena is None:
         return np.ones((height_px, width_px), bool)
     if isinstance(p.arena, str):
         return load_mask(Path(p.arena).expanduser(), width_px, height_px)

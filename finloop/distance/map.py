@@ -373,14 +373,14 @@ def compare_frames(
     rows, order, kind, area = _choose_and_sort_rows(film.features, p)
     features, later = film.features.iloc[rows], natural_step_frames(film.features)
     # Pictures are in the sorted order, so a band is a slice and needs no copy.
-    x = subtract_mean_picture(film.frames(rows[order], size, pose))
+    x = subtract_mean_picture(film.draw_rows(rows[order], size, pose))
     steps = natural_step_table(features, x, np.argsort(order), later)
     steps["headed"] = steps["step"]
     if pose == FILM:
-        headed = subtract_mean_picture(film.frames(rows, size, BODY))
+        headed = subtract_mean_picture(film.draw_rows(rows, size, BODY))
         steps["headed"] = natural_step_table(features, headed, np.arange(len(rows)), later)["step"]
         del headed  # as large as x
-    steps["as_filmed"] = film.steps(size, FILM, rows)
+    steps["as_filmed"] = film.measure_steps(size, FILM, rows)
     median, p95 = measure_usual_steps(steps)
     most = np.inf if p.max_distance_steps is None else p.max_distance_steps * median
 

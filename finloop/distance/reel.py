@@ -111,7 +111,7 @@ class Reel:
         return self.features[["x_px", "y_px"]].to_numpy(float)
 
     @cached_property
-    def goes_on(self) -> Mask:
+    def has_next_frame(self) -> Mask:
         """Return for each row (n,) whether the next row is the next frame of the same track."""
         follows = (np.diff(self.features[_KEY].to_numpy(), axis=0) == (0, 1)).all(axis=1)
         return np.append(follows, False)
@@ -126,11 +126,11 @@ class Reel:
     def next_rows(self, rows_now: ArrayLike) -> Rows:
         """Return the row (…) of each row's next frame; at the end of a track the row itself."""
         rows = np.asarray(rows_now, np.intp)
-        return rows + self.goes_on[rows]
+        return rows + self.has_next_frame[rows]
 
     # --- pictures
 
-    def frame(self, row: int, size_px: int, length_px: float, turn_deg: float) -> Pictures:
+    def draw_row(self, row: int, size_px: int, length_px: float, turn_deg: float) -> Pictures:
         """Draw a row's fish in the middle of a picture, turned anticlockwise as seen.
 
         The picture is (size_px, size_px, channels), 0 … 1. length_px: the fish's body length as
@@ -140,16 +140,16 @@ class Reel:
             self.film[int(row)], self.centres_px[row], length_px, size_px, turn_deg
         )
 
-    def frames(self, rows: Rows, size_px: int, pose: str) -> Pictures:
+    def draw_rows(self, rows: Rows, size_px: int, pose: str) -> Pictures:
         """Draw the fish of rows (k,), at least one, each in the middle of a picture.
 
         The pictures are (k, size_px, size_px, channels), 0 … 1. pose: FILM, as filmed, or BODY,
         turned to head right. All fish come out equally long, by the typical length of the animal.
         """
         heading = self.features["heading_deg"].to_numpy(float)[rows] * (pose == BODY)
-        return self.align_pictures(rows, heading, size_px)
+        return self.draw_aligned_rows(rows, heading, size_px)
 
-    def align_pictures(self, rows: Rows, heading_deg: Reals, size_px: int) -> Pictures:
+    def draw_aligned_rows(self, rows: Rows, heading_deg: Reals, size_px: int) -> Pictures:
         """Draw the fish of rows (k,), each turned so that a direction in the film points right.
 
         heading_deg (k,): that direction. The pictures are (k, size_px, size_px, channels), 0 … 1.
@@ -158,10 +158,10 @@ class Reel:
         # A list would double the memory.
         pictures = np.empty((len(rows), size_px, size_px, channels), np.float32)
         for number, (row, heading) in enumerate(zip(rows.tolist(), heading_deg, strict=True)):
-            pictures[number] = self.frame(row, size_px, self.lengths_px[row], -heading)
+            pictures[number] = self.draw_row(row, size_px, self.lengths_px[row], -heading)
         return pictures
 
-    def steps(self, size_px: int, pose: str, rows: Rows | None = None) -> Floats:
+    def measure_steps(self, size_px: int, pose: str, rows: Rows | None = None) -> Floats:
         """Return the picture distance (k,) (Eq. 5) from each of some rows to the next one of them.
 
         rows (k,): rising, None for all; size_px: side of the pictures; pose: FILM or BODY. NaN
@@ -170,14 +170,14 @@ class Reel:
         rows = np.arange(len(self)) if rows is None else rows
         step = np.full(len(rows), np.nan)
         for start in range(0, len(rows) - 1, _LOT):
-            lot = self.frames(rows[start : start + _LOT + 1], size_px, pose)
+            lot = self.draw_rows(rows[start : start + _LOT + 1], size_px, pose)
             step[start : start + len(lot) - 1] = successive_distances(lot)
-        step[:-1][(np.diff(rows) != 1) | ~self.goes_on[rows[:-1]]] = np.nan
+        step[:-1][(np.diff(rows) != 1) | ~self.has_next_frame[rows[:-1]]] = np.nan
         return step
 
     # --- sprites
 
-    def sprite(self, number: int, orientation: int = 1) -> Cutout:
+    def read_sprite(self, number: int, orientation: int = 1) -> Cutout:
         """Return the stored cut-out of sprite `number` in an orientation, 1 …."""
         if self.store is None:
             raise ValueError("this reel has no sprites")
@@ -193,7 +193,7 @@ class Reel:
         """Return the body length (s,) [px], as filmed, of each sprite's fish."""
         return self.length_px / self.sprites["scale"].to_numpy()
 
-    def sprite_picture(
+    def draw_sprite(
         self, number: int, size_px: int, orientation: int = 1, turn_deg: float = 0.0
     ) -> Pictures:
         """Draw a sprite in an orientation in the middle of a picture.
@@ -203,15 +203,15 @@ class Reel:
         """
         centre, length = self.sprite_centres_px[number], self._sprite_lengths_px[number]
         return draw_centred_cutout(
-            self.sprite(number, orientation), centre, length, size_px, turn_deg
+            self.read_sprite(number, orientation), centre, length, size_px, turn_deg
         )
 
-    def sprite_pictures(self, size_px: int, orientation: int = 1) -> Pictures:
+    def draw_sprites(self, size_px: int, orientation: int = 1) -> Pictures:
         """Draw all sprites in an orientation: pictures (s, size_px, size_px, channels), 0 … 1."""
         numbers = range(len(self.sprites))
-        return np.stack([self.sprite_picture(number, size_px, orientation) for number in numbers])
+        return np.stack([self.draw_sprite(number, size_px, orientation) for number in numbers])
 
-    def after_sprites(self, size_px: int, orientation: int = 1) -> Pictures:
+    def draw_after_sprites(self, size_px: int, orientation: int = 1) -> Pictures:
         """Draw what the film shows after each sprite: pictures (s, size_px, size_px, channels).
 
         They are turned, and mirrored, as the next sprite would be in this orientation. At the end
@@ -221,8 +221,8 @@ class Reel:
         pictures = []
         for sprite, length in zip(self.sprites.itertuples(), self._sprite_lengths_px, strict=True):
             row, side = int(sprite.row), -1 if sprite.mirrored else 1
-            turn = -sprite.heading_deg - side * sprite.turn_deg * self.goes_on[row]
+            turn = -sprite.heading_deg - side * sprite.turn_deg * self.has_next_frame[row]
             # A mirrored one is turned to the right, mirrored there, and its mirror turned on.
-            picture = self.frame(int(self.next_rows(row)), size_px, length, turn + side * ahead)
+            picture = self.draw_row(int(self.next_rows(row)), size_px, length, turn + side * ahead)
             pictures.append(picture[::side])
         return np.stack(pictures)

@@ -42,7 +42,7 @@ class Pictures:
         if kind == FRAME:
             centre, cutout = reel.centres_px[source], reel.film[source]
         else:
-            centre, cutout = reel.sprite_centres_px[source], reel.sprite(source, orientation)
+            centre, cutout = reel.sprite_centres_px[source], reel.read_sprite(source, orientation)
         if kind == FRAME and mirrored:
             heading = float(self.bodies.heading_deg[source])
             turn = -turn - 2 * heading
@@ -97,7 +97,7 @@ class Pictures:
     @cached_property
     def right_facing_sprites(self) -> Picture:
         """Pictures (s, size, size, channels) of all sprites, headed right."""
-        return self.reel.sprite_pictures(self.size)
+        return self.reel.draw_sprites(self.size)
 
     @cached_property
     def sprite_successors(self) -> Picture:
@@ -105,7 +105,7 @@ class Pictures:
 
         They are (s, size, size, channels); each is turned as the next sprite would be.
         """
-        return self.reel.after_sprites(self.size)
+        return self.reel.draw_after_sprites(self.size)
 
 
 def cross_fade_distance(row: Any, pictures: Pictures) -> float:

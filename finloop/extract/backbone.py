@@ -78,7 +78,7 @@ def close_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
 
 
 def _close_gaps(picture: Picture, kernel_disc: Picture) -> Picture:
-    """Return a picture (h, w), dilated, then eroded with a disc; nothing lies beyond its border."""
+    """Return a picture (h, w) whose gaps narrower than a disc are filled; beyond lies nothing."""
     (h, w), rim = picture.shape, len(kernel_disc) // 2
     closed = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_CLOSE, kernel_disc)
     return closed[rim : rim + h, rim : rim + w].copy()

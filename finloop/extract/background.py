@@ -152,7 +152,7 @@ def flat_background(frames: Sequence[Picture]) -> Picture:
 
 
 def background_without_ghosts(frames: Sequence[Picture], median: Picture, least: float) -> Picture:
-    """Return the median of frames without the ghost of a fish that moved less than its length.
+    """Return the median of frames, where a fish that hardly moved is replaced by the floor.
 
     median: of `frames`. A *ghost* is a patch of the median that differs from its surroundings by
     more than `least` grey levels, while some frame differs by less than half of that: there the

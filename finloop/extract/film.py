@@ -81,7 +81,7 @@ def add_learnt_backgrounds(
 
 
 class Detections(NamedTuple):
-    """The silhouettes of one frame, one entry each in every list.
+    """The silhouettes of one frame, as three lists with one entry for each silhouette.
 
     verdicts: whether it is a fish; spots: its place; fish: its measures, None unless it is an
     isolated fish with a backbone.

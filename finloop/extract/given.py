@@ -47,7 +47,7 @@ SHOWN_ALONE = (
 
 @dataclass(frozen=True)
 class ExternalTracks:
-    """Where another program places animals, by frames of the clip.
+    """Where another program places animals, in the order of the clip's frames.
 
     names: of the animals; individual: (rows,) number of the animal; points: (rows, k, 2) px, NaN
     where a point is missing; head, tail: (rows, 2) px, NaN where missing; start, stop: (frames of
@@ -277,7 +277,7 @@ class ExternalTrackLinker:
             counts[outcome] += count
         return counts
 
-    def tracks(
+    def link_frames(
         self, detections: Iterable[Detections], cuts: Sequence[int] = ()
     ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
         """Yield for each frame the counts of its verdicts, and the fish of runs long enough.
@@ -299,8 +299,8 @@ class ExternalTrackLinker:
                 if one is not None:
                     seen[animal] = TrackedFish(0, number, one)
             if number in cuts:
-                self._end(set(), waiting, running)
-            self._end(set(seen), waiting, running)
+                self._end_runs(set(), waiting, running)
+            self._end_runs(set(seen), waiting, running)
             ready: list[TrackedFish] = []
             for animal, tracked in seen.items():
                 waiting.setdefault(animal, []).append(tracked)
@@ -310,7 +310,7 @@ class ExternalTrackLinker:
                 if animal in running:
                     ready += [f._replace(track_id=running[animal]) for f in waiting.pop(animal)]
             yield Counter(verdicts), ready
-        self._end(set(), waiting, running)
+        self._end_runs(set(), waiting, running)
 
     def no_track_error(self) -> NoTrackError:
         """Return the error to raise where no animal has silhouettes long enough for a track."""
@@ -347,7 +347,7 @@ class ExternalTrackLinker:
             "places_with_head_share": float(np.isfinite(given.head).all(axis=1).mean()),
         }
 
-    def _end(
+    def _end_runs(
         self, seen: set[int], waiting: dict[int, list[TrackedFish]], running: dict[int, int]
     ) -> None:
         """End the runs of all animals that are not among those seen; count the short ones."""

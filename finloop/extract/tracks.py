@@ -75,7 +75,7 @@ class TrackLinker:
 
     def link_frame(self, silhouettes: list[SilhouettePlace]) -> list[int | None]:
         """Return the track number of each silhouette of the next frame; None if it has no track."""
-        owner = self._assign(silhouettes)
+        owner = self._match_tracks(silhouettes)
         alone = [track for track in self._tracks if track not in owner.values()]
         numbers: list[int | None] = [None] * len(silhouettes)
         tracks = []
@@ -98,7 +98,7 @@ class TrackLinker:
         self._tracks, self._before = tracks, silhouettes
         return numbers
 
-    def _assign(self, silhouettes: list[SilhouettePlace]) -> dict[int, _Track]:
+    def _match_tracks(self, silhouettes: list[SilhouettePlace]) -> dict[int, _Track]:
         """Return the running track of each silhouette that has one, by the silhouette's number.
 
         It is the assignment with the smallest distances, of pairs within the limits of step and
@@ -141,15 +141,15 @@ class TrackLinker:
             (s.x_px, s.y_px)
             for i, s in enumerate(silhouettes)
             if i != number and i not in tracks and s.area_px * 4 > before.area_px
-            and not any(_contains_any(b.box, [(s.x_px, s.y_px)]) for b in others)
+            and not any(_box_contains_any(b.box, [(s.x_px, s.y_px)]) for b in others)
         )  # fmt: skip
-        return _contains_any(before.box, born)
+        return _box_contains_any(before.box, born)
 
 
 def _has_swallowed(track: _Track, silhouette: SilhouettePlace, lost_tracks: list[_Track]) -> bool:
     """Return whether a silhouette has grown over the expected place of a lost track."""
     grown = silhouette.area_px > _GREW * track.spot.area_px
-    return grown and _contains_any(silhouette.box, (other.next_place for other in lost_tracks))
+    return grown and _box_contains_any(silhouette.box, (other.next_place for other in lost_tracks))
 
 
 def _least_other_costs(cost: Floats) -> Floats:
@@ -166,7 +166,7 @@ def _pairwise_distances(a: list[tuple[float, float]], b: list[tuple[float, float
     return np.hypot(difference[..., 0], difference[..., 1])
 
 
-def _contains_any(box: Box, places: Iterable[tuple[float, float]]) -> bool:
+def _box_contains_any(box: Box, places: Iterable[tuple[float, float]]) -> bool:
     """Return whether any of the places x, y lies in a box."""
     x0, y0, x1, y1 = box
     return any(x0 <= x < x1 and y0 <= y < y1 for x, y in places)

@@ -102,7 +102,9 @@ def extract_tracks(
     def track_frames() -> Iterator[list[film.TrackedFish]]:
         """Yield the fish of long tracks, frame by frame, and count them."""
         found = film.fill_lost_frames(film.detect_in_clip(whole, scene, detector, workers), lost)
-        runs = linker.tracks(found, cuts) if linker else film.link_tracks(found, typical, p, cuts)
+        runs = (
+            linker.link_frames(found, cuts) if linker else film.link_tracks(found, typical, p, cuts)
+        )
         for judged, fish in runs:
             verdicts.update(judged)
             lengths.update(f.track_id for f in fish)

@@ -145,16 +145,17 @@ def _state_probabilities(evidence: list[float], stay_odds: list[float]) -> Float
     """
     ahead, behind = evidence[:1], [0.0]
     for own, stay in zip(evidence[1:], stay_odds, strict=True):
-        ahead.append(own + _pass_odds(ahead[-1], stay))
+        ahead.append(own + _odds_from_neighbour(ahead[-1], stay))
     for own, stay in zip(evidence[:0:-1], reversed(stay_odds), strict=True):
-        behind.append(_pass_odds(behind[-1] + own, stay))
+        behind.append(_odds_from_neighbour(behind[-1] + own, stay))
     odds = np.array(ahead) + behind[::-1]
     return 1 / (1 + np.exp(np.clip(-odds, -_MOST_ODDS, _MOST_ODDS)))
 
 
-def _pass_odds(odds: float, stay: float) -> float:
-    """Return the log odds of a frame's state from its neighbour's and from those of staying.
+def _odds_from_neighbour(odds: float, stay: float) -> float:
+    """Return the log odds that the first point is the head, as far as a neighbouring frame tells.
 
+    odds: log odds of that frame; stay: log odds that head and tail stay in the step. The result is
     log((e^(odds + stay) + 1) / (e^odds + e^stay)), written so that nothing overflows.
     """
     both, either = abs(odds + stay), abs(odds - stay)

@@ -18,12 +18,12 @@ _PARTS = 4  # least Δ in the longest track: the last one has no motion, and blo
 
 
 def measure_memory_frames(postures: Reals, track: Ints) -> float:
-    """Return the memory [frames] of a film: the time after which a posture is half forgotten.
+    """Return after how many frames a posture is half as far from itself as from any other.
 
     postures: (n, k), any numbers of them; track (n,): the track of each row, in the order of
-    frames. The memory is the lag τ at which the mean square of posture(t + τ) − posture(t) reaches
-    half of that between any two postures, linear between whole frames; the longest track's length
-    if it never does.
+    frames. This *memory* is the lag τ at which the mean square of posture(t + τ) − posture(t)
+    reaches half of that between any two postures, linear between whole frames; the longest track's
+    length if it never does.
     """
     values = np.asarray(postures, float)
     most = int(np.bincount(np.unique(track, return_inverse=True)[1]).max())

@@ -134,7 +134,7 @@ def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
     """
     past = film.states[rows[:, None] - np.arange(film.lags[-1] + 1)]
     for tick in range(film.delta):
-        later = model.mean(past[:, film.lags], film.control[rows + tick])
+        later = model.predict_means(past[:, film.lags], film.control[rows + tick])
         past = np.concatenate([later[:, None], past[:, :-1]], 1)
     return past[:, 0]
 

@@ -54,7 +54,7 @@ class Forecast:
     mirror: Floats
     side: Floats
 
-    def net(self) -> KernelWeights:
+    def kernel_weights(self) -> KernelWeights:
         """Return the weights for the kernel, which takes states and controls in their own units."""
         (first, second, third), (first_bias, second_bias, third_bias) = self.layers, self.biases
         d, lags = len(self.scale), len(self.lags)
@@ -71,13 +71,13 @@ class Forecast:
         )  # fmt: skip
         return KernelWeights(*(np.ascontiguousarray(np.stack(pair), np.float32) for pair in both))
 
-    def mean(self, past: Reals, control: Reals) -> Floats:
+    def predict_means(self, past: Reals, control: Reals) -> Floats:
         """Predict the means (k, d) of the next states, in the units of `FilmStates`.
 
         past: (k, l, d), the present state first; control: (k, 2), displacement [body lengths] and
         included angle [rad] over the next Δ.
         """
-        net = self.net()
+        net = self.kernel_weights()
         x = np.concatenate([past.reshape(len(past), -1), control], 1)
         mean = past[:, 0].astype(float)
         for side in range(2):

@@ -79,14 +79,14 @@ def build_sampler(
     if mean is None:
         mean = np.zeros_like(film.states)
         for lot in np.split(rows, range(_LOT, len(rows), _LOT)):
-            mean[lot] = model.mean(film.past(lot), film.control[lot])
+            mean[lot] = model.predict_means(film.past(lot), film.control[lot])
     edges = np.arange(0, len(graph[1]), 1 + len(graph[1]) // _EDGES)
     source = np.searchsorted(graph[0], edges, "right") - 1
     differ = film.control[source] - film.control[graph[1][edges]]
     half = np.repeat([p.settle_pose, p.settle_motion], [d - MOTION, MOTION])
     return Sampler(
-        model.net(), np.nan_to_num(film.states), mean, np.nan_to_num(film.control), film.usable,
-        film.states[rows].min(0), film.states[rows].max(0), film.lags,
+        model.kernel_weights(), np.nan_to_num(film.states), mean, np.nan_to_num(film.control),
+        film.usable, film.states[rows].min(0), film.states[rows].max(0), film.lags,
         0.5 ** (1 / (half * film.delta)), *graph,
         max(1.0, p.follow * film.delta, film.memory),
         p.obey * np.sqrt((differ**2).mean(0)), np.zeros(len(film.states), bool),

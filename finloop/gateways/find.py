@@ -105,7 +105,7 @@ def measure_sprite_distances(
         next_pictures, own_pictures = draw_sprites_and_next(reel, size_px, pose, int(number))
         mine = np.flatnonzero(orientation == number)
         for block in np.split(mine, range(_BLOCK, len(mine), _BLOCK)):
-            filmed = reel.frames(rows[block], size_px, pose)
+            filmed = reel.draw_rows(rows[block], size_px, pose)
             ahead[:, block] = all_distances(next_pictures, filmed).round(_DIGITS)
             own[:, block] = all_distances(own_pictures, filmed).round(_DIGITS)
             advance(len(block))
@@ -121,15 +121,17 @@ def draw_sprites_and_next(
     measured heading points right.
     """
     if pose != BODY:
-        return reel.after_sprites(size_px, orientation), reel.sprite_pictures(size_px, orientation)
+        return reel.draw_after_sprites(size_px, orientation), reel.draw_sprites(
+            size_px, orientation
+        )
     row, after = _rows_of_sprites(reel)
-    ahead = reel.frames(after, size_px, pose)
+    ahead = reel.draw_rows(after, size_px, pose)
     mirrored = reel.sprites["mirrored"].to_numpy()
     ahead[mirrored] = ahead[mirrored, ::-1]
     turn = -_headings_relative_to_sprites(
         reel.sprites, reel.features["heading_deg"].to_numpy(float)[row]
     )
-    own = [reel.sprite_picture(at, size_px, 1, angle) for at, angle in enumerate(turn)]
+    own = [reel.draw_sprite(at, size_px, 1, angle) for at, angle in enumerate(turn)]
     return ahead, np.stack(own)
 
 
@@ -221,7 +223,7 @@ def _find_ways_out(
         distance = np.take_along_axis(far, best, 0).T.ravel()
         rows = np.repeat(row, len(best))
         ways.append(pd.DataFrame({"sprite": sprite, "row": rows, "distance": distance}))
-    table = pd.concat(ways).query("distance <= @most").sort_values(["row", "distance"])
+    table = pd.concat(ways).query("distance <= @most_distance").sort_values(["row", "distance"])
     return table.assign(rank=table.groupby("row").cumcount() + 1)
 
 

@@ -157,7 +157,7 @@ def _join_tracks(evidence: IdentityEvidence, parts: list[NDArray[np.intp]]) -> T
     every = np.concatenate(some)
     looks = appearance.appearance_descriptors(
         evidence.measures[every],
-        lambda few: reel.frames(every[few], p.size_px, BODY).reshape(len(few), -1),
+        lambda few: reel.draw_rows(every[few], p.size_px, BODY).reshape(len(few), -1),
         p.components,
     )
     by_track = np.split(looks, np.cumsum([len(rows) for rows in some])[:-1])

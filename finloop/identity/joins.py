@@ -154,7 +154,10 @@ class _Component(NamedTuple):
 
 
 class _JoinSearch:
-    """Finds sets of joins by assignment, component by component: faster than all at once."""
+    """Finds the best-scored set of joins between tracks, by an assignment in each component.
+
+    That is faster than one assignment of all tracks at once.
+    """
 
     def __init__(self, pairs: TrackPairs, tracks: int) -> None:
         """Divide the pairs of tracks into components; tracks: their number."""

@@ -196,7 +196,7 @@ def find_film_jumps(
     A fish whose sides differ is not mirrored, unless the settings say so. advance(n): called when n
     more rows are done.
     """
-    reel, _ = source.film()
+    reel, _ = source.load_film()
     track = reel.features["track_id"].to_numpy()
     row_parts = compute_signature_parts(source, settings, workers)
     block = max(1, round(settings.block * infer_delta_frames(reel.features)))
@@ -243,12 +243,14 @@ def _find_best_jumps(
     parts, how many of them lead to the nearest rows of all. The others lead to one part, of `_TURN`
     successive rows to the same one, then to the next.
     """
-    visible = VisibleDistance(source.pictures(), source.film()[1].pose.posture, natural_step)
+    visible = VisibleDistance(
+        source.picture_array(), source.load_film()[1].pose.posture, natural_step
+    )
     (count, few), parts = counts, search.parts
 
     def best(near: pd.DataFrame, most: int) -> pd.DataFrame:
         """Return the best jumps to some neighbours."""
-        return choose_best_jumps(near, visible.best(near, most), most)
+        return choose_best_jumps(near, visible.measure_best(near, most), most)
 
     if parts == 1 or few == count:
         return best(search(rows), count)

@@ -40,15 +40,15 @@ class RowSource(Protocol):
     Each block of rows calls it again. A cluster pickles it, once for all blocks.
     """
 
-    def film(self) -> tuple[Reel, FilmPoses]:
+    def load_film(self) -> tuple[Reel, FilmPoses]:
         """Return the film's rows and, in the same order, their postures."""
         ...
 
-    def pictures(self) -> Pictures:
+    def picture_array(self) -> Pictures:
         """Return the array, uint8 (n, s, s, c), in which the rows' pictures are drawn."""
         ...
 
-    def keep(self) -> None:
+    def share_pictures(self) -> None:
         """Make the pictures available to other processes, once all are drawn."""
         ...
 
@@ -71,15 +71,15 @@ class InMemorySource:
         """Make the source with an empty array for pictures `size_px` px across."""
         return cls(reel, poses, np.empty(picture_array_shape(reel, size_px), np.uint8))
 
-    def film(self) -> tuple[Reel, FilmPoses]:
+    def load_film(self) -> tuple[Reel, FilmPoses]:
         """Return the film's rows and, in the same order, their postures."""
         return self.reel, self.poses
 
-    def pictures(self) -> Pictures:
+    def picture_array(self) -> Pictures:
         """Return the array, uint8 (n, s, s, c), in which the rows' pictures are drawn."""
         return self.drawn
 
-    def keep(self) -> None:
+    def share_pictures(self) -> None:
         """Do nothing: the pictures are in memory."""
 
 
@@ -103,7 +103,7 @@ def draw_straight(source: RowSource, size_px: int, rows: NDArray[np.intp]) -> ND
     The posture is the film's mean posture, which is its own mirror image: pictures (k, size_px,
     size_px, c), premultiplied, 0 … 1, are the mirror images if turned upside down.
     """
-    reel, poses = source.film()
+    reel, poses = source.load_film()
     middle = (size_px - 1) / 2
     place = (np.array(number) for number in (middle, middle, 0.0, size_px / _SPAN))
     target = Pose(*place, poses.shapes.mean)
@@ -155,10 +155,10 @@ def compute_signature_parts(
     source: RowSource, settings: JumpsSettings, workers: Workers
 ) -> SignatureParts:
     """Compute the signature parts pose, change, motion, look of all rows and mirror images."""
-    reel, poses = source.film()
+    reel, poses = source.load_film()
     span = max(1, round(infer_delta_frames(reel.features) / 4))
     pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
-    change = np.stack([change_per_row(codes, reel.goes_on, span) for codes in pose])
+    change = np.stack([change_per_row(codes, reel.has_next_frame, span) for codes in pose])
     straight = partial(draw_straight, source, settings.look_px)
     look = _appearance_components(straight, len(reel), settings.look_numbers, workers)
     return SignatureParts(pose, change, measure_film_motion(reel, span), look)
@@ -222,7 +222,9 @@ def measure_film_motion(reel: Reel, span_rows: int) -> Floats:
     """
     features = reel.features
     place = places_through_water(features) / reel.lengths_px[:, None]
-    speed = measure_motion(place, features["heading_deg"].to_numpy(float), reel.goes_on, span_rows)
+    speed = measure_motion(
+        place, features["heading_deg"].to_numpy(float), reel.has_next_frame, span_rows
+    )
     return np.stack([speed, speed * (1, -1, -1)])
 
 

@@ -33,12 +33,12 @@ class VisibleDistance:
     @classmethod
     def from_source(cls, source: RowSource, workers: Workers) -> "VisibleDistance":
         """Draw the pictures of all rows into the source's array, and measure the natural step."""
-        reel, poses = source.film()
-        pictures, rows = source.pictures(), split_into_blocks(len(reel), _LOT)
+        reel, poses = source.load_film()
+        pictures, rows = source.picture_array(), split_into_blocks(len(reel), _LOT)
         drawn = ordered_map(partial(_draw_rows, source, pictures.shape[1]), rows, workers)
         for lot, of_lot in zip(rows, drawn, strict=True):
             pictures[lot] = of_lot
-        source.keep()
+        source.share_pictures()
         ends = np.stack(reel.step_ends)
         step = [
             paired_distances(*pictures[lot].astype(np.float32) / 255)
@@ -60,7 +60,7 @@ class VisibleDistance:
             steps = pool.map(lambda k: distances_in_pose(film, rows[k], to[k], mirrored[k]), parts)
             return np.concatenate(list(steps)) / self.natural
 
-    def best(self, neighbours: pd.DataFrame, count: int) -> Floats:
+    def measure_best(self, neighbours: pd.DataFrame, count: int) -> Floats:
         """Return the visible distances (k,), in natural steps, of jumps that can be a row's best.
 
         neighbours: from `JumpSearch`; a jump costs its `far` plus the square of its visible
@@ -76,7 +76,7 @@ class VisibleDistance:
 
 def _draw_rows(source: RowSource, size_px: int, rows: Ints) -> Pictures:
     """Draw pictures (k, size_px, size_px, c) of rows (k,) in their own postures, headed right."""
-    reel, poses = source.film()
+    reel, poses = source.load_film()
     middle, length, shape = (size_px - 1) / 2, size_px / SPAN, (size_px, size_px)
     own = poses.pose[rows]
     there = own.move_to(middle, middle, 0.0, length)

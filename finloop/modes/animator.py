@@ -183,7 +183,9 @@ def prepare_mode_assets(made: FilmData, p: AnimateSettings) -> ModeAssets:
         tank(at_size.area, at_size.reach_px), motion, p.goal_radius_bl * motion.body_length_px,
         head_ahead_px(reel.features, reel.size),
     )  # fmt: skip
-    pictures = Pictures(reel, made.map_facts.size, Bodies(made.poses, reel.goes_on, reel.sprites))
+    pictures = Pictures(
+        reel, made.map_facts.size, Bodies(made.poses, reel.has_next_frame, reel.sprites)
+    )
     hulls = sprite_outlines(reel) if len(reel.sprites) else []
     return ModeAssets(at_size, world, pictures, Cast(reel.sprites, hulls, at_size.hulls))
 

@@ -221,7 +221,7 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
     features = reel.features
     delta = infer_delta_frames(features)
     motion = learn(features, rate_hz, delta).scale_to(reel.size)
-    bodies = Bodies(made.poses, reel.goes_on, reel.sprites)
+    bodies = Bodies(made.poses, reel.has_next_frame, reel.sprites)
     pictures = Pictures(reel, facts.size, bodies)
     cast = Cast(reel.sprites, [], hulls)
     for line in made.lines:
@@ -233,7 +233,7 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
     rarity = Rarity.from_movement(
         bodies.movement,
         made.poses.codes,
-        reel.goes_on,
+        reel.has_next_frame,
         seen,
         how.spring_response()[0],
         p.rarity_weight,

@@ -61,7 +61,7 @@ def gateway_pictures(
         ahead, own = (of[way.sprite] for of in of_sprites(max(1, way.orientation)))
         inward = way.direction == IN
         rows = np.array([way.row, way.row + (not inward)])
-        here, after = reel.frames(rows, TILE, facts.pose)
+        here, after = reel.draw_rows(rows, TILE, facts.pose)
         names = [
             f"{sprite['sequence']} {sprite['step']} ({sprite['track_id']}:{sprite['frame']})",
             f"film {row['track_id']:.0f}:{row['frame']:.0f}",

@@ -104,7 +104,7 @@ def figure13(loop: ImproperLoop, reel: Reel, pose: str, background: Picture, wor
         film[cutout.y0_px : cutout.y0_px + h, cutout.x0_px : cutout.x0_px + w] = cutout.over(film)
     way.imshow(film, cmap="gray", vmin=0, vmax=255, interpolation="bicubic")
     _draw_way(way, loop, features, film)
-    pictures = reel.frames(np.array([loop.a, loop.b]), SIZE_PX, pose)
+    pictures = reel.draw_rows(np.array([loop.a, loop.b]), SIZE_PX, pose)
     band = fish_rows(pictures)
     lower.suptitle("the fish at a and b: alike enough for a jump", fontsize=11)
     panels = lower.subplots(1, 2)

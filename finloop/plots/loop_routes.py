@@ -171,7 +171,7 @@ def _draw_loops(axes: Axes, three: ThreeWays, frame: Rows) -> None:
 
 
 def _draw_fish(part: SubFigure, three: ThreeWays, reel: Reel, pose: str, frame: Rows) -> None:
-    pictures = reel.frames(three.ends.astype(np.intp), SIZE_PX, pose)
+    pictures = reel.draw_rows(three.ends.astype(np.intp), SIZE_PX, pose)
     band = fish_rows(pictures)
     part.suptitle(
         "the fish at the ends: two of one colour are alike", x=0.005, ha="left", fontsize=10

@@ -68,7 +68,7 @@ class RetargetData(NamedTuple):
     @property
     def bodies(self) -> Bodies:
         """The postures of the film's rows, without sprites."""
-        return Bodies(self.poses, self.reel.goes_on, pd.DataFrame())
+        return Bodies(self.poses, self.reel.has_next_frame, pd.DataFrame())
 
     @property
     def pictures(self) -> Pictures:

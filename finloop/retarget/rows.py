@@ -56,7 +56,7 @@ class FilmRows:
         n, span = len(reel), max(1, round(infer_delta_frames(reel.features) / 4))
         sides = len(look) // n
         pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
-        change = np.stack([change_per_row(one, reel.goes_on, span) for one in pose])
+        change = np.stack([change_per_row(one, reel.has_next_frame, span) for one in pose])
         speed = measure_film_motion(reel, span)
         scales = [
             weights.pose_weight / part_divisors(pose),
@@ -71,7 +71,7 @@ class FilmRows:
         whole = np.concatenate([*parts, light], axis=-1)[0]
         step = max(float(np.median(np.linalg.norm(whole[later] - whole[first], axis=-1))), 1e-12)
         used = slice(0 if has_postures else 2, 3)
-        goes = np.where(reel.goes_on, np.arange(n) + 1, -1)
+        goes = np.where(reel.has_next_frame, np.arange(n) + 1, -1)
         return cls(
             n,
             _join_and_flatten(parts[used]) / step,

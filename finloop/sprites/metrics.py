@@ -102,10 +102,13 @@ def cycle_metrics(
 
 
 def is_still_slide(
-    choice: ChosenFrames, table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
+    slide: ChosenFrames, table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
 ) -> bool:
-    """Return whether a chosen slide is at least `slide_least` long and its tail within `still`."""
-    tail = table["tail"].to_numpy()[choice.stretch.rows]
+    """Return whether the frames chosen for gliding are long enough, and their tail is still.
+
+    They are at least `slide_least` Δ long, and the tail moves at most `still` body lengths.
+    """
+    tail = table["tail"].to_numpy()[slide.stretch.rows]
     long = len(tail) >= round(settings.slide_least * delta_frames)
     return long and float(np.ptp(tail)) <= settings.still
 

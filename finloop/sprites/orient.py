@@ -114,7 +114,7 @@ def sprite_outlines(reel: Reel) -> list[Floats]:
     """
     hulls = []
     for number, row in enumerate(reel.sprites.itertuples()):
-        cutout = reel.sprite(number)
+        cutout = reel.read_sprite(number)
         solid = np.argwhere(cutout.pixels[..., -1] >= _SOLID)[:, ::-1].astype(np.float32)
         hull = cv2.convexHull(solid)[:, 0].astype(float)
         offset = hull + np.array([cutout.x0_px - row.x_px, cutout.y0_px - row.y_px])

@@ -23,7 +23,7 @@ def main() -> None:
     with Project() as project:
         facts, features = project.map_facts, project.features
         rows = picture_rows(features, p.picture_frames)
-        pictures = project.film_reel.frames(rows, facts.size, facts.pose)
+        pictures = project.film_reel.draw_rows(rows, facts.size, facts.pose)
         distance = full_distance_map(subtract_mean_picture(pictures))
     features = features.iloc[rows]
     kinds, area = find_frame_kinds(features, facts.pose), features["motion_area_rel"].to_numpy()
