@@ -44,7 +44,7 @@ from finloop.base.parallel import Threads
 from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings, values_of
 from finloop.bpn.back_propagation import train_on_film_rows
-from finloop.bpn.model import MotionModel, pair_rows_with_later, split_or_all
+from finloop.bpn.model import MotionModel, pair_rows_with_later, split_rows_if_possible
 from finloop.calibrate.film import build_film_group
 from finloop.calibrate.rule import describe_shortage, fit_film_rule
 from finloop.clip.rewrite import make_clip
@@ -209,7 +209,7 @@ def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel
     """
     p = settings("bpn", **changes)
     rows = pair_rows_with_later(features, infer_delta_frames(features))
-    model, _ = train_on_film_rows(rows, split_or_all(rows, p), p, rate_hz)
+    model, _ = train_on_film_rows(rows, split_rows_if_possible(rows, p), p, rate_hz)
     return model
 
 

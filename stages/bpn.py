@@ -11,7 +11,7 @@ import numpy as np
 from finloop.base.errors import FinloopError
 from finloop.bpn.back_propagation import train_on_film_rows
 from finloop.bpn.held_out import HELD_OUT, assess_model, held_out_table
-from finloop.bpn.model import pair_rows_with_later, split_or_all, split_rows
+from finloop.bpn.model import pair_rows_with_later, split_rows, split_rows_if_possible
 from finloop.bpn.onnx import export_onnx_bytes
 from finloop.bpn.settings import BpnSettings
 from finloop.features.table import infer_delta_frames
@@ -30,7 +30,7 @@ def main() -> None:
     project = Project()
     rate_hz, table = project.rate_hz, project.features
     rows = pair_rows_with_later(table, infer_delta_frames(table))
-    sides = [split_or_all(rows, p)]
+    sides = [split_rows_if_possible(rows, p)]
     if not sides[0][1].any():
         print(f"bpn: so short a film trains the network with all {len(rows.inputs)} rows; none is "
               "held out, so its error on other film is unknown", file=sys.stderr)  # fmt: skip

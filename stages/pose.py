@@ -30,7 +30,7 @@ def main() -> None:
     features = project.features
     poses = compute_film_poses(project.tracks(USED), features, p)
     with whole_folder(OUT) as folder:
-        save_table(folder / "poses.parquet", poses.table(features), POSES)
+        save_table(folder / "poses.parquet", poses.code_table(features), POSES)
         save_record(folder / "shapes.json", poses.facts)
         # Equal to the last bit to poses computed from the files.
         again = restore_poses(features, poses.codes, asdict(poses.facts))

@@ -104,7 +104,7 @@ def test_in_a_part_of_the_film_are_the_nearest_that_lie_there(rng, monkeypatch):
     assert made.parts == 3
     rows, every = np.arange(160), whole(np.arange(160))
     for part in range(3):
-        few = made.in_part(rows, part)
+        few = made.search_part(rows, part)
         assert (made.part[few["to"]] == part).all() and set(few["row"]) == set(rows)
         for row, own in few.groupby("row"):
             there = every[(every["row"] == row) & (made.part[every["to"]] == part)]

@@ -371,7 +371,7 @@ def test_no_way_is_an_empty_list():
 def test_the_graph_of_fig10(fig10):
     assert fig10.ends.tolist() == list(FIG10.values())
     assert fig10.ahead.tolist() == [1, 2, 3, 4, 5, 6, 7, -1]
-    ends = [[int(t) for t in fig10.jumps(k)] for k in range(8)]
+    ends = [[int(t) for t in fig10.jump_targets(k)] for k in range(8)]
     assert ends == [[6], [4], [7], [5], [1], [3], [0], [2]]
     assert fig10.component.tolist() == [0, 0, 0, 0, 0, 0, 0, 1]  # no film follows H
     assert fig10.endless.tolist() == [True] * 7 + [False]
@@ -382,7 +382,7 @@ def test_the_graph_of_fig10(fig10):
 def test_one_loop_goes_on_for_ever_within_a_track_alone():
     graph = build_loop_graph(table_of((10, 30)), np.zeros(40, int))
     assert graph.cyclic.tolist() == [True, False] and graph.endless.tolist() == [True, False]
-    assert graph.frames.tolist() == [20, 0]
+    assert graph.segment_frames.tolist() == [20, 0]
     # Between two tracks it leads there and back, and from either the film runs out.
     graph = build_loop_graph(table_of((10, 30)), np.repeat([0, 1], 20))
     assert not graph.endless.any() and not graph.cyclic.any()
@@ -430,7 +430,7 @@ def test_jumps_are_sorted_by_distance():
     graph = build_loop_graph(
         table_of((10, 30), (10, 50), (10, 70), distance=[3, 1, 2]), np.zeros(80)
     )
-    assert graph.jumps(0).tolist() == [2, 3, 1]
+    assert graph.jump_targets(0).tolist() == [2, 3, 1]
     assert graph.distance[:3].tolist() == [1, 2, 3]
 
 

@@ -47,7 +47,7 @@ def swinging(n=200):
 def test_postures_come_back_from_files_as_they_were(tmp_path):
     tracks, features = film(swinging())
     poses = compute_film_poses(tracks, features, settings("pose"))
-    save_table(tmp_path / "poses.parquet", poses.table(features), POSES)
+    save_table(tmp_path / "poses.parquet", poses.code_table(features), POSES)
     save_record(tmp_path / "shapes.json", poses.facts)
     (codes,) = load_list_columns(tmp_path / "poses.parquet", POSES, "codes")
     again = load_json(

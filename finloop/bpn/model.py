@@ -232,11 +232,11 @@ def split_rows(rows: LearningRows, split_by: str, p: BpnSettings) -> tuple[Mask,
     return train, held_out
 
 
-def split_or_all(rows: LearningRows, p: BpnSettings) -> tuple[Mask, Mask]:
-    """Return the masks (n,) of `split_rows` by `p.held_out_by`; too short a film holds no row out.
+def split_rows_if_possible(rows: LearningRows, p: BpnSettings) -> tuple[Mask, Mask]:
+    """Return masks (n,) of the rows to learn from and of those held out; none of a short film.
 
-    FinloopError if the film has no rows, or if `p` is the reason for too few rows: whole tracks, or
-    blocks shorter than Δ.
+    They are those of `split_rows` by `p.held_out_by`. FinloopError if the film has no rows, or if
+    `p` is the reason for too few rows: whole tracks, or blocks shorter than Δ.
     """
     try:
         return split_rows(rows, p.held_out_by, p)

@@ -181,8 +181,8 @@ class _FrameCorrector:
     _marks: Landmarks | None = None
     _last: Shift = field(default=STILL)
 
-    def correct(self, frames: NumberedFrames) -> NumberedFrames:
-        """Yield the frames, light and place corrected, times and numbers unchanged."""
+    def correct_frames(self, frames: NumberedFrames) -> NumberedFrames:
+        """Yield the frames with light and place corrected; times and numbers stay unchanged."""
         for time_s, (number, frame) in frames:
             if self.light:
                 frame = undo_gain(frame, measure_gain(frame, self.tank))
@@ -228,7 +228,7 @@ def _reopen_film(
         takes = [_drop_repeats(take, repeated, float(rate)) for take in takes]
         facts = replace(facts, frame_rate=rate, frames=int((~repeated.repeats).sum()))
     if corrector is not None:
-        takes = [corrector.correct(take) for take in takes]
+        takes = [corrector.correct_frames(take) for take in takes]
     return replace(source, facts=facts, takes=takes)
 
 

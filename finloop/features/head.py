@@ -57,24 +57,11 @@ def decide_head_end(
 ) -> tuple[Mask, Floats]:
     """Return whether the first backbone point is the head, frame by frame, and how surely.
 
-    Parameters
-    ----------
-    backbone
-        (frames, n, 2) px, of consecutive frames, either end first.
-    half_width
-        (frames, n) px, beside it.
-    rate_hz
-        Frames per second.
-    given_head
-        (frames,) as `match_head_end` gives it; where it is not 0 it decides.
-
-    Returns
-    -------
-    first
-        (frames,) bool: whether the first point is the head.
-    confidence
-        (frames,) its probability, in [0.5, 1]; below 0.5 where the frame by itself contradicts its
-        track, or the other program.
+    backbone: (frames, n, 2) px, of consecutive frames of one track, either end first; half_width:
+    (frames, n) px, beside it; rate_hz: frames per second; given_head: (frames,) as `match_head_end`
+    gives it; where it is not 0 it decides. The first result (frames,) is True where the first point
+    is the head; the second (frames,) is its probability, in [0.5, 1], below 0.5 where the frame by
+    itself contradicts its track, or the other program.
     """
     length = np.median(np.hypot(*np.diff(backbone, axis=1).transpose(2, 0, 1)).sum(1))
     evidence = _width_evidence(half_width) + _travel_evidence(backbone, length)

@@ -54,7 +54,7 @@ class PredictedEnsembles(NamedTuple):
 
 
 def predict_ensembles(
-    film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator
+    film: FilmStates, sampler: Sampler, parts: Partition, rng: np.random.Generator
 ) -> PredictedEnsembles:
     """Predict the states after held-out rows, each by an ensemble built from training rows alone.
 
@@ -65,11 +65,11 @@ def predict_ensembles(
     in_train = np.zeros(len(film.states), bool)
     in_train[parts.train] = True
     rest = np.zeros_like(film.states)
-    rest[film.rows] = film.states[film.rows + 1] - swim.mean[film.rows]
+    rest[film.rows] = film.states[film.rows + 1] - sampler.mean[film.rows]
     whole = rest[in_train].var(0)
     rows, means, spreads, ranks = [], [], [], []
     for row in parts.held_out.tolist():
-        similar = swim.to[swim.start[row] : swim.start[row + 1]]
+        similar = sampler.to[sampler.start[row] : sampler.start[row + 1]]
         similar = similar[in_train[similar]]
         if len(similar) < _LEAST:
             continue
@@ -77,7 +77,7 @@ def predict_ensembles(
         below = (members < rest[row]).sum(0) + rng.random(members.shape[1])
         variance = (len(similar) * members.var(0) + _PRIOR * whole) / (len(similar) + _PRIOR)
         rows.append(row)
-        means.append(swim.mean[row] + members.mean(0))
+        means.append(sampler.mean[row] + members.mean(0))
         spreads.append(np.sqrt(variance))
         ranks.append(below / (len(similar) + 1))
     d = len(film.scale)
@@ -88,7 +88,7 @@ def predict_ensembles(
 
 
 def measure_predictions(
-    film: FilmStates, ensemble: PredictedEnsembles, swim: Sampler, parts: Partition
+    film: FilmStates, ensemble: PredictedEnsembles, sampler: Sampler, parts: Partition
 ) -> dict[str, float]:
     """Return errors, log likelihoods and coverage of predictions on held-out rows, by name.
 
@@ -102,7 +102,7 @@ def measure_predictions(
         unit = film.scale[part]
         error, still = (
             float(np.sqrt(np.mean(((states[rows] - true)[:, part] / unit) ** 2)))
-            for states in (swim.mean, film.states)
+            for states in (sampler.mean, film.states)
         )
         numbers[f"{name}_error"] = error
         numbers[f"persistence_{name}_error"] = still
@@ -140,7 +140,7 @@ def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
 
 
 def measure_control_slopes(
-    swim: Sampler, film: FilmStates, rng: np.random.Generator
+    sampler: Sampler, film: FilmStates, rng: np.random.Generator
 ) -> dict[str, float]:
     """Return how well a fish follows controls over Δ: slopes of its motion against the control.
 
@@ -150,14 +150,14 @@ def measure_control_slopes(
     controls, motions = [], []
     delta, step_s = film.delta, 1 / film.rate_hz
     for row in rng.choice(film.rows, _TRIALS).tolist():
-        similar = swim.to[swim.start[row] : swim.start[row + 1]]
+        similar = sampler.to[sampler.start[row] : sampler.start[row + 1]]
         if not len(similar):
             continue
-        control = swim.control[rng.choice(similar)]
-        past, follows = start_at_row(swim, row).past, draw_next_row(swim, row, control, rng)
+        control = sampler.control[rng.choice(similar)]
+        past, follows = start_at_row(sampler, row).past, draw_next_row(sampler, row, control, rng)
         state, moves = RolloutState(past, follows), []
         for _ in range(delta):
-            state = step_fish(swim, state, control, rng)
+            state = step_fish(sampler, state, control, rng)
             moves.append(state.past[0, -MOTION:] * step_s)
         ahead, left, turn = np.transpose(moves)
         heading = np.cumsum(turn)
@@ -194,7 +194,7 @@ def free_swim_table(states: Floats, rows: Ints) -> pd.DataFrame:
 
 
 def compare_free_swim(
-    states: Floats, rows: Ints, film: FilmStates, swim: Sampler
+    states: Floats, rows: Ints, film: FilmStates, sampler: Sampler
 ) -> dict[str, float]:
     """Compare a free swim with the film: its spread, how often it is clamped, its longest repeats.
 
@@ -202,7 +202,7 @@ def compare_free_swim(
     film's; free_clamped_pct: ticks at the edge of the film's range; …_repeat_s: seconds.
     """
     usual = film.states[film.rows]
-    clamped = (states <= swim.low) | (states >= swim.high)
+    clamped = (states <= sampler.low) | (states >= sampler.high)
     spread = states.std(0) / usual.std(0)
     return {
         "free_pose_spread_of_film": float(np.sqrt((spread[:-MOTION] ** 2).mean())),

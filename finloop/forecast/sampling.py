@@ -93,42 +93,43 @@ def build_sampler(
     )  # fmt: skip
 
 
-def start_at_row(swim: Sampler, row: int) -> RolloutState:
+def start_at_row(sampler: Sampler, row: int) -> RolloutState:
     """Return a fish that swims as filmed at a row: its past is that of the film."""
-    return RolloutState(swim.states[row - np.arange(swim.lags[-1] + 1)], row)
+    return RolloutState(sampler.states[row - np.arange(sampler.lags[-1] + 1)], row)
 
 
 def step_fish(
-    swim: Sampler, state: RolloutState, control: Floats | None, rng: np.random.Generator
+    sampler: Sampler, state: RolloutState, control: Floats | None, rng: np.random.Generator
 ) -> RolloutState:
     """Return the fish one tick later, under a control (2,), or freely if that is None.
 
-    swim: drives the fish. control: displacement [body lengths] and included angle [rad] over Δ.
-    Only `rng` changes: the same state, control and draws give the same next state.
+    control: displacement [body lengths] and included angle [rad] over Δ. Only `rng` changes: equal
+    states, controls and draws give equal next states.
     """
     row = state.row
-    if not swim.usable[row] or rng.random() < 1 / swim.follow:
-        row = draw_next_row(swim, row, control, rng)
-    here = swim.control[row] if control is None else np.asarray(control, float)
-    later = follow_row(swim, state.past, row, 1, here)
+    if not sampler.usable[row] or rng.random() < 1 / sampler.follow:
+        row = draw_next_row(sampler, row, control, rng)
+    here = sampler.control[row] if control is None else np.asarray(control, float)
+    later = follow_row(sampler, state.past, row, 1, here)
     return RolloutState(np.concatenate([later, state.past[:-1]]), row + 1)
 
 
-def draw_next_row(swim: Sampler, row: int, control: Floats | None, rng: np.random.Generator) -> int:
+def draw_next_row(
+    sampler: Sampler, row: int, control: Floats | None, rng: np.random.Generator
+) -> int:
     """Draw the row that a fish follows next: a row similar to `row`, or `row` itself.
 
-    swim: drives the fish. control (2,): with q a row's squared difference from it, in units of
-    `swim.obey`, the row is exp(−½ (q − least q)) times as likely; None: the control does not
-    matter.
+    control (2,): with q a row's squared difference from it, in units of `sampler.obey`, the row is
+    exp(−½ (q − least q)) times as likely; None: the control does not matter.
     """
-    rows, chance = next_row_weights(swim, row)
+    rows, chance = next_row_weights(sampler, row)
     if control is not None:
-        square = (((swim.control[rows] - control) / swim.obey) ** 2).sum(1)
+        square = (((sampler.control[rows] - control) / sampler.obey) ** 2).sum(1)
         chance = chance * np.exp(-0.5 * (square - square.min(initial=np.inf)))
     return int(rows[np.searchsorted(np.cumsum(chance), rng.random() * chance.sum())])
 
 
-def next_row_weights(swim: Sampler, row: int) -> tuple[Ints, Floats]:
+def next_row_weights(sampler: Sampler, row: int) -> tuple[Ints, Floats]:
     """Return the rows (k,) that a fish may follow next, and their weights (k,) in a draw.
 
     row: that it follows now. The weights (Metropolis) let all rows be visited equally often; their
@@ -137,25 +138,27 @@ def next_row_weights(swim: Sampler, row: int) -> tuple[Ints, Floats]:
     the rows between; that row comes last.
     """
     last = row
-    while not swim.usable[last] and swim.start[last] == swim.start[last + 1]:
+    while not sampler.usable[last] and sampler.start[last] == sampler.start[last + 1]:
         last -= 1
-    rows = swim.to[swim.start[last] : swim.start[last + 1]]
-    degree = swim.start[rows + 1] - swim.start[rows]
+    rows = sampler.to[sampler.start[last] : sampler.start[last + 1]]
+    degree = sampler.start[rows + 1] - sampler.start[rows]
     chance = 1 / np.maximum(degree, max(len(rows), 1))
-    stays = max(1 - chance.sum(), 0.0) if swim.usable[row] or not len(rows) else 0.0
+    stays = max(1 - chance.sum(), 0.0) if sampler.usable[row] or not len(rows) else 0.0
     later = rows + row - last
-    if (goes_on := swim.usable[np.minimum(later, len(swim.usable) - 1)]).any():
+    if (goes_on := sampler.usable[np.minimum(later, len(sampler.usable) - 1)]).any():
         rows, chance = later[goes_on], chance[goes_on]
     return np.append(rows, last), np.append(chance, stays)
 
 
-def swim_freely(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
+def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
     """Let a fish swim freely from a random row; return its states (ticks, d) and rows (ticks,)."""
-    past, row = start_at_row(swim, int(rng.choice(np.flatnonzero(swim.usable))))
+    past, row = start_at_row(sampler, int(rng.choice(np.flatnonzero(sampler.usable))))
     states, rows, n = [], [], 0
     while n < ticks:
-        row = draw_next_row(swim, row, None, rng)
-        later = follow_row(swim, past, row, int(rng.geometric(1 / swim.follow)), swim.control[row])
+        row = draw_next_row(sampler, row, None, rng)
+        later = follow_row(
+            sampler, past, row, int(rng.geometric(1 / sampler.follow)), sampler.control[row]
+        )
         past = np.concatenate([later, past])[: len(past)]
         states.append(later[::-1])
         rows.append(row + 1 + np.arange(len(later)))
@@ -165,33 +168,34 @@ def swim_freely(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Fl
 
 
 @finite_kernel
-def follow_row(swim: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
+def follow_row(sampler: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
     """Return the next states (ticks, d) of a fish that follows a film row, the last tick first.
 
-    swim: drives the fish. They are fewer if the row's film ends. past (L + 1, d): the present
-    first. control (2,): of the first tick; its difference from the row's own control stays
-    constant.
+    They are fewer if the row's film ends. past (L + 1, d): the present first. control (2,): of the
+    first tick; its difference from the row's own control stays constant.
     """
-    d, lags, deep = swim.states.shape[1], swim.lags, len(past)
-    while ticks > 1 and not swim.usable[row : row + ticks].all():
+    d, lags, deep = sampler.states.shape[1], sampler.lags, len(past)
+    while ticks > 1 and not sampler.usable[row : row + ticks].all():
         ticks -= 1
     states = np.empty((ticks + deep, d))
     for i in range(deep):
         for j in range(d):
             states[ticks + i, j] = past[i, j]
     x, mean = np.empty(lags.size * d + 2, np.float32), np.empty(d)
-    hidden = np.empty((2, swim.net.second_bias.shape[1]), np.float32)
+    hidden = np.empty((2, sampler.net.second_bias.shape[1]), np.float32)
     for t in range(ticks):
         now = ticks - t
         for i in range(lags.size):
             for j in range(d):
                 x[i * d + j] = states[now + lags[i], j]
         for j in range(2):
-            x[lags.size * d + j] = swim.control[row + t, j] + control[j] - swim.control[row, j]
-        predict_next_mean(swim.net, x, mean, hidden)
+            x[lags.size * d + j] = (
+                sampler.control[row + t, j] + control[j] - sampler.control[row, j]
+            )
+        predict_next_mean(sampler.net, x, mean, hidden)
         for j in range(d):
-            value = swim.states[row + t + 1, j]
-            if not (swim.rests[row + t + 1] and j >= d - MOTION):
-                value += swim.settle[j] * (mean[j] - swim.mean[row + t, j])
-            states[now - 1, j] = min(max(value, swim.low[j]), swim.high[j])
+            value = sampler.states[row + t + 1, j]
+            if not (sampler.rests[row + t + 1] and j >= d - MOTION):
+                value += sampler.settle[j] * (mean[j] - sampler.mean[row + t, j])
+            states[now - 1, j] = min(max(value, sampler.low[j]), sampler.high[j])
     return states[:ticks]

@@ -75,10 +75,10 @@ def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floa
 
 @dataclass(frozen=True)
 class GapDrift:
-    """How far animals are, after a gap, from the place predicted half way through it.
+    """How far apart two predictions of a place in a gap are: from before the gap, and after it.
 
-    gaps (k,): frames, ascending; error (k,): median distance, body lengths; before: frames over
-    which the velocity is measured.
+    gaps (k,): frames, ascending; error (k,): median distance of the two, body lengths; before:
+    frames over which the velocity is measured.
     """
 
     gaps: Floats
@@ -88,7 +88,7 @@ class GapDrift:
     before: int
 
     def log_ratio(self, gap_frames: Floats, distance: Floats) -> Floats:
-        """Return the log of how much more probable a place is for the same animal than for any.
+        """Return the log ratio (e,) that a track after a gap is the same animal rather than any.
 
         gap_frames (e,); distance (e,): d between the two predicted places, body lengths. The result
         is log((1 − ε) A m² / (π (m² + d²)²) + ε), for the median m of d over such a gap, a tank of
@@ -102,7 +102,7 @@ class GapDrift:
 
 
 def measure_drift(tracks: pd.DataFrame) -> GapDrift:
-    """Return how far a predicted place is off after a gap, by gaps cut into complete tracks.
+    """Measure how far a predicted place is off after a gap, by gaps cut into complete tracks.
 
     tracks: track_id, frame, x, y (body lengths), sorted by track and frame. The gaps double from
     one frame on, while enough tracks are that long; beyond, an animal may be anywhere. The number

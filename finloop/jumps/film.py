@@ -83,7 +83,7 @@ class JumpSearch:
         """
         return self._nearest(rows, self.goals, self.index)
 
-    def in_part(self, rows: Ints, part: int) -> pd.DataFrame:
+    def search_part(self, rows: Ints, part: int) -> pd.DataFrame:
         """Return the neighbours of rows (k,) in one part of the film, as `__call__` does."""
         goals = self.goals[self.part[self.goals % len(self.track)] == part]
         return self._nearest(rows, goals, Nearest.from_vectors(self.targets[goals], len(goals)))
@@ -256,7 +256,7 @@ def _find_best_jumps(
         return best(search(rows), count)
     tables = [best(search(rows), few)]
     for turn, some in pd.Series(rows).groupby(rows // _TURN):
-        near = search.in_part(some.to_numpy(), int(turn) % parts)
+        near = search.search_part(some.to_numpy(), int(turn) % parts)
         tables.append(best(near, count - few))
     both = pd.concat(tables).drop_duplicates(["row", "to", "mirrored"])
     return both.sort_values(["row", "seam", "to"], ignore_index=True)

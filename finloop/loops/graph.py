@@ -25,7 +25,7 @@ _FREE = 1e-9  # frames: a sparse graph cannot hold an edge of cost 0
 
 @dataclass(frozen=True)
 class LoopGraph:
-    """The graph of m loop ends and e jumps; each loop gives two jumps, one in either direction."""
+    """A film's video loops as a graph: m loop ends, and e jumps between them, two for each loop."""
 
     ends: NDArray[np.int32]  # (m,) rows of the feature table, rising
     ahead: NDArray[np.int32]  # (m,) index of the next end of the same track, −1 where there is none
@@ -43,12 +43,12 @@ class LoopGraph:
     # if `endless[k]`, jump to t if `endless[t]`
     endless: Mask
 
-    def jumps(self, end: int) -> NDArray[np.int32]:
+    def jump_targets(self, end: int) -> NDArray[np.int32]:
         """Return the indices of the ends that the film can jump to from an end, nearest first."""
         return self.to[self.start[end] : self.start[end + 1]]
 
     @property
-    def frames(self) -> NDArray[np.int32]:
+    def segment_frames(self) -> NDArray[np.int32]:
         """Return the length (m,) of the segments, in frames; 0 after the last end of a track."""
         return np.where(self.ahead >= 0, self.ends[self.ahead] - self.ends, 0).astype(np.int32)
 
@@ -180,9 +180,8 @@ def find_routes(
 
     source_end, target_end: indices of ends. The best route has the fewest frames, where a jump
     counts as `jump_frames`. Each route is a list of (from row, to row, "play" | "jump"), from one
-    end to the next. It may pass an end twice (GHCDEBCDEF does), but takes no jump twice. There is
-    film between two jumps, for two frames that are like a third need not be alike. The search
-    follows at most `most_routes` routes through any end.
+    end to the next. It may pass an end twice (GHCDEBCDEF does), but takes no jump twice, and plays
+    some film between two jumps. The search follows at most `most_routes` routes through any end.
     """
     rest = _least_route_costs(graph, target_end, jump_frames)
     ways: list[list[Leg]] = []
@@ -200,9 +199,9 @@ def find_routes(
         visits[end, jumped] = visits.get((end, jumped), 0) + 1
         if visits[end, jumped] > most_routes:
             continue
-        choices = [] if jumped else [(int(to), JUMP, jump_frames) for to in graph.jumps(end)]
+        choices = [] if jumped else [(int(to), JUMP, jump_frames) for to in graph.jump_targets(end)]
         if graph.ahead[end] >= 0:
-            choices.append((int(graph.ahead[end]), PLAY, float(graph.frames[end])))
+            choices.append((int(graph.ahead[end]), PLAY, float(graph.segment_frames[end])))
         for to, how, more in choices:
             leg = int(graph.ends[end]), int(graph.ends[to]), how
             if np.isfinite(rest[to]) and not (how == JUMP and leg in way):
@@ -220,6 +219,6 @@ def _least_route_costs(graph: LoopGraph, target_end: int, jump_frames: float) ->
     m = len(graph.ends)
     played = np.flatnonzero(graph.ahead >= 0)
     jumped = np.repeat(np.arange(m), np.diff(graph.start))
-    cost = np.r_[graph.frames[played], np.full(len(jumped), max(jump_frames, _FREE))]
+    cost = np.r_[graph.segment_frames[played], np.full(len(jumped), max(jump_frames, _FREE))]
     back = np.r_[graph.ahead[played], graph.to], np.r_[played, jumped]
     return dijkstra(coo_array((cost, back), (m, m)).tocsr(), indices=target_end) * (1 - 1e-9)

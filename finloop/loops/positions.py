@@ -85,7 +85,7 @@ def route_table(
             frames, distance = b - a, None
             if how == JUMP:
                 end, to = np.searchsorted(graph.ends, [a, b])
-                jump = graph.start[end] + np.flatnonzero(graph.jumps(end) == to)[0]
+                jump = graph.start[end] + np.flatnonzero(graph.jump_targets(end) == to)[0]
                 frames, distance = 0, float(graph.distance[jump]) / step_median
             rows.append((number, how, track[a], frame[a], track[b], frame[b], frames, distance))
     return pd.DataFrame(rows, columns=[*columns, "jump_distance"])

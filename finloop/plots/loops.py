@@ -52,7 +52,7 @@ def draw_over_tank(
     """
     figure, axes = parts.over_tank(background, 0.45, below=0.6)
     x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
-    frames = graph.frames
+    frames = graph.segment_frames
     dead = ~graph.endless
     for mine, colour, word in (
         ((graph.component == 0) & ~dead, _LARGEST, "in the largest component"),

@@ -78,7 +78,7 @@ class FilmPoses:
         """Return the pose of a row, with its posture replaced by that of `codes` (c,)."""
         return replace(self.pose[row], posture=self.shapes.decode(codes))
 
-    def table(self, features: pd.DataFrame) -> pd.DataFrame:
+    def code_table(self, features: pd.DataFrame) -> pd.DataFrame:
         """Return the codes as the table `POSES`; features: the feature table of the same rows."""
         codes = pd.Series(list(self.codes.astype(np.float32)), features.index, dtype=object)
         return features[["track_id", "frame"]].assign(codes=codes)
