@@ -106,9 +106,11 @@ def interrupt(monkeypatch, frames=40):
     """Run the stage until so many frames are done."""
     with monkeypatch.context() as patch:
         left = iter(range(frames))
-        links = film.Linker.step
+        links = film.TrackLinker.link_frame
         patch.setattr(
-            film.Linker, "step", lambda *a: links(*a) if next(left, None) is not None else stop()
+            film.TrackLinker,
+            "link_frame",
+            lambda *a: links(*a) if next(left, None) is not None else stop(),
         )
         with pytest.raises(KeyboardInterrupt):
             stages.extract.main()
