@@ -18,13 +18,15 @@ from finloop.clip.verdict import REPAIRS, list_findings
 from finloop.clip.write import ClipSource, open_clip_source
 from finloop.io.atomic import whole_folder
 from finloop.io.footage import list_films, read_file_stamps, refuse_changed_film, unique_film_names
+from finloop.io.pieces import remove_folders_except
 from finloop.io.several import FILMS, FilmPart, join_clips, list_film_folders
 from finloop.io.table import save_csv
 from finloop.io.video import CLIP_NAME, VideoFacts, read_chosen_frames
-from stages.reuse import code_digest, reuse_or_make
+from stages.reuse import code_digest, name_of, reuse_or_make
 from stages.settings import load
 
 CLIP = Path("data/clip")
+KEPT = Path("data/.clip.films")  # what was made of each film; DVC does not remove it
 METRICS, FINDINGS = Path("reports/clip/metrics.json"), Path("reports/clip/findings.csv")
 FACTS = (  # among the metrics
     "frames", "width_px", "height_px", "frame_rate_hz", "frames_repeated", "frames_dropped",
@@ -107,7 +109,7 @@ def _report_findings(metrics: dict[str, float]) -> None:
 
 def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]:
     """Write the clips of several films, a folder each, and join them; return all metrics."""
-    code, parts = code_digest("clip"), list[FilmPart]()
+    code, parts, used = code_digest("clip"), list[FilmPart](), list[str]()
     numbers: dict[str, float] = {}
     named_films = list(zip(unique_film_names(p.film for p in films), films, strict=True))
     with progress("clip", len(films), "films") as advance:
@@ -119,12 +121,14 @@ def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]
                 source = open_clip_source(p)
                 key = {"clip": asdict(p), "code": code, "film": read_file_stamps(path)}
                 make = partial(_write_clip, p, source, watch=lambda *_: nullcontext(lambda: None))
-                of_film = reuse_or_make(CLIP / home, folder / home, key, make)
+                used.append(name_of(key))
+                of_film = reuse_or_make(KEPT, folder / home, key, make)
                 numbers |= {f"{name}_{key}": value for key, value in of_film.items()}
             except FinloopError as error:
                 print(f"finloop: WARNING: {name} is left out: {error}", file=sys.stderr)
                 parts[-1] = parts[-1]._replace(error=error.came)
             advance()
+    remove_folders_except(KEPT, used)
     whole = join_clips(folder, parts)
     failed = sum(bool(part.error) for part in parts)
     tank = next(part for part in parts if not part.error)

@@ -22,17 +22,18 @@ from finloop.extract.samples import Verdict
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.write import Extraction, describe_lost_frames, extract_tracks
 from finloop.io.atomic import whole_folder
-from finloop.io.footage import FileStamp, read_file_stamps
+from finloop.io.footage import read_file_stamps
 from finloop.io.pieces import Pieces, remove_folders_except
 from finloop.io.several import FILMS, FilmPart, load_parts, load_readable_parts
 from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
 from stages.cluster import workers
-from stages.reuse import KEY_NAME, code_digest, name_of, reuse_or_make
+from stages.reuse import code_digest, folder_digest, name_of, reuse_or_make
 from stages.settings import load
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
-PIECES = Path("data/.extract.part")  # outside of what DVC removes before it runs the stage
+# Outside of what DVC removes before it runs the stage: a film in work, and those that are made.
+PIECES, KEPT = Path("data/.extract.part"), Path("data/.extract.films")
 LONG = 60  # frames of a long track
 _UNUSED = {
     "places_no_silhouette": "show no silhouette",
@@ -64,14 +65,11 @@ def main() -> None:
 
 def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:
     """Return everything from which the tracks of a clip are made, as plain values for reuse."""
-
-    def stamps_of(path: Path) -> list[FileStamp] | None:
-        return read_file_stamps(path) if path.exists() else None
-
-    key = clip / KEY_NAME  # exists for one of several films
-    film = key.read_text(encoding="utf-8") if key.exists() else stamps_of(clip)
-    tracks = stamps_of(Path(p.tracks_path).expanduser()) if p.tracks_path else None
-    return {"extract": asdict(p), "code": code_digest("extract"), "clip": film, "tracks": tracks}
+    tracks = Path(p.tracks_path or "").expanduser()
+    return {
+        "extract": asdict(p), "code": code_digest("extract"), "clip": folder_digest(clip),
+        "tracks": read_file_stamps(tracks) if p.tracks_path and tracks.exists() else None,
+    }  # fmt: skip
 
 
 def _extract_film(
@@ -141,8 +139,9 @@ def _extract_films(
         print(f"finloop: {part.name}", file=sys.stderr)
         with _leave_out_on_error(part, errors):
             make = partial(_extract_film, clip / home, p, pool, Pieces(PIECES / name_of(key)))
-            metrics_of_film = reuse_or_make(EXTRACT / home, folder / home, key, make)
+            metrics_of_film = reuse_or_make(KEPT, folder / home, key, make)
             numbers |= {f"{part.name}_{name}": value for name, value in metrics_of_film.items()}
+    remove_folders_except(KEPT, [name_of(key) for _, _, key in todo])
     contributions = join_extractions(clip, folder, errors)
     numbers["frames"] = load_facts(clip / FACTS_NAME).frames
     numbers["fish_frames"] = sum(item.rows for item in contributions)

@@ -1,6 +1,7 @@
-"""Reuse results of an earlier run: of several films, only changed ones are made again.
+"""Reuse what an earlier run made of a film: of several films, only changed ones are made again.
 
-A film's folder holds its key: the parameters, the film and the code from which it was made.
+DVC removes a stage's outputs before it runs the stage. So what was made of each film is kept beside
+them, in a folder whose name is a digest of the parameters, the film and the code.
 """
 
 import hashlib
@@ -12,24 +13,27 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json
 from stages.code import file_list_text
 
-KEY_NAME, NUMBERS_NAME = "made_from.json", "numbers.json"
+NUMBERS_NAME = "numbers.json"
 Numbers = Mapping[str, float]
 
 
 def reuse_or_make(
-    old: Path, folder: Path, key: Mapping[str, Any], make: Callable[[Path], Numbers]
+    kept: Path, folder: Path, key: Mapping[str, Any], make: Callable[[Path], Numbers]
 ) -> dict[str, float]:
-    """Put a film's files into `folder`, from an earlier run or made anew; return its numbers.
+    """Put a film's files into `folder`, those kept for its key or new ones; return its numbers.
 
-    old: the earlier run's folder, reused if it has the same key, plain values; make: writes the
-    files into a folder. After an error in `make` there is no folder.
+    kept: holds a folder for each key; key: plain values; make: writes the files into a folder.
+    After an error in `make` there is no folder.
     """
-    text = json.loads(json.dumps(key))
-    if _read(old / KEY_NAME) == text and isinstance(numbers := _read(old / NUMBERS_NAME), dict):
-        shutil.copytree(old, folder, copy_function=_link)
+    own = kept / name_of(key)
+    numbers = _read(own / NUMBERS_NAME)
+    if isinstance(numbers, dict):
+        _link_folder(own, folder)
+        (folder / NUMBERS_NAME).unlink()
         return numbers
     folder.mkdir(parents=True)
     try:
@@ -37,8 +41,10 @@ def reuse_or_make(
     except BaseException:
         shutil.rmtree(folder)
         raise
-    save_json(folder / NUMBERS_NAME, numbers)
-    save_json(folder / KEY_NAME, key)
+    kept.mkdir(parents=True, exist_ok=True)
+    with whole_folder(own) as new:
+        _link_folder(folder, new)
+        save_json(new / NUMBERS_NAME, numbers)
     return numbers
 
 
@@ -47,6 +53,11 @@ def _read(path: Path) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
+
+
+def _link_folder(source: Path, target: Path) -> None:
+    """Link all files of a folder into another one; copy them where the disk has no links."""
+    shutil.copytree(source, target, copy_function=_link, dirs_exist_ok=True)
 
 
 def _link(source: str, target: str) -> None:
@@ -64,3 +75,14 @@ def name_of(key: Mapping[str, Any]) -> str:
 def code_digest(stage: str) -> str:
     """Return one digest of all files of the program that a stage may run."""
     return hashlib.sha256(file_list_text(stage).encode()).hexdigest()
+
+
+def folder_digest(folder: Path) -> str:
+    """Return one digest of the names and contents of all files in a folder."""
+    whole = hashlib.sha256()
+    for path in sorted(folder.rglob("*")):
+        if path.is_file():
+            with path.open("rb") as file:
+                content = hashlib.file_digest(file, "sha256").hexdigest()
+            whole.update(f"{path.relative_to(folder).as_posix()} {content}\n".encode())
+    return whole.hexdigest()

@@ -246,7 +246,6 @@ def test_several_films_of_another_programs_tracks_become_one(
     clip, code = tmp_path / "data/clip", "{folder}/{name}"
     for name in "abc":
         shutil.copytree(film[0] / "data/clip", clip / "films" / name)
-        (clip / "films" / name / "made_from.json").write_text("{}")
         if name < "c":
             shutil.copytree(tracks_run / "trex", tmp_path / name)
     join_clips(clip, [FilmPart(name, str(tmp_path / f"{name}.mp4")) for name in "abc"])

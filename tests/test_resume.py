@@ -140,7 +140,7 @@ def test_nothing_is_taken_from_a_run_of_something_else(workspace, span_counts, m
     if change == "parameter":
         prepare(workspace, *FILM, "extract.noise_sigmas=6")
     else:
-        (workspace / "data/clip/clip.mp4").touch()
+        (workspace / "data/clip/more.txt").write_text("another clip")
     interrupt(monkeypatch)
     (after,) = PIECES.iterdir()
     assert after != before and dict(span_counts) == dict.fromkeys((0, 12, 24, 36), 2)
