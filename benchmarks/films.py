@@ -23,7 +23,7 @@ from hydra.core.override_parser.types import Quote, QuotedString
 
 from benchmarks.pipeline import ROOT, data_stages, prepare, stage
 from finloop.base.settings import settings
-from finloop.drawn.carp.film import film
+from finloop.drawn.carp.film import film_frames
 from finloop.drawn.truth import TRUTH
 from finloop.edit.modes import MODES
 from finloop.io.movie import VideoWriter
@@ -67,7 +67,7 @@ def overrides(name: str, folder: Path) -> list[str]:
     truth: list[dict[str, Any]] = []
 
     def pictures() -> Iterator[np.ndarray]:
-        for picture, rows in film(carp):
+        for picture, rows in film_frames(carp):
             truth.extend(rows)
             yield np.asarray(picture)
 

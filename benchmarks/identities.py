@@ -42,8 +42,8 @@ from benchmarks.pipeline import ROOT, prepare, stage
 from finloop.base.arrays import Floats, Mask
 from finloop.base.settings import settings
 from finloop.clip.settings import CarpSettings
-from finloop.drawn.carp.film import film
-from finloop.drawn.carp.motion import CarpMotion, room_of, simulate
+from finloop.drawn.carp.film import film_frames
+from finloop.drawn.carp.motion import CarpMotion, allowed_rectangle, simulate_swimming
 from finloop.io.movie import VideoWriter
 from finloop.io.poses import load_poses
 from finloop.io.table import save_csv
@@ -84,7 +84,7 @@ def carp(seed: int, folder: Path) -> Film:
     )  # fmt: skip
     path, rows = folder / "carp.mp4", list[dict[str, object]]()
     with VideoWriter(path, p.width_px, p.height_px, Fraction(RATE), p.colour) as writer:
-        for picture, of_frame in film(p, crossing(p)):
+        for picture, of_frame in film_frames(p, crossing(p)):
             writer.write(picture)
             rows += of_frame
     truth = pd.DataFrame(rows).rename(columns={"fish_id": "animal"})
@@ -95,10 +95,11 @@ def carp(seed: int, folder: Path) -> Film:
 
 def crossing(p: CarpSettings) -> CarpMotion:
     """Return the poses of carp that each swim as if alone."""
-    room = room_of(p.width_px, p.height_px, p.body_length_px)
+    room = allowed_rectangle(p.width_px, p.height_px, p.body_length_px)
     streams = np.random.default_rng(p.seed).spawn(p.fish)
     alone = [
-        simulate(p.frames, 1, room, p.frame_rate_hz, p.fins_open_ratio, rng) for rng in streams
+        simulate_swimming(p.frames, 1, room, p.frame_rate_hz, p.fins_open_ratio, rng)
+        for rng in streams
     ]
     names = [field.name for field in fields(CarpMotion)]
     return CarpMotion(*(np.concatenate([getattr(one, n) for one in alone], axis=1) for n in names))

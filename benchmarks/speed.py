@@ -29,7 +29,7 @@ from skimage.morphology import skeletonize
 from benchmarks.pipeline import ROOT, prepare, stage
 from finloop.base.parallel import Processes, Threads, warm_up
 from finloop.base.settings import settings
-from finloop.drawn.carp.film import film
+from finloop.drawn.carp.film import film_frames
 from finloop.extract.backbone import trace_backbone
 from finloop.extract.film import (
     ClipStream,
@@ -143,7 +143,8 @@ def both_stages(folder: Path) -> int:
 def carp_outlines(count: int, how: ExtractSettings) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return masks and difference images of the drawn carp, default size."""
     frames = [
-        frame for frame, _ in film(settings("clip", source="carp", frames=count, colour=False))
+        frame
+        for frame, _ in film_frames(settings("clip", source="carp", frames=count, colour=False))
     ]
     arena = np.full(frames[0].shape, 255, np.uint8)
     scene, _ = measure_scene_and_fish(frames[:: max(1, count // 41)], arena, how)

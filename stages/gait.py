@@ -12,8 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
-from finloop.drawn.dog.draw import film, limb_masks
-from finloop.drawn.dog.walk import DogFilm, gammas, phases, truth
+from finloop.drawn.dog.draw import dog_frames, limb_masks
+from finloop.drawn.dog.walk import DogFilm, foot_gammas, frame_phases, true_limb_contours
 from finloop.gait.compare import CLOCKS, ClockComparison, compare_clocks
 from finloop.gait.cycles import swimmer_gait_contours, walker_gait_contours
 from finloop.gait.fit import (
@@ -139,13 +139,13 @@ def _film_dog(walk: DogFilm, folder: Path) -> Pictures:
     rate = Fraction(walk.frame_rate_hz).limit_denominator(1001)
     path = folder / "dog_film.mp4"
     with Mp4Writer(path, (walk.height_px, walk.width_px, 3), rate, CRF) as writer:
-        for picture in film(walk):
+        for picture in dog_frames(walk):
             writer.write(picture)
     save_masks(folder / "regions", map(limb_masks, read_frames(path, colour=True)))
     cycle = min(walk.frames, round(walk.frames / walk.cycles))
     ticks = np.unique(np.linspace(0, cycle - 1, FIG8_PICTURES).astype(int))
     pictures = [picture for k, picture in enumerate(read_frames(path, colour=True)) if k in ticks]
-    return pictures, phases(walk)[ticks]
+    return pictures, frame_phases(walk)[ticks]
 
 
 def _gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[str, float]:
@@ -154,13 +154,19 @@ def _gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[s
     Columns filled in: true, of the exact motion; exact, fitted to exact contours; clock, of the
     foot alone.
     """
-    exact = GaitContours(truth(walk, EXACT_POINTS), phases(walk), walk.body_length_px, "swap")
+    exact = GaitContours(
+        true_limb_contours(walk, EXACT_POINTS), frame_phases(walk), walk.body_length_px, "swap"
+    )
     exact = replace(exact, offsets=hip_offsets(exact))
     gait, _ = fit_gait(exact, "exact", walk.frequency_hz, split=p.split, wavelet=p.wavelet)
     true = true_gamma(walk)
     for k, (name, sub) in table[["contour", "subcycle"]].iterrows():
         if name in true:
-            values = true[name][sub], gait.gamma[name][sub][0], gammas(walk, name)["AB".index(sub)]
+            values = (
+                true[name][sub],
+                gait.gamma[name][sub][0],
+                foot_gammas(walk, name)["AB".index(sub)],
+            )
             table.loc[k, ["true", "exact", "clock"]] = values
     numbers = {}
     clear = table["true"].abs() >= CLEAR

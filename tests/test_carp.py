@@ -9,21 +9,21 @@ from constants import with_constants
 from scipy.spatial.distance import cdist
 
 from finloop.base.settings import settings
-from finloop.drawn.carp.draw import blur_drawing, draw
+from finloop.drawn.carp.draw import blur_drawing, draw_carp
 from finloop.drawn.carp.film import (
+    carp_motion,
     empty_tank,
-    film,
+    film_frames,
     fish_colours,
     is_tank_large_enough,
-    light,
+    light_levels,
     midline_bend,
     midline_curvature,
     midline_heading,
     midline_px,
-    motion,
 )
-from finloop.drawn.carp.midline import POINTS, midline
-from finloop.drawn.carp.motion import turn_bend, turn_progress
+from finloop.drawn.carp.midline import POINTS, midline_of_pose
+from finloop.drawn.carp.motion import angle_share_in_turn, bend_in_turn
 from finloop.drawn.carp.skin import FishColours, half_width, paint_fish
 from finloop.drawn.truth import TRUTH
 
@@ -39,7 +39,7 @@ POSES = [  # amplitude, bend (radians), axis (radians), beat
 
 
 def carp_line(amplitude, bend, axis, beat, length=110.0):
-    return length * midline(1.3, 1.2, axis, beat, amplitude, bend)
+    return length * midline_of_pose(1.3, 1.2, axis, beat, amplitude, bend)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def long_films():
     films = []
     for seed in range(4):
         params = settings("clip", source="carp", seed=seed)
-        poses = motion(params)
+        poses = carp_motion(params)
         lines = np.array([midline_px(params, poses, k, 0) for k in range(params.frames)])
         films.append((params, poses, lines))
     return films
@@ -92,11 +92,11 @@ def test_heading_is_anticlockwise_from_screen_right(head, degrees):
 
 
 def test_a_bend_to_the_left_is_asked_for_with_plus():
-    line = midline(0, 0, 0.4, 0.0, 0.0, np.radians(70))
+    line = midline_of_pose(0, 0, 0.4, 0.0, 0.0, np.radians(70))
     assert midline_curvature(line) == pytest.approx(70)
     assert midline_bend(line) > 0.08
     assert midline_heading(line) > np.degrees(0.4)  # the head leads the turn
-    assert midline_bend(midline(0, 0, 0.4, 0.0, 0.0, 0.0)) == pytest.approx(0, abs=1e-12)
+    assert midline_bend(midline_of_pose(0, 0, 0.4, 0.0, 0.0, 0.0)) == pytest.approx(0, abs=1e-12)
 
 
 # -- the midline --------------------------------------------------------------------------------
@@ -110,7 +110,7 @@ def test_the_midline_does_not_stretch(pose):
 
 def test_the_wave_grows_to_the_tail_and_runs_there():
     beats = np.linspace(0, 1, 41)[:-1]
-    side = np.array([-midline(0, 0, 0, b, 1.0, 0.0)[:, 1] for b in beats])
+    side = np.array([-midline_of_pose(0, 0, 0, b, 1.0, 0.0)[:, 1] for b in beats])
     swing = np.ptp(side, axis=0) / 2
     assert 0.08 < swing[-1] < 0.13  # a carp's tail: about 0.1 body lengths
     assert swing[:22].max() < 0.03 < swing[-8:].min()
@@ -120,8 +120,8 @@ def test_the_wave_grows_to_the_tail_and_runs_there():
 
 def test_a_turn_goes_one_way_and_ends_straight():
     tau = np.linspace(0, 1, 200)
-    progress = np.array([turn_progress(t) for t in tau])
-    bend = np.array([turn_bend(t) for t in tau])
+    progress = np.array([angle_share_in_turn(t) for t in tau])
+    bend = np.array([bend_in_turn(t) for t in tau])
     assert progress[0] == 0 and progress[-1] == 1 and np.all(np.diff(progress) >= 0)
     assert bend[0] == 0 and bend[-1] == 0 and bend.max() == pytest.approx(1)
     assert np.all(bend >= 0)
@@ -134,7 +134,7 @@ def test_a_turn_goes_one_way_and_ends_straight():
 def test_the_silhouette_ends_with_the_midline_and_is_as_wide_as_the_profile(pose, carp):
     line = carp_line(*pose)
     # Finely drawn, so that the outline can be walked to a tenth of a pixel.
-    cut = draw(line * 8, (0.0, 0.0), carp, oversample=1)
+    cut = draw_carp(line * 8, (0.0, 0.0), carp, oversample=1)
     inside = cut.coverage > 0.5
     for end, before in ((0, 2), (-1, -3)):
         out = (line[end] - line[before]) / np.linalg.norm(line[end] - line[before])
@@ -151,7 +151,7 @@ def test_the_silhouette_ends_with_the_midline_and_is_as_wide_as_the_profile(pose
 
 
 def test_the_area_is_the_integral_of_the_width(carp):
-    straight = draw(carp_line(*POSES[0]), (0.0, 0.0), carp)
+    straight = draw_carp(carp_line(*POSES[0]), (0.0, 0.0), carp)
     s = np.linspace(0, 1, 4001)
     wanted = 2 * 110**2 * np.trapezoid(half_width(s), s)
     assert straight.area_px() == pytest.approx(wanted, rel=0.005)
@@ -159,12 +159,12 @@ def test_the_area_is_the_integral_of_the_width(carp):
 
 def test_truth_is_taken_from_the_coverage(carp):
     params = replace(SMALL, frames=3, fins_open_ratio=1.0)
-    poses, skins = motion(params), fish_colours(params)
-    for number, (_, rows) in enumerate(film(params)):
+    poses, skins = carp_motion(params), fish_colours(params)
+    for number, (_, rows) in enumerate(film_frames(params)):
         row = rows[0]
         line = midline_px(params, poses, number, 0)
         left, right = poses.fins[number, 0]
-        cut = draw(line, (float(left), float(right)), skins[0])
+        cut = draw_carp(line, (float(left), float(right)), skins[0])
         y, x = np.mgrid[: cut.coverage.shape[0], : cut.coverage.shape[1]]
         assert row["mask_area_px"] == pytest.approx(cut.coverage.sum(), rel=1e-5)
         assert row["x_px"] == pytest.approx(np.average(x, weights=cut.coverage) + cut.x0, abs=1e-3)
@@ -183,7 +183,7 @@ def test_the_fish_in_the_frame_lies_where_the_truth_says():
         colour=False,
     )  # fmt: skip
     floor = empty_tank(params)[..., 0]
-    for picture, rows in list(film(params))[::3]:
+    for picture, rows in list(film_frames(params))[::3]:
         dark = floor - picture > 45
         y, x = np.nonzero(dark)
         assert x.mean() == pytest.approx(rows[0]["x_px"], abs=0.6)
@@ -194,7 +194,7 @@ def test_the_fish_in_the_frame_lies_where_the_truth_says():
 def test_a_mirrored_pose_is_a_mirrored_silhouette(carp):
     line = carp_line(0.4, 1.0, 0.0, 0.2)
     mirror = line * (1, -1) + (0, 300)
-    one, other = draw(line, (1.0, 0.3), carp), draw(mirror, (0.3, 1.0), carp)
+    one, other = draw_carp(line, (1.0, 0.3), carp), draw_carp(mirror, (0.3, 1.0), carp)
     (x, y), (mx, my) = one.centre_px(), other.centre_px()
     assert (mx, my) == pytest.approx((x, 300 - y), abs=0.02)
     assert other.area_px() == pytest.approx(one.area_px(), rel=2e-3)
@@ -202,7 +202,7 @@ def test_a_mirrored_pose_is_a_mirrored_silhouette(carp):
 
 def test_open_fins_add_to_the_silhouette_and_are_see_through(carp):
     line = carp_line(*POSES[0])
-    shut, open_ = draw(line, (0.0, 0.0), carp), draw(line, (1.0, 1.0), carp)
+    shut, open_ = draw_carp(line, (0.0, 0.0), carp), draw_carp(line, (1.0, 1.0), carp)
     assert open_.area_px() > 1.1 * shut.area_px()
     beside = [np.flatnonzero(cut.coverage.max(axis=1) > 0.5) for cut in (shut, open_)]
     assert np.ptp(beside[0]) == pytest.approx(2 * 0.09 * 110, abs=2)
@@ -220,7 +220,7 @@ def test_the_skin_sticks_to_the_body(pose):
     skin[..., 1] = np.where(np.arange(rows)[:, None] < rows // 2, 200, 20)
     marked = FishColours(skin, np.zeros((8, 8, 5), np.float32), 1.0)
     line = carp_line(*pose, length=330)
-    cut = draw(line, (0.0, 0.0), marked, light=(0.0, 0.0), gloss=0.0)
+    cut = draw_carp(line, (0.0, 0.0), marked, light=(0.0, 0.0), gloss=0.0)
     for i in (8, 24, 40, 50):
         for side, green in zip(sides(line, i), (200, 20), strict=True):
             x, y = line[i] + 6 * side - (cut.x0, cut.y0)
@@ -251,7 +251,7 @@ def test_it_stays_in_a_small_tank(seed):
         body_length_px=60.0, seed=seed,
     )  # fmt: skip
     assert is_tank_large_enough(params)
-    poses = motion(params)
+    poses = carp_motion(params)
     lines = np.array([[midline_px(params, poses, k, i) for i in (0, 1)] for k in range(1000)])
     assert lines.min() > 2 + 0.02 * 60
     assert lines[..., 0].max() < 187 and lines[..., 1].max() < 297
@@ -275,7 +275,7 @@ def test_the_swimming_type_is_that_of_the_turn(long_films):
         bend = np.array([midline_bend(line) for line in lines])
         bent = zip(poses.axis[:, 0], poses.bend[:, 0], strict=True)
         unbeaten = [
-            midline_heading(midline(0, 0, a, 0, 0, b)) for a, b in bent
+            midline_heading(midline_of_pose(0, 0, a, 0, 0, b)) for a, b in bent
         ]  # without a tail beat
         unbeaten = np.unwrap(unbeaten, period=360)
         edges = np.flatnonzero(np.diff(kind)) + 1
@@ -316,7 +316,7 @@ def test_it_speeds_up_and_glides(long_films):
 
 @pytest.mark.parametrize("fins", [0.0, 0.3, 1.0])
 def test_fins_are_open_the_asked_share_of_the_time(fins):
-    poses = motion(settings("clip", source="carp", frames=3000, fins_open_ratio=fins, seed=5))
+    poses = carp_motion(settings("clip", source="carp", frames=3000, fins_open_ratio=fins, seed=5))
     assert (poses.fins[100:] > 0.5).mean() == pytest.approx(fins, abs=0.08)
 
 
@@ -324,7 +324,7 @@ def test_fins_are_open_the_asked_share_of_the_time(fins):
 def test_several_fish_never_touch(fish):
     params = settings("clip", source="carp", frames=120, fish=fish, seed=2)
     assert is_tank_large_enough(params)
-    poses, skins = motion(params), fish_colours(params)
+    poses, skins = carp_motion(params), fish_colours(params)
     clear = np.inf
     whose = np.repeat(np.arange(fish), len(range(0, POINTS, 2)))
     others = whose[:, None] != whose
@@ -335,7 +335,7 @@ def test_several_fish_never_touch(fish):
         if number % 40 == 0:
             seen = np.zeros((params.height_px, params.width_px))
             for line, skin in zip(lines, skins, strict=True):
-                cut = draw(line, (1.0, 1.0), skin)
+                cut = draw_carp(line, (1.0, 1.0), skin)
                 y, x = np.nonzero(cut.coverage)
                 y, x = y + cut.y0, x + cut.x0
                 assert min(y.min(), x.min()) >= 0
@@ -354,8 +354,8 @@ def test_a_tank_that_is_too_small_is_known():
 
 
 def test_the_seed_decides_everything_and_nothing_else_does():
-    short, longer = (list(film(replace(SMALL, frames=frames))) for frames in (5, 9))
-    other = list(film(replace(SMALL, frames=5, seed=4)))
+    short, longer = (list(film_frames(replace(SMALL, frames=frames))) for frames in (5, 9))
+    other = list(film_frames(replace(SMALL, frames=5, seed=4)))
     for (a, rows_a), (b, rows_b) in zip(short, longer, strict=False):
         assert np.array_equal(a, b)
         for row_a, row_b in zip(rows_a, rows_b, strict=True):
@@ -363,13 +363,13 @@ def test_the_seed_decides_everything_and_nothing_else_does():
     assert not np.array_equal(short[0][0], other[0][0])
     assert short[0][1][0]["x_px"] != other[0][1][0]["x_px"]
     harsh = with_constants(SMALL, frames=5, noise_grey=9.0, light_drift=0.2)
-    rough = [rows[0]["x_px"] for _, rows in film(harsh)]
+    rough = [rows[0]["x_px"] for _, rows in film_frames(harsh)]
     assert rough == [rows[0]["x_px"] for _, rows in short]
 
 
 def test_frames_and_rows_have_the_promised_form():
     params = replace(SMALL, frames=2, fish=2)
-    for number, (picture, rows) in enumerate(film(params)):
+    for number, (picture, rows) in enumerate(film_frames(params)):
         assert picture.shape == (240, 320, 3) and picture.dtype == np.uint8
         assert [row["fish_id"] for row in rows] == [0, 1]
         for row in rows:
@@ -380,7 +380,7 @@ def test_frames_and_rows_have_the_promised_form():
                 assert value.shape == ((column.length,) if column.length else ())
                 assert np.all(np.isfinite(value))
                 assert not column.length or value.dtype == column.dtype
-    picture, _ = next(film(replace(params, colour=False)))
+    picture, _ = next(film_frames(replace(params, colour=False)))
     assert picture.shape == (240, 320)
 
 
@@ -390,7 +390,7 @@ def test_noise_is_as_strong_as_asked(noise, colour):
     params = with_constants(
         SMALL, frames=24, noise_grey=noise, light_drift=0.0, shadow=0.0, colour=colour
     )
-    frames = np.array([picture for picture, _ in film(params)], np.float64)
+    frames = np.array([picture for picture, _ in film_frames(params)], np.float64)
     if colour:
         frames = frames @ (0.299, 0.587, 0.114)
     spread = np.sqrt(frames[:, :4].var(axis=0, ddof=1).mean())  # no fish comes so near the wall
@@ -401,13 +401,13 @@ def test_noise_is_as_strong_as_asked(noise, colour):
 
 def test_light_drifts_slowly_and_as_far_as_asked():
     params = with_constants(settings("clip", source="carp"), light_drift=0.1)
-    lamp = light(params)
+    lamp = light_levels(params)
     assert 0.05 < np.abs(lamp - 1).max() <= 0.1
     assert np.abs(np.diff(lamp)).max() < 0.002
-    assert np.array_equal(light(with_constants(params, light_drift=0.0)), np.ones(1500))
+    assert np.array_equal(light_levels(with_constants(params, light_drift=0.0)), np.ones(1500))
     slow = with_constants(SMALL, frame_rate_hz=2.0, noise_grey=0.0, light_drift=0.1, frames=30)
-    seen = np.array([np.median(picture) for picture, _ in film(slow)])
-    assert seen / seen[0] == pytest.approx(light(slow) / light(slow)[0], abs=0.02)
+    seen = np.array([np.median(picture) for picture, _ in film_frames(slow)])
+    assert seen / seen[0] == pytest.approx(light_levels(slow) / light_levels(slow)[0], abs=0.02)
 
 
 def test_the_fish_stands_out_from_the_floor_and_its_shadow_less():
@@ -418,12 +418,12 @@ def test_the_fish_stands_out_from_the_floor_and_its_shadow_less():
     )  # fmt: skip
     for seed in range(2):
         params = replace(params, seed=seed)
-        frames, truth = zip(*film(params), strict=True)
+        frames, truth = zip(*film_frames(params), strict=True)
         floor = empty_tank(params)[..., 0]
-        poses, skins = motion(params), fish_colours(params)
+        poses, skins = carp_motion(params), fish_colours(params)
         for number in (0, 4, 7):
             line = midline_px(params, poses, number, 0)
-            cut = draw(line, (0.0, 0.0), skins[0])
+            cut = draw_carp(line, (0.0, 0.0), skins[0])
             rows, columns = cut.coverage.shape
             window = np.s_[cut.y0 : cut.y0 + rows, cut.x0 : cut.x0 + columns]
             darker = floor[window] - frames[number][window]

@@ -874,7 +874,7 @@ def test_drawn_carp_with_truth(run_stage):
     truth = load_table(stage.CLIP / "truth.parquet", TRUTH)
     assert (facts.source, facts.frames, facts.colour) == ("carp", 6, False)
     assert metrics["frames"] == len(truth) == 6
-    drawn = list(carp.film(settings("clip", source="carp", colour=False, **size)))
+    drawn = list(carp.film_frames(settings("clip", source="carp", colour=False, **size)))
     back = list(read_frames(stage.CLIP / "clip.mp4"))
     np.testing.assert_array_equal(back, [frame for frame, _ in drawn])
     rows = pd.DataFrame([row for _, rows in drawn for row in rows])

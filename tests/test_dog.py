@@ -10,19 +10,19 @@ from toy_dog import feet_px, true_masks
 
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, signed_area
-from finloop.drawn.dog.draw import film, limb_masks
-from finloop.drawn.dog.shape import BODY, FORE, HEAD, HIND, LIMBS, pose
+from finloop.drawn.dog.draw import dog_frames, limb_masks
+from finloop.drawn.dog.shape import BODY, FORE, HEAD, HIND, LIMBS, limb_outlines
 from finloop.drawn.dog.walk import (
     NAMES,
     DogFilm,
-    course_px,
-    foot,
-    gammas,
-    limb,
-    phases,
-    progress,
-    swings,
-    trunk,
+    body_origins_px,
+    foot_displacements,
+    foot_gammas,
+    frame_phases,
+    half_cycle_progress,
+    is_swinging,
+    limb_contours_at,
+    part_contour,
 )
 from finloop.gait.truth import true_gamma
 from finloop.io.movie import Mp4Writer
@@ -36,37 +36,37 @@ PHASE = np.linspace(0, 1, 97)[:-1]
 
 @pytest.mark.parametrize("shape", [FORE, HIND], ids=["fore", "hind"])
 def test_a_foot_that_stays_leaves_the_limb_as_it_was_drawn(shape):
-    still = pose(shape, np.zeros(2), np.zeros(2), 128)
+    still = limb_outlines(shape, np.zeros(2), np.zeros(2), 128)
     assert signed_area(Curve(still, True)) > 0  # clockwise as seen
     lengths = np.linalg.norm(np.diff(still, axis=0, append=still[:1]), axis=1)
     assert lengths.max() < 1.01 * lengths.mean()  # at the toes a chord is shorter than its arc
     # Moving foot and hip together moves all of it, but for the lean of the pastern, which goes by
     # the foot; so only without one.
     stiff = replace(shape, lean=(0.0, 0.0))
-    both = pose(stiff, np.array([0.2, -0.1]), np.array([0.2, -0.1]), 128)
-    assert both == pytest.approx(pose(stiff, np.zeros(2), np.zeros(2), 128) + [0.2, -0.1])
+    both = limb_outlines(stiff, np.array([0.2, -0.1]), np.array([0.2, -0.1]), 128)
+    assert both == pytest.approx(limb_outlines(stiff, np.zeros(2), np.zeros(2), 128) + [0.2, -0.1])
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_planted_feet_stay_where_they_are_on_the_ground(name):
     # The body gets on by two strides a cycle: what the ground does under it, the foot does.
-    phase = PHASE[~swings(name, PHASE)]
-    on_ground = foot(SMALL, name, phase)[:, 0] + 2 * SMALL.stride * phase
+    phase = PHASE[~is_swinging(name, PHASE)]
+    on_ground = foot_displacements(SMALL, name, phase)[:, 0] + 2 * SMALL.stride * phase
     # All feet land once a cycle, so one place, or for two runs of phases two places.
     assert np.ptp(on_ground) < 1e-12
-    assert foot(SMALL, name, phase)[:, 1] == pytest.approx(0)
-    assert (foot(SMALL, name, PHASE)[:, 1] <= 0).all()
+    assert foot_displacements(SMALL, name, phase)[:, 1] == pytest.approx(0)
+    assert (foot_displacements(SMALL, name, PHASE)[:, 1] <= 0).all()
 
 
 def test_a_foot_swings_slowly_at_both_ends_and_never_back():
     for name in NAMES:
         whole = np.r_[PHASE, 1.0]
-        part = np.r_[progress(SMALL, name, PHASE), 0.0]
+        part = np.r_[half_cycle_progress(SMALL, name, PHASE), 0.0]
         for half in (whole[:49], whole[48:]):
             inside = part[np.isin(whole, half[:-1])]
             speed = np.diff(np.r_[inside, 1.0])
             assert (speed > 0).all()
-            if swings(name, half[:1] + 1e-6)[0]:
+            if is_swinging(name, half[:1] + 1e-6)[0]:
                 assert speed[0] < speed[len(speed) // 2] / 2 > speed[-1]
             else:
                 assert speed == pytest.approx(speed.mean())
@@ -74,8 +74,8 @@ def test_a_foot_swings_slowly_at_both_ends_and_never_back():
 
 def test_the_limbs_of_one_end_are_each_other_half_a_cycle_later():
     for end in ("fore", "hind"):
-        near = limb(SMALL, f"{end}_right", PHASE, 64)
-        far = limb(SMALL, f"{end}_left", PHASE + 0.5, 64)
+        near = limb_contours_at(SMALL, f"{end}_right", PHASE, 64)
+        far = limb_contours_at(SMALL, f"{end}_left", PHASE + 0.5, 64)
         offset = far - near
         assert offset == pytest.approx(np.broadcast_to(offset[0, 0], offset.shape), abs=1e-9)
 
@@ -83,7 +83,7 @@ def test_the_limbs_of_one_end_are_each_other_half_a_cycle_later():
 def test_no_limb_folds_and_none_jumps():
     fine = np.linspace(0, 1, 481)
     for name in NAMES:
-        points = limb(SMALL, name, fine, 128)
+        points = limb_contours_at(SMALL, name, fine, 128)
         steps = np.linalg.norm(np.diff(points, axis=0), axis=2).max(axis=1)
         assert steps.max() < 0.012 * SMALL.trunk_px
         assert all(is_simple(frame) for frame in points[::40])
@@ -97,7 +97,7 @@ def test_true_gamma_comes_to_that_of_the_clock_as_the_swing_becomes_small():
         dog = DogFilm(stride=0.4 * scale, lift=0.08 * scale**3, bob=0.0)
         found = true_gamma(dog, 64)
         off = [
-            abs(found[n][label] - gammas(dog, n)["AB".index(label)])
+            abs(found[n][label] - foot_gammas(dog, n)["AB".index(label)])
             for n in NAMES
             for label in "AB"
         ]
@@ -123,8 +123,8 @@ def test_a_dog_that_cannot_be_drawn_is_refused(changes, word):
 
 
 def test_the_film_is_the_same_again_and_shows_the_near_limbs_where_they_are(tmp_path):
-    pictures = list(film(SMALL))
-    assert all((a == b).all() for a, b in zip(pictures, film(SMALL), strict=True))
+    pictures = list(dog_frames(SMALL))
+    assert all((a == b).all() for a, b in zip(pictures, dog_frames(SMALL), strict=True))
     with Mp4Writer(tmp_path / "dog.mp4", pictures[0].shape, Fraction(16), 18) as movie:
         for picture in pictures:
             movie.write(picture)
@@ -141,12 +141,12 @@ def test_the_film_is_the_same_again_and_shows_the_near_limbs_where_they_are(tmp_
 
 
 def test_the_dog_stands_on_the_ground_and_heads_to_the_right():
-    for phase in phases(SMALL)[:8]:
-        lowest = max(limb(SMALL, n, np.array(phase), 128)[:, 1].max() for n in NAMES)
+    for phase in frame_phases(SMALL)[:8]:
+        lowest = max(limb_contours_at(SMALL, n, np.array(phase), 128)[:, 1].max() for n in NAMES)
         assert lowest == pytest.approx(0, abs=0.02 * SMALL.trunk_px)
-        body, head = trunk(SMALL, phase, BODY, 64), trunk(SMALL, phase, HEAD, 64)
+        body, head = part_contour(SMALL, phase, BODY, 64), part_contour(SMALL, phase, HEAD, 64)
         assert head[:, 0].max() > body[:, 0].max()
-    assert (np.diff(course_px(SMALL)[:, 0]) >= 0).all()
+    assert (np.diff(body_origins_px(SMALL)[:, 0]) >= 0).all()
     soles = feet_px(SMALL, "fore_right", PHASE[PHASE < 0.5])
     assert soles[:, 1] == pytest.approx(0)
     assert set(LIMBS) == {"fore", "hind"}

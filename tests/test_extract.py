@@ -31,7 +31,7 @@ from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Processes, Threads
 from finloop.base.settings import settings
-from finloop.drawn.carp.film import film
+from finloop.drawn.carp.film import film_frames
 from finloop.drawn.carp.settings import CarpFilm
 from finloop.extract import film as extract
 from finloop.extract.background import (
@@ -654,7 +654,7 @@ def film_with_truth():
 
     def draw(name):
         if name not in films:
-            frames, truth = zip(*film(FILMS[name]), strict=True)
+            frames, truth = zip(*film_frames(FILMS[name]), strict=True)
             truth = pd.DataFrame([row for some in truth for row in some])
             films[name] = frames, truth.sort_values(["fish_id", "frame"], ignore_index=True)
         return films[name]

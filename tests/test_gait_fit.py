@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from finloop.base.errors import FinloopError
-from finloop.drawn.dog.walk import DogFilm, phases, truth
+from finloop.drawn.dog.walk import DogFilm, frame_phases, true_limb_contours
 from finloop.gait.compare import choose_held_out_frames, compare_clocks
 from finloop.gait.cycles import align_phase, foot_positions
 from finloop.gait.fit import GaitContours, fit_gait, interpolate_key_frames
@@ -262,9 +262,9 @@ def test_the_keys_that_a_film_starts_from_do_not_matter():
 def test_feet_tell_where_the_keys_are(late):
     """A period is off by a little in phase and frequency; where feet turn round sets it right."""
     dog = DogFilm(frames=50, cycles=2.7)
-    limbs = truth(dog, 32)
+    limbs = true_limb_contours(dog, 32)
     limbs["fore_left"][7] = np.nan
-    true = phases(dog)
+    true = frame_phases(dog)
     found = align_phase(true * 1.003 + late, foot_positions(limbs), 0.25)
     np.testing.assert_allclose(found, true, atol=1e-3)
     np.testing.assert_array_equal(align_phase(true[:9], foot_positions(limbs)[:9], 0.25), true[:9])

@@ -7,7 +7,7 @@ from toy_dog import fill, true_masks
 
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, area_centroids, signed_area
-from finloop.drawn.dog.walk import NAMES, DogFilm, course_px, phases, truth
+from finloop.drawn.dog.walk import NAMES, DogFilm, body_origins_px, frame_phases, true_limb_contours
 from finloop.gait.limbs import (
     BORDER,
     EMPTY,
@@ -117,15 +117,15 @@ def test_smoothing_takes_away_the_sway_and_keeps_a_steady_course():
 def test_limbs_of_the_drawn_dog_lie_on_its_exact_contours(whole):
     assert set(whole.points) == set(NAMES)
     assert whole.notes == ()
-    exact = truth(DOG, 512)
+    exact = true_limb_contours(DOG, 512)
     for name in NAMES:
         for k in range(0, DOG.frames, 6):
             here = whole.points[name][k] + whole.course[k]
-            far, _ = cKDTree(exact[name][k] + course_px(DOG)[k]).query(here)
+            far, _ = cKDTree(exact[name][k] + body_origins_px(DOG)[k]).query(here)
             assert np.sqrt((far**2).mean()) < 0.25  # px
     assert whole.length_px == pytest.approx(1.52 * DOG.trunk_px, rel=0.02)
     # The course is that of the body but for a constant.
-    off = whole.course - course_px(DOG)
+    off = whole.course - body_origins_px(DOG)
     assert np.ptp(off, axis=0) == pytest.approx([0, 0], abs=0.35)
 
 
@@ -139,7 +139,7 @@ def test_left_and_right_points_belong_together(whole):
 
 def gamma_of(points, name, which):
     """Least squares, written anew; keys are the mean of the frames at their phases."""
-    quarter = np.mod(4 * phases(DOG), 4)
+    quarter = np.mod(4 * frame_phases(DOG), 4)
     here, there = (points[name][quarter == which + k].mean(axis=0) for k in (0, 1))
     inside = (quarter > which) & (quarter < which + 1)
     tau = (quarter[inside] - which)[:, None, None]
@@ -156,7 +156,7 @@ def test_gamma_is_found_again_in_regions_of_whole_pixels(regions, with_body):
         for frame in regions
     ]
     points = limb_contours(frames, 64, 16).points
-    exact, wanted = truth(DOG, 64), true_gamma(DOG, 64)
+    exact, wanted = true_limb_contours(DOG, 64), true_gamma(DOG, 64)
     for name in NAMES:
         for which, label in enumerate("AB"):
             true = wanted[name][label]

@@ -10,8 +10,8 @@ import pytest
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.curve.contour import Curve, signed_area
-from finloop.drawn.carp.film import motion
-from finloop.drawn.carp.midline import midline
+from finloop.drawn.carp.film import carp_motion
+from finloop.drawn.carp.midline import midline_of_pose
 from finloop.drawn.carp.skin import half_width
 from finloop.gait.outline import (
     TrackContours,
@@ -44,7 +44,10 @@ def swimming(speed: float = 0.0, turn: float = 0.0) -> tuple[np.ndarray, np.ndar
     """Outlines and midlines in px of a carp that beats its tail and goes its way, head right."""
     time = np.arange(FRAMES) / RATE
     lines = np.stack(
-        [midline(speed * t, 0.0, turn * t, b, 1.0, 0.0) for t, b in zip(time, BEAT, strict=True)]
+        [
+            midline_of_pose(speed * t, 0.0, turn * t, b, 1.0, 0.0)
+            for t, b in zip(time, BEAT, strict=True)
+        ]
     )
     return np.stack([carp_outline(line) for line in lines]) * LENGTH, lines * LENGTH
 
@@ -127,7 +130,7 @@ def test_in_a_mirror_it_is_half_a_beat_later() -> None:
 
 
 def test_a_straight_fish_is_its_own_mirror_image() -> None:
-    still, curled = midline(0, 0, 0, 0, 0, 0), midline(0, 0, 0, 0, 0, 1.0)
+    still, curled = midline_of_pose(0, 0, 0, 0, 0, 0), midline_of_pose(0, 0, 0, 0, 0, 1.0)
     lines = np.stack([still, curled])
     found = contours_from_snout(np.stack([carp_outline(line) for line in lines]), lines[:, 0], 128)
     centre, angle = body_centres_and_directions(found, lines)
@@ -139,10 +142,10 @@ def test_a_straight_fish_is_its_own_mirror_image() -> None:
 @pytest.mark.parametrize("seed", [3, 11])
 def test_the_beat_of_the_carp_is_found_where_it_swims_straight(seed: int) -> None:
     """Cruises, glides, bursts and turns, as its script has them; outlines from its true midline."""
-    carp = motion(settings("clip", source="carp", frames=200, seed=seed))
+    carp = carp_motion(settings("clip", source="carp", frames=200, seed=seed))
     lines = np.stack(
         [
-            midline(
+            midline_of_pose(
                 carp.x[i, 0], carp.y[i, 0], carp.axis[i, 0], carp.beat[i, 0], carp.amplitude[i, 0],
                 carp.bend[i, 0], carp.ripple[i, 0],
             )

@@ -13,7 +13,7 @@ from tiny_run import stage_run
 
 import stages.gait
 from finloop.base.errors import FinloopError
-from finloop.drawn.dog.draw import film, limb_masks
+from finloop.drawn.dog.draw import dog_frames, limb_masks
 from finloop.drawn.dog.walk import DogFilm
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
@@ -144,7 +144,7 @@ def test_of_two_fish_the_one_that_beats_its_tail_has_a_gait(folder, monkeypatch)
 @pytest.mark.usefixtures("no_figures")
 def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
     dog = DogFilm(frames=36, cycles=1.9, width_px=160, height_px=107, trunk_px=57)
-    masks = [limb_masks(picture) for picture in film(dog)]
+    masks = [limb_masks(picture) for picture in dog_frames(dog)]
     masks[5]["fore_right"][:] = False
     save_masks(folder / "own", masks)
     for path in sorted((folder / "own").glob("*/*.png"), reverse=True):

@@ -15,7 +15,7 @@ from finloop.clip.rewrite import ClipResult, choose_repairs, make_clip
 from finloop.clip.shake import Shift, undo_shift
 from finloop.clip.verdict import list_findings
 from finloop.clip.write import open_clip_source
-from finloop.drawn.carp.film import film
+from finloop.drawn.carp.film import film_frames
 from finloop.io.movie import VideoWriter
 from finloop.io.table import load_table
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FRAMES, FRAMES_NAME, load_mask, read_frames
@@ -32,7 +32,7 @@ Frames = Sequence[np.ndarray]
 
 def carp_frames(**values) -> list[np.ndarray]:
     carp = {"width_px": 224, "height_px": 168, "body_length_px": 50.0, "colour": False, "fish": 1}
-    return [frame for frame, _ in film(settings("clip", source="carp", **carp, **values))]
+    return [frame for frame, _ in film_frames(settings("clip", source="carp", **carp, **values))]
 
 
 @pytest.fixture(scope="module")

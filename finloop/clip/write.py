@@ -26,7 +26,7 @@ from finloop.clip.settings import (
     FootageSettings,
     ZebrafishSettings,
 )
-from finloop.drawn.carp.film import film, is_tank_large_enough
+from finloop.drawn.carp.film import film_frames, is_tank_large_enough
 from finloop.drawn.truth import TRUTH
 from finloop.io.atomic import require_free_space
 from finloop.io.footage import open_footage
@@ -127,7 +127,7 @@ def _open_carp(p: CarpSettings) -> ClipSource:
 
     def take() -> NumberedFrames:
         """Yield the drawn frames with time and number, and collect their truth."""
-        for number, (frame, rows) in enumerate(film(p)):
+        for number, (frame, rows) in enumerate(film_frames(p)):
             truth.extend(rows)
             yield float(number / rate), (number, frame)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from finloop.drawn.dog.walk import NAMES, DogFilm, limb
+from finloop.drawn.dog.walk import NAMES, DogFilm, limb_contours_at
 from finloop.gait.model import gamma_fraction, gamma_from_fractions
 
 QUADRATURE = 401
@@ -21,6 +21,6 @@ def true_gamma(dog: DogFilm, n: int = 256) -> dict[str, dict[str, float]]:
         for which, label in enumerate("AB"):
             # The last phase belongs to this quarter: the foot lands in it.
             phase = (which + np.minimum(tau, 1 - 1e-12)) / 4
-            c = limb(dog, name, phase, n).reshape(len(tau), -1)
+            c = limb_contours_at(dog, name, phase, n).reshape(len(tau), -1)
             out[name][label] = gamma_from_fractions([gamma_fraction(tau, c, c[0], c[-1])])
     return out

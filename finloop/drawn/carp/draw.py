@@ -22,7 +22,7 @@ PELVIC = (0.50, 0.70, 0.095, 0.90, 0.05, 0.72)
 
 @dataclass(frozen=True)
 class CarpPicture:
-    """A sharp picture of one fish; pixel (0, 0) of the arrays is (x0, y0) of the film's picture."""
+    """A sharp picture of one carp; pixel (0, 0) of its arrays is (x0, y0) of the film's picture."""
 
     x0: int
     y0: int
@@ -45,15 +45,15 @@ class CarpPicture:
         )
 
 
-def _tangents(line: Floats) -> Floats:
-    """Return the unit tangents at the points of a polyline, towards its start (the head)."""
+def _tangents_to_head(line: Floats) -> Floats:
+    """Return the unit tangents (n, 2) of a midline (n, 2), pointing towards its start, the head."""
     step = line[:-1] - line[1:]
     step /= np.linalg.norm(step, axis=1, keepdims=True)
     at = np.vstack([step[:1], step[:-1] + step[1:], step[-1:]])
     return at / np.linalg.norm(at, axis=1, keepdims=True)
 
 
-def draw(
+def draw_carp(
     line: Floats,
     fins: tuple[float, float],
     look: FishColours,
@@ -61,12 +61,12 @@ def draw(
     oversample: int = OVERSAMPLE,
     gloss: float = GLOSS,
 ) -> CarpPicture:
-    """Draw a fish along its midline; return its picture with opacity and coverage.
+    """Draw a carp along its midline; return its picture with opacity and coverage.
 
     line (65, 2): px, head to tail, equal arc length; fins: how far the left and right pectoral fins
-    are open, 0-1; light: unit vector on the screen towards the light, which shades the flanks;
-    oversample: subpixels per pixel in each direction; gloss: grey levels that the wet back
-    reflects.
+    are open, 0-1; look: colours of the fish; light: unit vector on the screen towards the light,
+    which shades the flanks; oversample: subpixels per pixel in each direction; gloss: grey levels
+    that the wet back reflects.
     """
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     pad = 0.30 * length if max(fins) > 0.02 else 0.13 * length
@@ -81,7 +81,7 @@ def draw(
     _draw_fins(picture, cover, fine, unit, fins, look)
     # The distance transform is a few per cent off, so reach a little farther than the outline.
     reach = 1.08 * half_width(np.linspace(0, 1, len(line))) * look.girth * unit + 2 * oversample
-    body = _on_body(fine, rows, columns, reach.astype(np.float32), look.girth, unit)
+    body = _find_body_pixels(fine, rows, columns, reach.astype(np.float32), look.girth, unit)
     colour = _shade_body(body, look, light, gloss)
     opacity = colour[:, 3] * body.part
     flat, flat_cover = picture.reshape(-1, 4), cover.reshape(-1)
@@ -104,8 +104,12 @@ def _draw_fins(
     fins: tuple[float, float],
     look: FishColours,
 ) -> None:
-    """Draw the paired fins into both arrays; `unit` is the body length in subpixels."""
-    tangent = _tangents(line)
+    """Draw the paired fins into a picture (h, w, 4) and its coverage (h, w), which are changed.
+
+    line (65, 2): midline in subpixels; unit: body length in subpixels; fins: how far the left and
+    right ones are open, 0-1; look: colours of the fish.
+    """
+    tangent = _tangents_to_head(line)
     for root, side, size, breadth, closed, opened in (PECTORAL, PELVIC):
         for sign, open_ in ((1, fins[0]), (-1, fins[1])):
             if open_ > 0.02:
@@ -118,7 +122,7 @@ def _draw_fins(
                 angle = closed + (opened - closed) * open_
                 along = -t * np.cos(angle) + sign * left * np.sin(angle)
                 lead = t * np.sin(angle) + sign * left * np.cos(angle)
-                _fin(
+                _paint_fin(
                     picture, cover, look.fin,
                     node + sign * left * width * side * unit,
                     along * size * unit,
@@ -126,8 +130,8 @@ def _draw_fins(
                 )  # fmt: skip
 
 
-class _Body(NamedTuple):
-    """The subpixels that the body covers, (n,) each.
+class _BodyPixels(NamedTuple):
+    """The n subpixels of a picture that the body covers, (n,) each.
 
     flat: index in the flattened picture; s, v: body coordinates; left_x: x of the unit vector to
     the fish's left; part: covered share of the subpixel; width2: squared half width at s.
@@ -141,14 +145,14 @@ class _Body(NamedTuple):
     width2: Image
 
 
-def _on_body(
+def _find_body_pixels(
     line: Floats, rows: int, columns: int, reach: Image, girth: float, unit: float
-) -> _Body:
-    """Return the subpixels of a picture (rows, columns) on the body about the midline `line`.
+) -> _BodyPixels:
+    """Find the subpixels of a picture (rows, columns) that the body about a midline covers.
 
     A distance transform gives the nearest midline pixel; three fixed-point steps turn it into the
     foot of the perpendicular. Only pixels within `reach` of the midline (one value for each point)
-    count. `unit` is the body length in subpixels.
+    count. girth: width relative to the standard fish; unit: body length in subpixels.
     """
     last = len(line) - 1
     fine = np.linspace(0, last, max(8 * last, int(4 * np.ptp(line, axis=0).sum())))
@@ -169,7 +173,7 @@ def _on_body(
     py, px = np.divmod(index, columns)
     px, py = px.astype(np.float32), py.astype(np.float32)
 
-    node = np.hstack([line, _tangents(line)]).astype(np.float32)
+    node = np.hstack([line, _tangents_to_head(line)]).astype(np.float32)
     length = np.float32(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())
     slope = np.diff(node, axis=0)
     for _ in range(3):
@@ -190,11 +194,16 @@ def _on_body(
     inside = (w2 - v * v) / np.sqrt(dw2 * dw2 + 4 * v * v + 1e-12)
     part = np.clip(inside * np.float32(unit) + 0.5, 0, 1)
     keep = part > 0
-    return _Body(index[keep], s[keep], v[keep], ty[keep], part[keep], w2[keep])
+    return _BodyPixels(index[keep], s[keep], v[keep], ty[keep], part[keep], w2[keep])
 
 
-def _shade_body(body: _Body, look: FishColours, light: tuple[float, float], gloss: float) -> Image:
-    """Return the colours of the body's subpixels in the light, (n, 4)."""
+def _shade_body(
+    body: _BodyPixels, look: FishColours, light: tuple[float, float], gloss: float
+) -> Image:
+    """Return the colours of the body's subpixels in the light, (n, 4).
+
+    look: colours of the fish; light, gloss as in `draw_carp`.
+    """
     rows, columns = look.skin.shape[:2]
     wide = 128  # cv2.remap takes a picture with sides up to 32767
     short = -len(body.s) % wide
@@ -213,10 +222,14 @@ def _shade_body(body: _Body, look: FishColours, light: tuple[float, float], glos
     return colour
 
 
-def _fin(
+def _paint_fin(
     picture: Image, cover: Image, fin: Image, root: Floats, along: Floats, lead: Floats
 ) -> None:
-    """Paint a fin (premultiplied picture and coverage) into both arrays, under later parts."""
+    """Paint a fin into a picture and its coverage, under the parts that are painted later.
+
+    fin: premultiplied picture and coverage; root (2,): where it begins, subpixels; along, lead
+    (2,): its length and half its breadth as vectors.
+    """
     side = fin.shape[0]
     # Fin picture (column, row) -> drawing: root + along * c + lead * -(2 r - 1) * FIN_HALF.
     to = np.column_stack([along / side, -2 * FIN_HALF * lead / side])
@@ -234,7 +247,7 @@ def _fin(
 
 
 def blur_drawing(drawing: CarpPicture, sigma_px: float = BLUR_PX) -> tuple[Image, Image]:
-    """Return the fish's colour (rows, columns, 3) and opacity (rows, columns), blurred by the lens.
+    """Blur a fish as the lens does: return colour (rows, columns, 3) and opacity (rows, columns).
 
     The colour is premultiplied RGB; sigma_px: SD of the blur.
     """

@@ -12,11 +12,16 @@ import cv2
 import numpy as np
 
 from finloop.base.arrays import Floats, Picture
-from finloop.drawn.carp.draw import OVERSAMPLE, CarpPicture, blur_drawing, draw
-from finloop.drawn.carp.midline import midline, midline_bend, midline_curvature, midline_heading
-from finloop.drawn.carp.motion import CarpMotion, room_of, simulate
+from finloop.drawn.carp.draw import OVERSAMPLE, CarpPicture, blur_drawing, draw_carp
+from finloop.drawn.carp.midline import (
+    midline_bend,
+    midline_curvature,
+    midline_heading,
+    midline_of_pose,
+)
+from finloop.drawn.carp.motion import CarpMotion, allowed_rectangle, simulate_swimming
 from finloop.drawn.carp.settings import CarpFilm
-from finloop.drawn.carp.skin import FishColours, Image, floor, paint_fish
+from finloop.drawn.carp.skin import FishColours, Image, paint_fish, paint_floor
 
 Row = dict[str, Any]
 
@@ -28,35 +33,35 @@ NOISE_PAD = 160  # px by which the noise bank exceeds a frame, for random offset
 
 def is_tank_large_enough(params: CarpFilm) -> bool:
     """Return whether the fish of a film can swim freely: each needs 2.2 × 2.2 body lengths."""
-    x0, y0, x1, y1 = room_of(params.width_px, params.height_px, params.body_length_px)
+    x0, y0, x1, y1 = allowed_rectangle(params.width_px, params.height_px, params.body_length_px)
     wide, high = x1 - x0, y1 - y0
     if wide < 1.2 or high < 1.2:
         return False
     return params.fish == 1 or params.fish <= (wide + 1.4) * (high + 1.4) / 2.2**2
 
 
-def _streams(seed: int) -> list[np.random.Generator]:
+def _random_generators(seed: int) -> list[np.random.Generator]:
     """Return independent random generators for motion, floor, skin, noise and light."""
     return [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
 
 
-def motion(params: CarpFilm) -> CarpMotion:
-    """Return the poses of all fish in all frames of the film (about 80 bytes a fish and frame)."""
-    room = room_of(params.width_px, params.height_px, params.body_length_px)
-    return simulate(
+def carp_motion(params: CarpFilm) -> CarpMotion:
+    """Return the poses of all fish in all frames of the film, about 80 bytes a fish and frame."""
+    room = allowed_rectangle(params.width_px, params.height_px, params.body_length_px)
+    return simulate_swimming(
         params.frames,
         params.fish,
         room,
         params.frame_rate_hz,
         params.fins_open_ratio,
-        _streams(params.seed)[0],
+        _random_generators(params.seed)[0],
     )
 
 
 def midline_px(params: CarpFilm, poses: CarpMotion, frame: int, fish: int) -> Floats:
     """Return the midline of a fish in a frame, (65, 2) px, head to tail."""
     at = (frame, fish)
-    return params.body_length_px * midline(
+    return params.body_length_px * midline_of_pose(
         poses.x[at], poses.y[at], poses.axis[at], poses.beat[at],
         poses.amplitude[at], poses.bend[at], poses.ripple[at],
     )  # fmt: skip
@@ -65,19 +70,20 @@ def midline_px(params: CarpFilm, poses: CarpMotion, frame: int, fish: int) -> Fl
 def fish_colours(params: CarpFilm) -> tuple[FishColours, ...]:
     """Return the colours of every fish, with skin pictures at the resolution of the drawing."""
     columns = max(160, round(params.body_length_px * OVERSAMPLE * 1.5))
-    return _looks(params.seed, params.fish, columns)
+    return _paint_all_fish(params.seed, params.fish, columns)
 
 
 @lru_cache(maxsize=2)  # painting takes as long as drawing some dozen frames
-def _looks(seed: int, fish: int, columns: int) -> tuple[FishColours, ...]:
-    *_, skins, _, lamp = _streams(seed)
+def _paint_all_fish(seed: int, fish: int, columns: int) -> tuple[FishColours, ...]:
+    """Paint `fish` fish from a seed, with skin pictures `columns` px wide."""
+    *_, skins, _, lamp = _random_generators(seed)
     first = int(lamp.integers(4))
     return tuple(paint_fish(rng, columns, first + i) for i, rng in enumerate(skins.spawn(fish)))
 
 
-def light(params: CarpFilm) -> Floats:
+def light_levels(params: CarpFilm) -> Floats:
     """Return the brightness of the light in every frame, (frames,): 1 ± `light_drift`."""
-    phase = _streams(params.seed)[4].uniform(0, 2 * np.pi, 4)[1:]
+    phase = _random_generators(params.seed)[4].uniform(0, 2 * np.pi, 4)[1:]
     time_s = np.arange(params.frames) / params.frame_rate_hz
     slow = 0.62 * np.sin(2 * np.pi * time_s / 41.0 + phase[0])
     slow += 0.28 * np.sin(2 * np.pi * time_s / 17.0 + phase[1])
@@ -90,12 +96,15 @@ def empty_tank(params: CarpFilm) -> Image:
 
     Grey levels (height, width, 3) RGB, or (height, width, 1) for a grey film.
     """
-    empty = floor(params.width_px, params.height_px, _streams(params.seed)[1])
+    empty = paint_floor(params.width_px, params.height_px, _random_generators(params.seed)[1])
     return empty if params.colour else np.ascontiguousarray((empty @ _GREY)[..., None])
 
 
-def _row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses: CarpMotion) -> Row:
-    """Return the truth about a fish in a frame, a row of `finloop.drawn.truth.TRUTH`."""
+def _truth_row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses: CarpMotion) -> Row:
+    """Return the truth about a fish in a frame: a row of `finloop.drawn.truth.TRUTH`.
+
+    fish: its number; line (65, 2): its midline, px; drawing: its picture; poses: of all fish.
+    """
     x, y = drawing.centre_px()
     return {
         "fish_id": fish,
@@ -118,8 +127,8 @@ def _row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses: CarpM
     }
 
 
-def _noise_bank(params: CarpFilm, rng: np.random.Generator) -> Image:
-    """Return sensor noise larger than a frame, to cut frames from; the grey SD is `noise_grey`.
+def _sensor_noise(params: CarpFilm, rng: np.random.Generator) -> Image:
+    """Return sensor noise larger than a frame, from which frames are cut; its SD is `noise_grey`.
 
     Colour noise is weaker, as after a camera's denoising, and keeps the grey level.
     """
@@ -132,58 +141,65 @@ def _noise_bank(params: CarpFilm, rng: np.random.Generator) -> Image:
     return np.asarray((grey[..., None] + tint) * params.noise_grey, np.float32)
 
 
-def _shade(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tuple[slice, slice]:
-    """Darken the floor under a fish; return the changed window of the picture."""
+def _shade_floor(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tuple[slice, slice]:
+    """Darken the floor under a fish in a picture; return the changed window."""
     sigma = SHADOW_BLUR * params.body_length_px
     pad = int(np.ceil(3 * sigma))
     soft = cv2.copyMakeBorder(drawing.coverage, pad, pad, pad, pad, cv2.BORDER_CONSTANT)
     soft = cv2.GaussianBlur(soft, (0, 0), sigma)
     dx, dy = (round(part * params.body_length_px) for part in SHADOW_OFFSET)
-    window, inner = _window(picture, drawing.x0 + dx - pad, drawing.y0 + dy - pad, soft.shape)
+    window, inner = _overlap_windows(
+        picture, drawing.x0 + dx - pad, drawing.y0 + dy - pad, soft.shape
+    )
     picture[window] *= 1 - params.shadow * soft[inner][..., None]
     return window
 
 
-def _window(
+def _overlap_windows(
     picture: Image, x0: int, y0: int, shape: tuple[int, ...]
 ) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Return the overlap of the picture and a patch at (x0, y0), in both coordinates."""
+    """Return the overlap of a picture and a patch: slices of the picture, and of the patch.
+
+    x0, y0: place of the patch in the picture, px; shape: of the patch.
+    """
     left, top = max(x0, 0), max(y0, 0)
     right = min(x0 + shape[1], picture.shape[1])
     low = min(y0 + shape[0], picture.shape[0])
     return np.s_[top:low, left:right], np.s_[top - y0 : low - y0, left - x0 : right - x0]
 
 
-def film(params: CarpFilm, poses: CarpMotion | None = None) -> Iterator[tuple[Picture, list[Row]]]:
-    """Stream the frames, each with the true features of its fish.
+def film_frames(
+    params: CarpFilm, poses: CarpMotion | None = None
+) -> Iterator[tuple[Picture, list[Row]]]:
+    """Yield the frames of the film, each with the true features of its fish.
 
-    poses: of all fish, by default those of `motion`; later fish cover earlier fish.
+    poses: of all fish, by default those of `carp_motion`; later fish cover earlier fish.
 
     Yields
     ------
     frame : (height, width, 3) RGB or (height, width) grey, uint8; a new array each time
     rows : one dictionary per fish, keys as in `finloop.drawn.truth.TRUTH`, sorted by fish_id
     """
-    poses = motion(params) if poses is None else poses
-    skins, lamp = fish_colours(params), light(params)
-    noise_rng = _streams(params.seed)[3]
+    poses = carp_motion(params) if poses is None else poses
+    skins, lamp = fish_colours(params), light_levels(params)
+    noise_rng = _random_generators(params.seed)[3]
     empty = empty_tank(params)
     vignette = cv2.blur(empty.mean(axis=2), (61, 61))
     vignette = np.asarray(vignette / vignette.max(), np.float32)
-    bank = _noise_bank(params, noise_rng)
+    bank = _sensor_noise(params, noise_rng)
     work = empty.copy()
     for frame in range(params.frames):
         lines = [midline_px(params, poses, frame, i) for i in range(params.fish)]
         drawings = []
         for i, line in enumerate(lines):
             left, right = poses.fins[frame, i]
-            drawings.append(draw(line, (float(left), float(right)), skins[i]))
-        changed = [_shade(work, drawing, params) for drawing in drawings]
+            drawings.append(draw_carp(line, (float(left), float(right)), skins[i]))
+        changed = [_shade_floor(work, drawing, params) for drawing in drawings]
         for drawing in drawings:
             colour, opacity = blur_drawing(drawing)
             if not params.colour:
                 colour = (colour @ _GREY)[..., None]
-            window, inner = _window(work, drawing.x0, drawing.y0, opacity.shape)
+            window, inner = _overlap_windows(work, drawing.x0, drawing.y0, opacity.shape)
             lit = vignette[window][..., None]
             work[window] = work[window] * (1 - opacity[inner][..., None]) + colour[inner] * lit
             changed.append(window)
@@ -193,5 +209,5 @@ def film(params: CarpFilm, poses: CarpMotion | None = None) -> Iterator[tuple[Pi
         picture = cv2.addWeighted(work, float(lamp[frame]), grain, sign, 0, dtype=cv2.CV_8U)
         for window in changed:
             work[window] = empty[window]
-        rows = [_row(i, frame, lines[i], drawings[i], poses) for i in range(params.fish)]
+        rows = [_truth_row(i, frame, lines[i], drawings[i], poses) for i in range(params.fish)]
         yield np.asarray(picture), rows

@@ -34,14 +34,14 @@ _WAVE *= np.clip(_S / 0.3, 0, 1) ** 2 / SEGMENTS
 
 @cache
 def _mass_shares() -> tuple[Floats, Floats]:
-    """Return the shares of the body's mass at its 65 points and in its 64 segments, each sum 1."""
+    """Return the body's mass at its 65 points and in its 64 segments, as shares with sum 1 each."""
     width = half_width(np.linspace(0, 1, POINTS))
     points = width / width.sum()
     segments = points[1:] + points[:-1]
     return points, segments / segments.sum()
 
 
-def midline(
+def midline_of_pose(
     x: float,
     y: float,
     axis: float,
@@ -50,7 +50,7 @@ def midline(
     bend: float,
     ripple: Sequence[float] | Floats = (0.0, 0.0),
 ) -> Floats:
-    """Return the midline of a pose, (65, 2) body lengths, head to tail, of arc length 1.
+    """Return the midline of a carp in a pose, (65, 2) body lengths, head to tail, of arc length 1.
 
     x, y: mass centre, body lengths; axis: mean direction, radians; beat: phase of the tail beat,
     cycles; amplitude: of the beat, 1 = cruising; bend: the C-bend, radians; ripple: two small

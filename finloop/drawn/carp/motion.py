@@ -29,13 +29,13 @@ VISIBLE_RATE = math.radians(28.0)
 
 STRAIGHT = ("cruise", "glide", "burst")
 
-Room = tuple[float, float, float, float]
+Rectangle = tuple[float, float, float, float]
 """Where mass centres may be: x0, y0, x1, y1."""
 
 
 @dataclass(frozen=True)
 class CarpMotion:
-    """Poses of all fish in all frames; arrays are (frames, fish)."""
+    """Poses of all drawn carp in all frames; arrays are (frames, fish)."""
 
     # x, y: mass centre of the midline, body lengths from the picture's upper left pixel centre
     x: Floats
@@ -49,8 +49,8 @@ class CarpMotion:
     swimming_type: NDArray[np.int8]  # 0 straight, 1 left, -1 right
 
 
-def room_of(width_px: int, height_px: int, body_length_px: float) -> Room:
-    """Return where mass centres may be: x0, y0, x1, y1 in body lengths.
+def allowed_rectangle(width_px: int, height_px: int, body_length_px: float) -> Rectangle:
+    """Return where mass centres may be in a tank: x0, y0, x1, y1 in body lengths.
 
     x1 < x0 or y1 < y0 if the tank is too small.
     """
@@ -63,12 +63,18 @@ def room_of(width_px: int, height_px: int, body_length_px: float) -> Room:
     )
 
 
-def simulate(
-    frames: int, fish: int, room: Room, frame_rate_hz: float, fins: float, rng: np.random.Generator
+def simulate_swimming(
+    frames: int,
+    fish: int,
+    room: Rectangle,
+    frame_rate_hz: float,
+    fins: float,
+    rng: np.random.Generator,
 ) -> CarpMotion:
-    """Return the poses of all fish in all frames; a longer film begins with the same frames.
+    """Simulate the poses of all fish in all frames; a longer film begins with equal frames.
 
-    fins: share of the time in which the pectoral fins are open, 0-1.
+    room: where mass centres may be; fins: share of the time in which the pectoral fins are open,
+    0-1; rng: source of chance.
     """
     steps = max(1, math.ceil(1 / (frame_rate_hz * STEP_S)))
     dt = 1 / (frame_rate_hz * steps)
@@ -94,8 +100,10 @@ def simulate(
     return CarpMotion(x, y, axis, beat, amplitude, bend, ripple, open_, kind.astype(np.int8))
 
 
-def _starting_places(fish: int, room: Room, rng: np.random.Generator) -> list[tuple[float, float]]:
-    """Return starting places, each the farthest from the others of 400 random places."""
+def _starting_places(
+    fish: int, room: Rectangle, rng: np.random.Generator
+) -> list[tuple[float, float]]:
+    """Return starting places x, y: each is the farthest from the others of 400 random places."""
     places: list[tuple[float, float]] = []
     for _ in range(fish):
         x, y = rng.uniform(room[0], room[2], 400), rng.uniform(room[1], room[3], 400)
@@ -107,24 +115,24 @@ def _starting_places(fish: int, room: Room, rng: np.random.Generator) -> list[tu
     return places
 
 
-def _smooth(x: float) -> float:
-    """Smoothstep: 0 below 0, 1 above 1, flat at both ends."""
+def _smoothstep(x: float) -> float:
+    """Return a smooth step: 0 for x below 0, 1 for x above 1, flat at both ends."""
     x = min(max(x, 0.0), 1.0)
     return x * x * (3 - 2 * x)
 
 
-def turn_bend(tau: float) -> float:
-    """Return the body's relative bend at the share `tau` (0-1) of a C-turn: 0 to 1 to 0."""
-    return _smooth(tau / 0.36) - _smooth((tau - 0.50) / 0.46)
+def bend_in_turn(tau: float) -> float:
+    """Return the body's relative bend, 0 to 1 to 0, after a share `tau` (0-1) of a C-turn."""
+    return _smoothstep(tau / 0.36) - _smoothstep((tau - 0.50) / 0.46)
 
 
-def turn_progress(tau: float) -> float:
-    """Return which share (0-1) of a turn's angle is complete at the share `tau` of its duration."""
-    return _smooth((tau - 0.06) / 0.94)
+def angle_share_in_turn(tau: float) -> float:
+    """Return the share (0-1) of a turn's angle that is complete after a share `tau` of its time."""
+    return _smoothstep((tau - 0.06) / 0.94)
 
 
-def _free_run(x: float, y: float, angle: float, room: Room) -> float:
-    """Return the distance from (x, y) along `angle` to the edge of the rectangle `room`."""
+def _distance_to_edge(x: float, y: float, angle: float, room: Rectangle) -> float:
+    """Return the distance from (x, y) along `angle` (radians) to the edge of a rectangle."""
     dx, dy = math.cos(angle), -math.sin(angle)
     run = math.inf
     for at, step, low, high in ((x, dx, room[0], room[2]), (y, dy, room[1], room[3])):
@@ -134,15 +142,22 @@ def _free_run(x: float, y: float, angle: float, room: Room) -> float:
 
 
 class Swimmer:
-    """The state of one fish; `advance` integrates it by one step.
+    """A simulated carp; `advance` moves it on by one time step.
 
-    x, y: mass centre; axis: direction, radians; fins: share of the time in which the pectoral fins
-    are open.
+    x, y: mass centre; axis: direction, radians; room: where the mass centre may be; fins: share of
+    the time in which the pectoral fins are open; rng: source of chance.
     """
 
     def __init__(
-        self, x: float, y: float, axis: float, room: Room, fins: float, rng: np.random.Generator
+        self,
+        x: float,
+        y: float,
+        axis: float,
+        room: Rectangle,
+        fins: float,
+        rng: np.random.Generator,
     ) -> None:
+        """Begin to cruise or to glide at a place and in a direction."""
         self.x, self.y, self.axis = x, y, axis
         self.room, self.fins_share, self.rng = room, fins, rng
         self.speed, self.slip = 0.7, 0.0
@@ -152,7 +167,7 @@ class Swimmer:
         self.drift = 0.0  # slow meander of straight swimming, radians a second
         self.fins = [0.0, 0.0]
         self.fins_open = bool(rng.random() < fins)
-        self.fins_remaining_s = self._fin_spell()
+        self.fins_remaining_s = self._draw_fin_time()
         self.mode, self.remaining_s, self.duration_s = "cruise", 0.0, 1.0
         self.target_rate, self.target_amplitude = 1.6, 0.8
         self.angle, self.peak = 0.0, 0.0
@@ -160,10 +175,10 @@ class Swimmer:
         self.rest_s = 0.0  # time until the next turn may begin
         self.net_turn = 0.0  # decaying sum of recent turns: a fish does not circle one way
         self.swimming_type, self.turn_over = 0, False
-        self._begin(str(rng.choice(STRAIGHT[:2])))
+        self._begin_straight(str(rng.choice(STRAIGHT[:2])))
 
-    def _begin(self, mode: str) -> None:
-        """Begin a mode of straight swimming."""
+    def _begin_straight(self, mode: str) -> None:
+        """Begin a mode of straight swimming: "cruise", "glide" or "burst"."""
         low, high, rates, amplitudes = {
             "cruise": (1.2, 3.2, (1.3, 2.1), (0.7, 1.0)),
             "glide": (0.8, 2.0, (0.7, 1.0), (0.05, 0.16)),
@@ -175,7 +190,7 @@ class Swimmer:
         self.target_amplitude = float(self.rng.uniform(*amplitudes))
 
     def _begin_turn(self, angle: float) -> None:
-        """Begin a C-turn by `angle`. Wide turns are faster and bend the body more, as in carp."""
+        """Begin a C-turn by `angle`, radians. Wide turns are faster and bend the body more."""
         wide = abs(angle)
         self.mode, self.angle = "turn", angle
         self.net_turn = 0.75 * self.net_turn + angle
@@ -187,7 +202,10 @@ class Swimmer:
         self.target_rate, self.target_amplitude = 1.2, 0.15
 
     def _pick_turn(self, others: Sequence["Swimmer"], sharp: bool) -> float | None:
-        """Return the angle of a turn into open water; None if going straight is better."""
+        """Return the angle, radians, of a turn into open water; None if straight on is better.
+
+        others: the other fish; sharp: whether wide angles are welcome, because something is near.
+        """
         best, best_angle = -math.inf, None
         for size in self.rng.uniform(math.radians(30), math.radians(150), 14):
             for angle in (size, -size):
@@ -195,8 +213,8 @@ class Swimmer:
                 way = 0.5 * self.speed * (0.36 + 0.76 * wide / math.pi)
                 x = self.x + way * (math.cos(self.axis) + math.cos(self.axis + angle)) / 2
                 y = self.y - way * (math.sin(self.axis) + math.sin(self.axis + angle)) / 2
-                run = _free_run(x, y, self.axis + angle, self.room)
-                gap = min((_passing(self, other, angle) for other in others), default=9.0)
+                run = _distance_to_edge(x, y, self.axis + angle, self.room)
+                gap = min((_closest_approach(self, other, angle) for other in others), default=9.0)
                 score = min(run, 3.5) + 1.5 * min(gap, 2.5) + float(self.rng.uniform(0, 1.5))
                 score -= 0.25 * wide if sharp else 0.6 * wide
                 score -= 0.45 * max(self.net_turn * math.copysign(1.0, angle), 0.0)
@@ -207,18 +225,21 @@ class Swimmer:
         return best_angle
 
     def _decide(self, others: Sequence["Swimmer"], dt: float) -> None:
-        """Begin another mode if the present mode ends, or if a wall or a fish is near."""
+        """Begin another mode if the present mode ends, or if a wall or a fish is near.
+
+        others: the other fish; dt: time step, s.
+        """
         self.remaining_s -= dt
         self.rest_s -= dt
         if self.mode == "turn":
             if self.remaining_s <= 0:
                 self.rest_s = 0.35
-                self._begin("burst" if self.rng.random() < 0.25 else "cruise")
+                self._begin_straight("burst" if self.rng.random() < 0.25 else "cruise")
             return
-        ahead = _free_run(self.x, self.y, self.axis, self.room)
-        roomy = all(_gap(self, other, REACH) > 0 for other in others)
+        ahead = _distance_to_edge(self.x, self.y, self.axis, self.room)
+        roomy = all(_gap_between(self, other, REACH) > 0 for other in others)
         if self.rest_s <= 0:
-            threat = min((_passing(self, other, 0.0) for other in others), default=9.0)
+            threat = min((_closest_approach(self, other, 0.0) for other in others), default=9.0)
             if ahead < 0.35 + 0.55 * self.speed or threat < 0.95:
                 angle = self._pick_turn(others, sharp=True) if roomy else None
                 if angle is not None:
@@ -229,20 +250,20 @@ class Swimmer:
         if self.remaining_s <= 0:
             kind = float(self.rng.random())
             if self.mode != "glide" and kind < 0.35:
-                self._begin("glide")
+                self._begin_straight("glide")
             elif kind < 0.80:
                 angle = self._pick_turn(others, sharp=False) if roomy and self.rest_s <= 0 else None
                 if angle is None:
-                    self._begin("cruise")
+                    self._begin_straight("cruise")
                 else:
                     self._begin_turn(angle)
             elif kind < 0.92 and ahead > 2.5:
-                self._begin("burst")
+                self._begin_straight("burst")
             else:
-                self._begin("cruise")
+                self._begin_straight("cruise")
 
-    def _fin_spell(self) -> float:
-        """Return the time (s) until the pectoral fins open or close; they stay open about 1 s."""
+    def _draw_fin_time(self) -> float:
+        """Draw the time, s, until the pectoral fins open or close; they stay open about 1 s."""
         share = self.fins_share
         if share <= 0 or share >= 1:
             self.fins_open = share >= 1
@@ -261,12 +282,12 @@ class Swimmer:
         self._move_fins(dt)
 
     def _turn(self, dt: float, late: bool) -> None:
-        """Bend the body and turn its axis; `late` means the last part of a turn."""
+        """Bend the body and turn its axis in `dt` seconds; late: in the last part of a turn."""
         bend, axis = self.bend, self.axis
         if self.mode == "turn":
             tau = 1 - max(self.remaining_s, 0.0) / self.duration_s
-            self.bend = self.peak * turn_bend(tau)
-            share = turn_progress(tau) - turn_progress(tau - dt / self.duration_s)
+            self.bend = self.peak * bend_in_turn(tau)
+            share = angle_share_in_turn(tau) - angle_share_in_turn(tau - dt / self.duration_s)
             self.axis += self.angle * share
             self.drift = 0.0
         else:
@@ -283,7 +304,10 @@ class Swimmer:
             self.turn_over = late  # from now on the body only straightens
 
     def _beat_tail(self, dt: float, late: bool) -> None:
-        """Beat the tail; rate and amplitude follow their targets with a delay."""
+        """Beat the tail for `dt` seconds; rate and amplitude follow their targets with a delay.
+
+        late: in the last part of a turn.
+        """
         rate, amplitude = (2.2, 0.8) if late else (self.target_rate, self.target_amplitude)
         self.rate += (rate - self.rate) * dt / 0.18
         self.amplitude += (amplitude - self.amplitude) * dt / 0.20
@@ -293,7 +317,10 @@ class Swimmer:
             self.ripple[i] += dt * -self.ripple[i] / 0.4 + 0.11 * math.sqrt(dt) * noise
 
     def _move(self, turn: float, others: Sequence["Swimmer"], dt: float) -> None:
-        """Update speed and place: thrust pulses twice a beat, a bent body and open fins brake."""
+        """Update speed and place after `dt` seconds, in which the axis turned by `turn` radians.
+
+        Thrust pulses twice a beat; a bent body and open fins brake.
+        """
         thrust = DRAG * (STRIDE * self.rate * self.amplitude) ** 2
         thrust *= 1 + 0.5 * math.sin(4 * math.pi * self.beat)
         brake = DRAG * (1 + 1.1 * abs(self.bend) + 0.5 * max(self.fins))
@@ -305,7 +332,7 @@ class Swimmer:
         self.slip += -self.speed * math.sin(turn) - self.slip * dt / SLIP_S
         vx = self.speed * math.cos(self.axis) - self.slip * math.sin(self.axis)
         vy = -self.speed * math.sin(self.axis) - self.slip * math.cos(self.axis)
-        safe = self._without_collision(vx, vy, others)
+        safe = self._limit_approach(vx, vy, others)
         if safe != (vx, vy):
             vx, vy = safe
             self.speed = vx * math.cos(self.axis) - vy * math.sin(self.axis)
@@ -313,19 +340,19 @@ class Swimmer:
         self.y += vy * dt
 
     def _move_fins(self, dt: float) -> None:
-        """Open or close the pectoral fins."""
+        """Open or close the pectoral fins for `dt` seconds."""
         self.fins_remaining_s -= dt
         if self.fins_remaining_s <= 0:
             self.fins_open = not self.fins_open
-            self.fins_remaining_s = self._fin_spell()
+            self.fins_remaining_s = self._draw_fin_time()
         for i, delay_s in enumerate((0.09, 0.11)):
             target = 1.0 if self.fins_open or (self.back_s > 0 and self.fins_share > 0) else 0.0
             self.fins[i] += (target - self.fins[i]) * dt / delay_s
 
-    def _without_collision(
+    def _limit_approach(
         self, vx: float, vy: float, others: Sequence["Swimmer"]
     ) -> tuple[float, float]:
-        """Return the velocity without the part towards a near wall or fish.
+        """Return the velocity (vx, vy) without the part that leads into a near wall or fish.
 
         The approach is at most the gap per 0.25 s, so the gap never closes. Turns usually avoid a
         collision before this limit is reached.
@@ -338,7 +365,7 @@ class Swimmer:
             dx, dy = other.x - self.x, other.y - self.y
             far = math.hypot(dx, dy)
             # Each of the two may use up half of the gap.
-            allowed = _gap(self, other) / (2 * hold)
+            allowed = _gap_between(self, other) / (2 * hold)
             closing = (vx * dx + vy * dy) / far
             if closing > allowed:
                 vx -= (closing - allowed) * dx / far
@@ -346,8 +373,8 @@ class Swimmer:
         return vx, vy
 
 
-def _extent(fish: Swimmer, ux: float, uy: float) -> float:
-    """Return the reach of a fish from its mass centre in the direction (ux, uy).
+def _reach_in_direction(fish: Swimmer, ux: float, uy: float) -> float:
+    """Return how far a fish reaches from its mass centre in the direction (ux, uy).
 
     In a turn it is REACH in every direction, else the reach of a slender hull: head, beating tail,
     pectoral fins.
@@ -359,16 +386,16 @@ def _extent(fish: Swimmer, ux: float, uy: float) -> float:
     return max(0.46 * along, -0.62 * along + 0.15 * across, 0.17 * along + 0.30 * across)
 
 
-def _gap(fish: Swimmer, other: Swimmer, own: float | None = None) -> float:
-    """Return the gap between two hulls, less FISH_GAP; `own` replaces the reach of the first."""
+def _gap_between(fish: Swimmer, other: Swimmer, own: float | None = None) -> float:
+    """Return the gap between two fish, less FISH_GAP; `own` replaces the reach of the first."""
     dx, dy = other.x - fish.x, other.y - fish.y
     far = math.hypot(dx, dy)
     ux, uy = dx / far, dy / far
-    mine = _extent(fish, ux, uy) if own is None else own
-    return far - mine - _extent(other, -ux, -uy) - FISH_GAP
+    mine = _reach_in_direction(fish, ux, uy) if own is None else own
+    return far - mine - _reach_in_direction(other, -ux, -uy) - FISH_GAP
 
 
-def _passing(fish: Swimmer, other: Swimmer, angle: float) -> float:
+def _closest_approach(fish: Swimmer, other: Swimmer, angle: float) -> float:
     """Return the least distance of two fish within 1.6 s if the first turns by `angle` now."""
     dx, dy = other.x - fish.x, other.y - fish.y
     speed = max(fish.speed, 0.5)

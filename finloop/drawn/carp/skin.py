@@ -31,26 +31,27 @@ TAIL_BLADE = 0.86  # the caudal fin begins here
 
 
 @cache
-def _width_squared() -> "scipy.interpolate.PchipInterpolator":
+def _squared_width_curve() -> "scipy.interpolate.PchipInterpolator":
     # Interpolate the square: it is linear at the tips, which makes both ends round.
+    """Return the squared half width along the body, in body lengths², as a curve of s (0-1)."""
     s, w = np.array(_STATIONS).T
     return scipy.interpolate.PchipInterpolator(s, w**2)
 
 
 def half_width(s: Floats) -> Floats:
-    """Return half the body's width at s (0 snout, 1 tail end), in body lengths; 0 at both tips."""
-    return np.sqrt(np.clip(_width_squared()(np.clip(s, 0, 1)), 0, None))
+    """Return half the body's width at s (0 snout, 1 tail end), in body lengths; 0 at both ends."""
+    return np.sqrt(np.clip(_squared_width_curve()(np.clip(s, 0, 1)), 0, None))
 
 
 @cache
 def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Floats, Floats, Floats]:
-    """Return the squared half width of the body along it: (points,) of s, of h², of its slope in s.
+    """Return a table of the body's squared half width: (points,) of s, of h², of its slope in s.
 
     s runs from −beyond to 1 + beyond (0 snout, 1 tail end), where the table is extended linearly.
     Widths are in body lengths; the slope is against s.
     """
     s = np.linspace(-beyond, 1 + beyond, points)
-    curve, slope = _width_squared(), _width_squared().derivative()
+    curve, slope = _squared_width_curve(), _squared_width_curve().derivative()
     inside = np.clip(s, 0, 1)
     steep = slope(inside)
     return s, curve(inside) + (s - inside) * steep, steep
@@ -58,7 +59,7 @@ def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Floats, Float
 
 @dataclass(frozen=True)
 class FishColours:
-    """Pictures of one fish's skin and fin, and its girth; colours are grey levels 0-255."""
+    """Pictures of one carp's skin and fin, and its girth; colours are grey levels 0-255."""
 
     # (rows, columns, 4) RGB and opacity 0-1; columns are s, rows v from left to right side
     skin: Image
@@ -67,7 +68,9 @@ class FishColours:
     girth: float  # width of the fish relative to the standard one
 
 
-def _cloud(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Generator) -> Image:
+def _cloud_texture(
+    shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Generator
+) -> Image:
     """Return a random texture of mean 0 and SD 1: the sum of noise blurred by `sizes` (px)."""
     total = np.zeros(shape, np.float32)
     for size in sizes:
@@ -84,13 +87,13 @@ def _cloud(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Gene
     return np.asarray(total / total.std(), np.float32)
 
 
-def _mix(base: Image, colour: tuple[float, ...] | Image, weight: Image) -> Image:
-    """Return the picture with a colour laid over it, as opaque as `weight` (0-1) says."""
+def _lay_over(base: Image, colour: tuple[float, ...] | Image, weight: Image) -> Image:
+    """Lay a colour over a picture, as opaque as `weight` (0-1) says at each pixel."""
     over = np.asarray(colour, np.float32)
     return np.asarray(base + (over - base) * weight[..., None], np.float32)
 
 
-def _step(x: Image, low: float, high: float) -> Image:
+def _smooth_step(x: Image, low: float, high: float) -> Image:
     """Return a smooth step from 0 where x is below `low` to 1 above `high`."""
     t = np.clip((x - low) / (high - low), 0, 1)
     return np.asarray(t * t * (3 - 2 * t), np.float32)
@@ -106,7 +109,7 @@ _COATS = (
 
 
 def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
-    """Paint one fish; return the pictures of its skin and fin.
+    """Paint one carp from chance; return the pictures of its skin and fin.
 
     columns: width of the skin picture, px; coat: number of its colours.
     """
@@ -121,66 +124,74 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     # Back and flanks, with sharp koi-like patches, fewer on the head.
     skin = np.empty((*shape, 3), np.float32)
     skin[:] = back
-    skin = _mix(skin, flank, _step(np.abs(r) + 0.12 * _cloud(shape, (30,), rng), 0.35, 0.95))
-    field = _cloud(shape, (70, 34), rng) + 0.10 * _cloud(shape, (5,), rng)
+    skin = _lay_over(
+        skin, flank, _smooth_step(np.abs(r) + 0.12 * _cloud_texture(shape, (30,), rng), 0.35, 0.95)
+    )
+    field = _cloud_texture(shape, (70, 34), rng) + 0.10 * _cloud_texture(shape, (5,), rng)
     body = np.abs(r) < 1
     level = float(np.quantile(field[body], 0.70))
-    skin = _mix(
-        skin, patch, _step(field, level - 0.08, level + 0.08) * _step(s + 0 * v, 0.05, 0.2) * 0.92
+    skin = _lay_over(
+        skin,
+        patch,
+        _smooth_step(field, level - 0.08, level + 0.08) * _smooth_step(s + 0 * v, 0.05, 0.2) * 0.92,
     )
-    field = _cloud(shape, (46, 22), rng) + 0.12 * _cloud(shape, (5,), rng)
+    field = _cloud_texture(shape, (46, 22), rng) + 0.12 * _cloud_texture(shape, (5,), rng)
     level = float(np.quantile(field[body], 0.84))
-    skin = _mix(skin, dark, _step(field, level - 0.09, level + 0.09) * 0.85)
+    skin = _lay_over(skin, dark, _smooth_step(field, level - 0.09, level + 0.09) * 0.85)
     # Scales: staggered arcs behind the head, each with a soft light.
     size = 0.026
     lane = np.floor(v / (size * 0.5))
     cell = np.mod(s / size + 0.5 * np.mod(lane, 2), 1.0) - 0.5
     across = np.mod(v / (size * 0.5), 1.0) - 0.5
-    net = _step(np.hypot(cell - 0.18, across * 0.9), 0.34, 0.58)
-    scaled = _step(s, 0.20, 0.27) * (1 - _step(s, 0.84, 0.90))
+    net = _smooth_step(np.hypot(cell - 0.18, across * 0.9), 0.34, 0.58)
+    scaled = _smooth_step(s, 0.20, 0.27) * (1 - _smooth_step(s, 0.84, 0.90))
     skin *= (1 + scaled * (0.12 - 0.34 * net))[..., None]
     # Bony plates of the head, gill covers, nostrils and mouth.
-    head = 1 - _step(s, 0.18, 0.25)
-    skin *= (1 + head * 0.07 * _cloud(shape, (16, 7), rng))[..., None]
-    gill = np.exp(-(((s - (0.205 - 0.045 * r**2)) / 0.007) ** 2)) * _step(np.abs(r), 0.25, 0.6)
+    head = 1 - _smooth_step(s, 0.18, 0.25)
+    skin *= (1 + head * 0.07 * _cloud_texture(shape, (16, 7), rng))[..., None]
+    gill = np.exp(-(((s - (0.205 - 0.045 * r**2)) / 0.007) ** 2)) * _smooth_step(
+        np.abs(r), 0.25, 0.6
+    )
     skin *= (1 - 0.45 * gill)[..., None]
-    plate = np.exp(-(((s - 0.165 + 0.02 * r**2) / 0.02) ** 2)) * _step(1 - np.abs(r), 0.1, 0.6)
+    plate = np.exp(-(((s - 0.165 + 0.02 * r**2) / 0.02) ** 2)) * _smooth_step(
+        1 - np.abs(r), 0.1, 0.6
+    )
     skin *= (1 + 0.10 * plate)[..., None]
     for side in (-1, 1):
         nostril = np.exp(-(((s - 0.042) / 0.006) ** 2 + ((v - side * 0.018) / 0.005) ** 2))
         skin *= (1 - 0.5 * nostril)[..., None]
     skin *= (1 - 0.25 * np.exp(-((s / 0.012) ** 2)) * np.ones_like(v))[..., None]
     # The folded dorsal fin, its shade, and the roundness of the body.
-    spine = 0.0016 * np.sin(s * 40) * _step(s, 0.3, 0.5)
-    dorsal = _step(s, 0.36, 0.41) * (1 - _step(s, 0.66, 0.74))
+    spine = 0.0016 * np.sin(s * 40) * _smooth_step(s, 0.3, 0.5)
+    dorsal = _smooth_step(s, 0.36, 0.41) * (1 - _smooth_step(s, 0.66, 0.74))
     skin *= (1 - 0.40 * dorsal * np.exp(-(((v - spine) / 0.0065) ** 2)))[..., None]
     skin *= (1 + 0.35 * dorsal * np.exp(-(((v - spine - 0.009) / 0.004) ** 2)))[..., None]
     rounded = np.sqrt(np.clip(1 - 0.93 * np.clip(r * r, 0, 1), 0, 1))
-    trunk = 1 - _step(s, TAIL_BLADE - 0.06, TAIL_BLADE + 0.03)
+    trunk = 1 - _smooth_step(s, TAIL_BLADE - 0.06, TAIL_BLADE + 0.03)
     skin *= (trunk * (0.40 + 0.70 * rounded) + (1 - trunk))[..., None]
     # Eyes at the sides of the head: dark, with a pale rim and a glint.
     for side in (-1, 1):
         far = np.hypot((s - 0.088) / 1.15, v - side * 0.0535)
-        skin = _mix(skin, (150, 132, 84), (1 - _step(far, 0.0125, 0.0160)) * 0.7)
-        skin = _mix(skin, (12, 12, 12), 1 - _step(far, 0.0090, 0.0118))
+        skin = _lay_over(skin, (150, 132, 84), (1 - _smooth_step(far, 0.0125, 0.0160)) * 0.7)
+        skin = _lay_over(skin, (12, 12, 12), 1 - _smooth_step(far, 0.0090, 0.0118))
         glint = np.hypot(s - 0.0845, v - side * 0.0515)
-        skin = _mix(skin, (170, 172, 168), (1 - _step(glint, 0.0012, 0.0036)) * 0.8)
+        skin = _lay_over(skin, (170, 172, 168), (1 - _smooth_step(glint, 0.0012, 0.0036)) * 0.8)
     # Caudal fin on edge: dark membrane, rays along it, thinner towards its end.
-    blade = _step(s, TAIL_BLADE - 0.03, TAIL_BLADE + 0.04) + 0 * v
+    blade = _smooth_step(s, TAIL_BLADE - 0.03, TAIL_BLADE + 0.04) + 0 * v
     tone = np.asarray(dark, np.float32) * 0.7 + np.asarray(flank, np.float32) * 0.3
-    skin = _mix(skin, tone, blade * 0.75)
+    skin = _lay_over(skin, tone, blade * 0.75)
     skin *= (1 + blade * 0.12 * np.sin(v * 2 * np.pi / 0.0075))[..., None]
-    opaque = 1 - 0.28 * _step(s, TAIL_BLADE, 1.0) + 0 * v
+    opaque = 1 - 0.28 * _smooth_step(s, TAIL_BLADE, 1.0) + 0 * v
     small = cv2.resize(
         np.dstack([np.clip(skin, 4, 176), opaque]).astype(np.float32),
         (columns, max(8, round(columns * 2 * SKIN_HALF))),
         interpolation=cv2.INTER_AREA if columns < full else cv2.INTER_LINEAR,
     )
-    fin = _fin(rng, max(24, round(columns * 0.25)), back, flank, dark)
+    fin = _paint_fin_picture(rng, max(24, round(columns * 0.25)), back, flank, dark)
     return FishColours(np.ascontiguousarray(small, np.float32), fin, 1.0)
 
 
-def _fin(
+def _paint_fin_picture(
     rng: np.random.Generator, columns: int, back: tuple[float, ...], flank: tuple[float, ...],
     dark: tuple[float, ...],
 ) -> Image:  # fmt: skip
@@ -191,15 +202,15 @@ def _fin(
     # Paddle outline: narrow root, broad round end, the leading edge (across < 0) longer.
     half = 0.66 * np.sqrt(np.clip(along * (1.0 - along**3), 0, None)) * (0.22 + 0.56 * along)
     middle = -0.05 * along
-    inside = 1 - _step(np.abs(across - middle) - half, -0.012, 0.012)
+    inside = 1 - _smooth_step(np.abs(across - middle) - half, -0.012, 0.012)
     angle = np.arctan2(across, along + 0.12)
-    rays = 0.5 + 0.5 * np.cos(angle * 62 + 0.4 * _cloud((size, size), (40,), rng))
+    rays = 0.5 + 0.5 * np.cos(angle * 62 + 0.4 * _cloud_texture((size, size), (40,), rng))
     opaque = (0.74 - 0.32 * along) * (0.72 + 0.28 * rays)
     lead = np.exp(-(((across - middle + half) / 0.035) ** 2))
     opaque = np.clip(opaque + 0.3 * lead, 0, 0.92)
     colour = np.empty((size, size, 3), np.float32)
     colour[:] = np.asarray(flank, np.float32) * 0.55 + np.asarray(back, np.float32) * 0.35
-    colour = _mix(colour, dark, 0.5 * rays * np.ones_like(along))
+    colour = _lay_over(colour, dark, 0.5 * rays * np.ones_like(along))
     picture = np.dstack([colour * (opaque * inside)[..., None], opaque * inside])
     layers = [
         cv2.resize(layer.astype(np.float32), (columns, columns), interpolation=cv2.INTER_AREA)
@@ -208,12 +219,16 @@ def _fin(
     return np.dstack(layers)
 
 
-def floor(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
-    """Paint the empty tank, (height, width, 3) RGB: sand, pebbles, light pools, walls."""
+def paint_floor(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
+    """Paint the empty tank, (height, width, 3) RGB: sand, pebbles, pools of light, walls."""
     shape = (height_px, width_px)
-    grey = 172 + 5.5 * _cloud(shape, (0.7, 1.3), rng) + 2.6 * _cloud(shape, (5, 9), rng)
-    grey += 4.0 * _cloud(shape, (60, 130), rng)
-    warm = 0.8 * _cloud(shape, (12, 40), rng)
+    grey = (
+        172
+        + 5.5 * _cloud_texture(shape, (0.7, 1.3), rng)
+        + 2.6 * _cloud_texture(shape, (5, 9), rng)
+    )
+    grey += 4.0 * _cloud_texture(shape, (60, 130), rng)
+    warm = 0.8 * _cloud_texture(shape, (12, 40), rng)
     stones = _pebbles(width_px, height_px, rng)
     grey += stones
     picture = np.dstack([grey * 1.035 + warm, grey * 1.0, grey * 0.90 - 1.5 * warm])
@@ -227,7 +242,7 @@ def floor(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
 
 
 def _pebbles(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
-    """Return pebbles as grey levels to add: many small, few large, lit from one side."""
+    """Return pebbles as grey levels to add (h, w): many small, few large, lit from one side."""
     scale = 3
     layer = np.zeros((height_px * scale, width_px * scale), np.float32)
     for _ in range(width_px * height_px // 170):

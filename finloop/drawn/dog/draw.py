@@ -12,7 +12,15 @@ import numpy as np
 from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.errors import FinloopError
 from finloop.drawn.dog.shape import BODY, EAR, EYE, HEAD, NOSE, TAIL
-from finloop.drawn.dog.walk import DogFilm, camera_px, course_px, limb, phases, spot, trunk
+from finloop.drawn.dog.walk import (
+    DogFilm,
+    body_origins_px,
+    camera_offsets_px,
+    frame_phases,
+    limb_contours_at,
+    part_contour,
+    spot_place,
+)
 
 POINTS = 256
 SUBPIXEL = 6  # bits of a pixel's fraction in the fill
@@ -24,11 +32,11 @@ COLLAR_CORNERS = np.array([[0.545, -1.115], [0.60, -1.19], [0.845, -1.03], [0.81
 PALETTE = (NEAR, FAR, COAT, DARK, COLLAR, INK, SHADE, SKY, HILL, MEADOW, TUFT)
 
 
-def film(dog: DogFilm) -> Iterator[Picture]:
-    """Stream the frames of the dog's film, (height, width, 3) RGB, uint8."""
+def dog_frames(dog: DogFilm) -> Iterator[Picture]:
+    """Yield the frames of the dog's film, (height, width, 3) RGB, uint8."""
     rng = np.random.default_rng(dog.seed)
     # Tufts on the meadow along the dog's whole track: x [px], y [share of its depth], size [px].
-    far = dog.width_px + camera_px(dog)[-1]
+    far = dog.width_px + camera_offsets_px(dog)[-1]
     count = int(far / 26) + 4
     tufts = np.column_stack(
         [rng.uniform(-40, far + 40, count), rng.uniform(0.08, 1, count), rng.uniform(3, 7, count)]
@@ -39,17 +47,20 @@ def film(dog: DogFilm) -> Iterator[Picture]:
         [130 * steps + rng.uniform(-30, 30, len(steps)), rng.uniform(24, 60, len(steps))]
     )
     for frame in range(dog.frames):
-        picture = cv2.GaussianBlur(_paint(dog, frame, tufts, hills), (0, 0), BLUR_PX).astype(
+        picture = cv2.GaussianBlur(_paint_frame(dog, frame, tufts, hills), (0, 0), BLUR_PX).astype(
             np.float32
         )
         grain = rng.standard_normal(picture.shape[:2], np.float32) * dog.noise
         yield np.clip(np.rint(picture + grain[..., None]), 0, 255).astype(np.uint8)
 
 
-def _paint(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Picture:
-    """Return a frame without noise: the meadow, the dog's shadow and its parts, far to near."""
+def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Picture:
+    """Paint a frame without noise: the meadow, the dog's shadow and its parts, far to near.
+
+    tufts (k, 3): x px, y as a share of the meadow's depth, size px; hills (m, 2): x and height, px.
+    """
     picture = np.empty((dog.height_px, dog.width_px, 3), np.uint8)
-    origin, camera = course_px(dog)[frame], camera_px(dog)[frame]
+    origin, camera = body_origins_px(dog)[frame], camera_offsets_px(dog)[frame]
     horizon = round(origin[1] - 0.42 * dog.trunk_px)
     picture[:horizon], picture[horizon:] = SKY, MEADOW
     for x, height in hills:
@@ -60,12 +71,12 @@ def _paint(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Picture:
         root = np.array([x - camera, y])
         for lean in (-0.6, 0.0, 0.6):
             blade = np.array([[-1.2, 0], [1.2, 0], [lean * size, -size * (0.6 + deep)]])
-            _fill(picture, root + blade, TUFT)
-    phase = float(phases(dog)[frame])
+            _fill_polygon(picture, root + blade, TUFT)
+    phase = float(frame_phases(dog)[frame])
     wide, flat = 0.62 * dog.trunk_px, 0.035 * dog.trunk_px
     angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     oval = np.column_stack([wide * np.cos(angle), flat * np.sin(angle)])
-    _fill(picture, origin + oval, SHADE)
+    _fill_polygon(picture, origin + oval, SHADE)
     for part, colour in (
         ("fore_left", FAR),
         ("hind_left", FAR),
@@ -77,22 +88,22 @@ def _paint(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Picture:
         ("fore_right", NEAR),
     ):
         contour = (
-            limb(dog, part, np.array(phase), POINTS)
+            limb_contours_at(dog, part, np.array(phase), POINTS)
             if isinstance(part, str)
-            else trunk(dog, phase, part, POINTS)
+            else part_contour(dog, phase, part, POINTS)
         )
-        _fill(picture, origin + contour, colour)
+        _fill_polygon(picture, origin + contour, colour)
         if part == BODY:
-            bob = contour[0] - trunk(dog, 0.0, BODY, POINTS)[0]
-            _fill(picture, origin + dog.trunk_px * COLLAR_CORNERS + bob, COLLAR)
+            bob = contour[0] - part_contour(dog, 0.0, BODY, POINTS)[0]
+            _fill_polygon(picture, origin + dog.trunk_px * COLLAR_CORNERS + bob, COLLAR)
     for place, size in ((EYE, 0.020), (NOSE, 0.030)):
         ring = size * dog.trunk_px * np.column_stack([np.cos(angle), np.sin(angle)])
-        _fill(picture, origin + spot(dog, phase, place) + ring, INK)
+        _fill_polygon(picture, origin + spot_place(dog, phase, place) + ring, INK)
     return picture
 
 
-def _fill(picture: Picture, points: Floats, colour: tuple[int, int, int]) -> None:
-    """Fill a polygon (n, 2) px of the picture with a colour, to 1 / 2^SUBPIXEL of a pixel."""
+def _fill_polygon(picture: Picture, points: Floats, colour: tuple[int, int, int]) -> None:
+    """Fill a polygon (n, 2) px of a picture with a colour, to 1 / 2^SUBPIXEL of a pixel."""
     nodes = np.rint(points * (1 << SUBPIXEL)).astype(np.int32)
     cv2.fillPoly(picture, [nodes], colour, cv2.LINE_AA, SUBPIXEL)
 

@@ -24,7 +24,7 @@ BLUNT = 0.02  # added to that distance, so that a point on a bone follows the ot
 
 @dataclass(frozen=True)
 class LimbShape:
-    """A limb at rest: joints, outline and how it bends; lengths in trunks."""
+    """One limb of the drawn dog at rest: joints, outline, and how it bends; lengths in trunks."""
 
     # (5, 2): hip or shoulder, knee or elbow, hock or wrist, foot, tip of the toes
     joints: tuple[tuple[float, float], ...]
@@ -33,7 +33,7 @@ class LimbShape:
     # turn of the pastern [rad] per unit of the foot ahead, and per unit of lift
     lean: tuple[float, float]
 
-    def bones(self) -> Floats:
+    def bone_lengths(self) -> Floats:
         """Return the lengths (4,) of the bones, from the top to the toes, in trunks."""
         return np.asarray(np.linalg.norm(np.diff(self.joints, axis=0), axis=1))
 
@@ -88,8 +88,8 @@ EYE, NOSE = (0.905, -1.275), (1.145, -1.205)
 
 
 @cache
-def smooth(nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
-    """Return n points (n, 2) at equal distances on the closed smooth curve through the nodes."""
+def points_on_smooth_curve(nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
+    """Return n points (n, 2) at equal distances on the closed smooth curve through nodes."""
     corners = np.array([*nodes, nodes[0]])
     knots = np.r_[0.0, np.cumsum(np.sqrt(np.linalg.norm(np.diff(corners, axis=0), axis=1)))]
     spline = scipy.interpolate.CubicSpline(knots, corners, bc_type="periodic")
@@ -98,35 +98,37 @@ def smooth(nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
 
 
 @cache
-def _skin(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
+def _skin_and_bone_weights(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
     """Return a limb's outline (n, 2) at rest, and the weights (n, 4) of its bones at each point."""
-    outline, joints = smooth(shape.outline, n), np.array(shape.joints)
+    outline, joints = points_on_smooth_curve(shape.outline, n), np.array(shape.joints)
     along = np.diff(joints, axis=0)
-    part = np.einsum("nbk,bk->nb", outline[:, None] - joints[:-1], along) / shape.bones() ** 2
+    part = (
+        np.einsum("nbk,bk->nb", outline[:, None] - joints[:-1], along) / shape.bone_lengths() ** 2
+    )
     foot = joints[:-1] + np.clip(part, 0, 1)[..., None] * along
     far = np.linalg.norm(outline[:, None] - foot, axis=2) + BLUNT
     share = far**-BLEND
     return outline, share / share.sum(axis=1, keepdims=True)
 
 
-def reaches(shape: LimbShape, foot: Floats, top: Floats) -> Mask:
-    """Return whether the limb is long enough, (…) bool, to have its foot and its top there.
+def limb_reaches(shape: LimbShape, foot: Floats, top: Floats) -> Mask:
+    """Return a mask (…) of the places of foot and top that a limb is long enough to reach.
 
     foot, top (…, 2): how far both are moved from rest, in trunks.
     """
-    bones, ankle = shape.bones(), _ankle(shape, foot)[0]
+    bones, ankle = shape.bone_lengths(), _ankle_and_turns(shape, foot)[0]
     far = np.linalg.norm(ankle - (np.array(shape.joints[0]) + top), axis=-1)
     return (far < bones[0] + bones[1]) & (far > abs(bones[0] - bones[1]))
 
 
-def pose(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
-    """Return outlines (…, n, 2) of a limb, in trunks, with its foot and its top moved from rest.
+def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
+    """Return outlines (…, n, 2) of a limb, in trunks, whose foot and top are moved from rest.
 
     foot, top (…, 2): how far both are moved, in trunks; y is down. The knee follows by two-link
     inverse kinematics. The outline is a smooth function of `foot` and `top` alone.
     """
-    rest, bones = np.array(shape.joints), shape.bones()
-    ankle, pastern, paw = _ankle(shape, foot)
+    rest, bones = np.array(shape.joints), shape.bone_lengths()
+    ankle, pastern, paw = _ankle_and_turns(shape, foot)
     hip = rest[0] + top
     across = ankle - hip
     far = np.linalg.norm(across, axis=-1)
@@ -139,7 +141,7 @@ def pose(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
     at_rest = np.arctan2(straight[:, 1], straight[:, 0])
     turns = np.stack([upper - at_rest[0], shank - at_rest[1], pastern, paw], axis=-1)
     heads = np.stack([hip, knee, ankle, rest[3] + foot], axis=-2)
-    outline, share = _skin(shape, n)
+    outline, share = _skin_and_bone_weights(shape, n)
     local = (outline[:, None] - rest[:4]) @ [1, 1j]  # (n, 4)
     joints = heads @ np.array([1, 1j])  # (…, 4)
     points = np.einsum("nb,...nb->...n", share, local * np.exp(1j * turns)[..., None, :])
@@ -147,8 +149,11 @@ def pose(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
     return np.stack([points.real, points.imag], axis=-1)
 
 
-def _ankle(shape: LimbShape, foot: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the hock or wrist (…, 2), and the turns of pastern and paw (…,) [rad]."""
+def _ankle_and_turns(shape: LimbShape, foot: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the hock or wrist (…, 2), and the turns of pastern and paw (…,), radians.
+
+    foot (…, 2): how far it is moved from rest, in trunks.
+    """
     rest = np.array(shape.joints)
     pastern = shape.lean[0] * foot[..., 0] - shape.lean[1] * foot[..., 1]
     paw = -0.6 * shape.lean[1] * foot[..., 1]

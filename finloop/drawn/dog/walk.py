@@ -25,9 +25,9 @@ from finloop.drawn.dog.shape import (
     NECK,
     TAIL,
     TAIL_ROOT,
-    pose,
-    reaches,
-    smooth,
+    limb_outlines,
+    limb_reaches,
+    points_on_smooth_curve,
 )
 
 NAMES = tuple(f"{end}_{side}" for end, side in product(("fore", "hind"), ("left", "right")))
@@ -38,7 +38,7 @@ ROUND = 1.5  # power in the height of a swinging foot: 1 = a corner on top, 2 = 
 
 @dataclass(frozen=True)
 class DogFilm:
-    """A film of the dog. Lengths are in trunks (hip to shoulder) unless their names end in px."""
+    """A film of the drawn dog; lengths are in trunks (hip to shoulder) unless named in px."""
 
     frames: int = 72
     frame_rate_hz: float = 24.0
@@ -59,15 +59,16 @@ class DogFilm:
 
     @property
     def frequency_hz(self) -> float:
-        """Return the gait cycles per second."""
+        """Gait cycles per second."""
         return self.cycles * self.frame_rate_hz / self.frames
 
     @property
     def body_length_px(self) -> float:
-        """Return the length from the rump to the tip of the nose, standing, px."""
+        """Length from the rump to the tip of the nose of the standing dog, px."""
         return 1.82 * self.trunk_px
 
     def __post_init__(self) -> None:
+        """Raise FinloopError if a number is out of range, or the dog leaves the picture."""
         if not (self.frames >= 2 and self.cycles > 0):
             raise FinloopError(
                 f"a film of {self.frames} frames and {self.cycles:g} cycles",
@@ -80,7 +81,7 @@ class DogFilm:
                 "-1 … 1: beyond that a foot turns back",
                 "choose values nearer to 0",
             )
-        course = course_px(self)
+        course = body_origins_px(self)
         left, right = (course[[0, -1], 0] + np.multiply(self.trunk_px, REACH)).tolist()
         if left < 0 or right > self.width_px or 1.5 * self.trunk_px > course[0, 1]:
             raise FinloopError(
@@ -90,7 +91,11 @@ class DogFilm:
             )
         phase = np.linspace(0, 1, 200)
         for name in NAMES:
-            if not reaches(LIMBS[name[:4]], foot(self, name, phase), bob(self, phase)).all():
+            if not limb_reaches(
+                LIMBS[name[:4]],
+                foot_displacements(self, name, phase),
+                body_displacements(self, phase),
+            ).all():
                 raise FinloopError(
                     f"a stride of {self.stride:g} with a lift of {self.lift:g} trunks",
                     f"a stride within reach of the limb {name}",
@@ -98,12 +103,12 @@ class DogFilm:
                 )
 
 
-def phases(dog: DogFilm) -> Floats:
+def frame_phases(dog: DogFilm) -> Floats:
     """Return the phase of each frame, (frames,) in cycles: from 0 to below `cycles`."""
     return np.arange(dog.frames) * dog.cycles / dog.frames
 
 
-def gammas(dog: DogFilm, name: str) -> tuple[float, float, float, float]:
+def foot_gammas(dog: DogFilm, name: str) -> tuple[float, float, float, float]:
     """Return the γ of a limb's foot in subcycles A, B, C, D: how unevenly it moves.
 
     name: one of NAMES; γ is 0 while the foot is on the ground.
@@ -112,60 +117,80 @@ def gammas(dog: DogFilm, name: str) -> tuple[float, float, float, float]:
     return (*swing, 0.0, 0.0) if name in FIRST else (0.0, 0.0, *swing)
 
 
-def swings(name: str, phase: Floats) -> Mask:
-    """Return whether the foot of a limb is off the ground at phases of any shape, in cycles."""
+def is_swinging(name: str, phase: Floats) -> Mask:
+    """Return a mask of the phases at which a limb's foot is off the ground.
+
+    name: one of NAMES; phase: in cycles, an array of any shape.
+    """
     return np.asarray((np.mod(phase, 1.0) < 0.5) == (name in FIRST))
 
 
-def progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
-    """Return how far a limb is through its present half of the cycle, 0-1, at phases of any shape.
+def half_cycle_progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
+    """Return the share, 0-1, of a limb's swing or support that is over at each phase.
 
-    The half is a swing or a support; γ makes the progress uneven.
+    name: one of NAMES; phase: in cycles, an array of any shape. γ makes the progress uneven.
     """
     quarter, tau = np.divmod(np.mod(phase, 1.0) * 4, 1.0)
     which = quarter.astype(int) % 4
-    gamma = np.array(gammas(dog, name))[which]
+    gamma = np.array(foot_gammas(dog, name))[which]
     return (which % 2 + (1 + gamma) * tau - gamma * tau**2) / 2
 
 
-def foot(dog: DogFilm, name: str, phase: Floats) -> Floats:
-    """Return the foot's displacement (…, 2) from rest at phases (…), in trunks; up is negative.
+def foot_displacements(dog: DogFilm, name: str, phase: Floats) -> Floats:
+    """Return a foot's displacement (…, 2) from rest at phases (…), in trunks; up is negative.
 
-    It is relative to the body frame. A swinging foot follows a rounded triangle.
+    name: of the limb, one of NAMES. It is relative to the body frame. A swinging foot follows a
+    rounded triangle.
     """
-    part, up = progress(dog, name, phase), swings(name, phase)
+    part, up = half_cycle_progress(dog, name, phase), is_swinging(name, phase)
     x = dog.stride * np.where(up, part - 0.5, 0.5 - part)
     y = np.where(up, -dog.lift * (1 - np.abs(2 * part - 1) ** ROUND), 0.0)
     return np.stack([x, y], axis=-1)
 
 
-def bob(dog: DogFilm, phase: Floats) -> Floats:
-    """Return the body's displacement (…, 2) from its mean at phases (…), trunks; up is negative."""
+def body_displacements(dog: DogFilm, phase: Floats) -> Floats:
+    """Return the body's displacement (…, 2) from its mean at phases (…), in trunks; y is down."""
     return np.stack([np.zeros_like(phase), dog.bob * np.cos(4 * np.pi * phase)], axis=-1)
 
 
-def limb(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
+def limb_contours_at(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
     """Return contours (…, n, 2) of a limb at phases (…), in the body frame, px, clockwise.
 
-    Point i is a fixed point of the skin; at rest the points have equal arc lengths.
+    name: one of NAMES. Point i is a fixed point of the skin; at rest the points have equal arc
+    lengths.
     """
     far = np.array(FAR_OFFSET if name.endswith("left") else (0.0, 0.0))
     shape = LIMBS[name[:4]]
-    return dog.trunk_px * (pose(shape, foot(dog, name, phase), bob(dog, phase), n) + far)
+    return dog.trunk_px * (
+        limb_outlines(
+            shape, foot_displacements(dog, name, phase), body_displacements(dog, phase), n
+        )
+        + far
+    )
 
 
-def trunk(dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
+def part_contour(
+    dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int
+) -> Floats:
     """Return the contour (n, 2) px of BODY, HEAD, EAR or TAIL (`nodes`) in the body frame."""
-    return dog.trunk_px * (_rotate_part(nodes, smooth(nodes, n), phase) + bob(dog, np.array(phase)))
+    return dog.trunk_px * (
+        _rotate_part(nodes, points_on_smooth_curve(nodes, n), phase)
+        + body_displacements(dog, np.array(phase))
+    )
 
 
-def spot(dog: DogFilm, phase: float, place: tuple[float, float]) -> Floats:
-    """Return where the EYE or the NOSE (`place`) is at a phase, (2,) px in the body frame."""
-    return dog.trunk_px * (_rotate_part(HEAD, np.array(place), phase) + bob(dog, np.array(phase)))
+def spot_place(dog: DogFilm, phase: float, place: tuple[float, float]) -> Floats:
+    """Return the place (2,) px of the EYE or the NOSE (`place`) in the body frame, at a phase."""
+    return dog.trunk_px * (
+        _rotate_part(HEAD, np.array(place), phase) + body_displacements(dog, np.array(phase))
+    )
 
 
 def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: float) -> Floats:
-    """Turn the points of a part about the root of head or tail, for a phase."""
+    """Turn points (n, 2) of a part of the dog about the root of head or tail, for a phase.
+
+    nodes: the part, one of BODY, HEAD, EAR, TAIL.
+    """
     nod = 0.035 * np.cos(4 * np.pi * phase - 0.8)
     if nodes in (HEAD, EAR):
         root, angle = NECK, nod
@@ -181,18 +206,18 @@ def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: 
     return out
 
 
-def course_px(dog: DogFilm) -> Floats:
+def body_origins_px(dog: DogFilm) -> Floats:
     """Return where the origin of the body frame is in the picture, (frames, 2) px."""
-    way = 2 * dog.stride * dog.trunk_px * phases(dog) * (1 - dog.pan)
+    way = 2 * dog.stride * dog.trunk_px * frame_phases(dog) * (1 - dog.pan)
     middle = 0.47 * dog.width_px - way[-1] / 2
     return np.column_stack([middle + way, np.full(dog.frames, 0.86 * dog.height_px)])
 
 
-def camera_px(dog: DogFilm) -> Floats:
-    """Return how far the camera has moved to the right, (frames,) px."""
-    return 2 * dog.stride * dog.trunk_px * phases(dog) * dog.pan
+def camera_offsets_px(dog: DogFilm) -> Floats:
+    """Return how far the camera has moved to the right in each frame, (frames,) px."""
+    return 2 * dog.stride * dog.trunk_px * frame_phases(dog) * dog.pan
 
 
-def truth(dog: DogFilm, n: int) -> dict[str, Floats]:
-    """Return the exact contours (frames, n, 2) of all limbs by id, in the body frame, px."""
-    return {name: limb(dog, name, phases(dog), n) for name in NAMES}
+def true_limb_contours(dog: DogFilm, n: int) -> dict[str, Floats]:
+    """Return the exact contours (frames, n, 2) px of all limbs by id, in the body frame."""
+    return {name: limb_contours_at(dog, name, frame_phases(dog), n) for name in NAMES}
