@@ -167,18 +167,20 @@ def _join_columns(
     heading (ticks,): of the fish, degrees; new: ticks whose picture does not continue the one
     before. For inertialization the joins are found in the pictures themselves.
     """
-    how, own = sources.joins, _picture_columns(pictures, heading, sources)
+    rules, columns = sources.joins, _picture_columns(pictures, heading, sources)
     pose = np.full(len(heading), None, object)
-    if how.kind == INERTIAL and len(heading):
-        join = inertialize_pictures(pictures, heading, how)
+    if rules.kind == INERTIAL and len(heading):
+        join = inertialize_pictures(pictures, heading, rules)
         new = join.begins
         for tick in np.flatnonzero(join.posed):
             pose[tick] = join.codes[tick]
-        own["rotation_deg"] = wrap_deg(own["rotation_deg"] + join.turn_deg).astype(np.float32)
-    partner, weight = cross_fade_partners(pictures, new, how.fade, sources.next_number)
+        columns["rotation_deg"] = wrap_deg(columns["rotation_deg"] + join.turn_deg).astype(
+            np.float32
+        )
+    partner, weight = cross_fade_partners(pictures, new, rules.fade, sources.next_number)
     other = _picture_columns(partner, heading, sources)
     return {
-        **own, "partner": other.pop("source"),
+        **columns, "partner": other.pop("source"),
         **{f"partner_{name}": column for name, column in other.items()},
         "weight": weight, "pose": pose,
     }  # fmt: skip

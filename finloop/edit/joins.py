@@ -164,13 +164,13 @@ class InertializedPictures(NamedTuple):
 
 
 def inertialize_pictures(
-    shown: PictureSequence, line_deg: Floats, how: JoinRules
+    shown: PictureSequence, line_deg: Floats, rules: JoinRules
 ) -> InertializedPictures:
     """Return the poses and rotations that inertialization adds to pictures (ticks,), and its joins.
 
     line_deg (ticks,): direction for which each sprite is drawn, degrees.
     """
-    bodies, frame, number = how.bodies, shown.frame, shown.number
+    bodies, frame, number = rules.bodies, shown.frame, shown.number
     own = bodies.picture_bodies(frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored)
     last, new = own.select(np.s_[:-1]), own.select(np.s_[1:])
     follows = bodies.next_body(last)  # due after each picture; a sprite turns as the fish does
@@ -179,7 +179,7 @@ def inertialize_pictures(
     follows = follows._replace(heading_deg=turned)
     natural = (new.row == follows.row) & (new.mirrored == follows.mirrored)
     natural &= (frame[1:] == frame[:-1]) & bodies.goes_on[last.row]
-    moves = np.append(True, ~(natural & how.rests[new.row]))
+    moves = np.append(True, ~(natural & rules.rests[new.row]))
     natural[1:] |= (new.row[1:] == last.row[1:]) & (last.row[1:] == last.row[:-1])  # held still
     at = np.flatnonzero(~natural) + 1
     old = follows.select(at - 1)
@@ -187,9 +187,11 @@ def inertialize_pictures(
     offset, velocity = _join_offsets(own, old, at, before, bodies)
     here = own.select(at)
     pairs = np.stack([here.row, old.row, here.mirrored, old.mirrored], -1).tolist()
-    plain = at[[not how.bending_helps(one, other, bool(a), bool(b)) for one, other, a, b in pairs]]
+    plain = at[
+        [not rules.bending_helps(one, other, bool(a), bool(b)) for one, other, a, b in pairs]
+    ]
     offset[plain, :-1] = velocity[plain, :-1] = 0
-    springs = how.spring_response()
+    springs = rules.spring_response()
     clock = np.cumsum(moves) - 1
     left = sum_past_values(springs[0], offset[moves]) + sum_past_values(springs[1], velocity[moves])
     left = left[clock]
@@ -202,7 +204,7 @@ def inertialize_pictures(
     doubtful = posed & (np.linalg.norm(left[:, :-1], axis=1) > shapes.gap)
     if doubtful.any():
         codes[doubtful] = shapes.nearest_codes(codes[doubtful]).codes
-    begins = at[~bodies.are_near_in_film(old, here, how.fade)]
+    begins = at[~bodies.are_near_in_film(old, here, rules.fade)]
     return InertializedPictures(begins, codes.astype(np.float32), posed, left[:, -1])
 
 

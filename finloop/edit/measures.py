@@ -88,14 +88,14 @@ def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def step_measures(mine: Floats, film: Floats) -> dict[str, float]:
+def step_measures(drawn: Floats, film: Floats) -> dict[str, float]:
     """Return how large the steps between an animation's pictures are, compared with the film's.
 
-    mine, film: distances (Eq. 5) between successive pictures. Results: median and 95th percentile
+    drawn, film: distances (Eq. 5) between successive pictures. Results: median and 95th percentile
     over the film's median; percentages above the film's 95th and 99.5th percentile.
     """
-    above = 100 * float((mine > np.quantile(film, 0.995)).mean())
-    return _ratios_to_film(mine, film, "step", "steps") | {"steps_above_film_p995_pct": above}
+    above = 100 * float((drawn > np.quantile(film, 0.995)).mean())
+    return _ratios_to_film(drawn, film, "step", "steps") | {"steps_above_film_p995_pct": above}
 
 
 def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
@@ -109,13 +109,13 @@ def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
     return {"jumps": float(seams.size)} | _ratios_to_film(seams, film, "seam", "jumps")
 
 
-def _ratios_to_film(mine: Floats, film: Floats, name: str, plural: str) -> dict[str, float]:
+def _ratios_to_film(drawn: Floats, film: Floats, name: str, plural: str) -> dict[str, float]:
     """Return distances compared with the film's: ratios to its median, share above its 95th."""
     middle = float(np.median(film))
     return {
-        f"{name}_ratio_median": float(np.median(mine)) / middle,
-        f"{name}_ratio_p95": float(np.quantile(mine, 0.95)) / middle,
-        f"{plural}_above_film_p95_pct": 100 * float((mine > np.quantile(film, 0.95)).mean()),
+        f"{name}_ratio_median": float(np.median(drawn)) / middle,
+        f"{name}_ratio_p95": float(np.quantile(drawn, 0.95)) / middle,
+        f"{plural}_above_film_p95_pct": 100 * float((drawn > np.quantile(film, 0.95)).mean()),
     }
 
 

@@ -53,21 +53,21 @@ class StripLayout(NamedTuple):
 
 @finite_kernel
 def plan_strips(
-    film: NDArray[np.float32], source: PlacedBackbone, target: PlacedBackbone, how: DrawingMode
+    film: NDArray[np.float32], source: PlacedBackbone, target: PlacedBackbone, mode: DrawingMode
 ) -> StripLayout:
     """Plan how to draw a film's picture along another backbone: both strips, and the area to draw.
 
     film: (h, w, c) 0 … 255, alpha last; source, target: the backbone in it and in the new picture.
     """
     there, here = cross_sections(source), cross_sections(target)
-    reach = _visible_reach(film, there) / how.across
+    reach = _visible_reach(film, there) / mode.across
     low_x = low_y = HIDDEN
     high_x = high_y = -HIDDEN
     for i in range(len(reach)):
         if min(_shortest_section(here.limits, i), _shortest_section(there.limits, i)) <= 2 * LEAST:
             reach[i, 0] = reach[i, 1] = 0
             continue
-        if how.mirrored:
+        if mode.mirrored:
             reach[i, 0], reach[i, 1] = reach[i, 1], reach[i, 0]
         for side in range(2):
             longest = max(here.limits[i, side], here.limits[i + 1, side])
@@ -92,7 +92,7 @@ def _shortest_section(limits, i):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def paint_strips(
-    canvas: NDArray[np.float32], film: NDArray[np.float32], to: StripLayout, how: DrawingMode,
+    canvas: NDArray[np.float32], film: NDArray[np.float32], layout: StripLayout, mode: DrawingMode,
     corner: tuple[int, int],
 ) -> None:  # fmt: skip
     """Draw a film's picture into a canvas along another backbone, as `plan_strips` planned.
@@ -101,27 +101,32 @@ def paint_strips(
     corner: row and column of the canvas's first pixel. Where two parts of the body meet, the one
     with more alpha is visible.
     """
-    for i in range(len(to.reach)):
-        if to.reach[i, 0] + to.reach[i, 1] > 0:
+    for i in range(len(layout.reach)):
+        if layout.reach[i, 0] + layout.reach[i, 1] > 0:
             _paint_step(
-                canvas, film, (to.there, to.here), (i, to.reach[i, 0], to.reach[i, 1]), how, corner
+                canvas,
+                film,
+                (layout.there, layout.here),
+                (i, layout.reach[i, 0], layout.reach[i, 1]),
+                mode,
+                corner,
             )
 
 
 @finite_kernel
-def _visible_reach(film, there):  # type: ignore[no-untyped-def]
+def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
     """Return how far [px] the animal is visible beside each step of a strip, (m - 1, 2).
 
-    film: (h, w, c), alpha last; there: the strip in it.
+    film: (h, w, c), alpha last; strip: the strip in it.
     """
     height, width, channels = film.shape
-    m = len(there.points)
+    m = len(strip.points)
     rays = np.empty((m, 2))
     for i in range(m):
-        x, y = there.points[i]
+        x, y = strip.points[i]
         for side in range(2):
-            sign, limit = 1 - 2 * side, there.limits[i, side]
-            nx, ny = sign * there.normals[i, 0], sign * there.normals[i, 1]
+            sign, limit = 1 - 2 * side, strip.limits[i, side]
+            nx, ny = sign * strip.normals[i, 0], sign * strip.normals[i, 1]
             o = min(limit, height + width)  # at most to the picture's edges
             if abs(nx) > _ONE / 1024:
                 o = min(o, max((width - 1 - x) / nx, -x / nx))
@@ -172,7 +177,7 @@ def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _paint_step(canvas, film, strips, part, how, corner):  # type: ignore[no-untyped-def]
+def _paint_step(canvas, film, strips, part, mode, corner):  # type: ignore[no-untyped-def]
     """Draw one step of a strip into the canvas.
 
     strips: in the film and in the new picture; part: number of the step, its reach to the left and
@@ -198,12 +203,12 @@ def _paint_step(canvas, film, strips, part, how, corner):  # type: ignore[no-unt
                 continue
             share = before / (before + after)
             t, along = _strip_place(x, y, front, rear, share)
-            at = t * how.across, along * how.across, share
-            u, v = _film_place(at, film_front, film_rear, how.mirrored)
+            at = t * mode.across, along * mode.across, share
+            u, v = _film_place(at, film_front, film_rear, mode.mirrored)
             if u >= HIDDEN:
                 continue
             red, green, blue, alpha = (
-                _sample_cubically(film, u, v) if how.sharp else _sample_linearly(film, u, v)
+                _sample_cubically(film, u, v) if mode.sharp else _sample_linearly(film, u, v)
             )
             pixel = canvas[y - top, x - left_px]
             if alpha > pixel[channels - 1]:
@@ -341,32 +346,33 @@ class PictureSet(NamedTuple):
 
 
 @finite_kernel
-def distances_in_pose(film: PictureSet, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
-    """Return the distances (k,) between pictures `rows` and `to`, (k,), drawn in one pose (Eq. 5).
+def distances_in_pose(film: PictureSet, rows: Ints, others: Ints, mirrored: Mask) -> Floats:
+    """Return the distances (k,) between pairs of pictures, both drawn in one pose (Eq. 5).
 
-    The distance is Euclidean, of pixels 0 … 1. Pictures `to` are drawn in the postures of `rows`,
-    mirrored (k,) or not. If a picture is nearer as filmed, that distance counts.
+    rows, others: (k,) each, the pictures of a pair. The distance is Euclidean, of pixels 0 … 1. The
+    others are drawn in the postures of `rows`, mirrored (k,) or not. If a picture is nearer as
+    filmed, that distance counts.
     """
     apart = np.empty(len(rows))
     canvas = np.empty(film.pictures.shape[1:], np.float32)
     for k in range(len(rows)):
-        pair = rows[k], to[k], mirrored[k]
+        pair = rows[k], others[k], mirrored[k]
         apart[k] = _distance_in_pose(film, pair, canvas)
     return apart
 
 
 @finite_kernel
 def nearest_in_pose(
-    film: PictureSet, rows: Ints, to: tuple[Ints, Mask, Floats], unit: float, count: int
+    film: PictureSet, rows: Ints, pairs: tuple[Ints, Mask, Floats], unit: float, count: int
 ) -> Floats:
     """Return the distances (k,) of the pairs that can be among the best of their row; −1 of others.
 
     The distances are those of `distances_in_pose`. Each row keeps its `count` cheapest pairs. A
-    pair costs its least cost plus the square of (distance / unit). rows: (k,), rising. to: the
+    pair costs its least cost plus the square of (distance / unit). rows: (k,), rising. pairs: the
     second pictures, whether they are mirrored, and the least costs, which rise within each row;
     (k,) each.
     """
-    partner, mirrored, least = to
+    partner, mirrored, least = pairs
     apart = np.full(len(rows), -1.0)
     canvas = np.empty(film.pictures.shape[1:], np.float32)
     best = np.empty(count)
@@ -403,11 +409,11 @@ def _distance_in_pose(film, pair, canvas):  # type: ignore[no-untyped-def]
     here = PlacedBackbone(middle, middle, 0.0, size_px, postures[row])
     there = PlacedBackbone(middle, middle, 0.0, size_px, postures[to])
     picture, partner = pictures[row], pictures[to].astype(np.float32)
-    how = DrawingMode(1.0, mirrored, False)
+    mode = DrawingMode(1.0, mirrored, False)
     canvas[:] = 0
     # No literals: numba would compile all kernels of `paint_strips` again for them.
     paint_strips(
-        canvas, partner, plan_strips(partner, there, here, how), how, (np.int64(0), np.int64(0))
+        canvas, partner, plan_strips(partner, there, here, mode), mode, (np.int64(0), np.int64(0))
     )
     posed = plain = 0.0
     for y in range(side):

@@ -42,7 +42,9 @@ def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> 
     return float((high - low) / max(np.median(end * step), 1e-9))
 
 
-def align_body_and_tail(tracks: pd.DataFrame, backbones: Reals, how: TailParameters) -> Points:
+def align_body_and_tail(
+    tracks: pd.DataFrame, backbones: Reals, parameters: TailParameters
+) -> Points:
     """Resample backbones (k, n, 2) px: a point is the same place of body or tail in all rows.
 
     The first points, from the head, divide the body, the others the whole tail; where no tail is
@@ -51,13 +53,13 @@ def align_body_and_tail(tracks: pd.DataFrame, backbones: Reals, how: TailParamet
     """
     widths = _half_widths_head_first(tracks, backbones)
     lines = np.stack([
-        _smooth_line(line, width, how.smoothing)
+        _smooth_line(line, width, parameters.smoothing)
         for line, width in zip(backbones.astype(float), widths, strict=True)
     ])  # fmt: skip
     count = lines.shape[1]
-    body = max(1, round(how.body * (count - 1)))
-    step, end = _mean_step_lengths(lines), _find_body_ends(widths, how.thin)
-    tail = np.quantile((count - 1 - end) * step, how.whole) / step  # in steps, as below
+    body = max(1, round(parameters.body * (count - 1)))
+    step, end = _mean_step_lengths(lines), _find_body_ends(widths, parameters.thin)
+    tail = np.quantile((count - 1 - end) * step, parameters.whole) / step  # in steps, as below
     shares = np.arange(count - body) / max(count - 1 - body, 1)
     before = end[:, None] * np.linspace(0, 1, body + 1)[:-1]
     places = np.concatenate([before, end[:, None] + tail[:, None] * shares], 1)  # also beyond n - 1

@@ -268,11 +268,11 @@ class Painter:
         light = 1 - share * dark[..., None]
         self.canvas[box.slices] = np.rint(self.canvas[box.slices] * light).astype(np.uint8)
 
-    def _coverage(self, one: PlacedFish, box: Box) -> NDArray[np.float32]:
+    def _coverage(self, fish: PlacedFish, box: Box) -> NDArray[np.float32]:
         """Return the share, 0-1, of each pixel of a box (h, w) that a fish covers."""
         shape = box.bottom - box.top, box.right - box.left, self.canvas.shape[2]
         black, white = (Painter(np.full(shape, level, np.uint8)) for level in (0, 255))
-        moved = one._replace(x_px=one.x_px - box.left, y_px=one.y_px - box.top)
+        moved = fish._replace(x_px=fish.x_px - box.left, y_px=fish.y_px - box.top)
         for painter in (black, white):
             painter.draw(*moved)
         through = white.canvas.astype(np.float32) - black.canvas

@@ -41,30 +41,31 @@ class RowSequence:
         return PictureSequence(np.ones(len(self.row), bool), self.row, turn, self.mirrored)
 
 
-def shown_pose_codes(sources: RowSequence, heading_deg: Floats, how: JoinRules) -> Floats:
+def shown_pose_codes(sources: RowSequence, heading_deg: Floats, joins: JoinRules) -> Floats:
     """Return the pose codes (T, c) that the shown rows have, smoothed over transitions if they are.
 
-    heading_deg (T,): on screen; how: the kind of transitions. Only inertialized ones are smoothed.
+    heading_deg (T,): on screen; joins: the kind of transitions. Only inertialized ones are
+    smoothed.
     """
-    shown = sources.to_pictures(heading_deg, how.bodies)
-    codes = how.bodies.codes(
-        how.bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
+    shown = sources.to_pictures(heading_deg, joins.bodies)
+    codes = joins.bodies.codes(
+        joins.bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
     )
-    if how.kind != INERTIAL:
+    if joins.kind != INERTIAL:
         return codes
-    states = inertialize_pictures(shown, heading_deg, how)
+    states = inertialize_pictures(shown, heading_deg, joins)
     return np.where(states.posed[:, None], states.codes, codes)
 
 
 def build_edit_list(
-    sources: RowSequence, pose: Pose, codes: Floats, scale: Floats, how: JoinRules, rate_hz: float
+    sources: RowSequence, pose: Pose, codes: Floats, scale: Floats, joins: JoinRules, rate_hz: float
 ) -> pd.DataFrame:
     """Build the edit list of a retargeted track (columns of `EDIT`), one line a tick.
 
     sources: the shown rows; pose (T): as drawn; codes (T, c): of these poses; scale (n,): at which
-    each film row is drawn; how: the kind of transitions; rate_hz: ticks per second.
+    each film row is drawn; joins: the kind of transitions; rate_hz: ticks per second.
     """
-    ticks, bodies = len(sources.row), how.bodies
+    ticks, bodies = len(sources.row), joins.bodies
     heading = wrap_deg(np.degrees(pose.heading_rad))
     shown = sources.to_pictures(heading, bodies)
     begins = sources.switch
@@ -72,9 +73,9 @@ def build_edit_list(
     if len(begins):  # within one passage light and skin are the same
         here = bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
         old = bodies.next_body(here.select(begins - 1))
-        begins = begins[~bodies.are_near_in_film(old, here.select(begins), how.fade)]
+        begins = begins[~bodies.are_near_in_film(old, here.select(begins), joins.fade)]
     partner, weight = cross_fade_partners(
-        shown, begins, how.fade, lambda _, row: row + int(goes_on[row])
+        shown, begins, joins.fade, lambda _, row: row + int(goes_on[row])
     )
     fades = weight > 0
     speed = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) * rate_hz / pose.size_px[1:]

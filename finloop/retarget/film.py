@@ -227,32 +227,32 @@ def _scale_track(
 
 
 def _choose_rows_and_place(
-    way: _PlacedTrack, rows: FilmRows, how: JoinRules, film: RetargetData, p: RetargetSettings
+    track: _PlacedTrack, rows: FilmRows, joins: JoinRules, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _PlacedTrack]:
     """Choose the film rows for a track and place it in the tank; return both.
 
     The film's postures are known only after the rows are; then the backbones are moved into the
     tank. A path that shrinks for them is slower, so its rows are chosen again.
     """
-    if way.has_postures:
-        way = way.move_by(*way.offsets_into_tank(film, p))
-        return _choose_rows(way, rows, film, p), way
-    sources, fish = _choose_rows_without_postures(way, rows, how, film, p)
+    if track.has_postures:
+        track = track.move_by(*track.offsets_into_tank(film, p))
+        return _choose_rows(track, rows, film, p), track
+    sources, fish = _choose_rows_without_postures(track, rows, joins, film, p)
     offset, size = fish.offsets_into_tank(film, p)
     if size < 1:
-        way = way.move_by(offset, size)
-        sources, fish = _choose_rows_without_postures(way, rows, how, film, p)
+        track = track.move_by(offset, size)
+        sources, fish = _choose_rows_without_postures(track, rows, joins, film, p)
         offset, size = fish.offsets_into_tank(film, p)
     return sources, fish.move_by(offset, size)
 
 
 def _choose_rows(
-    way: _PlacedTrack, rows: FilmRows, film: RetargetData, p: RetargetSettings
+    track: _PlacedTrack, rows: FilmRows, film: RetargetData, p: RetargetSettings
 ) -> RowSequence:
     """Return the film rows that follow a track at the least cost."""
-    pose = way.pose
+    pose = track.pose
     place = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
-    codes = way.codes if way.has_postures else None
+    codes = track.codes if track.has_postures else None
     asked = rows.query_vectors(place, np.unwrap(pose.heading_rad), codes)
     numbers = find_cheapest_rows(
         rows, asked, p.candidates, p.switch, infer_delta_frames(film.reel.features)
@@ -261,16 +261,16 @@ def _choose_rows(
 
 
 def _choose_rows_without_postures(
-    way: _PlacedTrack, rows: FilmRows, how: JoinRules, film: RetargetData, p: RetargetSettings
+    track: _PlacedTrack, rows: FilmRows, joins: JoinRules, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _PlacedTrack]:
     """Choose rows for a track without postures; return them and the track in their postures."""
-    sources = _choose_rows(way, rows, film, p)
-    heading = np.unwrap(way.pose.heading_rad)
-    codes = shown_pose_codes(sources, np.degrees(heading), how)
+    sources = _choose_rows(track, rows, film, p)
+    heading = np.unwrap(track.pose.heading_rad)
+    codes = shown_pose_codes(sources, np.degrees(heading), joins)
     postures = film.poses.shapes.decode(codes)
-    known = heading if len(way.at) == 1 else None
-    pose = align_postures(postures, way.points, way.at, film.reel.length_px, known)
-    return sources, way._replace(pose=pose, codes=codes)
+    known = heading if len(track.at) == 1 else None
+    pose = align_postures(postures, track.points, track.at, film.reel.length_px, known)
+    return sources, track._replace(pose=pose, codes=codes)
 
 
 def _travel_headings(place: Points, span: int, still_px: float) -> Floats:
@@ -288,10 +288,10 @@ def _travel_headings(place: Points, span: int, still_px: float) -> Floats:
 
 
 def _requested_motion_table(
-    motion: RecordedMotion, way: _PlacedTrack, sources: RowSequence
+    motion: RecordedMotion, track: _PlacedTrack, sources: RowSequence
 ) -> pd.DataFrame:
     """Return the table of every tick as requested and as drawn, with the columns of `ASKED`."""
-    points, pose, at = way.points, way.pose, way.at
+    points, pose, at = track.points, track.pose, track.at
     backbone = pose.backbone_px()
     apart = np.full(len(points), np.nan)
     if len(at) > 1:
@@ -307,6 +307,6 @@ def _requested_motion_table(
         "file_s": motion.time_s,
         **lists,
         "apart": apart,
-        "clamped": way.clamped,
+        "clamped": track.clamped,
         "switch": np.isin(np.arange(len(points)), sources.switch),
     }).astype(ASKED.kinds)[ASKED.names]  # fmt: skip

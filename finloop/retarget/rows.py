@@ -118,20 +118,20 @@ def _join_and_flatten(parts: list[Floats]) -> Floats:
 
 
 def find_cheapest_rows(
-    rows: FilmRows, asked: Floats, candidates: int, switch: float, delta: int
+    rows: FilmRows, requested: Floats, candidates: int, switch: float, delta: int
 ) -> Ints:
     """Return the row numbers (T,) that follow the requested motion at the least cost (Viterbi).
 
-    asked (T, d): of `query_vectors`; candidates: nearest rows tried at a tick, besides those that
-    play on; switch: cost of a transition, in natural steps; delta: Δ in ticks. A mirror image has
-    its row's number + count.
+    requested (T, d): of `query_vectors`; candidates: nearest rows tried at a tick, besides those
+    that play on; switch: cost of a transition, in natural steps; delta: Δ in ticks. A mirror image
+    has its row's number + count.
     """
     there = np.flatnonzero(np.isfinite(rows.values).all(1))
     near = Nearest.from_vectors(rows.values[there].astype(np.float32)).search(
-        asked, min(candidates, len(there))
+        requested, min(candidates, len(there))
     )
     numbers, costs, before, every = np.zeros(0, np.int64), np.zeros(0), [], []
-    for tick, wanted in enumerate(asked):
+    for tick, wanted in enumerate(requested):
         goes = rows.follows[numbers]
         plays = np.flatnonzero(goes >= 0)
         now = np.union1d(there[near[tick][near[tick] >= 0]], goes[plays])

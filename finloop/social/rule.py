@@ -150,7 +150,7 @@ class DecidingFish(NamedTuple):
 
 
 def next_place_in_school(
-    own: DecidingFish,
+    fish: DecidingFish,
     others: OtherFish,
     shoaling: SchoolRule,
     walls: Walls,
@@ -158,12 +158,12 @@ def next_place_in_school(
 ) -> tuple[float, float] | None:
     """Return the place x, y in px to which a fish swims next; None if no other fish pulls it.
 
-    own: the fish; rng: source of chance. The place is the end of a step of the film plus the pull
+    fish: the fish; rng: source of chance. The place is the end of a step of the film plus the pull
     of the other fish. Of several steps drawn, it is the first that ends in the tank. If all end
     outside, it is the last, and the caller must move it into the tank.
     """
     place, heading = complex_vectors(
-        np.array([[own.x, own.y]]), np.array([own.heading_deg]), walls.length
+        np.array([[fish.x, fish.y]]), np.array([fish.heading_deg]), walls.length
     )
     group = complex_vectors(others.places, others.headings_deg, walls.length)
     pulls = pull_of_others(
@@ -171,7 +171,7 @@ def next_place_in_school(
     )
     if pulls[0] == 0:
         return None
-    steps, last = shoaling.steps, np.array([own.last + 0j])
+    steps, last = shoaling.steps, np.array([fish.last + 0j])
     moves, _ = steps.draw_similar_steps(
         walls.vectors_from_wall(place, heading), last, shoaling.alike, rng
     )

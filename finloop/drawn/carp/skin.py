@@ -68,9 +68,7 @@ class FishColours:
     girth: float  # width of the fish relative to the standard one
 
 
-def _cloud_texture(
-    shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Generator
-) -> Image:
+def _clouds(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Generator) -> Image:
     """Return a random texture of mean 0 and SD 1: the sum of noise blurred by `sizes` (px)."""
     total = np.zeros(shape, np.float32)
     for size in sizes:
@@ -87,14 +85,14 @@ def _cloud_texture(
     return np.asarray(total / total.std(), np.float32)
 
 
-def _lay_over(base: Image, colour: tuple[float, ...] | Image, weight: Image) -> Image:
+def _tint(base: Image, colour: tuple[float, ...] | Image, weight: Image) -> Image:
     """Lay a colour over a picture, as opaque as `weight` (0-1) says at each pixel."""
     over = np.asarray(colour, np.float32)
     return np.asarray(base + (over - base) * weight[..., None], np.float32)
 
 
-def _smooth_step(x: Image, low: float, high: float) -> Image:
-    """Return a smooth step from 0 where x is below `low` to 1 above `high`."""
+def _ramp(x: Image, low: float, high: float) -> Image:
+    """Return a smooth ramp from 0 where x is below `low` to 1 above `high`."""
     t = np.clip((x - low) / (high - low), 0, 1)
     return np.asarray(t * t * (3 - 2 * t), np.float32)
 
@@ -109,7 +107,7 @@ _COATS = (
 
 
 def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
-    """Paint one carp from chance; return the pictures of its skin and fin.
+    """Paint one carp, with random spots; return the pictures of its skin and fin.
 
     columns: width of the skin picture, px; coat: number of its colours.
     """
@@ -124,64 +122,58 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     # Back and flanks, with sharp koi-like patches, fewer on the head.
     skin = np.empty((*shape, 3), np.float32)
     skin[:] = back
-    skin = _lay_over(
-        skin, flank, _smooth_step(np.abs(r) + 0.12 * _cloud_texture(shape, (30,), rng), 0.35, 0.95)
-    )
-    field = _cloud_texture(shape, (70, 34), rng) + 0.10 * _cloud_texture(shape, (5,), rng)
+    skin = _tint(skin, flank, _ramp(np.abs(r) + 0.12 * _clouds(shape, (30,), rng), 0.35, 0.95))
+    field = _clouds(shape, (70, 34), rng) + 0.10 * _clouds(shape, (5,), rng)
     body = np.abs(r) < 1
     level = float(np.quantile(field[body], 0.70))
-    skin = _lay_over(
+    skin = _tint(
         skin,
         patch,
-        _smooth_step(field, level - 0.08, level + 0.08) * _smooth_step(s + 0 * v, 0.05, 0.2) * 0.92,
+        _ramp(field, level - 0.08, level + 0.08) * _ramp(s + 0 * v, 0.05, 0.2) * 0.92,
     )
-    field = _cloud_texture(shape, (46, 22), rng) + 0.12 * _cloud_texture(shape, (5,), rng)
+    field = _clouds(shape, (46, 22), rng) + 0.12 * _clouds(shape, (5,), rng)
     level = float(np.quantile(field[body], 0.84))
-    skin = _lay_over(skin, dark, _smooth_step(field, level - 0.09, level + 0.09) * 0.85)
+    skin = _tint(skin, dark, _ramp(field, level - 0.09, level + 0.09) * 0.85)
     # Scales: staggered arcs behind the head, each with a soft light.
     size = 0.026
     lane = np.floor(v / (size * 0.5))
     cell = np.mod(s / size + 0.5 * np.mod(lane, 2), 1.0) - 0.5
     across = np.mod(v / (size * 0.5), 1.0) - 0.5
-    net = _smooth_step(np.hypot(cell - 0.18, across * 0.9), 0.34, 0.58)
-    scaled = _smooth_step(s, 0.20, 0.27) * (1 - _smooth_step(s, 0.84, 0.90))
+    net = _ramp(np.hypot(cell - 0.18, across * 0.9), 0.34, 0.58)
+    scaled = _ramp(s, 0.20, 0.27) * (1 - _ramp(s, 0.84, 0.90))
     skin *= (1 + scaled * (0.12 - 0.34 * net))[..., None]
     # Bony plates of the head, gill covers, nostrils and mouth.
-    head = 1 - _smooth_step(s, 0.18, 0.25)
-    skin *= (1 + head * 0.07 * _cloud_texture(shape, (16, 7), rng))[..., None]
-    gill = np.exp(-(((s - (0.205 - 0.045 * r**2)) / 0.007) ** 2)) * _smooth_step(
-        np.abs(r), 0.25, 0.6
-    )
+    head = 1 - _ramp(s, 0.18, 0.25)
+    skin *= (1 + head * 0.07 * _clouds(shape, (16, 7), rng))[..., None]
+    gill = np.exp(-(((s - (0.205 - 0.045 * r**2)) / 0.007) ** 2)) * _ramp(np.abs(r), 0.25, 0.6)
     skin *= (1 - 0.45 * gill)[..., None]
-    plate = np.exp(-(((s - 0.165 + 0.02 * r**2) / 0.02) ** 2)) * _smooth_step(
-        1 - np.abs(r), 0.1, 0.6
-    )
+    plate = np.exp(-(((s - 0.165 + 0.02 * r**2) / 0.02) ** 2)) * _ramp(1 - np.abs(r), 0.1, 0.6)
     skin *= (1 + 0.10 * plate)[..., None]
     for side in (-1, 1):
         nostril = np.exp(-(((s - 0.042) / 0.006) ** 2 + ((v - side * 0.018) / 0.005) ** 2))
         skin *= (1 - 0.5 * nostril)[..., None]
     skin *= (1 - 0.25 * np.exp(-((s / 0.012) ** 2)) * np.ones_like(v))[..., None]
     # The folded dorsal fin, its shade, and the roundness of the body.
-    spine = 0.0016 * np.sin(s * 40) * _smooth_step(s, 0.3, 0.5)
-    dorsal = _smooth_step(s, 0.36, 0.41) * (1 - _smooth_step(s, 0.66, 0.74))
+    spine = 0.0016 * np.sin(s * 40) * _ramp(s, 0.3, 0.5)
+    dorsal = _ramp(s, 0.36, 0.41) * (1 - _ramp(s, 0.66, 0.74))
     skin *= (1 - 0.40 * dorsal * np.exp(-(((v - spine) / 0.0065) ** 2)))[..., None]
     skin *= (1 + 0.35 * dorsal * np.exp(-(((v - spine - 0.009) / 0.004) ** 2)))[..., None]
     rounded = np.sqrt(np.clip(1 - 0.93 * np.clip(r * r, 0, 1), 0, 1))
-    trunk = 1 - _smooth_step(s, TAIL_BLADE - 0.06, TAIL_BLADE + 0.03)
+    trunk = 1 - _ramp(s, TAIL_BLADE - 0.06, TAIL_BLADE + 0.03)
     skin *= (trunk * (0.40 + 0.70 * rounded) + (1 - trunk))[..., None]
     # Eyes at the sides of the head: dark, with a pale rim and a glint.
     for side in (-1, 1):
         far = np.hypot((s - 0.088) / 1.15, v - side * 0.0535)
-        skin = _lay_over(skin, (150, 132, 84), (1 - _smooth_step(far, 0.0125, 0.0160)) * 0.7)
-        skin = _lay_over(skin, (12, 12, 12), 1 - _smooth_step(far, 0.0090, 0.0118))
+        skin = _tint(skin, (150, 132, 84), (1 - _ramp(far, 0.0125, 0.0160)) * 0.7)
+        skin = _tint(skin, (12, 12, 12), 1 - _ramp(far, 0.0090, 0.0118))
         glint = np.hypot(s - 0.0845, v - side * 0.0515)
-        skin = _lay_over(skin, (170, 172, 168), (1 - _smooth_step(glint, 0.0012, 0.0036)) * 0.8)
+        skin = _tint(skin, (170, 172, 168), (1 - _ramp(glint, 0.0012, 0.0036)) * 0.8)
     # Caudal fin on edge: dark membrane, rays along it, thinner towards its end.
-    blade = _smooth_step(s, TAIL_BLADE - 0.03, TAIL_BLADE + 0.04) + 0 * v
+    blade = _ramp(s, TAIL_BLADE - 0.03, TAIL_BLADE + 0.04) + 0 * v
     tone = np.asarray(dark, np.float32) * 0.7 + np.asarray(flank, np.float32) * 0.3
-    skin = _lay_over(skin, tone, blade * 0.75)
+    skin = _tint(skin, tone, blade * 0.75)
     skin *= (1 + blade * 0.12 * np.sin(v * 2 * np.pi / 0.0075))[..., None]
-    opaque = 1 - 0.28 * _smooth_step(s, TAIL_BLADE, 1.0) + 0 * v
+    opaque = 1 - 0.28 * _ramp(s, TAIL_BLADE, 1.0) + 0 * v
     small = cv2.resize(
         np.dstack([np.clip(skin, 4, 176), opaque]).astype(np.float32),
         (columns, max(8, round(columns * 2 * SKIN_HALF))),
@@ -202,15 +194,15 @@ def _paint_fin_picture(
     # Paddle outline: narrow root, broad round end, the leading edge (across < 0) longer.
     half = 0.66 * np.sqrt(np.clip(along * (1.0 - along**3), 0, None)) * (0.22 + 0.56 * along)
     middle = -0.05 * along
-    inside = 1 - _smooth_step(np.abs(across - middle) - half, -0.012, 0.012)
+    inside = 1 - _ramp(np.abs(across - middle) - half, -0.012, 0.012)
     angle = np.arctan2(across, along + 0.12)
-    rays = 0.5 + 0.5 * np.cos(angle * 62 + 0.4 * _cloud_texture((size, size), (40,), rng))
+    rays = 0.5 + 0.5 * np.cos(angle * 62 + 0.4 * _clouds((size, size), (40,), rng))
     opaque = (0.74 - 0.32 * along) * (0.72 + 0.28 * rays)
     lead = np.exp(-(((across - middle + half) / 0.035) ** 2))
     opaque = np.clip(opaque + 0.3 * lead, 0, 0.92)
     colour = np.empty((size, size, 3), np.float32)
     colour[:] = np.asarray(flank, np.float32) * 0.55 + np.asarray(back, np.float32) * 0.35
-    colour = _lay_over(colour, dark, 0.5 * rays * np.ones_like(along))
+    colour = _tint(colour, dark, 0.5 * rays * np.ones_like(along))
     picture = np.dstack([colour * (opaque * inside)[..., None], opaque * inside])
     layers = [
         cv2.resize(layer.astype(np.float32), (columns, columns), interpolation=cv2.INTER_AREA)
@@ -222,13 +214,9 @@ def _paint_fin_picture(
 def paint_floor(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
     """Paint the empty tank, (height, width, 3) RGB: sand, pebbles, pools of light, walls."""
     shape = (height_px, width_px)
-    grey = (
-        172
-        + 5.5 * _cloud_texture(shape, (0.7, 1.3), rng)
-        + 2.6 * _cloud_texture(shape, (5, 9), rng)
-    )
-    grey += 4.0 * _cloud_texture(shape, (60, 130), rng)
-    warm = 0.8 * _cloud_texture(shape, (12, 40), rng)
+    grey = 172 + 5.5 * _clouds(shape, (0.7, 1.3), rng) + 2.6 * _clouds(shape, (5, 9), rng)
+    grey += 4.0 * _clouds(shape, (60, 130), rng)
+    warm = 0.8 * _clouds(shape, (12, 40), rng)
     stones = _pebbles(width_px, height_px, rng)
     grey += stones
     picture = np.dstack([grey * 1.035 + warm, grey * 1.0, grey * 0.90 - 1.5 * warm])
