@@ -146,7 +146,10 @@ class Bodies:
         return np.where(frame, 0.0, self._sprite_bodies[3][np.where(frame, 0, number)])
 
     def are_near_in_film(self, one: Body, other: Body, frames: int) -> Mask:
-        """Return a mask (…) of pairs at most `frames` apart in a track, mirrored alike."""
+        """Return a mask (…) of the pairs of bodies that are near each other in a track.
+
+        Near means at most `frames` apart and mirrored alike.
+        """
         track = np.append(0, np.cumsum(~self.goes_on[:-1]))
         near = np.abs(one.row - other.row) <= frames
         return near & (track[one.row] == track[other.row]) & (one.mirrored == other.mirrored)
@@ -160,7 +163,7 @@ class Bodies:
         return self._mirror_codes(self._code_speeds[body.row], body.mirrored)
 
     def _mirror_codes(self, codes: Floats, mirrored: Mask) -> Floats:
-        """Return pose codes (…, c), mirrored where a mask (…) says so."""
+        """Return pose codes (…, c) with those in a mask (…) mirrored."""
         return np.where(mirrored[..., None], codes @ self.poses.shapes.mirror_matrix, codes)
 
 

@@ -37,7 +37,10 @@ _WHOLE = -1  # in the column scale: all scales together
 
 @dataclass(frozen=True)
 class ClockComparison:
-    """How well each of the four CLOCKS predicts the contours of frames held out of the fit."""
+    """How well each of the four CLOCKS predicts the contours of frames held out of the fit.
+
+    A clock says how much of the first key frame is left at each moment between two key frames.
+    """
 
     scheme: str  # what is held out at a time: "cycles" or "every other frame"
     rms: dict[str, float]  # by clock: RMS distance of contours / body length
@@ -137,7 +140,7 @@ def _select_frames(film: GaitContours, mask: Mask) -> GaitContours:
 
 
 def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
-    """Fit any clock that falls from 1 to 0 to a subcycle; return its values (s,) at tau (s,).
+    """Fit a clock of any falling shape, 1 to 0, to a subcycle; return its values (s,) at tau (s,).
 
     tau: shares 0-1 of the subcycle. The fit is an isotonic regression, the best clock possible.
     """

@@ -222,14 +222,14 @@ class Subcycle:
     scales: list[slice]  # the slice of each scale in the n coefficients
 
     def gamma_fraction(self, scale: slice = slice(None)) -> tuple[float, float]:
-        """Return the fraction that gives γ, for a slice of the coefficients."""
+        """Return the fraction that gives the gait parameter γ, for a slice of the coefficients."""
         frames = self.samples.coefficients[:, scale].reshape(len(self.samples.tau), -1)
         return gamma_fraction(
             self.samples.tau, frames, self.start[scale].ravel(), self.end[scale].ravel()
         )
 
     def gammas(self, per_scale: bool, still: float) -> tuple[float, ...]:
-        """Fit γ to the film's frames: return one per scale, coarse to fine, or one for all scales.
+        """Fit the gait parameter γ: return one per scale, coarse to fine, or one for all scales.
 
         still: γ is 0 where points move less than this (RMS), in the unit of the contours.
         """
@@ -269,7 +269,7 @@ def build_subcycles(
 def fit_all_gammas(
     subcycles: Mapping[tuple[str, int], Subcycle], per_scale: bool, still: float
 ) -> Gammas:
-    """Fit γ of every contour: return by id, then by "A" and "B", one per scale or one for all.
+    """Fit gait parameters γ: return by id, then by "A" and "B", one per scale or one for all.
 
     still: γ is 0 where points move less than this (RMS), in the unit of the contours.
     """

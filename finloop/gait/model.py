@@ -146,7 +146,7 @@ def key_1_share(tau: Points, gamma: float | Points) -> Points:
 
 
 def gamma_fraction(tau: Points, frames: Points, start: Points, end: Points) -> tuple[float, float]:
-    """Return numerator and denominator of the γ that fits frames of a subcycle by least squares.
+    """Return numerator and denominator of the gait parameter γ that fits frames of a subcycle best.
 
     tau (s,): shares 0-1 of the subcycle; frames (s, k): coordinates; start, end (k,): coordinates
     of the key frames at both ends.
@@ -158,7 +158,7 @@ def gamma_fraction(tau: Points, frames: Points, start: Points, end: Points) -> t
 
 
 def gamma_from_fractions(fractions: Iterable[tuple[float, float]]) -> float:
-    """Return the γ that fits one or more sets of frames together, from each `gamma_fraction`.
+    """Return the gait parameter γ that fits sets of frames together, from each `gamma_fraction`.
 
     Sets that move more count more. γ is 0 if nothing moves, or no frame lies between the keys.
     """
@@ -208,7 +208,7 @@ def descriptor_slices(n: int, coarse: int, closed: bool = True) -> list[slice]:
 def gamma_per_coefficient(
     gamma: tuple[float, ...], n: int, coarse: int, closed: bool = True
 ) -> Points:
-    """Return γ for each of n wavelet coefficients, (n,), from one γ per scale, coarse to fine.
+    """Return the gait parameter γ of each of n wavelet coefficients, (n,), from one per scale.
 
     n, coarse, closed as in `descriptor_slices`. The last γ holds for all finer scales.
     """
@@ -264,7 +264,7 @@ def _reduce_control_points(
 
 
 def opposite_limb(name: str, names: Mapping[str, object] | set[str] | list[str]) -> str:
-    """Return the id of the limb on the other side if it is among `names`, else the id itself."""
+    """Return the id of the left-right partner of a limb if `names` has it, else the id itself."""
     for side, opposite in (("left", "right"), ("right", "left")):
         if side in name and (swapped := name.replace(side, opposite)) in names:
             return swapped

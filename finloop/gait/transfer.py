@@ -109,7 +109,7 @@ def repeat_cycle(morph: Morph, cycles: int) -> Morph:
 
 
 def add_pooled_gamma(gait: Gait) -> Gait:
-    """Return the gait with a mean γ (POOLED) for contours that it does not name."""
+    """Return the gait with a mean gait parameter γ for contours that it does not name."""
     if POOLED in gait.gamma or not gait.gamma:
         return gait
     pooled = {

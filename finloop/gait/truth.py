@@ -9,7 +9,7 @@ QUADRATURE = 401
 
 
 def true_gamma(dog: DogFilm, n: int = 256) -> dict[str, dict[str, float]]:
-    """Return the drawn dog's true γ, by limb and then by subcycle ("A", "B").
+    """Return the true gait parameters γ of the drawn dog, by limb and subcycle ("A", "B").
 
     n: points of a contour. It is the least-squares γ of the exact contours. It differs a little
     from the γ of the foot's clock (`gammas`), as points move on arcs and the body bobs.

@@ -87,7 +87,7 @@ def frame_slots(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:
 
 
 def spread_to_slots(values: Complex, index: Ints, slot: Ints, shape: tuple[int, int]) -> Complex:
-    """Spread values (n,) over an array (frames, m); NaN where a fish is absent.
+    """Spread the values (n,) of a table over an array (frames, m); NaN where a fish is absent.
 
     index, slot, shape: from `frame_slots`.
     """

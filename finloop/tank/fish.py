@@ -35,7 +35,10 @@ class FishSurface:
         return len(self.poses)
 
     def _compute_batch(self, batch: int) -> tuple[Floats, Floats]:
-        """Return points, px about the mass centre, and normals (k, rings, around, 3)."""
+        """Compute points and normals, (k, rings, around, 3) each, for a batch of k ticks.
+
+        Points are px about the mass centre; batch: its number.
+        """
         ticks, poses = slice(batch * _BATCH, (batch + 1) * _BATCH), self.poses
         return fish_surfaces(
             poses.backbone[ticks], poses.half_width[ticks], self.typical, self.length_px

@@ -81,7 +81,7 @@ class FishSkins:
 
 
 def _opaque_colours(pixels: Picture) -> NDArray[np.float32]:
-    """Return colours (h, w, c) of a cut-out without alpha; faint pixels get those nearby."""
+    """Return a cut-out's colours (h, w, c) without alpha; faint pixels get colours near them."""
     pixel = pixels.astype(np.float32)
     near = cv2.GaussianBlur(pixel, (0, 0), 2.0)
     alpha = pixel[..., -1:]

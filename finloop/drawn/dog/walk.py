@@ -109,7 +109,7 @@ def frame_phases(dog: DogFilm) -> Floats:
 
 
 def foot_gammas(dog: DogFilm, name: str) -> tuple[float, float, float, float]:
-    """Return the γ of a limb's foot in subcycles A, B, C, D: how unevenly it moves.
+    """Return the gait parameters γ of a limb's foot in subcycles A, B, C, D.
 
     name: one of NAMES; γ is 0 while the foot is on the ground.
     """
