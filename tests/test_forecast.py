@@ -263,7 +263,9 @@ def test_a_sampler_takes_means_that_were_predicted_before(film, learnt, swim):
     again = build_sampler(film, learnt[0], (swim.start, swim.to), HOW, 2 * swim.mean)
     assert np.array_equal(again.mean, 2 * swim.mean)
     rows = film.rows[:50]
-    assert np.allclose(swim.mean[rows], learnt[0].mean(film.past(rows), film.control[rows]))
+    assert np.allclose(
+        swim.mean[rows], learnt[0].predict_means(film.past(rows), film.control[rows])
+    )
 
 
 def test_in_the_long_run_all_rows_are_visited_alike(swim):
