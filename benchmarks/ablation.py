@@ -88,7 +88,7 @@ def _measure_seed(part: str, seed: int) -> dict[str, float]:
         p = replace_settings(usual, **fixed | PARTS[part])
         plans = matching_animator(material(project, p), p)
         film = measures.motion_of_film(project.features, plans.world.motion)
-        steps = project.steps[["headed", "as_filmed"]].dropna()
+        steps = project.step_distances[["headed", "as_filmed"]].dropna()
         trials = []
         for number in range(TRIALS):
             edit, goals = plans.trial(number)

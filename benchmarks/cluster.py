@@ -30,9 +30,9 @@ from finloop.base.parallel import Workers
 from finloop.extract import film
 from finloop.extract.write import extract_tracks
 from finloop.io.video import FACTS_NAME, load_facts
-from stages.cluster import workers
+from stages.cluster import open_workers
 from stages.extract import WORKERS_NEED
-from stages.settings import load
+from stages.settings import load_settings
 
 FILM = ["clip=zebrafish"]
 CARP = ["clip=carp", "clip.frames=1920", "clip.width_px=320", "clip.height_px=240",
@@ -144,7 +144,7 @@ def extract_with_kills(
             before = there()
 
     out.mkdir()
-    extract_tracks(clip, load("extract"), out, pool, advance)
+    extract_tracks(clip, load_settings("extract"), out, pool, advance)
     return count
 
 
@@ -157,7 +157,7 @@ def compare_killed_runs(folder: Path) -> list[tuple[str, int, bool]]:
     results: list[tuple[str, int, bool]] = []
     for name, where in {"2 processes": [], "cluster=local": ["cluster=local"]}.items():
         prepare(folder, [*CARP, *where])
-        with chdir(folder), workers(WORKERS_NEED) as pool:
+        with chdir(folder), open_workers(WORKERS_NEED) as pool:
 
             def worker_ids(pool: Workers = pool) -> set[int]:
                 if client := getattr(pool, "client", None):

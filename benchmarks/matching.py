@@ -6,14 +6,16 @@ from finloop.modes.matching import MatchingData
 from finloop.plan.load_paths import load_lines
 from finloop.plan.matching_settings import AllSettings, merge_settings
 from finloop.project import Project
-from stages.settings import load
+from stages.settings import load_settings
 
 MODE = "matching"
 
 
 def settings_without_path() -> AllSettings:
     """Return the parameters of the present folder, without a path."""
-    return replace_settings(merge_settings(load("animate"), load("matching")), path=None)
+    return replace_settings(
+        merge_settings(load_settings("animate"), load_settings("matching")), path=None
+    )
 
 
 def replace_settings(p: AllSettings, **values: Any) -> AllSettings:
@@ -32,7 +34,7 @@ def material(project: Project, p: AllSettings) -> MatchingData:
     """Return the data from which the stage `modes-matching` makes its animation."""
     return MatchingData(
         project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
-        project.steps, project.jumps, project.poses, project.forecast,
-        load_lines(p, project.features), project.facts.mm_per_px, project.rule,
+        project.step_distances, project.jumps, project.poses, project.forecast_sampler,
+        load_lines(p, project.features), project.facts.mm_per_px, project.school_rule,
         project.background,
     )  # fmt: skip

@@ -26,9 +26,9 @@ import yaml
 from benchmarks.pipeline import ROOT, paths
 from finloop.base.settings import WORDS, variants
 from finloop.edit.modes import MODES
-from stages.code import module_of
+from stages.code import stage_module
 from stages.compose import compose_params
-from stages.settings import literal
+from stages.settings import format_override
 
 FILM = [
     "clip=carp", "clip.frames=300", "clip.width_px=320", "clip.height_px=240",
@@ -183,7 +183,7 @@ def run_stage(folder: Path, word: str) -> str | None:
     """Run a stage in a folder; return the digest of its outputs, None if it fails."""
     with inside(folder):
         try:
-            importlib.import_module(module_of(word)).main()
+            importlib.import_module(stage_module(word)).main()
         except Exception:
             return None
     return digest(folder, word)
@@ -226,7 +226,7 @@ def acts(
         if other == value or tries == 4:
             continue
         with contextlib.suppress(Exception):
-            write_params(base, [*overrides, f"{name}={literal(other)}"])
+            write_params(base, [*overrides, f"{name}={format_override(other)}"])
             tries += 1
             for word in words:
                 kept = base / "kept"

@@ -28,10 +28,16 @@ from finloop.plan.planner import Planner
 from finloop.project import Project
 from finloop.realism import compare
 from finloop.realism.examples import FILM
-from finloop.realism.instrument import Work, film_lists
-from stages.cluster import workers
-from stages.realism import WORKERS_NEED, GalleryOpener, instrument_of, swimming_of, verdicts_of
-from stages.settings import load
+from finloop.realism.instrument import Work, sample_film_lists
+from stages.cluster import open_workers
+from stages.realism import (
+    WORKERS_NEED,
+    GalleryOpener,
+    build_instrument,
+    classify_all,
+    measure_swimming,
+)
+from stages.settings import load_settings
 
 PIECE_S = 20.0
 """Longest duration of an animation."""
@@ -96,25 +102,28 @@ def animations(routes: dict[str, list[Swimming]], seconds: float) -> dict[str, l
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
     """Yield all comparisons for the film in the present folder."""
-    p, q = load("realism"), replace_settings(settings_without_path(), path_own_frames=False)
+    p = load_settings("realism")
+    q = replace_settings(settings_without_path(), path_own_frames=False)
     project = Project()
     rate, features = project.rate_hz, project.features
-    works = {FILM: film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
+    works = {
+        FILM: sample_film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)
+    }
     amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
-    with project, workers(WORKERS_NEED) as pool:
+    with project, open_workers(WORKERS_NEED) as pool:
         made = material(project, q)
         plans = matching_animator(made, q)
         size = plans.pictures.reel.size
         works |= animations(routes_of(made, plans, q), amount)
-        pictures, instrument = GalleryOpener(project), instrument_of(project)
+        pictures, instrument = GalleryOpener(project), build_instrument(project)
         drawn = instrument.adapt_to_animation(size)
         instruments = {name: instrument if name == FILM else drawn for name in works}
-        measured = swimming_of(works, pictures, instruments, pool)
-        sample = compare.film_sample(measured[FILM], features, rate, p)
+        measured = measure_swimming(works, pictures, instruments, pool)
+        sample = compare.build_film_sample(measured[FILM], features, rate, p)
         sides = sample.comparison_windows(
             {k: v for k, v in measured.items() if k != FILM}, features
         )
-        table = compare.verdict_table(verdicts_of(sides, p, pool))
+        table = compare.verdict_table(classify_all(sides, p, pool))
     for row in table.to_dict("records"):
         yield {"film": film, **{str(key): value for key, value in row.items()}}
 

@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from finloop.base.settings import values_of
+from finloop.base.settings import read_conf_values
 from finloop.io.numbers import load_numbers
 
 ROOT = Path(__file__).parents[1]
@@ -94,7 +94,7 @@ def makes_data(word: str) -> bool:
 def in_conf(dep: str) -> str:
     """Return a dependency of dvc.yaml with the values in conf/ for its parameters."""
     return re.sub(
-        r"\$\{(\w+)\.(\w+)\}", lambda name: str(values_of(name[1], "default")[name[2]]), dep
+        r"\$\{(\w+)\.(\w+)\}", lambda name: str(read_conf_values(name[1], "default")[name[2]]), dep
     )
 
 

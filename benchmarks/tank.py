@@ -18,7 +18,7 @@ from finloop.io.movie import Mp4Writer
 from finloop.project import Project
 from finloop.tank.camera import PRESETS, TOUR, TankRoom, camera_views
 from finloop.tank.scene import TankScene, choose_window
-from stages.settings import load
+from stages.settings import load_settings
 from stages.tank import animated_fish
 
 SIZE, TICKS, ROUNDS, LEAST_HZ = (1280, 720), 60, 5, 30
@@ -27,7 +27,7 @@ SIZE, TICKS, ROUNDS, LEAST_HZ = (1280, 720), 60, 5, 30
 def main() -> None:
     """Print and write the table."""
     choose_window()
-    p, rows = load("tank"), []
+    p, rows = load_settings("tank"), []
     with Project() as project:
         facts, background = project.facts, project.background
         every, times = animated_fish(p, project)

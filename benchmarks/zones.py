@@ -29,8 +29,8 @@ from finloop.project import Project
 from finloop.social.measures import compare_groups, measure_group
 from finloop.social.walls import Walls
 from finloop.social.zones import COUZIN, NO_ZONES, Zones
-from stages.calibrate import first_film
-from stages.settings import load
+from stages.calibrate import rows_of_first_film
+from stages.settings import load_settings
 
 SEEDS, SECONDS, MOST_FISH = 3, 60.0, 64
 POINT_SEEDS = 10
@@ -39,7 +39,7 @@ STEPS, EVERY = 20_000, 20  # of couzinswarm
 
 def points(film: FilmGroup, fitted: Zones) -> Iterator[tuple[str, pd.DataFrame]]:
     """Yield the tables of simulated points, by zones."""
-    p = load("calibrate")
+    p = load_settings("calibrate")
     for name, zones in (("zones", fitted), ("couzin", COUZIN), ("alone", NO_ZONES)):
         steps = measure_own_steps(film, film.rows_with_whole_steps(p.rows), zones)
         for seed in range(POINT_SEEDS):
@@ -73,11 +73,12 @@ def film_tables(folder: Path) -> pd.DataFrame:
     with Project() as project:
         made = material(project, p)
         features = made.reel.features
-        own, horizon = first_film(features, project.data / "clip"), load("calibrate").horizon
+        own = rows_of_first_film(features, project.data / "clip")
+        horizon = load_settings("calibrate").horizon
         film = build_film_group(own, made.arena, infer_delta_frames(features), horizon)
         fish = min(film.typical_fish_count, MOST_FISH)
         tables["first_half"] = [film.half_measures(True)]
-        for name, table in (*points(film, project.rule.zones), *package(film)):
+        for name, table in (*points(film, project.school_rule.zones), *package(film)):
             tables.setdefault(name, []).append(table)
         for rule in ("zones", "none"):
             for seed in range(SEEDS):

@@ -43,7 +43,7 @@ PLACES = ("track_id", "frame", "x_px", "y_px")
 
 
 class EditSources(NamedTuple):
-    """An edit list, the film's facts, and the film's tables that drawing the list needs."""
+    """An edit list, the film's facts, and the tables of the film that drawing the list needs."""
 
     edit: pd.DataFrame  # columns of `EDIT`, a row per tick and fish
     scene: SceneFacts
@@ -53,7 +53,7 @@ class EditSources(NamedTuple):
 
 
 class Project:
-    """The outputs of a run's stages; each file is loaded once, at its first use.
+    """The results of a run's stages; each file is loaded once, at its first use.
 
     root: the working copy, with params.yaml and data/. n is the number of rows: one per fish and
     frame of the film. As a context manager it closes the stores that it has opened. Pickled, it is
@@ -62,6 +62,7 @@ class Project:
     """
 
     def __init__(self, root: str | Path = ".") -> None:
+        """Keep the working copy's folder; nothing is loaded yet."""
         self.root = Path(root)
         self.data = self.root / "data"
         self._run = uuid4().hex  # a worker may outlive it
@@ -69,34 +70,40 @@ class Project:
         self._kept: dict[tuple[Any, ...], Any] = {}  # results of methods, by name and arguments
 
     def __enter__(self) -> Self:
+        """Return the project, which is closed at the end of the block."""
         return self
 
     def __exit__(self, *_: object) -> None:
+        """Close the project."""
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
+        """Return how another process makes its own project of the same run, for pickle."""
         return _unpickle, (self.root, self._run)
 
     def close(self) -> None:
-        """Close the open stores of cut-outs, and forget all that was loaded."""
+        """Close the open stores of cut-outs, and drop all that was loaded."""
         self.forget(*[name for name in vars(self) if hasattr(type(self), name)])
         self._kept.clear()
         self._stores.close()
 
     def forget(self, *names: str) -> None:
-        """Drop what the named properties have loaded, to free memory; their next use loads it."""
+        """Drop what the named properties have loaded, to free memory; a use loads it again."""
         for name in names:
             vars(self).pop(name, None)
 
     def settings(self, word: str) -> Any:
-        """Return the parameters of a stage word, from params.yaml, as its settings dataclass."""
+        """Return the parameters of a stage, from params.yaml, as its settings dataclass.
+
+        word: name of the group of parameters, mostly that of a stage.
+        """
         return build_settings(word, read_parameters(self.root / "params.yaml"))
 
     # --- clip
 
     @cached_property
     def facts(self) -> VideoFacts:
-        """Return the facts of the clip: size, number of frames, rate and others."""
+        """Return the facts of the clip: size, number of frames, frame rate and others."""
         return load_facts(self.data / "clip" / FACTS_NAME)
 
     @property
@@ -106,7 +113,7 @@ class Project:
 
     @cached_property
     def arena(self) -> Mask:
-        """Return the mask of the arena (h, w), bool: True where animals can be."""
+        """Return where animals can be in the film's picture, as a mask (h, w)."""
         return load_mask(self.data / "clip" / ARENA_NAME, self.facts.width_px, self.facts.height_px)
 
     # --- extract
@@ -118,13 +125,13 @@ class Project:
 
     @cached_property
     def scene(self) -> SceneFacts:
-        """Return the facts about the tank and its fish that the stage `extract` measured."""
+        """Return what the stage `extract` measured of the tank and its fish, such as the noise."""
         from finloop.extract.table import SceneFacts
 
         return load_record(self.data / "extract/scene.json", SceneFacts, "extract")
 
     def tracks(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
-        """Return the table of tracks (n rows): the named columns of `tracks_schema`, or all."""
+        """Return the table of tracks (n rows), with the named columns of `tracks_schema` or all."""
         from finloop.extract.table import tracks_schema
 
         key = "tracks", *(columns or ())
@@ -135,7 +142,10 @@ class Project:
 
     @cached_property
     def external_tracks(self) -> pd.DataFrame | None:
-        """Return another program's tracks (n rows), columns of `GIVEN`; None if there are none."""
+        """Return the tracks that another program measured (n rows), or None if there are none.
+
+        Columns are those of `GIVEN`.
+        """
         from finloop.extract.table import GIVEN, GIVEN_NAME
 
         path = self.data / "extract" / GIVEN_NAME
@@ -157,14 +167,14 @@ class Project:
 
     @cached_property
     def identities(self) -> pd.DataFrame:
-        """Return the table that says which animal each track shows, columns of `IDENTITIES`."""
+        """Return the table of which animal each track shows, columns of `IDENTITIES`."""
         from finloop.identity.film import IDENTITIES
 
         return load_table(self.data / "identity/identities.parquet", IDENTITIES)
 
     @cached_property
     def poses(self) -> FilmPoses:
-        """Return the film's pose codes (n, c), and the postures that they stand for."""
+        """Return the film's pose codes (n, c), and the shapes of the body that they stand for."""
         from finloop.pose.film import POSES, restore_poses
 
         folder, features = self.data / "pose", self.features
@@ -178,7 +188,7 @@ class Project:
 
     @cached_property
     def outlines(self) -> Floats:
-        """Return the silhouettes' outlines of the n rows, (n, k, 2): k points x, y in px."""
+        """Return the outlines of the n rows' silhouettes, (n, k, 2): k points x, y in px."""
         shape = len(self.features), None, 2
         return open_array(self.data / "pose/outlines.npy", shape, "float32")
 
@@ -193,19 +203,19 @@ class Project:
 
     @cached_property
     def sprite_cutouts(self) -> CutoutStore:
-        """Return the store of the sprites' cut-outs, each in all orientations."""
+        """Return the store of the sprites' cut-outs, each sprite in all orientations."""
         return self._stores.enter_context(open_cutouts(self.data / "sprites/sprites.arrow"))
 
     @cached_property
     def film_reel(self) -> Reel:
-        """Return the film as a reel: the feature table with the n cut-outs, without sprites."""
+        """Return the feature table together with the n cut-outs, without sprites."""
         from finloop.distance.reel import Reel
 
         return Reel(self.features, self.cutouts)
 
     @cached_property
     def reel(self) -> Reel:
-        """Return the film as a reel: the feature table with the n cut-outs, and the sprites."""
+        """Return the feature table together with the n cut-outs and the sprites."""
         from finloop.distance.reel import Reel
 
         return Reel(self.features, self.cutouts, self.sprites, self.sprite_cutouts)
@@ -220,15 +230,15 @@ class Project:
         return load_record(self.data / "distance/facts.json", MapFacts, "distance")
 
     @cached_property
-    def steps(self) -> pd.DataFrame:
-        """Return the distance from mapped rows to later frames of the track, columns of `STEPS`."""
+    def step_distances(self) -> pd.DataFrame:
+        """Return the distances from rows to later frames of their tracks, columns of `STEPS`."""
         from finloop.distance.map import STEPS
 
         return load_table(self.data / "distance/steps.parquet", STEPS)
 
     @cached_property
-    def pairs(self) -> pd.DataFrame:
-        """Return the distance map: pairs of similar rows, their distances; columns of `PAIRS`."""
+    def similar_pairs(self) -> pd.DataFrame:
+        """Return the distance map: pairs of similar rows, with distances; columns of `PAIRS`."""
         from finloop.distance.map import PAIRS
 
         return load_table(self.data / "distance/pairs.parquet", PAIRS)
@@ -248,8 +258,11 @@ class Project:
         return load_table(self.data / "jumps/jumps.parquet", JUMPS)
 
     @cached_property
-    def look(self) -> Floats:
-        """Return light and skin of each row, (n, k); with mirror images after them, (2 n, k)."""
+    def row_looks(self) -> Floats:
+        """Return k numbers on light and skin of each row, (n, k); with mirror images (2 n, k).
+
+        Those of the mirror images follow those of the n rows.
+        """
         from finloop.jumps.table import LOOK
 
         return load_list_columns(self.data / "jumps/look.parquet", LOOK, "look")[0]
@@ -264,22 +277,23 @@ class Project:
     # --- models
 
     @cached_property
-    def model(self) -> MotionModel:
+    def motion_network(self) -> MotionModel:
         """Return the trained back-propagation network of the stage `bpn`, with its scaling."""
         from finloop.bpn.model import restore_motion_model
 
         return load_record(self.data / "bpn/model.json", restore_motion_model, "bpn")
 
     @cached_property
-    def states(self) -> FilmStates:
-        """Return the forecast's states of the rows, and of mirror images if `look` has them.
+    def forecast_states(self) -> FilmStates:
+        """Return pose and motion of each row as the forecast's states, with those of mirror images.
 
-        FinloopError if the film shows too little.
+        Without mirror images in `row_looks` there are none here. FinloopError if the film shows too
+        little.
         """
         from finloop.forecast.film import compute_film_states, posture_mirror_matrix
 
         poses, p = self.poses, self.settings("forecast")
-        mirror = posture_mirror_matrix(poses, self.look)
+        mirror = posture_mirror_matrix(poses, self.row_looks)
         return compute_film_states(self.features, poses.codes, mirror, self.rate_hz, p)
 
     @property
@@ -288,17 +302,17 @@ class Project:
         return not (self.data / "forecast/reason.json").exists()
 
     @cached_property
-    def forecast(self) -> Sampler | None:
-        """Return the sampler of next poses and motions, with the model of the stage `forecast`.
+    def forecast_sampler(self) -> Sampler | None:
+        """Return the sampler that draws a next pose and motion, as the stage `forecast` learnt it.
 
-        None if the film showed too little for it.
+        None if the film showed too little to learn from.
         """
         from finloop.forecast.model import restore_forecast
         from finloop.forecast.sampling import build_sampler
 
         if not self.has_forecast:
             return None
-        folder, film = self.data / "forecast", self.states
+        folder, film = self.data / "forecast", self.forecast_states
         model = load_record(folder / "model.json", restore_forecast, "forecast")
         rows, numbers = film.states.shape
         start = open_array(folder / "start.npy", (rows + 1,), "int64")
@@ -307,7 +321,7 @@ class Project:
         return build_sampler(film, model, graph, self.settings("forecast"), mean)
 
     @cached_property
-    def rule(self) -> SchoolRule:
+    def school_rule(self) -> SchoolRule:
         """Return the rule by which fish act on each other: the zones and steps of `calibrate`."""
         from finloop.social.rule import SOCIAL_STEPS, SchoolRule, SocialSteps
         from finloop.social.zones import Zones
@@ -326,11 +340,11 @@ class Project:
 
     # --- animations
 
-    def edit(self, mode: str, stage: str) -> pd.DataFrame:
+    def edit_list(self, mode: str, stage: str) -> pd.DataFrame:
         """Return the edit list of a mode, columns of `EDIT`, a row per tick and fish.
 
-        stage: for messages, which name the parameter `stage`.mode. FinloopError also if the mode
-        has no animation.
+        stage: whose parameter `mode` an error message names. FinloopError also if the mode has no
+        animation.
         """
         from finloop.edit.modes import RETARGET
         from finloop.edit.schema import EDIT
@@ -368,7 +382,7 @@ class Project:
 
         return load_records(self.data / f"animate/{mode}/goals.json", Goal, f"modes-{mode}")
 
-    def size(self, mode: str) -> float:
+    def drawn_scale(self, mode: str) -> float:
         """Return the factor by which a mode draws its fish larger than filmed; 1 = as filmed."""
         path = self.data / f"animate/{mode}/drawn.json"
         return load_json(path, lambda facts: float(facts["size"]), *remake_hint(f"modes-{mode}"))
@@ -379,15 +393,15 @@ class Project:
     ) -> EditSources:  # fmt: skip
         """Return the edit list of a mode with the film's facts and tables that drawing it needs.
 
-        stage: messages name its parameter `mode`; columns: of the table of tracks; sprites, bodies:
-        load the sprites or the postures even if the list needs none.
+        stage: whose parameter `mode` an error message names. columns: of the table of tracks.
+        sprites, bodies: load the sprites or the bodies even if the list needs none.
         """
         from finloop.edit.bodies import Bodies
         from finloop.edit.schema import SPRITE
 
         key = "drawn", mode, *columns, sprites, bodies
         if key not in self._kept:
-            scene, tracks, edit = self.scene, self.tracks(columns), self.edit(mode, stage)
+            scene, tracks, edit = self.scene, self.tracks(columns), self.edit_list(mode, stage)
             wanted = sprites or SPRITE in {*edit["kind"], *edit["partner_kind"]}
             table, postures = self.sprites if wanted else None, None
             mirrored = edit[["mirrored", "partner_mirrored"]].any(axis=None)
@@ -400,17 +414,14 @@ class Project:
 
     @cached_property
     def bodies(self) -> Bodies:
-        """Return the film's postures, and the rows from which its sprites are made."""
+        """Return the film's poses, by which a fish can be bent, and the rows of its sprites."""
         from finloop.edit.bodies import Bodies
 
         return Bodies(self.poses, self.reel.has_next_frame, self.sprites)
 
     @cached_property
     def whole_gallery(self) -> Gallery:
-        """Return the gallery of every picture that any edit list can draw: frames and sprites.
-
-        It can also bend a fish by the film's postures.
-        """
+        """Return the pictures that any edit list can draw: frames and sprites, in any pose."""
         from finloop.edit.schema import FRAME, SPRITE
         from finloop.render.gallery import Gallery, build_shelves
 
@@ -418,7 +429,7 @@ class Project:
         return Gallery(build_shelves(stores, self.tracks(PLACES), self.sprites), self.bodies)
 
     def gallery(self, drawn: EditSources) -> Gallery:
-        """Return the gallery of the pictures that one edit list draws: frames and any sprites.
+        """Return the pictures that one edit list draws: frames, and sprites if it needs them.
 
         drawn: the edit list with its tables, from `edit_with_sources`.
         """
@@ -433,5 +444,8 @@ class Project:
 
 @lru_cache(1)
 def _unpickle(root: Path, run: str) -> Project:
-    """Return the project of another process, one for all that it sends here."""
+    """Return the project that another process has sent here, the same one each time.
+
+    run: name of the run of that process.
+    """
     return Project(root)

@@ -42,7 +42,7 @@ from finloop.base.arrays import Mask
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads
 from finloop.base.schema import lists_to_points
-from finloop.base.settings import settings, values_of
+from finloop.base.settings import read_conf_values, settings
 from finloop.bpn.back_propagation import train_on_film_rows
 from finloop.bpn.model import MotionModel, pair_rows_with_later, split_rows_if_possible
 from finloop.calibrate.film import build_film_group
@@ -100,7 +100,7 @@ atexit.register(_OPEN.close)
 class Film:
     """A normalised clip, clip.mp4 in `folder`; iterating over it yields its frames.
 
-    facts: size, rate, … arena (h, w): True where animals can be.
+    facts: size, frame rate and others. arena (h, w): True where animals can be.
     """
 
     folder: Path
@@ -113,17 +113,17 @@ class Film:
         return self.facts.frame_rate_hz
 
     def __iter__(self) -> Iterator[NDArray[np.uint8]]:
-        """Yield the frames, (h, w) grey or (h, w, 3) RGB uint8, one after the other."""
+        """Yield the frames in order, (h, w) grey or (h, w, 3) RGB uint8."""
         return read_frames(self.folder / CLIP_NAME, colour=self.facts.colour)
 
 
 @dataclass(frozen=True)
 class Tracks:
-    """Where every fish of a film is in every frame, with its cut-out.
+    """The place of every fish of a film in every frame, with its cut-out.
 
     table (n rows): columns of `tracks_schema`, a row per fish per frame, in the order track_id,
-    frame; cutouts: n pictures of the same fish; background (h, w) or (h, w, 3) uint8: the tank;
-    given (n rows): columns of `GIVEN`, from another program's tracks of the same rows.
+    frame. cutouts: the n pictures of these fish. background (h, w) or (h, w, 3) uint8: the empty
+    tank. given (n rows): columns of `GIVEN`, from another program's tracks of the same rows.
     """
 
     film: Film
@@ -134,23 +134,25 @@ class Tracks:
 
 
 def open_film(path: str | Path, folder: str | Path | None = None, **changes: Any) -> Film:
-    """Read a film, a folder of pictures or a TIFF stack; write it as a clip and return the clip.
+    """Read a film, a folder of pictures or a TIFF stack, write it as a clip, and return the clip.
 
     The clip lies in `folder`/clip, or in a temporary folder. `changes` override
     `finloop.clip.settings.FootageSettings`, for example frame_rate_hz=25.0 or end_s=60.0.
     """
-    return _film(folder, source="file", path=str(path), **changes)
+    return _write_clip(folder, source="file", path=str(path), **changes)
 
 
 def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
-    """Draw a synthetic film of carp; write it as a clip to `folder`/clip and return the clip.
+    """Draw a synthetic film of carp, write it as a clip, and return the clip.
 
-    `changes` override `finloop.clip.settings.CarpSettings`.
+    The clip lies in `folder`/clip, or in a temporary folder. `changes` override
+    `finloop.clip.settings.CarpSettings`.
     """
-    return _film(folder, source="carp", **changes)
+    return _write_clip(folder, source="carp", **changes)
 
 
-def _film(folder: str | Path | None, **values: Any) -> Film:
+def _write_clip(folder: str | Path | None, **values: Any) -> Film:
+    """Write the clip that parameters of the group `clip` describe, to `folder`/clip; return it."""
     p, home = settings("clip", **values), _make_folder(folder) / "clip"
     source = open_clip_source(p)
     with whole_folder(home) as part:
@@ -159,7 +161,7 @@ def _film(folder: str | Path | None, **values: Any) -> Film:
 
 
 def _make_folder(folder: str | Path | None) -> Path:
-    """Return the folder; for None a new temporary one that lasts until the program ends."""
+    """Return `folder` as a path; None makes a temporary one that lasts until the program ends."""
     if folder is None:
         folder = _OPEN.enter_context(tempfile.TemporaryDirectory(prefix="finloop-"))
     return Path(folder)
@@ -190,10 +192,10 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
 
 
 def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
-    """Measure how each fish swims in each frame; return the feature table, columns of `FEATURES`.
+    """Measure how each fish swims in each frame; return the feature table.
 
-    These are heading, swimming type, motion area and others (§2.2-2.3); its rows are those of the
-    tracks. `changes` override `finloop.features.settings.FeaturesSettings`.
+    Its columns are `FEATURES`: heading, swimming type, motion area and others (§2.2-2.3); its rows
+    are those of the tracks. `changes` override `finloop.features.settings.FeaturesSettings`.
     """
     p = settings("features", **changes)
     table, _ = measure_features(tracks.table, tracks.film.rate_hz, p, tracks.given)
@@ -216,7 +218,7 @@ def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel
 def make_sprites(
     tracks: Tracks, features: pd.DataFrame, folder: str | Path | None = None, **changes: Any
 ) -> Reel:
-    """Choose sprites and turn them to all orientations (§3.3); return the film with them.
+    """Choose sprites and turn them to all orientations (§3.3); return the film with its sprites.
 
     The sprites are also written to `folder`/sprites. `changes` override
     `finloop.sprites.settings.SpritesSettings`, for example straight_frames="8:120-140".
@@ -233,10 +235,11 @@ def make_sprites(
 
 
 def compare(reel: Reel, **changes: Any) -> FrameComparison:
-    """Compare the film's frames with each other (Eqs. 5-8); return the distances and their unit.
+    """Compare the film's frames with each other (Eqs. 5-8); return the distances between them.
 
-    pairs: similar rows, columns of `PAIRS`; steps: from rows to later ones, columns of `STEPS`. The
-    distances are of pixels 0 … 1. `changes` override `finloop.distance.settings.DistanceSettings`.
+    pairs: similar rows, columns of `PAIRS`. steps: rows and later ones of their track, columns of
+    `STEPS`. The distances are of pixels 0 … 1. `changes` override
+    `finloop.distance.settings.DistanceSettings`.
     """
     pairs, steps, facts = compare_frames(reel, settings("distance", **changes))
     return FrameComparison(apply_schema(pairs, PAIRS), apply_schema(steps, STEPS), facts)
@@ -245,7 +248,7 @@ def compare(reel: Reel, **changes: Any) -> FrameComparison:
 def find_loops(
     similar: FrameComparison, features: pd.DataFrame, rate_hz: float, **changes: Any
 ) -> pd.DataFrame:
-    """Find the video loops, jumps to a similar frame (§4.1): columns of `LOOPS`, best first.
+    """Find the video loops (§4.1), which join similar frames: columns of `LOOPS`, best first.
 
     similar: from `compare`. features: from `measure`. rate_hz: frames per second of the film. If
     there is no loop, a warning says which parameter would give some, and the table is empty.
@@ -261,7 +264,7 @@ def find_loops(
 
 
 def find_gateways(similar: FrameComparison, reel: Reel, **changes: Any) -> pd.DataFrame:
-    """Find the gateways from the film to sprites and back (§4.2, Fig. 14): columns of `GATEWAYS`.
+    """Find the gateways from film to sprites and back (§4.2, Fig. 14): columns of `GATEWAYS`.
 
     similar: from `compare`. reel: from `make_sprites`. `changes` override
     `finloop.gateways.settings.GatewaysSettings`.
@@ -286,7 +289,7 @@ def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPo
 def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
     """Find the jumps between rows that look and move alike; return them with the rows' looks.
 
-    jumps: columns of `JUMPS`; look (n, k): light and skin of the rows. `changes` override
+    jumps: columns of `JUMPS`. look (n, k): light and skin of the rows. `changes` override
     `finloop.jumps.settings.JumpsSettings`.
     """
     p = settings("jumps", **changes)
@@ -297,7 +300,7 @@ def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
 def train_forecast(
     features: pd.DataFrame, poses: FilmPoses, jumps: FilmJumps, rate_hz: float, **changes: Any
 ) -> Sampler:
-    """Train a network that predicts the next pose and motion; return a sampler of its predictions.
+    """Train a network that predicts the next pose and motion; return a sampler of predictions.
 
     rate_hz: frames per second of the film. `changes` override
     `finloop.forecast.settings.ForecastSettings`. FinloopError also if the film is too short, no
@@ -344,14 +347,15 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     shoaling: SchoolRule | None = None,
     **changes: Any,
 ) -> pd.DataFrame:
-    """Send fish to their goals: return an edit list, columns of `EDIT`, a row per tick and fish.
+    """Let fish swim to their goals; return the edit list: columns of `EDIT`, a row per tick, fish.
 
     `mode`: "network" (Fig. 18), "loops" (§4.1-4.2), "hybrid" (Fig. 19) or "matching" (all frames,
     their mirror images and, with a `forecast`, predictions). `changes` override the groups
     `animate`, for example goals=[[0.2, 0.3]] (shares of the tank's width and height) and
     seconds=30.0, and the mode's, for example join="inertial"; of matching also path="way.csv",
-    instead of goals, and fish=8. `shoaling`: from `find_zones`, for rule="zones". FinloopError also
-    if the film shows too little for the mode.
+    instead of goals, and fish=8. The other arguments are results of the other verbs; `shoaling`,
+    from `find_zones`, is for rule="zones". FinloopError also if the film shows too little for the
+    mode.
     """
     if mode not in GROUPS_OF:
         raise FinloopError(
@@ -396,8 +400,11 @@ GROUPS_OF = {
 
 
 def _group_settings(groups: tuple[str, ...], changes: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings of each group; a change applies to the last group that has its name."""
-    names = {group: set(values_of(group, "default")) for group in groups}
+    """Return the settings of each group; a change applies to the last group that has its name.
+
+    groups: names of groups of parameters. changes: values by the name of the parameter.
+    """
+    names = {group: set(read_conf_values(group, "default")) for group in groups}
     changes_of: dict[str, dict[str, Any]] = {group: {} for group in groups}
     for name, value in changes.items():
         having = [group for group in groups if name in names[group]]

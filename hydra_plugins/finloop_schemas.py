@@ -26,30 +26,30 @@ from omegaconf import DictConfig, OmegaConf
 
 from finloop.base.settings import GROUPS, variants
 from finloop.io.parameters import refusal_error
-from stages.conflicts import conflicts
+from stages.conflicts import find_conflicts
 from stages.experiment import Experiment
-from stages.settings import FILES, STAMP, STAMPS, all_problems, stamp
+from stages.settings import FILES, STAMP, STAMPS, conf_stamp, list_problems
 from stages.stamps import file_stamp
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 
 
-def schema(option: type) -> type:
-    """Return a parameter dataclass for OmegaConf: not frozen, without ranges and defaults.
+def omegaconf_schema(option: type) -> type:
+    """Convert a settings dataclass to one for OmegaConf: not frozen, without ranges and defaults.
 
     Types that OmegaConf lacks are simplified; `finloop.base.settings` checks them in full.
     """
     hints = get_type_hints(option)  # drops Annotated
-    return make_dataclass(
-        option.__name__, [(field.name, _simplified(hints[field.name])) for field in fields(option)]
-    )
+    types = [(field.name, _simplify_type(hints[field.name])) for field in fields(option)]
+    return make_dataclass(option.__name__, types)
 
 
-def _simplified(hint: Any) -> Any:
+def _simplify_type(hint: Any) -> Any:
+    """Return the nearest type annotation that OmegaConf understands."""
     if get_origin(hint) is Literal:
         return type(get_args(hint)[0])
     if get_origin(hint) in (Union, UnionType):
-        parts = tuple(_simplified(part) for part in get_args(hint))
+        parts = tuple(_simplify_type(part) for part in get_args(hint))
         if float in parts:  # OmegaConf takes 25 for a float, but not for one type of several
             parts = (*parts, int)
         return Any if any(get_origin(part) for part in parts) else Union[parts]  # noqa: UP007
@@ -58,20 +58,26 @@ def _simplified(hint: Any) -> Any:
     return hint
 
 
-def checked_stamp(*, _root_: DictConfig) -> str:
-    """Return the stamp of conf/; raise FinloopError unless every parameter is right."""
-    values = _groups(_root_, {*map(str, _root_)} - {*STAMPS})
-    if problems := all_problems(values) or conflicts(values):
+def check_and_stamp(*, _root_: DictConfig) -> str:
+    """Return the stamp of conf/; raise FinloopError unless every parameter is right.
+
+    _root_: the whole composed config.
+    """
+    values = _plain_groups(_root_, {*map(str, _root_)} - {*STAMPS})
+    if problems := list_problems(values) or find_conflicts(values):
         raise refusal_error(problems)
-    return stamp(CONF)
+    return conf_stamp(CONF)
 
 
 def _stamp_files(name: str, *, _root_: DictConfig) -> str | None:
-    """Return the stamp of the files that a composed config names."""
-    return file_stamp(name, _groups(_root_, ("clip", "extract", "matching", "retarget")))
+    """Return the stamp of the files that a composed config names.
+
+    name: which files, one of `FILES`. _root_: the whole config.
+    """
+    return file_stamp(name, _plain_groups(_root_, ("clip", "extract", "matching", "retarget")))
 
 
-def _groups(root: DictConfig, words: Iterable[str]) -> dict[str, Any]:
+def _plain_groups(root: DictConfig, words: Iterable[str]) -> dict[str, Any]:
     """Return groups of a composed config as plain values, by name; {} for a missing one."""
     # Node by node, because to resolve the root would resolve the stamps themselves again.
     nodes = {word: root._get_node(word) for word in words}
@@ -85,9 +91,10 @@ def _groups(root: DictConfig, words: Iterable[str]) -> dict[str, Any]:
 
 for word in GROUPS:
     for name, option in variants(word).items():
-        node = OmegaConf.structured(schema(option), flags={"struct": False})
+        node = OmegaConf.structured(omegaconf_schema(option), flags={"struct": False})
         ConfigStore.instance().store(group=f"schema/{word}", name=name, node=node)
-ConfigStore.instance().store(group="hydra/sweeper", name="finloop", node=schema(Experiment))
-OmegaConf.register_new_resolver(STAMP, checked_stamp, replace=True)
+sweeper = omegaconf_schema(Experiment)
+ConfigStore.instance().store(group="hydra/sweeper", name="finloop", node=sweeper)
+OmegaConf.register_new_resolver(STAMP, check_and_stamp, replace=True)
 for name in FILES:
     OmegaConf.register_new_resolver(name, partial(_stamp_files, name), replace=True)

@@ -27,12 +27,12 @@ ENOUGH_REACHED_PCT = 90.0  # a mode that reaches fewer goals becomes a finding
 
 
 def _played_modes() -> list[str]:
-    """Return the modes that have an animation."""
+    """Return the names of the modes that have an animation."""
     return [mode for mode in MODES if (ANIMATE / mode / "measures.json").exists()]
 
 
 def _load_mode_numbers(mode: str) -> dict[str, float]:
-    """Load the measures of a mode's animation and of its random trials, by name."""
+    """Return the measures of a mode's animation and of its random trials, by name."""
     numbers: dict[str, float] = {}
     for name in ("measures", "trials"):
         numbers |= load_json(ANIMATE / mode / f"{name}.json", dict, *remake_hint(f"modes-{mode}"))
@@ -40,18 +40,21 @@ def _load_mode_numbers(mode: str) -> dict[str, float]:
 
 
 def _measure_film(
-    project: Project, motion: MotionStatistics, speeds_and_turn_rates: tuple
+    project: Project, statistics: MotionStatistics, motion: tuple
 ) -> dict[str, float]:
-    """Measure the film as the modes are measured; return the numbers by name."""
+    """Measure the film in the same way as the modes; return the numbers by name.
+
+    statistics: how the film's fish swim. motion: speed and turn rate of the film's rows.
+    """
     features, rate = project.features, project.rate_hz
-    steps = project.steps[["headed", "as_filmed"]].dropna()["as_filmed"].to_numpy(float)
-    numbers = measures.measure_film(features, speeds_and_turn_rates, steps, motion)
+    steps = project.step_distances[["headed", "as_filmed"]].dropna()["as_filmed"].to_numpy(float)
+    numbers = measures.measure_film(features, motion, steps, statistics)
     with suppress(FinloopError):  # the film shows no straight swimming
-        phases = learn_phases(features, rate, motion.delta, project.settings("network"))
+        phases = learn_phases(features, rate, statistics.delta, project.settings("network"))
         numbers |= state_shares(features, phases)
     if project.settings("matching").fish > 1:
         numbers |= encounters.measure_film_clearance(features)
-    return numbers | {"drawn_size": min(map(project.size, _played_modes()), default=1.0)}
+    return numbers | {"drawn_size": min(map(project.drawn_scale, _played_modes()), default=1.0)}
 
 
 def compare_schools(project: Project) -> pd.DataFrame:
@@ -66,7 +69,7 @@ def compare_schools(project: Project) -> pd.DataFrame:
     first, second = split_in_halves(film)
     columns = ["tick", "x_px", "y_px", "heading_deg"]
     edit = load_table(ANIMATE / "matching.parquet", EDIT, columns)
-    length_px = project.size("matching") * float(project.features["body_length_px"].median())
+    length_px = project.drawn_scale("matching") * float(project.features["body_length_px"].median())
     walls = Walls(project.arena, length_px)
     shoal = measure_group(
         edit["tick"].to_numpy(), edit[["x_px", "y_px"]].to_numpy(float),
@@ -77,8 +80,8 @@ def compare_schools(project: Project) -> pd.DataFrame:
     )
 
 
-def doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
-    """Return what is doubtful about the modes, as a table of modes and sentences.
+def find_doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
+    """Return a table of what is doubtful about the modes: columns mode, doubt (a sentence).
 
     numbers: mode → measures by name, of the modes that have an animation.
     """
@@ -99,7 +102,10 @@ def doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Write data/animate/beside/kinematics.parquet, and tables and metrics to reports/animate/."""
+    """Compare the animations of all modes with the film; write tables to reports/animate/.
+
+    The motion of film and modes goes to data/animate/beside/.
+    """
     with Project() as project:
         features = project.features
         motion = learn(features, project.rate_hz, infer_delta_frames(features))
@@ -118,7 +124,7 @@ def main() -> None:
     save_csv(REPORT / "left.csv", lost, decimals=3)
     beside = pd.DataFrame({**numbers, "film": film}).rename_axis("measure").reset_index()
     save_csv(REPORT / "measures.csv", beside, decimals=3)
-    save_csv(REPORT / "doubts.csv", doubts(numbers), decimals=3)
+    save_csv(REPORT / "doubts.csv", find_doubts(numbers), decimals=3)
     beside_film = numbers | {"film": film}
     save_metrics(REPORT / "metrics.json", {
         f"{mode}_{name}": value

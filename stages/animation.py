@@ -32,31 +32,32 @@ from finloop.modes.animator import Animator, FilmData
 from finloop.modes.matching import NothingToUse
 from finloop.modes.samples import sample_animations
 from finloop.project import Project
-from stages.cluster import workers
-from stages.run import progress
+from stages.cluster import open_workers
+from stages.run import report_progress
 
 OUT = Path("data/animate")
 Open = Callable[[Project], Any]  # an Animator
 More = Callable[[Path, Any, list[Swim], pd.DataFrame], dict[str, float]]
 
 
-def film_data(project: Project, reel: Reel) -> FilmData:
-    """Return what a mode of the fish paper needs of the earlier stages; `reel`: its pictures."""
+def load_film_data(project: Project, reel: Reel) -> FilmData:
+    """Return what a mode of the fish paper needs of earlier stages; `reel`: its pictures."""
     return FilmData(
         project.rate_hz, project.arena, project.background, reel, project.outlines, project.poses,
-        project.map_facts, project.steps,
+        project.map_facts, project.step_distances,
     )  # fmt: skip
 
 
-def animate(mode: str, open_mode: Open, save_more: More | None = None) -> None:
-    """Write the edit list of a mode, data/animate/<mode>.parquet, and data/animate/<mode>/.
+def write_animation(mode: str, open_mode: Open, save_more: More | None = None) -> None:
+    """Plan the animation of a mode; write data/animate/<mode>.parquet and data/animate/<mode>/.
 
-    The folder has goals, samples, motion and measures. Where the film shows too little for the
-    mode, the list is empty, and the folder has only reason.json. open_mode: returns the animator;
-    save_more: writes further files of the mode and returns further numbers.
+    The file is the edit list, the folder has goals, samples, motion and measures. Where the film
+    shows too little for the mode, the list is empty, and the folder has only reason.json.
+    open_mode: returns the mode's animator. save_more: writes further files of the mode and returns
+    further numbers.
     """
     need = [name for name in sys.modules if name.startswith("finloop.")]
-    with workers(need) as pool, Project() as project:
+    with open_workers(need) as pool, Project() as project:
         p = project.settings("animate")
         try:
             animator = open_mode(project)
@@ -77,7 +78,10 @@ def animate(mode: str, open_mode: Open, save_more: More | None = None) -> None:
 
 
 def _report_size_and_tank(mode: str, animator: Animator, p: Any) -> None:
-    """Report on stderr if fish are drawn smaller than filmed, and if the tank's edge is unknown."""
+    """Print a note if fish are drawn smaller than filmed, or the tank's edge is unknown.
+
+    p: the parameters `animate`.
+    """
     size, tank = animator.pictures.reel.size, animator.player.world.tank
     if size < 1 and p.fish_scale == "auto":
         print(
@@ -97,13 +101,16 @@ def _report_size_and_tank(mode: str, animator: Animator, p: Any) -> None:
 def _save_animation(
     folder: Path, mode: str, animator: Animator, project: Project, save_more: More | None
 ) -> pd.DataFrame:
-    """Plan the animation of a mode; write all but the samples to `folder`; return its edit list."""
+    """Plan the animation of a mode; write its files to `folder`; return its edit list.
+
+    All but the samples are written.
+    """
     goals = animator.goals()
     animator.check_room(goals)
     swims, edit = animator.plan(goals)
     save_records(folder / "goals.json", goals)
     save_json(folder / "drawn.json", {"size": animator.pictures.reel.size})
-    steps = project.steps[["headed", "as_filmed"]].dropna()
+    steps = project.step_distances[["headed", "as_filmed"]].dropna()
     player = animator.player
     film_motion = measures.motion_of_film(project.features, player.world.motion)
     rows = [
@@ -123,14 +130,14 @@ def _save_animation(
 
 
 def _finite_numbers(numbers: dict[str, float]) -> dict[str, float]:
-    """Return the numbers without NaN and infinity; such a number has nothing to measure."""
+    """Return the numbers without NaN and infinity, for which there was nothing to measure."""
     return {name: float(value) for name, value in numbers.items() if np.isfinite(value)}
 
 
 def measure_pictures(
     edit: pd.DataFrame, animator: Animator, steps: pd.DataFrame, rate_hz: float
 ) -> dict[str, float]:
-    """Return the measures of one fish's animation that depend on its pictures, by name.
+    """Return those measures of one fish's animation that depend on its pictures, by name.
 
     steps: columns headed and as_filmed of `STEPS`, the film's own discontinuities.
     """
@@ -147,7 +154,10 @@ def measure_pictures(
 
 
 def _measure_seeds(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, float]]:
-    """Return the measures of animations to random goals, one dict per seed, without pictures."""
+    """Return the measures of animations to random goals, a dict per seed.
+
+    They are planned without cross-fades, and measured without their pictures.
+    """
     with Project() as project:
         animator = open_mode(project)
         plain = replace(animator.player.joins, kind=CUT, fade=0)
@@ -165,11 +175,11 @@ def _measure_seeds(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, floa
 
 
 def _measure_trials(open_mode: Open, mode: str, trials: int, pool: Workers) -> dict[str, float]:
-    """Return the mean measures of `trials` animations to random goals, as `trials_<name>`."""
+    """Return the mean measures of `trials` animations to random goals, by `trials_<name>`."""
     most = max(1, -(-trials // pool.count))  # a worker opens the mode, which takes long, once
     lots = [range(trials)[first : first + most] for first in range(0, trials, most)]
     rows: list[dict[str, float]] = []
-    with progress(f"modes-{mode}", trials, "trials") as advance:
+    with report_progress(f"modes-{mode}", trials, "trials") as advance:
         for measured in ordered_map(partial(_measure_seeds, open_mode), lots, pool):
             rows += measured
             advance(len(measured))

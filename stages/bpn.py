@@ -1,6 +1,6 @@
 """Stage `bpn`: learn the motion model from the feature table, and its errors (Fig. 15)."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from contextlib import suppress
@@ -19,14 +19,14 @@ from finloop.io.atomic import save_bytes
 from finloop.io.record import save_json
 from finloop.io.table import save_csv, save_table
 from finloop.project import Project
-from stages.settings import load
+from stages.settings import load_settings
 
 OUT, REPORT = Path("data/bpn"), Path("reports/bpn")
 
 
 def main() -> None:
-    """Train the motion network; write it to data/bpn/, its learning and errors to reports/bpn/."""
-    p: BpnSettings = load("bpn")
+    """Train the motion network; write it to data/bpn/, and its errors to reports/bpn/."""
+    p: BpnSettings = load_settings("bpn")
     project = Project()
     rate_hz, table = project.rate_hz, project.features
     rows = pair_rows_with_later(table, infer_delta_frames(table))
@@ -40,7 +40,7 @@ def main() -> None:
 
     # Its curve is not kept, so that no rows need be held out for it.
     masks = [sides[0], *((train, np.zeros_like(train)) for train, _ in sides[1:])]
-    with progress("bpn", p.epochs * len(sides), "epochs") as advance:
+    with report_progress("bpn", p.epochs * len(sides), "epochs") as advance:
         learnt = [train_on_film_rows(rows, side, p, rate_hz, advance) for side in masks]
 
     metrics, *other_scores = (

@@ -26,22 +26,22 @@ from finloop.project import Project
 from finloop.social.measures import SHOAL, compare_groups
 from finloop.social.rule import SOCIAL_STEPS, SchoolRule
 from finloop.social.zones import NO_ZONES, Zones
-from stages.settings import load
+from stages.settings import load_settings
 
 OUT, REPORT = Path("data/calibrate"), Path("reports/calibrate")
 
 
-def first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
-    """Return the rows of the feature table that show the first of several films in a clip folder.
+def rows_of_first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
+    """Return the rows of the feature table that show the first of several films.
 
-    The clip's arena is that film's.
+    clip: folder of the clip, whose arena is that film's.
     """
     parts = load_readable_parts(clip)
     return features[features["frame"] < parts[0].stop] if parts else features
 
 
 def _simulate(film: FilmGroup, zones: Zones, p: CalibrateSettings) -> dict[str, pd.DataFrame]:
-    """Return the measures of simulated points that swim by the zones, and of ones that do not."""
+    """Return the measures of simulated points, with the zones and without zones, by name."""
     rows, tables = film.rows_with_whole_steps(p.rows), {}
     for name, rule in (("zones", zones), ("alone", NO_ZONES)):
         steps, rng = measure_own_steps(film, rows, rule), np.random.default_rng(p.seed)
@@ -50,7 +50,7 @@ def _simulate(film: FilmGroup, zones: Zones, p: CalibrateSettings) -> dict[str, 
 
 
 def _save_rule(folder: Path, rule: SchoolRule) -> None:
-    """Write the rule of a film's fish, which `Project.rule` loads, to `folder`."""
+    """Write the rule of a film's fish to `folder`, from which `Project.school_rule` loads it."""
     own = rule.steps
     save_json(folder / "zones.json", {
         "zones": asdict(rule.zones), "horizon_frames": rule.horizon, "alike": rule.alike,
@@ -60,11 +60,11 @@ def _save_rule(folder: Path, rule: SchoolRule) -> None:
 
 
 def main() -> None:
-    """Write the rule of the film's school to data/calibrate/, and metrics to reports/calibrate/."""
-    p: CalibrateSettings = load("calibrate")
+    """Fit the zones of the film's school; write data/calibrate/ and reports/calibrate/."""
+    p: CalibrateSettings = load_settings("calibrate")
     project = Project()
     features = project.features
-    rows = first_film(features, project.data / "clip")
+    rows = rows_of_first_film(features, project.data / "clip")
     film = build_film_group(rows, project.arena, infer_delta_frames(features), p.horizon)
     rule, fit = fit_film_rule(film, p)
     numbers: dict[str, float] = {"fitted": int(fit is not None), "fish": film.typical_fish_count}

@@ -1,6 +1,6 @@
 """Stage `clip`: normalise one film or several into the clip, with facts, arena and truth."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from contextlib import nullcontext
@@ -22,8 +22,8 @@ from finloop.io.pieces import remove_folders_except
 from finloop.io.several import FILMS, FilmPart, join_clips, list_film_folders
 from finloop.io.table import save_csv
 from finloop.io.video import CLIP_NAME, VideoFacts, read_chosen_frames
-from stages.reuse import code_digest, name_of, reuse_or_make
-from stages.settings import load
+from stages.reuse import code_digest, key_digest, reuse_or_make
+from stages.settings import load_settings
 
 CLIP = Path("data/clip")
 KEPT = Path("data/.clip.films")  # what was made of each film; DVC does not remove it
@@ -35,20 +35,20 @@ FACTS = (  # among the metrics
 
 
 def main() -> None:
-    """Write the normalised clip to data/clip/, and metrics and findings to reports/clip/."""
-    p: ClipSettings = load("clip")
-    films = drop_repeated_films(films_of(p)) if isinstance(p, FootageSettings) else []
+    """Make the normalised clip of the film; write data/clip/, and findings to reports/clip/."""
+    p: ClipSettings = load_settings("clip")
+    films = drop_repeated_films(settings_of_films(p)) if isinstance(p, FootageSettings) else []
     with whole_folder(CLIP) as folder:
         if len(films) > 1:
             numbers = _write_clips(films, folder)
         else:
             p = films[0] if films else p
-            numbers = _write_clip(p, open_clip_source(p), folder, progress)
+            numbers = _write_clip(p, open_clip_source(p), folder, report_progress)
     save_metrics(METRICS, numbers)
     _report_findings(numbers)
 
 
-def films_of(p: FootageSettings) -> list[FootageSettings]:
+def settings_of_films(p: FootageSettings) -> list[FootageSettings]:
     """Return the parameters of each film that a path, pattern, folder or list names, in order."""
     return [
         replace(of_path, path=str(film))
@@ -58,7 +58,7 @@ def films_of(p: FootageSettings) -> list[FootageSettings]:
 
 
 def drop_repeated_films(films: list[FootageSettings]) -> list[FootageSettings]:
-    """Return the films without those named twice with equal values; warn of each on stderr."""
+    """Return the films without those named twice with equal values; print a warning for each."""
     taken = dict[FootageSettings, FootageSettings]()
     for film in films:
         key = replace(film, path=str(film.film.resolve()))
@@ -72,7 +72,10 @@ def drop_repeated_films(films: list[FootageSettings]) -> list[FootageSettings]:
 def _write_clip(
     p: ClipSettings, source: ClipSource, folder: Path, watch: Watch
 ) -> dict[str, float]:
-    """Write one film's clip to `folder`; return its metrics. Refuse a file that changes."""
+    """Write one film's clip to `folder`; return its metrics.
+
+    watch: reports progress. FinloopError if the film's file changes meanwhile.
+    """
     for note in source.facts.notes:
         print(f"finloop: note: {note}", file=sys.stderr)
     before = read_file_stamps(p.film) if isinstance(p, FootageSettings) else []
@@ -95,7 +98,7 @@ def _write_clip(
 
 
 def _report_findings(metrics: dict[str, float]) -> None:
-    """Write reports/clip/findings.csv, what is doubtful in the films, and print it on stderr."""
+    """Write what is doubtful in the films to reports/clip/findings.csv, and print it on stderr."""
     rows = []
     for name, _ in list_film_folders(CLIP):
         prefix = f"{name}_" if name else ""  # of several films
@@ -112,7 +115,7 @@ def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]
     code, parts, used = code_digest("clip"), list[FilmPart](), list[str]()
     numbers: dict[str, float] = {}
     named_films = list(zip(unique_film_names(p.film for p in films), films, strict=True))
-    with progress("clip", len(films), "films") as advance:
+    with report_progress("clip", len(films), "films") as advance:
         for name, p in named_films:
             path, home = p.film, Path(FILMS) / name
             parts.append(FilmPart(name, str(path)))
@@ -121,7 +124,7 @@ def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]
                 source = open_clip_source(p)
                 key = {"clip": asdict(p), "code": code, "film": read_file_stamps(path)}
                 make = partial(_write_clip, p, source, watch=lambda *_: nullcontext(lambda: None))
-                used.append(name_of(key))
+                used.append(key_digest(key))
                 of_film = reuse_or_make(KEPT, folder / home, key, make)
                 numbers |= {f"{name}_{key}": value for key, value in of_film.items()}
             except FinloopError as error:
@@ -137,7 +140,7 @@ def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]
 
 
 def _fact_metrics(facts: VideoFacts) -> dict[str, float]:
-    """Return the metrics that are facts of a clip: size, rate, duration, lost frames, segments."""
+    """Return the facts of a clip that are metrics: size, rate, duration, lost frames, segments."""
     return {name: getattr(facts, name) for name in FACTS} | {
         "duration_s": facts.frames / facts.frame_rate_hz,
         "segments": len(facts.segments),

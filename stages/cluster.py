@@ -18,16 +18,16 @@ from pathlib import Path
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Processes, Threads, Workers, warm_up
 from finloop.cluster.settings import ClusterSettings, DefaultWorkers
-from stages.settings import load
+from stages.settings import load_settings
 
 
 @contextmanager
-def workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
+def open_workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
     """Yield the workers of a stage: this machine's, or those of the cluster that conf/ names.
 
-    need: modules to import first; threads: use threads on this machine, not processes.
+    need: modules that workers import first. threads: use threads on this machine, not processes.
     """
-    p: ClusterSettings = load("cluster")
+    p: ClusterSettings = load_settings("cluster")
     if isinstance(p, DefaultWorkers) and p.scheduler_address is None:
         if THREADS > 1 and not threads:
             warm_up(need)
@@ -47,7 +47,7 @@ def workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
 
 
 def main() -> None:
-    """Start Dask workers for a scheduler, on this machine; the process becomes theirs."""
+    """Start Dask workers for a scheduler on this machine; they replace this process."""
     parser = argparse.ArgumentParser(prog="python -m stages.cluster", description=__doc__)
     parser.add_argument("address", help="address of Dask's scheduler: tcp://host:8786")
     parser.add_argument("--count", type=int, default=THREADS, help="workers, one thread each")

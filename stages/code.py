@@ -30,18 +30,18 @@ BY_NAME = {"stages/params.py": {*DECLARATIONS, "finloop/edit/modes.py"}}
 """What a file reads without an import: every declaration, and the modes that one names."""
 
 
-def module_of(stage: str) -> str:
-    """Return the module of a stage: "plots-film" gives "stages.plots.film"."""
+def stage_module(stage: str) -> str:
+    """Return the module of a stage of dvc.yaml: "plots-film" gives "stages.plots.film"."""
     return f"stages.{stage.replace('-', '.')}"
 
 
 def file_list_text(stage: str) -> str:
-    """Return the text of data/code/<stage>.txt: digest and path of each file that the stage runs.
+    """Return the text of data/code/<stage>.txt: digest and path of each file that a stage runs.
 
-    The files are the modules that it imports, directly or indirectly, and the other files in their
-    packages. Paths are relative to the root, as everywhere in this module.
+    The files are the modules that the stage imports, directly or indirectly, and the other files in
+    their packages. Paths are relative to the root, as everywhere in this module.
     """
-    todo, files = module_files(module_of(stage)), set[str]()
+    todo, files = module_files(stage_module(stage)), set[str]()
     while todo:
         file = todo.pop()
         files.add(file)
@@ -59,7 +59,7 @@ def hash_file(file: str) -> str:
 
 @cache
 def _package_data(package: Path) -> set[str]:
-    """Return a package's files that are not Python, with those in its plain subfolders."""
+    """Return a package's files that are not Python, also those in subfolders without modules."""
     found = set()
     for path in (ROOT / package).iterdir():
         if path.is_dir() and path.name != "__pycache__" and not (path / "__init__.py").exists():
@@ -70,7 +70,7 @@ def _package_data(package: Path) -> set[str]:
 
 
 def module_files(name: str) -> set[str]:
-    """Return the files of a module by its dotted name, with the __init__.py of packages above it.
+    """Return the file of a module, by its dotted name, and the __init__.py of packages above it.
 
     For an unknown name they are those of the packages that exist.
     """
@@ -88,8 +88,8 @@ def imported_files(file: str) -> set[str]:
     """Return the program's files that a file imports anywhere, or names in a string.
 
     finloop/__init__.py imports lazily: it counts as importing nothing. Each member of `Project`
-    imports what it needs inside itself, so a stage depends on the members that it uses, and not on
-    the whole pipeline: of an object called `project` or of `Project(…)`.
+    imports what it needs inside itself. So a stage depends on the members that it uses, of an
+    object called `project` or of `Project(…)`, and not on the whole pipeline.
     """
     if file == LAZY:
         return set()
@@ -99,16 +99,16 @@ def imported_files(file: str) -> set[str]:
     found = files_of_imports([*ast.walk(tree)]) | BY_NAME.get(file, set())
     if PROJECT in found:
         members = project_members()
-        todo, used = _attribute_names(tree, "project") & members.keys(), set[str]()
+        todo, used = _members_of(tree, "project") & members.keys(), set[str]()
         while todo:
             used.add(name := todo.pop())
             found |= files_of_imports([*ast.walk(members[name])])
-            todo |= (_attribute_names(members[name], "self") & members.keys()) - used
+            todo |= (_members_of(members[name], "self") & members.keys()) - used
     return found
 
 
 def files_of_imports(nodes: list[Any]) -> set[str]:
-    """Return the program's files that some syntax nodes import, or name in a string constant."""
+    """Return the program's files that syntax nodes import, or name in a string constant."""
     names = set[str]()
     for node in nodes:
         if isinstance(node, ast.Import):
@@ -132,7 +132,7 @@ def _files_of_name(name: str) -> set[str]:
 
 @cache
 def _lazy_parts(package: str) -> dict[str, str]:
-    """Return name → module for what a package offers by `lazy_loader.attach`; else {}."""
+    """Return name → module for what a package offers by `lazy_loader.attach`; {} without it."""
     path = ROOT / package.replace(".", "/") / "__init__.py"
     if not package or not path.is_file():
         return {}
@@ -148,14 +148,17 @@ def _lazy_parts(package: str) -> dict[str, str]:
 
 @cache
 def project_members() -> dict[str, ast.FunctionDef]:
-    """Return name → syntax tree of the members of `Project`."""
+    """Return the properties and methods of `Project`, name → syntax tree."""
     body = ast.parse((ROOT / PROJECT).read_text(encoding="utf-8")).body
     (part,) = (node for node in body if isinstance(node, ast.ClassDef) and node.name == "Project")
     return {node.name: node for node in part.body if isinstance(node, ast.FunctionDef)}
 
 
-def _attribute_names(tree: ast.AST, owner: str) -> set[str]:
-    """Return x for each `project.x`, `a.project.x` and `Project(…).x`, where owner is project."""
+def _members_of(tree: ast.AST, owner: str) -> set[str]:
+    """Return the attributes that code uses of an object with the name `owner`.
+
+    For the owner "project" these are x in `project.x`, `a.project.x` and `Project(…).x`.
+    """
 
     def object_name(node: ast.AST) -> str:
         if isinstance(node, ast.Call):

@@ -26,13 +26,13 @@ BASE = "present commit"
 LINE = 160  # characters of the printed table; runs that do not fit stand below the others
 
 
-def git(*arguments: str, at: Path | None = None) -> str:
+def run_git(*arguments: str, folder: Path | None = None) -> str:
     """Run a git command; return its output, or raise FinloopError with git's message.
 
-    at: folder to run in, None for the present one.
+    folder: in which it runs, None for the present one.
     """
     process = subprocess.run(
-        ["git", *arguments], cwd=at, capture_output=True, text=True, check=False
+        ["git", *arguments], cwd=folder, capture_output=True, text=True, check=False
     )
     if process.returncode:
         raise FinloopError(
@@ -43,19 +43,22 @@ def git(*arguments: str, at: Path | None = None) -> str:
     return process.stdout
 
 
-def experiments() -> dict[str, str]:
-    """Return the experiments on the present commit, name → hash; FinloopError without a commit."""
-    head = git("rev-parse", "HEAD").strip()
-    refs = git(
+def list_experiments() -> dict[str, str]:
+    """Return the DVC experiments on the present commit, name → commit of the experiment.
+
+    FinloopError if there is no commit.
+    """
+    head = run_git("rev-parse", "HEAD").strip()
+    refs = run_git(
         "for-each-ref", "--format=%(refname) %(objectname)", f"refs/exps/{head[:2]}/{head[2:]}"
     )
     lines = (line.split() for line in refs.splitlines())
     return {ref.rpartition("/")[2]: commit for ref, commit in lines}
 
 
-def _parameters(commit: str) -> dict[str, Any]:
+def _load_parameters(commit: str) -> dict[str, Any]:
     """Return a commit's parameters as `group.key` → value; lists and mappings as JSON texts."""
-    values = yaml.safe_load(git("show", f"{commit}:{PARAMS}"))
+    values = yaml.safe_load(run_git("show", f"{commit}:{PARAMS}"))
     return {
         f"{word}.{key}": value if isinstance(value, int | float | str) else json.dumps(value)
         for word, group in values.items()
@@ -64,8 +67,8 @@ def _parameters(commit: str) -> dict[str, Any]:
     }
 
 
-def numbers_at(commits: list[str], stages: list[str]) -> dict[str, dict[str, float]]:
-    """Return the numbers of some stages at some commits: commit → {`stage.number`: value}."""
+def load_numbers(commits: list[str], stages: list[str]) -> dict[str, dict[str, float]]:
+    """Return the numbers of some stages in some commits: commit → {`stage.number`: value}."""
     from dvc.repo import Repo  # not at the top: the import takes half a second
 
     paths = [f"reports/{stage}/metrics.json" for stage in stages]
@@ -80,20 +83,21 @@ def numbers_at(commits: list[str], stages: list[str]) -> dict[str, dict[str, flo
         for commit, found in shown.items()
     }
     for commit in commits:  # git keeps all numbers of most stages
-        kept = git("ls-tree", "--name-only", commit, *(f"reports/{stage}/" for stage in stages))
+        kept = run_git("ls-tree", "--name-only", commit, *(f"reports/{stage}/" for stage in stages))
         for path in filter(lambda path: Path(path).name == NUMBERS_NAME, kept.splitlines()):
-            stage, numbers = Path(path).parent.name, parse_numbers(git("show", f"{commit}:{path}"))
+            stage = Path(path).parent.name
+            numbers = parse_numbers(run_git("show", f"{commit}:{path}"))
             values[commit] |= {f"{stage}.{key}": value for key, value in numbers.items()}
     return values
 
 
-def compare(names: list[str], measures: list[str], title: str, why: str) -> str:
-    """Write reports/compare.html on some experiments; return its table as text.
+def write_comparison(names: list[str], measures: list[str], title: str, why: str) -> str:
+    """Write reports/compare.html, which compares experiments; return its table as text.
 
     names: of experiments; none for all of them and the present commit. measures: further
     `<stage>.<number>`. title, why: heading and text of the page. FinloopError if a name is unknown.
     """
-    commits_of = experiments()
+    commits_of = list_experiments()
     if missing := [name for name in names if name not in commits_of]:
         raise FinloopError(
             f"no experiment {', '.join(missing)} on the present commit",
@@ -103,8 +107,8 @@ def compare(names: list[str], measures: list[str], title: str, why: str) -> str:
     commits = {name: commits_of[name] for name in names} if names else commits_of | {BASE: "HEAD"}
     keys = [*measures, *(objective.key for objective in OBJECTIVES)]
     stages = sorted({key.partition(".")[0] for key in keys})
-    parameters = {name: _parameters(commit) for name, commit in commits.items()}
-    found = numbers_at([*{*commits.values()}], stages)
+    parameters = {name: _load_parameters(commit) for name, commit in commits.items()}
+    found = load_numbers([*{*commits.values()}], stages)
     values = {name: found.get(commit, {}) for name, commit in commits.items()}
     table = compare_experiments(pd.DataFrame(parameters).T, pd.DataFrame(values).T, measures)
     save_bytes(OUT, comparison_page(table, title, why).encode())
@@ -120,7 +124,7 @@ def main() -> None:
         "--measure", action="append", default=[], metavar="stage.number", help="one more measure"
     )
     options = parser.parse_args()
-    print(compare(options.names, options.measure, "Experiments on one commit", ""))
+    print(write_comparison(options.names, options.measure, "Experiments on one commit", ""))
     print(f"\n{OUT} compares them.")
 
 

@@ -31,11 +31,11 @@ from finloop.io.atomic import save_bytes
 from finloop.io.parameters import refusal_error
 from stages.experiment import FOLDER, Experiment
 from stages.parameters import terminal_table
-from stages.settings import CONF, FILES, LOCAL, PARAMS, STAMP, STAMPS, all_problems
+from stages.settings import CONF, FILES, LOCAL, PARAMS, STAMP, STAMPS, list_problems
 
 
 def compose_params(overrides: list[str]) -> str:
-    """Return the text of params.yaml, composed from conf/ with overrides.
+    """Compose conf/ with overrides; return the text of params.yaml.
 
     overrides: in Hydra's syntax, `group.key=value`. FinloopError if one is refused.
     """
@@ -47,7 +47,7 @@ def compose_params(overrides: list[str]) -> str:
         try:
             compose_and_dump(str(output), str(root / CONF), None, "config", str(root), overrides)
         except (HydraException, OmegaConfBaseException) as error:
-            raise _readable(error) from error
+            raise _as_user_error(error) from error
         return output.read_text(encoding="utf-8")
 
 
@@ -57,16 +57,17 @@ def write_params(overrides: list[str]) -> None:
 
 
 def quoting_error(overrides: list[str]) -> FinloopError | None:
-    """Return the error that says what to type where a value needs quotes, or has too many values.
+    """Return the error that says how to type overrides of which a value needs quotes.
 
-    overrides: as the shell has split them. None where each is one `key=value`.
+    overrides: as the shell has split them. None if each is one `key=value`. FinloopError is raised
+    if one has several values or an unknown group.
     """
     wrong = [text for text in overrides if not _is_override(text)]
     if not wrong:
         return None
     keys = "|".join((*GROUPS, FOLDER))
     whole = re.split(rf" (?=[+~]?(?:{keys})[.\w]*=)", " ".join(overrides))  # as before the shell
-    typed = [f"'{text if _is_override(text) else _quote(text)}'" for text in whole]
+    typed = [f"'{text if _is_override(text) else _quote_value(text)}'" for text in whole]
     in_make = " ".join(typed).replace('"', '\\"')
     return FinloopError(
         f"{' '.join(wrong)} is no `key=value`: the shell ends it at a space, Hydra at one of "
@@ -78,7 +79,10 @@ def quoting_error(overrides: list[str]) -> FinloopError | None:
 
 
 def _is_override(text: str) -> bool:
-    """Return whether a text is `key=value` with one value, in Hydra's syntax."""
+    """Return whether a text is `key=value` with one value, in Hydra's syntax.
+
+    FinloopError if it has several values, or its group is unknown.
+    """
     try:
         override = OverridesParser.create().parse_override(text)
     except HydraException:
@@ -103,13 +107,13 @@ def _is_override(text: str) -> bool:
     return True
 
 
-def _quote(override: str) -> str:
-    """Return `key=value` with the value as a text in double quotes."""
+def _quote_value(override: str) -> str:
+    """Return a `key=value` with its value in double quotes, as text."""
     key, _, value = override.partition("=")
     return f"{key}={json.dumps(value.strip(chr(34)), ensure_ascii=False)}"
 
 
-def experiment(name: str) -> Experiment:
+def load_experiment(name: str) -> Experiment:
     """Return the sweep that conf/experiment/<name>.yaml declares.
 
     FinloopError if there is no such file (the others are listed), or its content is wrong.
@@ -135,8 +139,8 @@ def experiment(name: str) -> Experiment:
     return sweep
 
 
-def _readable(error: BaseException) -> FinloopError:
-    """Return finloop's own refusal where Hydra has wrapped one, else Hydra's message."""
+def _as_user_error(error: BaseException) -> FinloopError:
+    """Return the FinloopError that Hydra has wrapped in its error, or one with Hydra's message."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, FinloopError):
@@ -152,17 +156,18 @@ def _readable(error: BaseException) -> FinloopError:
     )
 
 
-def compare(overrides: list[str]) -> None:
-    """Raise FinloopError if params.yaml is not the composition of conf/ with these overrides.
+def require_composed_params(overrides: list[str]) -> None:
+    """Raise FinloopError if params.yaml is not what conf/ composes to with these overrides.
 
-    Elsewhere than beside the conf/local/ with which it was composed, only its values are checked.
+    If params.yaml was composed with a conf/local/ that is missing here, only its values are
+    checked.
     """
     text = PARAMS.read_text(encoding="utf-8") if PARAMS.is_file() else ""
     values = yaml.safe_load(text) or {}
     if "-" in values.get(STAMP, "") and not LOCAL.is_file():
         print(f"{PARAMS} has values of a {LOCAL} that is not here: only ranges are checked",
               file=sys.stderr)  # fmt: skip
-        if problems := all_problems(values):
+        if problems := list_problems(values):
             raise refusal_error(problems)
         return
     unstamped = dict.fromkeys(FILES)  # films and tracks may be elsewhere, too
@@ -175,14 +180,14 @@ def compare(overrides: list[str]) -> None:
 
 
 def main() -> None:
-    """Write params.yaml; or compare it with conf/, or print the parameters of groups."""
+    """Write params.yaml, compare it with conf/, or print the parameters of groups."""
     parser = argparse.ArgumentParser(prog="make params", description=__doc__)
     parser.add_argument("--check", action="store_true")
     parser.add_argument("overrides", nargs="*", metavar="key=value")
     arguments = parser.parse_args()
     words = [text.removeprefix("help=") for text in arguments.overrides if text[:5] == "help="]
     if arguments.check:
-        compare(arguments.overrides)
+        require_composed_params(arguments.overrides)
     elif words:
         print("\n\n".join(terminal_table(word, get_terminal_size().columns) for word in words))
     else:

@@ -9,23 +9,25 @@ from pathlib import Path
 from typing import Any
 
 from finloop.base.errors import FinloopError
-from finloop.base.settings import values_of
+from finloop.base.settings import read_conf_values
 
 Groups = Mapping[str, Mapping[str, Any]]
 
 
-def conflicts(values: Groups) -> list[str]:
+def find_conflicts(values: Groups) -> list[str]:
     """Return what cannot work in these parameters, each as a sentence with the parameter's name.
 
-    values: content of params.yaml, each value right in itself.
+    values: content of params.yaml, in which each value alone is right.
     """
-    return [*_films(values), *_files(values), *_fish(values["matching"]), *_modes(values)]
+    parts = _film_conflicts(values), _missing_files(values), _mode_conflicts(values)
+    return [*parts[0], *parts[1], *_fish_conflicts(values["matching"]), *parts[2]]
 
 
-def _films(values: Groups) -> Iterator[str]:
+def _film_conflicts(values: Groups) -> Iterator[str]:
+    """Yield a sentence for each film that is missing, unreadable or shorter than a track."""
     clip, shortest = values["clip"], values["extract"]["min_track_frames"]
     if clip.get("frames", shortest) < shortest:
-        yield _too_short("clip.frames", clip["frames"], shortest)
+        yield _too_short_text("clip.frames", clip["frames"], shortest)
     if not clip.get("path"):
         return
     from finloop.io.footage import list_films
@@ -35,13 +37,13 @@ def _films(values: Groups) -> Iterator[str]:
         path = item if isinstance(item, str) else item["path"]
         try:
             for film in list_films(path):
-                yield from _film(film, shortest)
+                yield from _film_file_conflicts(film, shortest)
         except FinloopError as error:
             yield f"clip.path: {error.came}; {error.do}"
 
 
-def _film(film: Path, shortest: int) -> Iterator[str]:
-    """Yield why a film cannot be used; its pictures are not decoded.
+def _film_file_conflicts(film: Path, shortest: int) -> Iterator[str]:
+    """Yield a sentence if a film is missing or too short; its pictures are not decoded.
 
     shortest: least number of frames.
     """
@@ -53,18 +55,22 @@ def _film(film: Path, shortest: int) -> Iterator[str]:
     elif film.is_file() and film.suffix.lower() not in SUFFIXES:
         with open_stream(film) as (_, stream):
             if 0 < stream.frames < shortest:
-                yield _too_short(f"clip.path: {film}", stream.frames, shortest)
+                yield _too_short_text(f"clip.path: {film}", stream.frames, shortest)
 
 
-def _too_short(what: str, frames: int, shortest: int) -> str:
+def _too_short_text(what: str, frames: int, shortest: int) -> str:
+    """Return the sentence that a film is too short; what: the parameter that names it."""
     return (
         f"{what}: {frames} frames, and a track has at least {shortest}; take a longer film, or "
         "lower extract.min_track_frames"
     )
 
 
-def _files(values: Groups) -> Iterator[str]:
-    """Yield the files that are named and missing; those of conf/ itself are in the repository."""
+def _missing_files(values: Groups) -> Iterator[str]:
+    """Yield a sentence for each file that is named and missing.
+
+    Those that conf/ itself names are in the repository.
+    """
     limbs = values["gait"]["limbs"] == "regions"
     named = {
         "clip.arena": values["clip"].get("arena"),
@@ -79,7 +85,7 @@ def _files(values: Groups) -> Iterator[str]:
     }
     for name, paths in named.items():
         word, key = name.split(".")
-        if paths == values_of(word, "default").get(key):
+        if paths == read_conf_values(word, "default").get(key):
             continue
         for path in paths if isinstance(paths, list) else [paths]:
             if isinstance(path, str) and not path.startswith("track:"):
@@ -88,7 +94,11 @@ def _files(values: Groups) -> Iterator[str]:
                     yield f"{name}: there is nothing at {file.absolute()}"
 
 
-def _fish(matching: Mapping[str, Any]) -> Iterator[str]:
+def _fish_conflicts(matching: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a sentence if there are fewer fish than paths, or pairs name fish that do not exist.
+
+    matching: the parameters of mode `matching`.
+    """
     fish, paths = matching["fish"], matching["path"]
     if isinstance(paths, list) and len(paths) > fish:
         yield f"matching.path: {len(paths)} paths for {fish} fish (matching.fish)"
@@ -101,7 +111,8 @@ def _fish(matching: Mapping[str, Any]) -> Iterator[str]:
             yield f"matching.follow_pairs: {error.came}; matching.fish is {fish}"
 
 
-def _modes(values: Groups) -> Iterator[str]:
+def _mode_conflicts(values: Groups) -> Iterator[str]:
+    """Yield a sentence for each stage that shows a retargeted track where none is named."""
     for stage in ("render", "tank", "export"):
         if values[stage]["mode"] == "retarget" and values["retarget"]["tracks"] is None:
             yield f"{stage}.mode: retarget shows retarget.tracks, which names none"

@@ -1,6 +1,6 @@
 """Stage `distance`: how similar the frames of the film are (fish paper §4.1, Eqs. 5-8, Fig. 9)."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from pathlib import Path
@@ -16,14 +16,17 @@ from finloop.io.atomic import whole_folder
 from finloop.io.record import save_record
 from finloop.io.table import save_table
 from finloop.project import Project
-from stages.settings import load
+from stages.settings import load_settings
 
 FOLDER, REPORT = Path("data/distance"), Path("reports/distance")
 SAMPLE = 1000  # pairs measured again in float64
 
 
 def _count_inexact(pairs: pd.DataFrame, reel: Reel, size_px: int, pose: str) -> int:
-    """Return how many of SAMPLE stored distances differ by more than EXACT if computed again."""
+    """Recompute SAMPLE stored distances; return how many differ by more than EXACT.
+
+    size_px, pose: as the distances were made.
+    """
     sample, count = pairs.sample(min(SAMPLE, len(pairs)), random_state=0), 0
     for start in range(0, len(sample), 50):
         part = sample.iloc[start : start + 50]
@@ -34,12 +37,12 @@ def _count_inexact(pairs: pd.DataFrame, reel: Reel, size_px: int, pose: str) -> 
 
 
 def main() -> None:
-    """Write the distance map to data/distance/, and metrics to reports/distance/."""
-    p: DistanceSettings = load("distance")
+    """Compare the film's frames; write data/distance/, and metrics to reports/distance/."""
+    p: DistanceSettings = load_settings("distance")
     with Project() as project:
         features, reel = project.features, project.film_reel
         todo = list_map_blocks(features, p)
-        with progress("distance", len(todo), "blocks") as advance:
+        with report_progress("distance", len(todo), "blocks") as advance:
             pairs, steps, facts = compare_frames(reel, p, advance)
         pairs_inexact = _count_inexact(pairs, reel, p.picture_size_px, p.frame_of_reference)
 

@@ -15,7 +15,7 @@ Name = Annotated[str, Field(pattern=r"^[a-z]+\.[a-z0-9_]+$")]
 
 @dataclass(frozen=True)
 class Experiment:
-    """A sweep: the values of `hydra.sweeper` in conf/experiment/<name>.yaml."""
+    """A sweep, as `hydra.sweeper` in conf/experiment/<name>.yaml declares it."""
 
     # title, why: text. On the page that compares the runs
     title: str
@@ -29,29 +29,33 @@ class Experiment:
     measures: Annotated[list[Name], Field(min_length=1)]
 
     def __post_init__(self) -> None:
+        """Raise ValueError if a parameter or measure belongs to no stage."""
         for word in (name.partition(".")[0] for name in (*self.params, *self.measures)):
             if word not in WORDS:
                 raise ValueError(f"{word} is no stage")
 
     @property
     def stages(self) -> list[str]:
-        """The stages whose numbers are compared, each once."""
+        """Return the stages whose numbers are compared, each once."""
         return list(dict.fromkeys(name.partition(".")[0] for name in self.measures))
 
-    def runs(self, name: str) -> dict[str, list[str]]:
-        """Return every run of the sweep `name`: its name → overrides `key=value`.
+    def list_runs(self, name: str) -> dict[str, list[str]]:
+        """Return every run of this sweep: name of the run → overrides `key=value`.
 
-        The last parameter varies first.
+        name: of the sweep. The last parameter varies first.
         """
         runs = {}
-        for values in product(*map(choices, self.params.values())):
+        for values in product(*map(parse_values, self.params.values())):
             pairs = zip(self.params, values, strict=True)
             runs["-".join((name, *values))] = [f"{key}={value}" for key, value in pairs]
         return runs
 
 
-def choices(values: str) -> Iterator[str]:
-    """Yield, as texts, what "0.1, 0.2" or "range(1, 4)" in Hydra's notation stands for."""
+def parse_values(values: str) -> Iterator[str]:
+    """Yield the values in a text such as "0.1, 0.2" or "range(1, 4)", in Hydra's notation.
+
+    The values are texts.
+    """
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     override = OverridesParser.create().parse_override(f"swept={values}")

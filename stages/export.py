@@ -1,6 +1,6 @@
 """Stage `export`: files for other programs: films with alpha, atlas, edit list, tracks as poses."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 import shutil
 from collections.abc import Iterable
@@ -35,7 +35,7 @@ from finloop.sprites.choice import SIDES, WORDS
 from finloop.stimulus.drawn import drawn_states
 from finloop.stimulus.page import build_standalone_page
 from finloop.stimulus.pictures import PagePictures
-from stages.settings import load
+from stages.settings import load_settings
 
 OUT, REPORT = Path("data/export"), Path("reports/export")
 POINTS = ["head_x_px", "head_y_px", "head_confidence", "body_length_px"]
@@ -44,15 +44,18 @@ POINTS = ["head_x_px", "head_y_px", "head_confidence", "body_length_px"]
 def _save_films(
     folder: Path, p: ExportSettings, project: Project, drawn: EditSources
 ) -> dict[str, Any]:
-    """Write the animation and the sprites as films with transparency; return their films.json."""
+    """Write the animation and the sprites as films with transparency; return their films.json.
+
+    drawn: the edit list with its tables.
+    """
     facts, edit, sprites = project.facts, drawn.edit, project.sprites
     gallery = project.gallery(drawn)
     rate, channels = facts.frame_rate, 3 if facts.colour else 1
     cycles = {word: sprites_of_sequence(sprites, word, gallery) for word in WORDS}
     made: dict[str, Any] = {}
 
-    def film(name: str, pictures: Iterable[Picture], crop: Box, webp_ticks: int) -> None:
-        """Write name.webm, and name.webp from its first `webp_ticks`."""
+    def write_film(name: str, pictures: Iterable[Picture], crop: Box, webp_ticks: int) -> None:
+        """Write name.webm from all pictures, and name.webp from the first `webp_ticks` of them."""
         path, shape = folder / name, (crop.bottom - crop.top, crop.right - crop.left, 4)
         webm = WebmWriter(path.with_suffix(".webm"), shape, rate, p.webm_crf)
         webp = AlphaWebpWriter(path.with_suffix(".webp"), shape, rate, p.webp_quality)
@@ -65,16 +68,18 @@ def _save_films(
         made[name] = {"frames": webm.frames, "width_px": shape[1], "height_px": shape[0]}
 
     ticks = edit["tick"].nunique()
-    with progress("export", ticks + sum(len(rows) for rows, _ in cycles.values())) as advance:
+    with report_progress(
+        "export", ticks + sum(len(rows) for rows, _ in cycles.values())
+    ) as advance:
         tank = FishOnlyPainter(facts.height_px, facts.width_px, channels)
         crop = box_of_all_fish(place_ticks(edit, gallery), tank)
         pictures = cut_out_fish(place_ticks(edit, gallery), tank, crop)
-        film(p.mode, pictures, crop, round(p.webp_seconds * rate))
+        write_film(p.mode, pictures, crop, round(p.webp_seconds * rate))
         made[p.mode] |= {"left_px": crop.left, "top_px": crop.top, "loops": False}
         for word, (steps, half) in cycles.items():
             alone = FishOnlyPainter(2 * half + 1, 2 * half + 1, channels)
             crop = box_of_all_fish(steps, alone)
-            film(word, cut_out_fish(steps, alone, crop), crop, len(steps))
+            write_film(word, cut_out_fish(steps, alone, crop), crop, len(steps))
             made[word] |= {"pivot_x_px": half - crop.left, "pivot_y_px": half - crop.top}
             made[word] |= {"loops": word not in SIDES}
     return {
@@ -88,18 +93,23 @@ def _save_films(
 def _save_page(
     folder: Path, p: ExportSettings, project: Project, drawn: EditSources, ticks: int
 ) -> None:
-    """Write stimulus.html, which plays the animation's first ticks without a server."""
+    """Write stimulus.html, a page that plays the animation's first `ticks` without a server.
+
+    drawn: the edit list with its tables.
+    """
     assert drawn.bodies is not None
     edit = drawn.edit.sort_values(["tick", "fish"], kind="stable")
     rows = list(edit[edit["tick"] < ticks].itertuples(index=False))
     states = drawn_states(rows, drawn.bodies)
     motion = states.reshape(-1, edit["fish"].nunique(), states.shape[1])
-    pictures = PagePictures(project.gallery(drawn), project.size(p.mode)).load_pictures(motion)
+    pictures = PagePictures(project.gallery(drawn), project.drawn_scale(p.mode)).load_pictures(
+        motion
+    )
     text = build_standalone_page("finloop", project.rate_hz, project.background, pictures, motion)
     save_bytes(folder / "stimulus.html", text.encode())
 
 
-def names(project: Project, tracks: pd.DataFrame) -> pd.Series:
+def animal_names(project: Project, tracks: pd.DataFrame) -> pd.Series:
     """Return the animal's name for every row of `tracks`: another program's, or `animal_<n>`."""
     if project.external_tracks is not None:
         return project.external_tracks["animal"]
@@ -110,16 +120,16 @@ def names(project: Project, tracks: pd.DataFrame) -> pd.Series:
 
 
 def main() -> None:
-    """Write the files for other programs to data/export/, and metrics to reports/export/."""
-    p: ExportSettings = load("export")
+    """Write the files that other programs read to data/export/, and metrics to reports/export/."""
+    p: ExportSettings = load_settings("export")
     with Project() as project, whole_folder(OUT) as folder:
         facts, features, sprites = project.facts, project.features[POINTS], project.sprites
         drawn = project.edit_with_sources(
             p.mode, "export", USED, sprites=True, bodies=p.stimulus_seconds > 0
         )
         edit, tracks, mm = drawn.edit, drawn.tracks, facts.mm_per_px
-        length_px = project.size(p.mode) * float(features["body_length_px"].median())
-        least, animals = round(p.tracks_min_s * facts.frame_rate), names(project, tracks)
+        length_px = project.drawn_scale(p.mode) * float(features["body_length_px"].median())
+        least, animals = round(p.tracks_min_s * facts.frame_rate), animal_names(project, tracks)
         points = keypoints_of_tracks(
             tracks, features, facts.frames, p.tracks_body_points, least, p.tracks_most, animals
         )

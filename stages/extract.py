@@ -1,6 +1,6 @@
 """Stage `extract`: make background, tracks, backbones and cut-outs from the normalised clip."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from collections.abc import Iterator, Mapping
@@ -27,9 +27,9 @@ from finloop.io.pieces import Pieces, remove_folders_except
 from finloop.io.several import FILMS, FilmPart, load_parts, load_readable_parts
 from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
-from stages.cluster import workers
-from stages.reuse import code_digest, folder_digest, name_of, reuse_or_make
-from stages.settings import load
+from stages.cluster import open_workers
+from stages.reuse import code_digest, folder_digest, key_digest, reuse_or_make
+from stages.settings import load_settings
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
 # Outside of what DVC removes before it runs the stage: a film in work, and those that are made.
@@ -46,13 +46,13 @@ WORKERS_NEED = ["finloop.extract.film", "finloop.extract.ready", "finloop.io.pie
 
 
 def main() -> None:
-    """Write tracks, cut-outs and background to data/extract/, and reports/extract/."""
-    settings: ExtractSettings = load("extract")
-    with workers(WORKERS_NEED) as pool, whole_folder(EXTRACT) as folder:
+    """Follow every animal of the clip; write data/extract/, and metrics to reports/extract/."""
+    settings: ExtractSettings = load_settings("extract")
+    with open_workers(WORKERS_NEED) as pool, whole_folder(EXTRACT) as folder:
         if load_readable_parts(CLIP):
             numbers, films = _extract_films(CLIP, settings, pool, folder)
         else:
-            pieces = Pieces(PIECES / name_of(_track_inputs(CLIP, settings)))
+            pieces = Pieces(PIECES / key_digest(_track_inputs(CLIP, settings)))
             remove_folders_except(PIECES, [pieces.folder.name])
             numbers = _extract_film(CLIP, settings, pool, pieces, folder)
             name = load_facts(CLIP / FACTS_NAME).source
@@ -64,7 +64,7 @@ def main() -> None:
 
 
 def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:
-    """Return everything from which the tracks of a clip are made, as plain values for reuse."""
+    """Return everything from which the tracks of a clip are made, as plain values by name."""
     tracks = Path(p.tracks_path or "").expanduser()
     return {
         "extract": asdict(p), "code": code_digest("extract"), "clip": folder_digest(clip),
@@ -77,18 +77,18 @@ def _extract_film(
 ) -> dict[str, float]:
     """Write the tracks and cut-outs of one clip to `folder`; return its metrics.
 
-    `pieces`, results of an interrupted run, are used.
+    pieces: results of an interrupted run, which are used.
     """
     facts = load_facts(clip / FACTS_NAME)
     if pieces.stored_bytes():
         print("finloop: continues with the results of an interrupted run", file=sys.stderr)
     try:
-        with progress("extract", facts.frames) as advance:
+        with report_progress("extract", facts.frames) as advance:
             extraction = extract_tracks(clip, settings, folder, pool, advance, pieces)
     except NoTrackError:
         pieces.remove()  # a new run would find nothing, too
         raise
-    for note in notes_on_given(extraction.given):
+    for note in describe_given_places(extraction.given):
         print(f"finloop: note: {note}", file=sys.stderr)
     if extraction.lost:
         print(
@@ -96,11 +96,14 @@ def _extract_film(
             "To make the clip again: `dvc repro --force clip`",
             file=sys.stderr,
         )
-    return {"frames": facts.frames, **_metrics(extraction)}
+    return {"frames": facts.frames, **_extraction_metrics(extraction)}
 
 
-def notes_on_given(numbers: Mapping[str, float]) -> Iterator[str]:
-    """Yield sentences on how much of the user's file of tracks is used, from `Extraction.given`."""
+def describe_given_places(numbers: Mapping[str, float]) -> Iterator[str]:
+    """Yield sentences on how much of a given file of tracks is used.
+
+    numbers: `Extraction.given`, empty where no file is given.
+    """
     if not numbers:
         return
     why = [f"{numbers['places_used_share']:.1%} of the places in the file of tracks are used"]
@@ -120,7 +123,7 @@ def _extract_films(
 ) -> tuple[dict[str, float], list[dict[str, Any]]]:
     """Write the tracks and cut-outs of several films, a folder each, and join them.
 
-    Returns metrics, and a row of films.csv for each film.
+    clip: folder of the clips. Returns metrics, and a row of films.csv for each film.
     """
     numbers, parts = dict[str, float](), load_parts(clip)
     errors = {part.name: part.error for part in parts if part.error}
@@ -133,15 +136,15 @@ def _extract_films(
                     path = find_tracks_path(Path(part.path), settings.tracks_path)
                     p = replace(settings, tracks_path=path)
                 todo.append((part, p, _track_inputs(clip / FILMS / part.name, p)))
-    remove_folders_except(PIECES, [name_of(key) for _, _, key in todo])
+    remove_folders_except(PIECES, [key_digest(key) for _, _, key in todo])
     for part, p, key in todo:
         home = Path(FILMS) / part.name
         print(f"finloop: {part.name}", file=sys.stderr)
         with _leave_out_on_error(part, errors):
-            make = partial(_extract_film, clip / home, p, pool, Pieces(PIECES / name_of(key)))
+            make = partial(_extract_film, clip / home, p, pool, Pieces(PIECES / key_digest(key)))
             metrics_of_film = reuse_or_make(KEPT, folder / home, key, make)
             numbers |= {f"{part.name}_{name}": value for name, value in metrics_of_film.items()}
-    remove_folders_except(KEPT, [name_of(key) for _, _, key in todo])
+    remove_folders_except(KEPT, [key_digest(key) for _, _, key in todo])
     contributions = join_extractions(clip, folder, errors)
     numbers["frames"] = load_facts(clip / FACTS_NAME).frames
     numbers["fish_frames"] = sum(item.rows for item in contributions)
@@ -155,7 +158,10 @@ def _extract_films(
 
 @contextmanager
 def _leave_out_on_error(part: FilmPart, errors: dict[str, str]) -> Iterator[None]:
-    """Run a block for one film: on FinloopError, warn, note film and cause, and continue."""
+    """Run a block for one film; on FinloopError print a warning, note the cause, and continue.
+
+    errors: name of the film → cause; changes.
+    """
     try:
         yield
     except FinloopError as error:
@@ -164,7 +170,7 @@ def _leave_out_on_error(part: FilmPart, errors: dict[str, str]) -> Iterator[None
 
 
 def _film_row(contribution: FilmContribution) -> dict[str, Any]:
-    """Return one film's row of films.csv: its rows and tracks, and factors on length and light."""
+    """Return one film's row of films.csv: its rows, tracks, and factors on length and light."""
     gains = contribution.like.gains or (1.0,)
     return {
         "film": contribution.name,
@@ -176,7 +182,7 @@ def _film_row(contribution: FilmContribution) -> dict[str, Any]:
     }
 
 
-def _metrics(extraction: Extraction) -> dict[str, float]:
+def _extraction_metrics(extraction: Extraction) -> dict[str, float]:
     """Return the metrics of an extraction: noise, typical fish, verdicts, lengths of tracks."""
     scene, verdicts, lengths, given, lost = extraction
     long = [count for count in lengths.values() if count >= LONG]

@@ -26,14 +26,14 @@ from finloop.features.table import (
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import TRUTH_NAME
 from finloop.project import Project
-from stages.settings import load
+from stages.settings import load_settings
 
 TABLE, REPORT = Path("data/features/features.parquet"), Path("reports/features")
 
 
 def main() -> None:
-    """Write the feature table to data/features/, and Table 1, Fig. 7, metrics to reports/."""
-    settings: FeaturesSettings = load("features")
+    """Measure how each fish swims; write data/features/, and tables and metrics to reports/."""
+    settings: FeaturesSettings = load_settings("features")
     project = Project()
     facts, tracks, given = project.facts, project.tracks(USED), project.external_tracks
     table, backbones = measure_features(tracks, facts.frame_rate_hz, settings, given)

@@ -27,8 +27,8 @@ REPORT = Path("reports/index.html")
 WANTED = 'make film FILM=/path/of/film.mp4; several: FILM="a.mp4 b.mp4", quoted where a space is'
 
 
-def films_in(text: str) -> list[str]:
-    """Return the absolute paths that the text of the variable FILM names.
+def parse_film_paths(text: str) -> list[str]:
+    """Return the absolute paths in the text of the variable FILM.
 
     Paths are separated by spaces, unless the whole text is one path. FinloopError if it names none,
     or a file is missing.
@@ -53,8 +53,8 @@ def films_in(text: str) -> list[str]:
     return [str(Path(name).expanduser().absolute()) for name in names]
 
 
-def local_text(films: list[str]) -> str:
-    """Return the YAML text of conf/local/default.yaml that names these films."""
+def local_conf_text(films: list[str]) -> str:
+    """Return the text of a conf/local/default.yaml that names these films."""
     # As OmegaConf reads it: `${` would begin the name of another value.
     paths = [json.dumps(film.replace("${", "\\${"), ensure_ascii=False) for film in films]
     value = paths[0] if len(paths) == 1 else "[" + ", ".join(paths) + "]"
@@ -69,26 +69,27 @@ clip:
 
 
 def name_films(films: list[str], local: Path) -> str:
-    """Let the file `local` (conf/local/default.yaml) name these films; return what was done.
+    """Write the films into the file `local`, conf/local/default.yaml; return a sentence on it.
 
-    A file that names them already keeps its settings. Another file is kept as a backup, unless it
+    A file that names them already stays unchanged. Another file is kept as a backup, unless it
     contains only what this function wrote.
     """
     before = local.read_text(encoding="utf-8") if local.is_file() else ""
-    films_before = _films_of(before)
+    films_before = _films_in_local_conf(before)
     if films_before == films:
         return f"{local} names the film already, and is left as it is"
     note = ""
-    if before and before != local_text(films_before):
+    if before and before != local_conf_text(films_before):
         backups = (local.with_name(f"{local.name}.before-{number}") for number in count(1))
         backup = next(path for path in backups if not path.exists())
         save_bytes(backup, before.encode())
         note = f"; what it held before is kept in {backup}"
-    save_bytes(local, local_text(films).encode())
+    save_bytes(local, local_conf_text(films).encode())
     return f"{local} names the film{note}"
 
 
-def _films_of(text: str) -> list[str]:
+def _films_in_local_conf(text: str) -> list[str]:
+    """Return the films that the text of a conf/local/default.yaml names; [] if it names none."""
     try:
         path = yaml.safe_load(text)["clip"]["path"]
     except (yaml.YAMLError, KeyError, TypeError):
@@ -100,17 +101,17 @@ def _films_of(text: str) -> list[str]:
 
 
 def show_report(report: Path) -> None:
-    """Print where the report is, and open it where there is a desktop."""
+    """Print the path of the report, and open it if there is a desktop."""
     print(f"\nDone. The report: {report.absolute()}")
     open_in_browser(report.absolute().as_uri())
 
 
 def main() -> None:
-    """Name the film in conf/local/ and write params.yaml; or show the report."""
+    """Name the film in conf/local/ and write params.yaml; with --report show the report."""
     if sys.argv[1:] == ["--report"]:
         show_report(REPORT)
         return
-    print(f"finloop: {name_films(films_in(os.environ.get('FILM', '')), LOCAL)}")
+    print(f"finloop: {name_films(parse_film_paths(os.environ.get('FILM', '')), LOCAL)}")
     write_params(sys.argv[1:])
 
 

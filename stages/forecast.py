@@ -1,6 +1,6 @@
 """Stage `forecast`: learn to predict the next pose and motion, and the film's spread around it."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -24,7 +24,7 @@ from finloop.io.table import save_csv, save_table
 from finloop.jumps.table import VisibleFacts
 from finloop.jumps.visible import VisibleDistance
 from finloop.project import Project
-from stages.settings import load
+from stages.settings import load_settings
 
 OUT, REPORT = Path("data/forecast"), Path("reports/forecast")
 FREE_TICKS = 20_000  # of the fish that swims freely, at most
@@ -32,7 +32,7 @@ CURVE = ["epoch", "train_error", "held_out_error"]
 
 
 def _load_visible(project: Project) -> VisibleDistance:
-    """Load the visible distance between rows (pictures and postures) from the stage `jumps`."""
+    """Return the visible distance between rows, of pictures and poses, from the stage `jumps`."""
     folder, poses = project.data / "jumps", project.poses
     natural = load_record(folder / "facts.json", VisibleFacts, "jumps").natural
     pictures = open_array(folder / "pictures.npy", (len(poses.codes), None, None, None), "uint8")
@@ -40,8 +40,11 @@ def _load_visible(project: Project) -> VisibleDistance:
 
 
 def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[str, float]:
-    """Return the RMS errors of the motion area Δ later, in the film's held-out rows, by name."""
-    features, poses, film = project.features, project.poses, project.states
+    """Return RMS errors of the motion area Δ later, in the film's held-out rows, by name.
+
+    Δ is the time in which motion is measured.
+    """
+    features, poses, film = project.features, project.poses, project.forecast_states
     rows = parts.held_out[parts.held_out < film.count]
     rows = rows[film.usable[rows[:, None] + np.arange(film.delta)].all(1)]
     if not len(rows):
@@ -60,7 +63,10 @@ def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[st
 def _measure_forecast(
     film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator, folder: Path
 ) -> dict[str, float]:
-    """Measure the forecast on held-out rows, and as the only guide of a fish; write both tables."""
+    """Measure the forecast on held-out rows, and in a fish that only it moves; write both tables.
+
+    swim: samples predictions. Returns numbers by name.
+    """
     ensemble = assess.predict_ensembles(film, swim, parts, rng)
     states, rows = swim_freely(swim, min(film.count, FREE_TICKS), rng)
     save_table(folder / "held_out.parquet", assess.rank_table(ensemble), assess.HELD_OUT)
@@ -77,18 +83,18 @@ def main() -> None:
 
     Where the film shows too little there is no model, and data/forecast/ has only reason.json.
     """
-    p: ForecastSettings = load("forecast")
+    p: ForecastSettings = load_settings("forecast")
     project = Project()
     with whole_folder(OUT) as folder:
         try:
-            film = project.states
+            film = project.forecast_states
             parts = split_held_out(film, p)
             with (  # half of the time each, in parallel
                 ThreadPoolExecutor(1) as beside,
-                progress("forecast", p.epochs, "epochs") as advance,
+                report_progress("forecast", p.epochs, "epochs") as advance,
             ):
                 visible = _load_visible(project)
-                similar = beside.submit(build_similarity_graph, film, project.look, visible, p)
+                similar = beside.submit(build_similarity_graph, film, project.row_looks, visible, p)
                 model, curve = train_predictor(film, parts, p, advance)
                 graph = similar.result()
         except FinloopError as error:
@@ -101,7 +107,7 @@ def main() -> None:
             return
         save_json(folder / "model.json", model.record())
         swim, rng = build_sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
-        # `Project.forecast` maps these files: similar rows, and the predicted states.
+        # `Project.forecast_sampler` maps these files: similar rows, and the predicted states.
         save_array(folder / "start.npy", swim.start)
         save_array(folder / "neighbours.npy", swim.to)
         save_array(folder / "mean.npy", swim.mean)

@@ -1,6 +1,6 @@
 """Stage `gait`: motion fitted to film drives a drawn character (curve paper §4.2, Figs. 8-14)."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 from dataclasses import replace
 from fractions import Fraction
@@ -41,9 +41,9 @@ from finloop.io.regions import load_regions, save_masks
 from finloop.io.svg import load_svg
 from finloop.io.table import save_csv
 from finloop.io.video import read_frames
-from finloop.plots.gait import figures
+from finloop.plots.gait import draw_gait_figures
 from finloop.project import Project
-from stages.settings import load
+from stages.settings import load_settings
 
 TRACKS = ("track_id", "frame", "outline_x_px", "outline_y_px", "backbone_x_px", "backbone_y_px")
 OUT, REPORT = Path("data/gait"), Path("reports/gait")
@@ -57,7 +57,7 @@ Pictures = tuple[list[NDArray[np.uint8]], NDArray[np.float64]]  # of a cycle, an
 
 
 class GaitFit(NamedTuple):
-    """A gait, the film and key frames to which it is fitted, and its errors on held-out frames."""
+    """A gait, the contours and key frames to which it is fitted, and its held-out errors."""
 
     film: GaitContours
     gait: Gait
@@ -65,21 +65,24 @@ class GaitFit(NamedTuple):
     errors: ClockComparison
 
     def rms(self) -> dict[str, float]:
-        """Return the RMS errors on held-out frames, `rms_<clock>_pct`, in % of body length."""
+        """Return the RMS errors on held-out frames, by `rms_<clock>_pct`, in % of body length."""
         return {f"rms_{clock}_pct": 100 * self.errors.rms[clock] for clock in CLOCKS}
 
 
-def _draw(fit: GaitFit, folder: Path, pictures: Pictures | None) -> None:
+def _draw_figures(fit: GaitFit, folder: Path, pictures: Pictures | None) -> None:
     """Write Figs. 8 to 14 to `folder`; without pictures of a cycle Fig. 8 shows contours."""
     film, gait, keys, _ = fit
     samples = sort_into_subcycles(film, gait.split, gait.wavelet, gait.coarse)
     subcycles = build_subcycles(keys, samples, gait.wavelet, gait.coarse)
-    for name, figure in figures(film, gait, keys, subcycles, pictures):
+    for name, figure in draw_gait_figures(film, gait, keys, subcycles, pictures):
         save_figure(folder / f"{name}.png", figure)
 
 
 def _fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, source: str) -> GaitFit:
-    """Fit a gait to the contours of a film, and measure its errors on held-out frames."""
+    """Fit a gait to the contours of a film, and measure its errors on held-out frames.
+
+    name, source: of the gait. beat: its period.
+    """
     basis: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
     errors = compare_clocks(film, **basis)
     gait, keys = fit_gait(
@@ -89,16 +92,17 @@ def _fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, sour
     return GaitFit(film, gait, keys, errors)
 
 
-def outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
-    """Return the gait of the track with the clearest tail beat, if any, and a row for each track.
+def fit_outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
+    """Fit a gait to each track of the clip; return the best, and tracks.csv as a table.
 
-    The table is tracks.csv.
+    The best is that with the clearest tail beat, None if no track has a steady one. The table has a
+    row for each track.
     """
     project = Project()
     rate, tracks = project.rate_hz, project.tracks(TRACKS)
     heads = project.features[["track_id", "frame", "head_x_px", "head_y_px"]]
     rows, fits = [], []
-    with progress("gait", tracks["track_id"].nunique(), "tracks") as advance:
+    with report_progress("gait", tracks["track_id"].nunique(), "tracks") as advance:
         for number, track in tracks.groupby("track_id"):
             fish = swim_contours(
                 *track_outlines(track, heads[heads["track_id"] == number]), rate, p.contour_points
@@ -135,7 +139,7 @@ def _drawn_dog(p: GaitSettings) -> DogFilm:
 
 
 def _film_dog(walk: DogFilm, folder: Path) -> Pictures:
-    """Write the dog's film and its limbs' regions; return the pictures and phases of a cycle."""
+    """Write the dog's film and its limbs' regions; return pictures and phases of one cycle."""
     rate = Fraction(walk.frame_rate_hz).limit_denominator(1001)
     path = folder / "dog_film.mp4"
     with Mp4Writer(path, (walk.height_px, walk.width_px, 3), rate, CRF) as writer:
@@ -149,10 +153,10 @@ def _film_dog(walk: DogFilm, folder: Path) -> Pictures:
 
 
 def _gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[str, float]:
-    """Return the largest errors of γ by name; write true values of γ into the table of γ.
+    """Return the largest errors of γ by name; write the true values into the table of γ.
 
-    Columns filled in: true, of the exact motion; exact, fitted to exact contours; clock, of the
-    foot alone.
+    γ says how unevenly a limb moves. Columns filled in: true, of the exact motion; exact, fitted to
+    exact contours; clock, of the foot alone.
     """
     exact = GaitContours(
         true_limb_contours(walk, EXACT_POINTS), frame_phases(walk), walk.body_length_px, "swap"
@@ -179,7 +183,10 @@ def _gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[s
 
 
 def _gamma_table(film: str, gait: Gait) -> pd.DataFrame:
-    """Return γ, the mean over the scales, as a table with a row per contour and subcycle."""
+    """Return the gait parameter γ, the mean over scales, with a row per contour and subcycle.
+
+    film: name for the column film.
+    """
     rows = [
         (film, name, subcycle, float(np.mean(values)), np.nan, np.nan, np.nan)
         for name, subcycles in gait.gamma.items()
@@ -190,7 +197,7 @@ def _gamma_table(film: str, gait: Gait) -> pd.DataFrame:
 
 
 def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]:
-    """Return the gait of filmed limbs, and pictures of a cycle, which the user's film lacks."""
+    """Return the gait of filmed limbs, and pictures of a cycle, None for the user's own film."""
     pictures: Pictures | None = None
     if p.limbs == "dog":
         pictures = _film_dog(_drawn_dog(p), folder)
@@ -212,7 +219,10 @@ def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]
 def _animate_drawing(
     name: str, keys: tuple[str, str], gait: Gait, p: GaitSettings, folder: Path
 ) -> dict[str, float]:
-    """Write a drawing, of two key frames, moved by a gait, in all ENDINGS; return its metrics."""
+    """Write a drawing that a gait moves, in all file formats of ENDINGS; return its metrics.
+
+    name: of the files. keys: paths of its two key frames.
+    """
     first, second = (load_svg(Path(key)) for key in keys)
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
     result = animate_drawing(first, second, gait, frames, p.contour_points)
@@ -230,7 +240,10 @@ def _animate_drawing(
 
 
 def _swimmer_gait(p: GaitSettings, swimmer: GaitFit | None) -> Gait:
-    """Return the gait that drives the drawn fish: a shipped one, or the clip's own."""
+    """Return the gait that moves the drawn fish: from a file, or the one fitted to the clip.
+
+    swimmer: that fit, None if the clip has none.
+    """
     if p.swimmer_gait is not None:
         return load_gait(Path(p.swimmer_gait))
     if swimmer is None:
@@ -243,11 +256,11 @@ def _swimmer_gait(p: GaitSettings, swimmer: GaitFit | None) -> Gait:
 
 
 def main() -> None:
-    """Write gaits and moving drawings to data/gait/, tables and figures to reports/gait/."""
-    p: GaitSettings = load("gait")
+    """Fit gaits and move drawings by them; write data/gait/ and reports/gait/."""
+    p: GaitSettings = load_settings("gait")
     with whole_folder(OUT) as folder:
         walker, pictures = _fit_limbs(p, folder)  # first: most user input, and so most errors
-        swimmer, tracks = outlines(p)
+        swimmer, tracks = fit_outlines(p)
         save_csv(REPORT / "tracks.csv", tracks, decimals=4)
         fish = _swimmer_gait(p, swimmer)
         fits = {"limbs": walker} | ({"outline": swimmer} if swimmer else {})
@@ -266,13 +279,13 @@ def main() -> None:
             numbers |= {f"{film}_{name}": value for name, value in facts.items()}
             save_json(folder / f"{film}.json", gait_to_record(fit.gait), indent=1)
             with whole_folder(REPORT / film) as figures_of_film:
-                _draw(fit, figures_of_film, pictures if film == "limbs" else None)
+                _draw_figures(fit, figures_of_film, pictures if film == "limbs" else None)
         if swimmer is None:
             why = "no track of the clip has an outline that repeats: see tracks.csv"
             print(f"gait: {why}")
             with whole_folder(REPORT / "outline") as empty:
                 (empty / "none.txt").write_text(why + "\n", encoding="utf-8")
-        with progress("gait", 2, "drawings") as advance:
+        with report_progress("gait", 2, "drawings") as advance:
             numbers |= _animate_drawing("dog", p.walker_drawings, walker.gait, p, folder)
             advance()
             numbers |= _animate_drawing("fish", p.swimmer_drawings, fish, p, folder)

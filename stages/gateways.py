@@ -1,6 +1,6 @@
 """Stage `gateways`: the most similar frames and sprites, in both directions (Fig. 14)."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from dataclasses import replace
@@ -22,7 +22,7 @@ from finloop.gateways.settings import GatewaysSettings
 from finloop.io.atomic import whole_folder
 from finloop.io.table import save_table
 from finloop.project import Project
-from stages.settings import load
+from stages.settings import load_settings
 
 REPORT = Path("reports/gateways")
 WORDS = {IN: "into", OUT: "out of"}
@@ -31,7 +31,11 @@ WORDS = {IN: "into", OUT: "out of"}
 def _report_missing(
     found: pd.DataFrame, nearest: pd.DataFrame, step: float, least_deltas: float
 ) -> None:
-    """Report on stderr each direction without a gateway, and which threshold would give one."""
+    """Print a note for each direction without a gateway, with the threshold that would give one.
+
+    found: the gateways. nearest: the nearest pairs. step: the natural step. least_deltas: least
+    time in Δ for which film is played.
+    """
     for direction, word in WORDS.items():
         if (found["direction"] == direction).any():
             continue
@@ -45,13 +49,13 @@ def _report_missing(
 
 
 def main() -> None:
-    """Write the gateways and nearest pairs to data/gateways/, metrics to reports/gateways/."""
-    settings: GatewaysSettings = load("gateways")
+    """Find the gateways; write them and nearest pairs to data/gateways/, and reports/gateways/."""
+    settings: GatewaysSettings = load_settings("gateways")
     with Project() as project:
         features, sprites, facts = project.features, project.sprites, project.map_facts
         rate_hz, step = project.rate_hz, facts.step_median
-        rows = find_map_rows(features, project.steps)
-        with progress("gateways", len(rows)) as advance:
+        rows = find_map_rows(features, project.step_distances)
+        with report_progress("gateways", len(rows)) as advance:
             near = measure_sprite_distances(project.reel, rows, facts.size, facts.pose, advance)
         found = list_gateways(near, sprites, features, step, settings)
         nearest = list_gateways(

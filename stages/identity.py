@@ -19,14 +19,14 @@ from finloop.identity.film import (
 from finloop.identity.settings import IdentitySettings
 from finloop.io.table import save_table
 from finloop.project import Project
-from stages.settings import load
+from stages.settings import load_settings
 
 OUT, REPORT = Path("data/identity"), Path("reports/identity")
 
 
 def main() -> None:
-    """Write data/identity/identities.parquet, and metrics to reports/identity/."""
-    p: IdentitySettings = load("identity")
+    """Join tracks of one animal; write data/identity/, and metrics to reports/identity/."""
+    p: IdentitySettings = load_settings("identity")
     with Project() as project:
         features, given = project.features, project.external_tracks
         cuts = [start for start, _ in project.facts.segments[1:]]
@@ -41,7 +41,10 @@ def main() -> None:
 
 
 def _identity_metrics(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, float]:
-    """Return the metrics of animals and joins: counts, and lengths of gaps in frames."""
+    """Return metrics of animals and joins: counts, and lengths of gaps in frames.
+
+    table: columns of `IDENTITIES`.
+    """
     joins = table[table["after_track"] >= 0]
     sizes = features.merge(table, on="track_id").groupby("identity").size()
     at_once = features.groupby("frame").size()
@@ -58,7 +61,10 @@ def _identity_metrics(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, 
 
 
 def _try_joins(film: IdentityEvidence, table: pd.DataFrame) -> dict[str, float]:
-    """Return how confident joins are, and how often artificial gaps are joined right (in %)."""
+    """Return how confident joins are, and how often artificial gaps are joined right (in %).
+
+    film: what joins are judged by. table: columns of `IDENTITIES`.
+    """
     joins = table[table["after_track"] >= 0]
     rng = np.random.default_rng(film.settings.seed)
     right, wrong = measure_trial_gaps(film, joins["gap_frames"].to_numpy(), rng)

@@ -1,6 +1,6 @@
 """Stage `jumps`: find jumps between frames that look and move alike, mirror images included."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,8 +20,8 @@ from finloop.jumps.signature import Pictures, picture_array_shape
 from finloop.jumps.table import JUMPS, LOOK, VisibleFacts
 from finloop.pose.film import FilmPoses
 from finloop.project import Project
-from stages.cluster import workers
-from stages.settings import load
+from stages.cluster import open_workers
+from stages.settings import load_settings
 
 OUT, REPORT = Path("data/jumps"), Path("reports/jumps")
 WORKERS_NEED = ["finloop.jumps.film", "finloop.project"]
@@ -29,10 +29,10 @@ WORKERS_NEED = ["finloop.jumps.film", "finloop.project"]
 
 @dataclass
 class StoredFilm:
-    """A film for the workers of `jumps`, whose pictures (n, size, size, c) are in the file `path`.
+    """The film for the workers of `jumps`; the pictures of its n rows lie in the file `path`.
 
-    It is a `RowSource` of `finloop.jumps.signature`. Every process opens the file and the project
-    itself. OSError if the disk is full.
+    It is a `RowSource` of `finloop.jumps.signature`. The pictures have the shape (n, size, size,
+    c). Every process opens the file and the project itself. OSError if the disk is full.
     """
 
     path: Path
@@ -46,16 +46,17 @@ class StoredFilm:
 
     @cached_property
     def _pictures(self) -> Pictures:
+        """Open the file of pictures and return it as an array, mapped from the disk."""
         return open_array(
             self.path, picture_array_shape(self.project.film_reel, self.size), "uint8"
         )
 
     def load_film(self) -> tuple[Reel, FilmPoses]:
-        """Return the pictures and the postures of the film's rows."""
+        """Return the pictures and the poses of the film's rows."""
         return self.project.film_reel, self.project.poses
 
     def picture_array(self) -> Pictures:
-        """Return the array (n, size, size, c) uint8 of the rows' pictures, mapped from the file."""
+        """Return the rows' pictures (n, size, size, c) uint8, mapped from the file."""
         return self._pictures
 
     def share_pictures(self) -> None:
@@ -63,20 +64,21 @@ class StoredFilm:
         flush_array(self._pictures)
 
     def __reduce__(self) -> tuple[Any, ...]:
+        """Return how another process opens this film, for pickle."""
         return StoredFilm, (self.path, self.size, self.project)
 
 
 def main() -> None:
-    """Write jumps, looks and pictures to data/jumps/, and metrics to reports/jumps/."""
-    p: JumpsSettings = load("jumps")
+    """Find jumps between rows that look and move alike; write data/jumps/ and reports/jumps/."""
+    p: JumpsSettings = load_settings("jumps")
     with (
         Project() as project,
-        workers(WORKERS_NEED, threads=True) as pool,
+        open_workers(WORKERS_NEED, threads=True) as pool,
         whole_folder(OUT) as folder,
     ):
         source = StoredFilm(folder / "pictures.npy", p.look_px, project)
         source.create()
-        with progress("jumps", len(source.load_film()[0]), "rows") as advance:
+        with report_progress("jumps", len(source.load_film()[0]), "rows") as advance:
             result = find_film_jumps(source, p, pool, advance)
         save_table(folder / "jumps.parquet", result.jumps, JUMPS)
         save_record(folder / "facts.json", VisibleFacts(result.visible.natural))

@@ -23,14 +23,17 @@ from finloop.loops.search import (
 )
 from finloop.loops.settings import LoopsSettings
 from finloop.project import Project
-from stages.settings import load
+from stages.settings import load_settings
 
 FOLDER, REPORT = Path("data/loops"), Path("reports/loops")
 WAYS = 5  # ways from the last end to the first
 
 
 def _write_empty_tables(none: NoLoopsError) -> None:
-    """Write the files of a film without loops: empty tables, and the reason in none.txt."""
+    """Write the files of a film without loops: empty tables, and the reason in none.txt.
+
+    none: the error with the reason.
+    """
     print(f"loops: {none}\n  till then:  only the network mode", file=sys.stderr)
     with whole_folder(FOLDER) as folder:
         save_table(folder / "loops.parquet", LOOPS.empty(), LOOPS)
@@ -41,13 +44,13 @@ def _write_empty_tables(none: NoLoopsError) -> None:
 
 
 def main() -> None:
-    """Write the loops to data/loops/, and position table, routes and metrics to reports/loops/."""
-    settings: LoopsSettings = load("loops")
+    """Find the video loops; write data/loops/, and tables and metrics to reports/loops/."""
+    settings: LoopsSettings = load_settings("loops")
     project = Project()
     features, facts = project.features, project.map_facts
     step, track = facts.step_median, features["track_id"].to_numpy()
-    similar = to_sparse_map(project.pairs, len(features))
-    project.forget("pairs")  # the table is large
+    similar = to_sparse_map(project.similar_pairs, len(features))
+    project.forget("similar_pairs")  # the table is large
     try:
         loops, counts = find_video_loops(similar, features, project.rate_hz, step, settings)
     except NoLoopsError as none:
@@ -63,7 +66,7 @@ def main() -> None:
     largest = np.flatnonzero(graph.component == 0).tolist()
     ways = find_routes(graph, largest[-1], largest[0], WAYS, jump_frames=jump_frames)
     save_csv(REPORT / "routes.csv", route_table(ways, graph, features, step), decimals=3)
-    compared = find_map_rows(features, project.steps)
+    compared = find_map_rows(features, project.step_distances)
     metrics = loop_metrics(loops, counts, graph, features, facts, compared)
     save_metrics(REPORT / "metrics.json", metrics)
 

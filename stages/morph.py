@@ -1,6 +1,6 @@
 """Stage `morph`: turn one drawing into another; release a bent hoop (curve paper §2-4.1)."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 from fractions import Fraction
 from pathlib import Path
@@ -29,7 +29,7 @@ from finloop.morph.match import match_curves
 from finloop.morph.settings import MorphSettings
 from finloop.plots.curve import figure2, figure3, figure6, figure7
 from finloop.plots.morph import draw_morphs
-from stages.settings import load
+from stages.settings import load_settings
 
 OUT, REPORT = Path("data/morph"), Path("reports/morph")
 TABLES = ("db4", "coif2")  # of the paper's Tables 1 and 2
@@ -111,16 +111,14 @@ def _draw_curves(p: MorphSettings) -> dict[str, float]:
 
 
 def main() -> None:
-    """Write the morph to data/morph/, and Figs. 2 to 7, tables and metrics to reports/morph/."""
-    p: MorphSettings = load("morph")
+    """Morph a drawing into another; write data/morph/, and figures and tables to reports/morph/."""
+    p: MorphSettings = load_settings("morph")
     numbers = _draw_curves(p) | _release_hoop(p)
     save_csv(REPORT / "connection.csv", _connection_tables(), decimals=DECIMALS, exact=True)
     drawings = load_svg(Path(p.first_drawing)), load_svg(Path(p.last_drawing))
-    scales, own = (
-        LinearOptions(p.linear_level, p.wavelet),
-        PhysicalOptions(p.elasticity, p.damping, p.mass),
-    )
-    with progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:
+    scales = LinearOptions(p.linear_level, p.wavelet)
+    own = PhysicalOptions(p.elasticity, p.damping, p.mass)
+    with report_progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:
         morphs = {}
         for method in METHODS:
             morphs[method] = morph_drawings(

@@ -12,7 +12,7 @@ from pathlib import Path
 import yaml
 
 from finloop.base.errors import FinloopError
-from finloop.base.parameter_help import ParameterHelp, every_parameter, parameter_help
+from finloop.base.parameter_help import ParameterHelp, list_parameters, parameter_help
 from finloop.base.settings import GROUPS, variants
 from finloop.io.atomic import save_bytes
 
@@ -26,7 +26,10 @@ print a group with `make params S="help=sprites"`.
 
 
 def terminal_table(word: str, width: int) -> str:
-    """Return the parameters of a group as text, `width` characters wide: value, range, meaning."""
+    """Return the parameters of a group as text, `width` characters wide.
+
+    word: name of the group. The text has value, range and meaning of each parameter.
+    """
     if word not in GROUPS:
         raise FinloopError(
             f"no group of parameters {word}", f"one of {', '.join(GROUPS)}", "take one of these"
@@ -35,19 +38,20 @@ def terminal_table(word: str, width: int) -> str:
     for entry in parameter_help(word):
         if several and entry.group not in lines:
             lines.append(entry.group)
-        lines.append(f"{word}.{entry.name}={_value(entry)}  [{entry.brackets}]")
+        lines.append(f"{word}.{entry.name}={_format_value(entry)}  [{entry.brackets}]")
         lines += textwrap.wrap(
             entry.meaning, width, initial_indent="    ", subsequent_indent="    "
         )
     return "\n".join(lines)
 
 
-def _value(entry: ParameterHelp) -> str:
+def _format_value(entry: ParameterHelp) -> str:
+    """Return the value of a parameter as YAML on one line."""
     return yaml.safe_dump(entry.value, default_flow_style=True, width=200).split("\n")[0]
 
 
-def page(entries: Iterable[ParameterHelp]) -> str:
-    """Return the page of all parameters as Markdown, a table for each group and variant."""
+def parameters_page(entries: Iterable[ParameterHelp]) -> str:
+    """Return the page of all parameters as Markdown, with a table for each group and variant."""
     parts = [_HEAD]
     for name, group in groupby(entries, lambda entry: entry.group):
         parts += [
@@ -55,7 +59,7 @@ def page(entries: Iterable[ParameterHelp]) -> str:
             "|---|---|---|---|---|\n",
         ]
         for entry in group:
-            named = f"`{entry.name}`", f"`{_value(entry)}`"
+            named = f"`{entry.name}`", f"`{_format_value(entry)}`"
             cells = (*named, entry.unit, entry.range, entry.meaning)
             parts.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n")
     return "".join(parts)
@@ -68,7 +72,7 @@ def main() -> None:
     parser.add_argument("words", nargs="*", help="groups of parameters to print")
     given = parser.parse_args()
     if given.write:
-        save_bytes(PAGE, page(every_parameter()).encode())
+        save_bytes(PAGE, parameters_page(list_parameters()).encode())
     for word in given.words:
         print(terminal_table(word, shutil.get_terminal_size().columns))
 

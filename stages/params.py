@@ -11,14 +11,14 @@ from pathlib import Path
 
 from finloop.io.atomic import save_bytes
 from finloop.io.parameters import refusal_error
-from stages.settings import all_problems, read
+from stages.settings import list_problems, read_params
 
 CHECKED = Path("data/params/checked.txt")
 
 
 def main() -> None:
     """Check params.yaml; write data/params/checked.txt, or raise FinloopError with all problems."""
-    if problems := all_problems(read()):
+    if problems := list_problems(read_params()):
         raise refusal_error(problems)
     save_bytes(CHECKED, b"params.yaml is whole and composed from conf/\n")
 

@@ -27,7 +27,7 @@ from finloop.modes.matching import NothingToUse
 from finloop.project import Project
 from finloop.render.gallery import PLACE, Gallery, build_shelves
 from finloop.render.painter import Painter, Shadow
-from stages.settings import load
+from stages.settings import load_settings
 
 PAGE = Path(finloop.live.__file__).with_name("play.html")
 PORT = 8750
@@ -37,7 +37,7 @@ PICTURES = 2048  # kept in memory, because the film repeats
 def open_modes(project: Project) -> dict[str, Animator]:
     """Open every mode for which the film shows enough; return mode → animator.
 
-    stderr reports what each other mode lacks. NothingToUse if no mode is left.
+    A note on stderr says what each other mode lacks. NothingToUse if no mode is left.
     """
     animators: dict[str, Animator] = {}
     # A fish that another mode left as a sprite goes on from the row behind it.
@@ -55,13 +55,13 @@ def open_modes(project: Project) -> dict[str, Animator]:
 
 
 @contextmanager
-def open_view(mode: str, fish: int | None, seed: int) -> Iterator[TankView]:
+def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView]:
     """Yield the live tank with its pictures, opened from the stages' results.
 
-    mode: of the first fish; fish: None = as many as `matching.fish`, or one in a mode of the paper;
-    seed: of chance.
+    mode: of the first fish. fish_count: None = as many as `matching.fish`, or one in a mode of the
+    paper. seed: of the random choices.
     """
-    p, q = load("animate"), load("render")
+    p, q = load_settings("animate"), load_settings("render")
     with Project() as project:
         animators = open_modes(project)
         players = {name: animator.player for name, animator in animators.items()}
@@ -74,14 +74,15 @@ def open_view(mode: str, fish: int | None, seed: int) -> Iterator[TankView]:
         shelved = build_shelves(stores, project.tracks(PLACE), project.sprites)
         gallery = Gallery(shelved, project.bodies, PICTURES)
 
-        def ghost(row: Any) -> bool:
+        def is_ghost(row: Any) -> bool:
+            """Return whether a cross-fade at this tick would show two very unlike pictures."""
             return row.mode != "matching" and cross_fade_distance(row, pictures) > most
 
         if "matching" in players:
             rehearse_paths(players["matching"])
-        usual = 1 if mode in PAPER else min(load("matching").fish, MOST_FISH)
-        wanted = fish or usual
-        tank = LiveTank(players, mode, wanted, seed, ghost)
+        usual = 1 if mode in PAPER else min(load_settings("matching").fish, MOST_FISH)
+        wanted = fish_count or usual
+        tank = LiveTank(players, mode, wanted, seed, is_ghost)
         if len(tank.fish) < wanted:
             print(f"play: the tank has room for {len(tank.fish)} fish", file=sys.stderr)
         yield TankView(tank, painter, gallery)
@@ -89,27 +90,27 @@ def open_view(mode: str, fish: int | None, seed: int) -> Iterator[TankView]:
 
 def main() -> None:
     """Serve the page of the live tank until Ctrl-C."""
-    asked = _parser().parse_args()
-    with bind_socket(asked.port) as listens:
+    options = _build_parser().parse_args()
+    with bind_socket(options.port) as listens:
         url = f"http://{HOST}:{listens.getsockname()[1]}/"
         print("play: reading the stages' results ...", file=sys.stderr)
 
         def announce() -> None:
             print(f"play: the tank is open at {url} (Ctrl-C closes it)", file=sys.stderr)
-            if asked.open:
+            if options.open:
                 open_in_browser(url)
 
         try:
-            mode = asked.mode or ("matching" if (asked.fish or 1) > 1 else "hybrid")
-            with open_view(mode, asked.fish, asked.seed) as view:
-                create_tank_server(
-                    view, PAGE.read_text(encoding="utf-8"), listens, announce
-                ).serve_until_stopped()
+            mode = options.mode or ("matching" if (options.fish or 1) > 1 else "hybrid")
+            with open_view(mode, options.fish, options.seed) as view:
+                page = PAGE.read_text(encoding="utf-8")
+                create_tank_server(view, page, listens, announce).serve_until_stopped()
         except KeyboardInterrupt:
             print("\nplay: the tank is closed", file=sys.stderr)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="python -m stages.play", description="A live tank on a local page."
     )
@@ -118,12 +119,13 @@ def _parser() -> argparse.ArgumentParser:
     add("--mode", choices=tuple(MODES), help="default hybrid; matching for several fish")
     add("--fish", type=int, choices=fish, help=help_fish)
     add("--port", type=int, default=PORT, help=f"default {PORT}; 0 = any free one")
-    add("--seed", type=_natural, default=0, help="default 0")
+    add("--seed", type=_parse_seed, default=0, help="default 0")
     add("--no-open", dest="open", action="store_false", help="do not open a browser")
     return parser
 
 
-def _natural(text: str) -> int:
+def _parse_seed(text: str) -> int:
+    """Parse a command-line argument as a whole number, at least 0; else raise an error."""
     number = int(text)
     if number < 0:
         raise argparse.ArgumentTypeError(f"{text} is less than 0")

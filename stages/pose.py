@@ -16,7 +16,7 @@ from finloop.pose import compute_film_poses
 from finloop.pose.film import POSES, USED, restore_poses
 from finloop.pose.settings import PoseSettings
 from finloop.project import Project
-from stages.settings import load
+from stages.settings import load_settings
 
 OUT, REPORT = Path("data/pose"), Path("reports/pose")
 OUTLINE = ("outline_x_px", "outline_y_px")
@@ -24,8 +24,11 @@ ROWS = 50_000  # of the table of tracks, at a time
 
 
 def main() -> None:
-    """Write pose codes, their shapes, postures and outlines to data/pose/, metrics to reports/."""
-    p: PoseSettings = load("pose")
+    """Compute the pose codes of all rows; write them to data/pose/, and metrics to reports/pose/.
+
+    Shapes, body forms and outlines are written, too.
+    """
+    p: PoseSettings = load_settings("pose")
     project = Project()
     features = project.features
     poses = compute_film_poses(project.tracks(USED), features, p)
@@ -51,7 +54,7 @@ def main() -> None:
 
 
 def _save_outlines(path: Path, project: Project) -> None:
-    """Write the outlines of all n rows to a .npy file, (n, k, 2) float32: x, y in px."""
+    """Write the outlines of all n rows to a .npy file, (n, k, 2) float32: k points x, y in px."""
     outlines = create_array(path, (len(project.features), OUTLINE_POINTS, 2), "float32")
     table, first = project.data / "extract/tracks.parquet", 0
     for axes in read_list_blocks(table, tracks_schema(project.scene.points), OUTLINE, ROWS):

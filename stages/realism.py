@@ -1,6 +1,6 @@
 """Stage `realism`: test whether a classifier can distinguish the animation from its film."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from collections.abc import Sized
@@ -24,22 +24,22 @@ from finloop.io.movie import Mp4Writer
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.project import Project
 from finloop.realism import compare, examples
-from finloop.realism.auc import roc
-from finloop.realism.compare import Sample, Sides, Verdict
+from finloop.realism.auc import compute_roc
+from finloop.realism.compare import FilmSample, Sides, Verdict
 from finloop.realism.examples import FILM
 from finloop.realism.instrument import (
     Instrument,
     Swimming,
     Work,
-    film_lists,
     join_measurements,
-    measure_list,
+    measure_edit_list,
+    sample_film_lists,
 )  # fmt: skip
 from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import AGAIN, Windows
 from finloop.render.gallery import Gallery
-from stages.cluster import workers
-from stages.settings import load
+from stages.cluster import open_workers
+from stages.settings import load_settings
 
 ANIMATE = Path("data/animate")
 OUT, REPORT = Path("data/realism"), Path("reports/realism")
@@ -50,33 +50,36 @@ PANEL_PX, CRF = 320, 20  # of the film of examples
 
 @dataclass(frozen=True)
 class GalleryOpener:
-    """Open all pictures from which edit lists draw; it can be sent to another process."""
+    """A function without arguments that opens the film's pictures, also in another process."""
 
     project: Project
 
     def __call__(self) -> AbstractContextManager[Gallery]:
-        """Return the gallery of the film's pictures; the project closes it."""
+        """Return the gallery of the film's pictures, as a context; the project closes it."""
         return nullcontext(self.project.whole_gallery)
 
 
 def _followed_share(followed_ticks: Sized, work: list[Work]) -> float:
-    """Return the share (0 … 1) of the ticks of edit lists in which extraction followed a fish."""
+    """Return the share (0 … 1) of the ticks of edit lists in which extraction followed a fish.
+
+    followed_ticks: those with a fish. work: the edit lists.
+    """
     return len(followed_ticks) / max(1, sum(len(edit) for edit, _ in work))
 
 
-def swimming_of(
+def measure_swimming(
     works: dict[str, list[Work]], pictures: GalleryOpener, instruments: dict[str, Instrument],
     pool: Workers,
 ) -> dict[str, Swimming]:  # fmt: skip
     """Draw the edit lists of film and modes, and measure the fish in them by extraction.
 
-    works, instruments: by mode or FILM. Returns the measured swimming by the same names, of those
-    with a followed fish.
+    works, instruments: by mode or FILM. Returns the measured swimming by the same names; a name
+    without a followed fish is left out.
     """
     jobs = [(instruments[name], *job) for name, work in works.items() for job in work]
     tables = []
-    with progress("realism", sum(len(edit) for _, edit, _ in jobs), "ticks") as advance:
-        results = ordered_map(partial(measure_list, pictures), jobs, pool)
+    with report_progress("realism", sum(len(edit) for _, edit, _ in jobs), "ticks") as advance:
+        results = ordered_map(partial(measure_edit_list, pictures), jobs, pool)
         for (_, edit, _), table in zip(jobs, results, strict=True):
             tables.append(table)
             advance(len(edit))
@@ -95,19 +98,26 @@ def swimming_of(
     return measured
 
 
-def _verdict(
-    p: RealismSettings, item: tuple[str, tuple[Windows, Windows]]
+def _classify_or_error(
+    p: RealismSettings, named_windows: tuple[str, tuple[Windows, Windows]]
 ) -> Verdict | FinloopError:
+    """Return the verdict on one comparison, or the error if it has too few windows.
+
+    named_windows: name of the comparison, and its two sets of windows.
+    """
     try:
-        return compare.classify_windows(item[1], p, alone=item[0] != AGAIN)
+        return compare.classify_windows(named_windows[1], p, by_channel=named_windows[0] != AGAIN)
     except FinloopError as error:
         return error
 
 
-def verdicts_of(sides: Sides, p: RealismSettings, pool: Workers) -> dict[str, Verdict]:
-    """Return the verdict of each comparison that has enough windows; stderr names the others."""
+def classify_all(sides: Sides, p: RealismSettings, pool: Workers) -> dict[str, Verdict]:
+    """Return the verdict on each comparison that has enough windows; print a note on the others.
+
+    sides: the two sets of windows of each comparison.
+    """
     verdicts: dict[str, Verdict] = {}
-    results = ordered_map(partial(_verdict, p), sides.items(), pool)
+    results = ordered_map(partial(_classify_or_error, p), sides.items(), pool)
     for name, result in zip(sides, results, strict=True):
         if isinstance(result, Verdict):
             verdicts[name] = result
@@ -117,7 +127,10 @@ def verdicts_of(sides: Sides, p: RealismSettings, pool: Workers) -> dict[str, Ve
 
 
 def _save_film(path: Path, windows: pd.DataFrame, project: Project, slower: int) -> None:
-    """Write a film of the examples, each twice, `slower` times as slow as filmed."""
+    """Write a film of the examples, each shown twice, `slower` times as slow as filmed.
+
+    windows: columns of `EXAMPLES`.
+    """
     tank, length = project.background, project.scene.typical_length_px
     shape, rate = (PANEL_PX + examples.WORDS_PX, 2 * PANEL_PX, 3), project.facts.frame_rate
     with Mp4Writer(path, shape, rate / slower, CRF) as writer:
@@ -128,12 +141,15 @@ def _save_film(path: Path, windows: pd.DataFrame, project: Project, slower: int)
 
 
 def _save_report(
-    verdicts: dict[str, Verdict], sample: Sample, works: dict[str, list[Work]],
+    verdicts: dict[str, Verdict], sample: FilmSample, works: dict[str, list[Work]],
     measured: dict[str, Swimming],
 ) -> None:  # fmt: skip
-    """Write auc.csv, roc.csv and the metrics to reports/realism/."""
+    """Write auc.csv, roc.csv and the metrics to reports/realism/.
+
+    works, measured: the edit lists and the measured swimming, by mode or FILM.
+    """
     save_csv(REPORT / "auc.csv", compare.verdict_table(verdicts), decimals=4)
-    curves = [roc(result.scores).assign(compared=name) for name, result in verdicts.items()]
+    curves = [compute_roc(result.scores).assign(compared=name) for name, result in verdicts.items()]
     columns = ["compared", "false_alarms", "hits"]
     table = pd.concat(curves, ignore_index=True) if curves else pd.DataFrame()
     save_csv(REPORT / "roc.csv", table.reindex(columns=columns), decimals=4)
@@ -147,19 +163,18 @@ def _save_report(
 
 
 def main() -> None:
-    """Write data/realism/ (examples) and reports/realism/ (auc.csv, roc.csv, metrics)."""
-    with Project() as project, workers(WORKERS_NEED) as pool:
-        _compare_swimming(load("realism"), load("animate"), project, pool)
+    """Test whether animations differ from film; write data/realism/ and reports/realism/."""
+    with Project() as project, open_workers(WORKERS_NEED) as pool:
+        _compare_swimming(load_settings("realism"), load_settings("animate"), project, pool)
 
 
-def instrument_of(project: Project) -> Instrument:
+def build_instrument(project: Project) -> Instrument:
     """Return the instrument that measures drawn fish as extraction measured the film."""
     features, rate = project.features, project.rate_hz
     delta_s, current = infer_delta_frames(features) / rate, float(features["current"].iloc[0])
-    return Instrument(
-        project.background, project.arena.astype(np.uint8) * 255, project.scene, load("extract"),
-        replace(load("features"), delta_s=delta_s, water_current_bl_s=current), rate,
-    )  # fmt: skip
+    measure = replace(load_settings("features"), delta_s=delta_s, water_current_bl_s=current)
+    arena, extract = project.arena.astype(np.uint8) * 255, load_settings("extract")
+    return Instrument(project.background, arena, project.scene, extract, measure, rate)
 
 
 def _compare_swimming(
@@ -167,28 +182,32 @@ def _compare_swimming(
 ) -> None:
     """Measure film and animations, classify them, and write data/realism/ and reports/realism/."""
     rate, features = project.rate_hz, project.features
-    works = {FILM: film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
-    instrument = instrument_of(project)
+    works = {
+        FILM: sample_film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)
+    }
+    instrument = build_instrument(project)
     instruments = {FILM: instrument}
     for mode in MODES:
         path = ANIMATE / mode / "samples.parquet"
         if path.exists():
             works[mode] = [(edit, ()) for edit in split_by_fish(load_table(path, EDIT))]
-            instruments[mode] = instrument.adapt_to_animation(project.size(mode))
-    measured = swimming_of(works, GalleryOpener(project), instruments, pool)
+            instruments[mode] = instrument.adapt_to_animation(project.drawn_scale(mode))
+    measured = measure_swimming(works, GalleryOpener(project), instruments, pool)
     if FILM not in measured:
         raise FinloopError(
             "extraction follows no fish in the film drawn again",
             "cut-outs that look like the filmed fish",
             "look at reports/extract/detections.png",
         )
-    sample = compare.film_sample(measured[FILM], features, rate, p)
+    sample = compare.build_film_sample(measured[FILM], features, rate, p)
     sides = sample.comparison_windows(
         {mode: measured[mode] for mode in measured if mode != FILM}, features
     )
-    verdicts = verdicts_of(sides, p, pool)
+    verdicts = classify_all(sides, p, pool)
     with whole_folder(OUT) as folder:
-        windows, curves = examples.WindowPool(sample, works, measured).tables(sides, verdicts)
+        windows, curves = examples.WindowPool(sample, works, measured).example_tables(
+            sides, verdicts
+        )
         save_table(folder / "examples.parquet", windows, examples.EXAMPLES)
         save_table(folder / "curves.parquet", curves, examples.CURVES)
         if len(windows):

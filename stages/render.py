@@ -1,6 +1,6 @@
 """Stage `render`: draw films from an edit list (fish paper Figs. 16, 18)."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -20,7 +20,7 @@ from finloop.render.marks import MarkPainter
 from finloop.render.painter import Painter, Shadow
 from finloop.render.settings import RenderSettings
 from finloop.render.steps import FrameChangeMeter, film_frame_changes, frame_change_metrics
-from stages.settings import load
+from stages.settings import load_settings
 
 OUT, REPORT = Path("data/render"), Path("reports/render")
 
@@ -29,7 +29,10 @@ def _save_films(
     p: RenderSettings, edit: pd.DataFrame, project: Project, gallery: Gallery, shadow: Shadow,
     advance: Callable[[], None],
 ) -> list[float]:  # fmt: skip
-    """Write the films of an edit list to data/render/; return each frame's change (grey levels)."""
+    """Write the films of an edit list to data/render/; return each frame's change in grey levels.
+
+    advance: reports progress.
+    """
     shown, ticks = place_ticks(edit, gallery), edit["tick"].nunique()
     rate, background = project.facts.frame_rate, project.background
     clean, change = Painter(background, shadow=shadow), list[float]()
@@ -61,7 +64,10 @@ def _save_films(
 
 
 def _save_comparison(path: Path, p: RenderSettings, project: Project, ticks: int) -> None:
-    """Write a film of the film's fish and that of every mode, side by side."""
+    """Write a film that shows one fish of the film and one of every mode side by side.
+
+    ticks: its length, at most.
+    """
     tracks, edits = project.tracks(PLACES), dict[str, pd.DataFrame]()
     place = tracks[["x_px", "y_px"]].to_numpy(float)
     edits["Film"] = longest_tracks_edit_list(tracks["track_id"].to_numpy(), place, ticks)
@@ -79,14 +85,14 @@ def _save_comparison(path: Path, p: RenderSettings, project: Project, ticks: int
 
 
 def main() -> None:
-    """Write the films to data/render/, and metrics to reports/render/."""
-    p: RenderSettings = load("render")
+    """Draw the animation as films; write data/render/, and metrics to reports/render/."""
+    p: RenderSettings = load_settings("render")
     with Project() as project:
         drawn = project.edit_with_sources(p.mode, "render")
         gallery, ticks = project.gallery(drawn), drawn.edit["tick"].nunique()
-        length_px = project.size(p.mode) * drawn.scene.typical_length_px
+        length_px = project.drawn_scale(p.mode) * drawn.scene.typical_length_px
         shadow = Shadow(p.shadow_darkness, p.shadow_blur * length_px)
-        with progress("render", ticks) as advance:
+        with report_progress("render", ticks) as advance:
             change = _save_films(p, drawn.edit, project, gallery, shadow, advance)
             natural = film_frame_changes(Painter(project.background), gallery, drawn.tracks)
         duration = {"frames": ticks, "duration_s": ticks / project.rate_hz}

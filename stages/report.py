@@ -19,17 +19,17 @@ from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 from finloop.report.figures import CHAPTERS, Chapter, Figure
-from finloop.report.page import WebP, data_uri, render_template, webp
+from finloop.report.page import WebP, data_uri, encode_webp, render_template
 from finloop.report.settings import ReportSettings
 from finloop.report.tables import (
     Table,
-    data_frame_table,
     format_number,
     headline_table,
     measures_table,
-    mode_headline,
+    mode_headline_numbers,
+    table_of_data_frame,
 )
-from stages.settings import load, overrides, read
+from stages.settings import list_overrides, load_settings, read_params
 
 REPORTS, CLIP, RENDER = Path("reports"), Path("data/clip"), Path("data/render")
 TIMES = Path("benchmarks/table2.csv")
@@ -69,14 +69,16 @@ def _sections(
     """Yield each chapter that has pictures: the chapter, its pictures as WebP, its tables."""
 
     def load_webp(figure: Figure) -> WebP:
-        return webp(load_picture(REPORTS / figure.path), p.max_picture_width_px, p.picture_quality)
+        return encode_webp(
+            load_picture(REPORTS / figure.path), p.max_picture_width_px, p.picture_quality
+        )
 
     for chapter in CHAPTERS:
         figures = [figure for figure in chapter.figures if (REPORTS / figure.path).is_file()]
         coded = ordered_map(load_webp, figures, Threads(THREADS))
         pictures = list(zip(figures, coded, strict=True))
         tables = [
-            data_frame_table(pd.read_csv(path), caption)
+            table_of_data_frame(pd.read_csv(path), caption)
             for name, caption in TABLES.get(chapter.id, ())
             if (path := REPORTS / name).is_file()
         ]
@@ -85,7 +87,10 @@ def _sections(
 
 
 def _describe_film(facts: VideoFacts, source: str, features: Mapping[str, float]) -> str:
-    """Return a sentence or two on the film: its origin, frames, size, and lengths where known."""
+    """Return a sentence or two on the film: origin, frames, size, and lengths where known.
+
+    source: the variant of the clip. features: numbers of the stage `features`.
+    """
     fish = f", {features['fish_frames']:,} pictures of fish" if features else ""
     size = f"{facts.width_px}×{facts.height_px} px at {facts.frame_rate_hz:.4g} Hz"
     scale = ""
@@ -113,8 +118,8 @@ def _describe_animation(mode: str, marks: bool) -> str:
 
 def main() -> None:
     """Write reports/index.html, the page of all results, and metrics to reports/report/."""
-    p: ReportSettings = load("report")
-    values = read()
+    p: ReportSettings = load_settings("report")
+    values = read_params()
     values = {word: values[word] for word in WORDS}  # what results depend on
     mode, source = values["render"]["mode"], values["clip"]["source"]
     marked_film = RENDER / f"{mode}_marked.mp4"
@@ -125,10 +130,10 @@ def main() -> None:
         panels, first = load_small_film(RENDER / "modes.mp4", round(p.max_film_mb * 1e6 / 2))
         beside |= {
             "beside": data_uri("video/mp4", panels),
-            "beside_poster": webp(first, p.max_picture_width_px, p.picture_quality),
+            "beside_poster": encode_webp(first, p.max_picture_width_px, p.picture_quality),
         }
     numbers = {word: load_numbers(REPORTS / word) for word in values if word != "report"}
-    chapters, changes = list(_sections(p)), overrides(values)
+    chapters, changes = list(_sections(p)), list_overrides(values)
     differ = {change.partition("=")[0] for change in changes}
     parameters = {  # of each group: (name, value, is it another than in conf/)
         word: [
@@ -141,13 +146,15 @@ def main() -> None:
         "title": "A fish, filmed once and steered for ever",
         "facts": _describe_film(load_facts(CLIP / FACTS_NAME), source, numbers["features"]),
         "film": data_uri("video/mp4", film),
-        "poster": webp(poster, p.max_picture_width_px, p.picture_quality),
+        "poster": encode_webp(poster, p.max_picture_width_px, p.picture_quality),
         "film_text": _describe_animation(mode, film_path == marked_film),
-        "headline": mode_headline(numbers["animate"] | numbers["realism"], mode),
-        "doubts": data_frame_table(pd.read_csv(REPORTS / "animate/doubts.csv"), "What is doubtful"),
+        "headline": mode_headline_numbers(numbers["animate"] | numbers["realism"], mode),
+        "doubts": table_of_data_frame(
+            pd.read_csv(REPORTS / "animate/doubts.csv"), "What is doubtful"
+        ),
         "measures": measures_table(pd.read_csv(REPORTS / "animate/measures.csv")),
         "sections": chapters,
-        "table_2": data_frame_table(pd.read_csv(TIMES), TIMES_TITLE, 3),
+        "table_2": table_of_data_frame(pd.read_csv(TIMES), TIMES_TITLE, 3),
         "tank": f"../{TANK.as_posix()}" if TANK.is_file() else "",
         "parameters": parameters,
         "commands": [

@@ -16,24 +16,25 @@ from finloop.project import Project
 from finloop.retarget import ASKED, JoinParameters, RetargetData, Retargeted, retarget_track
 from finloop.retarget.load import load_track
 from finloop.retarget.settings import RetargetSettings
-from stages.settings import load
+from stages.settings import load_settings
 
 OUT, REPORT = Path("data/retarget"), Path("reports/retarget")
 EDIT_LIST = Path("data/animate/retarget.parquet")
 
 
-def retarget_data(project: Project) -> RetargetData:
-    """Return the results of earlier stages that retargeting needs of the film that is drawn."""
+def load_retarget_data(project: Project) -> RetargetData:
+    """Return the results of earlier stages that retargeting needs of the film."""
     return RetargetData(
-        project.rate_hz, project.arena, project.film_reel, project.poses, project.look,
+        project.rate_hz, project.arena, project.film_reel, project.poses, project.row_looks,
         project.map_facts.size,
     )  # fmt: skip
 
 
 def _retarget_film(p: RetargetSettings) -> Retargeted:
-    """Make the film's fish swim the requested track; return its edit list and numbers."""
+    """Let the film's fish swim the requested track; return its edit list and numbers."""
     with Project() as project:
-        steps, film = project.steps[["headed", "as_filmed"]].dropna(), retarget_data(project)
+        steps = project.step_distances[["headed", "as_filmed"]].dropna()
+        film, load = load_retarget_data(project), load_settings
         others = JoinParameters(load("jumps"), load("animate"), load("matching").join)
         result = retarget_track(load_track(film, p), film, p, others)
         mine = drawn_step_distances(result.edit, film.pictures)
@@ -46,7 +47,7 @@ def _retarget_film(p: RetargetSettings) -> Retargeted:
     return result._replace(numbers=numbers)
 
 
-def notes(numbers: Mapping[str, float]) -> list[str]:
+def describe_lacks(numbers: Mapping[str, float]) -> list[str]:
     """Return sentences on what a retargeted track lacks; numbers: of `Retargeted`."""
     sentences = []
     if not numbers["with_postures"]:
@@ -65,13 +66,16 @@ def notes(numbers: Mapping[str, float]) -> list[str]:
 
 
 def main() -> None:
-    """Write data/retarget/ and data/animate/retarget.parquet, empty without retarget.tracks."""
-    p: RetargetSettings = load("retarget")
+    """Let the fish swim a recorded track; write data/retarget/ and its edit list.
+
+    Without `retarget.tracks` both are empty.
+    """
+    p: RetargetSettings = load_settings("retarget")
     if p.tracks is None:
         result = Retargeted(EDIT.empty(), ASKED.empty(), {"ticks": 0})
     else:
         result = _retarget_film(p)
-        for note in notes(result.numbers):
+        for note in describe_lacks(result.numbers):
             print(f"retarget: {note}", file=sys.stderr)
     with whole_folder(OUT) as folder:
         save_table(folder / "asked.parquet", result.asked, ASKED)

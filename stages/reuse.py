@@ -24,13 +24,13 @@ Numbers = Mapping[str, float]
 def reuse_or_make(
     kept: Path, folder: Path, key: Mapping[str, Any], make: Callable[[Path], Numbers]
 ) -> dict[str, float]:
-    """Put a film's files into `folder`, those kept for its key or new ones; return its numbers.
+    """Link a film's files into `folder` if they are kept, or make them; return its numbers.
 
-    kept: holds a folder for each key; key: plain values; make: writes the files into a folder.
-    After an error in `make` there is no folder.
+    kept: has a folder for each key. key: the plain values from which the files are made. make:
+    writes the files into a folder and returns numbers. After an error in `make` there is no folder.
     """
-    own = kept / name_of(key)
-    numbers = _read(own / NUMBERS_NAME)
+    own = kept / key_digest(key)
+    numbers = _read_json(own / NUMBERS_NAME)
     if isinstance(numbers, dict):
         _link_folder(own, folder)
         (folder / NUMBERS_NAME).unlink()
@@ -48,7 +48,8 @@ def reuse_or_make(
     return numbers
 
 
-def _read(path: Path) -> Any:
+def _read_json(path: Path) -> Any:
+    """Return the content of a JSON file; None if it cannot be read."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -57,28 +58,29 @@ def _read(path: Path) -> Any:
 
 def _link_folder(source: Path, target: Path) -> None:
     """Link all files of a folder into another one; copy them where the disk has no links."""
-    shutil.copytree(source, target, copy_function=_link, dirs_exist_ok=True)
+    shutil.copytree(source, target, copy_function=_link_or_copy, dirs_exist_ok=True)
 
 
-def _link(source: str, target: str) -> None:
+def _link_or_copy(source: str, target: str) -> None:
+    """Make `target` a hard link to the file `source`, or a copy where links are not possible."""
     try:
         os.link(source, target)
     except OSError:
         shutil.copy2(source, target)
 
 
-def name_of(key: Mapping[str, Any]) -> str:
-    """Return 16 hexadecimal digits that name a key; different keys have different names."""
+def key_digest(key: Mapping[str, Any]) -> str:
+    """Return 16 hexadecimal digits that distinguish this key, plain values by name, from others."""
     return hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def code_digest(stage: str) -> str:
-    """Return one digest of all files of the program that a stage may run."""
+    """Return a digest of all files of the program that a stage may run."""
     return hashlib.sha256(file_list_text(stage).encode()).hexdigest()
 
 
 def folder_digest(folder: Path) -> str:
-    """Return one digest of the names and contents of all files in a folder."""
+    """Return a digest of the names and contents of all files in a folder."""
     whole = hashlib.sha256()
     for path in sorted(folder.rglob("*")):
         if path.is_file():

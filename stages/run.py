@@ -3,15 +3,15 @@
 A stage is a module `stages/<word>.py` of this shape; `stages.run` is its first import because the
 thread counts must be set before numpy is imported::
 
-    from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+    from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
     from finloop.extract.film import ...
     from finloop.extract.settings import ExtractSettings
-    from stages.settings import load
+    from stages.settings import load_settings
 
     def main() -> None:
-        p: ExtractSettings = load("extract")  # as conf/extract/ was composed
-        with progress("extract", total=frames) as advance:
+        p: ExtractSettings = load_settings("extract")  # as conf/extract/ was composed
+        with report_progress("extract", total=frames) as advance:
             ...
             advance()  # one more; advance(30): thirty more
         save_metrics(Path("reports/extract/metrics.json"), {"tracks": 8, "noise_grey": 1.25})
@@ -57,8 +57,8 @@ THREAD_VARIABLES = (
 LINE_EVERY_S = 10.0  # progress where there is no terminal to draw a bar on
 
 
-def _set_threads() -> None:
-    """Set two threads for every numerical library, or FINLOOP_THREADS.
+def _limit_threads() -> None:
+    """Let every numerical library use two threads, or as many as FINLOOP_THREADS says.
 
     The number is fixed, not the machine's: results differ in their last bits between thread counts.
     """
@@ -66,10 +66,10 @@ def _set_threads() -> None:
         os.environ.setdefault(variable, os.environ.get("FINLOOP_THREADS", "2"))
 
 
-def _bring_compiled() -> None:
-    """Give a temporary experiment, a bare copy elsewhere, its repository's machine code.
+def _copy_machine_code() -> None:
+    """Copy the repository's compiled functions into a temporary experiment, a copy without them.
 
-    Compiling it again takes ten seconds. `base.kernel` checks that the sources are the same.
+    Compiling them again takes ten seconds. `base.kernel` checks that the sources are equal.
     """
     root = Path(os.environ.get("DVC_ROOT", "."))  # the repository, also in a temporary experiment
     if root.resolve() == Path.cwd():
@@ -82,8 +82,8 @@ def _bring_compiled() -> None:
                 shutil.copyfile(compiled, here)
 
 
-def _right_python() -> None:
-    """Stop if the first Python on PATH lacks the packages."""
+def _require_packages() -> None:
+    """End the program with a message if the first Python on PATH lacks the packages."""
     missing = [name for name in ("cv2", "numpy", "pydantic") if not importlib.util.find_spec(name)]
     if missing:
         error = FinloopError(
@@ -94,7 +94,7 @@ def _right_python() -> None:
         sys.exit(f"finloop: {error}")
 
 
-_set_threads()
+_limit_threads()
 THREADS = int(os.environ["OMP_NUM_THREADS"])  # processes that a stage may work on, too
 if "DVC_STAGE" in os.environ:  # started by DVC, not by hand or in a test
     # dvc.yaml's commands begin with `exec`, so that the parent is DVC itself and no shell between:
@@ -102,14 +102,15 @@ if "DVC_STAGE" in os.environ:  # started by DVC, not by hand or in a test
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C amid the imports: no traceback
     gc.disable()  # amid the imports, a third of their time; `run` enables it
-    _bring_compiled()
-_right_python()
+    _copy_machine_code()
+_require_packages()
 
 
 def run(main: Callable[[], None]) -> NoReturn:
     """Run a stage and end the process: status 0, or one message on stderr and status 1 (130).
 
-    Only an unforeseen exception shows its traceback, after a line that marks it as a fault.
+    main: the stage. Status 130 is an interruption by Ctrl-C. Only an unforeseen exception shows its
+    traceback, after a line that marks it as a fault.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.freeze()  # imported objects stay: the collector never examines them
@@ -120,7 +121,7 @@ def run(main: Callable[[], None]) -> NoReturn:
         print("\nfinloop: interrupted; `dvc repro` starts again from here", file=sys.stderr)
         sys.exit(130)
     except Exception as error:
-        foreseen = _foreseen(error)
+        foreseen = _as_user_error(error)
         if foreseen is None:
             traceback.print_exc()
             foreseen = FinloopError(
@@ -132,7 +133,8 @@ def run(main: Callable[[], None]) -> NoReturn:
     sys.exit(0)
 
 
-def _foreseen(error: Exception) -> FinloopError | None:
+def _as_user_error(error: Exception) -> FinloopError | None:
+    """Return the message for an error that the user can remedy; None for any other error."""
     if isinstance(error, FinloopError):
         return error
     if isinstance(error, MemoryError):
@@ -151,24 +153,31 @@ def _foreseen(error: Exception) -> FinloopError | None:
 
 
 def open_in_browser(url: str) -> None:
-    """Open a page where there is a desktop; a text browser would take over the terminal."""
+    """Open a page if there is a desktop; else do nothing.
+
+    Without a desktop a text browser would take over the terminal.
+    """
     screens = map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY"))
     if sys.platform in ("darwin", "win32") or any(screens):
         webbrowser.open(url)
 
 
 @contextmanager
-def progress(word: str, total: int | None, unit: str = "frames") -> Iterator[Callable[..., None]]:
+def report_progress(
+    stage: str, total: int | None, unit: str = "frames"
+) -> Iterator[Callable[..., None]]:
     """Yield `advance(n=1)`, which moves a progress bar on stderr, or prints a line at times.
 
-    word: the stage; total: the number of `unit` to come, None where it is unknown.
+    stage: the name to show. total: the number of `unit` to come, None where it is unknown.
     """
-    with _bar(word, total, unit) if sys.stderr.isatty() else _lines(word, total, unit) as advance:
+    show = _progress_bar if sys.stderr.isatty() else _progress_lines
+    with show(stage, total, unit) as advance:
         yield advance
 
 
 @contextmanager
-def _bar(word: str, total: int | None, unit: str) -> Iterator[Callable[..., None]]:
+def _progress_bar(stage: str, total: int | None, unit: str) -> Iterator[Callable[..., None]]:
+    """Yield `advance(n=1)`, which moves a progress bar on a terminal."""
     from rich import progress as bars
     from rich.console import Console
 
@@ -177,19 +186,20 @@ def _bar(word: str, total: int | None, unit: str) -> Iterator[Callable[..., None
         bars.TimeElapsedColumn(), "left", bars.TimeRemainingColumn(),
     )  # fmt: skip
     with bars.Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task(f"{word:<8}", total=total)
+        task = bar.add_task(f"{stage:<8}", total=total)
         yield lambda n=1: bar.advance(task, n)
 
 
 @contextmanager
-def _lines(word: str, total: int | None, unit: str) -> Iterator[Callable[..., None]]:
+def _progress_lines(stage: str, total: int | None, unit: str) -> Iterator[Callable[..., None]]:
+    """Yield `advance(n=1)`, which prints a line of progress every `LINE_EVERY_S` seconds."""
     start = last = time.monotonic()
     done = before = 0  # now, and when the last line was written
 
     def write_line(left: str = "") -> None:
         all_of_them = f" of {total}" if total else ""
         elapsed = f"{time.monotonic() - start:.0f} s"
-        print(f"{word}: {done}{all_of_them} {unit}, {elapsed}{left}", file=sys.stderr)
+        print(f"{stage}: {done}{all_of_them} {unit}, {elapsed}{left}", file=sys.stderr)
 
     def advance(n: int = 1) -> None:
         nonlocal done, last, before
@@ -205,10 +215,10 @@ def _lines(word: str, total: int | None, unit: str) -> Iterator[Callable[..., No
 
 
 def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
-    """Write a stage's headline numbers to `path`, metrics.json, and all to numbers.csv beside it.
+    """Write a stage's headline numbers to metrics.json at `path`, and all numbers to numbers.csv.
 
-    Both are sorted and rounded to DIGITS digits. None, NaN and infinity are left out: such a number
-    does not exist for this clip (no truth, no fish long enough).
+    Both are in one folder, sorted, and rounded to DIGITS digits. None, NaN and infinity are left
+    out: such a number does not exist for this clip (no truth, no fish long enough).
     """
     # Not at the top: they need the right Python.
     from finloop.io.atomic import save_bytes

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from finloop.base.errors import FinloopError
-from finloop.base.settings import GROUPS, check_values, default_variants, values_of, variants
+from finloop.base.settings import GROUPS, check_values, default_variants, read_conf_values, variants
 from finloop.io.parameters import build_settings, read_parameters
 
 PARAMS = Path("params.yaml")
@@ -23,23 +23,28 @@ FILES = ("film_stamp", "tracks_stamp", "path_stamp", "retarget_stamp")  # see `s
 STAMPS = (STAMP, *FILES)
 
 
-def load(word: str) -> Any:
+def load_settings(word: str) -> Any:
     """Return the parameters of a stage, from params.yaml, as its settings dataclass.
 
-    FinloopError lists all wrong parameters, or says that conf/ was edited since.
+    word: name of the group of parameters, mostly that of the stage. FinloopError lists all wrong
+    parameters, or says that conf/ was edited since params.yaml was composed.
     """
-    return build_settings(word, read())
+    return build_settings(word, read_params())
 
 
-def read() -> dict[str, Any]:
+def read_params() -> dict[str, Any]:
     """Return the content of params.yaml; raise FinloopError if conf/ was edited since."""
     values = read_parameters(PARAMS)
-    _refuse_stale(values)
+    _require_present_conf(values)
     return values
 
 
-def _refuse_stale(values: Mapping[str, Any]) -> None:
-    stamps = [str(values.get(STAMP)), stamp(CONF)]
+def _require_present_conf(values: Mapping[str, Any]) -> None:
+    """Raise FinloopError if params.yaml was composed from another state of conf/.
+
+    values: content of params.yaml.
+    """
+    stamps = [str(values.get(STAMP)), conf_stamp(CONF)]
     if Path(os.environ.get("DVC_ROOT", ".")).resolve() != Path.cwd():
         # A temporary experiment has only what git has; conf/local/ was composed before.
         stamps = [digest.partition("-")[0] for digest in stamps]
@@ -52,10 +57,11 @@ def _refuse_stale(values: Mapping[str, Any]) -> None:
         )
 
 
-def stamp(conf: Path) -> str:
-    """Return a digest of the values in the folder `conf`, then `-` and one of conf/local/ if used.
+def conf_stamp(conf: Path) -> str:
+    """Return a digest of the values in the folder `conf`, with one of conf/local/ after a `-`.
 
-    Experiments are left out: a new one changes no value.
+    Without a conf/local/ the second part is missing. Experiments are left out: a new one changes no
+    value.
     """
     local = LOCAL.relative_to(CONF).as_posix()
     files = {path.relative_to(conf).as_posix(): path for path in conf.rglob("*.yaml")}
@@ -70,18 +76,19 @@ def stamp(conf: Path) -> str:
     return "-".join(digests)
 
 
-def all_problems(values: Mapping[str, Any]) -> list[str]:
-    """Return everything that is wrong in a params.yaml, each with its dotted name."""
+def list_problems(values: Mapping[str, Any]) -> list[str]:
+    """Return a sentence for each wrong value in a params.yaml, with its dotted name."""
     problems = [f"{word}: unknown" for word in values if word not in (*GROUPS, *STAMPS)]
     for word in GROUPS:
         problems += check_values(word, variants(word), values.get(word, {}))[1]
     return problems
 
 
-def overrides(values: Mapping[str, Any]) -> list[str]:
-    """Return the Hydra overrides, as `clip=carp`, with which conf/ composes to a params.yaml.
+def list_overrides(values: Mapping[str, Any]) -> list[str]:
+    """Return the Hydra overrides, such as `clip=carp`, that make conf/ compose to a params.yaml.
 
-    Groups come in its order, a variant before the keys that differ from it.
+    values: content of params.yaml. Groups come in its order, a variant before the keys that differ
+    from it.
     """
     usual = default_variants()
     changes = []
@@ -91,22 +98,22 @@ def overrides(values: Mapping[str, Any]) -> list[str]:
         option = group.get("source", usual[word])
         if option != usual[word]:
             changes.append(f"{word}={option}")
-        in_conf = values_of(word, option)
+        in_conf = read_conf_values(word, option)
         changes += [
-            f"{word}.{key}={literal(value)}"
+            f"{word}.{key}={format_override(value)}"
             for key, value in group.items()
             if in_conf[key] != value
         ]
     return changes
 
 
-def literal(value: Any) -> str:
-    """Return a value in the syntax of Hydra's overrides: JSON, but keys without quotes.
+def format_override(value: Any) -> str:
+    """Return a value in the syntax of Hydra's overrides: JSON, but with keys without quotes.
 
-    Letters stay as they are, and `${` is no reference to another value.
+    Letters beyond ASCII stay, and `${` does not refer to another value.
     """
     if isinstance(value, Mapping):
-        return "{" + ",".join(f"{key}:{literal(item)}" for key, item in value.items()) + "}"
+        return "{" + ",".join(f"{key}:{format_override(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
-        return "[" + ",".join(map(literal, value)) + "]"
+        return "[" + ",".join(map(format_override, value)) + "]"
     return json.dumps(value, ensure_ascii=False).replace("${", "\\${")

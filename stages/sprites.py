@@ -1,6 +1,6 @@
 """Stage `sprites`: make sprites in all orientations from a few frames, and an atlas."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 import json
 import sys
@@ -26,14 +26,17 @@ from finloop.sprites.metrics import (
 )
 from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
 from finloop.sprites.settings import SpritesSettings
-from stages.settings import load
+from stages.settings import load_settings
 
 FOLDER, REPORT = Path("data/sprites"), Path("reports/sprites")
 TRACKS = ("track_id", "frame", "area_px", "contrast")
 
 
 def _report_stand_ins(choices: dict[str, ChosenFrames], still: bool) -> None:
-    """Report on stderr what stands in for sequences, or a still tail, that the film lacks."""
+    """Print a note on what stands in for sequences, or a still tail, that the film lacks.
+
+    choices: by the name of the sequence. still: whether the film shows a still tail.
+    """
     for word, what in (("straight", "full tail beat"), ("left", "whole turn")):
         if choices[word].stands_in:
             print(
@@ -49,7 +52,10 @@ def _report_stand_ins(choices: dict[str, ChosenFrames], still: bool) -> None:
 
 
 def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: float) -> int:
-    """Write pages atlas-<n>.png, .json of the sprites in `folder`; return the number of pages."""
+    """Write atlas-<n>.png and .json, pages of the sprites in `folder`; return the number of pages.
+
+    page_px: width of a page.
+    """
     with open_cutouts(folder / "sprites.arrow") as store:
         pages, count = (
             atlas.lay_out_pages(sprites, store.index, page_px),
@@ -66,8 +72,8 @@ def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: floa
 
 
 def main() -> None:
-    """Write sprites and atlas to data/sprites/; Table 1, faults and metrics to reports/sprites/."""
-    settings: SpritesSettings = load("sprites")
+    """Make the sprites and their atlas; write data/sprites/, and tables to reports/sprites/."""
+    settings: SpritesSettings = load_settings("sprites")
     with Project() as project:
         features, facts, rate_hz = project.features, project.facts, project.rate_hz
         delta = infer_delta_frames(features)
@@ -77,7 +83,9 @@ def main() -> None:
         sprites = sprite_table(table, choices, settings)
         with (
             whole_folder(FOLDER) as folder,
-            progress("sprites", count_orientations(sprites) * len(sprites), "pictures") as advance,
+            report_progress(
+                "sprites", count_orientations(sprites) * len(sprites), "pictures"
+            ) as advance,
         ):
             save_table(folder / "sprites.parquet", sprites, SPRITES)
             with CutoutWriter(folder / "sprites.arrow", sprites=True) as writer:

@@ -18,15 +18,15 @@ import yaml
 
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import save_bytes
-from stages.settings import FILES, PARAMS, read
+from stages.settings import FILES, PARAMS, read_params
 
 Groups = Mapping[str, Mapping[str, Any]]
 
 
 def file_stamp(name: str, groups: Groups) -> str | None:
-    """Return the stamp of the files that parameters name; None without files, or if one is missing.
+    """Return a digest of the files that parameters name; None if there are none, or one is missing.
 
-    name: which files, one of `FILES`; groups: the groups of params.yaml by name.
+    name: which files, one of `FILES`. groups: the groups of params.yaml by name.
     """
     try:
         files = _LISTS[name](groups)
@@ -42,6 +42,7 @@ def file_stamp(name: str, groups: Groups) -> str | None:
 
 
 def _film_files(groups: Groups) -> list[Path]:
+    """Return the films that `clip.path` names."""
     paths = groups.get("clip", {}).get("path")
     if not paths:
         return []
@@ -53,7 +54,7 @@ def _film_files(groups: Groups) -> list[Path]:
 
 
 def _films_and_masks(groups: Groups) -> list[Path]:
-    """Return the films, and the masks of their arenas."""
+    """Return the films, and the files with the masks of their arenas."""
     paths = groups.get("clip", {}).get("path")
     several = paths if isinstance(paths, list | tuple) else []
     parts = [groups.get("clip", {}), *(part for part in several if isinstance(part, Mapping))]
@@ -62,7 +63,7 @@ def _films_and_masks(groups: Groups) -> list[Path]:
 
 
 def _track_files(groups: Groups) -> list[Path]:
-    """Return the files of other programs' tracks, one for each film."""
+    """Return the files of tracks from other programs, one for each film."""
     path = groups.get("extract", {}).get("tracks_path")
     if not path:
         return []
@@ -74,7 +75,7 @@ def _track_files(groups: Groups) -> list[Path]:
 
 
 def _path_files(groups: Groups) -> list[Path]:
-    """Return the files with paths to swim; a path may be named without a file."""
+    """Return the files with paths to swim; a path that is named without a file has none."""
     paths = groups.get("matching", {}).get("path")
     several = [paths] if isinstance(paths, str) else paths or []
     files = [Path(path).expanduser() for path in several if path]
@@ -99,7 +100,7 @@ _LISTS: dict[str, Callable[[Groups], list[Path]]] = dict(
 
 def main() -> None:
     """Renew the stamps in params.yaml where films, tracks or paths have changed."""
-    values = read()
+    values = read_params()
     text = old = PARAMS.read_text(encoding="utf-8")
     for name in FILES:
         line = yaml.safe_dump({name: file_stamp(name, values)}).strip()

@@ -49,85 +49,88 @@ from finloop.stimulus.serve import (
 from finloop.stimulus.session import RealClock, Session
 from finloop.stimulus.summary import summarise_session
 from finloop.stimulus.tracker import fit_calibration
-from stages.stimulus_scene import FilmedScene, display_file, known_display, looks_of, open_scene
+from stages.stimulus_scene import (
+    FilmedScene,
+    display_file,
+    load_display_calibration,
+    look_messages,
+    open_scene,
+)
 
 PORT, OUT = 8760, Path("sessions")
 
 
 def main() -> None:
-    """Run the requested command."""
-    asked = _parser().parse_args()
-    asked.does(asked)
+    """Run the command that the command line names."""
+    options = _build_parser().parse_args()
+    options.does(options)
 
 
 # --- commands
 
 
-def show(asked: argparse.Namespace) -> None:
+def show(options: argparse.Namespace) -> None:
     """Show a protocol to animals, until Ctrl-C."""
-    plan = load_protocol(asked.protocol)
-    print(list_trials(plan, order_trials(plan)))
-    known = known_display(asked.display, plan.display.calibrated)
-    with bind_socket(asked.port, asked.listen) as listens, open_scene(plan) as made:
-        messages = _animal_messages(asked, made, plan)
-        with _session(asked, plan, made, RealClock(), display=known) as session:
-            hub = SessionHub(session, asked.display, display_file(asked.display))
+    protocol = load_protocol(options.protocol)
+    print(list_trials(protocol, order_trials(protocol)))
+    known = load_display_calibration(options.display, protocol.display.calibrated)
+    with bind_socket(options.port, options.listen) as listens, open_scene(protocol) as film:
+        messages = _animal_messages(options, film, protocol)
+        with _open_session(options, protocol, film, RealClock(), display=known) as session:
+            hub = SessionHub(session, options.display, display_file(options.display))
             session.connect_outputs(hub.send, hub.send_trigger)
-            policy = _policy(asked, listens)
-            session.link = _address(asked, listens, policy, "show")
-            inputs = _inputs(asked, policy, session, messages)
-            started = _make_announcer(asked, listens, policy)
-            _serve(create_session_server(listens, policy, hub, inputs, started))
+            policy = _access_policy(options, listens)
+            session.link = _page_address(options, listens, policy, "show")
+            inputs = _make_inputs(options, policy, session, messages)
+            started = _make_announcer(options, listens, policy)
+            _run_server(create_session_server(listens, policy, hub, inputs, started))
 
 
-def dry(asked: argparse.Namespace) -> None:
+def dry(options: argparse.Namespace) -> None:
     """Run a protocol without a display, as fast as possible."""
-    plan = load_protocol(asked.protocol)
-    print(list_trials(plan, order_trials(plan)))
-    with open_scene(plan) as made:
-        clock = DryClock(repeat_messages(_animal_messages(asked, made, plan)))
-        with _session(asked, plan, made, clock, dry=True) as session:
+    protocol = load_protocol(options.protocol)
+    print(list_trials(protocol, order_trials(protocol)))
+    with open_scene(protocol) as film:
+        clock = DryClock(repeat_messages(_animal_messages(options, film, protocol)))
+        with _open_session(options, protocol, film, clock, dry=True) as session:
             clock.receive, session.waits_for_starts = session.receive_message, False
             session.start()
             asyncio.run(session.run_trials())
 
 
-def list_only(asked: argparse.Namespace) -> None:
+def list_only(options: argparse.Namespace) -> None:
     """Print the trials of a protocol."""
-    plan = load_protocol(asked.protocol)
-    print(list_trials(plan, order_trials(plan)))
+    protocol = load_protocol(options.protocol)
+    print(list_trials(protocol, order_trials(protocol)))
 
 
-def replay(asked: argparse.Namespace) -> None:
+def replay(options: argparse.Namespace) -> None:
     """Show a session again, or check that this is possible."""
-    record = open_session_record(asked.session)
-    plan = parse_protocol(record.header["protocol"], Path(record.header["folder"]))
-    with open_scene(plan) as made:
-        if others := made.find_differences(record.header):
+    record = open_session_record(options.session)
+    protocol = parse_protocol(record.header["protocol"], Path(record.header["folder"]))
+    with open_scene(protocol) as film:
+        if others := film.find_differences(record.header):
             raise FinloopError(
-                f"{asked.session} was made from another {', '.join(others)}",
+                f"{options.session} was made from another {', '.join(others)}",
                 "the stages' results and parameters (animate, matching) of that session",
                 "run the pipeline on that film with the parameters in the session's file",
             )
-        if asked.check:
-            check = replan_session(record, made.scene, plan)
+        if options.check:
+            check = replan_session(record, film.scene, protocol)
             print(f"replay: {check.ticks} ticks planned again, {check.different} differ")
             if check.different:
                 sys.exit(1)
-        if asked.check and not asked.draw:
+        if options.check and not options.draw:
             return
-        feed = made.feed(
-            record.header["looks"], plan.fish, display=record.header["display"], mode="replay",
+        feed = film.feed(
+            record.header["looks"], protocol.fish, display=record.header["display"], mode="replay",
             digest=True, name="replay", keys=[],
         )  # fmt: skip
-        room = ReplayHub(feed, read_displayed_frames(record), asked.quick)
-        with bind_socket(asked.port) as listens:
+        room = ReplayHub(feed, read_displayed_frames(record), options.quick)
+        with bind_socket(options.port) as listens:
             policy = AccessPolicy(listens.getsockname()[1])
-            _serve(
-                create_display_server(
-                    listens, policy, room, _make_announcer(asked, listens, policy)
-                )
-            )
+            announce = _make_announcer(options, listens, policy)
+            _run_server(create_display_server(listens, policy, room, announce))
     print(
         f"replay: {room.shown} frames drawn, pixels of {room.compared} compared, "
         f"{len(room.different)} differ"
@@ -136,71 +139,81 @@ def replay(asked: argparse.Namespace) -> None:
         sys.exit(1)
 
 
-def page(asked: argparse.Namespace) -> None:
+def page(options: argparse.Namespace) -> None:
     """Make a page that plays a protocol without a server, if its motions are known in advance."""
-    plan = load_protocol(asked.protocol)
-    with open_scene(plan) as made:
-        motion = plan_all_trials(made.scene, plan, order_trials(plan))
+    protocol = load_protocol(options.protocol)
+    with open_scene(protocol) as film:
+        motion = plan_all_trials(film.scene, protocol, order_trials(protocol))
         text = build_standalone_page(
-            plan.name, made.scene.rate_hz, made.tank.floor, made.pictures.load_pictures(motion),
-            motion, looks_of(plan), loops=False,
+            protocol.name, film.scene.rate_hz, film.tank.floor,
+            film.pictures.load_pictures(motion), motion, look_messages(protocol), loops=False,
         )  # fmt: skip
-    save_bytes(asked.out, text.encode())
-    print(f"stimulus: {asked.out} plays by itself")
+    save_bytes(options.out, text.encode())
+    print(f"stimulus: {options.out} plays by itself")
 
 
-def recover(asked: argparse.Namespace) -> None:
+def recover(options: argparse.Namespace) -> None:
     """Make a session's file from the journal of an interrupted session."""
-    _finish(asked.journal, asked.journal.with_suffix(".parquet"), recovered=True)
+    _write_session_file(options.journal, options.journal.with_suffix(".parquet"), recovered=True)
 
 
-def calibrate(asked: argparse.Namespace) -> None:
+def calibrate(options: argparse.Namespace) -> None:
     """Calibrate a display, until the calibration is stored."""
-    known = known_display(asked.display, False)
-    with bind_socket(asked.port, asked.listen) as listens, open_scene() as made:
-        feed = made.feed(
-            [], 0, display=known, mode="calibrate", digest=False, name=asked.display, keys=[],
+    known = load_display_calibration(options.display, False)
+    with bind_socket(options.port, options.listen) as listens, open_scene() as film:
+        feed = film.feed(
+            [], 0, display=known, mode="calibrate", digest=False, name=options.display, keys=[],
         )  # fmt: skip
-        path = display_file(asked.display)
+        path = display_file(options.display)
         hub = CalibrationHub(feed, path, lambda: print(f"calibrate: stored in {path}"))
-        policy = _policy(asked, listens)
-        _serve(create_display_server(listens, policy, hub, _make_announcer(asked, listens, policy)))
+        policy = _access_policy(options, listens)
+        announce = _make_announcer(options, listens, policy)
+        _run_server(create_display_server(listens, policy, hub, announce))
 
 
 # --- parts
 
 
 @contextmanager
-def _session(
-    asked: argparse.Namespace, plan: Protocol, made: FilmedScene, clock: Any, **facts: Any
+def _open_session(
+    options: argparse.Namespace, protocol: Protocol, film: FilmedScene, clock: Any, **facts: Any
 ) -> Iterator[Session]:
-    order = order_trials(plan)
+    """Yield a new session with its log; at its end write the session's file.
+
+    clock: real, or one that does not wait. facts: further fields of the file's header, such as
+    display.
+    """
+    order = order_trials(protocol)
     stamp = datetime.now().strftime("%Y-%m-%dT%H-%M-%S")
-    name = re.sub(r"[^\w-]+", "-", plan.name).strip("-") or "session"
-    path = asked.out / f"{stamp}_{name}.parquet"
+    name = re.sub(r"[^\w-]+", "-", protocol.name).strip("-") or "session"
+    path = options.out / f"{stamp}_{name}.parquet"
     journal = path.with_suffix(".journal")
-    looks = looks_of(plan)
-    feed = made.feed(
-        looks, plan.fish, display=facts.get("display"), mode="session",
-        digest=getattr(asked, "digest", False), name=getattr(asked, "display", "none"),
-        keys=[plan.start_key] if plan.start_key else [],
+    looks = look_messages(protocol)
+    feed = film.feed(
+        looks, protocol.fish, display=facts.get("display"), mode="session",
+        digest=getattr(options, "digest", False), name=getattr(options, "display", "none"),
+        keys=[protocol.start_key] if protocol.start_key else [],
     )  # fmt: skip
     log = Log(
         journal,
-        made.header(
-            plan, order, **({"display": None, "folder": str(asked.protocol.parent)} | facts)
+        film.header(
+            protocol, order, **({"display": None, "folder": str(options.protocol.parent)} | facts)
         ),
     )
     try:
-        session = Session(made.scene, plan, order, feed, log, clock)
+        session = Session(film.scene, protocol, order, feed, log, clock)
         session.name = str(path)
         yield session
     finally:
         log.close()
-        _finish(journal, path)
+        _write_session_file(journal, path)
 
 
-def _finish(journal: Path, path: Path, recovered: bool = False) -> None:
+def _write_session_file(journal: Path, path: Path, recovered: bool = False) -> None:
+    """Convert a session's journal to its file and a description; remove the journal.
+
+    recovered: whether the session was interrupted, which the description says.
+    """
     save_journal(journal, path, SESSION)
     save_bytes(
         path.with_suffix(".md"), summarise_session(open_session_record(path), recovered).encode()
@@ -210,76 +223,103 @@ def _finish(journal: Path, path: Path, recovered: bool = False) -> None:
 
 
 def _animal_messages(
-    asked: argparse.Namespace, made: FilmedScene, plan: Protocol
+    options: argparse.Namespace, film: FilmedScene, protocol: Protocol
 ) -> list[tuple[float, str]]:
-    if asked.animal is None:
+    """Return the messages, (s, text), that a recorded track sends in place of a live animal.
+
+    [] without --animal.
+    """
+    if options.animal is None:
         return []
-    if plan.animals is None:
+    if protocol.animals is None:
         raise FinloopError(
-            f"--animal {asked.animal} is given, and {asked.protocol} has no live animals",
+            f"--animal {options.animal} is given, and {options.protocol} has no live animals",
             "a protocol with `animals`",
             "add animals: {unit: px} to it, or leave --animal out",
         )
-    scene, faults = made.scene, ConnectionFaults(asked.loss, asked.jitter, asked.gap)
-    line = line_of(asked.animal, PX, Project().features)
-    tracker = fit_calibration(plan.animals, scene.mm_per_px)
+    scene, faults = film.scene, ConnectionFaults(options.loss, options.jitter, options.gap)
+    line = line_of(options.animal, PX, Project().features)
+    tracker = fit_calibration(protocol.animals, scene.mm_per_px)
     return list(imitate_tracker(line, None, scene.tank, faults, tracker, scene.mm_per_px))
 
 
-def _inputs(
-    asked: argparse.Namespace, policy: AccessPolicy, session: Session,
+def _make_inputs(
+    options: argparse.Namespace, policy: AccessPolicy, session: Session,
     messages: list[tuple[float, str]],
 ) -> Callable[[], list[Coroutine[Any, Any, None]]]:  # fmt: skip
+    """Return a function that makes the tasks which receive messages during a session.
+
+    messages: (s, text), those of a recorded track.
+    """
 
     async def listen(kind: str, port: int) -> None:
-        bound = bind_socket(port, asked.listen, socket.SOCK_DGRAM)
+        """Receive the messages of trackers at a port of this machine."""
+        bound = bind_socket(port, options.listen, socket.SOCK_DGRAM)
         await receive_datagrams(bound, kind, session.receive_message, policy.token)
 
-    async def play() -> None:
+    async def play_messages() -> None:
+        """Send the messages of the recorded track when they are due."""
         for due, text in repeat_messages(messages):
             await session.clock.wait_until(due)
             session.receive_message(text, "recorded")
 
-    def tasks() -> list[Coroutine[Any, Any, None]]:
-        ports = {"udp": asked.udp, "osc": asked.osc}
+    def make_tasks() -> list[Coroutine[Any, Any, None]]:
+        ports = {"udp": options.udp, "osc": options.osc}
         listening = [listen(kind, port) for kind, port in ports.items() if port]
-        return listening + ([play()] if messages else [])
+        return listening + ([play_messages()] if messages else [])
 
-    return tasks
+    return make_tasks
 
 
-def _policy(asked: argparse.Namespace, listens: socket.socket) -> AccessPolicy:
+def _access_policy(options: argparse.Namespace, listens: socket.socket) -> AccessPolicy:
+    """Return who may connect: only this machine, or others that know a secret token.
+
+    listens: the bound socket.
+    """
     port = listens.getsockname()[1]
-    return AccessPolicy(port, None if asked.listen == HOST else secrets.token_urlsafe(16))
+    return AccessPolicy(port, None if options.listen == HOST else secrets.token_urlsafe(16))
 
 
-def _address(asked: Any, listens: socket.socket, policy: AccessPolicy, page: str = "") -> str:
+def _page_address(
+    options: Any, listens: socket.socket, policy: AccessPolicy, page: str = ""
+) -> str:
+    """Return the address of a page on the server, with the token if there is one.
+
+    listens: the bound socket. page: below the server's root.
+    """
     host, port = listens.getsockname()
     host = socket.gethostname() if host == "0.0.0.0" else host
     return f"http://{host}:{port}/{page}" + (f"?token={policy.token}" if policy.token else "")
 
 
 def _make_announcer(
-    asked: argparse.Namespace, listens: socket.socket, policy: AccessPolicy
+    options: argparse.Namespace, listens: socket.socket, policy: AccessPolicy
 ) -> Callable[[], None]:
+    """Return a function that prints the page's address and, if desired, opens it.
+
+    listens: the bound socket.
+    """
+
     def announce() -> None:
-        """Print the page's address, and open it if asked."""
-        url = _address(asked, listens, policy)
+        """Print the page's address, and open it if desired."""
+        url = _page_address(options, listens, policy)
         print(f"stimulus: open {url} (Ctrl-C ends it)", file=sys.stderr)
-        if asked.open:
+        if options.open:
             open_in_browser(url)
 
     return announce
 
 
-def _serve(server: AppServer) -> None:
+def _run_server(server: AppServer) -> None:
+    """Run the server until it ends or Ctrl-C is pressed."""
     try:
         server.serve_until_stopped()
     except KeyboardInterrupt:
         print("\nstimulus: ended", file=sys.stderr)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line; each command's function is its option `does`."""
     parser = argparse.ArgumentParser(
         prog="python -m stages.stimulus", description="A stimulus for animals; docs/stimulus.md."
     )
@@ -302,9 +342,11 @@ def _parser() -> argparse.ArgumentParser:
         one.add_argument("--out", type=Path, default=OUT, help=f"folder; default {OUT}/")
         animal = one.add_argument_group("a recorded track as the live animal")
         animal.add_argument("--animal", help="track:8 of the film, or a file; see docs/paths.md")
-        animal.add_argument("--loss", type=_up_to(0.99), default=0.0, help="share of messages lost")
-        animal.add_argument("--jitter", type=_up_to(60.0), default=0.0, help="of arrival times, s")
-        animal.add_argument("--gap", type=_up_to(60.0), default=0.0, help="s of silence every 10 s")
+        for name, most, text in (
+            ("--loss", 0.99, "share of messages lost"), ("--jitter", 60.0, "of arrival times, s"),
+            ("--gap", 60.0, "s of silence every 10 s"),
+        ):  # fmt: skip
+            animal.add_argument(name, type=_number_up_to(most), default=0.0, help=text)
     for one in (shows, calibrates):
         one.add_argument("--display", default="display", help="its name; default display")
         one.add_argument("--listen", default=HOST, help="address of this machine for others")
@@ -320,13 +362,15 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _up_to(most: float) -> Callable[[str], float]:
-    def number(text: str) -> float:
+def _number_up_to(most: float) -> Callable[[str], float]:
+    """Return a parser of command-line numbers from 0 to `most`."""
+
+    def parse_number(text: str) -> float:
         if not 0 <= float(text) <= most:
             raise argparse.ArgumentTypeError(f"{text} is not 0 … {most:g}")
         return float(text)
 
-    return number
+    return parse_number
 
 
 if __name__ == "__main__":

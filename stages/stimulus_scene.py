@@ -25,7 +25,7 @@ from finloop.stimulus.order import Trial
 from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.protocol import Protocol
 from stages.modes.matching import open_mode
-from stages.settings import load
+from stages.settings import load_settings
 
 DISPLAYS = Path("conf/local/displays")
 _SOFTWARE = ("numpy", "numba", "scipy", "scikit-image", "opencv-contrib-python-headless", "torch")
@@ -38,7 +38,7 @@ _PLANNED_BY = ("animate", "matching")
 
 @dataclass(frozen=True)
 class FilmedScene:
-    """A film opened for a stimulus: what plans its motion, and the pictures for the page."""
+    """A film opened for a stimulus: what plans the motion, and the pictures for the page."""
 
     scene: TrialContext
     pictures: PagePictures
@@ -46,7 +46,10 @@ class FilmedScene:
     film: str  # a digest of the film's results
 
     def feed(self, looks: list[dict[str, Any]], fish: int, **facts: Any) -> Feed:
-        """Return the data that display pages receive; `fish`: how many; `facts`: further fields."""
+        """Return the data that display pages receive.
+
+        looks: one per look of the protocol. fish: number of fish. facts: further fields.
+        """
         scene = self.scene
         more = {
             "rate": scene.rate_hz, "posture": scene.posture, "looks": looks, "fish": fish,
@@ -54,18 +57,21 @@ class FilmedScene:
         }  # fmt: skip
         return Feed(self.tank, more | facts, self.pictures)
 
-    def header(self, plan: Protocol, trials: tuple[Trial, ...], **facts: Any) -> dict[str, Any]:
-        """Return the header of a session's file: software, protocol, trials, film, parameters."""
+    def header(self, protocol: Protocol, trials: tuple[Trial, ...], **facts: Any) -> dict[str, Any]:
+        """Return the header of a session's file: software, protocol, trials, film, parameters.
+
+        facts: further fields.
+        """
         software = {"python": python_version(), "system": platform()}
         return {
             "format": FORMAT, "finloop": finloop.__version__,
             "begun": datetime.now().astimezone().isoformat(timespec="seconds"),
             "software": software | {name: version(name) for name in _SOFTWARE},
-            "protocol": plan.model_dump(mode="json", by_alias=True),
+            "protocol": protocol.model_dump(mode="json", by_alias=True),
             "trials": [one._asdict() for one in trials],
             "film": self.film, "rate_hz": self.scene.rate_hz, "posture": self.scene.posture,
-            "mm_per_px": self.scene.mm_per_px, "looks": looks_of(plan),
-            "animate": _parameters(*_PLANNED_BY), **facts,
+            "mm_per_px": self.scene.mm_per_px, "looks": look_messages(protocol),
+            "animate": _load_parameters(*_PLANNED_BY), **facts,
         }  # fmt: skip
 
     def find_differences(self, header: dict[str, Any]) -> list[str]:
@@ -75,48 +81,53 @@ class FilmedScene:
         return film + [
             f"{word}.{name}"
             for word in _PLANNED_BY
-            for name, value in _parameters(word).items()
+            for name, value in _load_parameters(word).items()
             if value != then.get(name)
         ]
 
 
-def _parameters(*words: str) -> dict[str, Any]:
+def _load_parameters(*words: str) -> dict[str, Any]:
+    """Return the parameters of some groups, by their names, as plain values."""
     values: dict[str, Any] = {}
     for word in words:
-        values |= json.loads(json.dumps(asdict(load(word))))
+        values |= json.loads(json.dumps(asdict(load_settings(word))))
     return values
 
 
-def looks_of(plan: Protocol) -> list[dict[str, Any]]:
-    """Return the looks of a protocol as the dicts that the page reads, one per look."""
-    return [look.message for look in plan.looks]
+def look_messages(protocol: Protocol) -> list[dict[str, Any]]:
+    """Return the looks of a protocol as the page reads them, a dict per look."""
+    return [look.message for look in protocol.looks]
 
 
 @contextmanager
-def open_scene(plan: Protocol | None = None) -> Iterator[FilmedScene]:
+def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
     """Yield the film and all that a session needs, opened from the stages' results.
 
-    plan: None where no fish is to swim. FinloopError also if the film has no mode `matching`, or
-    the protocol has rules of a school and the film shows none.
+    protocol: None where no fish is to swim. FinloopError also if the film has no mode `matching`,
+    or the protocol has rules of a school and the film shows none.
     """
-    fish_mm = None if plan is None else plan.display.fish_mm
+    fish_mm = None if protocol is None else protocol.display.fish_mm
     with Project() as project:
-        brought = open_mode(project)
-        reel, bodies = brought.pictures.reel, brought.pictures.bodies
+        animator = open_mode(project)
+        reel, bodies = animator.pictures.reel, animator.pictures.bodies
         gallery = Gallery(build_shelves({FRAME: reel.film}, project.tracks(PLACE), None), bodies)
-        film_mm, length_px = project.facts.mm_per_px, brought.world.motion.body_length_px
+        film_mm, length_px = project.facts.mm_per_px, animator.world.motion.body_length_px
         mm_per_px = fish_mm / length_px if fish_mm else film_mm and film_mm / reel.size
         pictures = PagePictures(gallery, reel.size)
         height, width = pictures.largest_px
-        made = TrialContext(brought.player, bodies, mm_per_px)
-        if plan is not None:
-            rehearse_paths(brought.player)
-            rehearse_stimulus(made)
+        context = TrialContext(animator.player, bodies, mm_per_px)
+        if protocol is not None:
+            rehearse_paths(animator.player)
+            rehearse_stimulus(context)
         tank = TankCanvas(project.background, width, height)
-        yield FilmedScene(made, pictures, tank, _digest(project.data))
+        yield FilmedScene(context, pictures, tank, _results_digest(project.data))
 
 
-def _digest(data: Path) -> str:
+def _results_digest(data: Path) -> str:
+    """Return 16 hexadecimal digits of the results that a film's animation is made from.
+
+    data: the folder data/.
+    """
     digest = hashlib.sha256()
     for name in _MADE_FROM:
         path = data / name
@@ -137,15 +148,15 @@ def display_file(name: str) -> Path:
     return DISPLAYS / f"{name}.json"
 
 
-def known_display(name: str, demanded: bool) -> dict[str, Any] | None:
-    """Return a display's calibration, ready for JSON; None where it has none and needs none.
+def load_display_calibration(name: str, required: bool) -> dict[str, Any] | None:
+    """Return a display's calibration, ready for JSON; None if it has none and none is required.
 
-    FinloopError where one is demanded and missing, or it is damaged.
+    name: of the display. FinloopError if one is required and missing, or it is damaged.
     """
     path = display_file(name)
     if path.exists():
         return load_display(path).model_dump(mode="json")
-    if demanded:
+    if required:
         raise FinloopError(
             f"the display {name} is not calibrated ({path} is missing)",
             "a display of known size and levels, which the protocol requires",

@@ -35,9 +35,9 @@ from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.footage import list_films, unique_film_names
 from finloop.io.table import save_csv
 from finloop.report.study import COLUMNS, FilmResult, study_page, study_table
-from stages.compare import experiments, numbers_at
-from stages.film import films_in
-from stages.settings import LOCAL, literal
+from stages.compare import list_experiments, load_numbers
+from stages.film import parse_film_paths
+from stages.settings import LOCAL, format_override
 from stages.sweep import make_runs
 
 PAGE, TABLE, REPORTS = Path("reports/study.html"), Path("reports/study.csv"), Path("reports/study")
@@ -52,20 +52,20 @@ EXAMPLE = "films: {mouse: /films/mouse.mp4, carp: {clip: carp, clip.frames: 600}
 Overrides = list[str]
 
 
-def films_of_study(text: str) -> tuple[dict[str, Overrides], Overrides]:
-    """Return the films of a study, name → overrides, and the overrides of all films.
+def parse_study(text: str) -> tuple[dict[str, Overrides], Overrides]:
+    """Return the films of a study, name → overrides, and the overrides that all films share.
 
     text: paths of films, separated by spaces, or the path of one YAML file. FinloopError if a film
-    is missing, stands twice, or the file is not a study.
+    is missing or stands twice, or the file is not a study.
     """
     path, common = Path(text.strip()).expanduser(), list[str]()
     if path.suffix.lower() in (".yaml", ".yml"):
-        films, common = read_study(path)
+        films, common = read_study_file(path)
     else:
-        paths = [film for name in films_in(text) for film in list_films(name)]
+        paths = [film for name in parse_film_paths(text) for film in list_films(name)]
         names = unique_film_names(paths)
         films = {
-            name: clip_overrides(str(film.absolute()))
+            name: clip_path_overrides(str(film.absolute()))
             for name, film in zip(names, paths, strict=True)
         }
     twice = [name for name in films if Counter(map(str, films.values()))[str(films[name])] > 1]
@@ -78,8 +78,8 @@ def films_of_study(text: str) -> tuple[dict[str, Overrides], Overrides]:
     return films, common
 
 
-def read_study(path: Path) -> tuple[dict[str, Overrides], Overrides]:
-    """Return the films of a study file, name → overrides, and the overrides of all films.
+def read_study_file(path: Path) -> tuple[dict[str, Overrides], Overrides]:
+    """Return the films of a study file, name → overrides, and the overrides that all films share.
 
     FinloopError if it is not a study.
     """
@@ -104,41 +104,41 @@ def read_study(path: Path) -> tuple[dict[str, Overrides], Overrides]:
         if not isinstance(own, Mapping) or not isinstance(own.get("path", ""), str):
             problems.append(f"{name} is neither a path nor settings")
             continue
-        runs[str(name)] = _overrides(own, path.parent)
+        runs[str(name)] = _format_overrides(own, path.parent)
     if problems:
         raise FinloopError(f"{path} is not a study: {'; '.join(problems)}", EXAMPLE, "correct it")
-    return runs, _overrides(common, path.parent)
+    return runs, _format_overrides(common, path.parent)
 
 
-def _overrides(values: Mapping[str, Any], folder: Path) -> Overrides:
-    """Return settings as overrides; a path of a film is taken from `folder`."""
+def _format_overrides(values: Mapping[str, Any], folder: Path) -> Overrides:
+    """Return settings by name as overrides; a relative path of a film is relative to `folder`."""
     overrides = []
     for key, value in values.items():
         if key == "path":
-            overrides += clip_overrides(str((folder / Path(value).expanduser()).absolute()))
+            overrides += clip_path_overrides(str((folder / Path(value).expanduser()).absolute()))
         else:
-            overrides.append(f"{key}={value if '.' not in key else literal(value)}")
+            overrides.append(f"{key}={value if '.' not in key else format_override(value)}")
     return overrides
 
 
-def clip_overrides(path: str) -> Overrides:
-    """Return the overrides that take the film at a path."""
-    return ["clip=file", f"clip.path={literal(path)}"]
+def clip_path_overrides(path: str) -> Overrides:
+    """Return the overrides that make the film at a path the film of the pipeline."""
+    return ["clip=file", f"clip.path={format_override(path)}"]
 
 
-def results(
+def load_results(
     films: Mapping[str, Overrides], failures: Mapping[str, str], folder: Path
 ) -> list[FilmResult]:
-    """Return what the experiments of a study have made, in the order of its films.
+    """Return the results of a study's experiments, in the order of its films.
 
-    failures: experiment → why it failed. folder: each film's report is written there.
+    failures: experiment → why it failed. folder: where each film's report is written.
     """
     from dvc.api import DVCFileSystem  # not at the top: the import takes half a second
 
-    commits = experiments()
+    commits = list_experiments()
     there = {name: commits[PREFIX + name] for name in films if PREFIX + name not in failures}
     stages = sorted({column.key.partition(".")[0] for column in COLUMNS})
-    found = numbers_at([*{*there.values()}], stages)
+    found = load_numbers([*{*there.values()}], stages)
     made = []
     for name, settings in films.items():
         if name not in there:
@@ -153,7 +153,10 @@ def results(
 
 
 def count_findings(files: Any) -> int:
-    """Return how many checks of the film found a fault; files: the file system of an experiment."""
+    """Return how many checks of the film found a fault.
+
+    files: the file system of an experiment.
+    """
     table = pd.read_csv(StringIO(files.cat_file(FINDINGS).decode()))
     return int((table["verdict"] != "good").sum())
 
@@ -164,15 +167,15 @@ def main() -> None:
     parser.add_argument("overrides", nargs="*", metavar="key=value", help="for every film")
     parser.add_argument("--jobs", type=int, default=THREADS, help="films at a time")
     arguments = parser.parse_args()
-    films, common = films_of_study(os.environ.get("FILMS", ""))
+    films, common = parse_study(os.environ.get("FILMS", ""))
     common += arguments.overrides
-    experiments()  # raises if there is no commit for them
+    list_experiments()  # raises if there is no commit for them
     if LOCAL.is_file():
         print(f"finloop: a study does not use {LOCAL}", file=sys.stderr)
     runs = {PREFIX + name: ["~local", *common, *settings] for name, settings in films.items()}
     failures = make_runs(runs, [], max(1, arguments.jobs), shared=False)
     with whole_folder(REPORTS) as folder:
-        films_made = results(films, failures, folder)
+        films_made = load_results(films, failures, folder)
     save_csv(TABLE, study_table(films_made), decimals=4)
     save_bytes(PAGE, study_page(films_made, common).encode())
     print(f"\nDone: {PAGE}, {TABLE}")

@@ -6,7 +6,7 @@ change, and a stage with a cached result is not run again. An existing experimen
 and parameters is reused.
 """
 
-from stages.run import THREADS, progress, run  # isort: skip  (before numpy)
+from stages.run import THREADS, report_progress, run  # isort: skip  (before numpy)
 
 import argparse
 import shutil
@@ -18,9 +18,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from finloop.base.errors import FinloopError
-from stages.compare import OUT, compare, experiments, git
-from stages.compose import compose_params, experiment
-from stages.settings import LOCAL, PARAMS, overrides, read
+from stages.compare import OUT, list_experiments, run_git, write_comparison
+from stages.compose import compose_params, load_experiment
+from stages.settings import LOCAL, PARAMS, list_overrides, read_params
 
 # The command `dvc`, in a process that ends with this one. It is short and makes many small objects,
 # of which garbage collection would take a sixth of its time.
@@ -37,9 +37,12 @@ LAST_LINES = 12  # of the output of a failed run
 
 
 def _clone(root: Path, folder: Path, cache: str) -> None:
-    """Clone the repository `root`, with uncommitted changes, into `folder`; share DVC's cache."""
-    git("clone", "--quiet", "--shared", str(root), str(folder), at=root)
-    listed = git("ls-files", "-z", "--modified", "--others", "--exclude-standard", at=root)
+    """Clone the repository `root`, with uncommitted changes, into `folder`; share DVC's cache.
+
+    cache: path of the cache.
+    """
+    run_git("clone", "--quiet", "--shared", str(root), str(folder), folder=root)
+    listed = run_git("ls-files", "-z", "--modified", "--others", "--exclude-standard", folder=root)
     ignored = [LOCAL.as_posix()] if (root / LOCAL).is_file() else []
     for name in (*filter(None, listed.split("\0")), *ignored):
         if (root / name).is_file():
@@ -64,25 +67,31 @@ def _run_dvc(*arguments: str, folder: Path) -> tuple[bool, str]:
 
 
 def _is_same(commit: str, params: str) -> bool:
-    """Return whether an experiment's commit has the present code and this text of params.yaml."""
+    """Return whether an experiment has the present code and this text of params.yaml.
+
+    commit: that of the experiment.
+    """
     excludes = [f":(exclude){name}" for name in RESULTS]
     changed = subprocess.run(["git", "diff", "--quiet", commit, "--", ".", *excludes], check=False)
-    return not changed.returncode and git("show", f"{commit}:{PARAMS}") == params
+    return not changed.returncode and run_git("show", f"{commit}:{PARAMS}") == params
 
 
 def _make_run(name: str, changes: list[str], stages: list[str], clone: Path) -> str:
-    """Make one run in a clone, and keep it here; return "", or the last lines if it failed."""
+    """Make one run in a clone, and fetch its experiment; return "", or its last lines if it failed.
+
+    changes: overrides. stages: to run, all if empty.
+    """
     values = [word for change in changes for word in ("-S", change)]
     succeeds, text = _run_dvc("exp", "run", "--name", name, *values, *stages, folder=clone)
     if not succeeds:
-        return "\n    ".join(last_lines(text))
-    refs = git("for-each-ref", "--format=%(refname)", "refs/exps", at=clone).split()
+        return "\n    ".join(failure_lines(text))
+    refs = run_git("for-each-ref", "--format=%(refname)", "refs/exps", folder=clone).split()
     (ref,) = [ref for ref in refs if ref.rpartition("/")[2] == name]
-    git("fetch", "--quiet", "--no-write-fetch-head", str(clone), f"+{ref}:{ref}")
+    run_git("fetch", "--quiet", "--no-write-fetch-head", str(clone), f"+{ref}:{ref}")
     return ""
 
 
-def last_lines(text: str) -> list[str]:
+def failure_lines(text: str) -> list[str]:
     """Return finloop's last message in the output of a failed run, or the output's last lines."""
     lines = text.splitlines()
     said = [number for number, line in enumerate(lines) if line.startswith("  wanted: ")]
@@ -101,11 +110,11 @@ def make_runs(
 ) -> dict[str, str]:
     """Make the runs of a sweep; return the failed ones, name → cause.
 
-    runs: name → overrides; stages: to run, all if empty; jobs: runs at a time. shared: the runs
-    have stages in common, which the first makes for all.
+    runs: name → overrides. stages: to run, all if empty. jobs: runs at a time. shared: whether the
+    runs have stages in common, which the first run makes for all.
     """
     root, failures, todo = Path.cwd(), dict[str, str](), list[str]()
-    there = experiments()
+    there = list_experiments()
     for name, changes in runs.items():
         try:
             params = compose_params(changes)
@@ -121,7 +130,7 @@ def make_runs(
     (root / ".dvc/tmp").mkdir(exist_ok=True)
     with (
         TemporaryDirectory(dir=root / ".dvc/tmp", prefix="sweep-") as apart,
-        progress("runs", len(todo), "runs") as advance,
+        report_progress("runs", len(todo), "runs") as advance,
     ):
         clones = [Path(apart) / str(number) for number in range(min(jobs, len(todo)))]
         for clone in clones:
@@ -157,13 +166,15 @@ def main() -> None:
     parser.add_argument("overrides", nargs="*", metavar="key=value", help="for every run")
     parser.add_argument("--jobs", type=int, default=THREADS, help="runs at a time")
     arguments = parser.parse_args()
-    plan = experiment(arguments.experiment)
-    common = [f"+experiment={arguments.experiment}", *overrides(read()), *arguments.overrides]
-    runs = {name: common + changes for name, changes in plan.runs(arguments.experiment).items()}
+    plan = load_experiment(arguments.experiment)
+    chosen = [f"+experiment={arguments.experiment}", *list_overrides(read_params())]
+    listed = plan.list_runs(arguments.experiment)
+    runs = {name: chosen + arguments.overrides + changes for name, changes in listed.items()}
     failures = make_runs(runs, plan.stages, max(1, arguments.jobs))
     finished = [name for name in runs if name not in failures]
     if finished:
-        print(compare(finished, list(plan.measures), plan.title, f"{plan.why} {plan.seen}"))
+        text = f"{plan.why} {plan.seen}"
+        print(write_comparison(finished, list(plan.measures), plan.title, text))
         print(f"\n{OUT} compares them.")
     if failures:
         for name, why in failures.items():

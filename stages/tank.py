@@ -1,6 +1,6 @@
 """Stage `tank`: show an edit list in three dimensions: film, pictures, glTF scene, page."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from finloop.tank.scene import TankScene, choose_window
 from finloop.tank.settings import TankSettings
 from finloop.tank.skin import FishSkins
 from finloop.tank.swim import USED, film_body_shapes, poses_in_tank, swimming_heights
-from stages.settings import load
+from stages.settings import load_settings
 
 OUT, REPORT = Path("data/tank"), Path("reports/tank")
 ALT = (
@@ -35,7 +35,10 @@ _SHEET_PX = 480  # width of a picture on the contact sheet
 
 
 def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface], Floats]:
-    """Return the fish of an edit list's first seconds as moving surfaces, and the ticks' times."""
+    """Return the fish of an edit list's first seconds as moving surfaces, and the ticks' times.
+
+    The times (ticks,) are in s.
+    """
     edit, _, tracks, sprites, bodies = project.edit_with_sources(p.mode, "tank", USED)
     edits = split_by_fish(edit[(edit["time_s"] < p.seconds) | (edit["tick"] == 0)])
     time = edits[0]["time_s"].to_numpy(float)
@@ -55,7 +58,7 @@ def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface],
     return surfaces, time
 
 
-def _join(pictures: list[list[np.ndarray]]) -> np.ndarray:
+def _join_sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
     """Join rows of pictures (h, w, 3) into one picture, each _SHEET_PX wide."""
     height, width = pictures[0][0].shape[:2]
     size = _SHEET_PX, round(_SHEET_PX * height / width)
@@ -66,8 +69,8 @@ def _join(pictures: list[list[np.ndarray]]) -> np.ndarray:
 
 
 def main() -> None:
-    """Write data/tank/ (film, still, glTF scene, page) and reports/tank/."""
-    p: TankSettings = load("tank")
+    """Draw the animation in three dimensions; write data/tank/ and reports/tank/."""
+    p: TankSettings = load_settings("tank")
     choose_window()
     with Project() as project, whole_folder(OUT) as folder:
         facts, background, rate = project.facts, project.background, project.rate_hz
@@ -81,19 +84,19 @@ def main() -> None:
         }
         with TankScene(background, room, size, len(fish)) as scene:
 
-            def picture(camera: str, tick: int) -> np.ndarray:
+            def draw_view(camera: str, tick: int) -> np.ndarray:
                 worn = [one.shape_at(tick) for one in fish]
                 return scene.draw_frame(worn, cameras[camera], tick, time[tick])
 
-            save_picture(folder / "still.png", picture(FOLLOW, first.find_bent_tick()))
+            save_picture(folder / "still.png", draw_view(FOLLOW, first.find_bent_tick()))
             moments = np.linspace(0, ticks - 1, 2 * MOMENTS + 1).astype(int)[1::2]
-            rows = [[picture(name, int(tick)) for tick in moments] for name in PRESETS]
+            rows = [[draw_view(name, int(tick)) for tick in moments] for name in PRESETS]
             with (
-                progress("tank", ticks) as advance,
+                report_progress("tank", ticks) as advance,
                 Mp4Writer(folder / "tank.mp4", (*size[::-1], 3), facts.frame_rate, p.crf) as film,
             ):
                 for tick in range(ticks):
-                    film.write(picture(p.camera, tick))
+                    film.write(draw_view(p.camera, tick))
                     advance()
         bodies = [
             AnimatedFish(
@@ -106,7 +109,7 @@ def main() -> None:
         save_bytes(folder / "tank.glb", glb)
         way = [to_gltf_axes((place - room.middle) / room.length) for place in first.place]
         save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, way, rate)
-    save_picture(REPORT / "contact_sheet.png", _join(rows))
+    save_picture(REPORT / "contact_sheet.png", _join_sheet(rows))
     error_px = max(one.shape.error_px for one in bodies)
     numbers = {
         "frames": ticks, "duration_s": ticks / rate,

@@ -18,7 +18,7 @@ from finloop.io.movie import VideoWriter
 from finloop.io.parameters import refusal_error
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FACTS_NAME, VideoFacts, save_facts, save_mask
 from stages.compose import compose_params
-from stages.settings import CONF, PARAMS, all_problems
+from stages.settings import CONF, PARAMS, list_problems
 from stages.stamps import file_stamp
 
 
@@ -53,7 +53,7 @@ def _params(overrides: tuple[str, ...], folder: Path) -> str:
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(folder)
             values["film_stamp"] = file_stamp("film_stamp", values)
-    if problems := all_problems(values):
+    if problems := list_problems(values):
         raise refusal_error(problems)
     return yaml.dump(values, Dumper=yaml.CSafeDumper, sort_keys=False)
 

@@ -62,7 +62,7 @@ from finloop.io.picture import load_picture, save_figure
 from finloop.io.record import load_record, save_json
 from finloop.io.table import save_table
 from finloop.io.video import FACTS_NAME, VideoFacts, save_facts
-from finloop.plots.bpn import figure15, held_out_figure
+from finloop.plots.bpn import draw_held_out_predictions, figure15
 
 DELTA = 5
 HOW = settings("bpn", learning_rate=0.5, epochs=40)
@@ -521,7 +521,7 @@ def test_figure_15_shows_both_curves(tmp_path):
 def test_the_figure_of_held_out_rows(tmp_path, count):
     inputs = random_inputs(count)
     true, said = law(inputs), random_model().predict(inputs)
-    figure = held_out_figure(said, true)
+    figure = draw_held_out_predictions(said, true)
     left, right = figure.axes
     drawn = np.asarray(left.collections[-1].get_offsets())  # before it, those of the legend
     assert drawn == pytest.approx(np.column_stack([true[:, 0], said[:, 0]]))

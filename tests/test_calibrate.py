@@ -298,9 +298,9 @@ def test_the_stage_says_how_the_fish_of_a_film_act_on_each_other(tmp_path, monke
     assert set(table["beside"]) == {"film", "second_half"}
     film = load_table(tmp_path / "data/calibrate/film.parquet", SHOAL)
     assert len(film) == 6 * 400 and len(measure_values(film, "polarisation")) == 400
-    assert Project().rule.horizon == 1
-    assert Project().rule.zones.attraction == numbers["attraction"]
-    assert len(Project().rule.steps.move) > 100
+    assert Project().school_rule.horizon == 1
+    assert Project().school_rule.zones.attraction == numbers["attraction"]
+    assert len(Project().school_rule.steps.move) > 100
 
 
 def test_rounding_changes_no_number_of_the_film_and_how_points_swim(tmp_path, monkeypatch):
@@ -330,8 +330,10 @@ def test_a_film_of_one_fish_says_so_and_the_pipeline_goes_on(tmp_path, monkeypat
     )
     assert ", 0 and 0 times" in capsys.readouterr().err
     assert numbers["fitted"] == 0 and numbers["fish"] == 1
-    assert Project().rule.zones == replace(COUZIN, repulsion=2.0)
-    assert len(Project().rule.steps.move) > 50  # by these it swims, in company of its own kind
+    assert Project().school_rule.zones == replace(COUZIN, repulsion=2.0)
+    assert (
+        len(Project().school_rule.steps.move) > 50
+    )  # by these it swims, in company of its own kind
 
 
 def test_of_several_films_the_first_alone_teaches(tmp_path, monkeypatch):
@@ -351,7 +353,7 @@ def test_the_verb_returns_the_rule_of_the_stage(tmp_path, monkeypatch):
     table = swim(TRUE, frames=400)
     run(tmp_path, monkeypatch, table)
     film = SimpleNamespace(arena=ARENA)
-    rule, stored = finloop.find_zones(table, film), Project().rule
+    rule, stored = finloop.find_zones(table, film), Project().school_rule
     assert (rule.zones, rule.horizon, rule.alike) == (stored.zones, stored.horizon, stored.alike)
     assert rule.steps.move.tolist() == stored.steps.move.tolist()
     assert (rule.steps.forward, rule.steps.onward) == (stored.steps.forward, stored.steps.onward)

@@ -809,7 +809,7 @@ def run_stage(tmp_path, monkeypatch):
     def run(source: str, **changes) -> dict[str, float]:
         given, problems = parameters(source, **changes)
         assert not problems
-        monkeypatch.setattr(stage, "load", lambda *_: given)
+        monkeypatch.setattr(stage, "load_settings", lambda *_: given)
         stage.main()
         return load_numbers(stage.METRICS.parent)
 

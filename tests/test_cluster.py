@@ -101,7 +101,7 @@ def test_a_stage_asks_the_cluster_that_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(FinloopError, match="Dask is not installed"):
-        with stages.cluster.workers([]):
+        with stages.cluster.open_workers([]):
             pass
 
 
@@ -109,8 +109,8 @@ def test_processes_work_where_no_cluster_is_named(tmp_path, monkeypatch):
     prepare(tmp_path, *TINY_CARP)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(stages.cluster, "THREADS", 1)
-    with stages.cluster.workers([]) as crew:
-        assert crew == Processes(1) and crew.alone
+    with stages.cluster.open_workers([]) as crew:
+        assert crew == Processes(1) and crew.is_alone
 
 
 # --- a cluster
@@ -141,7 +141,7 @@ def of_address(cluster):
 
 @needs_dask
 def test_each_item_is_worked_once_in_order(cluster, folder):
-    assert cluster.count == 2 and not cluster.alone
+    assert cluster.count == 2 and not cluster.is_alone
     assert list(ordered_map(square, range(12), cluster)) == [k**2 for k in range(12)]
     assert not list((folder / "data").iterdir())
 
@@ -220,10 +220,10 @@ pose_run = stage_run("pose")
 class Posted:
     """Workers to whom all is pickled, in this process."""
 
-    count, alone = 2, False
+    count, is_alone = 2, False
 
     @contextmanager
-    def submitter(self, work):
+    def open_submitter(self, work):
         there = pickle_copy(work)
         yield lambda item: Done(pickle_copy(there(pickle_copy(item))))
 
@@ -253,7 +253,9 @@ def test_jumps_are_the_same_bytes_from_other_workers(pose_run, where, monkeypatc
         crew = replace(cluster, home=replace(cluster.home, folder=str(pose_run)))
     made = []
     for who in (ALONE, crew):
-        monkeypatch.setattr(stages.jumps, "workers", lambda *_, _who=who, **__: nullcontext(_who))
+        monkeypatch.setattr(
+            stages.jumps, "open_workers", lambda *_, _who=who, **__: nullcontext(_who)
+        )
         stages.jumps.main()
         made.append((content(pose_run / "data/jumps"), content(pose_run / "reports/jumps")))
     assert made[0] == made[1]

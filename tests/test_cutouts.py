@@ -175,14 +175,14 @@ def test_a_cutout_over_a_background(tank):
     channels = 4 if len(tank) == 3 else 2
     here = np.s_[7:17, 11:32]
     pixels = np.zeros((10, 21, channels), np.uint8)
-    assert np.array_equal(Cutout(0, 0, 11, 7, pixels).over(background), background[here])
+    assert np.array_equal(Cutout(0, 0, 11, 7, pixels).blend_over(background), background[here])
     pixels[:] = 255  # nothing of the tank shines through
     pixels[..., :-1] = rng.integers(0, 256, (10, 21, channels - 1))
-    opaque = Cutout(0, 0, 11, 7, pixels).over(background)
+    opaque = Cutout(0, 0, 11, 7, pixels).blend_over(background)
     assert np.array_equal(opaque, pixels[..., :-1].reshape(opaque.shape))
     pixels[..., -1] = 128
     pixels[..., :-1] = 64  # half of the tank, and half of a 127.5
-    half = Cutout(0, 0, 11, 7, pixels).over(background)
+    half = Cutout(0, 0, 11, 7, pixels).blend_over(background)
     assert np.abs(half - (64 + background[here] * (127 / 255))).max() <= 0.5
 
 

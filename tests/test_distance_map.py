@@ -35,7 +35,7 @@ from finloop.io.cutouts import open_cutouts
 from finloop.io.numbers import load_numbers
 from finloop.io.record import load_record
 from finloop.io.table import load_table
-from finloop.plots.distance import figure9, picture_rows
+from finloop.plots.distance import figure9, rows_of_longest_tracks
 
 
 def brute(pictures: np.ndarray) -> np.ndarray:
@@ -198,16 +198,16 @@ def test_a_film_that_stands_still_is_refused(steps):
 def test_figure9_shows_steps_and_tints_the_pairs_that_are_skipped():
     far = np.abs(np.subtract.outer(np.arange(6.0), np.arange(6.0)))
     compared = far < 3
-    every, like = figure9(far, compared, np.zeros(6, int), unit=2.0).axes[:2]
+    every, like = figure9(far, compared, np.zeros(6, int), natural_step=2.0).axes[:2]
     np.testing.assert_allclose(every.images[0].get_array(), far / 2)
     np.testing.assert_array_equal(np.ma.getmaskarray(like.images[0].get_array()), ~compared)
 
 
 def test_the_picture_shows_the_longest_tracks_in_time_order():
     features = pd.DataFrame({"track_id": [1] * 3 + [2] * 9 + [5] * 4})
-    assert list(picture_rows(features, 9)) == list(range(3, 12))
-    assert list(picture_rows(features, 11)) == [*range(3, 12), 12, 13]
-    assert list(picture_rows(features, 99)) == list(range(16))
+    assert list(rows_of_longest_tracks(features, 9)) == list(range(3, 12))
+    assert list(rows_of_longest_tracks(features, 11)) == [*range(3, 12), 12, 13]
+    assert list(rows_of_longest_tracks(features, 99)) == list(range(16))
 
 
 # --- the stage

@@ -24,12 +24,12 @@ from finloop.report.compare import (
     comparison_page,
     draw_parallel_axes,
     draw_parameter_effects,
-    pareto,
+    pareto_front,
 )
 from stages import compose
 from stages.compose import compose_params
-from stages.experiment import Experiment, choices
-from stages.settings import overrides as overrides_of
+from stages.experiment import Experiment, parse_values
+from stages.settings import list_overrides as overrides_of
 
 SWEEPS = sorted(path.stem for path in (ROOT / "conf/experiment").glob("*.yaml"))
 
@@ -49,7 +49,7 @@ def usual() -> dict[str, Any]:
     return compose_mapping("~local")
 
 
-experiment = cache(compose.experiment)
+experiment = cache(compose.load_experiment)
 
 
 # --- conf/experiment
@@ -72,7 +72,7 @@ def test_a_sweep_varies_what_there_is_and_measures_what_is_measured(name):
     sweep = experiment(name)
     for key, values in sweep.params.items():
         word, key = key.split(".")
-        varied = list(choices(values))
+        varied = list(parse_values(values))
         assert len(set(varied)) == len(varied) > 1
         assert str(usual()[word][key]) in varied  # what is usual is among them
         for value in varied:
@@ -96,7 +96,7 @@ def test_a_sweep_varies_what_there_is_and_measures_what_is_measured(name):
     ],
 )  # fmt: skip
 def test_every_combination_of_values_in_the_notation_of_hydra_is_a_run(params, names, last):
-    runs = Experiment("t", "w", "s", params, ["animate.frames"]).runs("one")
+    runs = Experiment("t", "w", "s", params, ["animate.frames"]).list_runs("one")
     assert list(runs) == names and runs[names[-1]] == last
 
 
@@ -138,13 +138,13 @@ def test_what_was_changed_composes_to_the_same_again(overrides):
 
 def test_the_best_are_those_that_none_beats_in_any_order_and_scale():
     wanted = np.array([[1, 5], [2, 4], [2, 5], [1, 5], [3, 1], [0, np.nan]])
-    assert pareto(wanted).tolist() == [True, True, False, True, True, False]
+    assert pareto_front(wanted).tolist() == [True, True, False, True, True, False]
     rng = np.random.default_rng(2)
     wanted = rng.integers(0, 6, (60, 3)).astype(float)
-    best, order = pareto(wanted), rng.permutation(60)
+    best, order = pareto_front(wanted), rng.permutation(60)
     assert 0 < best.sum() < 60
-    assert (pareto(wanted[order]) == best[order]).all()
-    assert (pareto(np.exp(wanted) - 7) == best).all()
+    assert (pareto_front(wanted[order]) == best[order]).all()
+    assert (pareto_front(np.exp(wanted) - 7) == best).all()
     beaten = wanted[~best]
     assert all(any((w <= b).all() and (w < b).any() for w in wanted[best]) for b in beaten)
 
@@ -174,7 +174,7 @@ def test_what_differs_is_compared_numbers_by_size():
     assert list(found.measures.index) == list(found.parameters.index)
     assert list(found.measures)[-1] == "bpn.error" and found.measures.shape == (5, 4)
     sign = [1, -1, 1]
-    assert (found.best == pareto(found.measures.iloc[:, :3].to_numpy() * sign)).all()
+    assert (found.best == pareto_front(found.measures.iloc[:, :3].to_numpy() * sign)).all()
     bare = compare_experiments(parameters, numbers[["bpn.error"]], ["bpn.error"])
     assert bare.objectives == [] and not bare.best.any()
 

@@ -80,14 +80,14 @@ from finloop.io.record import load_record
 from finloop.io.table import load_table, save_table
 from finloop.io.video import read_frames
 from finloop.plots.branches import (
-    choose_fish,
+    choose_fish_to_draw,
     figure3_4,
     find_branches,
-    lie_down,
+    lay_horizontally,
     number_pixels,
     thin_fish,
 )
-from finloop.plots.extract import detections_picture
+from finloop.plots.extract import draw_detections
 
 CONF = yaml.safe_load((ROOT / "conf/extract/default.yaml").read_text())
 SETTINGS = ExtractSettings(**{name: value for name, value in CONF.items() if name != "defaults"})
@@ -512,7 +512,7 @@ def test_alpha_is_the_share_of_the_pixel_that_is_fish(toy):
 
 def test_a_cutout_over_the_empty_tank_is_the_film(toy):
     tank, frame, _, fish = toy
-    back = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).over(tank).astype(int)
+    back = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).blend_over(tank).astype(int)
     h, w = back.shape[:2]
     here = np.s_[fish.y0 : fish.y0 + h, fish.x0 : fish.x0 + w]
     film_here, tank_here = frame[here].astype(int), tank[here].astype(int)
@@ -537,7 +537,7 @@ def test_premultiplied_by_the_true_alpha_is_exact(colour):
     assert np.all(cutout[..., :-1] <= alpha[..., None])
     share = alpha[..., None] / 255
     assert np.abs(cutout[..., :-1] - share * ink.reshape(*SIZE, -1)).max() <= 1
-    assert np.abs(Cutout(0, 0, 0, 0, cutout).over(tank).astype(int) - frame).max() <= 1
+    assert np.abs(Cutout(0, 0, 0, 0, cutout).blend_over(tank).astype(int) - frame).max() <= 1
 
 
 def test_over_another_tank_there_is_next_to_no_fringe_of_the_first():
@@ -546,7 +546,7 @@ def test_over_another_tank_there_is_next_to_no_fringe_of_the_first():
     frame = lay_over(tank, cover, ink)
     fish = measure_fish(patches(frame, scene)[0], frame, scene, 33)
     assert fish is not None
-    moved = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).over(other).astype(float)
+    moved = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).blend_over(other).astype(float)
     h, w = moved.shape
     true = lay_over(other, cover, ink)[fish.y0 : fish.y0 + h, fish.x0 : fish.x0 + w]
     # Alpha comes from the difference image, which is smoothed: softer than the fish by a pixel.
@@ -855,7 +855,7 @@ def test_verdicts_are_drawn_in_their_colours(film_with_truth):
     frames, _ = film_with_truth("three fish")
     scene, typical, detector = survey_film(frames)
     for count, height in ((1, 1), (2, 1), (3, 2), (4, 2)):
-        picture = detections_picture(
+        picture = draw_detections(
             frames[:count], list("abcd")[:count], scene, typical, detector.arena, SETTINGS
         )
         legend = int(50 * 2 * 520 / 1800)
@@ -867,7 +867,7 @@ def test_verdicts_are_drawn_in_their_colours(film_with_truth):
 
     assert drawn_in((0, 158, 115)) > 4 * 3 * 60  # fish
     assert drawn_in((213, 94, 0)) == 0
-    huge = detections_picture(
+    huge = draw_detections(
         frames[:4], list("abcd"), scene, typical._replace(area_px=10.0), detector.arena, SETTINGS
     )
     body = huge[legend:].astype(int)
@@ -957,12 +957,12 @@ def test_the_papers_rule_keeps_an_open_fin_and_the_weighted_one_the_body():
 
 def test_two_fish_are_chosen_by_their_branches_and_by_what_the_rules_keep():
     long, short, plain = (thin_one_fish(with_open_fin(length)) for length in (40, 18, 0))
-    chosen, words = choose_fish([plain, long, short, plain])
+    chosen, words = choose_fish_to_draw([plain, long, short, plain])
     assert chosen == [long]  # the most branched one is the one of the greatest difference
     assert "4 fish" in words and "2 have a side branch" in words and "differ for 1" in words
     many = short._replace(branches=[*short.branches, *short.side_branches])
-    assert choose_fish([plain, long, many])[0] == [many, long]
-    assert choose_fish([plain])[0] == [plain]
+    assert choose_fish_to_draw([plain, long, many])[0] == [many, long]
+    assert choose_fish_to_draw([plain])[0] == [plain]
 
 
 def test_the_picture_shows_the_numbers_of_every_end():
@@ -975,15 +975,15 @@ def test_the_picture_shows_the_numbers_of_every_end():
     assert first[-1] > side[-1] > side[0] > 0
     for text, place in zip(numbered.texts, (first[0], first[-1]), strict=False):
         assert tuple(text.xy) == tuple(fish.branches[0].path[place])
-    none, words = choose_fish([])
+    none, words = choose_fish_to_draw([])
     assert "no isolated fish" in figure3_4(none, words).texts[0].get_text()
 
 
 def test_a_fish_that_stands_is_laid_down():
     lying = thin_one_fish(with_open_fin())
-    assert lie_down(lying) is lying
+    assert lay_horizontally(lying) is lying
     standing = thin_one_fish(np.rot90(with_open_fin()).copy(), np.full(SIZE[::-1], 150, np.uint8))
-    fish = lie_down(standing)
+    fish = lay_horizontally(standing)
     assert fish.film.shape == fish.whole.shape == standing.whole.shape[::-1]
     for points in (fish.kept, on_skeleton(fish.branches)):
         assert fish.skeleton[points[:, 1], points[:, 0]].all()
@@ -1085,7 +1085,7 @@ def test_cutouts_over_the_background_are_the_film(extract_run):
             h, w = cutout.pixels.shape[:2]
             y0, x0 = cutout.y0_px, cutout.x0_px
             true = frames[cutout.frame][y0 : y0 + h, x0 : x0 + w].astype(int)
-            off = np.abs(cutout.over(background) - true)
+            off = np.abs(cutout.blend_over(background) - true)
             inside = cutout.pixels[..., -1] == 255
             assert off[inside].max() == 0
             assert off.mean() < 4  # around the fish there is noise, and its shadow

@@ -66,13 +66,13 @@ from finloop.io.picture import load_picture, save_figure
 from finloop.io.table import load_table, save_table
 from finloop.plots.features import (
     Specimen,
-    choose_doubtful,
+    choose_rows_to_check,
     draw_rose,
     draw_specimens,
     draw_trajectories,
     figure7,
 )
-from finloop.plots.turn import figure5, strongest_turn, turned_deg
+from finloop.plots.turn import figure5, find_strongest_turn, heading_change_deg
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -830,14 +830,14 @@ def test_the_most_doubtful_come_first(swimmers_with_truth):
     table, _, _ = swimmers_with_truth
     doubt = table.assign(head_confidence=1.0)
     doubt.loc[[3, 50, 11, 12, 13, 14], "head_confidence"] = [0.5, 0.6, 0.7, 0.71, 0.72, 0.73]
-    chosen = choose_doubtful(doubt, 12)
+    chosen = choose_rows_to_check(doubt, 12)
     assert len(chosen) == 12
     assert chosen[:4].tolist() == [3, 50, 11, 12]  # no more than three of a track
     assert set(chosen) & {13, 14} == set()
     areas = table["motion_area"].to_numpy()[chosen[6:]]
     assert areas[0] == table["motion_area"].max()
     assert np.all(np.diff(areas) <= 0)
-    assert set(choose_doubtful(table.iloc[:1], 48)) == {0}
+    assert set(choose_rows_to_check(table.iloc[:1], 48)) == {0}
 
 
 VARIANTS = {
@@ -888,34 +888,34 @@ def a_turn(to_left=True, turn_deg=12.0, still=30):
 @pytest.mark.parametrize("to_left", [True, False])
 def test_the_turn_of_fig_5_is_clear_and_the_strongest(to_left):
     table, _ = a_turn(to_left)
-    rows = strongest_turn(table)
+    rows = find_strongest_turn(table)
     k, again = np.diff(rows)
     assert k == again and k % 5 == 0 and k < 20  # a multiple of Δ, shorter than the turn
     types, area = (table[name].to_numpy()[rows] for name in ("swimming_type", "motion_area"))
     side = LEFT if to_left else RIGHT
     assert types[0] == STRAIGHT and types[1] == side
     assert area[1] == max(area)
-    angles = turned_deg(table, rows[:2], k, 5)
+    angles = heading_change_deg(table, rows[:2], k, 5)
     assert np.all(np.sign(angles) == side)
     heading_deg = table["heading_deg"].to_numpy()[rows]
     assert wrap_deg(np.diff(heading_deg) - angles) == pytest.approx(0, abs=1e-3)
     # A slower turn before it, as a track of its own, is passed over.
     slow, _ = a_turn(to_left, 7.0)
     both = pd.concat([slow, table.assign(track_id=1)], ignore_index=True)
-    assert strongest_turn(both).tolist() == (rows + len(slow)).tolist()
-    assert strongest_turn(both.assign(head_confidence=0.8)) is None
+    assert find_strongest_turn(both).tolist() == (rows + len(slow)).tolist()
+    assert find_strongest_turn(both.assign(head_confidence=0.8)) is None
 
 
 def test_a_film_without_turns_has_no_fig_5():
     for lines in (swim(60), swim(1), swim(7)):
-        assert strongest_turn(measure_features(tracks_table(lines), RATE, SETTINGS)[0]) is None
+        assert find_strongest_turn(measure_features(tracks_table(lines), RATE, SETTINGS)[0]) is None
     turning = measure_features(tracks_table(swim(60, turn_deg=6.0, arc_deg=60)), RATE, SETTINGS)[0]
-    assert strongest_turn(turning) is None  # it does not begin with straight swimming
+    assert find_strongest_turn(turning) is None  # it does not begin with straight swimming
 
 
 def test_fig_5_draws_the_area_and_the_angles_of_the_table():
     table, backbones = a_turn()
-    rows = strongest_turn(table)
+    rows = find_strongest_turn(table)
     low = backbones.min((0, 1))
     lines = backbones - low + 40
     tank = np.full((int(np.ptp(backbones[..., 1])) + 90, int(np.ptp(backbones[..., 0])) + 90), 120)
@@ -928,7 +928,7 @@ def test_fig_5_draws_the_area_and_the_angles_of_the_table():
         one = table.iloc[row]
         assert area / one["body_length_px"] ** 2 == pytest.approx(one["motion_area"], abs=2e-4)
         assert f"motion area {one['motion_area_rel']:.2f}" in axes.get_title()
-    angles = turned_deg(table, rows[:2], rows[1] - rows[0], 5)
+    angles = heading_change_deg(table, rows[:2], rows[1] - rows[0], 5)
     assert "included angle" not in upper.axes[3].get_title()
     for axes, angle in zip(upper.axes[4:6], angles, strict=True):
         assert f"included angle {angle:+.0f}°" in axes.get_title()

@@ -25,13 +25,13 @@ def put(folder: Path, *names: str) -> list[str]:
 
 def test_a_path_is_taken_as_it_is_and_several_between_spaces(tmp_path, monkeypatch):
     odd, plain, spaced = put(tmp_path, ODD, "a.mp4", "b c.mp4")
-    assert film.films_in(odd) == [odd]
-    assert film.films_in(spaced) == [spaced]
-    assert film.films_in(f"{plain} '{spaced}'") == [plain, spaced]
-    assert film.films_in(shlex.join([odd, plain])) == [odd, plain]
+    assert film.parse_film_paths(odd) == [odd]
+    assert film.parse_film_paths(spaced) == [spaced]
+    assert film.parse_film_paths(f"{plain} '{spaced}'") == [plain, spaced]
+    assert film.parse_film_paths(shlex.join([odd, plain])) == [odd, plain]
     monkeypatch.chdir(tmp_path)
-    assert film.films_in("a.mp4") == [plain]  # a whole path, wherever the pipeline runs
-    assert film.films_in(f"{tmp_path}/*.mp4") == [f"{tmp_path}/*.mp4"]
+    assert film.parse_film_paths("a.mp4") == [plain]  # a whole path, wherever the pipeline runs
+    assert film.parse_film_paths(f"{tmp_path}/*.mp4") == [f"{tmp_path}/*.mp4"]
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_a_path_is_taken_as_it_is_and_several_between_spaces(tmp_path, monkeypat
 )  # fmt: skip
 def test_what_is_no_film_is_said(text, said):
     with pytest.raises(FinloopError, match=said):
-        film.films_in(text)
+        film.parse_film_paths(text)
 
 
 def test_every_path_comes_out_of_params_as_it_went_in(tmp_path, monkeypatch, capsys):
@@ -73,7 +73,7 @@ def test_settings_by_hand_are_kept_or_backed_up(tmp_path):
         local.write_text(by_hand)
         backup = tmp_path / f"default.yaml.before-{number}"
         assert str(backup) in film.name_films([other], local)
-        assert backup.read_text() == by_hand and local.read_text() == film.local_text([other])
+        assert backup.read_text() == by_hand and local.read_text() == film.local_conf_text([other])
     local.write_text("clip: [")
     assert "before-3" in film.name_films(["/a.mp4"], local)
 

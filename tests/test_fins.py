@@ -74,7 +74,7 @@ def measure_patches(frame, fins, polarity="dark"):
 def over_the_tank(fish):
     """The cut-out in its place in the tank."""
     picture, (h, w) = tank().astype(int), fish.cutout.shape[:2]
-    back = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).over(tank())
+    back = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).blend_over(tank())
     picture[fish.y0 : fish.y0 + h, fish.x0 : fish.x0 + w] = back
     return picture
 
@@ -107,7 +107,7 @@ def test_a_fin_is_as_opaque_as_it_is_paler_than_the_fish_over_any_tank():
     assert alpha.max() < 0.35
     assert np.median(alpha[:, 4:]) == pytest.approx(0.2, abs=0.05)
     other = np.full(SIZE, 120, np.uint8)
-    row = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).over(other)[120 - fish.y0]
+    row = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).blend_over(other)[120 - fish.y0]
     assert np.median(row[6:12]) == pytest.approx(0.2 * BODY + 0.8 * 120, abs=4)
 
 

@@ -87,7 +87,7 @@ def folder(tmp_path, monkeypatch) -> Path:
 
 @pytest.fixture
 def no_figures(monkeypatch) -> None:
-    monkeypatch.setattr(stages.gait, "figures", lambda *_: iter(()))
+    monkeypatch.setattr(stages.gait, "draw_gait_figures", lambda *_: iter(()))
 
 
 gait_run = stage_run("gait")
@@ -121,9 +121,9 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(gait_run, folder):
 
 @pytest.mark.usefixtures("no_drawing")  # painted they are above
 def test_of_two_fish_the_one_that_beats_its_tail_has_a_gait(folder, monkeypatch):
-    figures = stages.gait.figures
+    figures = stages.gait.draw_gait_figures
     monkeypatch.setattr(  # the dog's, of which it has pictures, are drawn above
-        stages.gait, "figures", lambda *given: iter(()) if given[-1] else figures(*given)
+        stages.gait, "draw_gait_figures", lambda *given: iter(()) if given[-1] else figures(*given)
     )
     prepare(folder, *SMALL)
     put_fish(folder, True, False)

@@ -40,7 +40,7 @@ from finloop.io.picture import load_picture
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots import gateways as gateways_plots
-from finloop.plots.gateways import draw_gateways, gateway_pictures, spread_by_distance
+from finloop.plots.gateways import choose_gateways_to_draw, draw_gateways, gateway_pictures
 from finloop.sprites.orient import SPRITES, sprite_cutouts
 
 ORIENTATIONS = 24  # conf/features/default.yaml
@@ -404,11 +404,14 @@ def test_numbers_count(world):
 
 def test_the_sheet_goes_from_the_best_to_the_worst(world):
     ways = world.ways(OUT)
-    some = spread_by_distance(ways, 5)["distance"]
+    some = choose_gateways_to_draw(ways, 5)["distance"]
     assert some.is_monotonic_increasing and len(some) == 5
     assert some.iloc[0] == ways["distance"].min() and some.iloc[-1] == ways["distance"].max()
     assert some.iloc[2] == pytest.approx(ways["distance"].median(), rel=0.2)
-    assert len(spread_by_distance(ways[:2], 5)) == 2 and len(spread_by_distance(ways[:0], 5)) == 0
+    assert (
+        len(choose_gateways_to_draw(ways[:2], 5)) == 2
+        and len(choose_gateways_to_draw(ways[:0], 5)) == 0
+    )
 
 
 def test_ways_of_a_part_are_those_of_the_whole_that_compare_its_rows(world, film):
@@ -437,7 +440,7 @@ def test_the_pictures_of_a_pair_are_those_compared(name, request, monkeypatch):
     of = request.getfixturevalue(name)
     facts = MapFacts(of.pose, SIZE, 0.1, 1.5, of.step, of.step)
     some = pd.concat(
-        [spread_by_distance(of.ways(way, distance_threshold=3.0), 4) for way in (IN, OUT)]
+        [choose_gateways_to_draw(of.ways(way, distance_threshold=3.0), 4) for way in (IN, OUT)]
     )
     with of.open() as (store, film):
         shown = list(gateway_pictures(some, of.reel(store, film), facts))

@@ -60,10 +60,10 @@ from finloop.loops.search import (
     measure_travel,
     to_sparse_map,
 )
-from finloop.plots.improper_loop import figure13, most_improper, rows_on_way
-from finloop.plots.loop_groups import figure12, film_below, stretches
-from finloop.plots.loop_routes import figure10, find_three_ways, jumps_of, spell
-from finloop.plots.loops import sample, separate_loops
+from finloop.plots.improper_loop import figure13, find_most_improper_loop, loop_path_rows
+from finloop.plots.loop_groups import figure12, find_stretches, rows_below_loops
+from finloop.plots.loop_routes import figure10, find_three_routes, jump_legs, spell_route
+from finloop.plots.loops import choose_separate_loops, spread_table_rows
 
 RATE = 20.0
 DELTA = 4
@@ -544,12 +544,12 @@ def test_the_error_of_a_film_without_loops_says_why(frames, keep, message):
 
 def test_a_sample_is_even_and_examples_are_apart():
     loops = pd.DataFrame({"a": np.arange(1000), "b": np.arange(1000) + 2000})
-    some = sample(loops, 11)
+    some = spread_table_rows(loops, 11)
     assert len(some) == 11 and some["a"].iloc[[0, -1]].tolist() == [0, 999]
-    assert len(sample(loops[:5], 11)) == 5 and len(sample(loops[:0], 11)) == 0
-    places = separate_loops(loops, 20, 4)
+    assert len(spread_table_rows(loops[:5], 11)) == 5 and len(spread_table_rows(loops[:0], 11)) == 0
+    places = choose_separate_loops(loops, 20, 4)
     assert places == [0, 21, 42, 63]
-    assert separate_loops(loops[:5], 20, 4) == [0]
+    assert choose_separate_loops(loops[:5], 20, 4) == [0]
 
 
 # -- Fig. 10, three ways ----------------------------------------------------------------------------
@@ -565,9 +565,9 @@ PAPERS = [tuple(FIG10[end] for end in name) for name in LOOPS_OF_FIG10]
 
 
 def test_the_papers_loops_give_the_papers_three_ways():
-    three = find_three_ways(within_track(*PAPERS), np.zeros(90, int))
+    three = find_three_routes(within_track(*PAPERS), np.zeros(90, int))
     assert three.ends.tolist() == list(FIG10.values())
-    ways = [spell(way, three.ends) for way in three.cases]
+    ways = [spell_route(way, three.ends) for way in three.cases]
     assert ways == ["GHCDEF", "GABCDEF", "GHCDEBCDEF"]
 
 
@@ -579,10 +579,10 @@ def check_cases(three):
         assert all(leg[1] == following[0] for leg, following in pairwise(way))
         assert all(b > a for a, b, how in way if how == PLAY)
     first, second, third = three.cases
-    jumps = [len(jumps_of(way)) for way in three.cases]
-    assert jumps == [1, 1, 2] and jumps_of(third)[0] == jumps_of(first)[0]
+    jumps = [len(jump_legs(way)) for way in three.cases]
+    assert jumps == [1, 1, 2] and jump_legs(third)[0] == jump_legs(first)[0]
     assert first[0][2] == third[0][2] == PLAY and second[0][2] == JUMP
-    assert all(a > b for a, b, _ in jumps_of(third))
+    assert all(a > b for a, b, _ in jump_legs(third))
     shown = [sum(b - a for a, b, how in way if how == PLAY) for way in three.cases]
     assert shown[2] > shown[0]
 
@@ -592,7 +592,7 @@ def test_whatever_loops_are_found_their_ways_are_those_of_fig10(seed):
     rng = np.random.default_rng(seed)
     pairs = np.unique(np.sort(rng.integers(0, 200, (12, 2)), axis=1), axis=0)
     loops = within_track(*pairs[pairs[:, 0] < pairs[:, 1]].tolist())
-    three = find_three_ways(loops, np.zeros(200, int))
+    three = find_three_routes(loops, np.zeros(200, int))
     assert three is not None
     check_cases(three)
     ends = three.loops[["a", "b"]].to_numpy()
@@ -601,16 +601,16 @@ def test_whatever_loops_are_found_their_ways_are_those_of_fig10(seed):
 
 def test_loops_side_by_side_or_across_tracks_have_no_three_ways():
     apart_in_time = within_track((5, 15), (20, 30), (35, 45), (50, 60), (65, 75))
-    assert find_three_ways(apart_in_time, np.zeros(90, int)) is None
+    assert find_three_routes(apart_in_time, np.zeros(90, int)) is None
     across = within_track(*PAPERS).assign(length_s=np.nan)
-    assert find_three_ways(across, np.zeros(90, int)) is None
-    assert find_three_ways(within_track(*PAPERS[:3]), np.zeros(90, int)) is None
+    assert find_three_routes(across, np.zeros(90, int)) is None
+    assert find_three_routes(within_track(*PAPERS[:3]), np.zeros(90, int)) is None
 
 
 def test_of_two_tracks_the_loops_are_of_the_one_that_is_easier_to_read():
     crowded = [(a // 5 + 100, b // 5 + 100) for a, b in PAPERS[:3]] + [(108, 120)]
     track = np.repeat([0, 1], [90, 90])
-    three = find_three_ways(within_track(*PAPERS, *crowded), track)
+    three = find_three_routes(within_track(*PAPERS, *crowded), track)
     assert (track[three.ends] == 0).all() and three.ends.tolist() == list(FIG10.values())
 
 
@@ -620,9 +620,9 @@ def test_of_two_tracks_the_loops_are_of_the_one_that_is_easier_to_read():
 def test_stretches_are_of_one_track_and_hold_what_is_inside():
     track = np.repeat([0, 1, 4], [5, 3, 4])
     inside = np.array([1, 1, 0, 1, 1, 1, 0, 0, 1, 1, 1, 1], bool)
-    assert stretches(inside, track) == [(0, 2), (3, 5), (5, 6), (8, 12)]
-    assert stretches(~inside, track) == [(2, 3), (6, 8)]
-    assert stretches(np.zeros(12, bool), track) == []
+    assert find_stretches(inside, track) == [(0, 2), (3, 5), (5, 6), (8, 12)]
+    assert find_stretches(~inside, track) == [(2, 3), (6, 8)]
+    assert find_stretches(np.zeros(12, bool), track) == []
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -632,7 +632,7 @@ def test_no_film_lies_below_two_groups(seed):
     pairs = np.unique(np.sort(rng.integers(0, 150, (14, 2)), axis=1), axis=0)
     a, b = pairs[pairs[:, 0] < pairs[:, 1]].T
     loops = pd.DataFrame({"a": a, "b": b, "group": group_overlapping_loops(a, b, track)})
-    below = [film_below(mine, track) for _, mine in loops.groupby("group")]
+    below = [rows_below_loops(mine, track) for _, mine in loops.groupby("group")]
     assert np.sum(below, axis=0).max() == 1 and len(below) > 1
     for _, loop in loops.iterrows():
         ends = loop[["a", "b"]].to_numpy()
@@ -689,20 +689,20 @@ def test_the_improper_loop_that_is_drawn_goes_farthest_against_its_heading():
     bad = is_improper(*np.array(pairs).T, table, 90.0)
     assert bad.tolist() == [False, True, True]
     every = table_of(*pairs).assign(filtered=0.5, improper=bad)
-    loop = most_improper(every, table, 90.0)
+    loop = find_most_improper_loop(every, table, 90.0)
     assert (loop.a, loop.b) in pairs[1:] and loop.place == 0
     assert loop.off_deg == pytest.approx(180)
-    assert rows_on_way(loop, table).tolist() == list(range(loop.a, loop.b + 1))
-    assert most_improper(every.assign(improper=False), table, 90.0) is None
+    assert loop_path_rows(loop, table).tolist() == list(range(loop.a, loop.b + 1))
+    assert find_most_improper_loop(every.assign(improper=False), table, 90.0) is None
 
 
 def test_a_pair_across_tracks_is_improper_at_one_of_its_ends():
     track = np.repeat([0, 1], 40)
     table = features_at(np.r_[LINE, -LINE], np.zeros(80), track=track)
     every = table_of((20, 60)).assign(filtered=0.5, improper=True)
-    loop = most_improper(every, table, 90.0)
+    loop = find_most_improper_loop(every, table, 90.0)
     assert (loop.place, loop.off_deg) == (2, pytest.approx(180))
-    assert rows_on_way(loop, table).tolist() == list(range(58, 63))  # Δ about the end b
+    assert loop_path_rows(loop, table).tolist() == list(range(58, 63))  # Δ about the end b
 
 
 # -- the stage --------------------------------------------------------------------------------------
@@ -801,7 +801,7 @@ def test_the_three_ways_of_a_film_are_drawn_with_a_dotted_line_a_jump(toy, monke
         stages.loops.main()
     loops = load_table(toy / "data/loops/loops.parquet", LOOPS)
     table, opened = toy_reel(toy)
-    three = find_three_ways(loops, table["track_id"].to_numpy())
+    three = find_three_routes(loops, table["track_id"].to_numpy())
     check_cases(three)
     with opened as film:
         figure = figure10(three, Reel(table, film), BODY, 1.0)
@@ -821,7 +821,9 @@ def test_the_three_ways_of_a_film_are_drawn_with_a_dotted_line_a_jump(toy, monke
         played = sum(line.get_xdata()[1] - line.get_xdata()[0] for line in solid)
         assert played == sum(b - a for a, b, how in way if how == PLAY)
         named = [text.get_text() for text in axes.texts]
-        assert "".join(named) == spell(way, three.ends) and named[0] == "G" and named[-1] == "F"
+        assert (
+            "".join(named) == spell_route(way, three.ends) and named[0] == "G" and named[-1] == "F"
+        )
         assert axes.texts[0].xy[0] == frame[three.ends[6]]
     plain = " ".join(axes.get_title("left") for axes in lower.axes)
     assert re.findall(r"(\d) jumps?", plain) == ["1", "1", "2"]
@@ -840,7 +842,7 @@ def test_a_film_that_drifts_backwards_has_no_loops_but_an_improper_one(tmp_path,
     pairs = to_sparse_map(load_table(tmp_path / "data/distance/pairs.parquet", PAIRS), len(table))
     every, counts = find_loop_candidates(pairs, table, 100.0, EASY)
     assert every["improper"].all() and counts["improper_dropped"] == len(every)
-    loop = most_improper(every, table, 90.0)
+    loop = find_most_improper_loop(every, table, 90.0)
     assert abs(loop.travel_deg) == pytest.approx(180) and loop.heading_deg == pytest.approx(0)
     with opened as film:
         figure = figure13(loop, Reel(table, film), BODY, np.full((120, 360), 200, np.uint8), "")

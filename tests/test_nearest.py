@@ -28,7 +28,7 @@ def test_of_few_vectors_every_neighbour_is_found(vectors):
 
 
 def test_of_many_vectors_hardly_a_neighbour_is_missed(vectors):
-    made = Nearest.from_vectors(vectors, most=1000)
+    made = Nearest.from_vectors(vectors, exact_limit=1000)
     assert RECALL <= made.recall <= 1
     some = np.random.default_rng(1).choice(len(vectors), 200, replace=False)
     apart = ((vectors[some, None] - vectors[None]) ** 2).sum(-1)
@@ -89,7 +89,7 @@ def test_so_many_nearest_are_looked_at_as_are_needed_for_a_choice(vectors, most)
 
 def test_no_more_is_asked_for_than_the_cells_have(vectors):
     """A choice that is never content; in the cells about a vector lie a part of all."""
-    index, counts = Nearest.from_vectors(vectors, most=1000), []
+    index, counts = Nearest.from_vectors(vectors, exact_limit=1000), []
 
     def never(some, near):
         counts.append(near.shape[1])

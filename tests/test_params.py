@@ -19,16 +19,16 @@ from scratch import A_FILM
 
 import stages.stamps
 from finloop.base.errors import FinloopError
-from finloop.base.parameter_help import every_parameter, find_comment_problems
-from finloop.base.settings import GONE, GROUPS, check_values, settings, values_of, variants
+from finloop.base.parameter_help import find_comment_problems, list_parameters
+from finloop.base.settings import GONE, GROUPS, check_values, read_conf_values, settings, variants
 from finloop.edit.modes import MODES
 from finloop.io.parameters import refusal_error
 from finloop.report.headlines import HEADLINES
 from stages import settings as door
-from stages.compose import compare, compose_params
+from stages.compose import compose_params, require_composed_params
 from stages.experiment import FOLDER
-from stages.parameters import page, terminal_table
-from stages.settings import LOCAL, STAMP, all_problems, load, stamp
+from stages.parameters import parameters_page, terminal_table
+from stages.settings import LOCAL, STAMP, conf_stamp, list_problems, load_settings
 from stages.stamps import file_stamp
 
 ROOT = Path(__file__).parents[1]
@@ -220,7 +220,7 @@ def test_a_group_is_flat_and_its_values_stand_in_conf_alone(word, option):
     for field in declared:
         assert not is_dataclass(field.type)
         assert repr(field.default) == repr(field.default_factory), f"{field.name} has a default"
-    assert sorted(values_of(word, option)) == sorted(field.name for field in declared)
+    assert sorted(read_conf_values(word, option)) == sorted(field.name for field in declared)
 
 
 def test_every_value_in_conf_has_its_meaning_and_range_above_it():
@@ -229,7 +229,7 @@ def test_every_value_in_conf_has_its_meaning_and_range_above_it():
 
 def test_parameters_are_few():
     """Of `clip` some stand in several variants."""
-    names = {(one.word, one.name) for one in every_parameter() if one.name != "source"}
+    names = {(one.word, one.name) for one in list_parameters() if one.name != "source"}
     assert len(names) <= 220
     assert sum(word == "sprites" for word, _ in names) <= 12
     assert sum(word == "matching" for word, _ in names) <= 35
@@ -241,7 +241,9 @@ def test_a_table_of_parameters_has_value_range_and_meaning(capsys):
     assert max(map(len, text.splitlines())) <= 90
     with pytest.raises(FinloopError, match="no group of parameters gatways"):
         terminal_table("gatways", 60)
-    assert (ROOT / "docs/parameters.md").read_text(encoding="utf-8") == page(every_parameter())
+    assert (ROOT / "docs/parameters.md").read_text(encoding="utf-8") == parameters_page(
+        list_parameters()
+    )
 
 
 def test_old_names_are_answered_by_the_new_ones():
@@ -290,15 +292,15 @@ def test_what_is_declared_is_cheap_to_know():
 def test_conf_holds_the_options_and_no_others_and_params_yaml_is_its_composition():
     found = {(path.parent.name, path.stem) for path in (ROOT / "conf").glob("*/*.yaml")}
     assert {pair for pair in found if pair[0] not in (FOLDER, "local")} == set(EVERY)
-    compare([])
+    require_composed_params([])
 
 
 def test_the_whole_must_be_there_and_nothing_else():
     whole = dict(made_values())
-    assert all_problems(whole) == []
-    assert all_problems(whole | {"new": {"key": 1}}) == ["new: unknown"]
+    assert list_problems(whole) == []
+    assert list_problems(whole | {"new": {"key": 1}}) == ["new: unknown"]
     del whole["extract"]
-    assert all(problem.startswith("extract.") for problem in all_problems(whole))
+    assert all(problem.startswith("extract.") for problem in list_problems(whole))
 
 
 @pytest.mark.parametrize(
@@ -345,14 +347,14 @@ def elsewhere(tmp_path, monkeypatch):
 
 def test_load_gives_the_group(elsewhere):
     for word, options in VARIANTS.items():
-        assert type(load(word)) in options.values()
+        assert type(load_settings(word)) in options.values()
 
 
 def test_an_edited_conf_is_never_passed_over(elsewhere):
     with (elsewhere / "conf/config.yaml").open("a") as file:
         file.write("# edited\n")
     with pytest.raises(FinloopError, match="make params"):
-        load("extract")
+        load_settings("extract")
 
 
 def test_load_lists_the_problems_of_its_group(elsewhere):
@@ -361,7 +363,7 @@ def test_load_lists_the_problems_of_its_group(elsewhere):
     values["extract"] |= {"new": 1, "other": 2}
     path.write_text(yaml.safe_dump(values))
     with pytest.raises(FinloopError, match=r"2 parameters are refused:\s+extract.new: unknown"):
-        load("extract")
+        load_settings("extract")
 
 
 @pytest.mark.parametrize("text", [None, "", "- 1\n", "a: [", "\x00\xff"])
@@ -372,30 +374,30 @@ def test_a_broken_params_yaml_is_one_message(elsewhere, text):
     else:
         path.write_text(text, encoding="latin-1")
     with pytest.raises(FinloopError, match=r"params.yaml (cannot be read|holds no parameters)"):
-        door.read()
+        door.read_params()
 
 
 def test_a_stamp_is_no_parameter_to_override():
     with pytest.raises(FinloopError, match=r"not what params\.yaml was composed from"):
-        door._refuse_stale({STAMP: "0" * 16})
+        door._require_present_conf({STAMP: "0" * 16})
 
 
 def test_the_stamp_sees_names_and_contents_but_no_line_ends_and_no_experiments(tmp_path):
     conf = tmp_path / "conf"
     conf.mkdir()
     (conf / "a.yaml").write_bytes(b"x: 1\ny: 2\n")
-    first = stamp(conf)
+    first = conf_stamp(conf)
     (conf / "notes.txt").write_text("not configuration")
     (conf / FOLDER).mkdir()
     (conf / FOLDER / "new.yaml").write_text("x: 3")
     (conf / "a.yaml").write_bytes(b"x: 1\r\ny: 2\r\n")
-    assert stamp(conf) == first
+    assert conf_stamp(conf) == first
     (conf / "b.yaml").write_bytes(b"")
-    second = stamp(conf)
+    second = conf_stamp(conf)
     (conf / "b.yaml").rename(conf / "c.yaml")
-    third = stamp(conf)
+    third = conf_stamp(conf)
     (conf / "a.yaml").write_bytes(b"x: 1\ny: 3\n")
-    assert len({first, second, third, stamp(conf)}) == 4
+    assert len({first, second, third, conf_stamp(conf)}) == 4
 
 
 # --- stamps of films and tracks
@@ -522,7 +524,7 @@ def own_folder(own_params, elsewhere):
 
 
 def test_ones_own_film_and_settings_are_composed_every_time(own_folder):
-    clip, extract = load("clip"), load("extract")
+    clip, extract = load_settings("clip"), load_settings("extract")
     assert (clip.source, clip.path) == ("file", str(A_FILM))
     assert extract == settings("extract", noise_sigmas=6.0)
     assert not subprocess.run(["git", "check-ignore", "-q", LOCAL], cwd=ROOT).returncode
@@ -533,27 +535,27 @@ def test_an_edit_of_ones_own_settings_is_never_passed_over(own_folder):
     for change in (lambda: None, LOCAL.unlink):
         change()
         with pytest.raises(FinloopError, match="make params"):
-            load("extract")
+            load_settings("extract")
 
 
 def test_a_temporary_experiment_has_ones_own_settings_without_the_file(own_folder, monkeypatch):
     LOCAL.unlink()
     monkeypatch.setenv("DVC_ROOT", str(ROOT))
-    assert load("extract").noise_sigmas == 6.0
+    assert load_settings("extract").noise_sigmas == 6.0
     with (own_folder / "conf/config.yaml").open("a") as file:
         file.write("# edited\n")
     with pytest.raises(FinloopError, match="make params"):
-        load("extract")
+        load_settings("extract")
 
 
 def test_where_the_file_is_not_its_values_are_checked(own_folder, capsys):
     LOCAL.unlink()
-    compare([])
+    require_composed_params([])
     assert str(LOCAL) in capsys.readouterr().err
     path = own_folder / "params.yaml"
     path.write_text(path.read_text().replace("noise_sigmas: 6.0", "noise_sigmas: -6.0"))
     with pytest.raises(FinloopError, match=r"extract\.noise_sigmas: should be greater"):
-        compare([])
+        require_composed_params([])
 
 
 # --- what cannot work together

@@ -54,7 +54,7 @@ def outputs(word: str) -> dict[str, dict[str, Any]]:
     return names([*stage.get("outs", []), *stage.get("metrics", []), *stage.get("plots", [])])
 
 
-DRAWN = {stage: import_module(code.module_of(stage)).MODULES for stage in PLOTS}
+DRAWN = {stage: import_module(code.stage_module(stage)).MODULES for stage in PLOTS}
 """What stages that draw run in processes of their own."""
 
 
@@ -118,7 +118,7 @@ def test_a_stage_depends_on_the_parts_of_a_project_that_it_uses(tmp_path):
     assert rooms(0, "") == rooms(1, "project.rate_hz, project.other, p.size") == set()
     assert rooms(2, "project.features") == rooms(3, "Project().features") == {"features"}
     assert rooms(4, "a.project.poses") == {"features", "pose"}  # one uses the other
-    forecast = rooms(5, "project.forecast")
+    forecast = rooms(5, "project.forecast_sampler")
     assert "forecast" in forecast and "bpn" not in forecast
     assert rooms(6, "project.gallery(drawn)") == {"edit", "render"}
 
@@ -180,7 +180,7 @@ def test_a_changed_picture_computes_nothing_anew_and_is_drawn_by_one_stage():
 @pytest.mark.parametrize("word", STAGES)
 def test_a_stage_is_one_word_everywhere(word):
     stage = STAGES[word]
-    assert stage["cmd"] == f"exec python -m {code.module_of(word)}"  # exec: see stages/run.py
+    assert stage["cmd"] == f"exec python -m {code.stage_module(word)}"  # exec: see stages/run.py
     if word in (*PLOTS, *FIRST):
         return
     groups = [group.partition(".")[0] for group in stage["params"]]
@@ -200,7 +200,7 @@ def test_a_stage_is_one_word_everywhere(word):
 
 @pytest.mark.parametrize("word", STAGES)
 def test_a_stage_enters_and_leaves_by_the_door(word):
-    path = ROOT / code.module_of(word).replace(".", "/")
+    path = ROOT / code.stage_module(word).replace(".", "/")
     tree = ast.parse(path.with_suffix(".py").read_text())
     imports = (node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom))
     assert ast.unparse(next(imports)).startswith("from stages.run import ")

@@ -31,7 +31,7 @@ from finloop.live.server import BEHIND, PageClient, TankHost, create_tank_server
 from finloop.live.web import bind_socket
 from finloop.render.gallery import Gallery
 from finloop.social.zones import Zones
-from stages.play import PAGE, _parser
+from stages.play import PAGE, _build_parser
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 GOOD = [
@@ -381,15 +381,15 @@ def test_it_listens_to_this_machine_alone_and_says_so_where_the_port_is_taken():
     for port in (70_000, -1):
         with pytest.raises(FinloopError):
             bind_socket(port)
-    assert _parser().parse_args([]).fish is None  # as matching.fish
+    assert _build_parser().parse_args([]).fish is None  # as matching.fish
     with pytest.raises(SystemExit):
-        _parser().parse_args(["--fish", "9"])
+        _build_parser().parse_args(["--fish", "9"])
 
 
 def test_a_mode_that_there_is_not_is_answered_by_those_that_there_are(capsys):
-    assert [_parser().parse_args(["--mode", mode]).mode for mode in MODES] == [*MODES]
+    assert [_build_parser().parse_args(["--mode", mode]).mode for mode in MODES] == [*MODES]
     with pytest.raises(SystemExit):
-        _parser().parse_args(["--mode", "nn"])
+        _build_parser().parse_args(["--mode", "nn"])
     told = capsys.readouterr().err
     assert all(mode in told for mode in MODES)
     assert parse_message('{"do":"mode","mode":"nn"}') is None

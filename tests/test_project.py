@@ -42,11 +42,13 @@ def test_a_file_is_loaded_once(project, monkeypatch):
         project.gallery(drawn).film_picture(0)
         assert project.arena.shape == project.background.shape[:2]
         assert len(project.reel) == len(project.film_reel) == len(project.outlines)
-        assert len(project.steps) and len(project.jumps) and project.loops is not None
-        assert project.rule.horizon and project.has_forecast == (project.forecast is not None)
+        assert len(project.step_distances) and len(project.jumps) and project.loops is not None
+        assert project.school_rule.horizon and project.has_forecast == (
+            project.forecast_sampler is not None
+        )
     assert len(loaded) > 8 and set(loaded.values()) == {1}
-    project.forget("steps")
-    assert len(project.steps) and loaded.pop(project.data / "distance/steps.parquet") == 2
+    project.forget("step_distances")
+    assert len(project.step_distances) and loaded.pop(project.data / "distance/steps.parquet") == 2
     assert set(loaded.values()) == {1}
 
 
@@ -55,22 +57,25 @@ def test_parts_of_a_project_belong_to_each_other(project):
     assert project.reel.film is project.film_reel.film is project.cutouts
     columns = project.tracks(["x_px", "y_px"])
     assert list(columns) == ["x_px", "y_px"] and len(columns) == len(project.features)
-    assert project.edit("network", "render") is project.edit_with_sources("network", "render").edit
-    assert project.goals("network") and project.size("network") > 0
+    assert (
+        project.edit_list("network", "render")
+        is project.edit_with_sources("network", "render").edit
+    )
+    assert project.goals("network") and project.drawn_scale("network") > 0
 
 
 def test_a_recorded_track_has_no_goals_and_must_have_been_named(project):
-    assert project.goals(RETARGET) == [] and project.size(RETARGET) == 1.0
+    assert project.goals(RETARGET) == [] and project.drawn_scale(RETARGET) == 1.0
     for _ in range(2):
         with pytest.raises(FinloopError, match=r"tank\.mode is retarget, and no track"):
-            project.edit(RETARGET, "tank")
+            project.edit_list(RETARGET, "tank")
 
 
 def test_a_mode_that_the_film_is_too_short_for_says_so(tmp_path):
     save_table(tmp_path / "data/animate/loops.parquet", EDIT.empty(), EDIT)
     save_json(tmp_path / "data/animate/loops/reason.json", {"reason": "no loops"})
     with pytest.raises(FinloopError, match=r"render\.mode is loops, and there is no .*: no loops"):
-        Project(tmp_path).edit("loops", "render")
+        Project(tmp_path).edit_list("loops", "render")
 
 
 def test_a_closed_project_has_closed_its_stores_and_opens_them_anew(folder, monkeypatch):
@@ -108,6 +113,6 @@ def test_a_project_loads_nothing_before_it_is_used_and_no_forecast_of_a_short_fi
     (tmp_path / "data/forecast").mkdir(parents=True)
     (tmp_path / "data/forecast/reason.json").write_text("{}")
     project = Project(tmp_path)
-    assert not project.has_forecast and project.forecast is None
+    assert not project.has_forecast and project.forecast_sampler is None
     with pytest.raises(FinloopError, match=r"facts\.json"):
         _ = project.rate_hz

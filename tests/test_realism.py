@@ -31,21 +31,21 @@ from finloop.io.table import load_table, save_table
 from finloop.io.video import load_facts, load_mask
 from finloop.project import Project
 from finloop.realism import examples
-from finloop.realism.auc import Scores, auc, roc
-from finloop.realism.compare import Sample, classify_windows
+from finloop.realism.auc import Scores, compute_auc, compute_roc
+from finloop.realism.compare import FilmSample, classify_windows
 from finloop.realism.instrument import Instrument, Swimming, join_measurements
 from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import (
     CHANNELS,
     Windows,
-    convert_to_frames,
+    cut_in_frames,
     equal_blocks,
     track_channels,
 )  # fmt: skip
 from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
 from stages.realism import GalleryOpener
-from stages.settings import load
+from stages.settings import load_settings
 
 RATE, DELTA = 25.0, 5
 
@@ -73,36 +73,38 @@ def scores(rng, n=300, shift=0.0, blocks=5, clusters=60):
 def test_one_block_has_the_area_of_scikit_learn():
     one = scores(np.random.default_rng(0), shift=0.7)._replace(block=np.zeros(300, int))
     one.score[::3] = np.round(one.score[::3])  # ties
-    assert auc(one).value == pytest.approx(roc_auc_score(one.animation, one.score))
+    assert compute_auc(one).value == pytest.approx(roc_auc_score(one.animation, one.score))
 
 
 def test_labels_swapped_give_the_rest_to_one():
     one = scores(np.random.default_rng(1), shift=0.7)
-    value, low, high = auc(one)
-    other = auc(one._replace(animation=~one.animation))
+    value, low, high = compute_auc(one)
+    other = compute_auc(one._replace(animation=~one.animation))
     assert other == pytest.approx((1 - value, 1 - high, 1 - low))
 
 
 def test_neither_scores_of_two_blocks_are_compared_nor_windows_without_a_score_counted():
     one = scores(np.random.default_rng(2), shift=0.5)
-    assert auc(one._replace(score=one.score + 100.0 * one.block)) == pytest.approx(auc(one))
+    assert compute_auc(one._replace(score=one.score + 100.0 * one.block)) == pytest.approx(
+        compute_auc(one)
+    )
     more = Scores(*(np.concatenate([column, column[:20]]) for column in one))
     more.score[-20:] = np.nan
-    assert auc(more) == pytest.approx(auc(one))
+    assert compute_auc(more) == pytest.approx(compute_auc(one))
 
 
 def test_windows_that_come_twice_make_no_interval_narrower():
     one = scores(np.random.default_rng(4), shift=0.5)
     twice = Scores(*(np.concatenate([column, column]) for column in one))
-    assert auc(twice) == pytest.approx(auc(one))
+    assert compute_auc(twice) == pytest.approx(compute_auc(one))
     apart = twice._replace(cluster=np.arange(len(twice.score)))
-    assert np.ptp(auc(apart)[1:]) < 0.8 * np.ptp(auc(twice)[1:])
+    assert np.ptp(compute_auc(apart)[1:]) < 0.8 * np.ptp(compute_auc(twice)[1:])
 
 
 def test_perfect_scores_have_the_area_1_and_no_interval_beyond():
     one = scores(np.random.default_rng(5), shift=100.0)
-    assert auc(one) == (1.0, 1.0, 1.0)
-    near = auc(one._replace(score=np.where(one.cluster == 0, -one.score, one.score)))
+    assert compute_auc(one) == (1.0, 1.0, 1.0)
+    near = compute_auc(one._replace(score=np.where(one.cluster == 0, -one.score, one.score)))
     assert 0.5 < near.low < near.value < near.high < 1.0
 
 
@@ -112,17 +114,17 @@ def test_the_interval_covers_the_truth_of_drawn_clusters_about_as_often_as_it_sa
         cluster = np.repeat(np.arange(80), 5)  # of five windows that are alike
         score = (rng.normal(size=80)[cluster] + 0.3 * rng.normal(size=400)) / np.sqrt(1.09)
         drawn = Scores(score, cluster % 2 == 0, np.zeros(400, int), cluster)
-        _, low, high = auc(drawn)
+        _, low, high = compute_auc(drawn)
         hits += low <= 0.5 <= high
     assert 0.90 <= hits / 200 <= 0.99
 
 
 def test_the_curve_rises_from_0_to_1_over_an_equal_area():
     one = scores(np.random.default_rng(7), n=3000, shift=1.0)
-    curve = roc(one, 201)
+    curve = compute_roc(one, 201)
     assert curve["hits"].iloc[-1] == 1.0 and (np.diff(curve["hits"]) >= 0).all()
     assert np.trapezoid(curve["hits"], curve["false_alarms"]) == pytest.approx(
-        auc(one).value, abs=0.005
+        compute_auc(one).value, abs=0.005
     )
 
 
@@ -158,7 +160,7 @@ def swimming_of(table, row):
 
 def sample_of(table, p=P):
     film = swimming_of(table, np.arange(len(table)))
-    return Sample(film, table["frame"].to_numpy() / RATE, 0.2, RATE, DELTA, p)
+    return FilmSample(film, table["frame"].to_numpy() / RATE, 0.2, RATE, DELTA, p)
 
 
 def test_channels_do_not_depend_on_place_direction_or_size():
@@ -178,11 +180,11 @@ def test_channels_do_not_depend_on_place_direction_or_size():
 
 
 def test_a_window_is_cut_of_one_track_and_a_whole_number_of_steps():
-    cut = convert_to_frames(5.0, 1.25, 0.6, DELTA)
+    cut = cut_in_frames(5.0, 1.25, 0.6, DELTA)
     assert cut == (24, 6, 3)
     tracks = fish(0, 1.5), fish(1, 0.9, track=1), fish(2, 1.0, track=2)
     sample = sample_of(pd.concat(tracks, ignore_index=True))
-    made = sample.cut_windows(sample.film, sample.blocks())
+    made = sample.cut_windows(sample.film, sample.film_blocks())
     assert made.first.tolist() == [0, 6, 12, 38 + 22]
     assert made.x.shape == (4, 8, len(CHANNELS))
 
@@ -191,7 +193,7 @@ def test_blocks_hold_equally_much_and_gaps_belong_to_both_sides():
     time = np.sort(np.random.default_rng(0).exponential(size=1000).cumsum())
     blocks = equal_blocks(time, 5)
     assert np.bincount(blocks.block_numbers(time)).tolist() == [200] * 5
-    near = blocks.near(time, 3.0)
+    near = blocks.are_near(time, 3.0)
     assert (near[np.arange(1000), blocks.block_numbers(time)]).all()
     edge = blocks.edges[1]
     assert (near[:, 0] == (time < edge + 3.0)).all()
@@ -199,7 +201,7 @@ def test_blocks_hold_equally_much_and_gaps_belong_to_both_sides():
 
 
 def test_halves_have_blocks_of_their_own():
-    blocks = equal_blocks(np.arange(100.0), 5, times=2)
+    blocks = equal_blocks(np.arange(100.0), 5, repeats=2)
     assert blocks.block_numbers(np.array([5.0, 15, 55, 65, 99, 200])).tolist() == [0, 1, 0, 1, 4, 4]
 
 
@@ -211,7 +213,7 @@ def test_no_window_shares_a_frame_of_film_with_what_its_classifier_learnt_from()
     row[200:300] = -1  # sprites
     film, made = sample.windows_beside_film(swimming_of(fish(2), row))
     own = sample.film.row
-    inside = np.arange(sample.cut.length + 1)
+    inside = np.arange(sample.window_cut.length + 1)
     for block in range(P.cross_validation_folds):
         tested, learnt = [], []
         for windows, rows in ((film, own), (made, row)):
@@ -228,7 +230,7 @@ def test_no_window_shares_a_frame_of_film_with_what_its_classifier_learnt_from()
 
 def verdict_on(made, p=P, row=None, seed=0):
     sample = sample_of(fish(seed, 120.0), p)
-    return classify_windows(sample.windows_beside_film(swimming_of(made, row)), p, alone=False)
+    return classify_windows(sample.windows_beside_film(swimming_of(made, row)), p, by_channel=False)
 
 
 @cache
@@ -264,12 +266,12 @@ def test_twice_the_turning_speed_gives_itself_away_by_turning():
 
 def test_permuted_labels_cannot_be_told():
     sample = sample_of(fish(0, 240.0))
-    windows = sample.cut_windows(sample.film, sample.blocks())
+    windows = sample.cut_windows(sample.film, sample.film_blocks())
     mixed = np.random.default_rng(0).permutation(len(windows.x)) % 2 == 0
     columns = vars(windows).values()
     sides = tuple(Windows(*(column[part] for column in columns)) for part in (mixed, ~mixed))
     # Windows overlap, so that neighbours of either kind are learnt from together.
-    assert classify_windows(sides, P, alone=False).whole.value == pytest.approx(0.5, abs=0.08)
+    assert classify_windows(sides, P, by_channel=False).whole.value == pytest.approx(0.5, abs=0.08)
 
 
 def test_a_film_too_short_is_refused_with_what_would_do():
@@ -308,11 +310,11 @@ def test_the_falsest_windows_do_not_touch_and_a_copy_is_most_alike():
     film, made = sample.windows_beside_film(swimming_of(fish(0, 60.0), None))
     score = np.random.default_rng(0).normal(size=len(made.x))
     score[3] = np.nan
-    pairs = examples.most_false_windows(film, made, score, 4, sample.cut.length)
+    pairs = examples.most_false_windows(film, made, score, 4, sample.window_cut.length)
     assert pairs[0].score == np.nanmax(score) and len(pairs) == 4
     assert all(one.film == one.animation for one in pairs)
     begins = np.sort([made.first[one.animation] for one in pairs])
-    assert (np.diff(begins) > sample.cut.length).all()
+    assert (np.diff(begins) > sample.window_cut.length).all()
 
 
 def test_a_view_shows_the_heading_to_the_right():
@@ -342,8 +344,8 @@ def instrument_of(folder):
     mask = load_mask(clip / "arena.png", facts.width_px, facts.height_px)
     return Instrument(
         load_picture(extract / "background.png"), mask.astype(np.uint8) * 255,
-        load_record(extract / "scene.json", SceneFacts, "extract"), load("extract"),
-        load("features"), facts.frame_rate_hz,
+        load_record(extract / "scene.json", SceneFacts, "extract"), load_settings("extract"),
+        load_settings("features"), facts.frame_rate_hz,
     )  # fmt: skip
 
 
@@ -351,12 +353,12 @@ def test_the_part_around_the_fish_gives_what_the_whole_frame_gives(carp):
     one = instrument_of(carp)
     facts, painter = one.facts, Painter(one.tank)
     scene = Scene(one.tank, facts.polarity, facts.noise_grey, facts.threshold_grey)
-    detector = Detector(one.arena, one.typical, one.extract)
+    detector = Detector(one.arena, one.typical_fish, one.extract)
     with Project() as project:
         drawn = project.edit_with_sources("network", "realism", sprites=True, bodies=True)
         gallery = project.gallery(drawn)
         fish = list(place_rows(drawn.edit, gallery))[::7]
-        for part, drawn_fish in zip(one.detections(fish), fish, strict=True):
+        for part, drawn_fish in zip(one.detect_fish(fish), fish, strict=True):
             painter.show(drawn_fish)
             whole = detector(painter.frame, scene)
             assert part.verdicts == whole.verdicts
@@ -375,7 +377,7 @@ def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
     edit = filmed_edit_list(np.arange(len(features)), places)
     with Project() as project:
         gallery = project.gallery(project.edit_with_sources("network", "realism"))
-        table = instrument_of(carp).measure(place_rows(edit, gallery))
+        table = instrument_of(carp).measure_fish(place_rows(edit, gallery))
     simulated = join_measurements([edit], [table], RATE)
     assert (simulated.row == np.arange(len(features))).all()
     off = table[["x_px", "y_px"]].to_numpy() - places
@@ -397,7 +399,7 @@ def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size
     edit = filmed_edit_list(np.arange(len(first)), places).assign(scale=size)
     with Project() as project:
         gallery = project.gallery(project.edit_with_sources("network", "realism"))
-        table = drawn.measure(place_rows(drawn.through_lens(edit), gallery))
+        table = drawn.measure_fish(place_rows(drawn.reduce_to_filmed_size(edit), gallery))
     off = size * (table[["x_px", "y_px"]].to_numpy() + 0.5) - 0.5 - places
     assert np.median(np.abs(off)) < 0.2
     assert table["body_length_px"].median() == pytest.approx(first["body_length_px"].median(), 0.05)
@@ -452,7 +454,7 @@ def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, caps
 def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
     works = {"film": [], "network": [(filmed_edit_list(np.arange(3), np.ones((3, 2))), ())]}
     nothing = pd.DataFrame(columns=FEATURES.names)
-    monkeypatch.setattr(stages.realism, "measure_list", lambda *_: nothing)
+    monkeypatch.setattr(stages.realism, "measure_edit_list", lambda *_: nothing)
     how = GalleryOpener(Project()), dict.fromkeys(works, instrument_of(carp)), Processes()
-    assert stages.realism.swimming_of(works, *how) == {}
+    assert stages.realism.measure_swimming(works, *how) == {}
     assert "the fish of network in 0 %" in capsys.readouterr().err

@@ -40,11 +40,11 @@ from finloop.plots.render import (
     BEFORE,
     TICKS,
     Tile,
+    choose_switch_ticks,
     crop_square,
     draw_tiles,
     draw_trajectory,
-    find_liveliest,
-    find_switches,
+    find_liveliest_start,
     ticks_around_switch,
 )  # fmt: skip
 from finloop.puppet import PlacedBackbone
@@ -106,7 +106,7 @@ def test_a_fish_in_its_own_place_is_the_cutout_bit_for_bit(tank_channels):
         x, y = x0 + rng.random() * 20, y0 + rng.random() * 20  # anywhere: a mass centre is no pixel
         cutout = Cutout(0, 0, x0, y0, pixels)
         wanted = tank.copy()
-        wanted[y0 : y0 + len(pixels), x0 : x0 + pixels.shape[1]] = cutout.over(tank)
+        wanted[y0 : y0 + len(pixels), x0 : x0 + pixels.shape[1]] = cutout.blend_over(tank)
         for angle in (0.0, 360.0, -720.0):
             own = TurnedPicture(pad_picture(pixels, x - x0, y - y0), angle, 1.0)
             assert np.array_equal(paint_fish(x, y, own, tank=tank), wanted), (trial, angle)
@@ -117,7 +117,7 @@ def test_every_alpha_over_every_level_is_rounded_as_the_cutout():
     for colour in (np.zeros_like(alpha), alpha // 2, alpha):
         pixels = np.dstack([colour, alpha])
         shown = paint_fish(0.0, 0.0, TurnedPicture(pad_picture(pixels, 0.0, 0.0)), tank=level)
-        assert np.array_equal(shown, Cutout(0, 0, 0, 0, pixels).over(level))
+        assert np.array_equal(shown, Cutout(0, 0, 0, 0, pixels).blend_over(level))
 
 
 @pytest.mark.parametrize("shift", [(0.5, 0.0), (0.0, 0.5), (0.25, -0.1), (3.9, 7.3)])
@@ -674,10 +674,10 @@ def test_the_trajectory_shows_ways_and_goals():
 
 def test_the_sheet_begins_where_most_happens():
     edit = journey()
-    assert 8 <= find_liveliest(edit, 10) <= 13
-    assert find_liveliest(edit, 30) == find_liveliest(edit, 99) == 0
+    assert 8 <= find_liveliest_start(edit, 10) <= 13
+    assert find_liveliest_start(edit, 30) == find_liveliest_start(edit, 99) == 0
     over = edit.assign(heading_deg=[*[179.0, -179.0] * 5, *range(0, 60, 3)])  # ±180 is no turn
-    assert find_liveliest(over, 10) >= 9
+    assert find_liveliest_start(over, 10) >= 9
     tiles = [Tile(TANK[:41, :41], tick, "turn", "#D55E00", 0.3) for tick in range(10)]
     sheet = draw_tiles(tiles, columns=4, size=60)
     assert sheet.shape == (3 * (60 + 18 + 2), 4 * 62, 3)
@@ -990,7 +990,7 @@ def test_switches_are_between_kinds_and_across_the_film():
         (edit_of_kinds([("sprite", 30)], fades=(9,)), [9]), (edit_of_kinds([("sprite", 30)]), []),
         (edit_of_kinds([("frame", 1)]), []), (edit_list(20, source=source), [10]),  # a plain jump
     ):  # fmt: skip
-        assert find_switches(one, FRAMES, 12) == switches
+        assert choose_switch_ticks(one, FRAMES, 12) == switches
 
 
 def test_of_many_switches_some_of_either_sort_are_shown_spread_over_the_animation():
@@ -1000,13 +1000,13 @@ def test_of_many_switches_some_of_either_sort_are_shown_spread_over_the_animatio
     )
     between = {t for i in range(10) for t in (100 * i, 100 * i + 20)} - {0}
     for most in (1, 2, 5, 12, 30, 79):
-        shown = find_switches(edit, FRAMES, most)
+        shown = choose_switch_ticks(edit, FRAMES, most)
         assert shown == sorted(set(shown)) and len(shown) == most
         assert len(between & set(shown)) == min(len(between), max(most - 60, most // 2))
-    assert len(find_switches(edit, FRAMES, 1000)) == 19 + 60
-    assert np.ptp(find_switches(edit, FRAMES, 12)) > 800
+    assert len(choose_switch_ticks(edit, FRAMES, 1000)) == 19 + 60
+    assert np.ptp(choose_switch_ticks(edit, FRAMES, 12)) > 800
     only = edit_of_kinds([("sprite", 20), ("frame", 20)] * 10)
-    assert len(find_switches(only, FRAMES, 12)) == 12  # there is no other sort
+    assert len(choose_switch_ticks(only, FRAMES, 12)) == 12  # there is no other sort
 
 
 @pytest.mark.parametrize("count", [2, 5, 30])

@@ -20,8 +20,8 @@ from finloop.io.movie import Mp4Writer, load_small_film
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import save_picture
 from finloop.report.figures import CHAPTERS
-from finloop.report.page import render_template, webp
-from finloop.report.tables import MEASURES, format_number, measures_table, mode_headline
+from finloop.report.page import encode_webp, render_template
+from finloop.report.tables import MEASURES, format_number, measures_table, mode_headline_numbers
 
 FIGURES = [figure for chapter in CHAPTERS for figure in chapter.figures]
 GREY = np.full((48, 64), 128, np.uint8)
@@ -109,7 +109,7 @@ def test_measures_name_what_there_is_and_give_the_film_its_own_halves():
 
 
 def test_the_headline_leaves_out_what_was_not_measured():
-    assert mode_headline({"network_goals_reached_pct": 50.0}, "network") == [
+    assert mode_headline_numbers({"network_goals_reached_pct": 50.0}, "network") == [
         ("50 %", "of its goals reached")
     ]
 
@@ -127,9 +127,9 @@ def test_values_are_escaped(tmp_path: Path):
 
 
 def test_a_picture_becomes_small_and_keeps_its_shape():
-    wide = webp(np.zeros((300, 900, 3), np.uint8), 300, 80)
+    wide = encode_webp(np.zeros((300, 900, 3), np.uint8), 300, 80)
     assert (wide.width, wide.height) == (300, 100)
-    assert webp(GREY, 300, 80)[1:] == (64, 48)
+    assert encode_webp(GREY, 300, 80)[1:] == (64, 48)
 
 
 def test_a_film_is_made_smaller_only_if_it_must(tmp_path: Path):

@@ -26,7 +26,7 @@ from finloop.edit.schema import EDIT
 from finloop.export.tracks import deeplabcut_tables
 from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table, save_csv_in_blocks
-from finloop.plots.retarget import MOMENTS, choose_ticks
+from finloop.plots.retarget import MOMENTS, choose_ticks_to_draw
 from finloop.project import Project
 from finloop.puppet import Pose
 from finloop.puppet.pose import backbone_bends
@@ -59,7 +59,7 @@ def mirrored_material(folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         with Project() as project:
-            whole = stages.retarget.retarget_data(project)
+            whole = stages.retarget.load_retarget_data(project)
             look = whole.look[: len(whole.reel)]
             yield whole._replace(look=np.concatenate([look, look]))
 
@@ -224,7 +224,7 @@ def test_few_points_say_where_and_the_film_says_how_it_is_bent(mirrored_material
     near = mirrored_material.poses.shapes.nearest_codes(codes).codes
     assert np.abs(near - codes).max() < 1e-3  # every posture is one that the film shows
     assert animation.numbers["with_postures"] == 0
-    notes = stages.retarget.notes(animation.numbers)
+    notes = stages.retarget.describe_lacks(animation.numbers)
     assert any("no posture" in one for one in notes)
     with pytest.raises(FinloopError, match=r"no body length[\s\S]*retarget.scale"):
         of_poses(poses, mirrored_material, body_keypoints=("centre",))
@@ -293,7 +293,7 @@ def test_short_gaps_are_filled_and_long_ones_end_a_stretch():
     assert motion.time_s[[0, -1]] == pytest.approx([30 / 25, 59 / 25])
     assert motion.numbers["left_out_s"] == pytest.approx(20 / 25)
     assert motion.numbers["stretches_left_out"] == 1
-    assert any("0.8 s are left out" in one for one in stages.retarget.notes(
+    assert any("0.8 s are left out" in one for one in stages.retarget.describe_lacks(
         motion.numbers | {"with_postures": 1, "duration_s": 1.2, "outside_ticks": 0}
     ))  # fmt: skip
     motion = resample_track(straight(60), 25.0, how(start_s=0.4, end_s=1.2))
@@ -554,9 +554,9 @@ def test_a_track_of_another_film_is_swum_and_drawn(folder, tmp_path, monkeypatch
 
 def test_the_moments_of_the_picture_are_spread_and_the_worst_is_last():
     far = pd.DataFrame({"apart": np.r_[np.zeros(70), 0.3, np.zeros(29)]})
-    some = choose_ticks(far)
+    some = choose_ticks_to_draw(far)
     assert len(some) == MOMENTS + 1 and some[-1] == 70 and some[0] == 0 and some[-2] == 99
-    assert len(choose_ticks(far.assign(apart=np.nan))) == MOMENTS
+    assert len(choose_ticks_to_draw(far.assign(apart=np.nan))) == MOMENTS
 
 
 def retarget_stamp(group):

@@ -81,7 +81,7 @@ def test_ctrl_c_is_not_an_error_in_the_program(capsys):
 def test_progress_in_a_log_is_a_few_lines(monkeypatch, capsys):
     now = iter(np.arange(0, 1e6, 0.1))  # every look at the clock finds 0.1 s gone
     monkeypatch.setattr(door.time, "monotonic", lambda: next(now))
-    with door.progress("extract", total=500) as advance:
+    with door.report_progress("extract", total=500) as advance:
         for _ in range(499):
             advance()
         advance(n=1)
@@ -94,15 +94,15 @@ def test_progress_in_a_log_is_a_few_lines(monkeypatch, capsys):
 
 
 def test_progress_without_a_known_end(capsys):
-    with door.progress("clip", total=None, unit="bytes") as advance:
+    with door.report_progress("clip", total=None, unit="bytes") as advance:
         advance(3)
     assert capsys.readouterr().err == "clip: 3 bytes, 0 s\n"
 
 
 def test_progress_on_a_terminal_is_a_bar():
     code = (
-        "from stages.run import progress\n"
-        "with progress('extract', total=3) as advance: [advance() for _ in range(3)]"
+        "from stages.run import report_progress\n"
+        "with report_progress('extract', total=3) as advance: [advance() for _ in range(3)]"
     )
     ours, theirs = pty.openpty()
     env = os.environ | {"COLUMNS": "100", "TERM": "xterm"}

@@ -80,12 +80,12 @@ def test_a_film_that_is_named_twice_is_taken_once(tmp_path, capsys):
     home = touch(tmp_path, "films/a.mp4", "films/b.mp4") / "films"
     (home / "c.mp4").symlink_to(home / "a.mp4")
     a = str(home / "a.mp4")
-    films = stages.clip.films_of(settings("clip", source="file", path=(str(home), a)))
+    films = stages.clip.settings_of_films(settings("clip", source="file", path=(str(home), a)))
     assert [film.film.name for film in stages.clip.drop_repeated_films(films)] == ["a.mp4", "b.mp4"]
     said = capsys.readouterr().err
     assert f"c.mp4 is named twice as {a}" in said and f"{a} is named twice, and" in said
     part = {"path": a, "start_s": 2.0}
-    films = stages.clip.films_of(settings("clip", source="file", path=(a, part, part)))
+    films = stages.clip.settings_of_films(settings("clip", source="file", path=(a, part, part)))
     assert [film.start_s for film in stages.clip.drop_repeated_films(films)] == [0.0, 2.0]
 
 

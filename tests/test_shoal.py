@@ -467,7 +467,7 @@ def test_paths_of_several_fish_are_measured_and_drawn_one_by_one(folder, tmp_pat
     with Project() as project:
         plans = open_mode(project, fish=3, path=paths)
         swims, edit = plans.plan(plans.goals())
-        numbers = stages.modes.matching.save_more(tmp_path, plans, swims, edit)
+        numbers = stages.modes.matching.save_matching_tables(tmp_path, plans, swims, edit)
     swum_ = load_table(tmp_path / "path.parquet", PATH_ROWS)
     assert set(swum_["fish"]) == {0, 2} and set(swum_["mode"]) == {"matching"}
     left = load_table(tmp_path / "left.parquet", LEFT)

@@ -17,7 +17,7 @@ from finloop.io.journal import save_journal
 from finloop.stimulus.display import DisplayCalibration, save_display
 from finloop.stimulus.protocol_file import load_protocol
 from finloop.stimulus.replay import SessionRecord, open_session_record
-from stages.stimulus_scene import display_file, known_display, open_scene
+from stages.stimulus_scene import display_file, load_display_calibration, open_scene
 
 CONDITIONS = {
     "goals": {"seconds": 1.0, "motion": {"goals": [[0.2, 0.5], [0.8, 0.5]]}},
@@ -116,10 +116,10 @@ def test_a_display_must_be_calibrated_where_the_protocol_says_so(workspace, tmp_
     wall = DisplayCalibration(**size, refresh_hz=60.0)
     save_display(display_file("wall"), wall)
     try:
-        assert known_display("wall", True) == wall.model_dump(mode="json")
+        assert load_display_calibration("wall", True) == wall.model_dump(mode="json")
         display_file("wall").write_text(json.dumps({"version": 2}))
         with pytest.raises(FinloopError, match="another version"):
-            known_display("wall", True)
+            load_display_calibration("wall", True)
     finally:
         display_file("wall").unlink()
 

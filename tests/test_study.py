@@ -9,7 +9,7 @@ from browser import chromium, visit
 from finloop.base.errors import FinloopError
 from finloop.report.study import COLUMNS, FilmResult, study_page, study_table
 from stages.compose import compose_params
-from stages.study import clip_overrides, films_of_study
+from stages.study import clip_path_overrides, parse_study
 
 MOUSE = {"clip.duration_s": 20.0, "extract.tracks": 9, "realism.hybrid_auc": 0.71}
 PICTURE = cv2.imencode(".png", np.full((40, 60, 3), 200, np.uint8))[1].tobytes()
@@ -24,14 +24,14 @@ def test_films_on_the_line_are_named_by_their_files(tmp_path):
     for name in ("a b.mp4", "c.mp4", "sub"):
         (tmp_path / name).mkdir()
     (tmp_path / "sub/c.mp4").mkdir()
-    films, _ = films_of_study(f"'{tmp_path}/a b.mp4' {tmp_path}/c.mp4 {tmp_path}/sub/c.mp4")
+    films, _ = parse_study(f"'{tmp_path}/a b.mp4' {tmp_path}/c.mp4 {tmp_path}/sub/c.mp4")
     assert list(films) == ["a-b", "c", "c-2"]
     assert films["a-b"] == ["clip=file", f'clip.path="{tmp_path}/a b.mp4"']
 
 
 def test_a_file_names_films_with_settings_and_all_compose(tmp_path):
     (tmp_path / "mouse (1).mp4").mkdir()
-    films, common = films_of_study(write(tmp_path, """
+    films, common = parse_study(write(tmp_path, """
         films:
           mouse: mouse (1).mp4
           pale: {path: mouse (1).mp4, extract.min_contrast_ratio: 0.3}
@@ -47,7 +47,7 @@ def test_a_file_names_films_with_settings_and_all_compose(tmp_path):
 def test_any_name_of_a_film_composes_as_it_is(tmp_path):
     film = tmp_path / "Fühler, 3 ${HOME} #1 'a'.mp4"
     film.mkdir()
-    text = compose_params(["~local", *clip_overrides(str(film))])
+    text = compose_params(["~local", *clip_path_overrides(str(film))])
     assert yaml.safe_load(text)["clip"]["path"] == str(film)
 
 
@@ -66,13 +66,13 @@ def test_any_name_of_a_film_composes_as_it_is(tmp_path):
 )
 def test_what_is_no_study_is_refused(tmp_path, text, said):
     with pytest.raises(FinloopError, match=said):
-        films_of_study(write(tmp_path, text))
+        parse_study(write(tmp_path, text))
 
 
 def test_a_missing_film_or_file_is_refused(tmp_path):
     for text in (str(tmp_path / "gone.mp4"), str(tmp_path / "gone.yaml"), ""):
         with pytest.raises(FinloopError):
-            films_of_study(text)
+            parse_study(text)
 
 
 def test_the_table_has_a_row_for_each_film_also_for_one_that_failed():

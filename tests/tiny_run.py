@@ -15,7 +15,7 @@ from conftest import ROOT, TINY_CARP
 from scratch import prepare
 
 from benchmarks.pipeline import paths, with_those_before
-from stages.code import module_of
+from stages.code import stage_module
 
 PIPELINE: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text())
 STAGES: dict[str, Any] = PIPELINE["stages"]
@@ -83,7 +83,7 @@ class TinyRun:
     def _run(self, word: str) -> None:
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(self.folder)
-            importlib.import_module(module_of(word)).main()
+            importlib.import_module(stage_module(word)).main()
 
 
 def stage_run(*words: str) -> Any:

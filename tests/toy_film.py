@@ -19,7 +19,7 @@ from finloop.animate.motion import MotionStatistics, learn
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.shoal import swim
 from finloop.animate.world import World
-from finloop.base.settings import settings, values_of
+from finloop.base.settings import read_conf_values, settings
 from finloop.distance.picture import BODY
 from finloop.edit.bodies import Bodies
 from finloop.edit.build import build_edit_list
@@ -135,7 +135,10 @@ def brisk() -> Brisk:
 
 def planning(**changes) -> AllSettings:
     """The parameters of the planner of `matching`, some changed."""
-    common, own = set(values_of("animate", "default")), set(values_of("matching", "default"))
+    common, own = (
+        set(read_conf_values("animate", "default")),
+        set(read_conf_values("matching", "default")),
+    )
     assert set(changes) <= common | own
     return merge_settings(
         settings("animate", **{k: v for k, v in changes.items() if k in common}),

@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 
 from benchmarks.pipeline import ROOT, prepare
-from stages.code import module_of
+from stages.code import stage_module
 
 ENV = os.environ | {"PYTHONPATH": str(ROOT)}  # the program is not installed
 BESIDE = ("data/drawings", "data/gaits", "benchmarks/table2.csv")  # tracked inputs of the stages
@@ -29,7 +29,7 @@ def run(folder: Path, values: Sequence[str], words: Sequence[str] = ()) -> None:
     stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
     for word in words or stages:
         print(f"docs: stage {word}", file=sys.stderr)
-        module = module_of(word)
+        module = stage_module(word)
         done = subprocess.run(
             [sys.executable, "-m", module], cwd=folder, env=ENV, capture_output=True, text=True
         )

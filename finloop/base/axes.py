@@ -6,9 +6,10 @@ from finloop.base.arrays import Floats, Reals
 
 
 def to_body_axes(offset: Reals, heading_rad: Reals) -> Floats:
-    """Convert offsets (…, 2) in a picture to (…, 2) ahead of an animal and to its left, same unit.
+    """Convert offsets (…, 2) in a picture to offsets ahead of an animal and to its left, (…, 2).
 
-    offset: x right, y down. heading_rad (…,): anticlockwise as seen, 0 = to the right.
+    The unit stays. offset: x to the right, y down. heading_rad (…,): anticlockwise, 0 = to the
+    right.
     """
     dx, dy = offset[..., 0], offset[..., 1]
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)

@@ -9,11 +9,11 @@ from finloop.base.arrays import Picture
 
 
 class Cutout(NamedTuple):
-    """One animal of a frame, or one sprite, as a small picture with alpha and its place.
+    """One animal of a frame, or one sprite, as a small picture with transparency, and its place.
 
     pixels (h, w, 2 or 4) uint8: grey or RGB, premultiplied by the last channel, alpha. x0_px,
-    y0_px: column and row of its upper left pixel in the frame. sprite, orientation (1 … n): None
-    for a cut-out as filmed.
+    y0_px: column and row of its upper left pixel in the frame. sprite, orientation (1 … n): number
+    and orientation of a sprite, None for a cut-out as filmed.
     """
 
     track_id: int
@@ -24,8 +24,8 @@ class Cutout(NamedTuple):
     sprite: int | None = None
     orientation: int | None = None
 
-    def over(self, background: Picture) -> Picture:
-        """Blend the cut-out with the tank behind it; return the pixels (h, w) or (h, w, 3), uint8.
+    def blend_over(self, background: Picture) -> Picture:
+        """Lay the cut-out over its place in the tank; return these pixels, (h, w[, 3]) uint8.
 
         background (H, W) or (H, W, 3) uint8: the whole tank, in which the cut-out must lie.
         """
@@ -37,12 +37,17 @@ class Cutout(NamedTuple):
 
 
 class Cutouts(Protocol):
-    """A store that gives cut-outs by row number; `finloop.io.cutouts.open_cutouts` opens one."""
+    """A store that returns cut-outs by row number; `finloop.io.cutouts.open_cutouts` opens one."""
 
     @property
     def index(self) -> pd.DataFrame:
-        """Return a row per cut-out: track_id, frame, place, size; of sprites also their key."""
+        """Return a row per cut-out: track_id, frame, place and size; of sprites also their key."""
         ...
 
-    def __len__(self) -> int: ...
-    def __getitem__(self, row: int) -> Cutout: ...
+    def __len__(self) -> int:
+        """Return the number of cut-outs."""
+        ...
+
+    def __getitem__(self, row: int) -> Cutout:
+        """Return the cut-out of a row."""
+        ...

@@ -8,5 +8,5 @@ DIGITS = 4
 
 
 def round_significant(value: float) -> float:
-    """Return the value rounded to DIGITS significant digits; NaN stays NaN."""
+    """Return a value rounded to DIGITS significant digits; NaN stays NaN."""
     return float(f"{float(value):.{DIGITS}g}")

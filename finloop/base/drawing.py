@@ -13,7 +13,7 @@ LARGEST = 1e100
 
 @dataclass(frozen=True)
 class Curve:
-    """A polyline of points (n, 2); a closed one returns to its first point without repeating it."""
+    """A curve through points (n, 2); a closed one returns to its first point, which stands once."""
 
     points: Points
     closed: bool
@@ -21,7 +21,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Contours by id in drawing order, the lowest layer first."""
+    """A drawing: its contours by id in drawing order, the lowest layer first."""
 
     curves: dict[str, Curve]
     width: float  # of the picture, in the units of the points
@@ -30,7 +30,7 @@ class Drawing:
 
 
 def clean_curve(curve: Curve, name: str) -> Curve:
-    """Return the curve without points that repeat the previous point.
+    """Return a curve without those points that repeat the previous point.
 
     FinloopError, which names the curve, if a coordinate is not finite or is beyond LARGEST, or if
     fewer than 3 points of a closed curve (2 of an open one) lie apart.
@@ -69,7 +69,7 @@ def clean_curve(curve: Curve, name: str) -> Curve:
 
 @dataclass(frozen=True)
 class Morph:
-    """A drawing in motion: the contours of each of its f frames."""
+    """A drawing that changes into another: its contours in each of f frames."""
 
     tau: Points  # (f,), 0 = the first drawing, 1 = the second
     # (f, n, 2) by id, in drawing order; in units of the first drawing, multiples of 10^-decimals
@@ -85,7 +85,7 @@ class Morph:
     decimals: int  # digits after the point that coordinates have
 
     def take_frames(self, frames: Ints) -> "Morph":
-        """Return the morph of the given frames (g,), numbers from 0, in this order."""
+        """Return a morph of only the given frames (g,), numbers from 0, in this order."""
         return replace(
             self,
             tau=self.tau[frames],
@@ -94,5 +94,5 @@ class Morph:
         )
 
     def count_fold_frames(self) -> dict[str, int]:
-        """Count, by contour id, the frames in which a contour crosses itself, without zeros."""
+        """Count the frames in which each contour crosses itself, by contour id; leave out zeros."""
         return {name: int((count > 0).sum()) for name, count in self.folds.items() if any(count)}

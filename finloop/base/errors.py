@@ -2,18 +2,20 @@
 
 
 class FinloopError(Exception):
-    """An error that the user can correct. It says what came, what was wanted and what to do.
+    """An error that the user can correct: it says what came, what was wanted and what to do.
 
     Stages print it as a single message and exit with status 1; any other exception is a bug.
     """
 
     def __init__(self, came: str, wanted: str, do: str) -> None:
+        """Keep the three parts of the message: what came, what was wanted, what to do."""
         super().__init__(came, wanted, do)
         self.came, self.wanted, self.do = came, wanted, do
 
     def __str__(self) -> str:
+        """Return the message, one line for each of its three parts."""
         return f"{self.came}\n  wanted: {self.wanted}\n  do:     {self.do}"
 
 
 class UndecodableError(FinloopError):
-    """A frame of a clip cannot be decoded; frames from a later key frame on may be readable."""
+    """The error that a frame of a clip cannot be decoded; later frames may be readable."""

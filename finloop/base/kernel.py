@@ -20,7 +20,10 @@ _MENTION = Path(__file__).stem.encode()
 
 @cache
 def _sources_digest() -> str:
-    """Return a SHA-256 digest (hex) of all files with compiled functions: they mention `kernel`."""
+    """Return a SHA-256 digest (hex) of all files with compiled functions.
+
+    They are the files that mention `kernel`.
+    """
     digest = hashlib.sha256()
     for path in sorted(_PACKAGE.rglob("*.py")):
         text = path.read_bytes()
@@ -30,24 +33,31 @@ def _sources_digest() -> str:
 
 
 class _AllSources:
-    """Tells numba what must be unchanged for machine code to be used again."""
+    """Part of a numba cache locator: machine code is valid until a file with a kernel changes."""
 
     _lineno: int
 
     def get_source_stamp(self) -> str:
+        """Return the stamp of the sources; numba compiles again when it changes."""
         return _sources_digest()
 
     def get_disambiguator(self) -> str:
-        """Return a name of its own: an older cache file may name removed types and fail to load."""
+        """Return the part of a cache file's name that tells functions and source versions apart.
+
+        Without the version, numba would load an older file, which may name removed types and fail.
+        """
         return f"{self._lineno}-{_sources_digest()[:8]}"
 
 
 class InTree(_AllSources, InTreeCacheLocator):
-    """Keeps a kernel's machine code beside its source, until a file with a kernel changes."""
+    """A cache locator that keeps a kernel's machine code beside its source file."""
 
 
 class UserWide(_AllSources, UserWideCacheLocator):
-    """Keeps kernels' machine code in the user's cache, where the source's folder is read-only."""
+    """A cache locator that keeps machine code in the user's cache.
+
+    It serves where the source's folder is read-only.
+    """
 
 
 numba.config.CACHE_LOCATOR_CLASSES = ",".join(  # type: ignore[attr-defined]

@@ -16,7 +16,7 @@ TRACK = "track:"
 
 
 class Line(NamedTuple):
-    """A path to swim along: places x, y (n,), and optionally a time and a heading of each."""
+    """A path for a fish to swim: places x, y (n,), and optionally a time and a heading of each."""
 
     name: str  # the source, for messages
     x: Floats
@@ -29,7 +29,10 @@ class Line(NamedTuple):
 
 
 def check_line(line: Line) -> Line:
-    """Return a path unchanged; FinloopError lists everything wrong with its places and times."""
+    """Return a path unchanged if a fish can swim it; else raise FinloopError.
+
+    The error lists everything that is wrong with its places and times.
+    """
     problems = []
     columns = {"x": line.x, "y": line.y, "time": line.time_s, "heading": line.heading_deg}
     for name, values in columns.items():

@@ -30,7 +30,7 @@ chosen values, and a mask (k,): True where the vectors were enough."""
 
 @dataclass(frozen=True)
 class Nearest:
-    """An index of m vectors of d numbers that finds the nearest neighbours of other vectors.
+    """An index of m vectors of d numbers, which finds the nearest neighbours of other vectors.
 
     recall: the measured share of the 20 true nearest neighbours that the index finds; 1 = exact.
     """
@@ -39,11 +39,11 @@ class Nearest:
     recall: float
 
     @classmethod
-    def from_vectors(cls, vectors: Floats | Vectors, most: int = MOST) -> "Nearest":
-        """Index vectors (m, d): exact up to `most` of them, in cells for more."""
+    def from_vectors(cls, vectors: Floats | Vectors, exact_limit: int = MOST) -> "Nearest":
+        """Return an index of vectors (m, d), which is exact for at most `exact_limit` vectors."""
         vectors = np.ascontiguousarray(vectors, np.float32)
         m, d = vectors.shape
-        if m <= most:
+        if m <= exact_limit:
             flat = faiss.IndexFlatL2(d)
             flat.add(vectors)
             return cls(flat, 1.0)
@@ -66,10 +66,11 @@ class Nearest:
         return cls(index, recall)
 
     def __reduce__(self) -> tuple[Any, ...]:
+        """Return how to restore the index in another process, for pickle."""
         return _unpickle, (faiss.serialize_index(self.index), self.recall)
 
     def search(self, queries: Floats | Vectors, count: int) -> Ints:
-        """Return the rows (k, count) of the vectors nearest to each query (k, d), nearest first.
+        """Return the numbers (k, count) of the vectors nearest to each query (k, d), nearest first.
 
         −1 stands where the index finds no further one.
         """
@@ -82,8 +83,8 @@ class Nearest:
     ) -> tuple[NDArray[Any], ...]:
         """Apply a rule to the `count` nearest vectors of each query (k, d); return its arrays.
 
-        Where the rule finds the vectors not enough, it gets more: until they are enough, or until
-        `most` vectors or all vectors of the searched cells are used.
+        Where these vectors are not enough for the rule, it gets more: until they are enough, or
+        until `most` vectors or all vectors of the searched cells are used.
         """
         last = min(self.index.ntotal, self.index.ntotal if most is None else most)
         count = min(count, last)
@@ -101,12 +102,12 @@ class Nearest:
 
 
 def _may_have_more(near: Ints) -> Mask:
-    """Return whether (k,) there may be further vectors than these (k, l)."""
+    """Return for which queries (k,) a search may find more than the given vectors (k, l)."""
     return near[:, -1] >= 0 if near.shape[1] else np.zeros(len(near), bool)
 
 
 def assign_parts(n: int, stretch: int, most: int = MOST) -> Ints:
-    """Return the part (n,), 0 … p − 1, of each row of a long film: parts have about `most` rows.
+    """Divide a long film of n rows into parts of about `most` rows; return each row's part (n,).
 
     Stretches of `stretch` rows go to the parts in turn, so each part is spread over the film. In a
     film of hours a row's nearest rows are so near that all continue alike; within a part they
@@ -116,4 +117,5 @@ def assign_parts(n: int, stretch: int, most: int = MOST) -> Ints:
 
 
 def _unpickle(index: NDArray[np.uint8], recall: float) -> Nearest:
+    """Return the index of another process from its serialized form."""
     return Nearest(faiss.deserialize_index(index), recall)

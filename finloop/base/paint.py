@@ -29,7 +29,7 @@ Colour = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Paint:
-    """Fill and stroke of a shape; a colour is RGB 0 … 255, or None where nothing is painted."""
+    """How a shape is painted: colours are RGB 0 … 255, or None where nothing is painted."""
 
     fill: Colour | None
     stroke: Colour | None
@@ -40,7 +40,7 @@ class Paint:
 
 @dataclass(frozen=True)
 class Shape:
-    """Contours painted together, such as a letter and its holes."""
+    """Contours that are painted together, such as a letter and its holes."""
 
     name: str
     layers: tuple[str, ...]  # ids of the contours
@@ -49,20 +49,20 @@ class Shape:
 
 
 def parse_style(style: str, side: float) -> Paint:
-    """Parse an SVG style such as "fill:red;stroke:none" to a fill and a stroke.
+    """Return fill and stroke of an SVG style such as "fill:red;stroke:none".
 
-    A style with neither gives a black line of width `side` / 200. FinloopError if a colour or
-    number cannot be read.
+    A style with neither gives a black line of width `side` / 200; side: the longer side of the
+    drawing. FinloopError if a colour or number cannot be read.
     """
 
-    def colour(kind: str) -> Colour | None:
-        text = values.get(kind, "none")
+    def parse_colour(key: str) -> Colour | None:
+        text = values.get(key, "none")
         return None if text == "none" else ImageColor.getrgb(text)[:3]
 
     values = dict(part.split(":", 1) for part in style.split(";") if ":" in part)
     values = {key.strip(): value.strip() for key, value in values.items()}
     try:
-        fill, stroke = colour("fill"), colour("stroke")
+        fill, stroke = parse_colour("fill"), parse_colour("stroke")
         if fill is None and stroke is None:
             return Paint(None, (0, 0, 0), 1.0, 1.0, side / 200)
         numbers = ("fill-opacity", "stroke-opacity", "stroke-width")
@@ -78,7 +78,7 @@ def parse_style(style: str, side: float) -> Paint:
 def group_contours(
     closed: Mapping[str, bool], styles: Mapping[str, str], side: float
 ) -> list[Shape]:
-    """Group contours into shapes in drawing order: `d`, `d#2`, `d#3` become the shape `d`.
+    """Group contours into shapes in drawing order: `d`, `d#2` and `d#3` become the shape `d`.
 
     closed, styles: by contour id; `styles` may lack some. side: the longer side of the drawing.
     """
@@ -94,22 +94,24 @@ def group_contours(
 
 
 def paint_layers(
-    layers: list[tuple[Shape, list[Points]]], shape: tuple[int, int], scale: float
+    shapes: list[tuple[Shape, list[Points]]], size_px: tuple[int, int], scale: float
 ) -> Picture:
-    """Paint shapes with their contours (n, 2) in order on white; return the RGB picture (h, w, 3).
+    """Paint shapes with their contours (n, 2) in order on white; return an RGB picture.
 
-    shape: h, w in px. scale: px per unit of the drawing. Pixel (0, 0) reaches from 0 to 1 / scale,
-    as in SVG.
+    size_px: height and width of the picture. scale: px per unit of the drawing. Pixel (0, 0)
+    reaches from 0 to 1 / scale, as in SVG.
     """
-    picture = np.full((*shape, 3), 255.0, np.float32)
-    for form, contours in layers:
-        how = form.paint
-        if how.fill is not None:
-            _paint_colour(picture, contours, form.closed, scale, how.fill, how.fill_opacity, None)
-        if how.stroke is not None:
-            width = how.width * scale
+    picture = np.full((*size_px, 3), 255.0, np.float32)
+    for shape, contours in shapes:
+        paint = shape.paint
+        if paint.fill is not None:
             _paint_colour(
-                picture, contours, form.closed, scale, how.stroke, how.stroke_opacity, width
+                picture, contours, shape.closed, scale, paint.fill, paint.fill_opacity, None
+            )
+        if paint.stroke is not None:
+            width = paint.width * scale
+            _paint_colour(
+                picture, contours, shape.closed, scale, paint.stroke, paint.stroke_opacity, width
             )
     return np.round(picture).astype(np.uint8)
 
@@ -123,7 +125,11 @@ def _paint_colour(
     opacity: float,
     width: float | None,
 ) -> None:
-    """Lay one colour over a picture, within contours or, with a width [px], along them."""
+    """Paint contours in one colour onto a picture: their area, or lines along them.
+
+    picture (h, w, 3): changes. closed: whether each contour is closed. scale: px per unit of the
+    drawing. opacity: 0 … 1. width: of the lines in px, None for the area.
+    """
     height, wide = picture.shape[:2]
     reach = 1 if width is None else width / 2 + 1
     every = np.concatenate(contours) * scale

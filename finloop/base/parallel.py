@@ -39,7 +39,7 @@ def warm_up(modules: Sequence[str]) -> None:
 
 
 class PendingResult(Protocol[B_co]):
-    """The future result of one item that was submitted to a worker."""
+    """The result of one item that a worker computes, which may not be ready yet."""
 
     def result(self) -> B_co:
         """Wait for the result and return it; raise the exception that the work raised."""
@@ -47,41 +47,44 @@ class PendingResult(Protocol[B_co]):
 
 
 class Workers(Protocol):
-    """What computes in parallel, with the same results: `Threads`, `Processes`, or a cluster."""
+    """An interface to compute in parallel, by `Threads`, `Processes` or a cluster of machines.
+
+    All give the same results.
+    """
 
     @property
     def count(self) -> int:
-        """Return the number of workers; a cluster's may change."""
+        """Return the number of workers; that of a cluster may change."""
         ...
 
     @property
-    def alone(self) -> bool:
-        """Return whether the caller does the work itself."""
+    def is_alone(self) -> bool:
+        """Return whether the calling process does the work itself, without any worker."""
         ...
 
-    def submitter(
+    def open_submitter(
         self, work: Callable[[A], B]
     ) -> AbstractContextManager[Callable[[A], PendingResult[B]]]:
         """Yield a function that submits one item to `work` and returns a `PendingResult` at once.
 
-        Both raise BrokenProcessPool where all submitted items are lost.
+        The function and the result raise BrokenProcessPool where all submitted items are lost.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Processes:
-    """Worker processes of this machine; with `count` 1 this process does the work itself."""
+    """Worker processes on this machine; with `count` 1 the calling process does the work itself."""
 
     count: int = 1
 
     @property
-    def alone(self) -> bool:
-        """Return whether this process does the work itself."""
+    def is_alone(self) -> bool:
+        """Return whether the calling process does the work itself."""
         return self.count < 2
 
     @contextmanager
-    def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
+    def open_submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
         """Start the processes; yield a function that submits one item and returns its future."""
         start = multiprocessing.get_context("forkserver" if _FORKSERVER else "spawn")
         with ProcessPoolExecutor(self.count, start, _set_up_worker) as pool, ExitStack() as stack:
@@ -101,9 +104,9 @@ class Processes:
 
 
 def _set_up_worker() -> None:
-    """Set up a worker: ignore Ctrl-C, use one thread, end with the main process.
+    """Let a worker process ignore Ctrl-C, use one thread, and end with the main process.
 
-    The main process is not its parent: that is a server that forks workers and outlives them.
+    The main process is not its parent: the parent is a server that forks workers and outlives them.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(1)
@@ -124,12 +127,12 @@ class Threads:
     count: int = 1
 
     @property
-    def alone(self) -> bool:
+    def is_alone(self) -> bool:
         """Return whether the calling thread does the work itself."""
         return self.count < 2
 
     @contextmanager
-    def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
+    def open_submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
         """Start the threads; yield a function that submits one item and returns its future."""
         with ThreadPoolExecutor(self.count) as pool, ExitStack() as stack:
             stack.callback(cv2.setNumThreads, cv2.getNumThreads())
@@ -152,13 +155,13 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
     """
     todo = deque(items)
     work = partial(_retry, work)
-    if workers.alone or len(todo) < 2:
+    if workers.is_alone or len(todo) < 2:
         yield from map(work, todo)
         return
     pending: deque[A] = deque()  # submitted, result not taken yet
     killed = 0
     while todo or pending:
-        with workers.submitter(work) as submit:
+        with workers.open_submitter(work) as submit:
             results: deque[PendingResult[B]] = deque()
             while todo or pending:
                 while todo and len(pending) < workers.count + 1:
@@ -178,7 +181,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
 
 
 def prefetch(items: Iterable[A], most: int = 4) -> Iterator[A]:
-    """Yield the items in order, while a thread makes up to `most` of the next ones in advance."""
+    """Yield the items in order, while a thread computes up to `most` items in advance."""
     source = iter(items)
 
     def next_item() -> list[A]:
@@ -192,7 +195,7 @@ def prefetch(items: Iterable[A], most: int = 4) -> Iterator[A]:
 
 
 def _retry(work: Callable[[A], B], item: A) -> B:
-    """Return `work(item)`; try again after an OSError."""
+    """Return `work(item)`, and repeat it after an OSError, up to `TRIES` times in all."""
     for _ in range(TRIES - 1):
         with suppress(OSError):
             return work(item)
@@ -201,7 +204,10 @@ def _retry(work: Callable[[A], B], item: A) -> B:
 
 
 def worker_loss_error(workers: int) -> FinloopError:
-    """Return the error for `workers` processes that were killed repeatedly at the same item."""
+    """Return the error for worker processes that were killed repeatedly at the same item.
+
+    workers: number of processes.
+    """
     return FinloopError(
         f"worker processes were ended from outside, {TRIES} times, perhaps for lack of memory",
         f"{workers} processes that each hold a stretch of the film",

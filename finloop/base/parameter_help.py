@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
-from finloop.base.settings import CONF, GROUPS, values_of, variants
+from finloop.base.settings import CONF, GROUPS, read_conf_values, variants
 
 _KEY = re.compile(r"([a-z_0-9]+):(?:\s|$)(?:[^#]*#\s*(.*))?")
 _BRACKET = re.compile(r"\s*\[([^\[\]]*)\]$")
 
 
 class ParameterHelp(NamedTuple):
-    """One parameter as its file conf/<word>/<option>.yaml explains it."""
+    """The explanation of one parameter: its comment in conf/<word>/<option>.yaml, and its range."""
 
     word: str  # its group
     option: str  # the variant of the group
@@ -25,7 +25,7 @@ class ParameterHelp(NamedTuple):
 
     @property
     def group(self) -> str:
-        """Return the group, with the variant where it has several: "extract", "clip=carp"."""
+        """Return the group's name, with the variant if it has several: "extract", "clip=carp"."""
         return self.word if len(variants(self.word)) == 1 else f"{self.word}={self.option}"
 
     @property
@@ -35,9 +35,9 @@ class ParameterHelp(NamedTuple):
 
 
 def parameter_help(word: str) -> Iterator[ParameterHelp]:
-    """Yield what conf/ says of each parameter of a group such as "extract", variant by variant."""
+    """Yield the explanation of each parameter of a group such as "extract", variant by variant."""
     for option, declared in variants(word).items():
-        texts, values = _read_comments(word, option), values_of(word, option)
+        texts, values = _read_comments(word, option), read_conf_values(word, option)
         hints = get_type_hints(declared, include_extras=True)
         for field in fields(declared):
             text = texts.get(field.name, "")
@@ -50,7 +50,10 @@ def parameter_help(word: str) -> Iterator[ParameterHelp]:
 
 
 def _read_comments(word: str, option: str) -> dict[str, str]:
-    """Return the comment of each parameter in conf/<word>/<option>.yaml: above it and beside it."""
+    """Return the comment of each parameter in conf/<word>/<option>.yaml, by the parameter's name.
+
+    The comment stands above the parameter and beside it.
+    """
     path, above, found = CONF / word / f"{option}.yaml", [], {}
     for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
         if line.startswith("#"):
@@ -63,7 +66,7 @@ def _read_comments(word: str, option: str) -> dict[str, str]:
 
 
 def _range_text(hint: Any) -> str:
-    """Return the values that a type annotation allows, in words, such as "whole, ≥ 1"."""
+    """Return in words which values a type annotation allows, such as "whole, ≥ 1"."""
     if hint is None or hint is type(None):
         return "null"
     origin, parts = get_origin(hint), get_args(hint)
@@ -86,7 +89,10 @@ def _range_text(hint: Any) -> str:
 
 
 def _limit_text(base: Any, marks: tuple[Any, ...]) -> str:
-    """Return a range in words, such as "whole, ≥ 1"; a text among the marks says it itself."""
+    """Return in words which values a type with limits allows, such as "whole, ≥ 1".
+
+    marks: the metadata of `Annotated`; a text among them is returned as it is.
+    """
     if texts := [mark for mark in marks if isinstance(mark, str)]:
         return texts[0]
     words = ["whole"] if base is int else [] if base is float else [_range_text(base)]
@@ -102,15 +108,15 @@ def _limit_text(base: Any, marks: tuple[Any, ...]) -> str:
     return ", ".join(words)
 
 
-def every_parameter() -> list[ParameterHelp]:
-    """Return the parameters of all groups, in the order of conf/config.yaml."""
+def list_parameters() -> list[ParameterHelp]:
+    """Return the explanations of the parameters of all groups, in the order of conf/config.yaml."""
     return [entry for word in GROUPS for entry in parameter_help(word)]
 
 
 def find_comment_problems() -> list[str]:
-    """List the parameters whose comment in conf/ lacks a meaning or the checked range."""
+    """Return a sentence for each parameter whose comment in conf/ lacks meaning or range."""
     found = []
-    for entry in every_parameter():
+    for entry in list_parameters():
         name = f"conf/{entry.word}/{entry.option}.yaml: {entry.name}"
         if not entry.meaning:
             found.append(f"{name} has no meaning; write a sentence above it")

@@ -18,7 +18,10 @@ Software = Literal[
 
 @dataclass(frozen=True)
 class Poses:
-    """Named points of animals, a row per animal per frame, sorted by frame, then animal."""
+    """Named points of animals as a tracking program gives them, a row per animal per frame.
+
+    Rows are sorted by frame, then by animal.
+    """
 
     individuals: tuple[str, ...]  # names of the animals
     keypoints: tuple[str, ...]  # names of the points
@@ -33,10 +36,10 @@ BLOCK = 1024  # frames in memory at a time
 
 
 def iterate_blocks(poses: Poses, block: int = BLOCK) -> Iterator[tuple[int, Floats]]:
-    """Yield (number of the first frame, points) of successive blocks of frames.
+    """Yield successive blocks of frames: the number of the block's first frame, and its points.
 
     The points (frames of the block, individuals, keypoints, 3) are x [px], y [px], confidence; NaN
-    where missing.
+    where missing. block: frames per block.
     """
     values = np.concatenate([poses.places, poses.confidence[..., None]], axis=2)
     for start in range(0, poses.frames, block):
@@ -54,10 +57,11 @@ def poses_from_arrays(
     places: Floats,
     confidence: Floats | None = None,
 ) -> Poses:
-    """Convert arrays with a cell for every animal and time to `Poses`; leave out empty cells.
+    """Convert arrays with a cell for every animal and frame to `Poses`, without the empty cells.
 
-    frame (times,): all different; places (times, individuals, keypoints, 2): px, infinite or NaN
-    where missing; confidence (times, individuals, keypoints): 0 … 1, None = unknown.
+    frame (times,): numbers of the frames, all different. places (times, individuals, keypoints, 2):
+    px, infinite or NaN where missing. confidence (times, individuals, keypoints): 0 … 1, None =
+    unknown.
     """
     order = np.argsort(frame, kind="stable")
     there: Mask = np.all(np.isfinite(places), axis=-1)

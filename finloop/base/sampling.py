@@ -6,10 +6,10 @@ from finloop.base.kernel import kernel
 
 
 @kernel
-def keys_weights(t):  # type: ignore[no-untyped-def]
-    """Return the weights of pixels −1, 0, 1, 2 in Keys' cubic interpolation (a = −1/2), float32.
+def keys_cubic_weights(t):  # type: ignore[no-untyped-def]
+    """Return the weights of pixels −1, 0, 1 and 2 in Keys' cubic interpolation (a = −1/2).
 
-    t: place in [0, 1) between pixel 0 and pixel 1.
+    They are float32. t: place in [0, 1) between pixel 0 and pixel 1.
     """
     return (
         np.float32(((2 - t) * t - 1) * t / 2),

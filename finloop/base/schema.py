@@ -11,7 +11,7 @@ ANY = -1
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table: its name, dtype, unit, and whether its cells are lists."""
+    """One column of a table: its name, dtype and unit, and whether its cells are lists."""
 
     name: str
     dtype: str  # a NumPy name ("int32", "float32", "bool", …) or "string"
@@ -21,7 +21,7 @@ class Column:
 
     @property
     def kind(self) -> str:
-        """Return the dtype in pandas: object for lists, Int32 or the like for nullable integers."""
+        """Return the dtype in pandas: object for lists, Int32 for integers that may be missing."""
         if self.length:
             return "object"
         if self.nullable and "int" in self.dtype:
@@ -33,6 +33,7 @@ class Schema:
     """The columns of a table in order, their names, and the pandas dtype (kind) of each by name."""
 
     def __init__(self, *columns: Column) -> None:
+        """Keep the columns, their names, and the pandas dtype of each by name."""
         self.columns, self.names = columns, [column.name for column in columns]
         self.kinds = {column.name: column.kind for column in columns}
 
@@ -44,15 +45,18 @@ class Schema:
 def columns(
     dtype: str, unit: str, *names: str, nullable: bool = False, length: int = 0
 ) -> list[Column]:
-    """Return a column for each name, all of one dtype and unit; arguments as in `Column`."""
+    """Return a column for each name, all of one dtype and unit.
+
+    nullable, length: as in `Column`.
+    """
     return [Column(name, dtype, unit, nullable, length) for name in names]
 
 
 def lists_to_array(column: pd.Series) -> np.ndarray:
-    """Stack a column of equally long lists into one array (rows, length); (0, 0) without rows."""
+    """Stack a column of equally long lists into an array (rows, length); (0, 0) without rows."""
     return np.stack(list(column)) if len(column) else np.empty((0, 0))
 
 
 def lists_to_points(table: pd.DataFrame, name: str) -> np.ndarray:
-    """Stack the list columns <name>_x_px, <name>_y_px into points (rows, length, 2), x, y in px."""
+    """Stack the list columns <name>_x_px and <name>_y_px into points (rows, length, 2) in px."""
     return np.stack([lists_to_array(table[f"{name}_{axis}_px"]) for axis in "xy"], axis=-1)

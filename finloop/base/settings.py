@@ -52,6 +52,7 @@ def default_variants() -> dict[str, str]:
 
 
 def _load_yaml(path: Path) -> dict[str, Any]:
+    """Return the content of a YAML file, which is a mapping."""
     return yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
 
 
@@ -107,13 +108,14 @@ RENAMED = {"nn": "network"}
 
 
 def settings(word: str, **values: Any) -> Any:
-    """Return a stage word's settings dataclass: conf/'s values, with `values` in place of some.
+    """Return the parameters of a stage as its settings dataclass: those of conf/, some replaced.
 
+    word: name of a group of parameters, mostly a stage. values: parameters to replace, by name.
     `settings("extract", noise_sigmas=6.0)` is a `finloop.extract.settings.ExtractSettings`;
     `settings("clip", source="carp", frames=50)` is a `finloop.clip.settings.CarpSettings`.
     FinloopError lists all names that are unknown, and values of a wrong type or out of range.
     """
-    whole = values_of(word, values.get("source", default_variants()[word])) | values
+    whole = read_conf_values(word, values.get("source", default_variants()[word])) | values
     group, problems = check_values(word, variants(word), whole)
     if problems:
         raise FinloopError(
@@ -125,7 +127,10 @@ def settings(word: str, **values: Any) -> Any:
 
 
 def variants(word: str) -> dict[str, type]:
-    """Return a group's dataclasses by variant, its file's name in conf/<word>/; often "default"."""
+    """Return the settings dataclasses of a group by variant, which is a file in conf/<word>/.
+
+    Most groups have the variant "default" alone.
+    """
     declared = getattr(_load_declaration(word), f"{word.capitalize()}Settings")
     union = get_args(declared)
     if not union:
@@ -134,7 +139,7 @@ def variants(word: str) -> dict[str, type]:
 
 
 def settings_file(word: str) -> str:
-    """Return the file that declares a group, relative to `finloop/`: `<word>/settings.py`.
+    """Return the path below finloop/ of the file that declares a group: `<word>/settings.py`.
 
     In another package it is named `<word>_settings.py`.
     """
@@ -144,7 +149,7 @@ def settings_file(word: str) -> str:
 
 
 def _load_declaration(word: str) -> ModuleType:
-    """Load the declarations of a group without their package, which brings torch and the like."""
+    """Import the module that declares a group, without its package, which imports torch."""
     path = settings_file(word)
     name = "finloop." + path.removesuffix(".py").replace("/", ".")
     if name not in sys.modules:
@@ -155,8 +160,11 @@ def _load_declaration(word: str) -> ModuleType:
     return sys.modules[name]
 
 
-def values_of(word: str, option: str) -> dict[str, Any]:
-    """Return the values in conf/<word>/<option>.yaml by name; empty where there is no such file."""
+def read_conf_values(word: str, option: str) -> dict[str, Any]:
+    """Return the values in conf/<word>/<option>.yaml by name; empty if there is no such file.
+
+    word, option: a group of parameters, and a variant of it.
+    """
     path = CONF / word / f"{option}.yaml"
     values = _load_yaml(path) if path.is_file() else {}
     return {key: value for key, value in values.items() if key != "defaults"}
@@ -165,9 +173,10 @@ def values_of(word: str, option: str) -> dict[str, Any]:
 def check_values(
     word: str, options: Mapping[str, type], values: Any
 ) -> tuple[Any, list[str]] | tuple[None, list[str]]:
-    """Check a group's values by name; return its dataclass, or None and a sentence per problem.
+    """Check the values of a group; return its settings dataclass, or None and a list of problems.
 
-    options: the group's dataclasses, from `variants`. A problem begins with a dotted name.
+    word: name of the group. options: its dataclasses, from `variants`. values: by name. A problem
+    is a sentence that begins with the parameter's dotted name.
     """
     if not isinstance(values, Mapping):
         return None, [f"{word}: should be a group of parameters, got {values!r}"]
@@ -191,11 +200,17 @@ def check_values(
 
 @cache
 def _strict_check(option: type) -> TypeAdapter[Any]:
+    """Return pydantic's check of a settings dataclass: no unknown names, no other types, no NaN."""
     strict = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
     return TypeAdapter(checked(option, frozen=True, config=strict))
 
 
 def _describe_problem(word: str, option: type, names: list[str], detail: dict[str, Any]) -> str:
+    """Return a sentence on one problem that pydantic found in a group's values.
+
+    word, option: the group, and the dataclass of its variant. names: its parameters. detail: the
+    problem, as pydantic reports it.
+    """
     name = ".".join(map(str, (word, *detail["loc"])))
     if detail["type"] == "missing":
         return f"{name}: has no value"
@@ -209,7 +224,11 @@ def _describe_problem(word: str, option: type, names: list[str], detail: dict[st
 
 
 def _suggest(word: str, option: type, key: str, names: list[str]) -> str:
-    """Return where a parameter is that a group with these names lacks."""
+    """Return, for an unknown parameter, its new name, its new place or a similar name.
+
+    word, option: the group, and the dataclass of its variant. key: the unknown name. names: the
+    group's parameters.
+    """
     if renamed := getattr(option, "RENAMED", {}).get(key):
         return f"it is {word}.{renamed} now"
     for kind in option.__mro__:
@@ -228,7 +247,10 @@ def _suggest(word: str, option: type, key: str, names: list[str]) -> str:
 
 
 def _full_names(key: str, words: tuple[str, ...]) -> str:
-    """Return the full names of a parameter, or of one once so named, in some groups, in words."""
+    """Return the dotted names of all parameters called `key`, now or formerly, as "a.key or b.key".
+
+    words: the groups to search.
+    """
     found = dict[str, None]()
     for word in words:
         for option in variants(word).values():

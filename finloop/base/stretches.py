@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 
 
 def spread_rows(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """Return at most `most` of some rows, spread evenly over them, in their order."""
+    """Return at most `most` of the given row numbers (n,), evenly spaced and in their order."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
 
 
 def sample_stretches(track_ids: Sequence[int], longest: int, most: int, seed: int) -> list[slice]:
-    """Draw whole tracks at random until they have `most` rows; return them as ascending slices.
+    """Draw tracks at random until they have `most` rows; return their rows as ascending slices.
 
     track_ids (rows,): the track of every row, in order. A track longer than `longest` rows is first
-    cut into stretches of equal length, so all of a long film can be sampled.
+    cut into stretches of equal length, so that all of a long film can be sampled.
     """
     stretches = []
     for start, stop in pairwise(np.flatnonzero(np.diff(track_ids, prepend=-1, append=-1))):

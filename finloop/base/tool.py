@@ -10,9 +10,9 @@ from finloop.base.errors import FinloopError
 
 
 def run_tool(output: Path, work: Callable[[], str]) -> int:
-    """Call `work`, which writes `output`; print the summary it returns, or its error to stderr.
+    """Call `work` and print the summary that it returns, or its error; return the exit status.
 
-    Return the exit status, 0 or 1.
+    output: the file that `work` writes, for messages. The exit status is 0, or 1 after an error.
     """
     try:
         summary = work()
@@ -27,14 +27,17 @@ def run_tool(output: Path, work: Callable[[], str]) -> int:
 
 
 def format_frame_counts(counts: Mapping[str, int], frames: int) -> str:
-    """Format counts of frames by id as text, such as "eye in 3, tail in 1 of 20 frames"."""
+    """Return counts of frames by id as text, such as "eye in 3, tail in 1 of 20 frames".
+
+    frames: number of all frames.
+    """
     return (
         ", ".join(f"{name} in {count}" for name, count in counts.items()) + f" of {frames} frames"
     )
 
 
-def frame_rate(text: str) -> Fraction:
-    """Parse a command-line argument as frames per second, above 0; else ArgumentTypeError."""
+def parse_frame_rate(text: str) -> Fraction:
+    """Parse a command-line argument as frames per second above 0; else raise ArgumentTypeError."""
     try:
         rate = Fraction(text)
     except (ValueError, ZeroDivisionError) as error:

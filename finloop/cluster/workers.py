@@ -236,7 +236,7 @@ class DaskWorkers:
     client: Any  # distributed.Client, which is there only with the extra
     home: WorkerHome
     address: str
-    alone = False
+    is_alone = False
 
     @property
     def count(self) -> int:
@@ -261,7 +261,7 @@ class DaskWorkers:
             raise self.lost_scheduler_error() from error
 
     @contextmanager
-    def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_SubmittedItem"]]:
+    def open_submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_SubmittedItem"]]:
         """Share a function with the workers; yield a function that submits one item to them."""
         name, number = uuid4().hex, count()
         with self._share_work(work) as path:

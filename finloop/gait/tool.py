@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from finloop.base.errors import FinloopError
-from finloop.base.tool import format_frame_counts, frame_rate, run_tool
+from finloop.base.tool import format_frame_counts, parse_frame_rate, run_tool
 from finloop.gait.model import DO, WANTED, Gait, gait_from_record
 from finloop.gait.transfer import LEAST_FRAMES, Transfer, animate_drawing, repeat_cycle
 from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
@@ -149,7 +149,7 @@ def _build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--rate",
         "--fps",
-        type=frame_rate,
+        type=parse_frame_rate,
         help=f"frames per second (default {RATE}, or by --frames)",
     )
     parser.add_argument("--cycles", type=int, default=1, help="number of cycles (default 1)")

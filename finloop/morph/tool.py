@@ -9,7 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from finloop.base.drawing import Morph
-from finloop.base.tool import format_frame_counts, frame_rate, run_tool
+from finloop.base.tool import format_frame_counts, parse_frame_rate, run_tool
 from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
 from finloop.io.svg import load_svg
 from finloop.morph.layers import (
@@ -72,7 +72,9 @@ def _build_parser() -> argparse.ArgumentParser:
         "--method", choices=METHODS, default="simple", help="default: simple, which never folds"
     )
     parser.add_argument("--frames", type=int, default=60, help="including both ends (default 60)")
-    parser.add_argument("--fps", type=frame_rate, default=Fraction(30), help="frames/s, default 30")
+    parser.add_argument(
+        "--fps", type=parse_frame_rate, default=Fraction(30), help="frames/s, default 30"
+    )
     parser.add_argument("--points", type=int, default=256, help="per contour (default 256)")
     parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
     parser.add_argument("--back", action="store_true", help="append the morph in reverse")

@@ -18,7 +18,7 @@ _FILM = "0.35"
 def draw_kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure:
     """Draw speeds and turn rates of every mode beside the film's, and the time in each state.
 
-    table: columns of `measures.KINEMATICS`; numbers: `<mode>_<state>_pct`, 0 … 100.
+    table: columns of `measures.KINEMATICS`. numbers: `<mode>_<state>_pct`, 0 … 100.
     """
     motion = dict(iter(table.groupby("mode", sort=False)))
     film = motion.pop(FILM_MOTION)

@@ -31,7 +31,7 @@ def figure15(curve: pd.DataFrame) -> Figure:
     return figure
 
 
-def held_out_figure(predicted: Floats, true: Floats) -> Figure:
+def draw_held_out_predictions(predicted: Floats, true: Floats) -> Figure:
     """Draw the network's predictions for n held-out rows: a scatter of areas, a table of types.
 
     predicted, true (n, 2): relative motion area and swimming type.

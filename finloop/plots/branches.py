@@ -25,7 +25,7 @@ from finloop.extract.background import Scene, match_scene_to_light
 from finloop.extract.samples import TypicalFish, judge_silhouette
 from finloop.extract.segment import Silhouette, SilhouetteEdge, find_silhouettes
 from finloop.extract.settings import ExtractSettings
-from finloop.plots.parts import message
+from finloop.plots.parts import draw_message
 
 _KEPT, _PAPER, _BACKBONE = "#0072B2", "#D55E00", "#009E73"  # Okabe-Ito
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
@@ -34,9 +34,9 @@ _NEAR = np.ones((3, 3), np.uint8)
 
 
 class SkeletonBranch(NamedTuple):
-    """A branch of a skeleton, with the number of each of its m pixels.
+    """A branch of a skeleton: its m pixels, and their numbers from the start of the skeleton.
 
-    path (m, 2): x, y px, from the joint with an earlier branch to its end; numbers (m,): rising by
+    path (m, 2): x, y px, from the joint with an earlier branch to the end. numbers (m,): rising by
     1, the first is the joint's.
     """
 
@@ -45,13 +45,14 @@ class SkeletonBranch(NamedTuple):
 
 
 class ThinnedFish(NamedTuple):
-    """One fish, thinned with every pixel above the noise; places are px of `film`.
+    """One fish, thinned to a skeleton together with every pixel above the noise around it.
 
-    label: film and frame; film: (h, w) or (h, w, 3); body, whole, skeleton (h, w): the silhouette,
-    every pixel above the noise, and these thinned; half_width (h, w): px to the edge of `whole`;
-    branches: by the paper's rule, the kept one first; kept (m, 2): x, y of the path with the
-    greatest length × width; backbone (n, 2): x, y as in finloop, None if the silhouette has none;
-    body_ends: ends of the silhouette thinned alone, 2 without side branches.
+    Places are px of `film`, (h, w) or (h, w, 3). label: film and frame. body, whole, skeleton (h,
+    w): the silhouette, every pixel above the noise, and the latter thinned. half_width (h, w): px
+    to the edge of `whole`. branches: by the paper's rule, its backbone first. kept (m, 2): x, y of
+    the path with the greatest sum of length × width. backbone (n, 2): x, y as in finloop, None if
+    the silhouette has none. body_ends: ends of the silhouette thinned alone, 2 without side
+    branches.
     """
 
     label: str
@@ -67,7 +68,7 @@ class ThinnedFish(NamedTuple):
 
     @property
     def side_branches(self) -> list[SkeletonBranch]:
-        """Return the branches that leave the fish: longer than the fish is wide at their joint."""
+        """Return the side branches that are longer than half the fish's width at their joint."""
         joints = [branch.path[0] for branch in self.branches[1:]]
         return [
             branch
@@ -77,16 +78,16 @@ class ThinnedFish(NamedTuple):
 
     @property
     def difference_px(self) -> int:
-        """Return how many pixels of either kept path no pixel of the other path touches."""
+        """Return how many pixels of the two rules' backbones lie apart from the other backbone."""
         apart = np.abs(self.branches[0].path[:, None] - self.kept).max(-1)  # (m, k)
         return int((apart.min(0) > 1).sum() + (apart.min(1) > 1).sum())
 
 
 def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
-    """Return the number of each pixel of a skeleton (h, w) from a start, as in fish paper Fig. 4.
+    """Return the number of each pixel of a skeleton (h, w), counted from a start, as in Fig. 4.
 
     The start (x, y) has 0, each pixel one more than its lowest neighbour, so at a joint all
-    branches continue with the same number. −1: not connected, or no skeleton.
+    branches continue with the same number. Other pixels have −1.
     """
     number = np.full(skeleton.shape, -1, np.int64)
     ring = np.zeros(skeleton.shape, np.uint8)
@@ -135,7 +136,10 @@ def find_branches(skeleton: Mask) -> list[SkeletonBranch]:
 
 
 def _step_back(number: Ints, x: int, y: int) -> tuple[int, int]:
-    """Return the neighbour whose number is one less; beside the pixel rather than diagonal."""
+    """Return the neighbour (x, y) of a pixel whose number is one less.
+
+    A neighbour beside the pixel comes before a diagonal one.
+    """
     steps = ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
     height, width = number.shape
     for dx, dy in steps:
@@ -149,26 +153,31 @@ def thin_fish(
     frame: Picture, label: str, scene: Scene, typical: TypicalFish, arena: Picture,
     settings: ExtractSettings,
 ) -> Iterator[ThinnedFish]:  # fmt: skip
-    """Yield every isolated fish of a frame (h, w) or (h, w, 3), thinned with its pale pixels.
+    """Yield every isolated fish of a frame (h, w) or (h, w, 3), thinned to a skeleton.
 
-    label: film and frame, for the figure; arena: 255 inside.
+    The pale pixels around a fish are thinned with it. label: film and frame, for the figure. arena
+    (h, w): 255 where animals can be.
     """
     lit = match_scene_to_light(scene, frame)
     ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, "all", typical.thin)
     for silhouette in find_silhouettes(frame, lit, arena, settings.least_area_px, ends):
         if judge_silhouette(silhouette, typical, settings) == "fish":
-            yield _thin(silhouette, frame, label, settings.points, scene.threshold)
+            yield _thin_silhouette(silhouette, frame, label, settings.points, scene.threshold)
 
 
-def _thin(
+def _thin_silhouette(
     silhouette: Silhouette, frame: Picture, label: str, points: int, floor: float
 ) -> ThinnedFish:
-    """Thin a silhouette with the pale pixels around it; points: of the backbone; floor: grey."""
+    """Thin a silhouette together with the pale pixels around it.
+
+    label: film and frame. points: number of points of the backbone. floor: grey levels of the
+    noise.
+    """
     pale = silhouette.fins or silhouette  # the box of the pale pixels contains the silhouette's
     left, top = pale.x0 - _MARGIN, pale.y0 - _MARGIN
     size = pale.mask.shape[0] + 2 * _MARGIN, pale.mask.shape[1] + 2 * _MARGIN
-    body = _paste(silhouette.mask, silhouette.x0 - left, silhouette.y0 - top, size)
-    seen = body | _paste(pale.mask, _MARGIN, _MARGIN, size)
+    body = _paste_mask(silhouette.mask, silhouette.x0 - left, silhouette.y0 - top, size)
+    seen = body | _paste_mask(pale.mask, _MARGIN, _MARGIN, size)
     pieces, _ = ndimage.label(seen, np.ones((3, 3)))
     seen = ndimage.binary_fill_holes(pieces == pieces[body].max())
     rows, columns = (np.flatnonzero(seen.any(axis)) for axis in (1, 0))
@@ -193,17 +202,17 @@ def _thin(
     )  # fmt: skip
 
 
-def _paste(mask: Mask, x: int, y: int, size: tuple[int, int]) -> Mask:
-    """Return a larger mask of this size with a mask at (x, y)."""
+def _paste_mask(mask: Mask, x: int, y: int, size: tuple[int, int]) -> Mask:
+    """Return a mask of size (h, w) with a smaller mask at x, y, where its upper left pixel lies."""
     into = np.zeros(size, bool)
     into[y : y + mask.shape[0], x : x + mask.shape[1]] = mask
     return into
 
 
-def choose_fish(fish: Iterable[ThinnedFish]) -> tuple[list[ThinnedFish], str]:
+def choose_fish_to_draw(fish: Iterable[ThinnedFish]) -> tuple[list[ThinnedFish], str]:
     """Return the one or two fish to draw, and a sentence on how many fish have side branches.
 
-    The first has the most side branches; of equals, the longest ones. The second is the one of the
+    The first has the most side branches; of equals, the longest ones. The second is that of the
     others for which the two rules differ most, if they differ for any.
     """
     count = branched = differing = alone = 0
@@ -230,17 +239,17 @@ def choose_fish(fish: Iterable[ThinnedFish]) -> tuple[list[ThinnedFish], str]:
     return [*most, *second[:1]], words
 
 
-def figure3_4(fish: Sequence[ThinnedFish], words: str) -> Figure:
+def figure3_4(fish: Sequence[ThinnedFish], headline: str) -> Figure:
     """Draw Figs. 3 and 4 of the fish paper: each fish, thinned, numbered and pruned.
 
-    words: the sentence above the pictures, from `choose_fish`.
+    headline: the sentence above the pictures, from `choose_fish_to_draw`.
     """
     if not fish:
-        return message("Figs. 3, 4: no isolated fish in the examined frames.")
-    fish = [lie_down(one) for one in fish]
+        return draw_message("Figs. 3, 4: no isolated fish in the examined frames.")
+    fish = [lay_horizontally(one) for one in fish]
     heights = [2 * 6 * one.film.shape[0] / one.film.shape[1] + 1.1 for one in fish]
     figure = Figure(figsize=(12.5, sum(heights) + 0.5), layout="constrained")
-    figure.suptitle(words, fontsize=10)
+    figure.suptitle(headline, fontsize=10)
     parts = np.atleast_1d(np.asarray(figure.subfigures(len(fish), 1, height_ratios=heights)))
     for part, one in zip(parts, fish, strict=True):
         kept = _draw_fish(part, one)
@@ -251,27 +260,27 @@ def figure3_4(fish: Sequence[ThinnedFish], words: str) -> Figure:
     return figure
 
 
-def lie_down(fish: ThinnedFish) -> ThinnedFish:
-    """Return a fish, with all its pictures and points, turned by 90° if it is higher than wide."""
+def lay_horizontally(fish: ThinnedFish) -> ThinnedFish:
+    """Turn a fish with all its pictures and points by 90° if it is higher than wide."""
     height, width = fish.whole.shape
     if height <= width:
         return fish
 
-    def turn(xy: Any) -> Any:  # (m, 2), integer or float
+    def turn_points(xy: Any) -> Any:  # (m, 2), integer or float
         return np.column_stack([xy[:, 1], width - 1 - xy[:, 0]])
 
     pictures = ("film", "body", "whole", "skeleton", "half_width")
     return fish._replace(
         label=f"{fish.label}, turned by 90°",
         **{name: np.rot90(getattr(fish, name)) for name in pictures},
-        branches=[SkeletonBranch(turn(path), numbers) for path, numbers in fish.branches],
-        kept=turn(fish.kept),
-        backbone=None if fish.backbone is None else turn(fish.backbone),
+        branches=[SkeletonBranch(turn_points(path), numbers) for path, numbers in fish.branches],
+        kept=turn_points(fish.kept),
+        backbone=None if fish.backbone is None else turn_points(fish.backbone),
     )
 
 
 def _draw_fish(part: SubFigure, fish: ThinnedFish) -> Axes:
-    """Draw the silhouette, skeleton, branches and backbone of a fish; return the last panel."""
+    """Draw silhouette, skeleton, branches and backbone of a fish; return the last panel's axes."""
     panels = part.subplots(2, 2).ravel()
     titles = (
         f"3 (a) {fish.label}: every pixel above the noise, and the silhouette (dashed)",
@@ -305,6 +314,7 @@ def _draw_fish(part: SubFigure, fish: ThinnedFish) -> Axes:
 
 
 def _draw_pixels(axes: Axes, xy: Ints, colour: str | Floats, alpha: float = 1.0) -> None:
+    """Colour the pixels xy (n, 2): x, y, in one colour or in one for each (n, 4)."""
     picture = np.zeros((*(int(max(lim)) + 1 for lim in (axes.get_ylim(), axes.get_xlim())), 4))
     picture[xy[:, 1], xy[:, 0]] = np.array(to_rgba(colour) if isinstance(colour, str) else colour)
     picture[..., 3] *= alpha
@@ -312,7 +322,7 @@ def _draw_pixels(axes: Axes, xy: Ints, colour: str | Floats, alpha: float = 1.0)
 
 
 def _draw_numbers(axes: Axes, fish: ThinnedFish) -> None:
-    """Colour the pixels by their numbers, and write those of ends and joints (Fig. 4)."""
+    """Colour the skeleton's pixels by number, and write the numbers of ends and joints (Fig. 4)."""
     last = fish.branches[0].numbers[-1]
     for path, numbers in fish.branches:
         _draw_pixels(axes, path, colormaps["viridis"](numbers / max(last, 1)))
@@ -324,7 +334,7 @@ def _draw_numbers(axes: Axes, fish: ThinnedFish) -> None:
     ]
     ends += [(one.path[0], f"{one.numbers[0]}", False) for one in fish.side_branches]
     for (x, y), text, bold in ends:
-        right, down = _free_place(blocked, x, y, 1.4 * len(text) + 1)
+        right, down = _place_label(blocked, x, y, 1.4 * len(text) + 1)
         axes.annotate(
             text, (x, y), (right, down), ha="center", va="center", fontsize=9, zorder=4,
             fontweight="bold" if bold else "normal", color="black" if bold else "0.35",
@@ -332,8 +342,11 @@ def _draw_numbers(axes: Axes, fish: ThinnedFish) -> None:
         )  # fmt: skip
 
 
-def _free_place(blocked: Floats, x: int, y: int, wide: float) -> tuple[float, float]:
-    """Return the centre of a pixel's label where it hides least, and block what it covers."""
+def _place_label(blocked: Floats, x: int, y: int, wide: float) -> tuple[float, float]:
+    """Return where to centre a pixel's label, `wide` px wide, so that it hides least.
+
+    blocked (h, w): how much each pixel should stay visible; the label's own pixels are added.
+    """
     best, place, box = np.inf, (float(x), float(y)), np.s_[0:0, 0:0]
     height, width = blocked.shape
     for far in (3.0, 4.0, 5.0, 6.5, 8.0):

@@ -20,25 +20,25 @@ _SHOWN = 0.99  # quantile of the film's values that the axis goes to
 _BINS = 30
 
 
-def draw_school_measures(shoals: Mapping[str, pd.DataFrame]) -> Figure:
-    """Draw the distribution of every measure of a group, one line per group.
+def draw_school_measures(groups: Mapping[str, pd.DataFrame]) -> Figure:
+    """Draw how each measure of a group of fish is distributed, one line per group.
 
-    shoals: name of a group → its table of `SHOAL`.
+    groups: name of a group → its table of `SHOAL`.
     """
     figure = Figure(figsize=(12, 6.4), layout="constrained")
     grid = figure.subplots(2, 3)
     for axes, name in zip(grid.flat, MEASURES, strict=False):
-        lots = {shoal: measure_values(table, name) for shoal, table in shoals.items()}
-        every = np.concatenate(list(lots.values()))
+        values_by_group = {group: measure_values(table, name) for group, table in groups.items()}
+        every = np.concatenate(list(values_by_group.values()))
         axes.set(xlabel=_LABELS[name], ylabel="density")
         if not len(every):
             axes.text(0.5, 0.5, "one fish at a time", ha="center", transform=axes.transAxes)
             continue
         edges = np.linspace(0, max(float(np.quantile(every, _SHOWN)), 1e-6), _BINS + 1)
-        for (shoal, lot), colour in zip(lots.items(), _COLOURS, strict=False):
-            if len(lot):
-                heights = np.histogram(lot, edges)[0] / len(lot) / np.diff(edges)
-                axes.stairs(heights, edges, color=colour, lw=1.8, label=shoal)
+        for (group, values), colour in zip(values_by_group.items(), _COLOURS, strict=False):
+            if len(values):
+                heights = np.histogram(values, edges)[0] / len(values) / np.diff(edges)
+                axes.stairs(heights, edges, color=colour, lw=1.8, label=group)
         axes.set(xlim=(0, edges[-1]), ylim=(0, None))
     handles, labels = grid.flat[MEASURES.index("wall_distance")].get_legend_handles_labels()
     grid.flat[-1].axis("off")

@@ -14,13 +14,13 @@ from finloop.base.arrays import Picture
 _QUANTILE = 0.999  # quantile of the difference that is drawn black
 
 
-def film_check(
+def draw_film_check(
     frame: Picture, difference: NDArray[np.float32], table: pd.DataFrame, rate_hz: float, title: str
 ) -> Picture:
     """Draw a frame, its difference from the still tank, and curves of light, camera and change.
 
-    difference (h, w): grey levels; table: columns of `clip.check.CHECK`; rate_hz: frames per
-    second. Returns RGB.
+    difference (h, w): grey levels. table: columns of `clip.check.CHECK`, a row per frame. rate_hz:
+    frames per second. title: text above the frame. Returns RGB (h, w, 3).
     """
     height, width = difference.shape
     figure = Figure((12, 6 * height / width + 5.5), dpi=110, layout="constrained")
@@ -37,13 +37,13 @@ def film_check(
     for name in ("frame", "difference"):
         panels[name].set_axis_off()
     time_s = table["frame"] / rate_hz
-    _curve(panels["light"], time_s, table["light"], color="#E69F00", label="brightness")
+    _draw_curve(panels["light"], time_s, table["light"], color="#E69F00", label="brightness")
     panels["light"].set(ylabel="light (first frame = 1)")
     for axis, colour, name in (("x", "#0072B2", "right"), ("y", "#D55E00", "down")):
-        _curve(panels["camera"], time_s, table[f"shift_{axis}"], color=colour, label=name)
+        _draw_curve(panels["camera"], time_s, table[f"shift_{axis}"], color=colour, label=name)
     panels["camera"].set(ylabel="camera (px)")
     panels["camera"].legend(frameon=False, loc="upper right", ncols=2)
-    _curve(panels["change"], time_s, table["change"], color="#009E73", label="change")
+    _draw_curve(panels["change"], time_s, table["change"], color="#009E73", label="change")
     panels["change"].set(ylabel="change (grey levels)", xlabel="time (s)", ylim=(0, None))
     for name in ("light", "camera", "change"):
         panels[name].set_xlim(0, max(float(time_s.iloc[-1]), 1 / rate_hz))
@@ -51,8 +51,11 @@ def film_check(
     return np.array(canvas.buffer_rgba())[..., :3]
 
 
-def _curve(axes: Axes, time_s: pd.Series, values: pd.Series, **style: Any) -> None:
-    """Draw a line with gaps where nothing was measured; its axis shows a flat line as flat."""
+def _draw_curve(axes: Axes, time_s: pd.Series, values: pd.Series, **style: Any) -> None:
+    """Draw values over time, with gaps where nothing was measured.
+
+    The axis spans at least a fixed range, so that a nearly constant line looks flat.
+    """
     axes.plot(time_s, values, lw=0.8, **style)
     low, high = axes.get_ylim()
     least = {"brightness": 0.1, "change": 4.0}.get(style["label"], 1.0)

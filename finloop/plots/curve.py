@@ -18,23 +18,26 @@ INK, REST = "#0072B2", "#B0B0B0"
 Array = NDArray[np.float64]
 
 
-def _draw(ax: Axes, points: Array, closed: bool, colour: str = INK, width: float = 1.3) -> None:
+def _draw_curve(
+    ax: Axes, points: Array, closed: bool, colour: str = INK, width: float = 1.3
+) -> None:
+    """Draw a line through points (n, 2); a closed curve returns to its first point."""
     x, y = (np.concatenate([points, points[:1]]) if closed else points).T
     ax.plot(x, y, color=colour, lw=width)
 
 
-def _show_box(ax: Axes, box: Array) -> None:
-    """Show the part of a plot that holds these points, without axes."""
-    low, high = box.reshape(-1, 2).min(axis=0), box.reshape(-1, 2).max(axis=0)
+def _fit_axes(ax: Axes, points: Array) -> None:
+    """Let a plot show these points (…, 2) with a margin, and hide its axes."""
+    low, high = points.reshape(-1, 2).min(axis=0), points.reshape(-1, 2).max(axis=0)
     margin = 0.06 * float((high - low).max())
     ax.set(xlim=(low[0] - margin, high[0] + margin), ylim=(high[1] + margin, low[1] - margin))
     ax.set_aspect("equal")
     ax.axis("off")
 
 
-def _panel_height(box: Array, width: float) -> float:
-    """Return the height, in inches, of a panel of this width that shows these points."""
-    wide, high = np.ptp(box.reshape(-1, 2), axis=0) + 1e-9
+def _panel_height(points: Array, width: float) -> float:
+    """Return the height, in inches, of a panel of this width that shows these points (…, 2)."""
+    wide, high = np.ptp(points.reshape(-1, 2), axis=0) + 1e-9
     return min(3.0, max(0.7, width * float(high / wide))) + 0.3
 
 
@@ -45,7 +48,7 @@ def _name_row(ax: Axes, text: str) -> None:
 
 
 def figure2(curve: Curve, wavelets: Sequence[tuple[str, str]]) -> Figure:
-    """Draw Fig. 2 of the curve paper: a curve of n points from n / 2^k of its samples.
+    """Draw Fig. 2 of the curve paper: a curve of n points, drawn from n / 2^k samples of it.
 
     wavelets: pairs of a wavelet's name and the title of its row.
     """
@@ -55,17 +58,17 @@ def figure2(curve: Curve, wavelets: Sequence[tuple[str, str]]) -> Figure:
     for row, (wavelet, title) in zip(rows, wavelets, strict=True):
         shapes = [drop_details(curve.points, wavelet, k, curve.closed) for k in LEVELS]
         for ax, k, points in zip(row, LEVELS, shapes, strict=True):
-            _draw(ax, points, curve.closed)
-            _show_box(ax, np.stack(shapes))
+            _draw_curve(ax, points, curve.closed)
+            _fit_axes(ax, np.stack(shapes))
             ax.set_title(f"({k})  {n >> k} samples", fontsize=9)
         _name_row(row[0], title)
     return figure
 
 
 def figure3(matrix: csr_array, levels: int, title: str) -> Figure:
-    """Draw Fig. 3 of the curve paper: sizes of the entries of the stiffness matrix K (n, n).
+    """Draw Fig. 3 of the curve paper: how large the entries of the stiffness matrix K (n, n) are.
 
-    matrix: K in the wavelet basis; levels: number of scales, which lines separate.
+    matrix: K in the wavelet basis. levels: number of scales, which lines separate.
     """
     size = np.abs(matrix.toarray())
     n = len(size)
@@ -89,10 +92,10 @@ def figure3(matrix: csr_array, levels: int, title: str) -> Figure:
 def figure6(
     frames: Array, times: Array, rest: Array, title: str, closed: bool = True, columns: int = 6
 ) -> Figure:
-    """Draw Fig. 6 of the curve paper: a moving curve in successive pictures, its rest in grey.
+    """Draw Fig. 6 of the curve paper: pictures of a moving curve, with its rest shape in grey.
 
-    frames (t, n, 2): the curve at the times (t,); rest (n, 2). Pictures run left to right, top to
-    bottom.
+    frames (t, n, 2): the curve at the times (t,). rest (n, 2): its shape without forces. columns:
+    pictures per row.
     """
     rows = -(-len(frames) // columns)
     box = np.concatenate([frames, rest[None]])
@@ -100,11 +103,11 @@ def figure6(
     figure = Figure(figsize=(1.7 * columns, height), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for ax, points, time in zip(axes, frames, times, strict=False):
-        _draw(ax, rest, closed, REST, 0.8)
-        _draw(ax, points, closed)
+        _draw_curve(ax, rest, closed, REST, 0.8)
+        _draw_curve(ax, points, closed)
         ax.set_title(f"τ = {time:.3g}", fontsize=8)
     for ax in axes:
-        _show_box(ax, box)
+        _fit_axes(ax, box)
     figure.suptitle(title, fontsize=10)
     return figure
 
@@ -122,8 +125,8 @@ def figure7(
     rows = figure.subplots(len(shapes), len(times), squeeze=False)
     for index, (row, (points, frames)) in enumerate(zip(rows, shapes, strict=True)):
         for ax, time, frame in zip(row, times, frames, strict=True):
-            _draw(ax, frame, closed)
-            _show_box(ax, box)
+            _draw_curve(ax, frame, closed)
+            _fit_axes(ax, box)
             if index == 0:
                 ax.set_title(f"τ = {time:.3g}", fontsize=8)
         _name_row(row[0], f"({'abcdefgh'[index]}) {points}")

@@ -9,11 +9,8 @@ from numpy.typing import NDArray
 BLANK = "#F0DFA8"  # no shade of grey: nothing was measured there
 
 
-def picture_rows(features: pd.DataFrame, most: int) -> NDArray[np.intp]:
-    """Return at most `most` row numbers of the feature table: those of the longest tracks.
-
-    Rows are in the table's order.
-    """
+def rows_of_longest_tracks(features: pd.DataFrame, most: int) -> NDArray[np.intp]:
+    """Return at most `most` row numbers of a feature table, rising: those of the longest tracks."""
     track = features["track_id"]
     longest = track.groupby(track).transform("size").to_numpy()
     return np.sort(np.lexsort((np.arange(len(track)), track, -longest))[:most])
@@ -23,19 +20,20 @@ def figure9(
     distance: NDArray[np.floating],
     compared: NDArray[np.bool_],
     track: NDArray[np.integer],
-    unit: float,
+    natural_step: float,
 ) -> Figure:
     """Draw Fig. 9 of the fish paper: distances of all pairs of frames (a), of compared pairs (b).
 
-    (a) shows Eq. 5; (b) shows Eq. 6, which compares like with like. distance, compared (n, n);
-    track (n,): of each frame; unit: the median natural step.
+    (a) shows Eq. 5; (b) shows Eq. 6, which compares only frames of like motion. distance, compared
+    (n, n). track (n,): the track of each frame. natural_step: the median distance between one
+    picture and the next.
     """
     figure = Figure(figsize=(13, 6.8), layout="constrained")
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
     shades = colormaps["gray"].with_extremes(bad=BLANK)
     # Few pairs are far: without them, shades differ more.
-    top = float(np.quantile(distance, 0.99)) / unit
-    steps = distance / unit
+    top = float(np.quantile(distance, 0.99)) / natural_step
+    steps = distance / natural_step
     skipped = 100 * (1 - compared.mean())
     titles = (
         "(a) Eq. 5: every pair",

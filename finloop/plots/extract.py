@@ -10,7 +10,7 @@ from finloop.extract.background import Scene, match_scene_to_light
 from finloop.extract.samples import TypicalFish, judge_silhouette
 from finloop.extract.segment import SilhouetteEdge, find_silhouettes
 from finloop.extract.settings import ExtractSettings
-from finloop.plots.parts import convert_to_colour, in_rows, write
+from finloop.plots.parts import convert_to_colour, join_in_rows, write_text
 
 _COLOURS = {  # RGB; colour-blind people distinguish them, too (Okabe-Ito)
     "fish": (0, 158, 115),
@@ -21,13 +21,14 @@ _COLOURS = {  # RGB; colour-blind people distinguish them, too (Okabe-Ito)
 }
 
 
-def detections_picture(
+def draw_detections(
     frames: Sequence[Picture], labels: Sequence[str], scene: Scene, typical: TypicalFish,
     arena: Picture, settings: ExtractSettings,
 ) -> Picture:  # fmt: skip
     """Draw frames, two per row, with each silhouette's outline in the colour of its verdict.
 
-    labels: one per frame; arena: 255 inside. Returns (h, w, 3) RGB, with a key on top.
+    labels: a text for each frame. arena (h, w): 255 where animals can be. scene, typical, settings:
+    what extraction measured and was told. Returns an RGB picture with a key on top.
     """
     panels = []
     for frame, label in zip(frames, labels, strict=True):
@@ -45,13 +46,13 @@ def detections_picture(
             )
             cv2.drawContours(panel, [outline], -1, colour, max(1, frame.shape[1] // 600))
         place, line = (int(12 * scale), int(30 * scale)), max(1, round(2 * scale))
-        write(panel, label, place, (255, 255, 255), 0.9 * scale, line)
+        write_text(panel, label, place, (255, 255, 255), 0.9 * scale, line)
         panels.append(panel)
-    rows = in_rows(panels, 2)
+    rows = join_in_rows(panels, 2)
     width = rows[0].shape[1]
     scale = width / 1800
     key = np.full((int(50 * scale), width, 3), 255, np.uint8)
     for i, (word, colour) in enumerate(_COLOURS.items()):
         place = (int((20 + 300 * i) * scale), int(36 * scale))
-        write(key, word, place, colour, 1.1 * scale, max(1, round(3 * scale)))
+        write_text(key, word, place, colour, 1.1 * scale, max(1, round(3 * scale)))
     return np.vstack([key, *rows])

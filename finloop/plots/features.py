@@ -18,7 +18,14 @@ from finloop.features.head import begins_at_tail
 from finloop.features.metrics import rows_of_longest_track
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, WORDS
 from finloop.features.table import count_orientations, orientation_heading_deg
-from finloop.plots.parts import Picture, arrows, convert_to_colour, in_rows, over_tank, write
+from finloop.plots.parts import (
+    Picture,
+    convert_to_colour,
+    draw_empty_tank,
+    draw_heading_arrows,
+    join_in_rows,
+    write_text,
+)
 
 _WAYS = 200  # tracks drawn, at most; more hide one another
 TYPES = {  # Okabe-Ito colours, which colour-blind people distinguish, too
@@ -49,8 +56,11 @@ def figure7(features: pd.DataFrame) -> Figure:
 
 
 def draw_trajectories(features: pd.DataFrame, background: Picture) -> Figure:
-    """Draw the paths of tracks, spread over the film, on the empty tank, with some headings."""
-    figure, axes = over_tank(background, 0.6)
+    """Draw the paths of at most 200 tracks, spread over the film, over the empty tank.
+
+    Arrows show some headings.
+    """
+    figure, axes = draw_empty_tank(background, 0.6)
     colours = mpl.colormaps["tab20"](np.arange(20))
     every = features["track_id"].unique()
     some = spread_rows(np.arange(len(every)), _WAYS)
@@ -59,7 +69,7 @@ def draw_trajectories(features: pd.DataFrame, background: Picture) -> Figure:
         colour = colours[number % len(colours)]
         axes.plot(track["x_px"], track["y_px"], color=colour, lw=1.2)
         axes.plot(track["x_px"].iloc[0], track["y_px"].iloc[0], "o", color=colour, ms=5)
-        arrows(axes, track.iloc[:: max(1, len(track) // 8)], color=colour)
+        draw_heading_arrows(axes, track.iloc[:: max(1, len(track) // 8)], color=colour)
     left = "" if len(some) == len(every) else f"; {len(some)} of {len(every)} tracks"
     axes.set_title(f"dot: a track begins; arrow: heading{left}")
     return figure
@@ -87,8 +97,8 @@ def draw_rose(features: pd.DataFrame) -> Figure:
 class Specimen(NamedTuple):
     """One fish for a contact sheet: its row of the feature table, its backbone, its picture.
 
-    backbone (n, 2): px of the film, head first; film: the cut-out over the empty tank; x0_px,
-    y0_px: its upper left pixel.
+    backbone (n, 2): px of the film, head first. film (h, w) or (h, w, 3): the cut-out over the
+    empty tank. x0_px, y0_px: its upper left pixel in the tank.
     """
 
     row: pd.Series
@@ -98,23 +108,25 @@ class Specimen(NamedTuple):
     y0_px: int
 
 
-def specimens(
-    table: pd.DataFrame, tracks: pd.DataFrame, numbers: NDArray[np.intp], cutouts: Cutouts,
+def read_specimens(
+    table: pd.DataFrame, tracks: pd.DataFrame, rows: NDArray[np.intp], cutouts: Cutouts,
     background: Picture,
 ) -> Iterator[Specimen]:  # fmt: skip
-    """Yield the fish of some row numbers, each with its backbone and its cut-out over the tank.
+    """Yield the fish of some rows, each with its backbone and its cut-out over the empty tank.
 
-    table, tracks: the feature table and the tracks, row by row the same.
+    table, tracks: the feature table and the tracks, which have the same rows.
     """
     lines = lists_to_points(tracks, "backbone")
     lines = np.where(begins_at_tail(lines, table)[:, None, None], lines[:, ::-1], lines)
-    for number in numbers.tolist():
-        row, cutout = table.iloc[number], cutouts[number]
-        yield Specimen(row, lines[number], cutout.over(background), cutout.x0_px, cutout.y0_px)
+    for row in rows.tolist():
+        feature_row, cutout = table.iloc[row], cutouts[row]
+        yield Specimen(
+            feature_row, lines[row], cutout.blend_over(background), cutout.x0_px, cutout.y0_px
+        )
 
 
-def choose_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
-    """Return rows for a contact sheet: doubtful heads, and motion areas of all sizes.
+def choose_rows_to_check(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
+    """Return rows for a contact sheet: doubtful heads first, then motion areas of all sizes.
 
     The first half has the least confidence in head and tail, the worst first, at most three per
     track. The second half is spread over the range of motion areas, the largest first.
@@ -130,13 +142,13 @@ def choose_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
 def draw_specimens(specimens: Iterable[Specimen], columns: int = 6, size: int = 220) -> Picture:
     """Draw fish in tiles, each with backbone, control points, B-spline and heading.
 
-    size: px of a tile. Returns (h, w, 3), with a key on top.
+    columns: tiles per row. size: width of a tile in px. Returns (h, w, 3), with a key on top.
     """
-    rows = in_rows([_draw_tile(specimen, size) for specimen in specimens], columns)
+    rows = join_in_rows([_draw_tile(specimen, size) for specimen in specimens], columns)
     key = np.full((24, rows[0].shape[1], 3), 40, np.uint8)
     words = (("backbone", _BACKBONE), ("control points", _CONTROL), ("B-spline", _SPLINE))
     for number, (word, colour) in enumerate((*words, ("heading", _HEADING))):
-        write(key, word, (8 + 130 * number, 16), colour, _LETTERS)
+        write_text(key, word, (8 + 130 * number, 16), colour, _LETTERS)
     return np.vstack([key, *rows])
 
 
@@ -145,6 +157,7 @@ _WORDS, _LETTERS = (235, 235, 235), 0.38
 
 
 def _draw_tile(specimen: Specimen, size: int) -> Picture:
+    """Draw one fish in a tile, `size` px wide, with its measures and a text on them."""
     film = convert_to_colour(specimen.film)
     scale = (size - 40) / max(film.shape[:2])
     tile = np.full((size, size, 3), 40, np.uint8)
@@ -152,19 +165,19 @@ def _draw_tile(specimen: Specimen, size: int) -> Picture:
     top, left = 30 + (size - 40 - big.shape[0]) // 2, (size - big.shape[1]) // 2
     tile[top : top + big.shape[0], left : left + big.shape[1]] = big
 
-    def place(points: NDArray[np.floating]) -> NDArray[np.int32]:
+    def to_tile(points: NDArray[np.floating]) -> NDArray[np.int32]:
         """Convert px of the picture to sixteenths of a pixel of the tile, for cv2's shift=4."""
         inside = points - [specimen.x0_px, specimen.y0_px] + 0.5
         return np.round(16 * (inside * scale - 0.5 + [left, top])).astype(np.int32)
 
     control = control_points(specimen.backbone[None])[0]
-    cv2.polylines(tile, [place(closed_spline_points(control))], True, _SPLINE, 1, cv2.LINE_AA, 4)
-    cv2.polylines(tile, [place(specimen.backbone)], False, _BACKBONE, 1, cv2.LINE_AA, 4)
-    for x, y in place(control):
+    cv2.polylines(tile, [to_tile(closed_spline_points(control))], True, _SPLINE, 1, cv2.LINE_AA, 4)
+    cv2.polylines(tile, [to_tile(specimen.backbone)], False, _BACKBONE, 1, cv2.LINE_AA, 4)
+    for x, y in to_tile(control):
         cv2.circle(tile, (int(x), int(y)), 40, _CONTROL, -1, cv2.LINE_AA, 4)
     angle = np.radians(specimen.row["heading_deg"])
     step = 0.25 * specimen.row["body_length_px"] * np.array([np.cos(angle), -np.sin(angle)])
-    start, end = place(np.stack([specimen.backbone[0], specimen.backbone[0] + step]))
+    start, end = to_tile(np.stack([specimen.backbone[0], specimen.backbone[0] + step]))
     ends = tuple(map(int, start)), tuple(map(int, end))
     cv2.arrowedLine(tile, *ends, _HEADING, 2, cv2.LINE_AA, 4, 0.3)
     row = specimen.row
@@ -172,5 +185,5 @@ def _draw_tile(specimen: Specimen, size: int) -> Picture:
     above = f"track {row['track_id']:.0f} frame {row['frame']:.0f} {word}"
     below = f"confidence {row['head_confidence']:.3f}  area {row['motion_area_rel']:.2f}"
     for text, y in ((above, 13), (below, 27)):
-        write(tile, text, (5, y), _WORDS, _LETTERS)
+        write_text(tile, text, (5, y), _WORDS, _LETTERS)
     return tile

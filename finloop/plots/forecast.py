@@ -17,10 +17,10 @@ _RANKS = ("pose_rank", "forward_rank", "sideways_rank", "turning_rank")
 _SPAN_S = 1.0  # of the autocorrelations
 
 
-def learning_figure(curve: pd.DataFrame, held_out: pd.DataFrame) -> Figure:
+def draw_learning(curve: pd.DataFrame, held_out: pd.DataFrame) -> Figure:
     """Draw the forecast's error per epoch, and how the true values rank among its predictions.
 
-    curve: columns epoch, train_error, held_out_error; held_out: columns of `HELD_OUT`, ranks 0 … 1.
+    curve: columns epoch, train_error, held_out_error. held_out: columns of `HELD_OUT`, ranks 0 … 1.
     """
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     errors, ranks = figure.subplots(1, 2)
@@ -44,10 +44,11 @@ def learning_figure(curve: pd.DataFrame, held_out: pd.DataFrame) -> Figure:
     return figure
 
 
-def free_figure(film: FilmStates, free: pd.DataFrame) -> Figure:
-    """Draw a fish that swims by the forecast beside the film: distributions, autocorrelations.
+def draw_free_swimming(film: FilmStates, predicted: pd.DataFrame) -> Figure:
+    """Draw the motion of a fish that only the forecast moves beside the film's.
 
-    film: states of the film; free: columns of `FREE`. Distributions are above.
+    Above are distributions, below autocorrelations. film: states of the film. predicted: columns of
+    `FREE`, a row per predicted frame.
     """
     figure = Figure(figsize=(12, 6.5), layout="constrained")
     panels = figure.subplots(2, 3)
@@ -55,7 +56,7 @@ def free_figure(film: FilmStates, free: pd.DataFrame) -> Figure:
     follows = np.diff(rows) == 1
     lags = max(2, round(_SPAN_S * film.rate_hz))
     for (name, number, label), above, below in zip(_CHANNELS, *panels, strict=True):
-        filmed, own = film.states[rows, number], free[name].to_numpy(float)
+        filmed, own = film.states[rows, number], predicted[name].to_numpy(float)
         low, high = np.quantile(filmed, [0.002, 0.998])
         bins = np.linspace(low, high, 60).tolist()
         above.hist(filmed, bins, density=True, color=_FILM, alpha=0.35, label="film")

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from finloop.distance.map import MapFacts
 from finloop.distance.reel import Reel
 from finloop.gateways.find import IN, OUT, draw_sprites_and_next
-from finloop.plots.loops import sample
-from finloop.plots.parts import Picture, in_rows, on_grey, write
+from finloop.plots.loops import spread_table_rows
+from finloop.plots.parts import Picture, join_in_rows, lay_on_grey, write_text
 
 Stack = NDArray[np.float32]
 
@@ -26,10 +26,10 @@ _HEADLINES = {
 
 
 class GatewayPictures(NamedTuple):
-    """A gateway on screen: three premultiplied pictures (TILE, TILE, c), 0 … 1, and two titles.
+    """Three pictures of a gateway, and the two texts above and below them.
 
-    before: the last picture; natural: the picture that would follow it; instead: the picture that
-    is shown; above, below: titles.
+    before: the last picture. natural: the picture that would follow it. instead: the picture that
+    is shown. Each is (TILE, TILE, c), 0 … 1, premultiplied by its last channel, alpha.
     """
 
     before: Stack
@@ -39,9 +39,9 @@ class GatewayPictures(NamedTuple):
     below: str
 
 
-def spread_by_distance(gateways: pd.DataFrame, count: int) -> pd.DataFrame:
-    """Return a few gateways, evenly from the smallest distance to the largest."""
-    return sample(gateways.sort_values("distance", kind="stable"), count)
+def choose_gateways_to_draw(gateways: pd.DataFrame, count: int) -> pd.DataFrame:
+    """Return `count` gateways, evenly spaced from the smallest distance to the largest."""
+    return spread_table_rows(gateways.sort_values("distance", kind="stable"), count)
 
 
 def gateway_pictures(
@@ -49,16 +49,16 @@ def gateway_pictures(
 ) -> Iterator[GatewayPictures]:
     """Yield the pictures of each gateway, in the pose in which they were compared.
 
-    gateways: columns of `GATEWAYS`; reel: frames and sprites; facts: of the distance map.
+    gateways: columns of `GATEWAYS`. reel: frames and sprites. facts: how the distance map was made.
     """
 
     @lru_cache(1)  # in the pose BODY there is but one
-    def of_sprites(number: int) -> tuple[Stack, Stack]:
+    def load_sprite_pictures(number: int) -> tuple[Stack, Stack]:
         return draw_sprites_and_next(reel, TILE, facts.pose, number)
 
     for way in gateways.itertuples():
         sprite, row = reel.sprites.iloc[way.sprite], reel.features.iloc[way.row]
-        ahead, own = (of[way.sprite] for of in of_sprites(max(1, way.orientation)))
+        ahead, own = (of[way.sprite] for of in load_sprite_pictures(max(1, way.orientation)))
         inward = way.direction == IN
         rows = np.array([way.row, way.row + (not inward)])
         here, after = reel.draw_rows(rows, TILE, facts.pose)
@@ -73,24 +73,25 @@ def gateway_pictures(
         )
 
 
-def draw_gateways(pairs: Mapping[str, Sequence[GatewayPictures]], columns: int = 3) -> Picture:
+def draw_gateways(gateways: Mapping[str, Sequence[GatewayPictures]], columns: int = 3) -> Picture:
     """Draw gateways in both directions, each direction below a line that explains its pictures.
 
-    pairs: direction (IN, OUT) → gateways; columns: gateways per row. Returns (h, w, 3).
+    gateways: direction (IN, OUT) → gateways. columns: gateways per row. Returns (h, w, 3).
     """
     bands = []
-    for direction, some in pairs.items():
+    for direction, some in gateways.items():
         strip = np.full((_STRIP, 4 * TILE * columns, 3), 255, np.uint8)
-        write(strip, _HEADLINES[direction], (4, _STRIP - 5), _INK, 0.45)
-        bands += [strip, *in_rows([_draw_gateway(pair) for pair in some], columns)]
+        write_text(strip, _HEADLINES[direction], (4, _STRIP - 5), _INK, 0.45)
+        bands += [strip, *join_in_rows([_draw_gateway(gateway) for gateway in some], columns)]
     return np.vstack(bands)
 
 
-def _draw_gateway(pair: GatewayPictures) -> Picture:
-    half = ((pair.natural + pair.instead) / 2).astype(np.float32)
-    stacks = (pair.before, pair.natural, pair.instead, half)
-    whole = np.hstack([on_grey(255 * stack[..., :-1], stack[..., -1:]) for stack in stacks])
-    for text, y in ((pair.above, 12), (pair.below, TILE - 5)):
-        write(whole, text, (4, y), _INK, 0.36)
+def _draw_gateway(gateway: GatewayPictures) -> Picture:
+    """Draw the three pictures of a gateway, and the mean of the last two, side by side."""
+    half = ((gateway.natural + gateway.instead) / 2).astype(np.float32)
+    stacks = (gateway.before, gateway.natural, gateway.instead, half)
+    whole = np.hstack([lay_on_grey(255 * stack[..., :-1], stack[..., -1:]) for stack in stacks])
+    for text, y in ((gateway.above, 12), (gateway.below, TILE - 5)):
+        write_text(whole, text, (4, y), _INK, 0.36)
     cv2.rectangle(whole, (0, 0), (whole.shape[1] - 1, TILE - 1), (235,) * 3, 2)
     return whole

@@ -10,10 +10,10 @@ _SURE = "viridis"
 
 
 def draw_timeline(table: pd.DataFrame, features: pd.DataFrame, rate_hz: float) -> Figure:
-    """Draw one row per animal with a bar per track over time; dots are joins of two tracks.
+    """Draw one row per animal with a bar per track over time; dots mark joins of two tracks.
 
-    A dot's colour is the join's probability. table: schema IDENTITIES; features: track_id and frame
-    of every row; rate_hz: frames per second.
+    A dot's colour is the join's probability. table: columns of `IDENTITIES`. features: track_id and
+    frame of every row. rate_hz: frames per second.
     """
     span = features.groupby("track_id")["frame"].agg(["min", "max"]).loc[table["track_id"]]
     start, stop = (span[end].to_numpy() / rate_hz for end in ("min", "max"))

@@ -14,7 +14,7 @@ from finloop.distance.reel import Reel
 from finloop.features.current import places_through_water
 from finloop.features.table import infer_delta_frames, wrap_deg
 from finloop.loops.search import measure_travel
-from finloop.plots.loops import SIZE_PX, fish_rows, on_light
+from finloop.plots.loops import SIZE_PX, lay_on_light, rows_with_fish
 from finloop.plots.parts import draw_arrow
 
 _HEADING, _TRAVEL = "#009E73", "#D55E00"  # Okabe-Ito
@@ -26,11 +26,11 @@ Rows = NDArray[np.integer]
 
 
 class ImproperLoop(NamedTuple):
-    """An improper loop: two similar rows a < b, and how the fish travels against its heading.
+    """An improper loop: two similar rows a < b between which the fish travels against its heading.
 
-    place: where that is, 0 between the ends, 1 at a, 2 at b; travel_deg, heading_deg: there,
-    anticlockwise; off_deg: angle between them; filtered: mean distance along the diagonal of the
-    distance map.
+    place: of the fault, 0 between the ends, 1 at a, 2 at b. travel_deg, heading_deg: directions at
+    this place, anticlockwise. off_deg: the angle between them. filtered: mean distance along the
+    diagonal of the distance map.
     """
 
     a: int
@@ -42,25 +42,25 @@ class ImproperLoop(NamedTuple):
     filtered: float
 
 
-def most_improper(
-    candidates: pd.DataFrame, features: pd.DataFrame, most_deg: float
+def find_most_improper_loop(
+    candidates: pd.DataFrame, features: pd.DataFrame, max_angle_deg: float
 ) -> ImproperLoop | None:
     """Return the improper loop that shows the fault most clearly; None if no pair is improper.
 
     Pairs that are improper between their ends come before those that are improper at an end. Of
     these it is the pair whose travel differs most from the heading; a path below one body length
-    counts less. candidates: from `loops.search.find_loop_candidates`; most_deg: a loop's largest
-    angle.
+    counts less. candidates: from `loops.search.find_loop_candidates`. max_angle_deg: a larger angle
+    is improper.
     """
     pairs = candidates[candidates["improper"]]
     if pairs.empty:
         return None
     a, b = pairs["a"].to_numpy(), pairs["b"].to_numpy()
     travel = measure_travel(a, b, features)
-    off = np.where(travel.off_deg > most_deg, travel.off_deg, 0.0)
-    way = np.diff(places_through_water(features)[np.stack([a, b])], axis=0)[0]
+    off = np.where(travel.off_deg > max_angle_deg, travel.off_deg, 0.0)
+    displacement = np.diff(places_through_water(features)[np.stack([a, b])], axis=0)[0]
     length = features["body_length_px"].to_numpy(float)[a]
-    off[:, 0] *= np.minimum(np.hypot(*way.T) / length, 1.0)
+    off[:, 0] *= np.minimum(np.hypot(*displacement.T) / length, 1.0)
     places = off[:, :1] if off[:, 0].any() else off
     pair, place = np.unravel_index(int(places.argmax()), places.shape)
     return ImproperLoop(
@@ -74,8 +74,11 @@ def most_improper(
     )
 
 
-def rows_on_way(loop: ImproperLoop, features: pd.DataFrame) -> Rows:
-    """Return the rows of a loop's path: from a to b, or Δ/2 to both sides of its improper end."""
+def loop_path_rows(loop: ImproperLoop, features: pd.DataFrame) -> Rows:
+    """Return the rows of a loop's path: from a to b, or Δ/2 to both sides of its improper end.
+
+    Δ is the time in which motion is measured.
+    """
     if loop.place == 0:
         return np.arange(loop.a, loop.b + 1)
     end, delta = (loop.a, loop.b)[loop.place - 1], infer_delta_frames(features)
@@ -85,31 +88,36 @@ def rows_on_way(loop: ImproperLoop, features: pd.DataFrame) -> Rows:
     return rows[track[rows] == track[end]]
 
 
-def figure13(loop: ImproperLoop, reel: Reel, pose: str, background: Picture, words: str) -> Figure:
+def figure13(
+    loop: ImproperLoop, reel: Reel, pose: str, background: Picture, headline: str
+) -> Figure:
     """Draw Fig. 13 of the fish paper: an improper loop, with the fish's heading and its travel.
 
-    Below are the pictures at both ends; `words` stand above. pose: in which they were compared.
+    Below are the pictures at both ends. pose: the pose in which they were compared. headline: the
+    text above the figure.
     """
     features = reel.features
     figure = Figure(figsize=(12.5, 8.0), layout="constrained")
-    figure.suptitle(words, fontsize=11)
+    figure.suptitle(headline, fontsize=11)
     heights = _HIGH * 12.5, 2
     parts: NDArray[np.object_] = np.asarray(figure.subfigures(2, 1, height_ratios=heights))
     upper, lower = parts
-    way = upper.subplots()
+    path_panel = upper.subplots()
     film = background.copy()
     for row in _rows_to_show(loop).values():
         cutout = reel.film[row]
         h, w = cutout.pixels.shape[:2]
-        film[cutout.y0_px : cutout.y0_px + h, cutout.x0_px : cutout.x0_px + w] = cutout.over(film)
-    way.imshow(film, cmap="gray", vmin=0, vmax=255, interpolation="bicubic")
-    _draw_way(way, loop, features, film)
+        film[cutout.y0_px : cutout.y0_px + h, cutout.x0_px : cutout.x0_px + w] = cutout.blend_over(
+            film
+        )
+    path_panel.imshow(film, cmap="gray", vmin=0, vmax=255, interpolation="bicubic")
+    _draw_loop_path(path_panel, loop, features, film)
     pictures = reel.draw_rows(np.array([loop.a, loop.b]), SIZE_PX, pose)
-    band = fish_rows(pictures)
+    band = rows_with_fish(pictures)
     lower.suptitle("the fish at a and b: alike enough for a jump", fontsize=11)
     panels = lower.subplots(1, 2)
     for axes, picture, letter, row in zip(panels, pictures, "ab", (loop.a, loop.b), strict=True):
-        axes.imshow(on_light(picture[band]))
+        axes.imshow(lay_on_light(picture[band]))
         axes.axis("off")
         axes.set_title(f"{letter}: frame {features['frame'].iloc[row]}", fontsize=10)
     return figure
@@ -121,8 +129,12 @@ def _rows_to_show(loop: ImproperLoop) -> dict[str, int]:
     return ends if loop.place == 0 else dict([list(ends.items())[loop.place - 1]])
 
 
-def _draw_way(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film: Picture) -> None:
-    rows = rows_on_way(loop, features)
+def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film: Picture) -> None:
+    """Draw the fish's path between the ends of a loop, with arrows of its heading and its travel.
+
+    film: the picture below, in which the axes are placed.
+    """
+    rows = loop_path_rows(loop, features)
     part = features.iloc[rows]
     place = part[["x_px", "y_px"]].to_numpy(float)
     head = part[["head_x_px", "head_y_px"]].to_numpy(float)
@@ -131,21 +143,21 @@ def _draw_way(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film: Pict
     axes.plot(*place[[0, -1]].T, "o", color="white", ms=4)
     for letter, row in _rows_to_show(loop).items():
         end = int(np.searchsorted(rows, row))
-        ahead = _direction(part["heading_deg"].iloc[end])
+        ahead = _unit_vector(part["heading_deg"].iloc[end])
         draw_arrow(axes, head[end], head[end] + 0.45 * length * ahead, color=_HEADING, lw=2.5)
         right, down = head[end] + 0.62 * length * ahead
         axes.text(right, down, letter, ha="center", va="center", color=_HEADING, fontweight="bold")
     reach = max(float(np.hypot(*(place[-1] - place[0]))), length)
     middle = place[[0, -1]].mean(0)
-    along, ahead = _direction(loop.travel_deg), _direction(loop.heading_deg)
+    along, ahead = _unit_vector(loop.travel_deg), _unit_vector(loop.heading_deg)
     draw_arrow(axes, middle - along * reach / 2, middle + along * reach / 2, color=_TRAVEL, lw=2.5)
     if loop.place == 0:
         draw_arrow(axes, middle, middle + 0.75 * length * ahead, color=_HEADING, lw=2.5, ls=_DASHED)
         turned = float(wrap_deg(np.array(loop.heading_deg - loop.travel_deg)))
         angles = loop.travel_deg + np.linspace(0, turned, 40)
-        arc = middle + 0.35 * length * np.array([_direction(one) for one in angles])
+        arc = middle + 0.35 * length * np.array([_unit_vector(one) for one in angles])
         axes.plot(*arc.T, color="black", lw=1)
-        right, down = middle + 0.58 * length * _direction(loop.travel_deg + turned / 2)
+        right, down = middle + 0.58 * length * _unit_vector(loop.travel_deg + turned / 2)
         words = f"{loop.off_deg:.0f}°"
         axes.text(right, down, words, ha="center", va="center", fontweight="bold")
     every = np.vstack([place, head, head + length / 2, head - length / 2])
@@ -171,7 +183,7 @@ def _draw_way(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film: Pict
     axes.legend(handles=keys, loc="best", facecolor="0.75", framealpha=0.9)
 
 
-def _direction(angle_deg: float) -> Floats:
-    """Return the unit vector x, y of an angle, anticlockwise; y is down."""
+def _unit_vector(angle_deg: float) -> Floats:
+    """Return the unit vector x, y of an angle in degrees, anticlockwise; y points down."""
     angle = np.radians(angle_deg)
     return np.array([np.cos(angle), -np.sin(angle)])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Mask
 from finloop.loops.graph import LoopGraph, can_play_for_ever, is_in_component
 from finloop.loops.search import group_overlapping_loops
-from finloop.plots.loops import arc_points, sample
+from finloop.plots.loops import arc_points, spread_table_rows
 
 _LARGEST, _OTHER, _DEAD = "#0072B2", "#E69F00", "#D55E00"  # Okabe-Ito
 _IN_TURN = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
@@ -26,18 +26,21 @@ _NARROW = 0.02  # of the film; a group over less of it has no number at its bar
 Rows = NDArray[np.integer]
 
 
-def stretches(inside: Mask, track_id: Rows) -> list[tuple[int, int]]:
-    """Return first row and end of each unbroken stretch of `inside` (n,) within one track (n,)."""
+def find_stretches(inside: Mask, track_id: Rows) -> list[tuple[int, int]]:
+    """Return the unbroken runs of True in `inside` (n,): first row of each, and the row after it.
+
+    A run ends where the track ends. track_id (n,): the track of each row.
+    """
     number = np.where(inside, track_id, -1)
     edges = np.flatnonzero(np.diff(number, prepend=-1, append=-1))
     edges = np.unique(np.r_[edges, len(number)])
     return [(int(a), int(b)) for a, b in pairwise(edges) if inside[a]]
 
 
-def film_below(loops: pd.DataFrame, track_id: Rows) -> Mask:
-    """Return which rows (n,) of the film lie below loops: between the ends of a loop in one track.
+def rows_below_loops(loops: pd.DataFrame, track_id: Rows) -> Mask:
+    """Return which rows (n,) of the film lie between the two ends of a loop.
 
-    Below a loop from track to track are its two ends alone. track_id (n,): of each row.
+    Of a loop between two tracks only its ends count. track_id (n,): the track of each row.
     """
     change = np.zeros(len(track_id) + 1, np.int64)
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
@@ -53,75 +56,82 @@ def figure12(
 ) -> Figure:
     """Draw Fig. 12 of the fish paper: groups of loops along the film, and its dead ends.
 
-    At the top are loops within a track alone, as in the paper. Below are a row for each group of
-    all loops, and the film that can be played for ever.
+    At the top are the loops within a track, as in the paper. Below are a row for each group of all
+    loops, and the parts of the film that can be played for ever.
     """
     track_id = features["track_id"].to_numpy()
-    size = loops["group"].value_counts().sort_index()
-    rows = min(len(size), _ROWS) + (len(size) > _ROWS)
+    group_sizes = loops["group"].value_counts().sort_index()
+    rows = min(len(group_sizes), _ROWS) + (len(group_sizes) > _ROWS)
     heights = (3.2, 0.45 + 0.28 * rows, 1.5)
     figure = Figure(figsize=(12.5, sum(heights) + 1.6), layout="constrained")
-    within, every, bar = figure.subplots(3, 1, sharex=True, height_ratios=heights)
-    _draw_track_loops(within, loops, track_id, rate_hz)
-    _draw_groups(every, loops, track_id, rate_hz)
-    _draw_dead_ends(bar, graph, features, rate_hz)
-    bar.set(xlim=(0, len(track_id) / rate_hz))
-    figure.legend(
-        handles=bar.get_legend().legend_handles, loc="outside lower center", ncols=3, frameon=False
-    )
-    bar.get_legend().remove()
+    track_panel, group_panel, ends_panel = figure.subplots(3, 1, sharex=True, height_ratios=heights)
+    _draw_track_loops(track_panel, loops, track_id, rate_hz)
+    _draw_groups(group_panel, loops, track_id, rate_hz)
+    _draw_dead_ends(ends_panel, graph, features, rate_hz)
+    ends_panel.set(xlim=(0, len(track_id) / rate_hz))
+    key = ends_panel.get_legend()
+    figure.legend(handles=key.legend_handles, loc="outside lower center", ncols=3, frameon=False)
+    key.remove()
     return figure
 
 
 def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
-    some = loops[loops["length_s"].notna()]
+    """Draw the loops within tracks as arcs over time, with a bar below each group.
+
+    track_id (n,): the track of each row of the film.
+    """
+    within = loops[loops["length_s"].notna()]
     axes.set(yticks=[], ylim=(-0.28, 1.05))
-    if some.empty:
+    if within.empty:
         axes.set_title("no loop lies within one track", loc="left", fontsize=10)
         return
-    number = group_overlapping_loops(some["a"].to_numpy(), some["b"].to_numpy(), track_id)
-    some = some.assign(own=number).sort_values(["own", "length_s"])
+    number = group_overlapping_loops(within["a"].to_numpy(), within["b"].to_numpy(), track_id)
+    within = within.assign(own=number).sort_values(["own", "length_s"])
     count, drawn = int(number.max()) + 1, 0
     share = max(1, min(_PER_GROUP, _ARCS // count))
-    in_time = some.groupby("own")["a"].min().argsort().argsort()  # of each group among all
+    rank_in_time = within.groupby("own")["a"].min().argsort().argsort()  # of each group among all
     bars: list[list[tuple[float, float]]] = [[] for _ in _IN_TURN]
     arcs: list[list[NDArray[np.float64]]] = [[] for _ in _IN_TURN]
-    for own, mine in some.groupby("own"):
-        turn = int(in_time[own]) % len(_IN_TURN)
-        low, high = mine["a"].min() / rate_hz, (mine["b"].max() + 1) / rate_hz
+    for own, group in within.groupby("own"):
+        turn = int(rank_in_time[own]) % len(_IN_TURN)
+        low, high = group["a"].min() / rate_hz, (group["b"].max() + 1) / rate_hz
         bars[turn].append((low, high - low))
         if high - low > _NARROW * len(track_id) / rate_hz:
-            text = str(len(mine))
+            text = str(len(group))
             axes.text((low + high) / 2, -0.2, text, ha="center", va="center", fontsize=8)
         if drawn < _ARCS:
-            shown = sample(mine, share)
+            shown = spread_table_rows(group, share)
             drawn += len(shown)
             a, b = shown["a"].to_numpy() / rate_hz, shown["b"].to_numpy() / rate_hz
-            arcs[turn] += list(arc_points(a, b, float(some["length_s"].max())))
-    for colour, of_colour, lines in zip(_IN_TURN, bars, arcs, strict=True):
-        axes.broken_barh(of_colour, (-0.12, 0.1), color=colour)
+            arcs[turn] += list(arc_points(a, b, float(within["length_s"].max())))
+    for colour, spans, lines in zip(_IN_TURN, bars, arcs, strict=True):
+        axes.broken_barh(spans, (-0.12, 0.1), color=colour)
         axes.add_collection(LineCollection(lines, colors=colour, lw=0.9, alpha=0.8))
     axes.set_title(
-        f"{_count(len(some), 'loop')} within a track, {_count(count, 'group')}: a bar a group, "
-        f"with its number of loops; arcs: {drawn} of the loops",
+        f"{_with_noun(len(within), 'loop')} within a track, {_with_noun(count, 'group')}: "
+        f"a bar a group, with its number of loops; arcs: {drawn} of the loops",
         loc="left", fontsize=10,
     )  # fmt: skip
 
 
 def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
-    size = loops["group"].value_counts().sort_index()
-    across = loops["length_s"].isna()
+    """Draw a row for each group of loops: the parts of the film that its loops cover.
+
+    track_id (n,): the track of each row of the film.
+    """
+    group_sizes = loops["group"].value_counts().sort_index()
+    joins_tracks = loops["length_s"].isna()
     names = []
-    for row in range(min(len(size), _ROWS) + (len(size) > _ROWS)):
-        mine = loops[loops["group"] == row] if row < _ROWS else loops[loops["group"] >= row]
-        covered, colour = film_below(mine, track_id), _OTHER if row else _LARGEST
-        parts = [(a / rate_hz, (b - a) / rate_hz) for a, b in stretches(covered, track_id)]
+    for row in range(min(len(group_sizes), _ROWS) + (len(group_sizes) > _ROWS)):
+        group = loops[loops["group"] == row] if row < _ROWS else loops[loops["group"] >= row]
+        covered, colour = rows_below_loops(group, track_id), _OTHER if row else _LARGEST
+        parts = [(a / rate_hz, (b - a) / rate_hz) for a, b in find_stretches(covered, track_id)]
         axes.broken_barh(parts, (row - 0.3, 0.6), color=colour, lw=0 if row == 0 else 1.5)
         if row:
-            joins = mine[across[mine.index]][["a", "b"]].to_numpy() / rate_hz
+            joins = group[joins_tracks[group.index]][["a", "b"]].to_numpy() / rate_hz
             axes.hlines(np.full(len(joins), row), *joins.T, color=colour, lw=0.8)
-        what = f"{_count(len(mine), 'loop')} over {covered.sum() / rate_hz:.1f} s of film"
-        names.append(what if row < _ROWS else f"{len(size) - _ROWS} more groups: {what}")
+        what = f"{_with_noun(len(group), 'loop')} over {covered.sum() / rate_hz:.1f} s of film"
+        names.append(what if row < _ROWS else f"{len(group_sizes) - _ROWS} more groups: {what}")
     axes.set(ylim=(len(names) - 0.4, -0.6), yticks=range(len(names)))
     axes.set_yticklabels([str(row + 1) if row < _ROWS else "…" for row in range(len(names))])
     axes.set_ylabel("group")
@@ -129,17 +139,20 @@ def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
     side.set_yticks(range(len(names)), names, fontsize=8)
     side.tick_params(length=0)
     axes.set_title(
-        f"all {_count(len(loops), 'loop')}: {_count(len(size), 'group')}; {int(across.sum())} of "
-        "the loops join two tracks (lines) and lie over their two ends alone",
+        f"all {_with_noun(len(loops), 'loop')}: {_with_noun(len(group_sizes), 'group')}; "
+        f"{int(joins_tracks.sum())} of the loops join two tracks (lines) and lie over their two "
+        "ends alone",
         loc="left", fontsize=10,
     )  # fmt: skip
 
 
-def _count(number: int, noun: str) -> str:
+def _with_noun(number: int, noun: str) -> str:
+    """Return a number with its noun, as "1 loop" or "3 loops"."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_hz: float) -> None:
+    """Draw a bar of the film that shows its dead ends, and name the longest of them."""
     track_id, frame = (features[name].to_numpy() for name in ("track_id", "frame"))
     rows = len(track_id)
     endless, largest = can_play_for_ever(graph, track_id), is_in_component(graph, rows)
@@ -156,8 +169,8 @@ def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_h
         for number, (word, colour) in enumerate(zip(words, (_LARGEST, _OTHER, _DEAD), strict=True))
     ]
     axes.legend(handles=handles)
-    dead = stretches(~endless, track_id)
-    named = sorted(sorted(dead, key=lambda rows: rows[0] - rows[1])[:_NAMED])
+    dead_ends = find_stretches(~endless, track_id)
+    named = sorted(sorted(dead_ends, key=lambda rows: rows[0] - rows[1])[:_NAMED])
     for number, (start, stop) in enumerate(named):
         text = f"track {track_id[start]}\nframes {frame[start]}–{frame[stop - 1]}"
         axes.annotate(
@@ -170,6 +183,6 @@ def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_h
     axes.xaxis.set_label_position("top")
     axes.set_title(
         "where the film can be played for ever; below, the longest of "
-        f"{_count(len(dead), 'dead end')}",
+        f"{_with_noun(len(dead_ends), 'dead end')}",
         loc="left", fontsize=10,
     )  # fmt: skip

@@ -15,7 +15,7 @@ from finloop.base.arrays import Floats, Ints
 from finloop.distance.reel import Reel
 from finloop.loops.graph import JUMP, PLAY, Leg, build_loop_graph, find_routes
 from finloop.loops.positions import LETTERS, merge_play_legs
-from finloop.plots.loops import SIZE_PX, arc_points, fish_rows, on_light, sample
+from finloop.plots.loops import SIZE_PX, arc_points, lay_on_light, rows_with_fish, spread_table_rows
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # Okabe-Ito, of L1 … L4
 _HALO = [withStroke(linewidth=3, foreground="white")]
@@ -27,10 +27,10 @@ _G, _F = 6, 5  # in time order
 Rows = NDArray[np.integer]
 
 
-class ThreeWays(NamedTuple):
-    """Four loops of one track, ordered by their first ends, and three routes from G to F.
+class ThreeRoutes(NamedTuple):
+    """Four loops of one track, ordered by their first ends, and three routes from end G to end F.
 
-    loops: their rows of the table of loops; ends (8,): rows of the feature table, A … H; cases: the
+    loops: their rows of the table of loops. ends (8,): rows of the feature table, A … H. cases: the
     three routes, each a list of legs (from, to, PLAY or JUMP).
     """
 
@@ -39,38 +39,39 @@ class ThreeWays(NamedTuple):
     cases: list[list[Leg]]
 
 
-def find_three_ways(loops: pd.DataFrame, track_id: Rows) -> ThreeWays | None:
-    """Return the four loops that lie as in the fish paper's Fig. 10a, and their three routes.
+def find_three_routes(loops: pd.DataFrame, track_id: Rows) -> ThreeRoutes | None:
+    """Return four loops that lie as in the fish paper's Fig. 10a, with three routes; None without.
 
-    They belong to one track. H, G and F, the last of their eight ends in time, have loops with
+    The loops belong to one track. H, G and F, the last of their eight ends in time, have loops with
     earlier ends. So from G the film can jump at once to before F, or play on to H and jump from
     there. The fourth loop lies between there and F, so that the route can include it. Of all such
-    loops, these have the ends that are farthest from each other in time. None: no track has four
-    such loops.
+    loops, these have the ends that are farthest from each other in time. track_id (n,): the track
+    of each row.
     """
     within = loops[loops["length_s"].notna()]
     track = track_id[within["a"].to_numpy()]
     best, chosen = 0.0, None
     names, count = np.unique(track, return_counts=True)
-    for one in names[np.argsort(-count, kind="stable")[:_TRACKS]]:
-        mine = sample(within[track == one], _PER_TRACK)
-        if len(mine) < 4:
+    for track_number in names[np.argsort(-count, kind="stable")[:_TRACKS]]:
+        track_loops = spread_table_rows(within[track == track_number], _PER_TRACK)
+        if len(track_loops) < 4:
             continue
-        fours = np.array(list(combinations(range(len(mine)), 4)))
-        spread = _spread(mine[["a", "b"]].to_numpy()[fours])
+        fours = np.array(list(combinations(range(len(track_loops)), 4)))
+        spread = _least_gap_shares(track_loops[["a", "b"]].to_numpy()[fours])
         if spread.max() > best:
-            best, chosen = float(spread.max()), mine.iloc[fours[spread.argmax()]]
+            best, chosen = float(spread.max()), track_loops.iloc[fours[spread.argmax()]]
     if chosen is None:
         return None
     chosen = chosen.sort_values("a", ignore_index=True)
     graph = build_loop_graph(chosen, track_id)
-    return ThreeWays(chosen, graph.ends, choose_cases(find_routes(graph, _G, _F, _ENOUGH)))
+    return ThreeRoutes(chosen, graph.ends, choose_cases(find_routes(graph, _G, _F, _ENOUGH)))
 
 
-def _spread(pairs: Ints) -> Floats:
-    """Return the least time between two ends of four loops (n, 4, 2), as a share of all their time.
+def _least_gap_shares(pairs: Ints) -> Floats:
+    """Return the least time between two ends of four loops, as a share of the time that they span.
 
-    0 where the loops do not lie as in the paper.
+    pairs (n, 4, 2): the ends of n choices of four loops. The share is 0 where the loops do not lie
+    as in the paper.
     """
     n = len(pairs)
     ends = pairs.reshape(n, 8)
@@ -86,41 +87,44 @@ def _spread(pairs: Ints) -> Floats:
     return np.where(earlier & between.any(axis=1), least, 0.0)
 
 
-def choose_cases(ways: Sequence[list[Leg]]) -> list[list[Leg]]:
-    """Return the three routes of the fish paper's Fig. 10b, chosen from many, shortest first.
+def choose_cases(candidates: Sequence[list[Leg]]) -> list[list[Leg]]:
+    """Return the three routes of the fish paper's Fig. 10b from many candidates, shortest first.
 
     Case 1 plays on and then jumps once. Case 2 jumps at once. Case 3 is case 1 with one more loop
     on the route: a second jump, back in time.
     """
-    once = [way for way in ways if len(jumps_of(way)) == 1]
-    first = next(way for way in once if way[0][2] == PLAY)
-    second = next(way for way in once if way[0][2] == JUMP)
+    one_jump = [route for route in candidates if len(jump_legs(route)) == 1]
+    first = next(route for route in one_jump if route[0][2] == PLAY)
+    second = next(route for route in one_jump if route[0][2] == JUMP)
     third = next(
-        way
-        for way in ways
-        if (jumps := jumps_of(way))[:1] == jumps_of(first)
+        route
+        for route in candidates
+        if (jumps := jump_legs(route))[:1] == jump_legs(first)
         and len(jumps) == 2
         and jumps[1][1] < jumps[1][0]
     )
     return [first, second, third]
 
 
-def jumps_of(way: Sequence[Leg]) -> list[Leg]:
+def jump_legs(route: Sequence[Leg]) -> list[Leg]:
     """Return the legs of a route that are jumps."""
-    return [leg for leg in way if leg[2] == JUMP]
+    return [leg for leg in route if leg[2] == JUMP]
 
 
-def spell(way: Sequence[Leg], ends: Rows) -> str:
-    """Return a route as the fish paper writes it, as GHCDEF; ends: rows of A, B …, rising."""
-    rows = [way[0][0], *(to for _, to, _ in way)]
+def spell_route(route: Sequence[Leg], ends: Rows) -> str:
+    """Return a route in the letters of the fish paper, such as GHCDEF.
+
+    ends: rows of the loop ends A, B …, in rising order.
+    """
+    rows = [route[0][0], *(to for _, to, _ in route)]
     return "".join(LETTERS[int(np.searchsorted(ends, row))] for row in rows)
 
 
-def figure10(three: ThreeWays, reel: Reel, pose: str, step: float) -> Figure:
+def figure10(three: ThreeRoutes, reel: Reel, pose: str, natural_step: float) -> Figure:
     """Draw Fig. 10 of the fish paper: four loops in time (a), and three routes from G to F (b).
 
-    Between are the pictures at the loops' ends. pose: in which they were compared; step: the median
-    natural step.
+    Between are the pictures at the loops' ends. pose: the pose in which they were compared.
+    natural_step: the film's median distance between one picture and the next.
     """
     figure = Figure(figsize=(12.5, 9.8), layout="constrained")
     heights = 3.2, 1.1, 5.6
@@ -134,27 +138,31 @@ def figure10(three: ThreeWays, reel: Reel, pose: str, step: float) -> Figure:
     time.set(xlim=limits, ylim=(-0.3, 1.2), yticks=[], xlabel="frame of the film")
     track = reel.features["track_id"].iloc[three.ends[0]]
     time.set_title(f"(a) four loops of track {track}", loc="left")
-    _draw_fish(middle, three, reel, pose, frame)
-    levels = [1 + len(jumps_of(way)) for way in three.cases]
+    _draw_fish_at_ends(middle, three, reel, pose, frame)
+    levels = [1 + len(jump_legs(route)) for route in three.cases]
     panels = lower.subplots(3, 1, sharex=True, height_ratios=levels)
-    for number, (axes, way) in enumerate(zip(panels, three.cases, strict=True), start=1):
-        _draw_way(axes, way, three.ends, frame)
+    for number, (axes, route) in enumerate(zip(panels, three.cases, strict=True), start=1):
+        _draw_route(axes, route, three.ends, frame)
         axes.set(xlim=limits)
-        axes.set_title(_describe_case(number, way, three, step), loc="left", fontsize=10)
+        axes.set_title(_describe_case(number, route, three, natural_step), loc="left", fontsize=10)
     words = "(b) three ways from G to F: solid, frames played successively; dotted, a jump"
     lower.suptitle(words, x=0.005, ha="left")
     return figure
 
 
-def _colour_of_ends(three: ThreeWays) -> list[str]:
-    """Return the colour of the loop that each of the ends A … H belongs to."""
+def _end_colours(three: ThreeRoutes) -> list[str]:
+    """Return the colour of each of the ends A … H: that of its loop."""
     colours = dict.fromkeys(three.ends.tolist(), "")
     for colour, loop in zip(_COLOURS, three.loops.itertuples(), strict=True):
         colours[loop.a] = colours[loop.b] = colour
     return list(colours.values())
 
 
-def _draw_loops(axes: Axes, three: ThreeWays, frame: Rows) -> None:
+def _draw_loops(axes: Axes, three: ThreeRoutes, frame: Rows) -> None:
+    """Draw the four loops as arcs over the frames, with the letters of their ends.
+
+    frame (n,): the frame of each row.
+    """
     a, b = frame[three.loops["a"]], frame[three.loops["b"]]
     arcs = arc_points(a.astype(float), b.astype(float))
     for number, (arc, colour) in enumerate(zip(arcs, _COLOURS, strict=True), start=1):
@@ -165,33 +173,43 @@ def _draw_loops(axes: Axes, three: ThreeWays, frame: Rows) -> None:
             fontweight="bold", path_effects=_HALO,
         )  # fmt: skip
     axes.axhline(0, color="black", lw=1.5)
-    for row, letter, colour in zip(three.ends, LETTERS, _colour_of_ends(three), strict=False):
+    for row, letter, colour in zip(three.ends, LETTERS, _end_colours(three), strict=False):
         axes.plot(frame[row], 0, "o", color=colour, ms=7, zorder=3)
         axes.text(frame[row], -0.17, letter, ha="center", va="center", fontweight="bold")
 
 
-def _draw_fish(part: SubFigure, three: ThreeWays, reel: Reel, pose: str, frame: Rows) -> None:
+def _draw_fish_at_ends(
+    part: SubFigure, three: ThreeRoutes, reel: Reel, pose: str, frame: Rows
+) -> None:
+    """Draw the pictures of the fish at the eight ends side by side.
+
+    pose: the pose in which they were compared. frame (n,): the frame of each row.
+    """
     pictures = reel.draw_rows(three.ends.astype(np.intp), SIZE_PX, pose)
-    band = fish_rows(pictures)
+    band = rows_with_fish(pictures)
     part.suptitle(
         "the fish at the ends: two of one colour are alike", x=0.005, ha="left", fontsize=10
     )
     panels = part.subplots(1, len(pictures))
-    colours = _colour_of_ends(three)
+    colours = _end_colours(three)
     for axes, picture, letter, row, colour in zip(
         panels, pictures, LETTERS, three.ends, colours, strict=False
     ):
-        axes.imshow(on_light(picture[band]))
+        axes.imshow(lay_on_light(picture[band]))
         axes.set(xticks=[], yticks=[])
         for spine in axes.spines.values():
             spine.set(color=colour, linewidth=2.5)
         axes.set_title(f"{letter}: {frame[row]}", fontsize=10, color=colour)
 
 
-def _draw_way(axes: Axes, way: Sequence[Leg], ends: Rows, frame: Rows) -> None:
+def _draw_route(axes: Axes, route: Sequence[Leg], ends: Rows, frame: Rows) -> None:
+    """Draw a route over the frames: solid lines are played, each jump leads one level down.
+
+    ends: rows of A … H. frame (n,): the frame of each row.
+    """
     level = 0
-    for a, b, how in merge_play_legs(way):
-        if how == PLAY:
+    for a, b, kind in merge_play_legs(route):
+        if kind == PLAY:
             axes.plot(frame[[a, b]], [-level, -level], color="black", lw=2.5, solid_capstyle="butt")
         else:
             level += 1
@@ -200,9 +218,11 @@ def _draw_way(axes: Axes, way: Sequence[Leg], ends: Rows, frame: Rows) -> None:
             axes.plot(x[-1], y[-1], "v", color="0.3", ms=6)
     level = 0
     names = dict(zip(ends.tolist(), LETTERS, strict=False))
-    for number, (row, how) in enumerate([(way[0][0], PLAY), *((b, how) for _, b, how in way)]):
-        level += how == JUMP
-        end = number in (0, len(way))
+    for number, (row, kind) in enumerate(
+        [(route[0][0], PLAY), *((b, kind) for _, b, kind in route)]
+    ):
+        level += kind == JUMP
+        end = number in (0, len(route))
         axes.plot(
             frame[row], -level, "o", color=_COLOURS[1] if end else "black", ms=7 if end else 4
         )
@@ -214,14 +234,21 @@ def _draw_way(axes: Axes, way: Sequence[Leg], ends: Rows, frame: Rows) -> None:
     axes.axis("off")
 
 
-def _describe_case(number: int, way: Sequence[Leg], three: ThreeWays, step: float) -> str:
-    jumps = jumps_of(way)
-    frames = sum(b - a for a, b, how in way if how == PLAY)
+def _describe_case(
+    number: int, route: Sequence[Leg], three: ThreeRoutes, natural_step: float
+) -> str:
+    """Return the title of a route: its letters, number of frames, and the distances of its jumps.
+
+    number: of the case, from 1. natural_step: the unit of the distances.
+    """
+    jumps = jump_legs(route)
+    frames = sum(b - a for a, b, kind in route if kind == PLAY)
     distance = {
-        frozenset((loop.a, loop.b)): loop.distance / step for loop in three.loops.itertuples()
+        frozenset((loop.a, loop.b)): loop.distance / natural_step
+        for loop in three.loops.itertuples()
     }
     costs = " and ".join(f"{distance[frozenset(jump[:2])]:.2f}" for jump in jumps)
     return (
-        f"case {number}: {spell(way, three.ends)}   {frames} frames, {len(jumps)} jump"
+        f"case {number}: {spell_route(route, three.ends)}   {frames} frames, {len(jumps)} jump"
         f"{'s' if len(jumps) > 1 else ''} of {costs} natural steps"
     )

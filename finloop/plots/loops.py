@@ -24,18 +24,19 @@ _HALO = [withStroke(linewidth=3, foreground="white")]
 Rows = NDArray[np.integer]
 
 
-def sample(loops: pd.DataFrame, most: int) -> pd.DataFrame:
-    """Return at most `most` rows of a table, evenly from its first row to its last."""
-    count = min(len(loops), most)
-    return loops.iloc[np.linspace(0, len(loops) - 1, count).round().astype(int)]
+def spread_table_rows(table: pd.DataFrame, most: int) -> pd.DataFrame:
+    """Return at most `most` rows of a table, evenly spaced from its first row to its last."""
+    count = min(len(table), most)
+    return table.iloc[np.linspace(0, len(table) - 1, count).round().astype(int)]
 
 
 def arc_points(
     a: NDArray[np.floating], b: NDArray[np.floating], longest: float | None = None
 ) -> NDArray[np.float64]:
-    """Return half ellipses (n, 40, 2) over a time axis from a (n,) to b (n,), as points x, height.
+    """Return a half ellipse over a time axis for each of n spans of time, as points (n, 40, 2).
 
-    The height is √(width / longest); longest: by default the greatest width.
+    a, b (n,): begin and end of the spans. A point is a time and a height; an arc's height is
+    √(width / longest). longest: by default the greatest width.
     """
     angle = np.linspace(0, np.pi, 40)
     middle, half = (a + b)[:, None] / 2, (b - a)[:, None] / 2
@@ -43,14 +44,14 @@ def arc_points(
     return np.stack([middle - half * np.cos(angle), high * np.sin(angle)], axis=-1)
 
 
-def draw_over_tank(
+def draw_loops_over_tank(
     loops: pd.DataFrame, graph: LoopGraph, features: pd.DataFrame, background: parts.Picture
 ) -> Figure:
     """Draw loop ends over the empty tank, and arrows for loops within a track (Fig. 11a).
 
-    The end's colour says whether the film can be played on for ever from there.
+    A colour shows whether the film can be played on for ever from an end. graph: of all loops.
     """
-    figure, axes = parts.over_tank(background, 0.45, below=0.6)
+    figure, axes = parts.draw_empty_tank(background, 0.45, key_inches=0.6)
     x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
     frames = graph.segment_frames
     dead = ~graph.endless
@@ -64,7 +65,7 @@ def draw_over_tank(
             axes.plot(x[at], y[at], ".", color=colour, ms=2.5 if len(frames) > 500 else 5,
                       label=f"{len(at)} ends: {word}")  # fmt: skip
     within = loops[loops["length_s"].notna()].sort_values("length_s")
-    some = sample(within, _ARROWS)
+    some = spread_table_rows(within, _ARROWS)
     a, b = some["a"].to_numpy(), some["b"].to_numpy()
     if len(some):
         axes.quiver(
@@ -81,7 +82,7 @@ def draw_over_tank(
 def figure11(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Figure:
     """Draw Fig. 11 of the fish paper: a track with its loop ends A, B …, and their position table.
 
-    table: quadrants as texts, "" where there is none; ends: rows of the feature table.
+    table: quadrants as texts, "" where there is none. ends: rows of the feature table.
     """
     figure = Figure(figsize=(14, 7), layout="constrained")
     way, cells = figure.subplots(1, 2)
@@ -119,10 +120,11 @@ def figure11(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Figure:
 SIZE_PX = 128  # of the pictures of a loop
 
 
-class Example(NamedTuple):
-    """A loop for the sheet: three premultiplied pictures (h, w, c), 0 … 1, and its distances.
+class LoopPictures(NamedTuple):
+    """Three pictures of a loop for the contact sheet, and a text on its frames and distances.
 
-    before: the picture shown last; natural: the film's next picture; instead: the loop's.
+    before: the picture shown last. natural: the film's next picture. instead: the loop's. Each is
+    (h, w, c), 0 … 1, premultiplied by its last channel, alpha.
     """
 
     before: NDArray[np.float32]
@@ -131,8 +133,11 @@ class Example(NamedTuple):
     words: str
 
 
-def loop_examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Example]:
-    """Yield the pictures of each loop: the row before a, row a itself, and row b instead of it."""
+def loop_pictures(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[LoopPictures]:
+    """Yield the pictures of each loop: the row before its end a, row a, and row b that replaces it.
+
+    facts: how the distance map was made.
+    """
     track, frame = (reel.features[name].to_numpy() for name in ("track_id", "frame"))
     for loop in loops.itertuples():
         before = loop.a - 1 if loop.a and track[loop.a - 1] == track[loop.a] else loop.a
@@ -143,11 +148,14 @@ def loop_examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[
             f"track:frame {places}: seam {loop.distance / facts.step_median:.2f} steps, "
             f"filtered {loop.filtered / facts.step_median:.2f}"
         )
-        yield Example(last, natural, instead, words)
+        yield LoopPictures(last, natural, instead, words)
 
 
-def separate_loops(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
-    """Return the first loops whose ends are more than some rows apart, by place in the table."""
+def choose_separate_loops(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
+    """Return the places in the table of its first `count` loops whose ends lie far apart in time.
+
+    rows: the ends of two chosen loops are more than so many rows apart.
+    """
     ends, places = loops[["a", "b"]].to_numpy(), list[int]()
     for place, pair in enumerate(ends):
         if len(places) == count:
@@ -157,13 +165,13 @@ def separate_loops(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
     return places
 
 
-def figure8(best: Sequence[Example], worst: Sequence[Example]) -> Figure:
+def figure8(best: Sequence[LoopPictures], worst: Sequence[LoopPictures]) -> Figure:
     """Draw Fig. 8 of the fish paper for the best and the worst loops, four pictures each.
 
-    They are the last frame, the film's next, the loop's next, and the difference of these two.
+    They are the last frame, the film's next, the loop's next, and the difference of the last two.
     """
     lines = max(len(best), len(worst))
-    band = fish_rows(np.stack([shown for one in (*best, *worst) for shown in one[:3]]))
+    band = rows_with_fish(np.stack([shown for one in (*best, *worst) for shown in one[:3]]))
     high = (band.stop - band.start) / len(best[0].before)
     figure = Figure(figsize=(14, (1.7 * high + 0.3) * lines + 0.6), layout="constrained")
     figure.suptitle(
@@ -177,20 +185,20 @@ def figure8(best: Sequence[Example], worst: Sequence[Example]) -> Figure:
         for axes in panels:
             axes.axis("off")
         for axes, example in zip(panels, examples, strict=False):
-            last, natural, instead = (on_light(shown) for shown in example[:3])
+            last, natural, instead = (lay_on_light(shown) for shown in example[:3])
             differs = np.clip(0.5 + 1.5 * (instead - natural), 0, 1)
             axes.imshow(np.hstack([last, natural, instead, differs])[band])
             axes.set_title(example.words, fontsize=8, loc="left", pad=2)
     return figure
 
 
-def on_light(picture: NDArray[np.float32]) -> NDArray[np.floating]:
-    """Lay a premultiplied picture (h, w, c), 0 … 1, over light grey; return (h, w, 3), 0 … 1."""
+def lay_on_light(picture: NDArray[np.float32]) -> NDArray[np.floating]:
+    """Lay a premultiplied picture (h, w, c), 0 … 1, over light grey; return RGB, 0 … 1."""
     over = picture[..., :-1] + (1 - picture[..., -1:]) * 0.8
     return np.clip(np.broadcast_to(over, (*over.shape[:-1], 3)), 0, 1)
 
 
-def fish_rows(pictures: NDArray[np.float32]) -> slice:
-    """Return the pixel rows in which some premultiplied picture (k, h, w, c) shows fish."""
+def rows_with_fish(pictures: NDArray[np.float32]) -> slice:
+    """Return the pixel rows in which any of k premultiplied pictures (k, h, w, c) shows fish."""
     rows = np.flatnonzero(np.any(pictures[..., -1] > 0.1, axis=(0, 2)))
     return slice(max(rows[0] - 4, 0), rows[-1] + 5)

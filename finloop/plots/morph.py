@@ -16,7 +16,8 @@ _BAR = 22  # px above a row, for its name
 def draw_morphs(morphs: Mapping[str, Morph], columns: int = 9, size: int = 150) -> Picture:
     """Draw each morph in a row of pictures, evenly from its first frame to its last.
 
-    morphs: by name; size: px of a picture. Returns (h, w, 3).
+    morphs: by the name of the row. columns: pictures per row. size: width of a picture in px.
+    Returns (h, w, 3).
     """
     rows = []
     for name, morph in morphs.items():

@@ -16,21 +16,27 @@ Colour = tuple[int, int, int]
 _GROUND = 205  # grey level that a cut-out lies on
 
 
-def over_tank(background: Picture, alpha: float, below: float = 0.0) -> tuple[Figure, Axes]:
-    """Return a figure of the empty tank, with axes in px of the film.
+def draw_empty_tank(
+    background: Picture, alpha: float, key_inches: float = 0.0
+) -> tuple[Figure, Axes]:
+    """Start a figure with the picture of the empty tank; return it and its axes, in px of the film.
 
-    alpha: opacity of the tank, 0 … 1; below: inches for a key.
+    background: (h, w) grey or (h, w, 3) RGB. alpha: opacity of the picture, 0 … 1. key_inches:
+    height left free for a key.
     """
     height, width = background.shape[:2]
-    figure = Figure(figsize=(10, 10 * height / width + below), layout="constrained")
+    figure = Figure(figsize=(10, 10 * height / width + key_inches), layout="constrained")
     axes = figure.subplots()
     axes.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=alpha)
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x (px)", ylabel="y (px)")
     return figure, axes
 
 
-def arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
-    """Draw the headings of some rows as arrows; rows: columns x_px, y_px, heading_deg."""
+def draw_heading_arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
+    """Draw an arrow along the heading of each animal in a table.
+
+    rows: columns x_px, y_px, heading_deg.
+    """
     angle = np.radians(rows["heading_deg"])
     axes.quiver(
         rows["x_px"], rows["y_px"], np.cos(angle), np.sin(angle), angles="uv", scale=45,
@@ -38,15 +44,18 @@ def arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
     )  # fmt: skip
 
 
-def in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
-    """Join tiles (h, w, 3) side by side into rows, one picture each; white fills the last."""
+def join_in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
+    """Join tiles of one size (h, w, 3) into rows of `columns` tiles; return one picture per row.
+
+    White tiles fill the last row.
+    """
     white = [np.full_like(tile, 255) for tile in tiles[:1]] * (-len(tiles) % columns)
-    every = [*tiles, *white]
-    return [np.hstack(every[i : i + columns]) for i in range(0, len(every), columns)]
+    filled = [*tiles, *white]
+    return [np.hstack(filled[i : i + columns]) for i in range(0, len(filled), columns)]
 
 
-def one_below_another(pictures: Sequence[Picture]) -> Picture:
-    """Join pictures (h, w, 3) of any sizes into one column, as wide as the first picture."""
+def stack_pictures(pictures: Sequence[Picture]) -> Picture:
+    """Stack pictures (h, w, 3) of any sizes, each resized to the width of the first one."""
     width = pictures[0].shape[1]
     column = [pictures[0]]
     for picture in pictures[1:]:
@@ -56,32 +65,32 @@ def one_below_another(pictures: Sequence[Picture]) -> Picture:
 
 
 def convert_to_colour(picture: Picture) -> Picture:
-    """Return a picture (h, w) or (h, w, 3) as a new (h, w, 3)."""
+    """Return a copy of a grey or colour picture, (h, w) or (h, w, 3), in colour (h, w, 3)."""
     return np.dstack([picture] * 3 if picture.ndim == 2 else [picture])
 
 
-def on_grey(colour: NDArray[np.float32], alpha: NDArray[np.float32]) -> Picture:
-    """Lay premultiplied colours (h, w, 1 or 3), 0 … 255, over grey; return (h, w, 3) uint8.
+def lay_on_grey(colour: NDArray[np.float32], alpha: NDArray[np.float32]) -> Picture:
+    """Lay premultiplied colours (h, w, 1 or 3), 0 … 255, over grey; return the picture (h, w, 3).
 
     alpha (h, w, 1): 0 … 1.
     """
-    whole = np.broadcast_to(colour + _GROUND * (1 - alpha), (*alpha.shape[:2], 3))
-    return np.ascontiguousarray(np.clip(np.rint(whole), 0, 255).astype(np.uint8))
+    blended = np.broadcast_to(colour + _GROUND * (1 - alpha), (*alpha.shape[:2], 3))
+    return np.ascontiguousarray(np.clip(np.rint(blended), 0, 255).astype(np.uint8))
 
 
-def write(
+def write_text(
     picture: Picture, text: str, place: tuple[int, int], colour: Colour, size: float, line: int = 1
 ) -> None:
-    """Write a text into a picture (h, w, 3), in place.
+    """Write a text into a picture (h, w, 3), which changes.
 
-    place: x, y px of the left end of the base line; colour: RGB; size: scale of OpenCV's font;
-    line: px.
+    place: x, y in px of the left end of the text's base line. colour: RGB. size: scale of OpenCV's
+    font. line: width of the strokes in px.
     """
     cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, line, cv2.LINE_AA)
 
 
-def message(text: str) -> Figure:
-    """Return a figure with a text instead of a picture."""
+def draw_message(text: str) -> Figure:
+    """Return a figure that shows a text, for a chart that has nothing to show."""
     figure = Figure(figsize=(8, 2))
     figure.text(0.02, 0.5, text, va="center", fontsize=9, wrap=True)
     return figure

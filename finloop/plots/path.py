@@ -14,8 +14,9 @@ _GOAL = "0.2"
 def draw_path(paths: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
     """Draw the requested path and each mode's path over the tank; on the right, errors over time.
 
-    Rings mark where a fish left its path. paths: columns of `path_measures.PATH_ROWS`; left: of
-    `path_measures.LEFT`; background (h, w): the empty tank.
+    Rings mark where a fish left its path. paths: columns of `path_measures.PATH_ROWS`. left:
+    columns of `path_measures.LEFT`, a row for each part that a fish left. background (h, w): the
+    empty tank.
     """
     height, width = background.shape[:2]
     modes = dict(iter(paths.groupby("mode", sort=False)))

@@ -21,7 +21,7 @@ _SIDE = {ANIMATION: COLOURS[1], FILM: "0.35"}
 def draw_roc(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
     """Draw ROC curves, and bars of the area under them for each kind of measurement.
 
-    table: from `compare.verdict_table`; roc: columns compared, false_alarms, hits.
+    table: from `compare.verdict_table`. roc: columns compared, false_alarms, hits.
     """
     names = list(dict.fromkeys(table["compared"]))
     modes = [name for name in names if name not in _GREY]
@@ -66,7 +66,7 @@ def draw_false_windows(
 ) -> Figure:
     """Draw the most obviously false windows, each with the film window most like it.
 
-    On the left are pictures, on the right the channels of both. curves: columns of `CURVES`;
+    On the left are pictures, on the right the channels of both. curves: columns of `CURVES`.
     titles, strips: of each example a title, and a picture (h, w, 3) per side.
     """
     if not titles:

@@ -13,7 +13,13 @@ from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
 from finloop.edit.schema import FRAME, SPOT, Goal, split_by_fish
-from finloop.plots.parts import Picture, arrows, convert_to_colour, in_rows, over_tank
+from finloop.plots.parts import (
+    Picture,
+    convert_to_colour,
+    draw_empty_tank,
+    draw_heading_arrows,
+    join_in_rows,
+)
 from finloop.render.marks import (
     goal_stretches,
     rgb_from_hex,
@@ -31,10 +37,11 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
     """Draw Figs. 16, 17 of the fish paper: the fish's path over the empty tank, and its goals.
 
     The colour shows the source of the picture, or the state where all have one source; a thin grey
-    line is wandering. Each goal has the time at which it was reached. Crosses: on the spot, as
-    every route leaves the tank (§4.2). Diamonds: gateways (A, B of Fig. 17).
+    line is swimming without a goal. Each goal has the time at which it was reached. Crosses: the
+    fish stays on the spot, as every route leaves the tank (§4.2). Diamonds: gateways (A, B of Fig.
+    17).
     """
-    figure, axes = over_tank(background, 0.45, below=0.5)
+    figure, axes = draw_empty_tank(background, 0.45, key_inches=0.5)
     names, colours = tick_categories(edit)
     way, fish = edit[["x_px", "y_px"]].to_numpy(float), edit["fish"].to_numpy()
     later = np.flatnonzero(fish[1:] == fish[:-1]) + 1
@@ -47,7 +54,7 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
         axes.add_collection(LineCollection(list(part), colors=colour, lw=2.4, capstyle="round"))
     to_goals = edit.iloc[later[aimed]]
     now_and_then = to_goals.iloc[min(12, len(to_goals)) :: max(1, len(to_goals) // 12)]
-    arrows(axes, now_and_then, color="black", zorder=3)
+    draw_heading_arrows(axes, now_and_then, color="black", zorder=3)
     starts = edit.groupby("fish").head(1)
     axes.plot(starts["x_px"], starts["y_px"], "o", mfc="white", mec="black", ms=7, zorder=4)
     reached = {
@@ -86,10 +93,10 @@ SWITCHES, BEFORE, AFTER = 12, 3, 5  # rows on their sheet; ticks before each, an
 
 
 class Tile(NamedTuple):
-    """One tick for a contact sheet: the picture around the fish, and what stands above it.
+    """One tick on a contact sheet: the picture around the fish, and the text above it.
 
-    film: (h, w) or (h, w, 3); name: state or source, which has the colour; weight: share of the
-    picture that fades out, 0 … 1.
+    film: (h, w) or (h, w, 3). name: state or source of the picture, which sets the colour. weight:
+    share of the picture that fades out, 0 … 1.
     """
 
     film: Picture
@@ -99,8 +106,8 @@ class Tile(NamedTuple):
     weight: float
 
 
-def find_liveliest(edit: pd.DataFrame, count: int) -> int:
-    """Return the first of the successive ticks of one fish in which its heading changes most."""
+def find_liveliest_start(edit: pd.DataFrame, count: int) -> int:
+    """Return the first of the `count` successive ticks in which the heading changes most."""
     heading = np.radians(edit["heading_deg"].to_numpy(float))
     change = np.abs(np.diff(np.unwrap(heading), prepend=heading[:1]))
     total = np.cumsum(np.r_[0.0, change])
@@ -108,11 +115,11 @@ def find_liveliest(edit: pd.DataFrame, count: int) -> int:
     return int(np.argmax(total[count : count + last + 1] - total[: last + 1])) if last else 0
 
 
-def find_switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
-    """Return some ticks, rising, at which another part of the film, sequence or fade begins.
+def choose_switch_ticks(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
+    """Return ticks, rising, at which another part of the film, sequence or fade begins.
 
-    They are spread over the animation; switches between sprite and frame come first. tracks:
-    track_id and frame of every cut-out; most: ticks.
+    There are at most `most`, spread over the animation; switches between sprite and frame come
+    first. tracks: track_id and frame of every cut-out.
     """
     kind = edit["kind"].to_numpy()
     fades = (edit["weight"] > 0).to_numpy()
@@ -132,45 +139,46 @@ def find_switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[i
     return sorted(int(tick) for tick in np.concatenate(places)) if places else []
 
 
-def sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]]:
-    """Return the ticks to draw on two sheets: "contact_sheet", the liveliest, and "switches".
+def choose_sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]]:
+    """Return the ticks to draw on each of two sheets, "contact_sheet" and "switches".
 
-    The second has the ticks around each switch. tracks: track_id and frame of every cut-out.
+    The first shows successive ticks in which the heading changes most, the second the ticks around
+    each switch. tracks: track_id and frame of every cut-out.
     """
-    start, ticks = find_liveliest(edit, TICKS), len(edit)
-    switches = find_switches(edit, tracks, SWITCHES)
+    start, ticks = find_liveliest_start(edit, TICKS), len(edit)
+    switches = choose_switch_ticks(edit, tracks, SWITCHES)
     around = [tick for switch in switches for tick in ticks_around_switch(switch, ticks)]
     return {"contact_sheet": [*range(start, min(start + TICKS, ticks))], "switches": around}
 
 
 def ticks_around_switch(tick: int, ticks: int) -> range:
-    """Return the ticks to draw around a switch in an animation of some ticks, as range."""
+    """Return the ticks to draw around a switch at `tick`, in an animation of `ticks` ticks."""
     first = max(0, min(tick - BEFORE, ticks - BEFORE - AFTER))
     return range(first, min(first + BEFORE + AFTER, ticks))
 
 
 def cut_tiles(
-    edit: pd.DataFrame,
-    ticks: Sequence[int],
-    rows: Iterable[PlacedFish],
-    painter: Painter,
+    edit: pd.DataFrame, ticks: Sequence[int], fish: Iterable[PlacedFish], painter: Painter,
     half_px: int,
-) -> list[Tile]:
-    """Return a tile around the fish at each of the given ticks of an edit list.
+) -> list[Tile]:  # fmt: skip
+    """Draw the fish at each of the given ticks of an edit list; return a tile around each.
 
-    rows: the fish to draw at these ticks; half_px: half the width of a tile in the tank.
+    fish: where to draw it at these ticks. half_px: half the width of a tile in the tank.
     """
     names, colours = tick_categories(edit)
     tiles = []
-    for tick, row in zip(ticks, rows, strict=True):
-        painter.show(row)
-        film = crop_square(painter.frame, row.x_px, row.y_px, half_px)
-        tiles.append(Tile(film, tick, names[tick], colours[names[tick]], row.weight))
+    for tick, placed in zip(ticks, fish, strict=True):
+        painter.show(placed)
+        film = crop_square(painter.frame, placed.x_px, placed.y_px, half_px)
+        tiles.append(Tile(film, tick, names[tick], colours[names[tick]], placed.weight))
     return tiles
 
 
 def crop_square(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
-    """Return the square (2 half_px + 1 wide) of a frame around a place; its edge continues."""
+    """Return a square of a frame, 2 half_px + 1 wide, around a place in px of the frame.
+
+    Beyond the frame its last pixels are repeated.
+    """
     x, y = round(x_px), round(y_px)
     columns = np.clip(np.arange(x - half_px, x + half_px + 1), 0, frame.shape[1] - 1)
     rows = np.clip(np.arange(y - half_px, y + half_px + 1), 0, frame.shape[0] - 1)
@@ -180,13 +188,14 @@ def crop_square(frame: Picture, x_px: float, y_px: float, half_px: int) -> Pictu
 def draw_tiles(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: int = 150) -> Picture:
     """Draw tiles side by side in rows, each below a bar in its colour; return (h, w, 3).
 
-    size: px of a tile.
+    columns: tiles per row. size: width of a tile in px.
     """
     white = np.full((size + 20, size + 2, 3), 255, np.uint8)
-    return np.vstack(in_rows([_draw_tile(tile, size) for tile in tiles] or [white], columns))
+    return np.vstack(join_in_rows([_draw_tile(tile, size) for tile in tiles] or [white], columns))
 
 
 def _draw_tile(tile: Tile, size: int) -> Picture:
+    """Draw one tile, `size` px wide, below a bar with its tick, name and share of fading."""
     big = cv2.resize(convert_to_colour(tile.film), (size, size), interpolation=cv2.INTER_CUBIC)
     bar = np.full((18, size, 3), 255, np.uint8)
     bar[:, :5] = rgb_from_hex(tile.colour)

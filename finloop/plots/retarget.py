@@ -8,7 +8,7 @@ import pandas as pd
 
 from finloop.base.arrays import Picture, Points
 from finloop.base.schema import lists_to_points
-from finloop.plots.parts import Colour, convert_to_colour, in_rows, write
+from finloop.plots.parts import Colour, convert_to_colour, join_in_rows, write_text
 from finloop.render.painter import Painter, PlacedFish
 
 _ASKED, _DRAWN, _INK = (86, 180, 233), (213, 94, 0), (150, 30, 30)
@@ -17,50 +17,54 @@ _ACROSS, _TILE_PX = 4, 300  # tiles in a row, and their width
 MOMENTS = 11  # spread over the track; one more, the last, is the worst
 
 
-def choose_ticks(asked: pd.DataFrame) -> list[int]:
+def choose_ticks_to_draw(requested: pd.DataFrame) -> list[int]:
     """Return at most MOMENTS ticks, spread over the track, and then that of the largest error.
 
-    asked: columns of `retarget.ASKED`.
+    requested: columns of `retarget.ASKED`, a row per tick.
     """
-    some = np.linspace(0, len(asked) - 1, min(MOMENTS, len(asked))).astype(int).tolist()
-    far = asked["apart"].to_numpy(float)
-    return [*some, int(np.nanargmax(far))] if np.isfinite(far).any() else some
+    spread = np.linspace(0, len(requested) - 1, min(MOMENTS, len(requested))).astype(int).tolist()
+    errors = requested["apart"].to_numpy(float)
+    return [*spread, int(np.nanargmax(errors))] if np.isfinite(errors).any() else spread
 
 
 def draw_backbones(
-    asked: pd.DataFrame, ticks: Sequence[int], fish: Iterable[PlacedFish], painter: Painter,
+    requested: pd.DataFrame, ticks: Sequence[int], fish: Iterable[PlacedFish], painter: Painter,
     size_px: int,
 ) -> Picture:  # fmt: skip
-    """Draw one tile per tick: the fish, the requested points (wide, blue), its backbone (red).
+    """Draw one tile per tick: the fish, the requested points (wide, blue) and its backbone (red).
 
-    asked: columns of `retarget.ASKED`; fish: to draw at these ticks; size_px: width of a tile in
-    the tank. Returns (h, w, 3).
+    requested: columns of `retarget.ASKED`, a row per tick. fish: where to draw it at these ticks.
+    size_px: width of a tile in the tank. Returns (h, w, 3).
     """
     tiles = []
-    for tick, one in zip(ticks, fish, strict=True):
-        painter.show(one)
-        row = asked.iloc[[tick]]
+    for tick, placed in zip(ticks, fish, strict=True):
+        painter.show(placed)
+        row = requested.iloc[[tick]]
         wanted, drawn = (lists_to_points(row, name)[0].astype(float) for name in ("asked", "drawn"))
-        corner = np.array([one.x_px, one.y_px]) - size_px / 2
+        corner = np.array([placed.x_px, placed.y_px]) - size_px / 2
         scale = _TILE_PX / size_px
         to_tile = np.column_stack([scale * np.eye(2), -scale * corner])
         tile = cv2.warpAffine(
             convert_to_colour(painter.frame), to_tile, (_TILE_PX, _TILE_PX), flags=cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         )  # fmt: skip
-        _line(tile, scale * (wanted - corner), _ASKED, 5)
-        _line(tile, scale * (drawn - corner), _DRAWN, 1)
+        _draw_line(tile, scale * (wanted - corner), _ASKED, 5)
+        _draw_line(tile, scale * (drawn - corner), _DRAWN, 1)
         apart = float(row["apart"].iloc[0])
-        off = "" if np.isnan(apart) else f", {100 * apart:.1f} % off"
+        error = "" if np.isnan(apart) else f", {100 * apart:.1f} % off"
         for colour, wide in ((_HALO, 4), (_INK, 1)):
-            write(tile, f"{row['file_s'].iloc[0]:.2f} s{off}", (6, 16), colour, 0.45, wide)
+            write_text(tile, f"{row['file_s'].iloc[0]:.2f} s{error}", (6, 16), colour, 0.45, wide)
         tiles.append(tile)
-    return np.vstack(in_rows(tiles, _ACROSS))
+    return np.vstack(join_in_rows(tiles, _ACROSS))
 
 
-def _line(tile: Picture, points: Points, colour: Colour, wide: int) -> None:
-    at = np.round(16 * points).astype(np.int32)
-    if len(at) == 1:
-        cv2.circle(tile, tuple(at[0].tolist()), 16 * wide, colour, -1, cv2.LINE_AA, 4)
+def _draw_line(tile: Picture, points: Points, colour: Colour, wide: int) -> None:
+    """Draw a line through points (n, 2) in px of the tile; a single point becomes a dot.
+
+    wide: width of the line in px.
+    """
+    sixteenths = np.round(16 * points).astype(np.int32)
+    if len(sixteenths) == 1:
+        cv2.circle(tile, tuple(sixteenths[0].tolist()), 16 * wide, colour, -1, cv2.LINE_AA, 4)
     else:
-        cv2.polylines(tile, [at], False, colour, wide, cv2.LINE_AA, 4)
+        cv2.polylines(tile, [sixteenths], False, colour, wide, cv2.LINE_AA, 4)

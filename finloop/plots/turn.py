@@ -23,41 +23,50 @@ _SURE = 0.9  # least confidence in head and tail
 _WINDOW = 1.6  # body lengths, the side of a picture
 
 
-def strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
+def find_strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
     """Return the rows (3,) of the film's strongest clear turn: at frames t0, t0 + k, t0 + 2k.
 
-    k is Δ, or the least multiple of it, up to `_MOST`, with a clear turn. Such a turn begins with
-    straight swimming, goes to one side over both k, and bends the fish most in the middle. The
-    strongest one changes the heading most. None: the film has no clear turn.
+    k is Δ, the time in which motion is measured, or the least multiple of it, up to `_MOST`, with a
+    clear turn. Such a turn begins with straight swimming, goes to one side over both k, and bends
+    the fish most in the middle. The strongest one changes the heading most. None: there is no clear
+    turn.
     """
     delta = infer_delta_frames(features)
     for k in delta * np.arange(1, _MOST + 1 if delta else 1):
-        total = _clear_turns(features, int(k), delta)
-        if total.any():
-            return total.argmax() + k * np.arange(3)
+        turn_deg = _clear_turn_deg(features, int(k), delta)
+        if turn_deg.any():
+            return turn_deg.argmax() + k * np.arange(3)
     return None
 
 
-def _clear_turns(features: pd.DataFrame, k: int, delta: int) -> Floats:
-    """Return the change of heading (rows − 2k,) in degrees over 2k from each row; 0: none."""
+def _clear_turn_deg(features: pd.DataFrame, k: int, delta: int) -> Floats:
+    """Return by how many degrees the heading turns in the 2k frames after each row, (rows − 2k,).
+
+    0 where that is no clear turn. k, delta: the time between two pictures, and the time in which
+    motion is measured, in frames.
+    """
     first = np.arange(max(len(features) - 2 * k, 0))
     middle, last = first + k, first + 2 * k
-    track, kind, area = (
+    track, swimming_type, area = (
         features[name].to_numpy() for name in ("track_id", "swimming_type", "motion_area")
     )
     sure = features["head_confidence"].rolling(2 * k + 1).min().to_numpy()[last] >= _SURE
-    one, other = (turned_deg(features, rows, k, delta) for rows in (first, middle))
-    side = np.sign(one)
-    clear = sure & (track[first] == track[last]) & (kind[first] == STRAIGHT)
-    clear &= (side != STRAIGHT) & (kind[middle] == side) & (np.sign(other) == side)
+    first_half, second_half = (
+        heading_change_deg(features, rows, k, delta) for rows in (first, middle)
+    )
+    side = np.sign(first_half)
+    clear = sure & (track[first] == track[last]) & (swimming_type[first] == STRAIGHT)
+    clear &= (side != STRAIGHT) & (swimming_type[middle] == side) & (np.sign(second_half) == side)
     clear &= area[middle] >= np.maximum(area[first], area[last])
-    return np.where(clear, np.abs(one + other), 0.0)
+    return np.where(clear, np.abs(first_half + second_half), 0.0)
 
 
-def turned_deg(features: pd.DataFrame, rows: NDArray[np.integer], k: int, delta: int) -> Floats:
-    """Return how far the heading turns from each of n rows to k frames later, in degrees (n,).
+def heading_change_deg(
+    features: pd.DataFrame, rows: NDArray[np.integer], k: int, delta: int
+) -> Floats:
+    """Return by how many degrees (n,) the heading turns in the k frames after each of n rows.
 
-    Positive is left. k: a multiple of Δ, in frames.
+    Positive is left. k: a multiple of `delta`, the time in which motion is measured, in frames.
     """
     angle = features["included_angle_deg"].to_numpy(float)
     return np.asarray(angle[rows[:, None] + np.arange(0, k, delta)].sum(axis=1))
@@ -68,25 +77,28 @@ def figure5(
 ) -> Figure:
     """Draw Fig. 5 of the fish paper: the fish at three rows of a turn, and the turn over time.
 
-    rows (3,): from `strongest_turn`; fish: at these rows.
+    rows (3,): from `find_strongest_turn`. fish: the specimens at these rows. background: the empty
+    tank.
     """
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
     parts: NDArray[np.object_] = np.asarray(figure.subfigures(2, 1, height_ratios=(8.4, 2.8)))
     upper, lower = parts
     panels = upper.subplots(2, len(rows))
-    side = round(_WINDOW * max(float(one.row["body_length_px"]) for one in fish))
+    side = round(_WINDOW * max(float(specimen.row["body_length_px"]) for specimen in fish))
     delta, k = infer_delta_frames(features), int(rows[1] - rows[0])
-    angles = turned_deg(features, rows[:-1], k, delta)
+    angles = heading_change_deg(features, rows[:-1], k, delta)
     times = [f"t0{f' + {n}k' if n > 1 else ' + k' if n else ''}" for n in range(len(rows))]
-    for number, (one, letter) in enumerate(zip(fish, "abc", strict=True)):
-        film, corner = _picture_around(one, background, side)
+    for number, (specimen, letter) in enumerate(zip(fish, "abc", strict=True)):
+        film, corner = _crop_around_fish(specimen, background, side)
         for axes in panels[:, number]:
             axes.imshow(film, cmap="gray", vmin=0, vmax=255, interpolation="bicubic")
             axes.axis("off")
-        panels[0, number].set_title(f"({letter})  {times[number]}: frame {one.row['frame']:.0f}")
+        panels[0, number].set_title(
+            f"({letter})  {times[number]}: frame {specimen.row['frame']:.0f}"
+        )
         turned = float(angles[number - 1]) if number else None
-        _draw_measures(panels[1, number], one, corner, turned)
-        row = one.row
+        _draw_measures(panels[1, number], specimen, corner, turned)
+        row = specimen.row
         words = f"({letter}′)  motion area {row['motion_area_rel']:.2f}, "
         words += f"swimming type: {WORDS[int(row['swimming_type'])]}\n"
         if turned is not None:
@@ -103,14 +115,17 @@ def figure5(
     ]
     upper.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False)
     upper.suptitle(f"track {track:.0f}; {frames} = {k * seconds:.2f} s", fontsize=11)
-    _draw_course(lower, features, rows, k)
+    _draw_turn_over_time(lower, features, rows, k)
     return figure
 
 
-def _picture_around(
+def _crop_around_fish(
     specimen: Specimen, background: Picture, side: int
 ) -> tuple[Picture, NDArray[np.intp]]:
-    """Return a fish in a square of the tank, its edge repeated, and the upper left pixel."""
+    """Return a square of the tank around a fish, and x, y of its upper left pixel.
+
+    side: of the square in px. Beyond the tank's edge its last pixels are repeated.
+    """
     film, (h, w) = background.copy(), specimen.film.shape[:2]
     x0, y0 = specimen.x0_px, specimen.y0_px
     film[y0 : y0 + h, x0 : x0 + w] = specimen.film
@@ -126,6 +141,11 @@ def _picture_around(
 def _draw_measures(
     axes: Axes, specimen: Specimen, corner: NDArray[np.intp], turned: float | None
 ) -> None:
+    """Draw the motion area, the backbone and the heading over a picture of the fish.
+
+    corner: x, y of the picture's upper left pixel in the tank. turned: degrees since the picture
+    before, None for the first.
+    """
     axes.images[0].set_alpha(0.55)
     limits = axes.get_xlim(), axes.get_ylim()
     backbone = specimen.backbone - corner
@@ -152,12 +172,19 @@ def _draw_measures(
 def _draw_heading(
     axes: Axes, start: Floats, heading_deg: float, reach: float, **style: object
 ) -> None:
+    """Draw an arrow of `reach` px from a place (x, y) in the direction of a heading."""
     angle = np.radians(heading_deg)
     end = start + reach * np.array([np.cos(angle), -np.sin(angle)])
     draw_arrow(axes, start, end, **style)
 
 
-def _draw_course(part: SubFigure, features: pd.DataFrame, rows: NDArray[np.intp], k: int) -> None:
+def _draw_turn_over_time(
+    part: SubFigure, features: pd.DataFrame, rows: NDArray[np.intp], k: int
+) -> None:
+    """Draw motion area and heading over the frames of a turn and `k` frames around it.
+
+    rows (3,): the rows of the turn, which vertical lines mark.
+    """
     track = features["track_id"].to_numpy()
     near = np.arange(max(rows[0] - k, 0), min(rows[-1] + k + 1, len(features)))
     near = near[track[near] == track[rows[0]]]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import finite_kernel, finite_leaf
-from finloop.base.sampling import keys_weights
+from finloop.base.sampling import keys_cubic_weights
 from finloop.puppet.strip import (
     HIDDEN,
     LEAST,
@@ -280,7 +280,7 @@ def _sample_cubically(film, u, v):  # type: ignore[no-untyped-def]
     film: 0 … 255; the result is 0 … 1.
     """
     column, row = math.floor(u), math.floor(v)
-    across, down = keys_weights(u - column), keys_weights(v - row)
+    across, down = keys_cubic_weights(u - column), keys_cubic_weights(v - row)
     red, green, blue, alpha = _sum_pixels(film, column - 1, row - 1, across, down)
     # Where alpha overshoots, the colour is scaled with it: no fringe.
     share = min(_UNIT, _ONE / max(alpha, _ONE))

@@ -8,5 +8,5 @@ the ROC curve with its interval (`auc`) and the most obviously false windows (`e
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "compare": ["Sample", "classify_windows"], "instrument": ["Instrument"],
+    "compare": ["FilmSample", "classify_windows"], "instrument": ["Instrument"],
 })  # fmt: skip

@@ -39,8 +39,8 @@ class Auc(NamedTuple):
 class Scores(NamedTuple):
     """A classifier's held-out scores of n windows; a higher score is more like animation.
 
-    animation (n,): whether it is animation, else film; block (n,): number of the classifier that
-    gave the score; cluster (n,): windows with the same number are not independent. NaN scores do
+    animation (n,): True for animation, False for film. block (n,): number of the classifier that
+    gave the score. cluster (n,): windows with the same number are not independent. NaN scores do
     not count.
     """
 
@@ -58,8 +58,8 @@ class Scores(NamedTuple):
                 yield part
 
 
-def auc(scores: Scores) -> Auc:
-    """Return the area under the ROC curve with its 95 % interval: 0.5 = not distinguishable.
+def compute_auc(scores: Scores) -> Auc:
+    """Return the area under the ROC curve, with its 95 % interval; 0.5 is not distinguishable.
 
     At least one block must contain both film and animation windows.
     """
@@ -87,14 +87,14 @@ def auc(scores: Scores) -> Auc:
     return Auc(value, float(low), float(high))
 
 
-def _share_below(a: Floats, b: Floats) -> Floats:
-    """Return for each of `a` the share of `b` below it; ties count one half."""
-    ordered = np.sort(b)
-    both = np.searchsorted(ordered, a, "left") + np.searchsorted(ordered, a, "right")
-    return both / (2 * len(b))
+def _share_below(values: Floats, others: Floats) -> Floats:
+    """Return for each value (n,) the share of the others (m,) below it; ties count one half."""
+    ordered = np.sort(others)
+    both = np.searchsorted(ordered, values, "left") + np.searchsorted(ordered, values, "right")
+    return both / (2 * len(others))
 
 
-def roc(scores: Scores, points: int = 51) -> pd.DataFrame:
+def compute_roc(scores: Scores, points: int = 51) -> pd.DataFrame:
     """Return the ROC curve as a table of `points` rows: the mean of the blocks' curves.
 
     Columns, both 0 … 1: false_alarms, the share of film windows classified as animation; hits, the

@@ -16,7 +16,7 @@ from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import CHANNELS, Windows, join_windows
 
 
-class Answers(NamedTuple):
+class HeldOutScores(NamedTuple):
     """Held-out scores of all windows, film windows first, and the scores with a channel shuffled.
 
     shuffled: channel name → the scores after that channel was shuffled among the tested windows.
@@ -27,25 +27,25 @@ class Answers(NamedTuple):
 
 
 def score_held_out_windows(
-    film: Windows, copy: Windows, p: RealismSettings, channels: tuple[int, ...]
-) -> Answers:
-    """Train a classifier per block and return the scores of the windows that it did not learn from.
+    film: Windows, animation: Windows, p: RealismSettings, channels: tuple[int, ...]
+) -> HeldOutScores:
+    """Train a classifier per block; return the scores of the windows that it did not learn from.
 
-    film, copy: windows of film and of animation; channels: indices of the CHANNELS to use. A block
-    whose classifier would see only film or only animation gives NaN.
+    channels: indices of the CHANNELS to use. A block whose classifier would see only film or only
+    animation gives NaN.
     """
     # Not at the top: the import takes a second, and plots do not need it.
     from sklearn.ensemble import HistGradientBoostingClassifier
 
-    both = join_windows([film, copy])
-    animation = np.arange(len(both)) >= len(film)
+    both = join_windows([film, animation])
+    is_animation = np.arange(len(both)) >= len(film)
     x = both.x[..., list(channels)]
     score = np.full(len(both), np.nan)
     shuffled = {CHANNELS[channel]: score.copy() for channel in channels}
     rng = np.random.default_rng(p.seed)
     for block in range(both.near.shape[1]):
         learn, test = ~both.near[:, block], both.block == block
-        if not (test.any() and 0 < animation[learn].sum() < learn.sum()):
+        if not (test.any() and 0 < is_animation[learn].sum() < learn.sum()):
             continue
         binned = _bin_values(x, learn, p.bins)
         model = HistGradientBoostingClassifier(
@@ -53,33 +53,33 @@ def score_held_out_windows(
             max_bins=p.bins, early_stopping=False, class_weight="balanced", random_state=p.seed,
         )  # fmt: skip
         with threadpool_limits(limits=1):  # with so little data, threads are slower
-            model.fit(_flat(binned[learn]), animation[learn])
-            score[test] = model.decision_function(_flat(binned[test]))
+            model.fit(_join_steps(binned[learn]), is_animation[learn])
+            score[test] = model.decision_function(_join_steps(binned[test]))
             for place, channel in enumerate(channels):
                 mixed = binned[test].copy()
                 mixed[..., place] = mixed[rng.permutation(len(mixed)), :, place]
-                shuffled[CHANNELS[channel]][test] = model.decision_function(_flat(mixed))
-    rest = animation, both.block, both.cluster
-    return Answers(
+                shuffled[CHANNELS[channel]][test] = model.decision_function(_join_steps(mixed))
+    rest = is_animation, both.block, both.cluster
+    return HeldOutScores(
         Scores(score, *rest), {name: Scores(values, *rest) for name, values in shuffled.items()}
     )
 
 
-def _bin_values(x: NDArray[np.float32], learn: Mask, bins: int) -> NDArray[np.float32]:
-    """Return the bin number of each value of x (n, steps, channels), as float32 of the same shape.
+def _bin_values(windows: NDArray[np.float32], learnt_from: Mask, bins: int) -> NDArray[np.float32]:
+    """Return the bin number of each value of windows (n, steps, channels), as float32.
 
-    Quantiles of the windows to `learn` from separate the bins of each step and channel, as in
-    scikit-learn, but without weights, which took 22 of the stage's 48 s.
+    Quantiles of the windows that are `learnt_from` (n,) separate the bins of each step and channel,
+    as in scikit-learn, but without weights, which took 22 of the stage's 48 s.
     """
-    values = _flat(x)
-    edges = np.quantile(values[learn], np.arange(1, bins) / bins, axis=0)
+    values = _join_steps(windows)
+    edges = np.quantile(values[learnt_from], np.arange(1, bins) / bins, axis=0)
     columns = [
         np.searchsorted(np.unique(edge), value)
         for edge, value in zip(edges.T, values.T, strict=True)
     ]
-    return np.stack(columns, axis=1).astype(np.float32).reshape(x.shape)
+    return np.stack(columns, axis=1).astype(np.float32).reshape(windows.shape)
 
 
-def _flat(x: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return windows (n, steps, channels) as (n, steps · channels)."""
-    return x.reshape(len(x), -1)
+def _join_steps(windows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Reshape windows (n, steps, channels) to (n, steps · channels)."""
+    return windows.reshape(len(windows), -1)

@@ -9,7 +9,7 @@ import pandas as pd
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
 from finloop.features.table import infer_delta_frames
-from finloop.realism.auc import Auc, Scores, auc
+from finloop.realism.auc import Auc, Scores, compute_auc
 from finloop.realism.classifier import score_held_out_windows
 from finloop.realism.instrument import Swimming
 from finloop.realism.settings import RealismSettings
@@ -18,10 +18,10 @@ from finloop.realism.windows import (
     CHANNELS,
     HALVES,
     Blocks,
-    Cutting,
-    Ticks,
+    TickBlocks,
+    WindowCut,
     Windows,
-    convert_to_frames,
+    cut_in_frames,
     cut_windows,
     equal_blocks,
 )  # fmt: skip
@@ -34,12 +34,12 @@ LEAST = 2
 
 
 @dataclass(frozen=True)
-class Sample:
+class FilmSample:
     """The film with which animations are compared, and how both are cut into windows.
 
-    film: drawn and measured again; frame_s (rows,): time in s of each row of the feature table;
-    largest: greatest motion area in `film`, in squares of BL; rate_hz: frames per second; delta: Δ
-    in frames.
+    film: drawn and measured again, as animations are. frame_s (rows,): time in s of each row of the
+    feature table. largest: greatest motion area in `film`, in squares of a body length. rate_hz:
+    frames per second. delta: Δ, the time in which motion is measured, in frames.
     """
 
     film: Swimming
@@ -50,15 +50,16 @@ class Sample:
     p: RealismSettings
 
     @property
-    def cut(self) -> Cutting:
+    def window_cut(self) -> WindowCut:
         """Return the length, stride and step of the windows, in frames."""
         p = self.p
-        return convert_to_frames(p.window_deltas, p.stride, p.step, self.delta)
+        return cut_in_frames(p.window_deltas, p.stride, p.step, self.delta)
 
     def cut_windows(self, swimming: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
-        """Cut film or animation into windows, each assigned to a block of the film's time.
+        """Cut film or animation into windows, and assign each to a block of the film's time.
 
-        swimming: n measured ticks; film: the blocks; part (n,): the ticks to use, None for all.
+        swimming: n measured ticks. film: the blocks. part (n,): True for the ticks to use, None for
+        all.
         """
         p, gap = self.p, self.p.gap * self.delta / self.rate_hz
         plays = swimming.row >= 0
@@ -67,68 +68,74 @@ class Sample:
         chunk = max(1, round(p.cluster * self.delta))
         tick = np.round(swimming.time_s * self.rate_hz).astype(np.int64)
         block = np.where(plays, film.block_numbers(time_s), own.block_numbers(swimming.time_s))
-        near = np.where(plays[:, None], film.near(time_s, gap), own.near(swimming.time_s, gap))
+        near = np.where(
+            plays[:, None], film.are_near(time_s, gap), own.are_near(swimming.time_s, gap)
+        )
         cluster = np.where(plays, swimming.row // chunk, -1 - tick // chunk)
         used = np.arange(len(plays)) if part is None else np.flatnonzero(part)
-        ticks = Ticks(block[used], near[used], cluster[used])
+        ticks = TickBlocks(block[used], near[used], cluster[used])
         table = swimming.table.iloc[used]
-        result = cut_windows(table, ticks, self.cut, self.rate_hz, self.largest)
+        result = cut_windows(table, ticks, self.window_cut, self.rate_hz, self.largest)
         return replace(result, first=used[result.first])
 
-    def blocks(self, times: int = 1) -> Blocks:
-        """Divide the film's time into blocks of equally many rows, in one or several sequences."""
-        return equal_blocks(self.frame_s[self.film.row], self.p.cross_validation_folds, times)
+    def film_blocks(self, repeats: int = 1) -> Blocks:
+        """Divide the film's time into blocks that contain equally many rows.
+
+        repeats: how often the sequence of blocks is repeated.
+        """
+        return equal_blocks(self.frame_s[self.film.row], self.p.cross_validation_folds, repeats)
 
     def windows_beside_film(self, animation: Swimming) -> tuple[Windows, Windows]:
         """Return the windows of the film and the windows of an animation made from it."""
-        blocks = self.blocks()
+        blocks = self.film_blocks()
         return self.cut_windows(self.film, blocks), self.cut_windows(animation, blocks)
 
-    def halves(self) -> tuple[Windows, Windows]:
+    def half_windows(self) -> tuple[Windows, Windows]:
         """Return the windows of the film's first half and those of its second half.
 
         Each half is divided into the same number of blocks. The halves are halves of time: each
         shows the same fish, as an animation does. From halves by tracks, a classifier would learn
         to distinguish the fish.
         """
-        film, blocks = self.film, self.blocks(2)
+        film, blocks = self.film, self.film_blocks(2)
         early = self.frame_s[film.row] < blocks.edges[self.p.cross_validation_folds]
         return self.cut_windows(film, blocks, early), self.cut_windows(film, blocks, ~early)
 
     def comparison_windows(self, measured: Mapping[str, Swimming], features: pd.DataFrame) -> Sides:
-        """Return the two sets of windows of every comparison, by name.
+        """Return the two sets of windows of every comparison, by the comparison's name.
 
         The names are the modes, each beside the film; HALVES, the film's halves; AGAIN, the film as
-        filmed beside the film drawn again. measured: each mode's animation; features: feature table
-        of the film.
+        filmed beside the film drawn and measured again. measured: each mode's animation. features:
+        the feature table of the film.
         """
         film = self.film
         before = features.iloc[film.row].assign(track_id=film.table["track_id"].to_numpy())
-        filmed = self.cut_windows(replace(film, table=before), self.blocks())
+        filmed = self.cut_windows(replace(film, table=before), self.film_blocks())
         return {
             **{mode: self.windows_beside_film(animation) for mode, animation in measured.items()},
-            HALVES: self.halves(),
-            AGAIN: (filmed, self.cut_windows(film, self.blocks())),
+            HALVES: self.half_windows(),
+            AGAIN: (filmed, self.cut_windows(film, self.film_blocks())),
         }
 
 
-def film_sample(
+def build_film_sample(
     film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSettings
-) -> Sample:
-    """Return the `Sample` of a film: what every comparison of an animation with this film needs.
+) -> FilmSample:
+    """Return what every comparison of an animation with a film needs of the film.
 
-    film: drawn and measured again; features: columns of `FEATURES`, of the whole film.
+    film: drawn and measured again. features: columns of `FEATURES`, of the whole film.
     """
     frame_s, largest = features["frame"].to_numpy(float) / rate_hz, film.table["motion_area"].max()
-    return Sample(film, frame_s, float(largest), rate_hz, infer_delta_frames(features), p)
+    return FilmSample(film, frame_s, float(largest), rate_hz, infer_delta_frames(features), p)
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """How well a classifier distinguishes two sets of windows.
+    """The result of a comparison: how well a classifier distinguishes two sets of windows.
 
-    whole: area by all channels; alone: channel → area by that channel; importance: channel → loss
-    of area when it is shuffled; scores: by all channels, windows of the first set first.
+    whole: AUC by all channels. alone: channel → AUC by only this channel. importance: channel →
+    loss of AUC when its values are shuffled. scores: by all channels, windows of the first set
+    first.
     """
 
     whole: Auc
@@ -138,28 +145,30 @@ class Verdict:
 
 
 def classify_windows(
-    sides: tuple[Windows, Windows], p: RealismSettings, alone: bool = True
+    window_pair: tuple[Windows, Windows], p: RealismSettings, by_channel: bool = True
 ) -> Verdict:
-    """Train classifiers on two sets of windows and return how well they distinguish them.
+    """Train classifiers on two sets of windows; return how well they distinguish them.
 
-    sides: the film's windows first; alone: whether to classify by each channel by itself, too.
-    FinloopError if a block has too few windows of either set to test and to learn from.
+    window_pair: the film's windows first. by_channel: whether to classify also by each channel
+    alone. FinloopError if a block has too few windows of either set to test and to learn from.
     """
-    _require_enough_windows(sides, p)
+    _require_enough_windows(window_pair, p)
     every = tuple(range(len(CHANNELS)))
-    answer = score_held_out_windows(*sides, p, every)
-    whole = auc(answer.scores)
+    held_out = score_held_out_windows(*window_pair, p, every)
+    whole = compute_auc(held_out.scores)
     single = {
-        CHANNELS[part]: auc(score_held_out_windows(*sides, p, (part,)).scores)
-        for part in (every if alone else ())
+        CHANNELS[part]: compute_auc(score_held_out_windows(*window_pair, p, (part,)).scores)
+        for part in (every if by_channel else ())
     }
-    importance = {name: whole.value - auc(part).value for name, part in answer.shuffled.items()}
-    return Verdict(whole, single, importance, answer.scores)
+    importance = {
+        name: whole.value - compute_auc(part).value for name, part in held_out.shuffled.items()
+    }
+    return Verdict(whole, single, importance, held_out.scores)
 
 
-def _require_enough_windows(sides: tuple[Windows, Windows], p: RealismSettings) -> None:
-    """Raise FinloopError if windows are too few to train and test a classifier in every block."""
-    film, beside = sides
+def _require_enough_windows(window_pair: tuple[Windows, Windows], p: RealismSettings) -> None:
+    """Raise FinloopError if there are too few windows to train and test a classifier per block."""
+    film, beside = window_pair
     folds = p.cross_validation_folds
     tested, learnt = np.bincount(film.block, minlength=folds), (~film.near).sum(axis=0)
     learnt_beside = (~beside.near).sum(axis=0)
@@ -174,10 +183,11 @@ def _require_enough_windows(sides: tuple[Windows, Windows], p: RealismSettings) 
 
 
 def verdict_table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
-    """Return the verdicts as a table, a row per comparison and channel; channel "all" comes first.
+    """Return the verdicts as a table: a row per comparison and channel, channel "all" first.
 
-    Columns: compared, channel; auc, low, high: the area and its 95 % interval; lost: area lost when
-    the channel is shuffled, NaN for "all".
+    verdicts: by the name of the comparison. Columns: compared, channel; auc, low, high: the area
+    under the ROC curve and its 95 % interval; lost: area lost when the channel is shuffled, NaN for
+    "all".
     """
     rows = []
     for name, result in verdicts.items():
@@ -187,7 +197,7 @@ def verdict_table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
 
 
 def auc_metrics(verdicts: dict[str, Verdict]) -> dict[str, float]:
-    """Return the areas as flat metrics: `<name>_auc`, `_auc_low`, `_auc_high`, `_<channel>_auc`.
+    """Return the AUCs as metrics by name: `<name>_auc`, `_auc_low`, `_auc_high`, `_<channel>_auc`.
 
     verdicts: by the name of the comparison. Low and high are the ends of the 95 % interval.
     """

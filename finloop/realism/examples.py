@@ -11,7 +11,7 @@ import pandas as pd
 from finloop.base.arrays import Floats, Picture
 from finloop.base.schema import Column, Schema
 from finloop.edit.schema import EDIT
-from finloop.realism.compare import Sample, Sides, Verdict
+from finloop.realism.compare import FilmSample, Sides, Verdict
 from finloop.realism.instrument import Swimming, Work
 from finloop.realism.windows import CHANNELS, Windows
 from finloop.render.gallery import Gallery, place_rows
@@ -47,7 +47,7 @@ _AROUND = 1.5  # body lengths that a picture shows beyond the path
 
 
 class WindowPair(NamedTuple):
-    """An animation window and the film window most like it, each by its index, and a score.
+    """An animation window and the film window most similar to it, each by its index.
 
     score: held-out score of the animation window; higher is more obviously false.
     """
@@ -60,10 +60,10 @@ class WindowPair(NamedTuple):
 def most_false_windows(
     film: Windows, animation: Windows, score: Floats, count: int, length: int
 ) -> list[WindowPair]:
-    """Return the animation windows with the highest scores, each with the most similar film window.
+    """Return the animation windows with the highest scores, with the most similar film windows.
 
-    No two of them touch. score (n,): held-out, of the animation windows, NaN where there is none;
-    count: most pairs; length: rows of a window. Similar is the least sum of squared differences of
+    No two of them touch. score (n,): held-out, of the animation windows, NaN where there is none.
+    count: most pairs. length: rows of a window. Similar is the least sum of squared differences of
     the channels, in the film's standard deviations.
     """
     spread = film.x.std(axis=(0, 1)) + 1e-9
@@ -85,22 +85,28 @@ class WindowPool:
     works, measured: by mode and FILM, the edit lists, and the swimming that extraction measured.
     """
 
-    sample: Sample
+    sample: FilmSample
     works: Mapping[str, Sequence[Work]]
     measured: Mapping[str, Swimming]
 
-    def _window(self, name: str, windows: Windows, number: int) -> pd.DataFrame:
-        """Return the rows of the edit list that a window shows, with the heading at its start."""
+    def _window_edit_list(self, name: str, windows: Windows, number: int) -> pd.DataFrame:
+        """Return the rows of the edit list that a window shows, with the heading at its start.
+
+        name: mode or FILM. number: index of the window.
+        """
         measured = self.measured[name]
-        rows = windows.first[number] + np.arange(self.sample.cut.length + 1)
+        rows = windows.first[number] + np.arange(self.sample.window_cut.length + 1)
         edit = self.works[name][int(measured.part[rows[0]])][0].iloc[measured.tick[rows]]
         return edit.assign(start_deg=float(measured.table["heading_deg"].iloc[rows[0]]))
 
     def _mode_examples(
         self, mode: str, pair: tuple[Windows, Windows], verdict: Verdict
     ) -> Iterator[Tables]:
-        """Yield the examples of a mode: both windows as edit lists, and their channels."""
-        (film, animation), cut = pair, self.sample.cut
+        """Yield the examples of a mode: both windows as edit lists, and their channels.
+
+        pair: the windows of the film and of the mode.
+        """
+        (film, animation), cut = pair, self.sample.window_cut
         score, most = verdict.scores.score[len(film.x) :], self.sample.p.examples
         time_s = (np.arange(cut.length // cut.step) + 0.5) * (cut.step / self.sample.rate_hz)
         for example in most_false_windows(film, animation, score, most, cut.length):
@@ -108,7 +114,7 @@ class WindowPool:
             for side, name, windows, number in (
                 (ANIMATION, mode, animation, example.animation), (FILM, FILM, film, example.film),
             ):  # fmt: skip
-                edits.append(self._window(name, windows, number).assign(side=side))
+                edits.append(self._window_edit_list(name, windows, number).assign(side=side))
                 channels = pd.DataFrame(windows.x[number].astype(float), columns=list(CHANNELS))
                 curves.append(channels.assign(side=side, time_s=time_s))
             yield (
@@ -116,7 +122,7 @@ class WindowPool:
                 pd.concat(curves, ignore_index=True),
             )
 
-    def tables(self, sides: Sides, verdicts: Mapping[str, Verdict]) -> Tables:
+    def example_tables(self, sides: Sides, verdicts: Mapping[str, Verdict]) -> Tables:
         """Return the examples of all modes as two tables: EXAMPLES and their channels, CURVES.
 
         sides, verdicts: by the name of the comparison; only modes give examples.
@@ -135,7 +141,7 @@ class WindowPool:
 class CameraView(NamedTuple):
     """A square view of the tank: centre x, y and width in px, and the heading that points right.
 
-    heading_deg: degrees anticlockwise.
+    heading_deg: in degrees, anticlockwise.
     """
 
     x_px: float
@@ -143,19 +149,22 @@ class CameraView(NamedTuple):
     heading_deg: float
     width_px: float
 
-    def crop_frame(self, frame: Picture, size: int) -> Picture:
-        """Return what this view shows of a frame (h, w) or (h, w, 3), as (size, size, 3)."""
+    def crop_frame(self, frame: Picture, size_px: int) -> Picture:
+        """Return what this view shows of a frame, (h, w) or (h, w, 3), as (size_px, size_px, 3)."""
         place = self.x_px, self.y_px
-        turn = cv2.getRotationMatrix2D(place, -self.heading_deg, size / self.width_px)
-        turn[:, 2] += (size - 1) / 2 - np.array(place)
+        turn = cv2.getRotationMatrix2D(place, -self.heading_deg, size_px / self.width_px)
+        turn[:, 2] += (size_px - 1) / 2 - np.array(place)
         picture = cv2.warpAffine(
-            frame, turn, (size, size), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+            frame, turn, (size_px, size_px), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
         )
         return picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB)
 
 
 def _fixed_views(example: pd.DataFrame, length_px: float) -> dict[str, CameraView]:
-    """Return a fixed camera for each side of an example; both show as many body lengths."""
+    """Return a fixed view of the tank for each side of an example, by SIDES.
+
+    Both show as many body lengths. length_px: body length as filmed.
+    """
     sides = example.groupby("side")
     low, high = sides[["x_px", "y_px"]].min(), sides[["x_px", "y_px"]].max()
     drawn = sides["scale"].median()  # / as filmed
@@ -172,43 +181,44 @@ def _fixed_views(example: pd.DataFrame, length_px: float) -> dict[str, CameraVie
 
 
 def draw_strip(
-    edit: pd.DataFrame, gallery: Gallery, painter: Painter, length_px: float, shape: tuple[int, int]
-) -> Picture:
-    """Draw one side of an example as a row of pictures (size, count × size, 3) around the fish.
+    edit: pd.DataFrame, gallery: Gallery, painter: Painter, length_px: float, count: int,
+    size_px: int,
+) -> Picture:  # fmt: skip
+    """Draw one side of an example as `count` pictures of the fish, joined side by side.
 
-    edit: its ticks; length_px: body length as filmed; shape: count and size in px.
+    edit: the ticks of this side. length_px: body length as filmed. size_px: width of a picture.
+    Returns (size_px, count × size_px, 3).
     """
-    count, size = shape
     moments = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
     numbered = moments.assign(tick=np.arange(count))
     tiles, width = list[Picture](), _AROUND * length_px * float(moments["scale"].median())
     for fish, start in zip(place_rows(numbered, gallery), moments["start_deg"], strict=True):
         painter.show(fish)
         view = CameraView(fish.x_px, fish.y_px, start, width)
-        tiles.append(view.crop_frame(painter.frame, size))
+        tiles.append(view.crop_frame(painter.frame, size_px))
     return np.hstack(tiles)
 
 
 def draw_example(
-    example: pd.DataFrame, gallery: Gallery, tank: Picture, length_px: float, size: int
+    example: pd.DataFrame, gallery: Gallery, tank: Picture, length_px: float, size_px: int
 ) -> Iterator[Picture]:
     """Yield the frames of an example's film: animation left, film right, titles above.
 
-    example: rows of `EXAMPLES`; length_px: body length as filmed; size: px of each side. Frames
-    (size + WORDS_PX, 2 size, 3).
+    example: rows of `EXAMPLES`. tank: the empty tank. length_px: body length as filmed. size_px:
+    width of each side. Frames are (size_px + WORDS_PX, 2 size_px, 3).
     """
     views, first = _fixed_views(example, length_px), example.iloc[0]
 
-    def film(side: str) -> Iterator[Picture]:
+    def side_frames(side: str) -> Iterator[Picture]:
         edit, painter = example[example["side"] == side], Painter(tank)
         for fish in place_rows(edit.assign(tick=np.arange(len(edit))), gallery):
             painter.show(fish)
-            yield views[side].crop_frame(painter.frame, size)
+            yield views[side].crop_frame(painter.frame, size_px)
 
     words = f"{first['compared']} {first['example'] + 1}: animation", "the film window most like it"
-    for pair in zip(*map(film, SIDES), strict=True):
-        frame = np.full((size + WORDS_PX, 2 * size, 3), 255, np.uint8)
+    for pair in zip(*map(side_frames, SIDES), strict=True):
+        frame = np.full((size_px + WORDS_PX, 2 * size_px, 3), 255, np.uint8)
         for number, (picture, text) in enumerate(zip(pair, words, strict=True)):
-            frame[WORDS_PX:, number * size : (number + 1) * size] = picture
-            write_text(frame, text, (number * size + 8, WORDS_PX - 9), (0, 0, 0), WORDS_PX // 2)
+            frame[WORDS_PX:, number * size_px : (number + 1) * size_px] = picture
+            write_text(frame, text, (number * size_px + 8, WORDS_PX - 9), (0, 0, 0), WORDS_PX // 2)
         yield frame

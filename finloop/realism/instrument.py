@@ -38,8 +38,8 @@ Work = tuple[pd.DataFrame, Sequence[int]]
 class Instrument:
     """How the film was measured, so that a drawn animation is measured in the same way.
 
-    tank (h, w) or (h, w, 3) uint8: empty; arena (h, w) uint8: 255 inside; facts: noise, threshold
-    and typical fish of the film; rate_hz: frames per second; size: by how much fish are drawn
+    tank (h, w) or (h, w, 3) uint8: empty. arena (h, w) uint8: 255 inside. facts: noise, threshold
+    and typical fish of the film. rate_hz: frames per second. size: factor by which fish are drawn
     larger than filmed, 1 = as filmed.
     """
 
@@ -66,8 +66,8 @@ class Instrument:
             arena=cv2.resize(self.arena, (width, height), interpolation=cv2.INTER_NEAREST),
         )
 
-    def through_lens(self, edit: pd.DataFrame) -> pd.DataFrame:
-        """Return an edit list, places and scales reduced so that fish are as large as filmed."""
+    def reduce_to_filmed_size(self, edit: pd.DataFrame) -> pd.DataFrame:
+        """Return an edit list with places and scales reduced as if fish were as large as filmed."""
         if self.size == 1:
             return edit
         places = {name: (edit[name] + 0.5) / self.size - 0.5 for name in ("x_px", "y_px")}
@@ -75,16 +75,16 @@ class Instrument:
         return edit.assign(**places, **scales)
 
     @property
-    def typical(self) -> TypicalFish:
-        """Return the film's typical fish; its fins are not measured."""
+    def typical_fish(self) -> TypicalFish:
+        """Return the film's typical fish, with which silhouettes are compared; it has no fins."""
         facts = self.facts
         size = facts.typical_area_px, facts.typical_length_px, facts.typical_contrast_grey
         return TypicalFish(*size, fins="none", thin=facts.thin)
 
-    def detections(self, fish: Iterable[PlacedFish]) -> Iterator[Detections]:
-        """Yield the detections of extraction in each frame, which shows the tank with one fish.
+    def detect_fish(self, fish: Iterable[PlacedFish]) -> Iterator[Detections]:
+        """Yield what extraction detects in each frame, which shows the tank with one drawn fish.
 
-        fish: the drawn fish, one per frame; places in the result are px of the tank.
+        fish: the drawn fish, one per frame. Places in the result are px of the tank.
         """
         painter, facts = Painter(self.tank), self.facts
         for animal in fish:
@@ -96,16 +96,17 @@ class Instrument:
                 facts.noise_grey, facts.threshold_grey,
             )  # fmt: skip
             arena = np.ascontiguousarray(self.arena[box.slices])
-            detector = Detector(arena, self.typical, self.extract)
+            detector = Detector(arena, self.typical_fish, self.extract)
             drawn = np.ascontiguousarray(painter.frame[box.slices])
             yield _shift_detections(detector.detect(drawn, scene), box.left, box.top)
 
-    def measure(self, fish: Iterable[PlacedFish], cuts: Sequence[int] = ()) -> pd.DataFrame:
+    def measure_fish(self, fish: Iterable[PlacedFish], cuts: Sequence[int] = ()) -> pd.DataFrame:
         """Return the feature table (FEATURES) of drawn fish, one per tick; `frame` is the tick.
 
-        cuts: ticks at which another fish begins. Where extraction follows no fish it is empty.
+        cuts: ticks at which another fish begins. Where extraction follows no fish the table is
+        empty.
         """
-        pieces = link_tracks(self.detections(fish), self.typical, self.extract, cuts)
+        pieces = link_tracks(self.detect_fish(fish), self.typical_fish, self.extract, cuts)
         fish_frames = [fish_frame for _, ready in pieces for fish_frame in ready]
         if not fish_frames:
             return FEATURES.empty()
@@ -113,8 +114,11 @@ class Instrument:
         return measure_features(table, self.rate_hz, self.features)[0]
 
 
-def _shift_detections(found: Detections, x: int, y: int) -> Detections:
-    """Return detections in a part of the tank as those in the tank; x, y: its upper left pixel."""
+def _shift_detections(detections: Detections, x: int, y: int) -> Detections:
+    """Convert detections in a part of the tank from px of the part to px of the tank.
+
+    x, y: the part's upper left pixel.
+    """
 
     def shift_fish(fish: SegmentedFish) -> SegmentedFish:
         by = np.array([x, y])
@@ -125,20 +129,22 @@ def _shift_detections(found: Detections, x: int, y: int) -> Detections:
         )  # fmt: skip
 
     spots = []
-    for spot in found.spots:
+    for spot in detections.spots:
         left, top, right, bottom = spot.box
         box = left + x, top + y, right + x, bottom + y
         spots.append(replace(spot, x_px=spot.x_px + x, y_px=spot.y_px + y, box=box))
-    return Detections(found.verdicts, spots, [fish and shift_fish(fish) for fish in found.fish])
+    return Detections(
+        detections.verdicts, spots, [fish and shift_fish(fish) for fish in detections.fish]
+    )
 
 
 @dataclass(frozen=True)
 class Swimming:
-    """Fish measured again in one or several edit lists, n rows in all.
+    """What extraction measured of the fish in one or several edit lists, n rows in all.
 
-    table: FEATURES, track numbers unique; part (n,): number of the edit list; tick (n,): in that
-    list; row (n,): of the film that is drawn, −1 for a sprite; time_s (n,): a clock that runs on
-    over all lists.
+    table: columns of FEATURES, track numbers unique. part (n,): number of the edit list. tick (n,):
+    in that list. row (n,): of the film that is drawn, −1 for a sprite. time_s (n,): a clock that
+    runs on over all lists.
     """
 
     table: pd.DataFrame
@@ -149,16 +155,19 @@ class Swimming:
 
 
 def join_measurements(
-    edits: Sequence[pd.DataFrame], tables: Sequence[pd.DataFrame], rate: float
+    edits: Sequence[pd.DataFrame], tables: Sequence[pd.DataFrame], rate_hz: float
 ) -> Swimming:
-    """Join edit lists and the feature tables measured from them; rate: ticks per second."""
+    """Join the feature tables that were measured from several edit lists, in their order.
+
+    rate_hz: ticks per second.
+    """
     parts, before, tracks_before = [], 0, 0
     for number, (edit, table) in enumerate(zip(edits, tables, strict=True)):
         tick = table["frame"].to_numpy(np.int64)
         row = np.where(edit["kind"] == FRAME, edit["source"].to_numpy(), -1)[tick]
         own = table.assign(
             track_id=table["track_id"] + tracks_before,
-            part=number, tick=tick, row=row, clock=(before + tick) / rate,
+            part=number, tick=tick, row=row, clock=(before + tick) / rate_hz,
         )  # fmt: skip
         parts.append(own)
         before += len(edit)
@@ -168,10 +177,11 @@ def join_measurements(
     return Swimming(whole[FEATURES.names], part, tick, row, whole["clock"].to_numpy(float))
 
 
-def film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Work]:
-    """Return random stretches of the film as edit lists of about `longest` ticks, with their cuts.
+def sample_film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Work]:
+    """Return random stretches of the film as edit lists, each with the ticks at which one begins.
 
-    tracks: track_id, x_px, y_px of every row; most: rows in all lists together.
+    tracks: track_id, x_px, y_px of every row. longest: ticks of a list, about. most: rows in all
+    lists together.
     """
     places = tracks[["x_px", "y_px"]].to_numpy()
     works: list[Work] = []
@@ -186,14 +196,17 @@ def film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list
     return works
 
 
-def measure_list(
+def measure_edit_list(
     open_pictures: Callable[[], AbstractContextManager[Gallery]],
     work: tuple[Instrument, pd.DataFrame, Sequence[int]],
 ) -> pd.DataFrame:
     """Draw one edit list and return the feature table that extraction measures in it.
 
-    For a process of its own. open_pictures: opens the cut-outs; work: instrument, and a `Work`.
+    It can run in another process. open_pictures: opens the cut-outs. work: the instrument, the edit
+    list, and the ticks at which another fish begins.
     """
     instrument, edit, cuts = work
     with open_pictures() as gallery:
-        return instrument.measure(place_rows(instrument.through_lens(edit), gallery), cuts)
+        return instrument.measure_fish(
+            place_rows(instrument.reduce_to_filmed_size(edit), gallery), cuts
+        )

@@ -35,15 +35,15 @@ class RealismSettings:
 
     @property
     def stride(self) -> float:
-        """Return the time in Δ from the start of a window to the next: a quarter of a window."""
+        """Return the time from the start of a window to the next, a quarter of a window, in Δ."""
         return self.window_deltas / 4
 
     @property
     def gap(self) -> float:
-        """Return the time in Δ around a block from which its classifier must not learn."""
+        """Return the time around a block from which its classifier must not learn, in Δ."""
         return self.window_deltas
 
     @property
     def cluster(self) -> float:
-        """Return the time in Δ within which windows count as one observation: five windows."""
+        """Return the time within which windows count as one observation, five windows, in Δ."""
         return 5 * self.window_deltas

@@ -35,9 +35,9 @@ the film drawn and measured again."""
 class Windows:
     """n windows of swimming, the input of the classifier.
 
-    x (n, steps, 4): CHANNELS; first (n,): the row with which each begins; block (n,): where each is
-    tested; near (n, blocks): True where the block's classifier must not learn from it; cluster
-    (n,): windows with the same number are not independent.
+    x (n, steps, 4): CHANNELS. first (n,): the row with which each begins. block (n,): the block in
+    which each is tested. near (n, blocks): True where the block's classifier must not learn from
+    it. cluster (n,): windows with the same number are not independent.
     """
 
     x: NDArray[np.float32]
@@ -47,42 +47,46 @@ class Windows:
     cluster: Ints
 
     def __len__(self) -> int:
+        """Return the number of windows."""
         return len(self.x)
 
 
 class Blocks(NamedTuple):
     """Time divided into m stretches, each of which belongs to a block.
 
-    edges (m + 1,): s, rising; number (m,): the block of each stretch.
+    edges (m + 1,): in s, rising. number (m,): the block of each stretch.
     """
 
     edges: Floats
     number: Ints
 
     def block_numbers(self, time_s: Floats) -> Ints:
-        """Return the number (n,) of the block that contains each time; time_s (n,): s."""
+        """Return the number of the block (n,) that contains each of n times in s."""
         place = np.searchsorted(self.edges, time_s, "right") - 1
         return self.number[np.clip(place, 0, len(self.number) - 1)]
 
-    def near(self, time_s: Floats, gap_s: float) -> Mask:
-        """Return whether each time (n,) is in a block or within a gap of it, as (n, blocks)."""
+    def are_near(self, time_s: Floats, gap_s: float) -> Mask:
+        """Return whether each of n times is in a block or within a gap of it, as (n, blocks).
+
+        time_s (n,), gap_s: in s.
+        """
         near = np.zeros((len(time_s), int(self.number.max()) + 1), bool)
         for number, low, high in zip(self.number, self.edges, self.edges[1:], strict=False):
             near[:, number] |= (time_s > low - gap_s) & (time_s < high + gap_s)
         return near
 
 
-def equal_blocks(time_s: Floats, blocks: int, times: int = 1) -> Blocks:
-    """Divide time into blocks that contain equally many of the given times (n,) in s.
+def equal_blocks(time_s: Floats, count: int, repeats: int = 1) -> Blocks:
+    """Divide time into `count` blocks that contain equally many of the given times (n,) in s.
 
-    times: how often the sequence of blocks repeats, each time with a further stretch of a block.
+    repeats: how often the sequence of blocks is repeated, each time with further stretches.
     """
-    edges = np.quantile(time_s, np.linspace(0, 1, times * blocks + 1))
+    edges = np.quantile(time_s, np.linspace(0, 1, repeats * count + 1))
     edges[[0, -1]] = -np.inf, np.inf
-    return Blocks(edges, np.tile(np.arange(blocks), times))
+    return Blocks(edges, np.tile(np.arange(count), repeats))
 
 
-class Cutting(NamedTuple):
+class WindowCut(NamedTuple):
     """How windows are cut, in frames: their length, their stride, and the length of a step."""
 
     length: int
@@ -90,19 +94,22 @@ class Cutting(NamedTuple):
     step: int
 
 
-def convert_to_frames(window: float, stride: float, step: float, delta: int) -> Cutting:
-    """Convert window, stride and step from Δ to whole frames; a window is a whole number of steps.
+def cut_in_frames(
+    window_deltas: float, stride_deltas: float, step_deltas: float, delta: int
+) -> WindowCut:
+    """Convert window, stride and step from units of Δ to frames; return them as `WindowCut`.
 
-    delta: Δ in frames.
+    A window is a whole number of steps. delta: Δ in frames.
     """
-    step = max(1, round(step * delta))
-    return Cutting(step * max(1, round(window * delta / step)), max(1, round(stride * delta)), step)
+    step = max(1, round(step_deltas * delta))
+    length = step * max(1, round(window_deltas * delta / step))
+    return WindowCut(length, max(1, round(stride_deltas * delta)), step)
 
 
 def track_channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
-    """Return the CHANNELS (ticks − 1, 4) of one track of a feature table, from tick to tick.
+    """Return the CHANNELS of one track of a feature table, from tick to tick, (ticks − 1, 4).
 
-    largest: motion area of the film's most bent fish.
+    largest: motion area of the film's most bent fish, in squares of a body length.
     """
     length = float(track["body_length_px"].median())
     travel = np.diff(places_through_water(track), axis=0) * (rate_hz / length)
@@ -115,7 +122,7 @@ def track_channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Float
     ])  # fmt: skip
 
 
-class Ticks(NamedTuple):
+class TickBlocks(NamedTuple):
     """The block and the cluster of each of n measured ticks, and the blocks near it.
 
     near (n, blocks): True where the block contains the tick or lies within a gap of it.
@@ -127,12 +134,12 @@ class Ticks(NamedTuple):
 
 
 def cut_windows(
-    table: pd.DataFrame, ticks: Ticks, cut: Cutting, rate_hz: float, largest: float
+    table: pd.DataFrame, ticks: TickBlocks, cut: WindowCut, rate_hz: float, largest: float
 ) -> Windows:
     """Cut a table of swimming into windows of channels; no window crosses from track to track.
 
-    table: columns of `FEATURES`, track by track; ticks: of the same rows; largest: motion area of
-    the film's most bent fish.
+    table: columns of `FEATURES`, track by track. ticks: of the same rows. largest: motion area of
+    the film's most bent fish, in squares of a body length.
     """
     blocks = ticks.near.shape[1]
     x, first = [np.zeros((0, cut.length // cut.step, len(CHANNELS)))], [np.zeros(0, np.intp)]
@@ -155,6 +162,6 @@ def cut_windows(
 
 
 def join_windows(parts: Sequence[Windows]) -> Windows:
-    """Join several sets of windows into one, in the given order."""
+    """Join several sets of windows into one set, in the given order."""
     columns = zip(*(vars(part).values() for part in parts), strict=True)
     return Windows(*(np.concatenate(column) for column in columns))

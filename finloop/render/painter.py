@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
 from finloop.base.kernel import kernel, leaf_kernel
-from finloop.base.sampling import keys_weights
+from finloop.base.sampling import keys_cubic_weights
 from finloop.puppet import PlacedBackbone, PosedPicture, mix_pictures
 
 Image = NDArray[np.uint8]
@@ -322,7 +322,7 @@ def _sample_cubically(pixels, near, u, v):  # type: ignore[no-untyped-def]
     column, row = math.floor(u), math.floor(v)
     red = green = blue = alpha = np.float32(0)
     if near[row, column]:
-        across, down = keys_weights(u - column), keys_weights(v - row)
+        across, down = keys_cubic_weights(u - column), keys_cubic_weights(v - row)
         for j in range(4):
             r = g = b = a = np.float32(0)
             line = pixels[row - 1 + j]

@@ -7,6 +7,6 @@ The page (`page`), its pictures (`figures`) and tables (`tables`), the compariso
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "compare": ["compare_experiments", "pareto"], "page": ["render_template", "webp"],
+    "compare": ["compare_experiments", "pareto_front"], "page": ["render_template", "encode_webp"],
     "tables": ["Table", "measures_table"],
 })  # fmt: skip

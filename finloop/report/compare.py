@@ -19,7 +19,7 @@ from finloop.report.tables import Table, format_number
 class ReportMetric(NamedTuple):
     """A metric by which experiments are compared: its key, its name on the page, its direction.
 
-    key: `<stage>.<number>`, a number of reports/<stage>/; more: whether a greater value is better.
+    key: `<stage>.<number>`, a number of reports/<stage>/. more: whether a greater value is better.
     """
 
     key: str
@@ -46,10 +46,10 @@ _AXIS: dict[str, Any] = {"gridcolor": "#e3e9ec", "zeroline": False, "linecolor":
 
 @dataclass(frozen=True)
 class Comparison:
-    """Experiments compared: two tables with one row per experiment, and which of them are best.
+    """Experiments that are compared: two tables with one row each, and which of them are best.
 
-    parameters: only those that differ; measures: their numbers; objectives: those OBJECTIVES that
-    some experiment has; best (rows,): True on the Pareto front.
+    parameters: only those that differ. measures: their numbers. objectives: those OBJECTIVES that
+    some experiment has. best (rows,): True on the Pareto front.
     """
 
     parameters: pd.DataFrame
@@ -58,8 +58,8 @@ class Comparison:
     best: NDArray[np.bool_]
 
 
-def pareto(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return the Pareto front of costs (n, k) as a mask (n,); less is better in every column.
+def pareto_front(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which rows of costs (n, k) are on the Pareto front, (n,); less cost is better.
 
     A row is dominated if another row is nowhere greater and somewhere less. Equal rows do not
     dominate each other. A row with NaN is never on the front.
@@ -85,12 +85,12 @@ def compare_experiments(
     columns = dict.fromkeys([*keys, *(name for name in measures if name in numbers)])
     values = numbers.reindex(columns=list(columns)).astype(float)
     sign = np.array([-1.0 if objective.more else 1.0 for objective in objectives])
-    best = pareto(values[keys].to_numpy() * sign) & bool(objectives)
+    best = pareto_front(values[keys].to_numpy() * sign) & bool(objectives)
 
-    def ranks(column: "pd.Series[Any]") -> "pd.Series[int]":
+    def column_ranks(column: "pd.Series[Any]") -> "pd.Series[int]":
         return _rank_values(column)[0]
 
-    rows = parameters[differ].sort_values(differ, kind="stable", key=ranks)
+    rows = parameters[differ].sort_values(differ, kind="stable", key=column_ranks)
     order = parameters.index.get_indexer(rows.index)
     return Comparison(rows, values.iloc[order], objectives, best[order])
 
@@ -111,20 +111,20 @@ def _is_word(value: object) -> bool:
 
 
 def _metric_label(key: str) -> str:
-    """Return the page's name of a metric or parameter, for its key `<stage>.<name>`."""
+    """Return the page's name of a metric or parameter from its key `<stage>.<name>`."""
     names = {objective.key: objective.words for objective in OBJECTIVES}
     return names.get(key, key.partition(".")[2].replace("_", " "))
 
 
-def draw_parallel_axes(table: Comparison) -> go.Figure:
-    """Draw one line per experiment across axes of parameters and measures; the best are coloured.
+def draw_parallel_axes(comparison: Comparison) -> go.Figure:
+    """Draw one line per experiment across axes of parameters and measures; the best in colour.
 
     An experiment that lacks a measure is left out: its line would leave the chart at that axis.
     """
-    measures = table.measures.dropna(axis=1, how="all")
+    measures = comparison.measures.dropna(axis=1, how="all")
     whole = measures.notna().all(axis=1)
     axes = []
-    for name, column in [*table.parameters[whole].items(), *measures[whole].items()]:
+    for name, column in [*comparison.parameters[whole].items(), *measures[whole].items()]:
         axis: dict[str, Any] = {"label": _metric_label(str(name))}
         if any(map(_is_word, column)):  # a tick for each value
             column, texts = _rank_values(column)
@@ -133,20 +133,20 @@ def draw_parallel_axes(table: Comparison) -> go.Figure:
         if low == high:  # an axis of no length is not drawn
             axis["range"] = [low - 0.5, high + 0.5]
         axes.append(axis | {"values": column.astype(float).tolist()})
-    best = table.best[whole.to_numpy()].astype(int).tolist()
+    best = comparison.best[whole.to_numpy()].astype(int).tolist()
     line = {"color": best, "colorscale": [[0, _OTHER], [1, _BEST]], "cmin": 0, "cmax": 1}
     figure = go.Figure(go.Parcoords(dimensions=axes, line=line, labelside="top", labelangle=-12))
     margin = {"l": 80, "r": 80, "t": 110, "b": 40}
     return figure.update_layout(**_LAYOUT | {"height": 430, "margin": margin})
 
 
-def draw_parameter_effects(table: Comparison) -> go.Figure | None:
-    """Draw each measure against the one parameter that differs; None if not one alone differs."""
-    if len(table.parameters.columns) != 1:
+def draw_parameter_effects(comparison: Comparison) -> go.Figure | None:
+    """Draw each measure against the one parameter that differs; None if not exactly one does."""
+    if len(comparison.parameters.columns) != 1:
         return None
-    (parameter,) = table.parameters.columns
-    place, texts = _rank_values(table.parameters[parameter])
-    measures = table.measures.dropna(axis=1, how="all")
+    (parameter,) = comparison.parameters.columns
+    place, texts = _rank_values(comparison.parameters[parameter])
+    measures = comparison.measures.dropna(axis=1, how="all")
     rows = -(-len(measures.columns) // _PANELS)
     titles = [str(name).replace(".", ": ").replace("_", " ") for name in measures]
     figure = make_subplots(rows, _PANELS, subplot_titles=titles, vertical_spacing=0.35 / rows)
@@ -163,16 +163,16 @@ def draw_parameter_effects(table: Comparison) -> go.Figure | None:
     return figure.update_layout(**_LAYOUT, height=80 + 230 * rows)
 
 
-def _draw_scatter(table: Comparison, x: ReportMetric, y: ReportMetric) -> go.Figure:
+def _draw_scatter(comparison: Comparison, x: ReportMetric, y: ReportMetric) -> go.Figure:
     """Draw objective `y` against objective `x`, a point per experiment; the best are marked."""
     figure = go.Figure()
     for mask, name, colour, symbol in (
-        (~table.best, "others", _OTHER, "circle"),
-        (table.best, "best: on the Pareto front", _BEST, "diamond"),
+        (~comparison.best, "others", _OTHER, "circle"),
+        (comparison.best, "best: on the Pareto front", _BEST, "diamond"),
     ):
         if not mask.any():
             continue
-        rows, names = table.measures[mask], table.measures.index[mask]
+        rows, names = comparison.measures[mask], comparison.measures.index[mask]
         figure.add_scatter(
             x=rows[x.key].tolist(), y=rows[y.key].tolist(), text=list(map(str, names)),
             mode="markers", name=name,
@@ -187,35 +187,41 @@ def _draw_scatter(table: Comparison, x: ReportMetric, y: ReportMetric) -> go.Fig
     return figure.update_layout(**_LAYOUT, height=430, legend=legend)
 
 
-def _comparison_table(table: Comparison) -> Table:
+def _comparison_table(comparison: Comparison) -> Table:
     """Return the comparison as a table of texts: a row per experiment, the best marked."""
-    columns = ["experiment", *table.parameters, *map(_metric_label, table.measures), "best"]
+    columns = [
+        "experiment",
+        *comparison.parameters,
+        *map(_metric_label, comparison.measures),
+        "best",
+    ]
     rows = [
         [
             str(name),
-            *map(str, table.parameters.loc[name]),
-            *(format_number(value, 4) for value in table.measures.loc[name]),
+            *map(str, comparison.parameters.loc[name]),
+            *(format_number(value, 4) for value in comparison.measures.loc[name]),
             "best" if best else "",
         ]
-        for name, best in zip(table.parameters.index, table.best, strict=True)
+        for name, best in zip(comparison.parameters.index, comparison.best, strict=True)
     ]
     return Table("Experiments; the best are on the Pareto front", columns, rows)
 
 
-def comparison_page(table: Comparison, title: str, why: str) -> str:
-    """Return the comparison page as one HTML text, with its charts and the program that draws them.
+def comparison_page(comparison: Comparison, title: str, why: str) -> str:
+    """Return the comparison as an HTML page, with its charts and the program that draws them.
 
-    title: heading of the page; why: the text below it.
+    title: heading of the page. why: the text below it.
     """
     charts = {
-        "Effect of the parameter, one panel per measure": draw_parameter_effects(table),
-        "Parameters and measures, one line per complete experiment": draw_parallel_axes(table),
+        "Effect of the parameter, one panel per measure": draw_parameter_effects(comparison),
+        "Parameters and measures, one line per complete experiment": draw_parallel_axes(comparison),
     }
-    for x in table.objectives[:1]:
-        for y in table.objectives[1:]:
-            charts[f"{y.words.capitalize()} against {x.words}"] = _draw_scatter(table, x, y)
+    for x in comparison.objectives[:1]:
+        for y in comparison.objectives[1:]:
+            charts[f"{y.words.capitalize()} against {x.words}"] = _draw_scatter(comparison, x, y)
     values = {
-        "title": title, "why": why, "table": _comparison_table(table), "plotly": get_plotlyjs(),
+        "title": title, "why": why, "table": _comparison_table(comparison),
         "charts": [(name, figure.to_json()) for name, figure in charts.items() if figure],
+        "plotly": get_plotlyjs(),
     }  # fmt: skip
     return render_template("compare.html.j2", values)

@@ -11,7 +11,7 @@ FISH, CURVE = "fish paper", "curve paper"
 class Figure(NamedTuple):
     """One picture of the report: its path below reports/, and its texts.
 
-    number: of the paper's figure or table, "" for a picture that is not in the paper; alt: what a
+    number: of the paper's figure or table, "" for a picture that is not in the paper. alt: what a
     reader hears who does not see the picture.
     """
 
@@ -23,14 +23,14 @@ class Figure(NamedTuple):
 
     @property
     def id(self) -> str:
-        """Return the anchor of the picture within the page."""
+        """Return the picture's name as an anchor in the page."""
         return self.path.removesuffix(".png").replace("/", "-").replace("_", "-")
 
 
 class Chapter(NamedTuple):
-    """Pictures of the report under one heading.
+    """A part of the report: its heading, a text and pictures.
 
-    id: anchor in the page; paper: FISH or CURVE, the paper to whose figures `Figure.number` refers;
+    id: anchor in the page. paper: FISH or CURVE, the paper to whose figures `Figure.number` refers.
     text: the paragraph below the heading.
     """
 

@@ -12,7 +12,7 @@ HIGHER, LOWER, EITHER = "higher is better", "lower is better", ""
 
 
 class Headline(NamedTuple):
-    """A headline number of a stage: its name in metrics.json, its meaning, and its good direction.
+    """A headline number of a stage: its name in metrics.json, its meaning and its good direction.
 
     good: HIGHER or LOWER where that is better, EITHER where neither is.
     """
@@ -22,8 +22,8 @@ class Headline(NamedTuple):
     good: str = EITHER
 
 
-def _modes(ending: str, meaning: str, good: str) -> list[Headline]:
-    """Return a headline number `<mode>_<ending>` for each mode."""
+def _mode_headlines(ending: str, meaning: str, good: str) -> list[Headline]:
+    """Return a headline number named `<mode>_<ending>` for each mode."""
     return [
         Headline(f"{mode}_{ending}", f"{facts.title}: {meaning}", good)
         for mode, facts in MODES.items()
@@ -206,9 +206,9 @@ HEADLINES = {
         Headline("nearest_out_steps", "smallest discontinuity to sprites", LOWER),
     ],
     "animate": [
-        *_modes("trials_goals_reached_pct", "random goals reached", HIGHER),
-        *_modes("trials_time_to_goal_median_s", "time from goal to goal, median", LOWER),
-        *_modes("seam_ratio_p95", "discontinuity of transitions, 95th percentile", LOWER),
+        *_mode_headlines("trials_goals_reached_pct", "random goals reached", HIGHER),
+        *_mode_headlines("trials_time_to_goal_median_s", "time from goal to goal, median", LOWER),
+        *_mode_headlines("seam_ratio_p95", "discontinuity of transitions, 95th percentile", LOWER),
     ],
     "retarget": [
         Headline("ticks", "frames of the animation"),
@@ -233,7 +233,7 @@ HEADLINES = {
         Headline("picture_steps_above_film_p95_share", "share above the film's 95th percentile"),
     ],
     "realism": [
-        *_modes("auc", "can it be distinguished from film? 0.5 = no, 1 = always", LOWER),
+        *_mode_headlines("auc", "can it be distinguished from film? 0.5 = no, 1 = always", LOWER),
         Headline("halves_auc", "the film's halves from each other: the yardstick"),
         Headline("halves_auc_low", "the yardstick, lower bound"),
         Headline("halves_auc_high", "the yardstick, upper bound"),

@@ -31,18 +31,18 @@ class WebP(NamedTuple):
 
 
 def data_uri(kind: str, content: bytes) -> str:
-    """Return bytes as a data URI that a page can contain; kind: MIME type, as "video/mp4"."""
+    """Return bytes as a data URI, which a page can contain; kind: MIME type, as "video/mp4"."""
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def webp(picture: Picture, most_width: int, quality: int) -> WebP:
-    """Code a picture (h, w) or (h, w, 3) RGB uint8 as a WebP data URI of limited width.
+def encode_webp(picture: Picture, max_width_px: int, quality: int) -> WebP:
+    """Encode a picture (h, w) or (h, w, 3) RGB as a WebP data URI, reduced to a greatest width.
 
     quality: 0 … 100 of WebP.
     """
     height, width = picture.shape[:2]
-    if width > most_width:
-        width, height = most_width, max(1, round(height * most_width / width))
+    if width > max_width_px:
+        width, height = max_width_px, max(1, round(height * max_width_px / width))
         picture = np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA))
     coded = io.BytesIO()
     Image.fromarray(picture).save(coded, "WEBP", quality=quality, method=_METHOD)
@@ -50,7 +50,7 @@ def webp(picture: Picture, most_width: int, quality: int) -> WebP:
 
 
 def render_template(template: str, values: Mapping[str, Any]) -> str:
-    """Fill a Jinja template of finloop/report/ with values and return the HTML text.
+    """Fill a Jinja template of finloop/report/ with values; return the HTML text.
 
     Values are escaped. A name in the template that `values` lacks raises an error.
     """

@@ -16,7 +16,7 @@ THUMBNAIL_WIDTH_PX = 240
 
 
 class StudyColumn(NamedTuple):
-    """A column of the table: `<stage>.<number>`, its heading, its meaning, its good direction."""
+    """A column of the study's table: `<stage>.<number>`, heading, meaning and good direction."""
 
     key: str
     heading: str
@@ -73,11 +73,11 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class FilmResult:
-    """What a study has of one film.
+    """What a study knows of one film: its settings, its numbers and pictures, or its error.
 
-    name: of the film in the study; settings: its own, as overrides; numbers: `<stage>.<number>`;
-    thumbnails: name → PNG or JPEG; report: link to its report, "" if there is none; error: why its
-    run failed, "" if it did not.
+    name: of the film in the study. settings: those of this film alone, as overrides. numbers:
+    `<stage>.<number>` → value. thumbnails: name → PNG or JPEG. report: link to its report, "" if
+    there is none. error: why its run failed, "" if it did not.
     """
 
     name: str
@@ -89,7 +89,7 @@ class FilmResult:
 
 
 def study_table(films: Sequence[FilmResult]) -> pd.DataFrame:
-    """Return a row for each film: the numbers of COLUMNS by key, its error and its settings."""
+    """Return a table with a row for each film: numbers of COLUMNS, its error, its settings."""
     rows = {
         film.name: {column.key: film.numbers.get(column.key, np.nan) for column in COLUMNS}
         | {"error": film.error, "settings": " ".join(film.settings)}
@@ -99,7 +99,7 @@ def study_table(films: Sequence[FilmResult]) -> pd.DataFrame:
 
 
 def study_page(films: Sequence[FilmResult], common: Sequence[str]) -> str:
-    """Return the page of a study as one HTML text; its table can be sorted and filtered.
+    """Return the page of a study as HTML text; its table can be sorted and filtered.
 
     common: the settings of all films, as overrides.
     """
@@ -108,7 +108,7 @@ def study_page(films: Sequence[FilmResult], common: Sequence[str]) -> str:
             "film": film,
             "values": [film.numbers.get(column.key) for column in COLUMNS],
             "thumbnails": {
-                name: b64encode(_shrink(picture)).decode()
+                name: b64encode(_make_thumbnail(picture)).decode()
                 for name, picture in film.thumbnails.items()
             },
         }
@@ -118,8 +118,8 @@ def study_page(films: Sequence[FilmResult], common: Sequence[str]) -> str:
     return render_template("study.html.j2", values)
 
 
-def _shrink(picture: bytes) -> bytes:
-    """Return a picture as a JPEG of the width of a thumbnail."""
+def _make_thumbnail(picture: bytes) -> bytes:
+    """Reduce a picture, the content of a PNG or JPEG file, to a thumbnail; return it as JPEG."""
     whole = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
     assert whole is not None, "not a picture"
     height = max(1, round(whole.shape[0] * THUMBNAIL_WIDTH_PX / whole.shape[1]))

@@ -14,7 +14,7 @@ MODES = {**{name: facts.title for name, facts in ALL_MODES.items()}, "film": "Fi
 class Measure(NamedTuple):
     """A measure that the report shows: its row in `reports/animate/measures.csv`, and its texts.
 
-    words: the name on the page; unit: "" for a plain number; good: the target range as text, ""
+    words: the name on the page. unit: "" for a plain number. good: the target range as text, ""
     where there is none.
     """
 
@@ -78,7 +78,7 @@ class Table(NamedTuple):
 def format_number(value: Any, digits: int = 3) -> str:
     """Return a number as a short text of a few digits, with commas between thousands.
 
-    A whole number keeps all digits. NaN and None give ""; a text is returned as it is.
+    A whole number keeps all digits. NaN and None give ""; a text is returned unchanged.
     """
     if isinstance(value, str):
         return value
@@ -92,28 +92,28 @@ def format_number(value: Any, digits: int = 3) -> str:
     return f"{value:,.{decimals}f}"
 
 
-def measures_table(table: pd.DataFrame) -> Table:
+def measures_table(measures: pd.DataFrame) -> Table:
     """Return the table "Animation beside film": a row per measure, a column per mode and film.
 
-    table: `reports/animate/measures.csv`.
+    measures: content of `reports/animate/measures.csv`.
     """
-    table = table.set_index("measure")
+    measures = measures.set_index("measure")
     for key in ("speed", "turn_rate"):  # the difference of the film's halves is the yardstick
         halves, distance = f"{key}_halves_kinematic_distance_sd", f"{key}_kinematic_distance_sd"
-        if halves in table.index and distance in table.index:
-            table.loc[distance, "film"] = table.loc[halves, "film"]
-    modes = [name for name in MODES if name in table]
+        if halves in measures.index and distance in measures.index:
+            measures.loc[distance, "film"] = measures.loc[halves, "film"]
+    modes = [name for name in MODES if name in measures]
     rows = []
     for key, words, unit, good in MEASURES:
-        if key in table.index:
-            values = [format_number(table.at[key, mode]) for mode in modes]
+        if key in measures.index:
+            values = [format_number(measures.at[key, mode]) for mode in modes]
             rows.append([f"{words} ({unit})" if unit else words, *values, good])
     columns = ["measure", *(MODES[mode] for mode in modes), "target"]
     return Table("Animation beside film", columns, rows)
 
 
-def data_frame_table(frame: pd.DataFrame, caption: str, digits: int = 4) -> Table:
-    """Convert a data frame to a table of texts; numbers have about so many digits."""
+def table_of_data_frame(frame: pd.DataFrame, caption: str, digits: int = 4) -> Table:
+    """Convert a data frame to a table of texts; numbers get about so many digits."""
     rows = [[format_number(cell, digits) for cell in row] for row in frame.itertuples(index=False)]
     return Table(caption, [str(name).replace("_", " ") for name in frame.columns], rows)
 
@@ -131,7 +131,7 @@ def headline_table(numbers: Mapping[str, float], word: str) -> Table:
     return Table(word, ["number", "value", "meaning", "good"], rows)
 
 
-def mode_headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
+def mode_headline_numbers(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
     """Return the few numbers that the report shows first for a mode, as pairs (value, text).
 
     numbers: those of the stages `animate` and `realism`, by `<mode>_<name>`.

@@ -5,21 +5,21 @@ from stages.run import run  # isort: skip  (before numpy)
 from finloop.modes.animator import PaperAnimator
 from finloop.modes.hybrid import hybrid_animator
 from finloop.project import Project
-from stages.animation import animate, film_data
+from stages.animation import load_film_data, write_animation
 
 
 def open_mode(project: Project) -> PaperAnimator:
-    """Return the animator of mode `hybrid`; without loops or gateways it is the network alone."""
-    settings = project.settings
+    """Return the animator of mode `hybrid`; without loops or gateways it is that of `network`."""
+    data, settings = load_film_data(project, project.reel), project.settings
     return hybrid_animator(
-        film_data(project, project.reel), project.model, project.loops, project.gateways,
+        data, project.motion_network, project.loops, project.gateways,
         settings("animate"), (settings("network"), settings("loops"), settings("hybrid")),
     )  # fmt: skip
 
 
 def main() -> None:
-    """Write data/animate/hybrid.parquet and the folder data/animate/hybrid/."""
-    animate("hybrid", open_mode)
+    """Plan the animation of mode `hybrid`; write it to data/animate/."""
+    write_animation("hybrid", open_mode)
 
 
 if __name__ == "__main__":

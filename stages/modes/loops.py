@@ -5,18 +5,18 @@ from stages.run import run  # isort: skip  (before numpy)
 from finloop.modes.animator import PaperAnimator
 from finloop.modes.loops import loops_animator
 from finloop.project import Project
-from stages.animation import animate, film_data
+from stages.animation import load_film_data, write_animation
 
 
 def open_mode(project: Project) -> PaperAnimator:
     """Return the animator of mode `loops`; raise NothingToUse if the film has no loops."""
-    data, settings = film_data(project, project.film_reel), project.settings
+    data, settings = load_film_data(project, project.film_reel), project.settings
     return loops_animator(data, project.loops, settings("animate"), settings("loops"))
 
 
 def main() -> None:
-    """Write data/animate/loops.parquet and the folder data/animate/loops/."""
-    animate("loops", open_mode)
+    """Plan the animation of mode `loops`; write it to data/animate/."""
+    write_animation("loops", open_mode)
 
 
 if __name__ == "__main__":

@@ -18,30 +18,31 @@ from finloop.plan.load_paths import load_lines
 from finloop.plan.matching_settings import merge_settings
 from finloop.plan.plan import option_table
 from finloop.project import Project
-from stages.animation import animate
+from stages.animation import write_animation
 
 
 def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnimator:
-    """Return the animator of mode `matching`, with the results of the earlier stages.
+    """Return the animator of mode `matching`, with the results of earlier stages.
 
-    sprite_rows (s,): the row of each sprite, from which a fish of another mode continues.
+    sprite_rows (s,): the film's row of each sprite, from which a fish of another mode continues.
     """
     common, own = project.settings("animate"), project.settings("matching")
     data = MatchingData(
         project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
-        project.steps, project.jumps, project.poses, project.forecast,
-        load_lines(own, project.features), project.facts.mm_per_px, project.rule,
+        project.step_distances, project.jumps, project.poses, project.forecast_sampler,
+        load_lines(own, project.features), project.facts.mm_per_px, project.school_rule,
         project.background, sprite_rows,
     )  # fmt: skip
     return matching_animator(data, merge_settings(common, own))
 
 
-def save_more(
+def save_matching_tables(
     folder: Path, plans: MatchingAnimator, swims: list[Swim], edit: pd.DataFrame
 ) -> dict[str, float]:
     """Write considered.parquet and, for paths, path.parquet and left.parquet to `folder`.
 
-    swims: one per fish. Returns errors from the paths and clearances between fish, by name.
+    plans: the animator. swims: one per fish. edit: the edit list. Returns errors from the paths and
+    clearances between fish, by name.
     """
     world = plans.world
     ticks, filmed = world.duration, world.film.filmed
@@ -69,8 +70,8 @@ def save_more(
 
 
 def main() -> None:
-    """Write data/animate/matching.parquet and the folder data/animate/matching/."""
-    animate("matching", open_mode, save_more)
+    """Plan the animation of mode `matching`; write it to data/animate/."""
+    write_animation("matching", open_mode, save_matching_tables)
 
 
 if __name__ == "__main__":

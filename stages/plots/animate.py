@@ -21,7 +21,10 @@ PATH = DATA / "matching/path.parquet"
 
 
 def main() -> None:
-    """Draw reports/animate/kinematics.png, and path/path.png, path/path-2.png … for paths."""
+    """Draw speeds, turn rates and states of all modes, and paths and errors of fish with a path.
+
+    The files are kinematics.png and path/path.png, path/path-2.png … in reports/animate/.
+    """
     table = load_table(DATA / "beside/kinematics.parquet", KINEMATICS)
     numbers = load_numbers(REPORT)
     save_figure(REPORT / "kinematics.png", draw_kinematics(table, numbers))

@@ -9,16 +9,18 @@ import pandas as pd
 from finloop.bpn.held_out import HELD_OUT
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table
-from finloop.plots.bpn import figure15, held_out_figure
+from finloop.plots.bpn import draw_held_out_predictions, figure15
 
 REPORT = Path("reports/bpn")
 
 
 def main() -> None:
-    """Draw fig15.png and held_out.png in reports/bpn/."""
+    """Draw the network's errors per epoch and its held-out predictions in reports/bpn/."""
     held_out = load_table(Path("data/bpn/held_out.parquet"), HELD_OUT).to_numpy()
     save_figure(REPORT / "fig15.png", figure15(pd.read_csv(REPORT / "curve.csv")))
-    save_figure(REPORT / "held_out.png", held_out_figure(held_out[:, :2], held_out[:, 2:]))
+    save_figure(
+        REPORT / "held_out.png", draw_held_out_predictions(held_out[:, :2], held_out[:, 2:])
+    )
 
 
 if __name__ == "__main__":

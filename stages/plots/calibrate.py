@@ -14,7 +14,7 @@ NAMES = {"zones": "points that swim by the zones", "alone": "points without othe
 
 
 def main() -> None:
-    """Draw reports/calibrate/distributions.png."""
+    """Draw how distances and headings between fish are distributed, in reports/calibrate/."""
     film = load_table(FOLDER / "film.parquet", SHOAL)
     shoals = dict(
         zip(("film, first half", "film, second half"), split_in_halves(film), strict=True)

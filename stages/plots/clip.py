@@ -13,20 +13,23 @@ from finloop.io.picture import load_picture, save_picture
 from finloop.io.several import list_film_folders
 from finloop.io.table import load_table
 from finloop.io.video import CLIP_NAME, FACTS_NAME, load_facts, read_chosen_frames
-from finloop.plots.clip import film_check
-from finloop.plots.parts import one_below_another
+from finloop.plots.clip import draw_film_check
+from finloop.plots.parts import stack_pictures
 
 CLIP = Path("data/clip")
 
 
 def main() -> None:
-    """Draw reports/clip/check.png, with the pictures of several films one below another."""
+    """Draw the check of the film, reports/clip/check.png; several films one below another."""
     pictures = [_draw_film(name, CLIP / home) for name, home in list_film_folders(CLIP)]
-    save_picture(Path("reports/clip/check.png"), one_below_another(pictures))
+    save_picture(Path("reports/clip/check.png"), stack_pictures(pictures))
 
 
 def _draw_film(name: str, clip: Path) -> Picture:
-    """Draw a frame of one film, its difference from the tank, and curves over time."""
+    """Draw a frame of one film, its difference from the tank, and curves over time.
+
+    name: of the film. clip: folder of its clip.
+    """
     facts = load_facts(clip / FACTS_NAME)
     middle = [facts.frames // 2]
     (frame,) = read_chosen_frames(clip / CLIP_NAME, middle, colour=facts.colour)
@@ -34,8 +37,9 @@ def _draw_film(name: str, clip: Path) -> Picture:
     tank = to_grey(load_picture(clip / TANK_NAME))
     table = load_table(clip / CHECK_NAME, CHECK)
     even = undo_gain(plain, measure_gain(plain, tank))
-    return film_check(frame, np.abs(even.astype(np.float32) - tank), table, facts.frame_rate_hz,
-                      f"{name} a frame of the film".strip())  # fmt: skip
+    difference = np.abs(even.astype(np.float32) - tank)
+    title = f"{name} a frame of the film".strip()
+    return draw_film_check(frame, difference, table, facts.frame_rate_hz, title)
 
 
 if __name__ == "__main__":

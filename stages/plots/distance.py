@@ -12,17 +12,17 @@ from finloop.distance.map import (
 )
 from finloop.distance.settings import DistanceSettings
 from finloop.io.picture import save_figure
-from finloop.plots.distance import figure9, picture_rows
+from finloop.plots.distance import figure9, rows_of_longest_tracks
 from finloop.project import Project
-from stages.settings import load
+from stages.settings import load_settings
 
 
 def main() -> None:
-    """Draw reports/distance/fig9.png."""
-    p: DistanceSettings = load("distance")
+    """Draw the distance maps (Fig. 9), reports/distance/fig9.png."""
+    p: DistanceSettings = load_settings("distance")
     with Project() as project:
         facts, features = project.map_facts, project.features
-        rows = picture_rows(features, p.picture_frames)
+        rows = rows_of_longest_tracks(features, p.picture_frames)
         pictures = project.film_reel.draw_rows(rows, facts.size, facts.pose)
         distance = full_distance_map(subtract_mean_picture(pictures))
     features = features.iloc[rows]

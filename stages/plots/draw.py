@@ -1,6 +1,6 @@
 """Draw the pictures of several stages at once, on every core."""
 
-from stages.run import THREADS, progress  # isort: skip  (before numpy)
+from stages.run import THREADS, report_progress  # isort: skip  (before numpy)
 
 from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
@@ -10,14 +10,14 @@ from finloop.base.parallel import Processes, warm_up, worker_loss_error
 
 
 def draw_all(modules: Sequence[str]) -> None:
-    """Run `main` of each module in worker processes, several at once; return when all are done.
+    """Run `main` of each module in worker processes, several at a time.
 
     modules: names, the slowest first.
     """
     warm_up(modules)
-    with progress("plots", len(modules), "stages") as advance:
+    with report_progress("plots", len(modules), "stages") as advance:
         try:
-            with Processes(THREADS).submitter(_run_module) as submit:
+            with Processes(THREADS).open_submitter(_run_module) as submit:
                 for task in [submit(module) for module in modules]:
                     task.result()
                     advance()

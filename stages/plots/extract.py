@@ -26,10 +26,10 @@ from finloop.io.video import (
     load_mask,
     read_chosen_frames,
 )
-from finloop.plots.branches import ThinnedFish, choose_fish, figure3_4, thin_fish
-from finloop.plots.extract import detections_picture
-from finloop.plots.parts import one_below_another
-from stages.settings import load
+from finloop.plots.branches import ThinnedFish, choose_fish_to_draw, figure3_4, thin_fish
+from finloop.plots.extract import draw_detections
+from finloop.plots.parts import stack_pictures
+from stages.settings import load_settings
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
 FRAMES = 4
@@ -46,7 +46,7 @@ class ExtractedFilm(NamedTuple):
     typical: TypicalFish
     arena: Picture
 
-    def read(self, count: int) -> Iterator[tuple[str, Picture]]:
+    def read_frames(self, count: int) -> Iterator[tuple[str, Picture]]:
         """Yield at most `count` frames spread over the film, as pairs (label, picture)."""
         numbers = np.linspace(0, self.facts.frames - 1, min(count, self.facts.frames))
         frames = numbers.round().astype(int).tolist()
@@ -56,8 +56,8 @@ class ExtractedFilm(NamedTuple):
 
 
 def main() -> None:
-    """Draw detections.png and fig3_4.png in reports/extract/."""
-    settings: ExtractSettings = load("extract")
+    """Draw the detections in some frames, and Figs. 3 and 4, in reports/extract/."""
+    settings: ExtractSettings = load_settings("extract")
     films = [
         _load_film(name, home)
         for name, home in list_film_folders(CLIP)
@@ -65,16 +65,19 @@ def main() -> None:
     ]
     pictures = []
     for film in films:
-        labels, frames = zip(*film.read(max(1, FRAMES // len(films))), strict=True)
+        labels, frames = zip(*film.read_frames(max(1, FRAMES // len(films))), strict=True)
         silhouettes = film.scene, film.typical, film.arena, settings
-        pictures.append(detections_picture(frames, labels, *silhouettes))
-    save_picture(REPORT / "detections.png", one_below_another(pictures))
-    fish, words = choose_fish(_thin_films(films, settings))
+        pictures.append(draw_detections(frames, labels, *silhouettes))
+    save_picture(REPORT / "detections.png", stack_pictures(pictures))
+    fish, words = choose_fish_to_draw(_thin_films(films, settings))
     save_figure(REPORT / "fig3_4.png", figure3_4(fish, words))
 
 
 def _load_film(name: str, home: Path) -> ExtractedFilm:
-    """Load what `clip` and `extract` made of a film; `home`: its folder below theirs."""
+    """Load the results of `clip` and `extract` for one film.
+
+    name: of the film. home: its folder below those of the stages.
+    """
     clip, tracks_folder = CLIP / home, EXTRACT / home
     facts = load_facts(clip / FACTS_NAME)
     record = load_record(tracks_folder / "scene.json", SceneFacts, "extract")
@@ -93,7 +96,7 @@ def _thin_films(films: list[ExtractedFilm], settings: ExtractSettings) -> Iterat
     """Yield the thinned fish of THINNED frames, spread over the films."""
     count = max(1, THINNED // len(films))
     for film in films:
-        for label, frame in film.read(count):
+        for label, frame in film.read_frames(count):
             yield from thin_fish(frame, label, film.scene, film.typical, film.arena, settings)
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from finloop.io.picture import save_figure, save_picture
 from finloop.plots import features as draw
-from finloop.plots.parts import message
-from finloop.plots.turn import figure5, strongest_turn
+from finloop.plots.parts import draw_message
+from finloop.plots.turn import figure5, find_strongest_turn
 from finloop.project import Project
 
 REPORT = Path("reports/features")
@@ -16,17 +16,17 @@ FISH = 48  # on the contact sheet
 
 
 def main() -> None:
-    """Draw contact_sheet, fig5, fig7, trajectories and rose, as .png, in reports/features/."""
+    """Draw contact sheet, Figs. 5 and 7, tracks and orientations in reports/features/."""
     with Project() as project:
         table, background = project.features, project.background
-        tracks, rows = project.tracks(COLUMNS), draw.choose_doubtful(table, FISH)
-        fish = draw.specimens(table, tracks, rows, project.cutouts, background)
+        tracks, rows = project.tracks(COLUMNS), draw.choose_rows_to_check(table, FISH)
+        fish = draw.read_specimens(table, tracks, rows, project.cutouts, background)
         save_picture(REPORT / "contact_sheet.png", draw.draw_specimens(fish))
-        fig5 = message(
+        fig5 = draw_message(
             "Fig. 5: this film has no clear turn, one that begins with straight swimming."
         )
-        if (turn := strongest_turn(table)) is not None:
-            turning = draw.specimens(table, tracks, turn, project.cutouts, background)
+        if (turn := find_strongest_turn(table)) is not None:
+            turning = draw.read_specimens(table, tracks, turn, project.cutouts, background)
             fig5 = figure5(table, turn, list(turning), background)
         save_figure(REPORT / "fig5.png", fig5)
         save_figure(REPORT / "fig7.png", draw.figure7(table))

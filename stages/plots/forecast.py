@@ -10,14 +10,17 @@ from matplotlib.figure import Figure
 from finloop.forecast.assess import FREE, HELD_OUT
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table
-from finloop.plots.forecast import free_figure, learning_figure
+from finloop.plots.forecast import draw_free_swimming, draw_learning
 from finloop.project import Project
 
 REPORT = Path("reports/forecast")
 
 
 def main() -> None:
-    """Draw learning.png and free.png in reports/forecast/; empty pictures without a model."""
+    """Draw the forecast's learning and a fish that it moves alone, in reports/forecast/.
+
+    Without a model the pictures are empty.
+    """
     project = Project()
     if not project.has_forecast:
         for name in ("learning", "free"):
@@ -25,8 +28,8 @@ def main() -> None:
         return
     folder, curve = project.data / "forecast", pd.read_csv(REPORT / "curve.csv")
     held_out = load_table(folder / "held_out.parquet", HELD_OUT)
-    free = free_figure(project.states, load_table(folder / "free.parquet", FREE))
-    save_figure(REPORT / "learning.png", learning_figure(curve, held_out))
+    free = draw_free_swimming(project.forecast_states, load_table(folder / "free.parquet", FREE))
+    save_figure(REPORT / "learning.png", draw_learning(curve, held_out))
     save_figure(REPORT / "free.png", free)
 
 

@@ -10,7 +10,7 @@ from finloop.project import Project
 
 
 def main() -> None:
-    """Draw reports/identity/timeline.png."""
+    """Draw the tracks of each animal over time, reports/identity/timeline.png."""
     project = Project()
     figure = draw_timeline(project.identities, project.features, project.rate_hz)
     save_figure(Path("reports/identity/timeline.png"), figure)

@@ -14,12 +14,12 @@ from finloop.loops.positions import choose_table_ends, position_table
 from finloop.loops.search import find_loop_candidates, least_loop_frames, to_sparse_map
 from finloop.loops.settings import LoopsSettings
 from finloop.plots import loops as draw
-from finloop.plots.improper_loop import figure13, most_improper
+from finloop.plots.improper_loop import figure13, find_most_improper_loop
 from finloop.plots.loop_groups import figure12
-from finloop.plots.loop_routes import figure10, find_three_ways
-from finloop.plots.parts import message
+from finloop.plots.loop_routes import figure10, find_three_routes
+from finloop.plots.parts import draw_message
 from finloop.project import Project
-from stages.settings import load
+from stages.settings import load_settings
 
 REPORT = Path("reports/loops")
 NAMES = ("over_time", "over_tank", "fig10", "fig11", "best_and_worst")
@@ -27,12 +27,15 @@ BEST = 6  # loops drawn, and as many of the worst
 
 
 def main() -> None:
-    """Draw the pictures in reports/loops/: NAMES and fig13, as .png."""
-    p: LoopsSettings = load("loops")
+    """Draw the loops over time and tank, the best and worst, and Figs. 10, 11 and 13.
+
+    The files are NAMES and fig13, as .png, in reports/loops/.
+    """
+    p: LoopsSettings = load_settings("loops")
     with Project() as project:
         if project.loops.empty:
             why = (project.data / "loops/none.txt").read_text(encoding="utf-8")
-            figures = iter([(name, message(why)) for name in NAMES])
+            figures = iter([(name, draw_message(why)) for name in NAMES])
         else:
             figures = _draw_loops(project, p)
         save_figure(REPORT / "fig13.png", _draw_improper(project, p))
@@ -41,24 +44,28 @@ def main() -> None:
 
 
 def _draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figure]]:
-    """Yield (name, figure) for each of NAMES, for a film that has loops."""
+    """Yield name and figure of each of NAMES, for a film that has loops."""
     loops, features, reel = project.loops, project.features, project.film_reel
     facts, rate_hz = project.map_facts, project.rate_hz
     track = features["track_id"].to_numpy()
     graph = build_loop_graph(loops, track)
     yield "over_time", figure12(loops, graph, features, rate_hz)
-    yield "over_tank", draw.draw_over_tank(loops, graph, features, project.background)
-    three = find_three_ways(loops, track)
+    yield "over_tank", draw.draw_loops_over_tank(loops, graph, features, project.background)
+    three = find_three_routes(loops, track)
     if three is None:
         why = "Fig. 10: no track has four loops between whose ends there are three ways as in the "
-        yield "fig10", message(f"{why}paper.")
+        yield "fig10", draw_message(f"{why}paper.")
     else:
         yield "fig10", figure10(three, reel, facts.pose, facts.step_median)
     ends = choose_table_ends(graph.ends, track)
     yield "fig11", draw.figure11(position_table(ends, features), ends, features)
     gap = least_loop_frames(infer_delta_frames(features), p)
     best, worst = (
-        list(draw.loop_examples(ranked.iloc[draw.separate_loops(ranked, gap, BEST)], reel, facts))
+        list(
+            draw.loop_pictures(
+                ranked.iloc[draw.choose_separate_loops(ranked, gap, BEST)], reel, facts
+            )
+        )
         for ranked in (loops, loops[::-1])
     )
     yield "best_and_worst", draw.figure8(best, worst)
@@ -67,13 +74,13 @@ def _draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figur
 def _draw_improper(project: Project, p: LoopsSettings) -> Figure:
     """Return Fig. 13 of the fish paper, or a figure that says that no loop is improper."""
     features, reel, facts = project.features, project.film_reel, project.map_facts
-    pairs = to_sparse_map(project.pairs, len(features))
+    pairs = to_sparse_map(project.similar_pairs, len(features))
     every, counts = find_loop_candidates(
         pairs, features, p.distance_threshold * facts.step_median, p
     )
-    loop = most_improper(every, features, p.improper_angle_deg)
+    loop = find_most_improper_loop(every, features, p.improper_angle_deg)
     if loop is None:
-        return message(
+        return draw_message(
             f"Fig. 13: of {counts['minima']} pairs of similar frames none travels more than "
             f"{p.improper_angle_deg:g}° (loops.improper_angle_deg) off the fish's heading."
         )

@@ -10,7 +10,7 @@ from finloop.project import Project
 
 
 def main() -> None:
-    """Draw reports/pose/shapes.png."""
+    """Draw the principal shapes of the pose, reports/pose/shapes.png."""
     with Project() as project:
         picture = draw_shapes(project.poses, project.cutouts)
     save_picture(Path("reports/pose/shapes.png"), picture)

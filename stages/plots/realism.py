@@ -18,7 +18,7 @@ STRIP = 10, 130  # pictures, px
 
 
 def main() -> None:
-    """Draw auc.png and contact_sheet.png in reports/realism/."""
+    """Draw ROC curves and the most obviously false windows in reports/realism/."""
     auc, roc = (pd.read_csv(REPORT / name) for name in ("auc.csv", "roc.csv"))
     save_figure(REPORT / "auc.png", draw_roc(auc, roc))
 
@@ -31,7 +31,7 @@ def main() -> None:
             strips.append(
                 {
                     side: draw_strip(
-                        example[example["side"] == side], gallery, painter, length, STRIP
+                        example[example["side"] == side], gallery, painter, length, *STRIP
                     )
                     for side in SIDES
                 }

@@ -8,7 +8,7 @@ from finloop.edit.modes import RETARGET
 from finloop.io.atomic import whole_folder
 from finloop.io.picture import save_picture
 from finloop.io.table import load_table
-from finloop.plots.retarget import choose_ticks, draw_backbones
+from finloop.plots.retarget import choose_ticks_to_draw, draw_backbones
 from finloop.project import Project
 from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
@@ -19,12 +19,12 @@ _SPAN = 1.6  # body lengths across a tile
 
 
 def main() -> None:
-    """Draw reports/retarget/pictures/backbones.png if a track is retargeted."""
+    """Draw requested and drawn backbones in reports/retarget/pictures/ if a track is retargeted."""
     asked = load_table(Path("data/retarget/asked.parquet"), ASKED)
     with whole_folder(REPORT / "pictures") as folder:
         if asked.empty:
             return
-        ticks = choose_ticks(asked)
+        ticks = choose_ticks_to_draw(asked)
         with Project() as project:
             drawn = project.edit_with_sources(RETARGET, "plots-modes")
             some = drawn.edit.iloc[ticks].assign(tick=range(len(ticks)))

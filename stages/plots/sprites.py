@@ -12,7 +12,7 @@ from finloop.project import Project
 
 
 def main() -> None:
-    """Draw reports/sprites/contact_sheet.png."""
+    """Draw the contact sheet of the sprites, reports/sprites/contact_sheet.png."""
     with Project() as project:
         sprites, store = project.sprites, project.sprite_cutouts
         count = count_orientations(sprites)
