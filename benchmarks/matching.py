@@ -3,7 +3,7 @@
 from typing import Any
 
 from finloop.modes.matching import MatchingData
-from finloop.plan.load_paths import load_lines
+from finloop.plan.load_paths import load_path_lines
 from finloop.plan.matching_settings import AllSettings, merge_settings
 from finloop.project import Project
 from stages.settings import load_settings
@@ -35,6 +35,6 @@ def material(project: Project, p: AllSettings) -> MatchingData:
     return MatchingData(
         project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
         project.step_distances, project.jumps, project.poses, project.forecast_sampler,
-        load_lines(p, project.features), project.facts.mm_per_px, project.school_rule,
+        load_path_lines(p, project.features), project.facts.mm_per_px, project.school_rule,
         project.background,
     )  # fmt: skip

@@ -76,7 +76,7 @@ from finloop.modes.hybrid import hybrid_animator
 from finloop.modes.loops import loops_animator
 from finloop.modes.matching import MatchingData, matching_animator
 from finloop.modes.network import network_animator
-from finloop.plan.load_paths import load_lines
+from finloop.plan.load_paths import load_path_lines
 from finloop.plan.matching_settings import merge_settings
 from finloop.pose.film import FilmPoses, compute_film_poses
 from finloop.render.gallery import Gallery, build_shelves, place_ticks
@@ -369,8 +369,8 @@ def steer(  # noqa: PLR0913  (a result of every verb)
             MatchingData(
                 tracks.film.rate_hz, tracks.film.arena, Reel(reel.features, reel.film), outline_px,
                 similar.facts, similar.steps, jumps.jumps, poses, forecast,
-                load_lines(p["matching"], reel.features), tracks.film.facts.mm_per_px, shoaling,
-                tracks.background,
+                load_path_lines(p["matching"], reel.features), tracks.film.facts.mm_per_px,
+                shoaling, tracks.background,
             ),
             merge_settings(p["animate"], p["matching"]),
         )  # fmt: skip

@@ -22,7 +22,7 @@ from finloop.base.line import PX
 from finloop.io.atomic import save_bytes
 from finloop.io.journal import save_journal
 from finloop.live.web import HOST, AccessPolicy, AppServer, bind_socket
-from finloop.plan.load_paths import line_of
+from finloop.plan.load_paths import load_track_or_file
 from finloop.project import Project
 from finloop.stimulus.inputs import receive_datagrams
 from finloop.stimulus.listing import list_trials
@@ -238,7 +238,7 @@ def _animal_messages(
             "add animals: {unit: px} to it, or leave --animal out",
         )
     scene, faults = film.scene, ConnectionFaults(options.loss, options.jitter, options.gap)
-    line = line_of(options.animal, PX, Project().features)
+    line = load_track_or_file(options.animal, PX, Project().features)
     tracker = fit_calibration(protocol.animals, scene.mm_per_px)
     return list(imitate_tracker(line, None, scene.tank, faults, tracker, scene.mm_per_px))
 

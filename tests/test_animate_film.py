@@ -46,7 +46,7 @@ from finloop.edit.stretch import Decision, describe_decision
 from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
 from finloop.loops.graph import build_loop_graph, can_play_for_ever
-from finloop.plan.plan import CandidateVerdicts, option_table
+from finloop.plan.plan import CandidateVerdicts, candidate_table
 
 
 def film_player(film_=None, room_=None, **changes):
@@ -224,7 +224,7 @@ def test_in_the_pose_of_the_film_nothing_is_turned():
 
 def test_an_animation_lasts_as_many_seconds_as_are_asked_for_and_decisions_so_many_delta():
     own_world = film_world_of(seconds=7.0)
-    assert (own_world.duration, own_world.ticks(7.0)) == (7 * RATE, 7 * DELTA)
+    assert (own_world.duration, own_world.to_ticks(7.0)) == (7 * RATE, 7 * DELTA)
 
 
 def with_dead_ends():
@@ -407,7 +407,7 @@ def test_a_decision_counts_how_many_ways_fail_which_test():
     options = CandidateVerdicts(
         np.arange(6), zero, zero, np.zeros((6, len(TERMS))), zero, zero, verdict
     )
-    assert options.add_to(Decision("play"))[5:9] == (6, 1, 2, 1)
+    assert options.add_to_decision(Decision("play"))[5:9] == (6, 1, 2, 1)
 
 
 @pytest.mark.parametrize(("heading", "quadrant"), [(30.0, 1), (120.0, 2), (210.0, 3), (300.0, 4)])
@@ -488,7 +488,7 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(tmp_path):
     save_table(tmp_path / "a.parquet", table, EDIT)
     back = load_table(tmp_path / "a.parquet", EDIT)
     assert list(back["tick"]) == list(range(900))
-    weighed = option_table(found, 900, rich_film().filmed)
+    weighed = candidate_table(found, 900, rich_film().filmed)
     save_table(tmp_path / "b.parquet", weighed, CONSIDERED)
     again = load_table(tmp_path / "b.parquet", CONSIDERED)
     assert (again.groupby("tick")["taken"].sum() == 1).all()

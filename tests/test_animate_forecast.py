@@ -19,10 +19,10 @@ from finloop.forecast.learning import train_predictor
 from finloop.forecast.neighbours import build_similarity_graph
 from finloop.forecast.sampling import build_sampler, follow_row, start_at_row
 from finloop.plan.cost import Rarity
-from finloop.plan.graph import ROW, connected_parts, mark_leading_rows, without_dead_ends
+from finloop.plan.graph import ROW, mark_leading_rows, number_connected_parts, remove_dead_ends
 from finloop.plan.path_measures import path_table
 from finloop.plan.sources import PredictionSource
-from finloop.plan.world import brisk_rate
+from finloop.plan.world import fast_rate
 
 REST = np.zeros(3000, bool)
 GOALS = [Goal("A", 120, 100), Goal("B", 680, 500), Goal("C", 120, 500)]
@@ -61,7 +61,7 @@ def own_world(mirrored=True, barred=()):
 def player(**film):
     """A planner that shows predictions alone."""
     world, none = own_world(**film), Rarity(np.zeros(3000), np.zeros(1), 0.0, 0.0)
-    recurrent = without_dead_ends(sample(), world.film.has_next, REST)
+    recurrent = remove_dead_ends(sample(), world.film.has_next, REST)
     by_forecast = PredictionSource(world, recurrent, none)
     return replace(matching_of(), world=world, film=None, prediction=by_forecast)
 
@@ -137,7 +137,7 @@ def test_rows_that_must_not_be_shown_are_not_and_neither_are_mirror_images_that_
 
 
 def test_only_rows_that_are_shown_are_similar():
-    one = without_dead_ends(sample(), own_world(mirrored=False).film.has_next, REST)
+    one = remove_dead_ends(sample(), own_world(mirrored=False).film.has_next, REST)
     assert (one.to < 3000).all()
     assert one.usable[one.to].all()
     assert one.start[-1] == len(one.to)
@@ -147,7 +147,7 @@ def test_where_the_film_rests_a_fish_moves_as_the_film_does_and_its_mirror_image
     rest = REST.copy()
     rest[500:510] = True
     more = own_world().film.has_next
-    plain, resting = (without_dead_ends(sample(), more, each) for each in (REST, rest))
+    plain, resting = (remove_dead_ends(sample(), more, each) for each in (REST, rest))
     for row in (495, 3495):
         past = start_at_row(plain, row).past + 0.1
         control = plain.control[row]
@@ -167,7 +167,7 @@ def test_rows_that_only_lead_to_an_end_of_the_film_are_not_followed():
     gone |= np.isin(whole.to, np.r_[lonely])
     start = np.append(0, np.cumsum(~gone))[start]
     more = np.arange(3000) % 1101 != 1100
-    one = without_dead_ends(whole._replace(start=start, to=whole.to[~gone]), more, REST)
+    one = remove_dead_ends(whole._replace(start=start, to=whole.to[~gone]), more, REST)
     assert not one.usable[lonely].any()
     assert one.usable[800:999].all()
     assert one.start[1000] > one.start[999]  # from the last one it goes over
@@ -181,7 +181,7 @@ def test_rows_that_only_lead_round_among_themselves_are_not_followed():
     trap = (one >= 1050) & (one < 1101)
     into = np.where(trap, 1060, whole.to)  # a few frames, again and again
     more = np.arange(3000) % 1101 != 1100
-    film = without_dead_ends(whole._replace(to=into), more, REST)
+    film = remove_dead_ends(whole._replace(to=into), more, REST)
     assert not film.usable[1050:1101].any()
     assert film.usable[600:1000].mean() > 0.9
 
@@ -199,7 +199,7 @@ def test_rows_that_lead_to_the_largest_set_are_those_that_scipy_finds(seed):
     ends = np.append(one[goes], plays), np.append(to[goes], plays) + 1
     graph = scipy.sparse.csr_array((np.ones(len(ends[0])), ends), shape=(m, m))
     number, true = scipy.sparse.csgraph.connected_components(graph, connection="strong")
-    part = connected_parts(shown, start, to)
+    part = number_connected_parts(shown, start, to)
     assert (
         len(np.unique(part)) == number == len(set(zip(part.tolist(), true.tolist(), strict=True)))
     )
@@ -247,9 +247,9 @@ def test_a_fish_in_a_corner_turns_no_faster_than_a_brisk_one_or_as_is_predicted(
 def test_who_rests_for_most_of_the_film_is_brisk_when_it_swims():
     p = replace(own_world().settings, typical_speed_quantile=0.75)
     speed = np.where(np.arange(1000) % 10 == 0, 4.0, 0.0)
-    assert brisk_rate(speed, p) == pytest.approx(0.4)
-    assert brisk_rate(speed + 1, p) == 1
-    assert brisk_rate(np.zeros(9), p) > 0
+    assert fast_rate(speed, p) == pytest.approx(0.4)
+    assert fast_rate(speed + 1, p) == 1
+    assert fast_rate(np.zeros(9), p) > 0
 
 
 def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut():

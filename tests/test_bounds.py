@@ -11,7 +11,7 @@ from finloop.animate.arena import inside, tank
 from finloop.animate.company import discs_of
 from finloop.animate.encounters import place_outline
 from finloop.animate.kinematics import Target
-from finloop.plan.walls import bounds_of, fits, kept_inside, push_inside
+from finloop.plan.walls import fits_in_tank, keep_inside, push_inside, tank_bounds
 
 BENT = np.array([[30.0, 4], [0, -6], [-30, 12], [-34, 16], [-2, 4]])
 
@@ -23,7 +23,7 @@ def pool():
     arena[20:90, 30:100] = False
     bodies = np.stack([np.concatenate([HULL, HULL[:2]]), BENT])
     discs = discs_of(bodies, [])
-    return tank(arena, 40.0), bounds_of(tank(arena, 40.0), discs), bodies
+    return tank(arena, 40.0), tank_bounds(tank(arena, 40.0), discs), bodies
 
 
 def shown_inside(arena, hull, place, mirrored=False):
@@ -41,7 +41,7 @@ def test_what_fits_has_every_pixel_inside_and_what_is_well_inside_fits(mirrored)
     for _ in range(3000):
         picture = int(rng.integers(2))
         place = rng.uniform(20, 300), rng.uniform(10, 230), rng.uniform(-180, 180)
-        free = fits(bounds, picture + 2 * mirrored, *place)
+        free = fits_in_tank(bounds, picture + 2 * mirrored, *place)
         counts[free] += 1
         if free:
             assert shown_inside(water.arena, bodies[picture], place, mirrored)
@@ -54,18 +54,20 @@ def test_every_picture_fits_where_the_tank_is_roomy():
     water, bounds, _ = pool()
     rng = np.random.default_rng(1)
     for y, x in rng.permutation(np.argwhere(water.legal))[:300]:
-        assert fits(bounds, int(rng.integers(4)), float(x), float(y), rng.uniform(-180, 180))
+        assert fits_in_tank(
+            bounds, int(rng.integers(4)), float(x), float(y), rng.uniform(-180, 180)
+        )
 
 
 def test_a_fish_without_discs_fits_where_the_tank_is_roomy_alone():
     legal = np.ones((50, 70), bool)  # no whole number of cells
     rng = np.random.default_rng(7)
     legal[rng.integers(50, size=20), rng.integers(70, size=20)] = False
-    bounds = bounds_of(open_tank())._replace(roomy=legal)
+    bounds = tank_bounds(open_tank())._replace(roomy=legal)
     whole = np.pad(legal, [(0, 14), (0, 10)], constant_values=True)
     bounds = bounds._replace(cells=whole.reshape(4, 16, 5, 16).all(axis=(1, 3)))
     for x, y in rng.uniform(-20, 90, (2000, 2)):
-        assert fits(bounds, 0, x, y, 0.0) == inside(legal, x, y)
+        assert fits_in_tank(bounds, 0, x, y, 0.0) == inside(legal, x, y)
 
 
 def test_a_place_at_a_wall_is_moved_straight_off_it():
@@ -81,14 +83,14 @@ def test_a_way_inside_is_left_as_it_is_and_one_into_a_wall_slides_along_it():
     _, bounds, _ = pool()
     numbers = np.zeros(60, np.int64)
     way = np.column_stack([np.linspace(150, 250, 60), np.full(60, 120.0), np.zeros(60)])
-    assert np.array_equal(kept_inside(bounds, numbers, way, 3.0), way)
+    assert np.array_equal(keep_inside(bounds, numbers, way, 3.0), way)
     way[:, 1] = np.linspace(60, 20, 60)
-    slid = kept_inside(bounds, numbers, way, 3.0)
+    slid = keep_inside(bounds, numbers, way, 3.0)
     assert len(slid) == 60 and np.array_equal(slid[:, 0], way[:, 0])
-    assert all(fits(bounds, 0, *place) for place in slid)
+    assert all(fits_in_tank(bounds, 0, *place) for place in slid)
     assert np.abs(np.diff(slid[-9:, 1])).max() < 1.5
     way[30:, 1] = 0.0  # far behind the wall at once
-    assert len(kept_inside(bounds, numbers, way, 3.0)) == 30
+    assert len(keep_inside(bounds, numbers, way, 3.0)) == 30
 
 
 def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
@@ -101,13 +103,13 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
     keeper = player._fallback
     fish = player.begin(rng).fish._replace(x=232.0, y=150.0, heading=0.0)
     fish = fish._replace(rot=-float(own_world.film.heading[fish.row]))
-    ahead = keeper._staying(fish, Target(0, 0, 0, 0))[-1]
+    ahead = keeper._ways_to_stay(fish, Target(0, 0, 0, 0))[-1]
     ahead = replace(ahead, way=np.repeat([[300.0, 150.0, 0.0]], len(ahead.way), axis=0))
     places = []
     while fish.tick < 500:
         fish = player._fish_after(fish, keeper.keep_clear(fish, ahead, rng))
         places.append((fish.x, fish.y, fish.heading))
-        assert fits(own_world.bounds, fish.row, *places[-1])
+        assert fits_in_tank(own_world.bounds, fish.row, *places[-1])
     steps = -np.diff(np.array(places)[:, 0])
     assert steps.min() >= 0 and steps.max() < LENGTH / 4
     assert own_world.tank.legal[round(fish.y), round(fish.x)]

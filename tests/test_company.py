@@ -195,7 +195,7 @@ def test_a_search_looks_for_those_alone_that_can_be_met_in_time(seed, known_tick
 
 def test_how_far_a_fish_comes_is_never_less_than_the_film_shows():
     world = film_world_of()
-    film, far = world.film, world.farthest
+    film, far = world.film, world.farthest_px
     for ticks in range(1, len(far)):
         first = np.flatnonzero(film.has_next[:-ticks])[:: max(1, ticks)]
         one_track = np.abs(film.x[first + ticks] - film.x[first]) < 400

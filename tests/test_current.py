@@ -10,7 +10,7 @@ from finloop.base.settings import settings
 from finloop.features.current import measure_current
 from finloop.modes.phases import learn_phases
 from finloop.plan.graph import mean_step_px
-from finloop.plan.world import learn_brisk
+from finloop.plan.world import learn_fast_fish
 
 
 def beating(frames=200, hz=2.0, wide=0.18, drift=0.0):
@@ -53,7 +53,7 @@ def test_all_that_swims_by_the_film_gets_on_as_in_still_water():
     assert np.median(extra[1]) == pytest.approx(2, abs=0.1)
     assert mean_step_px(high.rows) > mean_step_px(low.rows) > mean_step_px(plain.rows)
     every = (still, *drifted)
-    quick = [learn_brisk(table, RATE, 5, planning()).fastest for table in every]
+    quick = [learn_fast_fish(table, RATE, 5, planning()).fastest for table in every]
     phases = [learn_phases(table, RATE, 5, settings("network")).high for table in every]
     assert quick[0] < quick[1] < quick[2] and phases[0] < phases[1] < phases[2]
     moved = [motion_of_film(table, learn(still, RATE, 5))[0] for table in every]

@@ -252,7 +252,7 @@ def test_a_mirror_image_jumps_as_its_row_does_to_the_other_side():
         for side in (0, 1):
             k = made.jump_slot[row + side * n]
             there = np.array([to + n * (side ^ int(across))])
-            there = there[made.plays(there)]
+            there = there[made.can_play_on(there)]
             assert made.to[made.start[k] : made.start[k + 1]].tolist() == there.tolist()
             kept += len(there)
     assert 0.9 * 2 * len(jumps) < kept < 2 * len(jumps)
@@ -285,7 +285,7 @@ def test_who_wanders_takes_the_film_as_it_comes(rng):
     state = planner.begin(rng)
     stretch, _ = planner.plan(state, None, rng)
     value = stretch.options.value[stretch.options.taken] * planner.world.motion.rate_hz
-    assert value >= planner.world.ticks(planner.world.settings.look_ahead_deltas)
+    assert value >= planner.world.to_ticks(planner.world.settings.look_ahead_deltas)
     assert not stretch.touched
     to_come = stretch.options.terms[:, TERMS.index("to_come")]
     assert (to_come == 0).all()

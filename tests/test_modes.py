@@ -72,7 +72,7 @@ from finloop.modes.hybrid import Hybrid
 from finloop.modes.loops import loop_ends
 from finloop.modes.network import Network
 from finloop.modes.sprites import plan_turn
-from finloop.plan.plan import option_table
+from finloop.plan.plan import candidate_table
 
 STAY = round(settings("loops").min_deltas_between_jumps * DELTA)
 A = [Goal("A", 200.0, 200.0)]
@@ -119,7 +119,9 @@ def in_film(film, rng, room=None):
     """A fish somewhere in the tank, at a row from which the film goes on."""
     row = int(
         rng.choice(
-            np.flatnonzero(film.has_next[:-2] & film.plays(np.arange(1, len(film.has_next) - 1)))
+            np.flatnonzero(
+                film.has_next[:-2] & film.can_play_on(np.arange(1, len(film.has_next) - 1))
+            )
         )
     )
     rot = float(rng.uniform(-180, 180)) if film.body else 0.0
@@ -181,7 +183,7 @@ def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut_from_where_it_goes_on(
 def test_a_seed_gives_one_animation_and_another_seed_another(mode):
     one, same, other = (edit_of(player_in(mode), A, 400, seed) for seed in (7, 7, 8))
     pd.testing.assert_frame_equal(one[1], same[1])
-    weighed, again = (option_table(found, 400, 10**6) for found, _ in (one, same))
+    weighed, again = (candidate_table(found, 400, 10**6) for found, _ in (one, same))
     pd.testing.assert_frame_equal(weighed, again)
     assert weighed.empty == (mode != "matching")
     assert not np.allclose(one[1]["x_px"], other[1]["x_px"])
@@ -473,7 +475,7 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
 
 def test_a_dead_end_is_never_played_into():
     player = paper_player(loops_of(film_with_dead_ends()))
-    goes_on = player.film.plays(np.arange(len(player.film.has_next) - 1))
+    goes_on = player.film.can_play_on(np.arange(len(player.film.has_next) - 1))
     assert not goes_on.all()
     for seed in range(3):
         found, _ = edit_of(player, [], 2000, seed)

@@ -26,10 +26,10 @@ from finloop.edit.schema import PATH
 from finloop.features.line import track_as_path
 from finloop.io.line import load_line
 from finloop.io.table import save_table
-from finloop.plan.advance import advance
+from finloop.plan.advance import swim_trajectory
 from finloop.plan.cost import Steering
 from finloop.plan.matching_settings import MatchingSettings
-from finloop.plan.objectives import ANYWHERE, along_path
+from finloop.plan.objectives import ANYWHERE, path_objective
 from finloop.plan.path_measures import (
     LEFT,
     PATH_ROWS,
@@ -39,7 +39,7 @@ from finloop.plan.path_measures import (
     swimming_limits,
 )
 from finloop.plan.search_graph import search_graph
-from finloop.plan.walls import bounds_of
+from finloop.plan.walls import tank_bounds
 from finloop.plots.path import draw_path as figure
 
 TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)
@@ -192,10 +192,12 @@ def steer(way, y=300.0, swims=2.0, **changes):
     usual = Steering(0.5, 0.2, 1.0, 10, LENGTH, 30.0, 10.0, 3.0, 0.1)
     speed = np.full(len(way) - 1, swims)
     begins = (100.0, 0)
-    world, bounds, steering = film_world_of(), bounds_of(open_tank()), usual._replace(**changes)
-    graph = search_graph(world.film, bounds, world.cost_weights, world.reach)
+    world, bounds, steering = film_world_of(), tank_bounds(open_tank()), usual._replace(**changes)
+    graph = search_graph(world.film, bounds, world.cost_weights, world.steering_ticks)
     rows = np.zeros(len(way) - 11, np.int64)
-    return advance(way, speed, rows, begins, (along_path(route, steering), ANYWHERE), graph)[:3]
+    return swim_trajectory(
+        way, speed, rows, begins, (path_objective(route, steering), ANYWHERE), graph
+    )[:3]
 
 
 def test_a_way_along_the_path_is_left_as_it_is():

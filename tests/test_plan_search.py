@@ -30,7 +30,7 @@ from finloop.distance.picture import BODY, FILM
 from finloop.edit.schema import TERMS, WAITING, Goal
 from finloop.features.table import wrap_deg
 from finloop.plan.cost import CHANCE, LAG, RARITY, REPEAT, SEAM, CostWeights, repeat_cost
-from finloop.plan.objectives import along_path, estimate_ticks_to, to_goal
+from finloop.plan.objectives import estimate_ticks_to_target, path_objective, target_objective
 from finloop.plan.search import (
     BRANCH,
     RUN,
@@ -38,13 +38,13 @@ from finloop.plan.search import (
     Branch,
     Candidates,
     SearchStart,
+    beam_search,
     film_candidates,
     insert_branch,
-    search,
     tick_row_shown,
 )
 from finloop.plan.search_graph import search_graph
-from finloop.plan.walls import bounds_of
+from finloop.plan.walls import tank_bounds
 
 WEIGHTS = CostWeights(3.0, 5.0, 4, 24, 6.0, 20.0, 300.0)
 """Of a fish that does 3 px and 5° a tick."""
@@ -151,12 +151,12 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
         horizon, stride = (int(rng.integers(2, top)) for top in (20, 4))
         weights = WEIGHTS._replace(stride=stride, beam=50_000)
         graph = search_graph(
-            reel, bounds_of(Tank(legal, legal, np.zeros((2, 90, 90), np.int32))), weights, 5
+            reel, tank_bounds(Tank(legal, legal, np.zeros((2, 90, 90), np.int32))), weights, 5
         )
         terms = np.zeros((len(rows), len(TERMS)))
         terms[:, CHANCE] = rng.uniform(0, 9, len(rows))
         made = candidates_of(rows, rots, terms)
-        found, _ = search(graph, made, start, to_goal(aim), weights, horizon)
+        found, _ = beam_search(graph, made, start, target_objective(aim), weights, horizon)
         assert not found.over.any()
         for i, row in enumerate(rows):
             value, ticks = slow_search(reel, legal, start, rots[i], row, aim, weights, horizon)
@@ -172,10 +172,12 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
 
 
 def wanderer(reel, room, rows, rots, aim, beam=24, place=(400.0, 300.0), horizon=40):
-    graph = search_graph(reel, bounds_of(room), WEIGHTS, 5)
+    graph = search_graph(reel, tank_bounds(room), WEIGHTS, 5)
     start = SearchStart(*place, 0, NOTHING)
     made = candidates_of(rows, rots)
-    return search(graph, made, start, to_goal(aim), WEIGHTS._replace(beam=beam), horizon)
+    return beam_search(
+        graph, made, start, target_objective(aim), WEIGHTS._replace(beam=beam), horizon
+    )
 
 
 def test_more_beam_is_never_worse_and_a_narrow_one_says_what_it_gave_up():
@@ -242,7 +244,7 @@ def test_a_mirrored_tank_gives_the_mirrored_plan():
 
 def test_jumps_are_kept_the_cheapest_first():
     reel = rich_film()
-    graph = search_graph(reel, bounds_of(open_tank()), WEIGHTS, 5)
+    graph = search_graph(reel, tank_bounds(open_tank()), WEIGHTS, 5)
     for row in np.flatnonzero(reel.jump_slot >= 0):
         first, last = reel.start[reel.jump_slot[row] : reel.jump_slot[row] + 2]
         wanted = sorted(zip(6 * reel.seam[first:last], reel.to[first:last], strict=True))
@@ -257,7 +259,7 @@ def test_film_just_seen_costs_less_and_less():
 
 def test_what_is_to_come_is_the_way_and_the_turn():
     weights = WEIGHTS._replace(pace=5.0, turning=4.0)
-    ticks = estimate_ticks_to(100.0, 100.0, (1.0, 0.0), spot(130, 60), weights)
+    ticks = estimate_ticks_to_target(100.0, 100.0, (1.0, 0.0), spot(130, 60), weights)
     assert ticks == pytest.approx(10 + np.degrees(np.arctan2(40, 30)) / 4)
 
 
@@ -270,15 +272,17 @@ def test_along_a_path_more_ways_are_followed_where_none_leads_on():
     ring = EIGHT._replace(x=100 + 30 * np.cos(angle), y=100 + 30 * np.sin(angle))
     route = lay_route(ring, world)
     p = world.settings
-    horizon = world.ticks(p.path_commit) + world.ticks(p.look_ahead_deltas)
+    horizon = world.to_ticks(p.path_commit) + world.to_ticks(p.look_ahead_deltas)
     planner, rng, ends, alone = matching_of(world), np.random.default_rng(6), 0, 0
     for _ in range(60):
         state = planner.begin(rng)
         if not world.film.has_next[state.fish.row]:
             continue
         made, start = planner.film.candidates(state.fish, 0.0, 0.0)
-        objective = along_path(route, world.steering)
-        found, _ = search(planner.film.graph, made, start, objective, world.cost_weights, horizon)
+        objective = path_objective(route, world.steering)
+        found, _ = beam_search(
+            planner.film.graph, made, start, objective, world.cost_weights, horizon
+        )
         alone += np.isinf(found.value).all()
         stretch, _ = planner.plan(state, route, rng)
         ends += stretch.options is None or np.isinf(stretch.options.value).all()
@@ -345,7 +349,9 @@ def search_route(world, route, beam, row=5, rot=0.0, place=(400.0, 300.0)):
     made = film_candidates(film, row, rot)
     start = SearchStart(*place, 1, NOTHING)
     weights = world.cost_weights._replace(beam=beam, repeat=0.0)
-    return graph, *search(graph, made, start, along_path(route, world.steering), weights, 40)
+    return graph, *beam_search(
+        graph, made, start, path_objective(route, world.steering), weights, 40
+    )
 
 
 def test_along_a_path_a_beam_that_loses_nothing_finds_the_cheapest_way():
@@ -407,7 +413,7 @@ def test_a_fish_swims_by_its_plan_alone_and_beside_others_that_are_not_in_its_wa
         ticks, stretches = ticks + len(stretch.way), stretches + 1
         searches += stretch.options is not None
     assert searches < stretches / 2
-    assert searches <= 1 + 300 / (world.ticks(world.settings.path_commit) / 2)
+    assert searches <= 1 + 300 / (world.to_ticks(world.settings.path_commit) / 2)
     while not state.path.runs:
         _, state = planner.plan(state, route, rng)
     run, _ = planner.plan(state, route, rng)

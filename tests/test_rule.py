@@ -17,7 +17,7 @@ from finloop.live.message import parse_message
 from finloop.live.tank import LiveTank
 from finloop.live.view import TankView
 from finloop.modes.matching import MatchingAnimator, add_rules
-from finloop.plan.objectives import rule_target
+from finloop.plan.objectives import place_by_rule
 from finloop.social.measures import measure_group
 from finloop.social.zones import NO_ZONES, Zones
 
@@ -108,7 +108,7 @@ def test_a_wish_holds_for_a_step_and_is_drawn_anew_then():
         places.append(tuple(state.place))
         ticks += len(stretch.way)
     assert 2 <= len(set(places)) <= len(places)
-    assert rule_target(rule, state.fish, player.world, rng)[1] == 15
+    assert place_by_rule(rule, state.fish, player.world, rng)[1] == 15
     begun = state._replace(left=5)
     _, wanders = player.plan(begun, None, rng)
     assert not wanders.wished and tuple(wanders.place) != tuple(begun.place)
@@ -165,7 +165,7 @@ def test_followers_keep_near_their_leader_who_swims_to_its_goals():
 def test_a_follower_swims_behind_its_leader():
     player = player_of(NEAR)
     fish = player.begin(np.random.default_rng(0)).fish
-    place, left = rule_target(
+    place, left = place_by_rule(
         Rule.from_leader(np.array([400.0, 300.0, 90.0, 0.0])), fish, player.world, None
     )
     assert place == pytest.approx([400, 300 + LENGTH]) and left == 0

@@ -64,7 +64,7 @@ from finloop.modes import samples
 from finloop.modes.matching import MatchingAnimator
 from finloop.modes.samples import sample_animations
 from finloop.plan import fallback
-from finloop.plan.load_paths import load_lines
+from finloop.plan.load_paths import load_path_lines
 from finloop.plan.path_measures import LEFT, PATH_ROWS
 from finloop.project import Project
 
@@ -172,7 +172,7 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
     for directions in (fallback._ASIDE_DEG, (0.0,)):  # and back to back alone
         monkeypatch.setattr(fallback, "_ASIDE_DEG", directions)
         fish = with_neighbours(first, gap)
-        ahead = player._leave(fish, Target(x + 100, y, 0, 0), np.random.default_rng(1))
+        ahead = player._plan_to_target(fish, Target(x + 100, y, 0, 0), np.random.default_rng(1))
         blocked = replace(ahead, way=np.repeat([[x + gap, y, 90.0]], len(ahead.way), axis=0))
         way = avoider.keep_clear(fish, blocked, np.random.default_rng(2)).way
         ways.append(way[-1, :2] - (x, y))
@@ -248,10 +248,10 @@ def test_who_begins_a_path_on_the_way_of_another_is_not_run_into():
 def test_there_is_a_path_a_fish_at_most(tmp_path):
     (tmp_path / "a.csv").write_text("x,y\n0.2,0.2\n0.8,0.8\n")
     p = settings("matching", path=[str(tmp_path / "a.csv"), None], fish=2)
-    lines = load_lines(p, pd.DataFrame())
+    lines = load_path_lines(p, pd.DataFrame())
     assert lines[0].name.endswith("a.csv") and lines[1] is None
     with pytest.raises(FinloopError, match="2 paths for 1 fish"):
-        load_lines(replace(p, fish=1), pd.DataFrame())
+        load_path_lines(replace(p, fish=1), pd.DataFrame())
 
 
 # --- the edit list

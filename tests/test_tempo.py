@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from finloop.plan.cost import Tempo
-from finloop.plan.graph import ROW, MotionGraph, lags, mean_step_px
+from finloop.plan.graph import ROW, MotionGraph, mean_step_px, row_lags
 
 N = 200
 
@@ -27,7 +27,7 @@ def straight_path(steps):
 
 def test_who_swims_as_the_film_does_lags_by_nothing():
     film = film_of(np.where(np.arange(N) % 2 == 0, 1.0, 3.0))
-    assert lags(film.rows).sum() == pytest.approx(0.0, abs=1e-9)
+    assert row_lags(film.rows).sum() == pytest.approx(0.0, abs=1e-9)
     tempo = Tempo.from_film(film, 50.0, 1.0)
     even = straight_path(np.full(40, mean_step_px(film.rows)))
     assert tempo.lag_after(0.0, even, (0.0, 0.0)) == pytest.approx(0.0, abs=1e-9)
@@ -49,10 +49,10 @@ def test_a_tick_on_the_spot_is_a_tick_behind_and_is_forgotten():
 
 def test_a_rest_is_dear_for_who_lags_and_worth_something_for_who_is_ahead():
     tempo = Tempo(2.0, 0.99, 5.0)
-    assert tempo.rest_price(0.0, 0.2) == 0.0
-    assert tempo.rest_price(5.0, 0.2) == pytest.approx(0.2)
-    assert tempo.rest_price(-5.0, 0.2) == pytest.approx(-0.2)
-    assert tempo.rest_price(1e9, 0.2) == tempo.rest_price(1e6, 0.2)
+    assert tempo.cost_of_rest(0.0, 0.2) == 0.0
+    assert tempo.cost_of_rest(5.0, 0.2) == pytest.approx(0.2)
+    assert tempo.cost_of_rest(-5.0, 0.2) == pytest.approx(-0.2)
+    assert tempo.cost_of_rest(1e9, 0.2) == tempo.cost_of_rest(1e6, 0.2)
 
 
 def test_the_usual_lag_grows_with_the_rests_of_the_film():
@@ -64,5 +64,5 @@ def test_the_usual_lag_grows_with_the_rests_of_the_film():
 
 def test_along_a_path_to_be_slow_costs_more_the_farther_a_fish_lags_and_never_pays():
     tempo = Tempo(2.0, 0.9, 8.0)
-    prices = [tempo.rest_price_on_path(lag, 2.0) for lag in (-100, -2, 0, 8, 24, 1000)]
+    prices = [tempo.cost_of_rest_on_path(lag, 2.0) for lag in (-100, -2, 0, 8, 24, 1000)]
     assert prices == pytest.approx([0.0, 0.0, 0.5, 2.5, 6.5, 6.5])

@@ -39,7 +39,7 @@ from finloop.plan.graph import MotionGraph, loop_jumps, motion_graph
 from finloop.plan.matching_settings import AllSettings, merge_settings
 from finloop.plan.planner import Planner
 from finloop.plan.sources import FilmSource
-from finloop.plan.world import Brisk, FilmWorld, learn_brisk
+from finloop.plan.world import FastFish, FilmWorld, learn_fast_fish
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, PoseShapes
 from finloop.social.rule import SchoolRule, SocialSteps
@@ -128,9 +128,9 @@ def phases(rate: float = RATE) -> Phases:
 
 
 @cache
-def brisk() -> Brisk:
+def brisk() -> FastFish:
     """How fast a brisk fish of the lessons swims."""
-    return learn_brisk(lessons(), RATE, DELTA, planning())
+    return learn_fast_fish(lessons(), RATE, DELTA, planning())
 
 
 def planning(**changes) -> AllSettings:

@@ -44,7 +44,7 @@ class Gateways:
         film = loops.film
         table = table.assign(seam=table["distance"].astype(float) / step)
         enters = table[table["direction"] == "in"]
-        enters = enters[film.plays(enters["row"].to_numpy())]
+        enters = enters[film.can_play_on(enters["row"].to_numpy())]
         self.into: dict[tuple[int, int], tuple[Ints, Floats, Floats]] = {
             (int(sprite), int(number)): (
                 part["row"].to_numpy(np.int64, copy=True),

@@ -116,7 +116,9 @@ class Loops:
 
     def shows(self, fish: Fish) -> bool:
         """Return whether a frame of the film shows the fish, and the film goes on from there."""
-        return 0 <= fish.row < self.film.filmed and bool(self.film.plays(np.array([fish.row]))[0])
+        return 0 <= fish.row < self.film.filmed and bool(
+            self.film.can_play_on(np.array([fish.row]))[0]
+        )
 
     def _nearest(self, fish: Fish) -> int:
         """Return the row with the heading and speed nearest to a fish's, of those that play on."""

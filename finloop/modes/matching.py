@@ -37,11 +37,11 @@ from finloop.edit.stretch import Swim
 from finloop.features.table import infer_delta_frames
 from finloop.forecast.sampling import Sampler
 from finloop.plan.cost import Rarity
-from finloop.plan.graph import motion_graph, neighbour_jumps, without_dead_ends
+from finloop.plan.graph import motion_graph, neighbour_jumps, remove_dead_ends
 from finloop.plan.matching_settings import AllSettings
 from finloop.plan.planner import Planner
 from finloop.plan.sources import FilmSource, PredictionSource
-from finloop.plan.world import FilmWorld, learn_brisk
+from finloop.plan.world import FilmWorld, learn_fast_fish
 from finloop.pose.film import FilmPoses
 from finloop.social.leader import leaders_by_follower
 from finloop.social.rule import SchoolRule, require_rule
@@ -239,9 +239,9 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
         p.rarity_weight,
     )
     jumps = neighbour_jumps(made.jumps, len(features))
-    way = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative)
+    way = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative_row_costs)
     sampler = (
-        None if made.forecast is None else without_dead_ends(made.forecast, way.has_next, how.rests)
+        None if made.forecast is None else remove_dead_ends(made.forecast, way.has_next, how.rests)
     )
     predicts = "forecast" in p.uses and sampler is not None and bool(sampler.usable.any())
     plays = "film" in p.uses and bool((way.recurrent & way.has_next).any())
@@ -253,7 +253,7 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
         )
     touch_px = p.goal_radius_bl * motion.body_length_px
     water, head_px = tank(area, reach_px), head_ahead_px(features, reel.size)
-    brisk = learn_brisk(features, rate_hz, delta, p)
+    brisk = learn_fast_fish(features, rate_hz, delta, p)
     world = FilmWorld(water, motion, touch_px, head_px, way, brisk, p, cast.discs)
     by_film = FilmSource(world) if plays else None
     predicted = None

@@ -16,7 +16,7 @@ from finloop.base.arrays import Floats
 from finloop.edit.schema import FILM, FORECAST, FRAME, SPOT, WAITING
 from finloop.edit.stretch import Decision, Stretch
 from finloop.plan.search import film_candidates
-from finloop.plan.walls import kept_inside
+from finloop.plan.walls import keep_inside
 from finloop.plan.world import FilmWorld
 
 _AWAY = 3.0  # body lengths from the nearest fish to the place to make way to
@@ -25,16 +25,25 @@ _DRIFT = 0.05  # body lengths in a Δ, of a fish that has no way
 
 
 class Fallback:
-    """Finds what a fish without a way does. leave: plans how it would swim to a place."""
+    """Finds what a fish does whose plan leads nowhere or is blocked by a wall or another fish.
+
+    world: its tank and film; leave: function that plans a stretch of the fish to a target.
+    """
 
     def __init__(
-        self, world: FilmWorld, leave: Callable[[Fish, Target, np.random.Generator], Stretch]
+        self,
+        world: FilmWorld,
+        plan_to_target: Callable[[Fish, Target, np.random.Generator], Stretch],
     ) -> None:
-        self._world, self._leave = world, leave
+        """Keep the world, and the function that plans a stretch of a fish to a target."""
+        self._world, self._leave = world, plan_to_target
         self._drift_px = _DRIFT * world.motion.body_length_px / world.motion.delta  # in a tick
 
-    def stay(self, fish: Fish, aim: Target, turns: bool = True) -> Stretch:
-        """Return a stride in place while film goes on; turns: whether to turn to the aim."""
+    def stay(self, fish: Fish, target: Target, turning: bool = True) -> Stretch:
+        """Return a stretch in which the film plays on while the fish stays in its place.
+
+        turning: whether the fish turns towards the target meanwhile.
+        """
         film, most_deg = self._world.film, self._world.brisk.turn_deg
         last, begin, rot = len(film.has_next) - 1, fish.row, fish.rot
         if film.has_next[fish.row] and len(rows := film_candidates(film, fish.row + 1, rot).rows):
@@ -48,120 +57,128 @@ class Fallback:
         filmed = film.heading[rows] + rot
         way = np.empty((len(rows), 3))
         way[:, 0], way[:, 1] = fish.x, fish.y
-        there = bearing(fish.x, fish.y, aim.x, aim.y)
+        there = bearing(fish.x, fish.y, target.x, target.y)
         before = heading = fish.heading
         for k, own in enumerate(filmed):
-            if turns:
+            if turning:
                 heading += towards_by(wrap(own - before), there - heading, most_deg)
             way[k, 2], before = heading, own
         rots = way[:, 2] - film.heading[rows]
         state = FORECAST if fish.state == FORECAST else FILM
         return Stretch(
-            state, way, rows, begin != fish.row + 1, aim, False, Decision(SPOT), FRAME, rots
+            state, way, rows, begin != fish.row + 1, target, False, Decision(SPOT), FRAME, rots
         )  # fmt: skip
 
     def keep_clear(self, fish: Fish, stretch: Stretch, rng: np.random.Generator) -> Stretch:
-        """Return a stretch cut to its free ticks; without any, stay in place or make way.
+        """Return a stretch cut to its free ticks; if it has none, the fish stays or gives way.
 
         Free is inside the tank and clear of other fish. At a wall the fish stays. A fish that
-        another blocks, or that turns on the spot beside it, makes way. Where nothing is free, the
-        last resort is one tick in place.
+        another blocks, or that turns on the spot beside it, gives way. Where nothing is free, it
+        stays for one tick.
         """
         if stretch.decision.reason == SPOT:  # all others stop at the walls
-            stretch = self._inside(stretch) or self._at_wall(fish, Target(*stretch.aim))
+            stretch = self._part_inside_tank(stretch) or self._stay_at_wall(
+                fish, Target(*stretch.aim)
+            )
         company, others = fish.company, fish.company.places[0]
         if not len(others):
             return stretch
-        ticks = self.ticks(fish, stretch)
+        ticks = self.count_free_ticks(fish, stretch)
         far = np.hypot(others[:, 0] - fish.x, others[:, 1] - fish.y)
         stuck = stretch.decision.reason == SPOT and far.min() < 2 * company.discs.reach
         if ticks and not stuck:
             return stretch.cut(ticks)
         x, y = others[far.argmin(), :2].tolist()
-        for way in self._making_way(fish, x, y, rng):
-            other = self._inside(way)
-            if other is not None and (ticks := self.ticks(fish, other)):
+        for way in self._ways_to_give_way(fish, x, y, rng):
+            other = self._part_inside_tank(way)
+            if other is not None and (ticks := self.count_free_ticks(fish, other)):
                 return other.cut(ticks)
         return way.cut(1)
 
-    def ticks(self, fish: Fish, stretch: Stretch) -> int:
-        """Return for how many ticks a stretch is clear of others, even if the fish then stays."""
+    def count_free_ticks(self, fish: Fish, stretch: Stretch) -> int:
+        """Return how many ticks of a stretch are clear of other fish, even if the fish then stays.
+
+        fish: at the beginning of the stretch.
+        """
         return lasting_ticks(fish.company, stretch.pictures, stretch.way, fish.tick)
 
-    def _inside(self, stretch: Stretch) -> Stretch | None:
-        """Return the part of a stretch that stays inside, moved off the walls, or None."""
+    def _part_inside_tank(self, stretch: Stretch) -> Stretch | None:
+        """Return a stretch up to where it leaves the tank, moved off the walls; None if empty."""
         most, numbers = self._world.cost_weights.pace, stretch.pictures.astype(np.int64)
-        way = kept_inside(self._world.bounds, numbers, stretch.way, most)
+        way = keep_inside(self._world.bounds, numbers, stretch.way, most)
         if np.array_equal(way, stretch.way):
             return stretch
         return replace(stretch.cut(len(way)), way=way, touched=False) if len(way) else None
 
-    def _at_wall(self, fish: Fish, aim: Target) -> Stretch:
-        """Drift towards open water, and turn if possible, where the next picture does not fit."""
+    def _stay_at_wall(self, fish: Fish, target: Target) -> Stretch:
+        """Return a stretch for a fish whose next picture does not fit in beside a wall.
+
+        It drifts towards open water, and turns to the target where there is room.
+        """
         open_water = Target(*self._world.tank.into(fish.x, fish.y), 0.0, 0.0)
-        for stays in self._staying(fish, aim):
-            way = self._drifting(fish, stays, open_water)
-            if (inside := self._inside(replace(stays, way=way))) is not None:
+        for stays in self._ways_to_stay(fish, target):
+            way = self._drift(fish, stays, open_water)
+            if (inside := self._part_inside_tank(replace(stays, way=way))) is not None:
                 return inside
         return stays
 
-    def _making_way(
+    def _ways_to_give_way(
         self, fish: Fish, x: float, y: float, rng: np.random.Generator
     ) -> Iterator[Stretch]:
-        """Yield what a fish can do that another one at x, y blocks, the best first.
+        """Yield stretches by which a fish gives way to another at x, y px, the best first.
 
         It swims away, if that is quicker than a drift; drifts away, or more and more aside: turning
         there, not turning, with the same picture; stays with the same picture.
         """
-        away = self._beyond(fish, x, y, 0.0)
+        away = self._place_away_from(fish, x, y, 0.0)
         leaves = self._leave(fish, away, rng)
         # A fish blocked all round may swim, too, and gain nothing: a drift is quicker.
         gains = np.hypot(*(leaves.way[:, :2] - (x, y)).T) - np.hypot(fish.x - x, fish.y - y)
-        ticks = self.ticks(fish, leaves)
+        ticks = self.count_free_ticks(fish, leaves)
         if ticks and gains[ticks - 1] > ticks * self._drift_px:
             yield replace(leaves, touched=False)
         for aside_deg in _ASIDE_DEG:
-            there = self._beyond(fish, x, y, aside_deg)
-            for stays in self._staying(fish, there):
-                way = self._drifting(fish, stays, there)
+            there = self._place_away_from(fish, x, y, aside_deg)
+            for stays in self._ways_to_stay(fish, there):
+                way = self._drift(fish, stays, there)
                 yield replace(stays, way=way, decision=Decision(WAITING))
         yield replace(stays, decision=Decision(WAITING))
 
-    def _beyond(self, fish: Fish, x: float, y: float, aside_deg: float) -> Target:
-        """Return a place to make way to for a fish at x, y: away from it, or `aside_deg` aside."""
+    def _place_away_from(self, fish: Fish, x: float, y: float, aside_deg: float) -> Target:
+        """Return a target away from another fish at x, y px, turned aside by `aside_deg`."""
         far = _AWAY * self._world.motion.body_length_px
         angle = np.arctan2(fish.y - y, fish.x - x) + np.radians(aside_deg)
         to_x, to_y = fish.x + far * np.cos(angle), fish.y + far * np.sin(angle)
         return Target(*self._world.tank.into(float(to_x), float(to_y)), 0.0, 0.0)
 
-    def _staying(self, fish: Fish, away: Target) -> Iterator[Stretch]:
-        """Yield what a fish can show in its place: turning, not turning, the same picture."""
-        yield self.stay(fish, away)
-        stays = self.stay(fish, away, turns=False)
+    def _ways_to_stay(self, fish: Fish, target: Target) -> Iterator[Stretch]:
+        """Yield stretches in place: turning to a target, not turning, with the same picture."""
+        yield self.stay(fish, target)
+        stays = self.stay(fish, target, turning=False)
         yield stays
         rot = stays.way[:, 2] - self._world.film.heading[fish.row]
         same = np.full(len(rot), fish.row)
         frozen = replace(stays, number=same, rot=rot, new=False)
-        yield self._turn_in_place(frozen, away)
+        yield self._turn_in_place(frozen, target)
         yield frozen
 
-    def _turn_in_place(self, frozen: Stretch, aim: Target) -> Stretch:
-        """Turn the same picture in its place towards an aim, tick by tick."""
-        (x, y, heading), ticks = frozen.way[0], np.arange(1, len(frozen.way) + 1)
-        error = float(wrap(bearing(x, y, aim.x, aim.y) - heading))
+    def _turn_in_place(self, stretch: Stretch, target: Target) -> Stretch:
+        """Return a stretch of one picture in one place, turned tick by tick towards a target."""
+        (x, y, heading), ticks = stretch.way[0], np.arange(1, len(stretch.way) + 1)
+        error = float(wrap(bearing(x, y, target.x, target.y) - heading))
         # So slowly that its ends swim no faster than a brisk fish does.
         slowly = np.degrees(self._world.cost_weights.pace / self._world.motion.body_length_px)
         most = min(self._world.brisk.turn_deg, slowly) * ticks
         turn = np.sign(error) * np.minimum(most, abs(error))
-        way = frozen.way + np.outer(turn, (0.0, 0.0, 1.0))
-        rot = None if frozen.rot is None else frozen.rot + turn
-        return replace(frozen, way=way, rot=rot)
+        way = stretch.way + np.outer(turn, (0.0, 0.0, 1.0))
+        rot = None if stretch.rot is None else stretch.rot + turn
+        return replace(stretch, way=way, rot=rot)
 
-    def _drifting(self, fish: Fish, stays: Stretch, there: Target) -> Floats:
-        """Return the way (n, 3) of a fish that stays but drifts towards a place meanwhile."""
-        far = np.arange(1, len(stays.way) + 1) * self._drift_px
-        to = np.subtract(there[:2], (fish.x, fish.y))
+    def _drift(self, fish: Fish, stretch: Stretch, target: Target) -> Floats:
+        """Return the trajectory (n, 3) of a stretch in place with a drift towards a target."""
+        far = np.arange(1, len(stretch.way) + 1) * self._drift_px
+        to = np.subtract(target[:2], (fish.x, fish.y))
         along = to / max(float(np.hypot(*to)), 1e-9)
-        way = stays.way.copy()
+        way = stretch.way.copy()
         way[:, :2] = (fish.x, fish.y) + far[:, None] * along
         return np.asarray(way)

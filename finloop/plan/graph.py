@@ -55,18 +55,18 @@ class MotionGraph(NamedTuple):
     filmed: int
 
     def __getattr__(self, name: str) -> NDArray[Any]:
-        """Return a column (n,) of the rows."""
+        """Return a column (n,) of the rows, by its name in `ROW`."""
         if name in (ROW.names or ()):
             return self.rows[name]
         raise AttributeError(name)
 
-    def plays(self, rows: NDArray[np.integer]) -> Mask:
+    def can_play_on(self, rows: NDArray[np.integer]) -> Mask:
         """Return whether (k,) the film can play on for ever after showing each row (k,)."""
         goes_on: Mask = self.has_next[rows].copy()
         goes_on[goes_on] = self.recurrent[rows[goes_on] + 1]
         return goes_on
 
-    def with_jumps(self, allowed: Mask) -> "MotionGraph":
+    def keep_jumps(self, allowed: Mask) -> "MotionGraph":
         """Return the motion graph with only those of its jumps (e,) that `allowed` (e,) marks."""
         before = np.append(0, np.cumsum(allowed, dtype=np.int32)).astype(np.int32)
         return self._replace(start=before[self.start], to=self.to[allowed], seam=self.seam[allowed])
@@ -86,32 +86,34 @@ class Jumps(NamedTuple):
     seam: Floats
 
 
-def loop_jumps(graph: LoopGraph, rows: int, step: float) -> Jumps:
+def loop_jumps(loops: LoopGraph, row_count: int, natural_step: float) -> Jumps:
     """Return the jumps of the paper's video loops (Fig. 10).
 
-    rows: number of rows of the film; step: the film's natural step, to scale distances.
+    row_count: number of rows of the film; natural_step: the film's, by which distances are divided.
     """
-    jump_slot = np.full(rows, -1, np.int32)
-    jump_slot[graph.ends] = np.arange(len(graph.ends))
-    return Jumps(jump_slot, graph.start, graph.ends[graph.to], graph.distance.astype(float) / step)
+    jump_slot = np.full(row_count, -1, np.int32)
+    jump_slot[loops.ends] = np.arange(len(loops.ends))
+    return Jumps(
+        jump_slot, loops.start, loops.ends[loops.to], loops.distance.astype(float) / natural_step
+    )
 
 
-def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
+def neighbour_jumps(jumps: pd.DataFrame, row_count: int) -> Jumps:
     """Return the jumps of a table with the columns of `JUMPS`, sorted by row.
 
-    rows: number n of rows of the film. If some jumps lead to mirror images, those of the mirror
-    images, rows n … 2 n, are included.
+    row_count: number n of rows of the film. If some jumps lead to mirror images, those of the
+    mirror images, rows n … 2 n − 1, are included.
     """
     source, to, across, seam = (
         jumps[name].to_numpy() for name in ("row", "to", "mirrored", "seam")
     )
     sides = 1 + bool(across.any())
     if sides == 2:
-        source = np.concatenate([source, source + rows])
-        to = np.concatenate([to + rows * across, to + rows * ~across])
+        source = np.concatenate([source, source + row_count])
+        to = np.concatenate([to + row_count * across, to + row_count * ~across])
         seam = np.tile(seam, 2)
     first = np.flatnonzero(np.append(len(source) > 0, source[1:] != source[:-1]))
-    jump_slot = np.full(sides * rows, -1, np.int32)
+    jump_slot = np.full(sides * row_count, -1, np.int32)
     jump_slot[source[first]] = np.arange(len(first))
     start = np.append(first, len(source)).astype(np.int32)
     return Jumps(jump_slot, start, to.astype(np.int32), seam.astype(float))
@@ -139,26 +141,28 @@ def motion_graph(
     rows["x"], rows["y"] = place.T
     rows["dx"], rows["dy"] = moved.T
     rows["heading"], rows["area"] = features["heading_deg"], features["motion_area_rel"]
-    rows["speed"] = _speed(place, track, motion.delta) * motion.rate_hz / motion.body_length_px
+    rows["speed"] = (
+        _speeds_over_delta(place, track, motion.delta) * motion.rate_hz / motion.body_length_px
+    )
     rows["scale"], rows["has_next"], rows["rarity_sum"] = scale, has_next, rarity_sum
-    rows["lag_sum"][1:] = lags(rows).cumsum()[:-1]
+    rows["lag_sum"][1:] = row_lags(rows).cumsum()[:-1]
     if len(jumps.jump_slot) > n:
-        rows = np.concatenate([rows, _upside_down(rows)])
+        rows = np.concatenate([rows, _mirror_rows(rows)])
         barred = np.tile(barred, 2)
     rows["jump_slot"] = jumps.jump_slot
     made = MotionGraph(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
-    made = made.with_jumps(~barred[jumps.to])
+    made = made.keep_jumps(~barred[jumps.to])
     del jumps  # a film of hours has 24 million
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
     has_next, jump_slot = rows["has_next"].copy(), rows["jump_slot"].copy()
     rows["recurrent"] = find_endless_rows(has_next, jump_slot, made.start, made.to)
     leads = rows["has_next"] & np.append(rows["recurrent"][1:], False)
-    return made.with_jumps(leads[made.to])
+    return made.keep_jumps(leads[made.to])
 
 
 @kernel_part
-def jumps_of(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
-    """Return the number of the first jump that can replace `row`, and one past the last."""
+def jump_range(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
+    """Return the numbers of the jumps that can replace a row: the first, one past the last."""
     end = film.rows[row].jump_slot
     if end >= 0:
         return np.int64(film.start[end]), np.int64(film.start[end + 1])
@@ -171,14 +175,14 @@ def mean_step_px(rows: NDArray[np.void]) -> float:
     return max(float(steps.mean()), 1e-9) if len(steps) else 1.0
 
 
-def farthest_distances(film: MotionGraph, most: int) -> Floats:
-    """Return the largest distance (most + 1,), px, that the fish cover in 0, 1 … `most` ticks.
+def farthest_distances(film: MotionGraph, most_ticks: int) -> Floats:
+    """Return the largest distances (most_ticks + 1,), px, that fish cover in 0, 1 … ticks.
 
-    Between two powers of two it is the value of the next one.
+    Between two powers of two each is the distance of the next power.
     """
-    rows, far = film.rows[: film.filmed], np.zeros(most + 1)
+    rows, far = film.rows[: film.filmed], np.zeros(most_ticks + 1)
     run, ticks = ticks_to_film_end(rows["has_next"]), 1
-    while ticks < 2 * most:
+    while ticks < 2 * most_ticks:
         first = np.flatnonzero(run >= ticks)
         off = (rows[axis][first + ticks] - rows[axis][first] for axis in "xy")
         far[ticks // 2 + 1 : ticks + 1] = np.hypot(*off).max(initial=0.0)
@@ -186,7 +190,7 @@ def farthest_distances(film: MotionGraph, most: int) -> Floats:
     return np.maximum.accumulate(far)
 
 
-def lags(rows: NDArray[np.void]) -> Floats:
+def row_lags(rows: NDArray[np.void]) -> Floats:
     """Return by how many ticks (n,) playing each row's step falls behind the film's mean speed.
 
     rows (n,): of dtype `ROW`. 0 where no row is next; < 0 where the fish is faster than the mean.
@@ -195,7 +199,8 @@ def lags(rows: NDArray[np.void]) -> Floats:
     return np.asarray(np.where(rows["has_next"], slower, 0.0))
 
 
-def _upside_down(rows: NDArray[np.void]) -> NDArray[np.void]:
+def _mirror_rows(rows: NDArray[np.void]) -> NDArray[np.void]:
+    """Return the mirror images of rows (n,), dtype `ROW`: the film upside down."""
     other = rows.copy()
     for name in ("y", "dy", "heading"):
         other[name] *= -1
@@ -203,9 +208,9 @@ def _upside_down(rows: NDArray[np.void]) -> NDArray[np.void]:
 
 
 def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
-    """Return the film with jumps to rows that the forecast finds similar, not its own jumps.
+    """Return the motion graph whose only jumps are to rows that the forecast finds similar.
 
-    Its rows are those of the sampler; these jumps have no seam.
+    Its rows are those of the sampler; these jumps have no discontinuity.
     """
     n = min(len(film.rows), len(sampler.usable))
     rows, start = film.rows[:n].copy(), sampler.start[: n + 1].astype(np.int32)
@@ -218,48 +223,54 @@ def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
     return film._replace(rows=rows, start=start, to=to, seam=np.zeros(len(to)), body=True)
 
 
-def ticks_to_film_end(more: Mask) -> NDArray[np.int64]:
-    """Return how many ticks (n,) the film goes on from each row; more (n,): if a row is next."""
-    stops = np.append(np.flatnonzero(~more[:-1]), len(more) - 1)
-    here = np.arange(len(more))
+def ticks_to_film_end(has_next: Mask) -> NDArray[np.int64]:
+    """Return for how many ticks (n,) the film plays on from each row.
+
+    has_next (n,): whether a row has a next one to play.
+    """
+    stops = np.append(np.flatnonzero(~has_next[:-1]), len(has_next) - 1)
+    here = np.arange(len(has_next))
     return np.asarray(stops[np.searchsorted(stops, here)] - here)
 
 
-def _speed(place: Floats, track: NDArray[np.int32], delta: int) -> Floats:
-    """Return px per tick over Δ, centred where the track allows it."""
-    first = np.searchsorted(track, track, "left")
-    last = np.searchsorted(track, track, "right") - 1
-    here = np.arange(len(track))
+def _speeds_over_delta(places_px: Floats, track_ids: NDArray[np.int32], delta: int) -> Floats:
+    """Return the speed (n,) of each row, px per tick, over Δ centred on it where its track allows.
+
+    places_px (n, 2): x, y; track_ids (n,): rising; delta: Δ in ticks.
+    """
+    first = np.searchsorted(track_ids, track_ids, "left")
+    last = np.searchsorted(track_ids, track_ids, "right") - 1
+    here = np.arange(len(track_ids))
     a, b = np.maximum(here - delta // 2, first), np.minimum(here + delta - delta // 2, last)
-    return np.hypot(*(place[b] - place[a]).T) / np.maximum(b - a, 1)
+    return np.hypot(*(places_px[b] - places_px[a]).T) / np.maximum(b - a, 1)
 
 
-def without_dead_ends(sampler: Sampler, more: Mask, rests: Mask) -> Sampler:
-    """Return a sampler restricted to the rows from which a fish can swim for ever.
+def remove_dead_ends(sampler: Sampler, has_next: Mask, at_rest: Mask) -> Sampler:
+    """Return a forecast's sampler with only those rows from which a fish can swim for ever.
 
     They are the largest strongly connected part of the graph, and all rows that lead there; not
-    those that only lead to an end of the film, or to a cycle of few frames. more (m,): which rows
-    of a `MotionGraph` the film goes on from; rests (n,): which of the film's own rows it rests at.
-    Rows that must not be shown, and missing mirror images, are left out.
+    those that only lead to an end of the film, or to a cycle of few frames. has_next (m,): which
+    rows of a `MotionGraph` the film goes on from; at_rest (n,): which of the film's own rows it
+    rests at. Rows that must not be shown, and missing mirror images, are left out.
     """
-    n, m = len(more), len(sampler.usable)
+    n, m = len(has_next), len(sampler.usable)
     shown = np.zeros(m + 1, bool)
-    shown[:n] = sampler.usable[:n] & more[:m]
-    part = connected_parts(shown, sampler.start, sampler.to)
+    shown[:n] = sampler.usable[:n] & has_next[:m]
+    part = number_connected_parts(shown, sampler.start, sampler.to)
     order = np.argsort(part, kind="stable")
     leads = (
         np.append(mark_leading_rows(shown, sampler.start, sampler.to, (part, order)), False) & shown
     )
     usable = leads[:-1] & leads[1:]
     start, to = filter_edges(leads, usable, sampler.start, sampler.to)
-    still = np.resize(rests, m)  # mirror images rest, too
+    still = np.resize(at_rest, m)  # mirror images rest, too
     return sampler._replace(usable=usable, start=start, to=to, rests=still)
 
 
 def filter_edges(leads: Mask, usable: Mask, start: Ints, to: Similar) -> tuple[Ints, Similar]:
     """Return the edges from rows marked in `leads` to usable rows, as start (m + 1,) and to.
 
-    leads (m + 1,), usable (m,): marks of rows; start, to: the edges of row k are
+    leads (m + 1,), usable (m,): marks of rows; start, to: the edges of row k lead to rows
     `to[start[k]:start[k + 1]]`.
     """
     count = np.zeros(len(start), np.int64)
@@ -271,10 +282,11 @@ def filter_edges(leads: Mask, usable: Mask, start: Ints, to: Similar) -> tuple[I
 
 
 @kernel
-def _filter_edges(leads, usable, graph, count, made):  # type: ignore[no-untyped-def]
-    """Write how many edges each row keeps into `count`, and their ends into `made`.
+def _filter_edges(leads, usable, graph, counts, ends):  # type: ignore[no-untyped-def]
+    """Write how many edges each row keeps into `counts`, and the rows they lead to into `ends`.
 
-    As far as `made` has room.
+    leads, usable: as in `filter_edges`; graph: its start and to. Only as many ends as there is room
+    for are written.
     """
     start, to = graph
     many = 0
@@ -283,21 +295,25 @@ def _filter_edges(leads, usable, graph, count, made):  # type: ignore[no-untyped
         if leads[row]:
             for e in range(start[row], start[row + 1]):
                 if usable[to[e]]:
-                    if many < len(made):
-                        made[many] = to[e]
+                    if many < len(ends):
+                        ends[many] = to[e]
                     many += 1
-        count[row] = many - before
+        counts[row] = many - before
 
 
 @leaf_kernel
-def _next(shown, row, edge, start, to):  # type: ignore[no-untyped-def]
-    """Return where an edge leads, −1 if it must not be taken; the edge before `start` plays on."""
+def _row_after_edge(shown, row, edge, start, to):  # type: ignore[no-untyped-def]
+    """Return the row to which an edge leads, −1 if it must not be taken.
+
+    shown (m + 1,): rows that may be used; edge: number in `to`; the one before `start[row]` plays
+    on.
+    """
     after = row + 1 if edge < start[row] else np.int64(to[edge]) + 1
     return after if shown[row] and shown[after - 1] and shown[after] else -1
 
 
 @kernel
-def connected_parts(shown, start, to):  # type: ignore[no-untyped-def]
+def number_connected_parts(shown, start, to):  # type: ignore[no-untyped-def]
     """Return the number (m,) of the strongly connected part that each row is in (Tarjan 1972).
 
     shown (m + 1,): rows that may be used; start, to: the similar rows of each, as in `Sampler`. A
@@ -320,7 +336,7 @@ def connected_parts(shown, start, to):  # type: ignore[no-untyped-def]
                 stack[waiting] = row
                 visited, waiting = visited + 1, waiting + 1
             if edge[row] < start[row + 1]:
-                after = _next(shown, row, edge[row], start, to)
+                after = _row_after_edge(shown, row, edge[row], start, to)
                 if after >= 0 and order[after] < 0:
                     calls[depth] = after
                     depth += 1
@@ -339,13 +355,13 @@ def connected_parts(shown, start, to):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def mark_leading_rows(shown, start, to, numbered):  # type: ignore[no-untyped-def]
+def mark_leading_rows(shown, start, to, parts_and_order):  # type: ignore[no-untyped-def]
     """Return which rows (m,) lead to the largest strongly connected part, its own rows included.
 
-    shown, start, to: as in `connected_parts`; numbered: the part of each row (m,), and the rows
-    (m,) in the order of their parts.
+    shown, start, to: as in `number_connected_parts`; parts_and_order: the part of each row (m,),
+    and the rows (m,) in the order of their parts.
     """
-    part, order = numbered
+    part, order = parts_and_order
     m = len(part)
     size = np.zeros(m, np.int64)
     for row in range(m):
@@ -356,6 +372,6 @@ def mark_leading_rows(shown, start, to, numbered):  # type: ignore[no-untyped-de
         for edge in range(start[row] - 1, start[row + 1]):
             if leads[part[row]]:
                 break
-            after = _next(shown, row, edge, start, to)
+            after = _row_after_edge(shown, row, edge, start, to)
             leads[part[row]] = after >= 0 and leads[part[after]]
     return leads[part]

@@ -11,7 +11,7 @@ from finloop.io.line import load_line
 from finloop.plan.matching_settings import MatchingSettings
 
 
-def load_lines(p: MatchingSettings, features: pd.DataFrame) -> list[Line | None]:
+def load_path_lines(p: MatchingSettings, features: pd.DataFrame) -> list[Line | None]:
     """Return the line of each entry of `matching.path`, None for an entry without a path.
 
     features: the film's feature table. Times are left out where fish swim at their own speed.
@@ -24,14 +24,16 @@ def load_lines(p: MatchingSettings, features: pd.DataFrame) -> list[Line | None]
             "at most one path for each fish",
             f"take more fish (matching.fish={len(paths)}), or fewer paths",
         )
-    lines = [None if path is None else line_of(path, p.path_unit, features) for path in paths]
+    lines = [
+        None if path is None else load_track_or_file(path, p.path_unit, features) for path in paths
+    ]
     if p.path_keep_times:
         return lines
     return [None if line is None else line._replace(time_s=None) for line in lines]
 
 
-def line_of(path: str, unit: str, features: pd.DataFrame) -> Line:
-    """Return the line that `path` names: a track of the film (`track:8`), or a file.
+def load_track_or_file(path: str, unit: str, features: pd.DataFrame) -> Line:
+    """Return the line that a path names: a track of the film (`track:8`), or a file.
 
     unit: of places in a file, unless its columns say more; features: the film's feature table.
     FinloopError if there is no such track or file.

@@ -10,13 +10,13 @@ from finloop.animate.rule import Rule
 from finloop.animate.state import Fish
 from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_leaf, kernel_part, leaf_kernel
-from finloop.plan.cost import NO_STEERING, Steering, huber
+from finloop.plan.cost import NO_STEERING, Steering, offset_cost
 from finloop.plan.world import FilmWorld
 from finloop.social.rule import DecidingFish, next_place_in_school
 
 
 class Objective(NamedTuple):
-    """What a fish swims for: a place to touch (aim), or, if route has places, a path."""
+    """What a fish swims for: a target to touch (aim), or a route to follow if it has places."""
 
     aim: Target
     route: Route
@@ -27,13 +27,13 @@ ANYWHERE = Target(0.0, 0.0, 0.0, 0.0, free=True)
 """The target of a fish without one: it goes where the film or its path goes."""
 
 
-def to_goal(aim: Target) -> Objective:
-    """Return the objective to touch a place (aim)."""
+def target_objective(aim: Target) -> Objective:
+    """Return the objective to touch a target."""
     return Objective(aim, NO_ROUTE, NO_STEERING)
 
 
-def along_path(route: Route, steering: Steering) -> Objective:
-    """Return the objective to follow a path (route), corrected by the steering."""
+def path_objective(route: Route, steering: Steering) -> Objective:
+    """Return the objective to follow a route, with steering corrections onto it."""
     return Objective(ANYWHERE, route, steering)
 
 
@@ -41,13 +41,13 @@ def along_path(route: Route, steering: Steering) -> Objective:
 
 
 @leaf_kernel
-def is_done(graph, way, objective):  # type: ignore[no-untyped-def]
-    """Return whether a way has reached its aim and can go on from there, or its path's end.
+def is_objective_done(graph, way, objective):  # type: ignore[no-untyped-def]
+    """Return whether a way of the search has reached its target and can go on, or its path's end.
 
     graph: `SearchGraph`; way: of dtype `WAY`; objective: `Objective`.
     """
     if objective.route.x.size:
-        return at_path_end(objective.route, way.along)
+        return is_at_path_end(objective.route, way.along)
     rows = graph.film.rows
     at, heading = rows[way.row], rows[way.row].heading + way.rot
     if objective.aim.free or not touches(way.x, way.y, heading, objective.aim):
@@ -56,39 +56,39 @@ def is_done(graph, way, objective):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def estimate_cost_to_come(lead, way, turned, objective, by):  # type: ignore[no-untyped-def]
-    """Estimate the cost to come, in ticks, of a way (dtype `WAY`) that plays on a row of the film.
+def estimate_cost_to_come(lead, way, direction, objective, costs):  # type: ignore[no-untyped-def]
+    """Estimate the cost to come, in ticks, of a way of the search that plays a film row on.
 
-    lead (dtype `LEAD`): where the film leads from the row; turned: cosine and sine of the heading;
-    by: `CostWeights`, and the output of `timed_targets`.
+    lead (dtype `LEAD`): where the film leads from the row; way: of dtype `WAY`; direction: cosine
+    and sine of the heading; costs: `CostWeights`, and the output of `timed_targets`.
     """
     if objective.route.x.size:
-        soon = by[1], objective.steering
-        return estimate_path_cost(lead, way, turned, objective.route, soon)
+        soon = costs[1], objective.steering
+        return estimate_path_cost(lead, way, direction, objective.route, soon)
     if objective.aim.free:
         return 0.0
-    return estimate_ticks_to(way.x, way.y, turned, objective.aim, by[0])
+    return estimate_ticks_to_target(way.x, way.y, direction, objective.aim, costs[0])
 
 
 @leaf_kernel
-def estimate_ticks_to(x, y, turned, aim, weights):  # type: ignore[no-untyped-def]
+def estimate_ticks_to_target(x, y, direction, target, weights):  # type: ignore[no-untyped-def]
     """Estimate the ticks from x, y px to a target: distance / pace + turn / turning.
 
-    turned: cosine and sine of the heading; weights: `CostWeights`.
+    direction: cosine and sine of the heading; weights: `CostWeights`.
     """
-    dx, dy = aim.x - x, y - aim.y
+    dx, dy = target.x - x, y - target.y
     far = np.hypot(dx, dy)
-    ahead = (dx * turned[0] + dy * turned[1]) / max(far, 1e-9)
+    ahead = (dx * direction[0] + dy * direction[1]) / max(far, 1e-9)
     error = np.degrees(np.arccos(min(max(ahead, -1.0), 1.0)))
     return far / weights.pace + error / weights.turning
 
 
 @leaf_kernel
 def cost_of_time(way, start, objective, weights):  # type: ignore[no-untyped-def]
-    """Return the cost, in ticks, of the time that a way (dtype `WAY`) takes.
+    """Return the cost, in ticks, of the time that a way of the search (dtype `WAY`) takes.
 
     To a goal each tick costs one. On a path without times each tick that brings no progress costs
-    `start.lag`; on a path with times 0, as the delay has a cost of its own.
+    `start.lag`; on a path with times 0, as the delay has a cost of its own. start: `SearchStart`.
     """
     if not objective.route.x.size:
         return float(way.ticks)
@@ -98,20 +98,20 @@ def cost_of_time(way, start, objective, weights):  # type: ignore[no-untyped-def
 
 
 @finite_leaf
-def at_path_end(route, along):  # type: ignore[no-untyped-def]
-    """Return whether `along` px along a path is its end; False on a closed or timed path."""
+def is_at_path_end(route, along_px):  # type: ignore[no-untyped-def]
+    """Return whether `along_px` along a route is its end; False if it is closed or has times."""
     if route.closed or route.when.size:
         return False
-    return along >= route.step * (route.x.size - 1)
+    return along_px >= route.step * (route.x.size - 1)
 
 
 @kernel_part
-def timed_targets(route, tick, ticks):  # type: ignore[no-untyped-def]
-    """Return the places due on a path with times, x, y px (ticks + 1, 2), from a tick on.
+def timed_targets(route, tick, most_ticks):  # type: ignore[no-untyped-def]
+    """Return the points due on a route with times, x, y px (most_ticks + 1, 2), from a tick on.
 
-    (0, 2) for a path without times.
+    (0, 2) for a route without times.
     """
-    count = ticks + 1 if route.when.size else 0
+    count = most_ticks + 1 if route.when.size else 0
     asked = np.empty((count, 2))
     for t in range(count):
         asked[t, 0], asked[t, 1] = place(route, asked_at(route, tick + t))
@@ -119,46 +119,60 @@ def timed_targets(route, tick, ticks):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def heading_vector(at, way):  # type: ignore[no-untyped-def]
-    """Return cosine and sine of the heading of a way (dtype `WAY`) that shows row `at`."""
-    angle = np.radians(at.heading + way.rot)
+def heading_vector(film_row, way):  # type: ignore[no-untyped-def]
+    """Return cosine and sine of the heading of a way of the search that shows a film row.
+
+    way: of dtype `WAY`; film_row: of dtype `ROW`.
+    """
+    angle = np.radians(film_row.heading + way.rot)
     return np.cos(angle), np.sin(angle)
 
 
 @finite_leaf
-def estimate_path_cost(lead, way, turned, route, by):  # type: ignore[no-untyped-def]
-    """Estimate the cost, in ticks, of the next ticks on a path if a way plays on a row of the film.
+def estimate_path_cost(lead, way, direction, route, targets_and_steering):  # type: ignore[no-untyped-def]
+    """Estimate the cost, in ticks, of leaving the path in the next ticks if the film plays on.
 
-    By Simpson's rule over the places that the film leads to (lead), less what steering can correct
-    on the way there. turned: cosine and sine of the heading there; by: output of `timed_targets`,
-    `Steering`.
+    By Simpson's rule over the places to which the film leads (lead, dtype `LEAD`), less what
+    steering can correct until then. way: of dtype `WAY`; direction: cosine and sine of its heading;
+    targets_and_steering: output of `timed_targets`, `Steering`.
     """
-    half, steering = lead.ticks // 2, by[1]
+    half, steering = lead.ticks // 2, targets_and_steering[1]
     middle = _path_deviation(
-        way, (lead.half_ahead, lead.half_left, lead.half_far, half), turned, route, by
+        way,
+        (lead.half_ahead, lead.half_left, lead.half_far, half),
+        direction,
+        route,
+        targets_and_steering,
     )
-    end = _path_deviation(way, (lead.ahead, lead.left, lead.far, lead.ticks), turned, route, by)
+    end = _path_deviation(
+        way, (lead.ahead, lead.left, lead.far, lead.ticks), direction, route, targets_and_steering
+    )
     price = steering.late if route.when.size else steering.across
     return price * lead.ticks * (4.0 * middle + end) / 6.0
 
 
 @finite_leaf
-def _path_deviation(way, lead, turned, route, by):  # type: ignore[no-untyped-def]
-    """Return how far off the path a lead comes, less what can be corrected, as `huber` does.
+def _path_deviation(way, film_step, direction, route, targets_and_steering):  # type: ignore[no-untyped-def]
+    """Return the cost of how far off the path the film leads, less what steering can correct.
 
-    lead: px ahead, to the left, as the crow flies, and ticks.
+    film_step: px ahead, px to the left, px as the crow flies, and ticks; others: as in
+    `estimate_path_cost`.
     """
-    (ahead, left, far, ticks), (cos, sin), (asked, steering) = lead, turned, by
+    (ahead, left, far, ticks), (cos, sin), (asked, steering) = (
+        film_step,
+        direction,
+        targets_and_steering,
+    )
     x, y = way.x + ahead * cos - left * sin, way.y - ahead * sin - left * cos
     if route.when.size:
         to_x, to_y = asked[way.ticks + ticks, 0], asked[way.ticks + ticks, 1]
     else:
         to_x, to_y = place(route, way.along + far)
     off = np.sqrt((x - to_x) ** 2 + (y - to_y) ** 2) - far * np.radians(steering.turn) * ticks / 2
-    return huber(max(off, 0.0) ** 2, steering.length_px**2)
+    return offset_cost(max(off, 0.0) ** 2, steering.length_px**2)
 
 
-def rule_target(
+def place_by_rule(
     rule: Rule, fish: Fish, world: FilmWorld, rng: np.random.Generator
 ) -> tuple[Floats, int] | None:
     """Return the place (2,), px, that a rule sends a fish to, and for how many ticks it holds.

@@ -49,13 +49,17 @@ _BEND = 0.9  # quantile of the film's bends, above which a path is sharp
 _AT_WALL = 0.1  # body lengths between a path and where the centre may be
 
 
-def path_table(mode: str, swim: Swim, path: Path, ticks: int, world: FilmWorld) -> pd.DataFrame:
+def path_table(
+    mode: str, animation: Swim, path: Path, ticks: int, world: FilmWorld
+) -> pd.DataFrame:
     """Return how a fish followed a path, a row for each of the first `ticks` ticks (`PATH_ROWS`).
 
-    mode: its name, for the table; swim: the animation of the fish; path: as steered and requested.
+    mode: its name, for the table; animation: of the fish; path: as steered and as requested.
     """
     ticks = min(ticks, len(path.asked.when)) if path.asked.is_timed else ticks
-    stretches = [one for one, name in zip(swim.stretches, swim.names, strict=True) if name == PATH]
+    stretches = [
+        one for one, name in zip(animation.stretches, animation.names, strict=True) if name == PATH
+    ]
     none = np.zeros((0, 3))
     way = np.concatenate([none, *(one.way for one in stretches)])[:ticks]
     steer = [np.zeros((len(s.way), 2)) if s.steer is None else s.steer for s in stretches]
@@ -82,13 +86,13 @@ def path_table(mode: str, swim: Swim, path: Path, ticks: int, world: FilmWorld) 
 
 
 def path_metrics(
-    followed: pd.DataFrame, left: pd.DataFrame, path: Path, world: FilmWorld
+    followed: pd.DataFrame, departures: pd.DataFrame, path: Path, world: FilmWorld
 ) -> dict[str, float]:
     """Return measures of a followed path by name: errors in body lengths, corrections in per cent.
 
-    followed: columns of `PATH_ROWS`; left: columns of `LEFT`. `path_turn_corrected_pct`: RMS of the
-    turn corrections over Δ, of the spread of the film's turns; `path_way_corrected_pct`: px by
-    which the fish was shifted, of all px that it covered.
+    followed: columns of `PATH_ROWS`; departures: columns of `LEFT`. `path_turn_corrected_pct`: RMS
+    of the turn corrections over Δ, of the spread of the film's turns; `path_way_corrected_pct`: px
+    by which the fish was shifted, of all px that it covered.
     """
     motion, across = world.motion, followed["across"].to_numpy()
     if not len(followed):
@@ -98,28 +102,32 @@ def path_metrics(
     steps = float(np.hypot(np.diff(followed["x_px"]), np.diff(followed["y_px"])).sum())
     ticks_left = sum(
         round((b - a) * motion.rate_hz) + 1
-        for a, b in zip(left["from_s"], left["to_s"], strict=True)
+        for a, b in zip(departures["from_s"], departures["to_s"], strict=True)
     )
     numbers = {
         "path_length_body_lengths": path.asked.length / motion.body_length_px,
         "path_covered_pct": 100 * float(followed["along_px"].iloc[-1]) / path.asked.length,
-        "path_across_rms_body_lengths": rms(across),
+        "path_across_rms_body_lengths": root_mean_square(across),
         "path_across_p95_body_lengths": float(np.quantile(across, 0.95)),
         "path_across_most_body_lengths": float(across.max()),
         "path_left_pct": 100 * ticks_left / len(followed),
-        "path_turn_corrected_pct": 100 * rms(turned) / max(world.turn_spread_deg, 1e-9),
+        "path_turn_corrected_pct": 100
+        * root_mean_square(turned)
+        / max(world.turn_spread_deg, 1e-9),
         "path_way_corrected_pct": 100 * float(followed["shifted_px"].sum()) / max(steps, 1e-9),
     }
     if path.asked.is_timed:
         late = followed["late"].to_numpy()
-        numbers["path_late_rms_body_lengths"] = rms(late)
+        numbers["path_late_rms_body_lengths"] = root_mean_square(late)
         numbers["path_late_p95_body_lengths"] = float(np.quantile(late, 0.95))
     if len(path.asked.heading):
-        numbers["path_heading_error_rms_deg"] = rms(followed["heading_error_deg"].to_numpy())
+        numbers["path_heading_error_rms_deg"] = root_mean_square(
+            followed["heading_error_deg"].to_numpy()
+        )
     return numbers
 
 
-def rms(values: Floats) -> float:
+def root_mean_square(values: Floats) -> float:
     """Return the root mean square of values (k,); 0 if there are none."""
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
@@ -134,17 +142,17 @@ class SwimmingLimits(NamedTuple):
 def swimming_limits(film: MotionGraph, world: FilmWorld) -> SwimmingLimits:
     """Return the sharpest bend (a high quantile) and the highest speed of the film's fish."""
     motion = world.motion
-    bend = film_turning(film, motion.delta, motion.body_length_px, _BEND)
+    bend = film_bend(film, motion.delta, motion.body_length_px, _BEND)
     return SwimmingLimits(bend, world.brisk.fastest)
 
 
 def find_departures(
-    followed: pd.DataFrame, path: Path, world: FilmWorld, most: SwimmingLimits
+    followed: pd.DataFrame, path: Path, world: FilmWorld, limits: SwimmingLimits
 ) -> pd.DataFrame:
     """Return where a fish left its path by more than `path_max_offset_bl`, columns of `LEFT`.
 
-    followed: columns of `PATH_ROWS`; most: what the film's fish can swim. On a path with times also
-    where the fish was that far from the place due at that time.
+    followed: columns of `PATH_ROWS`; limits: what the film's fish can swim. On a path with times,
+    places far from the one due at that time count, too.
     """
     rate = world.motion.rate_hz
     far = followed["across"].to_numpy()
@@ -158,47 +166,55 @@ def find_departures(
         rows.append((
             worst["fish"], worst["mode"], first / rate, (stop - 1) / rate, worst["along_px"],
             worst["asked_x_px"], worst["asked_y_px"], far[first:stop].max(),
-            _why(along, (int(first), int(stop)), path, world, most),
+            _cause_of_departure(along, (int(first), int(stop)), path, world, limits),
         ))  # fmt: skip
     return pd.DataFrame(rows, columns=LEFT.names).astype(LEFT.kinds)
 
 
-def _why(
-    along: Floats, ticks: tuple[int, int], path: Path, world: FilmWorld, most: SwimmingLimits
+def _cause_of_departure(
+    along_px: Floats, ticks: tuple[int, int], path: Path, world: FilmWorld, limits: SwimmingLimits
 ) -> str:
-    """Return what of the path, a body length before and after, no fish can swim."""
+    """Return why no fish can follow a part of a path: "wall", "fast", "sharp", or "" if it can.
+
+    along_px: first and last px along the path; ticks: first tick, and one past the last. A body
+    length before and after counts, too.
+    """
     length, asked = world.motion.body_length_px, path.asked
-    at = np.arange(along[0] - length, along[1] + length, 0.1 * length)
+    at = np.arange(along_px[0] - length, along_px[1] + length, 0.1 * length)
     at = at[(at >= 0) & (at <= (np.inf if asked.closed else asked.length))]
-    if _apart(at, path).max(initial=0.0) > _AT_WALL * length:
+    if _shifts_off_walls(at, path).max(initial=0.0) > _AT_WALL * length:
         return "wall"
     if asked.is_timed:
-        before = round(length / max(most.speed * length, 1e-9) * world.motion.rate_hz)
+        before = round(length / max(limits.speed * length, 1e-9) * world.motion.rate_hz)
         when = asked.when[max(ticks[0] - before, 0) : ticks[1] + 1]
         delta = min(world.motion.delta, max(len(when) - 1, 1))
         speed = (when[delta:] - when[:-delta]) / delta * world.motion.rate_hz / length
-        if speed.max(initial=0.0) > most.speed:
+        if speed.max(initial=0.0) > limits.speed:
             return "fast"
-    return "sharp" if _sharp(at, asked, length, most.bend).any() else ""
+    return "sharp" if _mark_sharp_bends(at, asked, length, limits.bend).any() else ""
 
 
-def _apart(at: Floats, path: Path) -> Floats:
-    """Return the distance [px] of places (n, 2) from the path at the same time."""
-    both = [np.array([place(one, float(a)) for a in at]).reshape(-1, 2) for one in path]
+def _shifts_off_walls(along_px: Floats, path: Path) -> Floats:
+    """Return how far (n,), px, the steered path is from the requested one, `along_px` (n,)."""
+    both = [np.array([place(one, float(a)) for a in along_px]).reshape(-1, 2) for one in path]
     return np.hypot(*(both[0] - both[1]).T)
 
 
-def _sharp(at: Floats, route: Route, length: float, bend: float) -> Mask:
-    """Return whether a path bends more than `bend` over half a body length about each place."""
-    half = 0.25 * length
-    ends = [np.array([place(route, float(a + k * half)) for a in at]).reshape(-1, 2)
+def _mark_sharp_bends(along_px: Floats, route: Route, length_px: float, bend: float) -> Mask:
+    """Return which places (n,) of a path lie in a bend sharper than `bend`.
+
+    along_px (n,): the places; bend: radians per body length; length_px: body length. A bend is
+    measured over half a body length.
+    """
+    half = 0.25 * length_px
+    ends = [np.array([place(route, float(a + k * half)) for a in along_px]).reshape(-1, 2)
             for k in (-1, 0, 1)]  # fmt: skip
     steps = [np.degrees(np.arctan2(*(b - a).T[::-1] * [[-1], [1]])) for a, b in pairwise(ends)]
-    return np.asarray(np.abs(np.radians(wrap_deg(steps[1] - steps[0]))) * length / half > bend)
+    return np.asarray(np.abs(np.radians(wrap_deg(steps[1] - steps[0]))) * length_px / half > bend)
 
 
-def film_turning(film: MotionGraph, delta: int, length_px: float, quantile: float) -> float:
-    """Return how sharply the film's fish turn over Δ: a quantile, radians per body length.
+def film_bend(film: MotionGraph, delta: int, length_px: float, quantile: float) -> float:
+    """Return a quantile of the bends of the film's fish over Δ, radians per body length.
 
     delta: Δ in ticks; length_px: body length; quantile: 0-1. 0 where the film is too short.
     """

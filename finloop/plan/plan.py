@@ -20,9 +20,9 @@ class CandidateVerdicts:
     """Rows (k,) that could be shown next, and the verdict on each.
 
     rots: degrees by which each would be turned; seams: discontinuities in natural steps; terms (k,
-    t): seconds that the best way from each costs, by `TERMS`, 0 where there is none; value: their
-    sum without the random part, infinite where there is none; ticks: how long it stays in the tank;
-    verdict: index in `VERDICTS`; taken: the chosen one, −1 for none.
+    t): seconds that the best branch from each costs, by `TERMS`, 0 where there is none; value:
+    their sum without the random part, infinite where there is none; ticks: how long it stays in the
+    tank; verdict: index in `VERDICTS`; taken: the chosen one, −1 for none.
     """
 
     rows: Ints
@@ -34,11 +34,11 @@ class CandidateVerdicts:
     verdict: NDArray[np.int8]
     taken: int = -1
 
-    def add_to(self, decision: Decision) -> Decision:
-        """Return a decision with costs and counts of the ways that were weighed added.
+    def add_to_decision(self, decision: Decision) -> Decision:
+        """Return a decision with the costs and the number of the candidates added.
 
-        They are the costs of the chosen way and of the cheapest other one, how many ways there
-        were, and how many fail each test.
+        They are the costs of the chosen candidate and of the cheapest other one, how many
+        candidates there were, and how many fail each test.
         """
         counts = np.bincount(self.verdict, minlength=len(VERDICTS)).tolist()
         _, tank, quadrant, heading, _ = counts  # in the order of VERDICTS
@@ -47,21 +47,24 @@ class CandidateVerdicts:
             others[self.taken] = np.inf
         return decision._replace(
             ways=len(self.rows), ways_tank=tank, ways_quadrant=quadrant, ways_heading=heading,
-            taken_terms=self._costs(self.value, self.taken),
-            other_terms=self._costs(others, int(others.argmin())),
+            taken_terms=self._term_costs(self.value, self.taken),
+            other_terms=self._term_costs(others, int(others.argmin())),
         )  # fmt: skip
 
-    def _costs(self, values: Floats, way: int) -> tuple[float, ...]:
-        """Return what a way costs, term by term; () where there is none, or it ends."""
-        ends = way < 0 or not np.isfinite(values[way])
-        return () if ends else tuple(self.terms[way].tolist())
+    def _term_costs(self, costs: Floats, candidate: int) -> tuple[float, ...]:
+        """Return the cost of a candidate by term, s; () for none, or one that leads nowhere.
+
+        costs (k,): s of all candidates, infinite for one that leads nowhere.
+        """
+        ends = candidate < 0 or not np.isfinite(costs[candidate])
+        return () if ends else tuple(self.terms[candidate].tolist())
 
 
 class Plan(NamedTuple):
-    """The way that is taken of the (k,) candidates of one motion source.
+    """The chosen branch of a search among (k,) candidates of one motion source.
 
-    state: of the source, FILM or FORECAST; found: what becomes of each candidate; taken: number of
-    the candidate; rows, ticks (l,): first row and length of each leg.
+    state: of the source, FILM or FORECAST; found: the outcome of each candidate; taken: number of
+    the chosen candidate; rows, ticks (l,): first row and length of each leg.
     """
 
     state: int
@@ -72,12 +75,12 @@ class Plan(NamedTuple):
     ticks: Ints
 
     @property
-    def value(self) -> float:
+    def cost(self) -> float:
         """Return the plan's cost in ticks, without chance; infinite where it leads nowhere."""
         return float(self.found.value[self.taken] - self.found.terms[self.taken, CHANCE])
 
-    def options(self, rate_hz: float) -> CandidateVerdicts:
-        """Return the candidates that were weighed, their costs in seconds and verdicts."""
+    def verdicts(self, rate_hz: float) -> CandidateVerdicts:
+        """Return the candidates of the search, their costs in seconds, and verdicts."""
         made, found = self.candidates, self.found
         value = (found.value - found.terms[:, CHANCE]) / rate_hz
         return CandidateVerdicts(
@@ -85,13 +88,13 @@ class Plan(NamedTuple):
             found.verdicts, self.taken,
         )  # fmt: skip
 
-    def runs(self, most: int) -> tuple[Run, ...]:
-        """Return the runs of film of the plan's first ticks: about `most`, at least a leg.
+    def first_runs(self, most_ticks: int) -> tuple[Run, ...]:
+        """Return the runs of film of the plan's first ticks: about `most_ticks`, at least a leg.
 
         Legs that play the film on are one run. A plan that leads nowhere has only its first leg.
         """
         runs: list[Run] = []
-        left = most if np.isfinite(self.value) else 0
+        left = most_ticks if np.isfinite(self.cost) else 0
         for row, ticks in zip(self.rows.tolist(), self.ticks.tolist(), strict=True):
             left -= ticks
             if runs and left < 0:
@@ -103,30 +106,33 @@ class Plan(NamedTuple):
         return tuple(runs)
 
 
-def option_table(found: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataFrame:
-    """Return the candidates that were weighed in the first `ticks` ticks, columns of `CONSIDERED`.
+def candidate_table(
+    animation: Swim, ticks: int, film_rows: int, fish_number: int = 0
+) -> pd.DataFrame:
+    """Return the candidates of all searches in an animation, a row each, columns of `CONSIDERED`.
 
-    found: the animation of the fish; filmed: number of rows of the film, after which its mirror
-    images are counted; fish: its number.
+    animation: of one fish, of which the first `ticks` ticks count; film_rows: number of rows of the
+    film, after which its mirror images are counted; fish_number: for the table.
     """
-    begins = np.cumsum([0] + [len(s.way) for s in found.stretches])
-    parts = [_option_rows(tick, o, filmed) for tick, o in zip(
-        begins, (s.options for s in found.stretches), strict=False
+    begins = np.cumsum([0] + [len(s.way) for s in animation.stretches])
+    parts = [_candidate_rows(tick, o, film_rows) for tick, o in zip(
+        begins, (s.options for s in animation.stretches), strict=False
     ) if tick < ticks and o is not None]  # fmt: skip
     none = pd.DataFrame({name: [] for name in CONSIDERED.names[1:]})
     table = pd.concat(parts, ignore_index=True) if parts else none
-    table.insert(0, "fish", fish)
+    table.insert(0, "fish", fish_number)
     return table
 
 
-def _option_rows(tick: int, options: CandidateVerdicts, filmed: int) -> pd.DataFrame:
-    ends = np.isinf(options.value)
+def _candidate_rows(tick: int, candidates: CandidateVerdicts, film_rows: int) -> pd.DataFrame:
+    """Return the candidates of the search at one tick as rows of a table."""
+    ends = np.isinf(candidates.value)
     terms = {
-        f"{name}_s": np.where(ends, np.nan, options.terms[:, k]) for k, name in enumerate(TERMS)
+        f"{name}_s": np.where(ends, np.nan, candidates.terms[:, k]) for k, name in enumerate(TERMS)
     }
     return pd.DataFrame({
-        "tick": tick, "row": options.rows % filmed, "mirrored": options.rows >= filmed,
-        "seam": options.seams, "value_s": np.where(ends, np.nan, options.value),
-        **terms, "fails": [VERDICTS[verdict] for verdict in options.verdict],
-        "taken": np.arange(len(options.rows)) == options.taken,
+        "tick": tick, "row": candidates.rows % film_rows, "mirrored": candidates.rows >= film_rows,
+        "seam": candidates.seams, "value_s": np.where(ends, np.nan, candidates.value),
+        **terms, "fails": [VERDICTS[verdict] for verdict in candidates.verdict],
+        "taken": np.arange(len(candidates.rows)) == candidates.taken,
     })  # fmt: skip

@@ -39,11 +39,17 @@ from finloop.features.table import wrap_deg
 from finloop.loops.positions import quadrant_of_displacement
 from finloop.plan.cost import CHANCE, CostWeights
 from finloop.plan.fallback import Fallback
-from finloop.plan.objectives import ANYWHERE, Objective, along_path, rule_target, to_goal
+from finloop.plan.objectives import (
+    ANYWHERE,
+    Objective,
+    path_objective,
+    place_by_rule,
+    target_objective,
+)
 from finloop.plan.plan import Plan
-from finloop.plan.search import Candidates, SearchStart, search
+from finloop.plan.search import Candidates, SearchStart, beam_search
 from finloop.plan.sources import MotionSource
-from finloop.plan.walls import fits
+from finloop.plan.walls import fits_in_tank
 from finloop.plan.world import FilmWorld
 from finloop.social.rule import SchoolRule
 
@@ -90,15 +96,15 @@ class Planner:
     ) -> State:
         """Return the state of a fish at a random place, clear of the walls and of the other fish.
 
-        With a path (route) the fish is at its beginning, even if another fish is there. NoRoom
-        where, of many places drawn, none is clear.
+        With a route the fish is at its beginning, even if another fish is there. NoRoom where, of
+        many places drawn, none is clear.
         """
         if route is not None:
-            return State(self._begin_path(route, rng), np.zeros(2))
+            return State(self._begin_route(route, rng), np.zeros(2))
         for _ in range(_PLACES):
             fish = self._begin_anywhere(rng)
             there = np.array([fish.x, fish.y, fish.heading])
-            fits_in = fits(self.world.bounds, fish.picture, *there)
+            fits_in = fits_in_tank(self.world.bounds, fish.picture, *there)
             if fits_in and can_stay(company, fish.picture, there, fish.tick):
                 return State(fish, np.zeros(2))
         others = company.places.shape[1]
@@ -109,7 +115,7 @@ class Planner:
         )
 
     def _begin_anywhere(self, rng: np.random.Generator) -> Fish:
-        """Return a fish somewhere in the tank, at a row from which the film can play for ever."""
+        """Return a fish at a random place, at a row from which the film can play for ever."""
         source = self._first_source
         x, y = self.world.tank.random_point(rng)
         row = int(rng.choice(_lasting_rows(source)))
@@ -117,8 +123,8 @@ class Planner:
         heading = float(wrap(source.graph.film.heading[row] + rot))
         return Fish(x, y, heading, 0.0, source.state, -1, row=row, rot=rot)
 
-    def _begin_path(self, route: Route, rng: np.random.Generator) -> Fish:
-        """Return a fish at the beginning of a path, in the row from which it follows it best."""
+    def _begin_route(self, route: Route, rng: np.random.Generator) -> Fish:
+        """Return a fish at the beginning of a route, in the row that leads best along it."""
         source = self._first_source
         graph, rows = source.graph, source.graph.film.rows
         lasting = _lasting_rows(source)
@@ -133,9 +139,9 @@ class Planner:
             rots = np.zeros_like(rots)
         n = len(some)
         made = Candidates(some, rots, np.zeros(n), np.zeros(n, bool), np.zeros((n, len(TERMS))))
-        lag = self.world.tempo.rest_price_on_path(0.0, self.world.settings.path_lag_cost)
+        lag = self.world.tempo.cost_of_rest_on_path(0.0, self.world.settings.path_lag_cost)
         start = SearchStart(x, y, route.begins - 1, np.zeros((0, 3), np.int64), lag=lag)
-        plan = self._search(source, (made, start), along_path(route, self.world.steering))
+        plan = self._search_plan(source, (made, start), path_objective(route, self.world.steering))
         best = plan.taken if plan else 0
         row, rot = int(some[best]), float(rots[best])
         heading = float(wrap_deg(rows["heading"][row] + rot))
@@ -143,29 +149,30 @@ class Planner:
 
     @property
     def _first_source(self) -> MotionSource:
+        """Return the motion source that a fish begins with: the film, else the predictions."""
         source = self.film or self.prediction
         assert source is not None
         return source
 
-    def company(self, others: Floats, start: int) -> Company:
-        """Return the other fish as a fish that decides at tick `start` knows them.
+    def company(self, other_plans: Floats, tick: int) -> Company:
+        """Return the other fish of a tank as a fish that decides at a tick knows them.
 
-        others (n, m, 4): from `Plans.others`. No fish where they may overlap.
+        other_plans (n, m, 4): from `Plans.others`. No fish where they may overlap.
         """
         p = self.world.settings
-        if p.overlap or not others.shape[1]:
+        if p.overlap or not other_plans.shape[1]:
             return ALONE
-        return company_of(others, start, self.cast.discs, self.world.ticks(p.give_way))
+        return company_of(other_plans, tick, self.cast.discs, self.world.to_ticks(p.give_way))
 
-    def with_others(self, state: State, others: Floats) -> State:
+    def with_others(self, state: State, other_plans: Floats) -> State:
         """Return the state with the other fish added, first those that the fish can meet.
 
-        others (n, m, 4): from `Plans.others`, from the fish's present tick on.
+        other_plans (n, m, 4): from `Plans.others`, from the fish's present tick on.
         """
         fish = state.fish
-        company = self.company(others, fish.tick)
+        company = self.company(other_plans, fish.tick)
         if company.near:
-            company = near_first(company, fish.x, fish.y, self.world.farthest)
+            company = near_first(company, fish.x, fish.y, self.world.farthest_px)
         if company is fish.company:
             return state
         return state._replace(fish=fish._replace(company=company))
@@ -180,14 +187,14 @@ class Planner:
         The same state, goal and generator state give the same result. Only the generator is
         changed.
         """
-        fish = state.fish if state.fish.row >= 0 else self._from_sprite(state.fish)
+        fish = state.fish if state.fish.row >= 0 else self._fish_in_film(state.fish)
         state = state._replace(fish=fish)
         if isinstance(goal, Route):
-            return self._follow(state, goal, rng)
-        aimed, spot = self._aim(state, goal, rng)
-        objective = to_goal(self._next_waypoint(fish, spot))
+            return self._plan_on_route(state, goal, rng)
+        aimed, spot = self._choose_target(state, goal, rng)
+        objective = target_objective(self._next_waypoint(fish, spot))
         task = ANYWHERE if spot.free else spot
-        stretch, path = self._move(fish, aimed.path, objective, task, rng)
+        stretch, path = self._plan_or_stay(fish, aimed.path, objective, task, rng)
         whole = stretch
         stretch = self._fallback.keep_clear(fish, stretch, rng)
         if stretch is not whole:
@@ -196,7 +203,7 @@ class Planner:
         left = max(0, aimed.left - len(stretch.way)) if keeps else 0
         return stretch, aimed._replace(fish=self._fish_after(fish, stretch), left=left, path=path)
 
-    def _aim(
+    def _choose_target(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
     ) -> tuple[State, Target]:
         """Return where a fish without a path swims, and the state that remembers it."""
@@ -205,19 +212,19 @@ class Planner:
             x, y = goal.x_px, goal.y_px
             state = state._replace(left=0, wished=False)
         else:
-            spot, left, wished = self._place_to_go(state, goal, rng)
+            spot, left, wished = self._choose_place(state, goal, rng)
             x, y = map(float, spot)
             free = not wished and world.settings.wander == "film"
             state = state._replace(place=spot, left=left, wished=wished)
         return state, Target(float(x), float(y), world.touch_px, world.head_px, free)
 
-    def _place_to_go(
+    def _choose_place(
         self, state: State, rule: Rule | None, rng: np.random.Generator
     ) -> tuple[Floats, int, bool]:
         """Return a place (2,) px that is no goal, for how many ticks, and whether by a rule."""
         if state.left > 0 and state.wished and rule is not None and rule.leader is None:
             return state.place, state.left, True
-        wished = None if rule is None else rule_target(rule, state.fish, self.world, rng)
+        wished = None if rule is None else place_by_rule(rule, state.fish, self.world, rng)
         if wished is not None:
             return *wished, True
         if state.left > 0 and not state.wished:
@@ -230,14 +237,15 @@ class Planner:
         aim = aim_in(tank, (fish.x, fish.y), goal, self.world.touch_px)
         return goal if aim[:2] == tank.into(goal.x, goal.y) else aim
 
-    def _follow(
+    def _plan_on_route(
         self, state: State, route: Route, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
+        """Return the next stretch of a fish on a route, and the state after it."""
         fish, path = state.fish, state.path
         since = least_along(route, path.along, fish.tick)
         path = path._replace(along=float(foot(route, fish.x, fish.y, since)[0]))
-        objective = along_path(route, self.world.steering)
-        whole, on = self._move(fish, path, objective, route, rng)
+        objective = path_objective(route, self.world.steering)
+        whole, on = self._plan_or_stay(fish, path, objective, route, rng)
         stretch = self._fallback.keep_clear(fish, whole, rng)
         # The next step finds from where it was how far along a path a shorter one leads.
         on = on if stretch is whole else Progress(state.path.along)
@@ -245,96 +253,117 @@ class Planner:
             fish=self._fish_after(fish, stretch), path=on
         )
 
-    def _move(
+    def _plan_or_stay(
         self, fish: Fish, path: Progress, objective: Objective, task: Route | Target,
         rng: np.random.Generator,
     ) -> tuple[Stretch, Progress]:  # fmt: skip
-        """Return what is shown next, and what is planned then. task: what plans are made for."""
-        if path.runs and _same(path.task, task):
-            stretch, on = self._swim_run(fish, path, objective, None)
+        """Return the next stretch of a fish, and the plan beyond it; in place if no plan leads on.
+
+        path: its progress and its present plan; task: the route or target that plans are made for.
+        """
+        if path.runs and _is_same_task(path.task, task):
+            stretch, on = self._swim_next_run(fish, path, objective, None)
             if len(stretch.way):
                 return stretch, on
-        plans = self._plans(fish, path.along, objective, rng)
+        plans = self._best_plans(fish, path.along, objective, rng)
         for plan in plans:
-            runs = plan.runs(self._commit(objective))
+            runs = plan.first_runs(self._ticks_between_searches(objective))
             planned = Progress(path.along, task, runs, plan.state)
-            stretch, on = self._swim_run(fish, planned, objective, plan)
+            stretch, on = self._swim_next_run(fish, planned, objective, plan)
             if len(stretch.way):
                 return stretch, on
         aim = self._point_ahead(objective, path.along)
-        options = plans[0].options(self.world.motion.rate_hz) if plans else None
+        options = plans[0].verdicts(self.world.motion.rate_hz) if plans else None
         stretch = self._fallback.stay(fish, aim)
         goal = task if isinstance(task, Target) else ANYWHERE
         if not goal.free and touches(*stretch.way[0], goal):  # it rests on its goal
             stretch = replace(stretch.cut(1), touched=True)
         if options is not None:
             options = replace(options, taken=-1)
-            stretch = replace(stretch, options=options, decision=options.add_to(stretch.decision))
+            stretch = replace(
+                stretch, options=options, decision=options.add_to_decision(stretch.decision)
+            )
         return stretch, Progress(path.along)
 
-    def _plans(
+    def _best_plans(
         self, fish: Fish, along: float, objective: Objective, rng: np.random.Generator
     ) -> list[Plan]:
-        """Return the best plan by the film, and by the forecast where it is needed, best first.
+        """Return the best plan by the film, and by the forecast where it is needed, the best first.
 
-        It is needed where the film has no way on, or leaves the path.
+        It is needed where the film has no way on, or leaves the path. along: px along the path.
         """
-        film = self._weigh(self.film, fish, along, objective, rng)
+        film = self._best_plan(self.film, fish, along, objective, rng)
         if film is not None and not self._needs_prediction(film, fish, objective):
             return [film]
-        prediction = self._weigh(self.prediction, fish, along, objective, rng)
+        prediction = self._best_plan(self.prediction, fish, along, objective, rng)
         # Leaving the film costs as much as a seam of one natural step.
         leaves = self._weights.seam
         return sorted(
             (plan for plan in (film, prediction) if plan is not None),
-            key=lambda plan: (plan.value + leaves * (plan.state != FILM), -plan.found.ticks.max()),
+            key=lambda plan: (plan.cost + leaves * (plan.state != FILM), -plan.found.ticks.max()),
         )
 
     def _needs_prediction(self, plan: Plan, fish: Fish, objective: Objective) -> bool:
-        """Return whether predictions are needed: a plan ends, or costs as much as no path."""
+        """Return whether predictions are needed: a plan ends, or costs like leaving the path."""
         route, p = objective.route, self.world.settings
         if not len(route.x):
-            return not np.isfinite(plan.value)
+            return not np.isfinite(plan.cost)
         beside = p.path_max_offset_bl**2
         price = p.path_offset_cost * beside
-        price += p.path_late_cost * beside if route.is_timed else self._lag(fish, objective)
-        return plan.value > price * float(plan.ticks.sum())
+        price += (
+            p.path_late_cost * beside if route.is_timed else self._cost_of_rest(fish, objective)
+        )
+        return plan.cost > price * float(plan.ticks.sum())
 
-    def _weigh(
+    def _best_plan(
         self, source: MotionSource | None, fish: Fish, along: float, objective: Objective,
         rng: np.random.Generator,
     ) -> Plan | None:  # fmt: skip
-        made = source and source.candidates(fish, self._lag(fish, objective), along)
+        """Return the cheapest plan of a fish by one motion source; None where it has no candidates.
+
+        along: px along the path.
+        """
+        made = source and source.candidates(fish, self._cost_of_rest(fish, objective), along)
         if not (source and made):
             return None
         if not len(objective.route.x):
             noise = self.world.settings.choice_noise * self.world.motion.delta
             made[0].terms[:, CHANCE] = rng.exponential(noise, len(made[0].rows))
-        return self._search(source, made, objective)
+        return self._search_plan(source, made, objective)
 
-    def _search(
-        self, source: MotionSource, made: tuple[Candidates, SearchStart], objective: Objective
+    def _search_plan(
+        self,
+        source: MotionSource,
+        candidates_and_start: tuple[Candidates, SearchStart],
+        objective: Objective,
     ) -> Plan | None:
-        candidates, start = made
+        """Return the cheapest plan from the candidates of a search; None where no row can be shown.
+
+        source: their motion source.
+        """
+        candidates, start = candidates_and_start
         weights = self._crowded_weights if start.company.near else self._weights
-        horizon = self._commit(objective) + self.world.ticks(self.world.settings.look_ahead_deltas)
-        found, rows = search(source.graph, candidates, start, objective, weights, horizon)
+        horizon = self._ticks_between_searches(objective) + self.world.to_ticks(
+            self.world.settings.look_ahead_deltas
+        )
+        found, rows = beam_search(source.graph, candidates, start, objective, weights, horizon)
         if len(objective.route.x) and np.isinf(found.value).all() and found.over.any():
             # On a path the cheapest ways are much alike, and may all run into one wall.
             wide = weights._replace(beam=_WIDER * weights.beam)
-            found, rows = search(source.graph, candidates, start, objective, wide, horizon)
+            found, rows = beam_search(source.graph, candidates, start, objective, wide, horizon)
         if not len(rows):
             return None
         taken, ticks = int((candidates.rows == rows[0]).argmax()), source.graph.leg[rows]
         ticks[-1] -= max(ticks.sum() - horizon, 0)
         return Plan(source.state, candidates, found, taken, rows, ticks)
 
-    def _swim_run(
+    def _swim_next_run(
         self, fish: Fish, path: Progress, objective: Objective, plan: Plan | None
     ) -> tuple[Stretch, Progress]:
-        """Return the next run of what is planned, and the rest.
+        """Return the stretch of the next planned run of film, and the rest of the plan.
 
-        plan: what it was chosen by, None where it was chosen before.
+        path: progress and planned runs; plan: the search that chose the run, None if it was an
+        earlier one.
         """
         run, *later = path.runs
         source = self.film if path.motion == FILM else self.prediction
@@ -342,7 +371,7 @@ class Planner:
         goal, on_path = ANYWHERE, len(objective.route.x) > 0
         if isinstance(path.task, Target):
             goal = path.task
-        found = source.advance(fish, run, path.along, objective, goal)
+        found = source.swim_run(fish, run, path.along, objective, goal)
         way, rate, options = found.way, self.world.motion.rate_hz, None
         plays = AS_PREDICTED if path.motion != FILM else JUMP if found.jumps else PLAY
         decision = Decision(plays, seam=found.seam)
@@ -350,10 +379,10 @@ class Planner:
             x, y, _ = way[-1].tolist()
             decision = decision._replace(quadrant=quadrant_of_displacement(x - fish.x, fish.y - y))
         if plan is not None:
-            options = plan.options(rate)
-            value_s = plan.value / rate if np.isfinite(plan.value) else np.nan
+            options = plan.verdicts(rate)
+            value_s = plan.cost / rate if np.isfinite(plan.cost) else np.nan
             leaves = path.motion != FILM and fish.state == FILM
-            decision = options.add_to(
+            decision = options.add_to_decision(
                 decision._replace(value_s=value_s, exit=NO_WAY if leaves else "")
             )
         stretch = Stretch(
@@ -366,50 +395,60 @@ class Planner:
         return stretch, path._replace(along=found.along, runs=runs)
 
     def _point_ahead(self, objective: Objective, along: float) -> Target:
-        """Return the point that a fish heads for: its aim, or a body length ahead on its path."""
+        """Return the point that a fish heads for: its target, or a body length ahead on its path.
+
+        along: px along the path.
+        """
         if not len(objective.route.x):
             return objective.aim
         x, y = map(float, place(objective.route, along + self.world.motion.body_length_px))
         return Target(x, y, self.world.touch_px, self.world.head_px)
 
-    def _lag(self, fish: Fish, objective: Objective) -> float:
+    def _cost_of_rest(self, fish: Fish, objective: Objective) -> float:
         """Return the ticks that every tick on the spot costs a fish; < 0 only where it wanders."""
         tempo, p = self.world.tempo, self.world.settings
         if len(objective.route.x):
-            return tempo.rest_price_on_path(fish.lag, p.path_lag_cost)
-        price = tempo.rest_price(fish.lag, p.lag_cost)
+            return tempo.cost_of_rest_on_path(fish.lag, p.path_lag_cost)
+        price = tempo.cost_of_rest(fish.lag, p.lag_cost)
         return price if objective.aim.free else max(price, 0.0)
 
     # --- what plans are made of
 
     @property
     def _weights(self) -> CostWeights:
+        """Return the settings of the search and the weights of its costs."""
         return self.world.cost_weights
 
     @cached_property
     def _crowded_weights(self) -> CostWeights:
+        """Return the weights for a fish with others near it: the search follows fewer branches."""
         return self._weights._replace(beam=1 + self._weights.beam // _FEWER)
 
-    def _commit(self, objective: Objective) -> int:
-        """Return the ticks of a plan to swim before the next search."""
+    def _ticks_between_searches(self, objective: Objective) -> int:
+        """Return how many ticks of a plan the fish swims before the next search."""
         p, stride = self.world.settings, self._weights.stride
         time = p.path_commit if len(objective.route.x) else p.replan_interval_deltas
-        return int(stride * max(1, self.world.ticks(time) // stride))
+        return int(stride * max(1, self.world.to_ticks(time) // stride))
 
     @cached_property
     def _fallback(self) -> Fallback:
-        return Fallback(self.world, self._leave)
+        """Return what decides where no plan leads on, or another fish is in the way."""
+        return Fallback(self.world, self._plan_to_target)
 
-    def _leave(self, fish: Fish, away: Target, rng: np.random.Generator) -> Stretch:
-        return self._move(fish, Progress(), to_goal(self._next_waypoint(fish, away)), away, rng)[0]
+    def _plan_to_target(self, fish: Fish, target: Target, rng: np.random.Generator) -> Stretch:
+        """Return the stretch by which a fish without a plan begins to swim to a target."""
+        return self._plan_or_stay(
+            fish, Progress(), target_objective(self._next_waypoint(fish, target)), target, rng
+        )[0]
 
-    def _from_sprite(self, fish: Fish) -> Fish:
-        """Return a fish that a sprite shows as one of the film's row behind it."""
+    def _fish_in_film(self, fish: Fish) -> Fish:
+        """Return a fish that a sprite shows as a fish in the film, at the row behind the sprite."""
         row = int(self.sprite_rows[fish.sprite])
         rot = float(wrap(fish.heading - self.world.film.heading[row]))
         return fish._replace(state=FILM, sprite=-1, row=row, rot=rot)
 
     def _fish_after(self, fish: Fish, stretch: Stretch) -> Fish:
+        """Return the fish as it is at the end of a stretch that began with `fish`."""
         world, ticks, number = self.world, len(stretch.way), int(stretch.number[-1])
         x, y, heading = map(float, stretch.way[-1])
         stays = stretch.decision.reason in (SPOT, WAITING)
@@ -429,7 +468,7 @@ class Planner:
 
     def is_clear(self, state: State, stretch: Stretch) -> bool:
         """Return whether a stretch is clear of other fish, even if the fish stays after it."""
-        return self._fallback.ticks(state.fish, stretch) == len(stretch.way)
+        return self._fallback.count_free_ticks(state.fish, stretch) == len(stretch.way)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
         """Return the first ticks of a stretch that began in `state`, and the state after them."""
@@ -448,12 +487,13 @@ class Planner:
         return self.cast.sprite_hulls[source]
 
 
-def _same(one: object, other: object) -> bool:
+def _is_same_task(task: object, other_task: object) -> bool:
     """Return whether two tasks are equal: the same path, or the same place to go to."""
-    places = isinstance(one, Target) and isinstance(other, Target)
-    return one is other or (places and one == other)
+    places = isinstance(task, Target) and isinstance(other_task, Target)
+    return task is other_task or (places and task == other_task)
 
 
 def _lasting_rows(source: MotionSource) -> Ints:
+    """Return the rows (k,) of a motion source from which it can play on for ever."""
     rows = source.graph.film.rows
     return np.flatnonzero(rows["has_next"][:-1] & rows["recurrent"][:-1] & rows["recurrent"][1:])

@@ -16,7 +16,7 @@ from finloop.animate.memory import NEVER, last_on_screen
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, kernel_part, leaf_kernel
 from finloop.edit.schema import TERMS, VERDICTS
-from finloop.plan.advance import swim_leg, turn_way
+from finloop.plan.advance import advance_way_by_leg, set_way_rotation
 from finloop.plan.cost import (
     REPEAT,
     SEAM,
@@ -25,7 +25,7 @@ from finloop.plan.cost import (
     CostWeights,
     repeat_cost,
 )
-from finloop.plan.graph import MotionGraph, jumps_of
+from finloop.plan.graph import MotionGraph, jump_range
 from finloop.plan.objectives import (
     Objective,
     cost_of_time,
@@ -34,7 +34,7 @@ from finloop.plan.objectives import (
     timed_targets,
 )
 from finloop.plan.search_graph import SearchGraph
-from finloop.plan.walls import fits
+from finloop.plan.walls import fits_in_tank
 
 WAY = np.dtype(
     [
@@ -93,9 +93,9 @@ class Candidates(NamedTuple):
 class Outcomes(NamedTuple):
     """What becomes of each candidate (k,) in the search.
 
-    value: cost of the best way from it, in ticks, infinite where all leave the tank or end; terms
-    (k, t): the same term by term; ticks: duration of the best way, or its time in the tank; over:
-    whether better ways displaced its ways before any reached the end.
+    value: cost of the best branch from it, in ticks, infinite where all leave the tank or end;
+    terms (k, t): that cost term by term; ticks: duration of the best branch, or its time in the
+    tank; over: whether better branches displaced all of its own before any reached the end.
     """
 
     value: Floats
@@ -111,7 +111,7 @@ class Outcomes(NamedTuple):
 
 
 class Branch(NamedTuple):
-    """One continuation of a way after a leg.
+    """One continuation of a way of the search after a leg.
 
     total: cost of the way so far and to come, ticks; first: the candidate that it began with; way:
     number of the way; jump: number of the jump that it takes, −1 for none; repeat: ticks that
@@ -126,7 +126,7 @@ class Branch(NamedTuple):
 
 
 class Beam(NamedTuple):
-    """The ways that the search follows, of dtype `WAY`, and how they came there.
+    """The ways that the search follows at once, of dtype `WAY`, and the legs that led to them.
 
     ways, spare (w,): the present ones, and room for those after the next leg; branches (b,): the
     best after it, of dtype `BRANCH`; order (b,): their numbers, the cheapest first; totals (b,):
@@ -144,8 +144,8 @@ class Beam(NamedTuple):
     parents: Ints
 
 
-class Best(NamedTuple):
-    """The best way so far that reached its end: cost in ticks, count of legs, its number."""
+class BestWay(NamedTuple):
+    """The best way of the search so far that reached its end: cost in ticks, legs, its number."""
 
     value: float
     legs: int
@@ -153,14 +153,14 @@ class Best(NamedTuple):
 
 
 @kernel
-def film_candidates(film: MotionGraph, row: int, rot: float) -> Candidates:
+def film_candidates(film: MotionGraph, row: int, rotation_deg: float) -> Candidates:
     """Return the rows that can be shown next and go on for ever: `row` itself, and its jumps.
 
-    row: the film's next row; rot: degrees by which it would be turned. Their terms are 0.
+    row: the film's next row; rotation_deg: by which it would be turned. Their terms are 0.
     """
     at = film.rows[row]
     own = np.int64(at.has_next and film.rows[row + 1].recurrent)
-    first, last = jumps_of(film, row)
+    first, last = jump_range(film, row)
     n = own + last - first
     made = Candidates(
         np.empty(n, np.int64), np.empty(n), np.zeros(n), np.empty(n, np.bool_),
@@ -171,61 +171,67 @@ def film_candidates(film: MotionGraph, row: int, rot: float) -> Candidates:
         made.rows[k], made.jumps[k] = row, k >= own
         if made.jumps[k]:
             made.rows[k], made.seams[k] = film.to[e], film.seam[e]
-        turned = at.heading + rot - film.rows[made.rows[k]].heading
-        made.rots[k] = wrap(turned) if film.body else rot
+        turned = at.heading + rotation_deg - film.rows[made.rows[k]].heading
+        made.rots[k] = wrap(turned) if film.body else rotation_deg
     return made
 
 
 @kernel
-def add_costs(made: Candidates, recent: Ints, tick: int, weights: CostWeights) -> None:
+def add_jump_and_repeat_costs(
+    candidates: Candidates, recent: Ints, tick: int, weights: CostWeights
+) -> None:
     """Add to the terms of each candidate the costs of its jump and of its repetition, in ticks.
 
-    made: the candidates, changed in place; recent (m, 3): stretches of film that were on screen
-    before `tick`. A row counts as repeated if it, or a row within a stride after it, was.
+    candidates: changed in place; recent (m, 3): stretches of film that were on screen before
+    `tick`. A row counts as repeated if it, or a row within a stride after it, was.
     """
-    for k in range(made.rows.size):
-        row = made.rows[k]
+    for k in range(candidates.rows.size):
+        row = candidates.rows[k]
         ago = float(tick - last_on_screen(recent, row, row + weights.stride - 1))
-        made.terms[k, REPEAT] += repeat_cost(ago, weights)
-        if made.jumps[k]:
-            made.terms[k, SEAM] += weights.seam * made.seams[k]
+        candidates.terms[k, REPEAT] += repeat_cost(ago, weights)
+        if candidates.jumps[k]:
+            candidates.terms[k, SEAM] += weights.seam * candidates.seams[k]
 
 
 @kernel
 def weigh_film_candidates(  # type: ignore[no-untyped-def]
-    film: MotionGraph, row: int, rot: float, recent: Ints, tick: int, weights: CostWeights
+    film: MotionGraph, row: int, rotation_deg: float, recent: Ints, tick: int, weights: CostWeights
 ):  # fmt: skip
-    """Return the candidates of the film, with the costs that `add_costs` adds."""
-    made = film_candidates(film, row, rot)
-    add_costs(made, recent, tick, weights)
+    """Return the film's candidates to show next, with the costs of jumps and of repetition.
+
+    row: the film's next row; rotation_deg: by which it would be turned; recent (m, 3): stretches of
+    film that were on screen before `tick`.
+    """
+    made = film_candidates(film, row, rotation_deg)
+    add_jump_and_repeat_costs(made, recent, tick, weights)
     return made
 
 
 @kernel
-def search(
+def beam_search(
     graph: SearchGraph, candidates: Candidates, start: SearchStart, objective: Objective,
-    weights: CostWeights, horizon: int,
+    weights: CostWeights, horizon_ticks: int,
 ) -> tuple[Outcomes, Ints]:  # fmt: skip
-    """Return what becomes of every candidate (k,), and the rows of the best way, by beam search.
+    """Return the outcome of every candidate (k,), and the rows of the best way, by beam search.
 
-    Ways go through the film and its jumps for `horizon` ticks. The rows (l,) are the first of each
+    Ways go through the film and its jumps for `horizon_ticks`. The rows (l,) are the first of each
     leg of the best way. Where no way leads on, they are those of the cheapest of the ways that came
     farthest.
     """
-    route, most = objective.route, horizon
-    asked = timed_targets(route, start.tick, horizon + objective.steering.reach)
+    route, most = objective.route, horizon_ticks
+    asked = timed_targets(route, start.tick, horizon_ticks + objective.steering.reach)
     if route.when.size:  # not beyond its times
         most = max(min(most, route.begins + route.when.size - 1 - start.tick), 1)
     legs = most + 1  # each has a tick at least; only legs that begin use memory
-    beam, found, n = _begin(graph, candidates, start, (legs, weights.beam))
-    best, leg = Best(np.inf, 0, 0), np.int64(0)
+    beam, found, n = _start_beam(graph, candidates, start, (legs, weights.beam))
+    best, leg = BestWay(np.inf, 0, 0), np.int64(0)
     while n and leg < legs:
         state = beam, n, found, best
-        m, best = _legs(graph, state, start, (leg, most), objective, (weights, asked))
+        m, best = _follow_ways(graph, state, start, (leg, most), objective, (weights, asked))
         leg += 1
         if m == 0 and best.legs == 0:
             way = np.argmin(beam.ways["total"][:n])
-            best = Best(np.inf, leg - 1, beam.parents[leg - 1, way])  # type: ignore[arg-type]
+            best = BestWay(np.inf, leg - 1, beam.parents[leg - 1, way])  # type: ignore[arg-type]
         beam, n = start_next_leg(graph, beam, m, leg, start.tick), m  # type: ignore[arg-type]
     for c in range(found.over.size):
         found.over[c] = found.over[c] and found.value[c] == np.inf
@@ -233,10 +239,10 @@ def search(
 
 
 @kernel_part
-def _begin(graph, candidates, start, sizes):  # type: ignore[no-untyped-def]
-    """Return the beam, the outcomes so far, and the number of ways, one a candidate that fits.
+def _start_beam(graph, candidates, start, sizes):  # type: ignore[no-untyped-def]
+    """Return the first beam, the outcomes, and the number of ways: one a candidate that fits.
 
-    sizes: legs, branches.
+    sizes: most legs, most branches; start: `SearchStart`.
     """
     (legs, width), count, n = sizes, candidates.rows.size, 0
     most = max(width, count)
@@ -254,13 +260,13 @@ def _begin(graph, candidates, start, sizes):  # type: ignore[no-untyped-def]
         row, x, y, terms = candidates.rows[c], start.x, start.y, candidates.terms[c]
         first = graph.film.rows[row]
         heading = first.heading + candidates.rots[c]
-        free = fits(graph.bounds, row, x, y, heading)
+        free = fits_in_tank(graph.bounds, row, x, y, heading)
         free = free and clear_ahead(start.company, row, x, y, heading, start.tick)
         if first.recurrent and free:
             way, run = beam.ways[n], beam.runs[n]
             way.x, way.y, way.along, way.first, way.run = x, y, start.along, c, n
             way.row, way.ticks = row, 0
-            turn_way(way, candidates.rots[c])
+            set_way_rotation(way, candidates.rots[c])
             for t in range(terms.size):
                 way.terms[t] = terms[t]
             run.row, run.tick, run.before = row, start.tick, -1
@@ -270,17 +276,23 @@ def _begin(graph, candidates, start, sizes):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def _legs(graph, state, start, at, objective, by):  # type: ignore[no-untyped-def]
-    """Follow all ways for a leg; return the number of branches after it, and the best that ended.
+def _follow_ways(graph, state, start, leg_and_horizon, objective, weights_and_targets):  # type: ignore[no-untyped-def]
+    """Follow all ways of the beam for a leg; return the number of branches, and the `BestWay`.
 
-    state: the beam, number of ways, `Outcomes`, `Best`; at: number of the leg, ticks of the
-    horizon; by: weights, timed targets.
+    state: the beam, its number of ways, `Outcomes`, `BestWay` so far; leg_and_horizon: number of
+    the leg, ticks of the horizon; weights_and_targets: `CostWeights`, output of `timed_targets`.
     """
-    (beam, n, found, best), (leg, most), (weights, asked) = state, at, by
+    (beam, n, found, best), (leg, most), (weights, asked) = (
+        state,
+        leg_and_horizon,
+        weights_and_targets,
+    )
     rows, m = graph.film.rows, np.int64(0)
     for s in range(n):
         way = beam.ways[s]
-        way.leads, ends = swim_leg(graph, way, most - way.ticks, start, objective, weights)
+        way.leads, ends = advance_way_by_leg(
+            graph, way, most - way.ticks, start, objective, weights
+        )
         way.terms[TIME] = cost_of_time(way, start, objective, weights)
         way.terms[TO_COME] = 0.0
         if way.leads and not ends:
@@ -302,28 +314,28 @@ def _legs(graph, state, start, at, objective, by):  # type: ignore[no-untyped-de
                 for t in range(way.terms.size):
                     found.terms[way.first, t] = way.terms[t]
             if way.total < best.value:
-                best = Best(way.total, leg + 1, s)
+                best = BestWay(way.total, leg + 1, s)
         elif rows[way.row].has_next and rows[way.row + 1].recurrent:
             repeat = 0.0  # on a path it would cost more than to leave the path
             if not objective.route.x.size:
-                repeat = _repeat_of(beam, way, way.row, start, weights)
+                repeat = _repetition_cost(beam, way, way.row, start, weights)
             branch = Branch(way.total + repeat, way.first, s, -1, repeat)
             m = insert_branch(beam, m, branch, found.over)
     for s in range(n):  # by now most jumps cost more than the best branches
         if beam.ways[s].leads:
-            m = _jumps(graph, s, (beam, m, found), start, objective, (weights, asked))
+            m = _insert_jumps(graph, s, (beam, m, found), start, objective, (weights, asked))
     return m, best
 
 
 @leaf_kernel
-def _jumps(graph, s, kept, start, objective, by):  # type: ignore[no-untyped-def]
-    """Add the jumps of way s after a leg that are among the best branches; return their number.
+def _insert_jumps(graph, way_number, kept, start, objective, weights_and_targets):  # type: ignore[no-untyped-def]
+    """Add the jumps of a way after a leg to the branches, if among the best; return their number.
 
-    kept: the beam, its number of branches, `Outcomes`; by: weights, timed targets.
+    kept: the beam, its number of branches, `Outcomes`; weights_and_targets: as in `_follow_ways`.
     """
-    (beam, n, found), (weights, _), film = kept, by, graph.film
-    way = beam.ways[s]
-    first, last = jumps_of(film, way.row)
+    (beam, n, found), (weights, _), film = kept, weights_and_targets, graph.film
+    way = beam.ways[way_number]
+    first, last = jump_range(film, way.row)
     if first == last:
         return n
     # A jump changes neither the place nor, if the body can be turned, the heading: the cost to come
@@ -345,19 +357,21 @@ def _jumps(graph, s, kept, start, objective, by):  # type: ignore[no-untyped-def
             if not film.body:
                 turned = heading_vector(film.rows[jump.to], way)
             lead = graph.leads[jump.to]
-            to_come = estimate_cost_to_come(lead, way, turned, objective, by)
+            to_come = estimate_cost_to_come(lead, way, turned, objective, weights_and_targets)
         total += to_come
         if total >= worst:
             found.over[way.first] = True
             continue
-        repeat = _repeat_of(beam, way, jump.to, start, weights)
-        n = insert_branch(beam, n, Branch(total + repeat, way.first, s, e, repeat), found.over)
+        repeat = _repetition_cost(beam, way, jump.to, start, weights)
+        n = insert_branch(
+            beam, n, Branch(total + repeat, way.first, way_number, e, repeat), found.over
+        )
     return n
 
 
 @leaf_kernel
-def _repeat_of(beam, way, row, start, weights):  # type: ignore[no-untyped-def]
-    """Return the ticks that going on with a row costs a way, for what was on screen.
+def _repetition_cost(beam, way, row, start, weights):  # type: ignore[no-untyped-def]
+    """Return the cost, in ticks, of a row shown next by a way, if it was on screen not long ago.
 
     Before the search any row of its first stride counts; within the way its last one.
     """
@@ -368,59 +382,59 @@ def _repeat_of(beam, way, row, start, weights):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def tick_row_shown(runs, run, row, tick):  # type: ignore[no-untyped-def]
-    """Return the last tick at which a way showed a row; NEVER if it did not.
+def tick_row_shown(runs, last_run, row, tick):  # type: ignore[no-untyped-def]
+    """Return the last tick at which a way of the search showed a row; NEVER if it did not.
 
-    runs: of all ways, dtype `RUN`; run: number of the way's last one; tick: to which the way has
-    come.
+    runs: of all ways, dtype `RUN`; last_run: number of the way's last one; tick: to which the way
+    has come.
     """
-    while run >= 0:
-        one = runs[run]
+    while last_run >= 0:
+        one = runs[last_run]
         if one.row <= row < one.row + tick - one.tick:
             return one.tick + row - one.row
-        run, tick = one.before, one.tick
+        last_run, tick = one.before, one.tick
     return np.int64(NEVER)
 
 
 @leaf_kernel
-def insert_branch(beam: Beam, n: int, branch: Branch, over: Mask) -> int:
+def insert_branch(beam: Beam, branch_count: int, branch: Branch, displaced: Mask) -> int:
     """Insert a branch if it is among the best; return how many branches there are then.
 
-    beam: its branches are changed, n of them filled; over (candidates,): set where a better branch
-    displaces one of a candidate.
+    beam: its branches are changed, `branch_count` of them filled; displaced (candidates,): set
+    where a better branch displaces one of a candidate.
     """
-    totals, order, k, number = beam.totals, beam.order, n, n
-    if n == totals.size:
-        k = n - 1
+    totals, order, k, number = beam.totals, beam.order, branch_count, branch_count
+    if branch_count == totals.size:
+        k = branch_count - 1
         number = order[k]
         if branch.total >= totals[k]:
-            over[branch.first] = True
-            return n
-        over[beam.branches[number].first] = True
+            displaced[branch.first] = True
+            return branch_count
+        displaced[beam.branches[number].first] = True
     while k > 0 and branch.total < totals[k - 1]:
         totals[k], order[k] = totals[k - 1], order[k - 1]
         k -= 1
     totals[k], order[k], at = branch.total, number, beam.branches[number]
     _, at.first, at.way, at.jump, at.repeat = branch
-    return min(n + 1, totals.size)
+    return min(branch_count + 1, totals.size)
 
 
 @kernel_part
-def start_next_leg(graph, beam: Beam, n: int, leg: int, tick: int) -> Beam:  # type: ignore[no-untyped-def]
-    """Make the n best branches the ways of the next leg; return the beam, its buffers swapped.
+def start_next_leg(graph, beam: Beam, branch_count: int, leg: int, start_tick: int) -> Beam:  # type: ignore[no-untyped-def]
+    """Make the best branches the ways of the next leg; return the beam, its buffers swapped.
 
-    leg: number of the leg that they begin; tick: at which the search began.
+    leg: number of the leg that they begin; start_tick: at which the search began.
     """
     film, runs = graph.film, leg * beam.ways.size
-    for k in range(n):
+    for k in range(branch_count):
         branch, way = beam.branches[beam.order[k]], beam.spare[k]
         beam.spare[k] = beam.ways[branch.way]
         if branch.jump >= 0:
             jump, run = graph.jumps[branch.jump], beam.runs[runs + k]
             if film.body:
                 turned = film.rows[way.row].heading + way.rot - film.rows[jump.to].heading
-                turn_way(way, wrap(turned))
-            run.row, run.tick, run.before = jump.to, tick + way.ticks, way.run
+                set_way_rotation(way, wrap(turned))
+            run.row, run.tick, run.before = jump.to, start_tick + way.ticks, way.run
             way.row, way.run = jump.to, runs + k
             way.terms[SEAM] += jump.cost
         way.terms[REPEAT] += branch.repeat
@@ -432,8 +446,8 @@ def start_next_leg(graph, beam: Beam, n: int, leg: int, tick: int) -> Beam:  # t
 
 
 @kernel_part
-def backtrack_rows(beam: Beam, best: Best) -> Ints:
-    """Return the rows (l,) with which a way began its legs, in the order of the legs."""
+def backtrack_rows(beam: Beam, best: BestWay) -> Ints:
+    """Return the rows (l,) with which the best way began its legs, in the order of the legs."""
     rows, way = np.empty(best.legs, np.int64), best.way
     for leg in range(best.legs - 1, -1, -1):
         rows[leg] = beam.rows[leg, way]

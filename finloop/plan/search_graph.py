@@ -42,17 +42,20 @@ class SearchGraph(NamedTuple):
 
 
 def search_graph(
-    film: MotionGraph, bounds: Bounds, weights: CostWeights, reach: int
+    film: MotionGraph, bounds: Bounds, weights: CostWeights, lead_ticks: int
 ) -> SearchGraph:
-    """Return the graph of a search through `film`; reach: ticks that the leads of the rows span."""
+    """Return the graph for a search through a film: jumps by cost, legs, and places ahead.
+
+    lead_ticks: how many ticks ahead those places lie.
+    """
     jumps = np.zeros(len(film.to), JUMP)
-    _cheapest_first(film, weights, jumps)
+    _sort_jumps(film, weights, jumps)
     rows = film.rows
     here, run = np.arange(len(rows)), ticks_to_film_end(rows["has_next"])
     ends = np.append(np.flatnonzero(rows["jump_slot"] >= 0), 2 * len(rows))
     leg = np.minimum(run, ends[np.searchsorted(ends, here + weights.stride)] - here)
     leads = np.zeros(len(rows), LEAD)
-    leads["ticks"] = np.minimum(run, reach)
+    leads["ticks"] = np.minimum(run, lead_ticks)
     for part, ticks in (("", leads["ticks"]), ("half_", leads["ticks"] // 2)):
         offset = np.column_stack([rows[axis][here + ticks] - rows[axis] for axis in "xy"])
         leads[part + "ahead"], leads[part + "left"] = to_body_axes(
@@ -65,7 +68,7 @@ def search_graph(
 
 
 @kernel
-def _cheapest_first(film, weights, jumps):  # type: ignore[no-untyped-def]
+def _sort_jumps(film, weights, sorted_jumps):  # type: ignore[no-untyped-def]
     """Write the jumps (e,) of a film, at each loop end in the order of their costs.
 
     Few are at one end: each is moved forward past those that cost more.
@@ -78,7 +81,7 @@ def _cheapest_first(film, weights, jumps):  # type: ignore[no-untyped-def]
         for e in range(first, film.start[at.jump_slot + 1]):
             to, place = film.to[e], e
             cost = weights.seam * film.seam[e]
-            while place > first and jumps[place - 1].cost > cost:
-                jumps[place] = jumps[place - 1]
+            while place > first and sorted_jumps[place - 1].cost > cost:
+                sorted_jumps[place] = sorted_jumps[place - 1]
                 place -= 1
-            jumps[place].cost, jumps[place].to = cost, to
+            sorted_jumps[place].cost, sorted_jumps[place].to = cost, to

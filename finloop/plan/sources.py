@@ -15,11 +15,22 @@ from finloop.edit.schema import FILM, FORECAST, TERMS
 from finloop.features.table import wrap_deg
 from finloop.forecast.film import MOTION
 from finloop.forecast.sampling import Sampler, follow_row, next_row_weights, start_at_row
-from finloop.plan.advance import Pace, advance, advance_film, extend_by_film, predicted_way
+from finloop.plan.advance import (
+    Pace,
+    extend_trajectory_by_film,
+    predicted_trajectory,
+    swim_film_run,
+    swim_trajectory,
+)
 from finloop.plan.cost import RARITY, Rarity
 from finloop.plan.graph import prediction_graph
 from finloop.plan.objectives import Objective
-from finloop.plan.search import Candidates, SearchStart, add_costs, weigh_film_candidates
+from finloop.plan.search import (
+    Candidates,
+    SearchStart,
+    add_jump_and_repeat_costs,
+    weigh_film_candidates,
+)
 from finloop.plan.search_graph import SearchGraph, search_graph
 from finloop.plan.world import FilmWorld
 
@@ -28,7 +39,7 @@ class Passage(NamedTuple):
     """How a fish swims along a run: up to where it is done, or leaves the tank.
 
     way (n, 3): x, y px, heading; used (n, 2): steering corrections, degrees and px; along: px along
-    the path at its end; touched: whether its last place touches the goal; rows (n,): that are
+    the path at its end; touched: whether its last place touches the goal; rows (n,): rows that are
     shown; jumps: whether the first does not follow the row on screen; seam: its discontinuity then,
     natural steps; past: states of a fish that swims as predicted, the oldest first, those of the
     run last.
@@ -50,50 +61,56 @@ class FilmSource:
     state = FILM
 
     def __init__(self, world: FilmWorld) -> None:
+        """Keep the world: the tank, the film, and what the film teaches."""
         self._world = world
 
     @cached_property
     def graph(self) -> SearchGraph:
         """Return the graph of the film's own rows, their mirror images, and their jumps."""
         world = self._world
-        return search_graph(world.film, world.bounds, world.cost_weights, world.reach)
+        return search_graph(world.film, world.bounds, world.cost_weights, world.steering_ticks)
 
     def candidates(
-        self, fish: Fish, lag: float, along: float
+        self, fish: Fish, rest_cost: float, along_px: float
     ) -> tuple[Candidates, SearchStart] | None:
-        """Return the film's next row and its jumps, with costs, and the start; None without any.
+        """Return the film's next row and its jumps, with costs, and the start of their search.
 
-        lag: ticks that a tick on the spot costs; along: px along the path.
+        rest_cost: ticks that a tick on the spot costs; along_px: px along the path. None where no
+        row can be shown next.
         """
         film = self.graph.film
         if fish.row < 0 or not film.rows["has_next"][fish.row]:
             return None
         dx, dy = rotate(film.rows["dx"][fish.row], film.rows["dy"][fish.row], fish.rot)
-        start = _start(fish, (fish.x + dx, fish.y + dy, fish.tick + 1), lag, along)
+        start = _search_start(fish, (fish.x + dx, fish.y + dy, fish.tick + 1), rest_cost, along_px)
         weights = self._world.cost_weights
         made = weigh_film_candidates(
             film, fish.row + 1, fish.rot, start.recent, start.tick, weights
         )
         return (made, start) if len(made.rows) else None
 
-    def advance(
-        self, fish: Fish, run: Run, along: float, objective: Objective, goal: Target
+    def swim_run(
+        self, fish: Fish, run: Run, along_px: float, objective: Objective, goal: Target
     ) -> Passage:
-        """Move a fish along a run from its next tick on; along: px along the path, before."""
+        """Move a fish along a run of film from its next tick on, steered to its objective.
+
+        along_px: px along the path, before.
+        """
         place = np.array([fish.x, fish.y, fish.heading, fish.rot])
-        way, used, along, touched, seam = advance_film(
-            self.graph, place, fish.row, run, (along, fish.tick), (objective, goal)
+        way, used, along_px, touched, seam = swim_film_run(
+            self.graph, place, fish.row, run, (along_px, fish.tick), (objective, goal)
         )
         rows = np.arange(run.row, run.row + len(way))
-        return Passage(way, used, along, touched, rows, run.row != fish.row + 1, seam)
+        return Passage(way, used, along_px, touched, rows, run.row != fish.row + 1, seam)
 
 
 class PredictionSource:
-    """Moves a fish as the forecast predicts. sampler: from `without_dead_ends`."""
+    """Moves a fish as the forecast predicts. sampler: from `remove_dead_ends`."""
 
     state = FORECAST
 
     def __init__(self, world: FilmWorld, sampler: Sampler, rarity: Rarity) -> None:
+        """Keep the forecast's sampler, and find for each row the nearest row with similar ones."""
         self._world, self.sampler, self._rarity = world, sampler, rarity
         rate, length = world.motion.rate_hz, world.motion.body_length_px
         self._pace = Pace(length / rate, float(np.degrees(1 / rate)))
@@ -105,19 +122,20 @@ class PredictionSource:
 
     @cached_property
     def graph(self) -> SearchGraph:
-        """Return the graph of the film's rows, with jumps to rows like them by the forecast."""
+        """Return the graph of the film's rows, with jumps to those that the forecast suggests."""
         world = self._world
         film = prediction_graph(world.film, self.sampler)
-        return search_graph(film, world.bounds, world.cost_weights, world.reach)
+        return search_graph(film, world.bounds, world.cost_weights, world.steering_ticks)
 
     def candidates(
-        self, fish: Fish, lag: float, along: float
+        self, fish: Fish, rest_cost: float, along_px: float
     ) -> tuple[Candidates, SearchStart] | None:
-        """Return the rows similar to the fish's, with costs, and the start; None without any.
+        """Return the rows similar to the fish's row, with costs, and the start of their search.
 
-        lag: ticks that a tick on the spot costs; along: px along the path.
+        rest_cost: ticks that a tick on the spot costs; along_px: px along the path. None where no
+        row can be shown next.
         """
-        film, row = self.graph.film, self._row_of(fish)
+        film, row = self.graph.film, self._row_with_similar(fish)
         rows = next_row_weights(self.sampler, row)[0].astype(np.int64)
         rows = rows[film.recurrent[rows]]
         if not len(rows):
@@ -128,34 +146,37 @@ class PredictionSource:
         far = np.linalg.norm(codes[rows] - codes[row], axis=1)
         terms[:, RARITY] = self._rarity.transition_costs(rows, far)
         made = Candidates(rows, rots, np.zeros(len(rows)), rows != row, terms)
-        start = _start(fish, (fish.x, fish.y, fish.tick), lag, along)
-        add_costs(made, start.recent, start.tick, self._world.cost_weights)
+        start = _search_start(fish, (fish.x, fish.y, fish.tick), rest_cost, along_px)
+        add_jump_and_repeat_costs(made, start.recent, start.tick, self._world.cost_weights)
         return made, start
 
-    def advance(
-        self, fish: Fish, run: Run, along: float, objective: Objective, goal: Target
+    def swim_run(
+        self, fish: Fish, run: Run, along_px: float, objective: Objective, goal: Target
     ) -> Passage:
-        """Move a fish along a run from its next tick on; along: px along the path, before."""
+        """Move a fish along a run of predictions from its next tick on, steered to its objective.
+
+        along_px: px along the path, before.
+        """
         film, row = self.graph.film, run.row
-        past = start_at_row(self.sampler, self._row_of(fish)).past
+        past = start_at_row(self.sampler, self._row_with_similar(fish)).past
         if fish.past is not None:
             past = fish.past
         states = follow_row(self.sampler, past, row, run.ticks, self.sampler.control[row])
         states = np.ascontiguousarray(states[::-1])
-        begins = predicted_way(states, np.array([fish.x, fish.y, fish.heading]), self._pace)
+        begins = predicted_trajectory(states, np.array([fish.x, fish.y, fish.heading]), self._pace)
         last = row + len(states)
         rot = float(begins[-1, 2] - film.rows["heading"][last])
-        way = extend_by_film(self.graph, begins, last, rot, self._world.reach)
+        way = extend_trajectory_by_film(self.graph, begins, last, rot, self._world.steering_ticks)
         speed = film.speed[row : row + len(way) - 1].copy()
-        rows, jumps = row + 1 + np.arange(len(states)), row != self._row_of(fish)
-        way, used, along, touched = advance(
-            way, speed, rows, (along, fish.tick), (objective, goal), self.graph
+        rows, jumps = row + 1 + np.arange(len(states)), row != self._row_with_similar(fish)
+        way, used, along_px, touched = swim_trajectory(
+            way, speed, rows, (along_px, fish.tick), (objective, goal), self.graph
         )
         shown = np.concatenate([past[::-1], states[: len(way)]])
-        return Passage(way, used, along, touched, rows[: len(way)], jumps, past=shown)
+        return Passage(way, used, along_px, touched, rows[: len(way)], jumps, past=shown)
 
-    def _row_of(self, fish: Fish) -> int:
-        """Return the row whose similar rows come next: that on screen, or one that has some."""
+    def _row_with_similar(self, fish: Fish) -> int:
+        """Return the nearest row that has similar rows; for a predicted fish, its row on screen."""
         return int(self._near[fish.row]) if fish.past is None else fish.row
 
 
@@ -163,12 +184,14 @@ MotionSource = FilmSource | PredictionSource
 """Lists rows to show next, and moves a fish by them."""
 
 
-def _start(fish: Fish, place: tuple[float, float, int], lag: float, along: float) -> SearchStart:
-    """Return the start of a search whose candidates are shown at a place (x, y, tick).
+def _search_start(
+    fish: Fish, place_and_tick: tuple[float, float, int], rest_cost: float, along_px: float
+) -> SearchStart:
+    """Return the start of a search whose candidates are shown at x, y px and a tick.
 
     The first tick of the next stretch counts as `fish.tick` + 1.
     """
     company = fish.company
     if company.near:
         company = company._replace(start=company.start + 1, until=company.until + 1)
-    return SearchStart(*place, fish.recent, company, lag, along)
+    return SearchStart(*place_and_tick, fish.recent, company, rest_cost, along_px)

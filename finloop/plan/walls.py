@@ -37,7 +37,7 @@ class Bounds(NamedTuple):
     discs: Discs
 
 
-def bounds_of(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
+def tank_bounds(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
     """Return what keeps a fish inside a tank; without discs it must keep to `tank.legal`."""
     walled = np.pad(tank.arena.astype(np.uint8), 1)
     depth, beyond = (
@@ -51,7 +51,8 @@ def bounds_of(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
 
 
 @leaf_kernel
-def _depth(bounds, x: float, y: float) -> float:  # type: ignore[no-untyped-def]
+def _wall_distance(bounds, x: float, y: float) -> float:  # type: ignore[no-untyped-def]
+    """Return how far a point x, y px is inside the wall, px; < 0 outside the tank."""
     height, width = bounds.depth.shape
     column, row = round(x), round(y)
     in_x, in_y = min(max(column, 0), width - 1), min(max(row, 0), height - 1)
@@ -59,21 +60,24 @@ def _depth(bounds, x: float, y: float) -> float:  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def _tightest(bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
-    """Return what the tightest disc of a picture lacks, px, and where it is (x, y)."""
+def _disc_nearest_to_wall(bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
+    """Return how many px a picture's tightest disc lacks to clear the wall, and its x, y px.
+
+    picture: its number as in `Discs`; heading: degrees.
+    """
     number, side, cos, sin = disc_orientation(bounds.discs, (picture, heading))
     table, most, at_x, at_y = bounds.discs.table, -np.inf, x, y
     for i in range(table.shape[1]):
         ahead, left = table[number, i, 0], side * table[number, i, 1]
         disc_x, disc_y = x + ahead * cos - left * sin, y - ahead * sin - left * cos
-        lacks = table[number, i, 2] + _MARGIN_PX - _depth(bounds, disc_x, disc_y)
+        lacks = table[number, i, 2] + _MARGIN_PX - _wall_distance(bounds, disc_x, disc_y)
         if lacks > most:
             most, at_x, at_y = lacks, disc_x, disc_y
     return most, at_x, at_y
 
 
 @leaf_kernel
-def fits(bounds: Bounds, picture: int, x: float, y: float, heading: float) -> bool:
+def fits_in_tank(bounds: Bounds, picture: int, x: float, y: float, heading: float) -> bool:
     """Return whether a picture at x, y px and a heading in degrees is inside the tank.
 
     picture: its number as in `Discs`.
@@ -85,7 +89,7 @@ def fits(bounds: Bounds, picture: int, x: float, y: float, heading: float) -> bo
         return True
     if bounds.discs.table.shape[0] == 0:
         return False
-    return _tightest(bounds, picture, x, y, heading)[0] <= 0.0
+    return _disc_nearest_to_wall(bounds, picture, x, y, heading)[0] <= 0.0
 
 
 @leaf_kernel
@@ -94,39 +98,43 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
 
     picture: its number as in `Discs`. Without discs it is the nearest roomy pixel.
     """
-    if fits(bounds, picture, x, y, heading):
+    if fits_in_tank(bounds, picture, x, y, heading):
         return x, y, True
     if bounds.discs.table.shape[0] == 0:
         height, width = bounds.roomy.shape
         row, column = min(max(round(y), 0), height - 1), min(max(round(x), 0), width - 1)
         return float(bounds.nearest[1, row, column]), float(bounds.nearest[0, row, column]), True
     for _ in range(_PUSHES):
-        lacks, disc_x, disc_y = _tightest(bounds, picture, x, y, heading)
-        inward_x = _depth(bounds, disc_x + 1.0, disc_y) - _depth(bounds, disc_x - 1.0, disc_y)
-        inward_y = _depth(bounds, disc_x, disc_y + 1.0) - _depth(bounds, disc_x, disc_y - 1.0)
+        lacks, disc_x, disc_y = _disc_nearest_to_wall(bounds, picture, x, y, heading)
+        inward_x = _wall_distance(bounds, disc_x + 1.0, disc_y) - _wall_distance(
+            bounds, disc_x - 1.0, disc_y
+        )
+        inward_y = _wall_distance(bounds, disc_x, disc_y + 1.0) - _wall_distance(
+            bounds, disc_x, disc_y - 1.0
+        )
         steep = np.hypot(inward_x, inward_y)
         if steep < 1e-6:  # as far from one wall as from another
             break
         x, y = x + (lacks + 0.5) * inward_x / steep, y + (lacks + 0.5) * inward_y / steep
-        if fits(bounds, picture, x, y, heading):
+        if fits_in_tank(bounds, picture, x, y, heading):
             return x, y, True
     return x, y, False
 
 
 @kernel
-def kept_inside(bounds: Bounds, numbers: Ints, way: Floats, most: float) -> Floats:
-    """Return the part of a way (n, 3) that stays inside, moved off the walls where necessary.
+def keep_inside(bounds: Bounds, pictures: Ints, trajectory: Floats, most_px: float) -> Floats:
+    """Return the part of a trajectory (n, 3) inside the tank, moved off the walls where necessary.
 
-    numbers (n,): of its pictures; way: x, y px, heading; most: px by which a tick may be moved.
-    What follows a moved tick is moved by the same amount.
+    pictures (n,): their numbers as in `Discs`; trajectory: x, y px, heading; most_px: by which a
+    tick may be moved. What follows a moved tick is moved by the same amount.
     """
-    out = way.copy()
+    out = trajectory.copy()
     aside_x = aside_y = 0.0
-    for t in range(len(way)):
-        x, y = way[t, 0] + aside_x, way[t, 1] + aside_y
-        to_x, to_y, free = push_inside(bounds, numbers[t], x, y, way[t, 2])
-        if not free or np.hypot(to_x - x, to_y - y) > most:
+    for t in range(len(trajectory)):
+        x, y = trajectory[t, 0] + aside_x, trajectory[t, 1] + aside_y
+        to_x, to_y, free = push_inside(bounds, pictures[t], x, y, trajectory[t, 2])
+        if not free or np.hypot(to_x - x, to_y - y) > most_px:
             return out[:t]
-        aside_x, aside_y = to_x - way[t, 0], to_y - way[t, 1]
+        aside_x, aside_y = to_x - trajectory[t, 0], to_y - trajectory[t, 1]
         out[t, 0], out[t, 1] = to_x, to_y
     return out

@@ -15,14 +15,14 @@ from finloop.features.table import wrap_deg
 from finloop.plan.cost import CostWeights, Steering, Tempo
 from finloop.plan.graph import MotionGraph, farthest_distances, ticks_to_film_end
 from finloop.plan.matching_settings import AllSettings
-from finloop.plan.walls import Bounds, bounds_of
+from finloop.plan.walls import Bounds, tank_bounds
 from finloop.social.walls import Walls
 
 
-class Brisk(NamedTuple):
-    """A brisk fish: degrees that it turns in a tick, and the film's highest speed, body lengths/s.
+class FastFish(NamedTuple):
+    """How fast a fast fish of the film turns, degrees in a tick, and swims, body lengths/s.
 
-    The turn is a high quantile of those of the film, measured over Δ.
+    turn_deg: a high quantile of the film's turns, measured over Δ; fastest: the highest speed.
     """
 
     turn_deg: float
@@ -38,13 +38,13 @@ class FilmWorld(World):
     """
 
     film: MotionGraph
-    brisk: Brisk
+    brisk: FastFish
     settings: AllSettings
     discs: Discs = NO_DISCS
 
-    def ticks(self, time: float) -> int:
-        """Return the ticks (whole) of a time of the parameters, given in Δ."""
-        return round(time * self.motion.delta)
+    def to_ticks(self, time_deltas: float) -> int:
+        """Return the whole number of ticks of a time given in Δ, as the parameters give it."""
+        return round(time_deltas * self.motion.delta)
 
     @cached_property
     def walls(self) -> Walls:
@@ -54,18 +54,18 @@ class FilmWorld(World):
     @cached_property
     def bounds(self) -> Bounds:
         """Return what keeps a fish inside the tank: depths, walls and discs."""
-        return bounds_of(self.tank, self.discs)
+        return tank_bounds(self.tank, self.discs)
 
     @cached_property
-    def farthest(self) -> Floats:
-        """Return the largest distance (t,), px, that the film's fish cover in 0, 1, 2 … ticks."""
-        return farthest_distances(self.film, self.ticks(2 * self.settings.give_way) + 2)
+    def farthest_px(self) -> Floats:
+        """Return the largest distances (t,), px, that the film's fish cover in 0, 1, 2 … ticks."""
+        return farthest_distances(self.film, self.to_ticks(2 * self.settings.give_way) + 2)
 
     @cached_property
     def tempo(self) -> Tempo:
         """Return how fast the film's fish swim on average, and how much they usually lag."""
         return Tempo.from_film(
-            self.film, self.ticks(self.settings.repeat_memory), self.motion.delta
+            self.film, self.to_ticks(self.settings.repeat_memory), self.motion.delta
         )
 
     @cached_property
@@ -73,11 +73,11 @@ class FilmWorld(World):
         """Return the settings of the search and the weights of its costs."""
         motion, p = self.motion, self.settings
         swims, delta = self.film.speed[self.film.has_next], motion.delta
-        brisk = brisk_rate(swims, p) if len(swims) else 1.0
+        brisk = fast_rate(swims, p) if len(swims) else 1.0
         return CostWeights(
             pace=brisk * motion.body_length_px / motion.rate_hz,
             turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
-            stride=max(1, self.ticks(p.search_step_deltas)), beam=p.beam,
+            stride=max(1, self.to_ticks(p.search_step_deltas)), beam=p.beam,
             seam=p.discontinuity_cost * delta, repeat=p.repeat_cost * delta,
             memory=p.repeat_memory * delta,
         )  # fmt: skip
@@ -100,15 +100,15 @@ class FilmWorld(World):
             turn=max(p.path_max_correction_ratio * self.turn_spread_deg / motion.delta, 1e-6),
             shift=p.path_max_correction_ratio * motion.body_length_px / motion.rate_hz,
             brisk=self.cost_weights.pace * motion.rate_hz / motion.body_length_px,
-            reach=self.reach, length_px=motion.body_length_px,
+            reach=self.steering_ticks, length_px=motion.body_length_px,
             across=p.path_offset_cost, late=p.path_late_cost,
             heading=p.path_heading_cost, effort=p.path_correction_cost,
         )  # fmt: skip
 
     @property
-    def reach(self) -> int:
+    def steering_ticks(self) -> int:
         """Return how many ticks of film a fish on a path looks ahead, to steer."""
-        return max(2, self.ticks(self.settings.path_steer_ahead))
+        return max(2, self.to_ticks(self.settings.path_steer_ahead))
 
     @property
     def duration(self) -> int:
@@ -120,24 +120,26 @@ _QUICKEST = 0.99  # quantile of speeds and turn rates; beyond it are faults
 _FASTEST = 0.998  # quantile of speeds
 
 
-def learn_brisk(features: pd.DataFrame, rate_hz: float, delta: int, p: AllSettings) -> Brisk:
-    """Return how fast brisk fish of a feature table turn, and their highest speed.
+def learn_fast_fish(
+    features: pd.DataFrame, rate_hz: float, delta: int, settings: AllSettings
+) -> FastFish:
+    """Return how fast fast fish of a feature table turn, and their highest speed.
 
     rate_hz: frames per second; delta: Δ in frames.
     """
     every = kinematics_of_tracks(features, rate_hz, delta)
     turned = [np.abs(c.heading_deg[delta:] - c.heading_deg[:-delta]) / delta for c in every]
     speeds = np.concatenate([c.speed for c in every])
-    return Brisk(
-        brisk_rate(np.concatenate(turned), p),
+    return FastFish(
+        fast_rate(np.concatenate(turned), settings),
         float(np.quantile(speeds, _FASTEST)),
     )
 
 
-def brisk_rate(sizes: Floats, settings: AllSettings) -> float:
-    """Return the speed, or turn rate, of a brisk fish among those (n,) of a film, in their unit.
+def fast_rate(rates: Floats, settings: AllSettings) -> float:
+    """Return the speed, or turn rate, of a fast fish among those (n,) of a film, in their unit.
 
     It is a quantile, or, where the fish rests for most of the film, a share of the quickest.
     """
-    quantile, quickest = np.quantile(sizes, (settings.typical_speed_quantile, _QUICKEST))
+    quantile, quickest = np.quantile(rates, (settings.typical_speed_quantile, _QUICKEST))
     return float(max(quantile, settings.typical_speed_least * quickest, 1e-6))

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
 from finloop.base.arrays import Picture
-from finloop.plan.path_measures import rms
+from finloop.plan.path_measures import root_mean_square
 from finloop.plots.animate import COLOURS
 
 _GOAL = "0.2"
@@ -41,7 +41,7 @@ def draw_path(paths: pd.DataFrame, left: pd.DataFrame, background: Picture) -> F
                       label="from the requested place")  # fmt: skip
         for place in places.itertuples():
             axes.axvspan(place.from_s, place.to_s, color=colour, alpha=0.15)
-        beside = rms(way["across"].to_numpy())
+        beside = root_mean_square(way["across"].to_numpy())
         axes.set_title(f"{mode}: {beside:.3f} body lengths RMS beside the path", fontsize=10)
         axes.set(ylabel="body lengths", ylim=(0, None))
         axes.legend(frameon=False, loc="upper right", fontsize=8)

@@ -14,9 +14,9 @@ from finloop.edit.stretch import Swim
 from finloop.io.table import save_table
 from finloop.modes.matching import NO_SPRITES, MatchingAnimator, MatchingData, matching_animator
 from finloop.plan import path_measures
-from finloop.plan.load_paths import load_lines
+from finloop.plan.load_paths import load_path_lines
 from finloop.plan.matching_settings import merge_settings
-from finloop.plan.plan import option_table
+from finloop.plan.plan import candidate_table
 from finloop.project import Project
 from stages.animation import write_animation
 
@@ -30,7 +30,7 @@ def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnima
     data = MatchingData(
         project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
         project.step_distances, project.jumps, project.poses, project.forecast_sampler,
-        load_lines(own, project.features), project.facts.mm_per_px, project.school_rule,
+        load_path_lines(own, project.features), project.facts.mm_per_px, project.school_rule,
         project.background, sprite_rows,
     )  # fmt: skip
     return matching_animator(data, merge_settings(common, own))
@@ -46,7 +46,7 @@ def save_matching_tables(
     """
     world = plans.world
     ticks, filmed = world.duration, world.film.filmed
-    weighed = [option_table(swim, ticks, filmed, fish) for fish, swim in enumerate(swims)]
+    weighed = [candidate_table(swim, ticks, filmed, fish) for fish, swim in enumerate(swims)]
     save_table(folder / "considered.parquet", pd.concat(weighed), CONSIDERED)
     clearance = encounters.measure_clearance(edit, plans.player)
     pairs = enumerate(plans.paths[: len(swims)])
