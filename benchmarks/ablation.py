@@ -21,7 +21,7 @@ import pandas as pd
 from benchmarks.matching import material, replace_settings
 from finloop.animate import measures
 from finloop.animate.paths import lay_path
-from finloop.animate.shoal import swim
+from finloop.animate.shoal import animate_fish
 from finloop.base.errors import FinloopError
 from finloop.base.line import TANK, Line
 from finloop.base.parallel import Processes, ordered_map
@@ -107,7 +107,7 @@ def path_deviations(plans: MatchingAnimator, seed: int) -> dict[str, float]:
     world, ticks, made = plans.world, round(30 * plans.world.motion.rate_hz), {}
     for name, line in shapes().items():
         path = lay_path(line, world.tank, world.motion, None)
-        made_way = swim(plans.player, [], ticks, np.random.default_rng(seed), path.route)
+        made_way = animate_fish(plans.player, [], ticks, np.random.default_rng(seed), path.route)
         table = path_table("matching", made_way, path, ticks, world)
         left = find_departures(table, path, world, swimming_limits(world.film, world))
         numbers = path_metrics(table, left, path, world)

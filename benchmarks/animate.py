@@ -19,7 +19,7 @@ from benchmarks.pipeline import data_stages, prepare, stage
 from benchmarks.speed import time_pairs
 from finloop.animate.places import random_goals
 from finloop.animate.protocols import AnyPlayer
-from finloop.animate.shoal import play
+from finloop.animate.shoal import plan_edit_list
 from finloop.edit.schema import Goal
 from finloop.project import Project
 from stages.play import open_modes
@@ -55,7 +55,7 @@ def main() -> None:
         goals = random_goals(fish.world, 20, np.random.default_rng(0))
 
         def swim(fish: AnyPlayer = fish, goals: list[Goal] = goals) -> None:
-            play(fish, goals, TICKS, np.random.default_rng(1))
+            plan_edit_list(fish, goals, TICKS, np.random.default_rng(1))
 
         ours, theirs, _, _ = time_pairs(swim, copy)
         rows += [

@@ -21,10 +21,10 @@ from benchmarks.matching import MODE, material, replace_settings, settings_witho
 from benchmarks.pipeline import write_table
 from finloop.animate.encounters import (
     distance_quantiles,
-    film_nearest,
+    do_outlines_overlap,
+    film_nearest_distances,
     nearest_distances,
     outline_on_screen,
-    overlap,
 )
 from finloop.distance.picture import typical_lengths_px
 from finloop.live.tank import LiveTank
@@ -72,7 +72,7 @@ def measure_animation(plans: MatchingAnimator) -> dict[str, object]:
         places[tick] = [(row.x_px, row.y_px) for row in rows]
         near += [nearest_distances(places[tick]) / length] if count > 1 else []
         outlines = [outline_on_screen(player, row) for row in rows]
-        met += sum(overlap(one, other) for one, other in combinations(outlines, 2))
+        met += sum(do_outlines_overlap(one, other) for one, other in combinations(outlines, 2))
     speeds = np.hypot(*np.diff(places, axis=0).transpose(2, 0, 1)) / length * rate
     distances = np.concatenate([np.zeros(0), *near])
     return {
@@ -90,7 +90,7 @@ def measure_film(features: pd.DataFrame, rate_hz: float) -> dict[str, object]:
     step = np.hypot(*np.diff(places, axis=0, append=np.nan).T) / length * rate_hz
     tracks = features["track_id"].to_numpy()
     step[np.append(tracks[1:] != tracks[:-1], True)] = np.nan
-    animals, near = features.groupby("frame").size().mean(), film_nearest(features)
+    animals, near = features.groupby("frame").size().mean(), film_nearest_distances(features)
     return {"mode": "film", "fish": animals, **summary(near, step[:, None], rate_hz)}
 
 

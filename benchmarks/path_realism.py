@@ -20,7 +20,7 @@ from benchmarks.paths import shapes, tracks
 from benchmarks.pipeline import write_table
 from finloop.animate.paths import lay_path
 from finloop.animate.route import Route
-from finloop.animate.shoal import swim
+from finloop.animate.shoal import animate_fish
 from finloop.edit.build import build_edit_lists
 from finloop.modes.matching import MatchingAnimator, MatchingData, matching_animator
 from finloop.plan.matching_settings import AllSettings
@@ -53,7 +53,7 @@ class Swimming(NamedTuple):
 
 def animate_route(player: Planner, ticks: int, seed: int, route: Route | None = None) -> Work:
     """Animate a fish along a route until its end, or wandering without a route."""
-    made = swim(player, [], ticks, np.random.default_rng(seed), route)
+    made = animate_fish(player, [], ticks, np.random.default_rng(seed), route)
     if route is not None:
         way = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
         ticks = min(ticks, sum(way))

@@ -20,7 +20,7 @@ import scipy
 from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from benchmarks.pipeline import film_table
 from finloop.animate.paths import lay_path
-from finloop.animate.shoal import swim
+from finloop.animate.shoal import animate_fish
 from finloop.base.line import PX, TRACK, Line
 from finloop.features.line import track_as_path
 from finloop.modes.matching import MatchingAnimator, MatchingData, matching_animator
@@ -125,10 +125,10 @@ def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[s
     if path.route.is_timed:
         ticks = min(ticks, len(path.route.when))
     player = plans.player
-    record = swim(player, [], ticks, np.random.default_rng(0), path.route)
+    record = animate_fish(player, [], ticks, np.random.default_rng(0), path.route)
     played = sum(len(one.way) for one, at in zip(record.stretches, record.names, strict=True) if at)
     begin = time.process_time()  # time of the path alone: after an open path the fish wanders
-    swim(player, [], played, np.random.default_rng(0), path.route)
+    animate_fish(player, [], played, np.random.default_rng(0), path.route)
     took = time.process_time() - begin
     table = path_table(MODE, record, path, ticks, world)
     left = find_departures(table, path, world, swimming_limits(world.film, world))

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from finloop.animate.places import random_goals
-from finloop.animate.shoal import play
+from finloop.animate.shoal import plan_edit_list
 from finloop.project import Project
 from stages.play import open_modes, open_view
 
@@ -34,9 +34,9 @@ def plan() -> None:
         for mode, animator in open_modes(project).items():
             player = animator.player
             goals = random_goals(player.world, GOALS, np.random.default_rng(0))
-            play(player, goals, WARM_UP, np.random.default_rng(2))
+            plan_edit_list(player, goals, WARM_UP, np.random.default_rng(2))
             wall, processor = time.perf_counter(), time.process_time()
-            play(player, goals, TICKS, np.random.default_rng(1))
+            plan_edit_list(player, goals, TICKS, np.random.default_rng(1))
             numbers[f"{mode}_ticks_per_s"] = TICKS / (time.perf_counter() - wall)
             numbers[f"{mode}_ticks_per_processor_s"] = TICKS / (time.process_time() - processor)
     Path("planning.json").write_text(json.dumps(numbers, indent=2), encoding="utf-8")

@@ -17,9 +17,9 @@ import numpy as np
 from benchmarks.company import summary
 from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from benchmarks.pipeline import write_table
-from finloop.animate.encounters import nearest_distances, overlaps, places
+from finloop.animate.encounters import count_overlaps, fish_places, nearest_distances
 from finloop.animate.places import random_goals
-from finloop.animate.shoal import make_tasks, shoal
+from finloop.animate.shoal import animate_group, make_tasks
 from finloop.edit.build import build_edit_lists
 from finloop.modes.matching import MatchingAnimator, matching_animator
 from finloop.project import Project
@@ -34,19 +34,19 @@ def measure_group(plans: MatchingAnimator, goal_s: float) -> dict[str, object]:
     world, player = plans.world, plans.player
     p, rate, ticks = world.settings, world.motion.rate_hz, world.duration
     goals = random_goals(world, p.fish * round(p.seconds / goal_s), np.random.default_rng(1))
-    shoal(player, make_tasks(goals, p.fish, np.random.default_rng(0)), WARM_UP)
+    animate_group(player, make_tasks(goals, p.fish, np.random.default_rng(0)), WARM_UP)
     todo = make_tasks(goals, p.fish, np.random.default_rng(p.seed))
     begin = time.process_time()
-    swims = shoal(player, todo, ticks)
+    swims = animate_group(player, todo, ticks)
     planned = time.process_time()
     edit = build_edit_lists(swims, ticks, player.sources)
     listed = time.process_time()
-    where, length = places(edit), world.motion.body_length_px
+    where, length = fish_places(edit), world.motion.body_length_px
     near = np.concatenate([nearest_distances(tick) for tick in where.transpose(1, 0, 2)]) / length
     speeds = np.hypot(*np.diff(where, axis=1).transpose(2, 1, 0)) / length * rate
     return {
         "mode": MODE, "fish": p.fish, "overlap": p.overlap, "s": p.seconds,
-        "overlapping_pairs": int(overlaps(edit, player).sum()),
+        "overlapping_pairs": int(count_overlaps(edit, player).sum()),
         "goals_reached_pct": 100 * np.concatenate([one.reached >= 0 for one in swims]).mean(),
         **summary(near, speeds, rate), "planned_real_times": p.seconds / (planned - begin),
         "with_edit_list_real_times": p.seconds / (listed - begin),

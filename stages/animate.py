@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.animate import encounters, measures
-from finloop.animate.motion import MotionStatistics, learn
+from finloop.animate.motion import MotionStatistics, learn_motion
 from finloop.base.errors import FinloopError
 from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT
@@ -108,12 +108,12 @@ def main() -> None:
     """
     with Project() as project:
         features = project.features
-        motion = learn(features, project.rate_hz, infer_delta_frames(features))
+        motion = learn_motion(features, project.rate_hz, infer_delta_frames(features))
         film_motion = measures.motion_of_film(features, motion)
         numbers = {mode: _load_mode_numbers(mode) for mode in _played_modes()}
         film = _measure_film(project, motion, film_motion)
         save_csv(REPORT / "company.csv", compare_schools(project), decimals=3)
-    parts = [measures.kinematics({measures.FILM_MOTION: film_motion})]
+    parts = [measures.kinematics_table({measures.FILM_MOTION: film_motion})]
     for mode in numbers:
         parts.append(load_table(ANIMATE / mode / "motion.parquet", measures.KINEMATICS))
     with whole_folder(OUT) as folder:

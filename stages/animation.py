@@ -124,7 +124,7 @@ def _save_animation(
     save_json(folder / "measures.json", _finite_numbers(numbers))
     motions = [measures.motion_of_edit(fish_edit, player) for fish_edit in split_by_fish(edit)]
     speed, turn_rate = np.concatenate(motions, axis=1)
-    moves = measures.kinematics({mode: (speed, turn_rate)})
+    moves = measures.kinematics_table({mode: (speed, turn_rate)})
     save_table(folder / "motion.parquet", moves, measures.KINEMATICS)
     return edit
 

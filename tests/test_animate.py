@@ -26,16 +26,16 @@ from finloop.animate import arena, measures
 from finloop.animate import kinematics as step
 from finloop.animate.arena import (
     choose_fish_area,
-    floor_looks_alike,
     is_area_complete,
+    is_floor_alike_beyond,
+    make_tank,
     place_goals,
-    size_for,
-    tank,
+    size_that_fits,
     tank_area,
 )
 from finloop.animate.kinematics import Ahead, Target, Turning
-from finloop.animate.motion import learn
-from finloop.animate.shoal import play
+from finloop.animate.motion import learn_motion
+from finloop.animate.shoal import plan_edit_list
 from finloop.base.distributions import wasserstein_distance
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
@@ -55,14 +55,14 @@ def player() -> PaperPlayer:
 
 
 def play_seeded(player: PaperPlayer, goals: list[Goal], ticks: int, seed: int) -> pd.DataFrame:
-    return play(player, goals, ticks, np.random.default_rng(seed))
+    return plan_edit_list(player, goals, ticks, np.random.default_rng(seed))
 
 
 # --- the tank
 
 
 def test_a_centre_is_legal_where_the_whole_fish_fits_in():
-    found = tank(ARENA, 24.0)
+    found = make_tank(ARENA, 24.0)
     rows, columns = np.nonzero(found.legal)
     assert (rows.min(), rows.max()) == (45, 554)
     assert (columns.min(), columns.max()) == (55, 744)
@@ -110,9 +110,9 @@ def test_a_floor_goes_on_where_most_beyond_is_as_bright(beyond, same):
     filmed[30:70, 60:140] = True
     grey = np.random.default_rng(0).integers(140, 160, (100, 200))
     floor = np.where(filmed, grey, grey + beyond).astype(np.uint8)
-    assert floor_looks_alike(floor, filmed) == same
-    assert floor_looks_alike(np.dstack([floor] * 3), filmed) == same
-    assert not floor_looks_alike(floor, np.ones_like(filmed))
+    assert is_floor_alike_beyond(floor, filmed) == same
+    assert is_floor_alike_beyond(np.dstack([floor] * 3), filmed) == same
+    assert not is_floor_alike_beyond(floor, np.ones_like(filmed))
     order = np.argsort(disc(66.0)[:, 0, 0])
     whole, picture = np.ones((160, 200), bool), np.full((160, 200), 150 + beyond, np.uint8)
     picture[tank_area(whole, disc(66.0), "filmed")] = 150
@@ -128,7 +128,7 @@ def test_where_animals_were_filmed_does_not_depend_on_how_many_are_looked_at_at_
 
 
 def test_the_edge_of_the_picture_is_a_wall():
-    found = tank(np.ones((100, 100), bool), 20.0)
+    found = make_tank(np.ones((100, 100), bool), 20.0)
     assert not found.legal[:20].any() and not found.legal[:, -20:].any()
     assert found.legal[50, 50]
 
@@ -137,7 +137,7 @@ def test_of_two_pools_the_larger_is_the_tank():
     arena = np.zeros((200, 400), bool)
     arena[10:190, 10:120] = True
     arena[10:190, 150:390] = True
-    legal = tank(arena, 15.0).legal
+    legal = make_tank(arena, 15.0).legal
     assert legal[100, 300] and not legal[100, 60]
 
 
@@ -153,32 +153,32 @@ def test_a_fish_that_does_not_fit_into_where_it_was_filmed_may_be_anywhere():
     given[20:60, 20:180] = True
     assert np.array_equal(choose_fish_area(given, wide, 30.0, "auto"), given)
     with pytest.raises(FinloopError, match="smaller than the fish"):
-        tank(given, 30.0)
+        make_tank(given, 30.0)
 
 
 @pytest.mark.parametrize("reach", [5.0, 39.0, 41.0, 90.0, 1000.0])
 def test_a_fish_is_drawn_smaller_only_where_it_could_hardly_turn(reach):
     whole = np.ones((160, 200), bool)  # 80 px from the edge to the middle
-    size = size_for(whole, reach)
+    size = size_that_fits(whole, reach)
     assert size == (1 if reach <= 40 else pytest.approx(40 / reach))
-    assert tank(whole, size * reach).legal.mean() >= 0.2
+    assert make_tank(whole, size * reach).legal.mean() >= 0.2
 
 
 @pytest.mark.parametrize("arena", [np.ones((30, 200), bool), np.zeros((50, 50), bool)])
 def test_a_tank_smaller_than_the_fish_is_refused(arena):
     with pytest.raises(FinloopError, match="smaller than the fish"):
-        tank(arena, 20.0)
+        make_tank(arena, 20.0)
 
 
 def test_a_wall_ends_the_sight_and_a_way_leads_round_it():
     arena = np.ones((300, 400), bool)
     arena[:200, 190:210] = False  # open at the bottom
-    found = tank(arena, 10.0)
-    assert not found.sees(50.0, 50.0, 350.0, 50.0)
+    found = make_tank(arena, 10.0)
+    assert not found.can_swim_straight(50.0, 50.0, 350.0, 50.0)
     x, y, ways = 50.0, 50.0, 0
     while (x, y) != (350.0, 50.0):
         ahead = found.waypoint(x, y, 350.0, 50.0)
-        assert found.sees(x, y, *ahead)
+        assert found.can_swim_straight(x, y, *ahead)
         x, y = ahead
         ways += 1
         assert ways < 20
@@ -187,19 +187,19 @@ def test_a_wall_ends_the_sight_and_a_way_leads_round_it():
 
 def test_a_share_beside_a_slanting_wall_is_moved_into_the_tank():
     rows, columns = np.mgrid[:160, :200]
-    slanting = tank(rows + columns < 200, 10.0)
+    slanting = make_tank(rows + columns < 200, 10.0)
     (goal,) = place_goals([[0.6, 0.7]], "tank", slanting, 60.0)
     assert slanting.arena[round(goal.y_px), round(goal.x_px)]
 
 
 def test_a_point_beyond_the_legal_is_brought_to_its_edge():
-    found = tank(ARENA, 24.0)
-    assert found.into(400.0, 300.0) == (400.0, 300.0)
-    assert found.into(400.0, -50.0) == (400.0, 45.0)
+    found = make_tank(ARENA, 24.0)
+    assert found.nearest_legal_point(400.0, 300.0) == (400.0, 300.0)
+    assert found.nearest_legal_point(400.0, -50.0) == (400.0, 45.0)
 
 
 def test_goals_in_shares_of_the_tank_and_in_pixels():
-    room = tank(ARENA, 24.0)
+    room = make_tank(ARENA, 24.0)
     a, b = place_goals([[0.0, 0.5], [1.0, 0.5]], "tank", room, 60.0)
     assert (a.x_px, b.x_px) == (30, 769)
     assert place_goals([[31, 77]], "px", room, 60.0) == [Goal("A", 31.0, 77.0)]
@@ -207,7 +207,7 @@ def test_goals_in_shares_of_the_tank_and_in_pixels():
 
 def test_a_goal_in_the_corner_of_a_round_tank_is_moved_inside():
     rows, columns = np.mgrid[:400, :400]
-    room = tank(np.hypot(columns - 200, rows - 200) < 150, 20.0)
+    room = make_tank(np.hypot(columns - 200, rows - 200) < 150, 20.0)
     corner, middle = place_goals([[0.0, 0.0], [0.5, 0.5]], "tank", room, 5.0)
     assert np.hypot(corner.x_px - 200, corner.y_px - 200) == pytest.approx(129, abs=2)
     assert corner.x_px == pytest.approx(corner.y_px, abs=2)
@@ -226,7 +226,7 @@ def test_a_goal_in_the_corner_of_a_round_tank_is_moved_inside():
 )
 def test_goals_that_cannot_be_reached_are_named(given, unit, said):
     with pytest.raises(FinloopError) as refused:
-        place_goals(given, unit, tank(ARENA, 24.0), 20.0)
+        place_goals(given, unit, make_tank(ARENA, 24.0), 20.0)
     assert re.search(said, str(refused.value))
 
 
@@ -246,7 +246,7 @@ def test_ahead_is_along_the_heading_with_y_down_and_left_to_its_left():
 def test_straight_ahead_goes_straight_ahead():
     start = np.array([100.0, 500.0, 30.0])
     none = np.zeros(50)
-    way, good, touched = step.straight(OPEN, start, Ahead(np.full(50, 4.0), none, none), FAR)
+    way, good, touched = step.swim_ahead(OPEN, start, Ahead(np.full(50, 4.0), none, none), FAR)
     assert (good, touched) == (50, 50)
     assert way[-1] == pytest.approx([100 + 200 * np.cos(np.pi / 6), 400.0, 30.0])
 
@@ -254,9 +254,9 @@ def test_straight_ahead_goes_straight_ahead():
 def test_a_wall_is_seen_from_the_distance_in_which_one_can_stop():
     start = np.array([900.0, 500.0, 0.0])
     none = np.zeros(50)
-    _, good, _ = step.straight(OPEN, start, Ahead(np.full(50, 4.0), none, none), FAR)
+    _, good, _ = step.swim_ahead(OPEN, start, Ahead(np.full(50, 4.0), none, none), FAR)
     assert good == 24  # 900 + 4 · 24 = 996; the next stands at 1000
-    _, good, _ = step.straight(OPEN, start, Ahead(np.full(50, 4.0), none, none + 40), FAR)
+    _, good, _ = step.swim_ahead(OPEN, start, Ahead(np.full(50, 4.0), none, none + 40), FAR)
     assert good == 14
 
 
@@ -264,7 +264,7 @@ def test_a_goal_is_touched_by_the_head_before_the_centre():
     start = np.array([100.0, 500.0, 0.0])
     none = np.zeros(100)
     for head, tick in ((0.0, 48), (16.0, 44)):  # 100 + 4 · 49 = 296, 4 px before the goal
-        _, _, touched = step.straight(
+        _, _, touched = step.swim_ahead(
             OPEN, start, Ahead(np.full(100, 4.0), none, none), Target(300.0, 500.0, 4.0, head)
         )
         assert touched == tick
@@ -276,7 +276,7 @@ def test_in_a_turn_the_error_falls_at_every_tick_to_nothing(target):
     share = np.cumsum(np.hanning(14)[1:-1])
     share /= share[-1]
     flow, side = np.full(12, 3.0), np.full(12, 0.5)
-    way, good, _ = step.turn(
+    way, good, _ = step.swim_turn(
         OPEN, start, Turning(share, flow, side), FAR, Target(*target, 1.0, 9.0), 90.0
     )
     assert good
@@ -291,8 +291,8 @@ def test_a_mirrored_target_gives_the_mirrored_turn():
     share, flow, side = np.linspace(0.1, 1, 10), np.full(10, 3.0), np.full(10, 0.4)
     start = np.array([500.0, 500.0, 0.0])
     swim = Turning(share, flow, side)
-    left, _, _ = step.turn(OPEN, start, swim, FAR, Target(400.0, 200.0, 1.0, 9.0), 90.0)
-    right, _, _ = step.turn(OPEN, start, swim, FAR, Target(400.0, 800.0, 1.0, 9.0), 90.0)
+    left, _, _ = step.swim_turn(OPEN, start, swim, FAR, Target(400.0, 200.0, 1.0, 9.0), 90.0)
+    right, _, _ = step.swim_turn(OPEN, start, swim, FAR, Target(400.0, 800.0, 1.0, 9.0), 90.0)
     assert right[:, 0] == pytest.approx(left[:, 0])
     assert right[:, 1] - 500 == pytest.approx(500 - left[:, 1])
     assert right[:, 2] == pytest.approx(-left[:, 2])
@@ -302,7 +302,7 @@ def test_a_target_too_near_for_a_turn_is_refused():
     share, flow = np.linspace(0.1, 1, 10), np.full(10, 30.0)
     start = np.array([500.0, 500.0, 0.0])
     near = Target(500.0, 460.0, 1.0, 9.0)
-    _, good, _ = step.turn(OPEN, start, Turning(share, flow, 0 * flow), FAR, near, 20.0)
+    _, good, _ = step.swim_turn(OPEN, start, Turning(share, flow, 0 * flow), FAR, near, 20.0)
     assert not good
 
 
@@ -375,7 +375,7 @@ def test_a_film_of_a_larger_fish_teaches_the_same():
 @pytest.mark.parametrize("only", [0, 1])
 def test_a_film_without_turns_or_without_straight_swimming_teaches_what_it_shows(only):
     table = lessons().assign(swimming_type=only)
-    found = learn(table, RATE, DELTA)
+    found = learn_motion(table, RATE, DELTA)
     assert (found.turns.angle_deg > 0).all() and (found.turns.ticks > 0).all()
     assert phases_of(table).ticks.sum() > 0 and found.straight_ticks.sum() > 0
 
@@ -383,7 +383,7 @@ def test_a_film_without_turns_or_without_straight_swimming_teaches_what_it_shows
 def test_a_film_in_which_nothing_moves_is_refused():
     still = lessons().assign(x_px=100.0, y_px=100.0)
     with pytest.raises(FinloopError, match="no swimming"):
-        learn(still, RATE, DELTA)
+        learn_motion(still, RATE, DELTA)
 
 
 # --- the edit list

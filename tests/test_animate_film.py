@@ -32,12 +32,12 @@ from toy_film import (
 )
 
 from finloop.animate import measures
-from finloop.animate.arena import inside, tank
+from finloop.animate.arena import is_legal_point, make_tank
 from finloop.animate.company import Discs
 from finloop.animate.kinematics import rotate
 from finloop.animate.memory import NEVER, last_on_screen, remember_rows
 from finloop.animate.places import random_goals
-from finloop.animate.size import frame_hulls, reach
+from finloop.animate.size import frame_hulls, measure_reach
 from finloop.animate.state import Fish, State
 from finloop.distance.picture import BODY, FILM
 from finloop.edit.schema import CONSIDERED, EDIT, FADE, FRAME, TERMS, VERDICTS, WHY, Goal
@@ -311,7 +311,7 @@ def test_a_way_is_never_swum_farther_than_it_was_looked_at():
     for seed in range(3):
         found, _ = edit_of(film_player(reel), [Goal("A", 200.0, 200.0)], 1500, seed)
         way = np.concatenate([stretch.way for stretch in found.stretches])
-        assert all(inside(open_tank().legal, x, y) for x, y in way[:, :2])
+        assert all(is_legal_point(open_tank().legal, x, y) for x, y in way[:, :2])
 
 
 def test_goals_are_reached():
@@ -351,7 +351,7 @@ def three_ways(wall=False):
     arena = ARENA.copy()
     if wall:
         arena[:, 520:] = False
-    player = film_player(reel, tank(arena, 0.6 * LENGTH))
+    player = film_player(reel, make_tank(arena, 0.6 * LENGTH))
     return player, Fish(400.0, 300.0, 0.0, SPEED, IN_FILM, -1, row=19, since=100)
 
 
@@ -622,8 +622,10 @@ def test_the_widest_frames_are_barred():
     hulls[::200] *= 3
     places = pd.DataFrame(np.full((1000, 3), 50.0), columns=["x_px", "y_px", "heading_deg"])
     frames = frame_hulls(hulls + 50, places, np.ones(1000))
-    most, barred = reach([hull], frames, 0.99)
+    most, barred = measure_reach([hull], frames, 0.99)
     assert most == pytest.approx(np.hypot(20, 5), rel=1e-6)
     assert list(np.flatnonzero(barred)) == list(range(0, 1000, 200))
-    most, barred = reach([10 * hull], frames, 0.99)  # sprites are shown, so they must fit in
+    most, barred = measure_reach(
+        [10 * hull], frames, 0.99
+    )  # sprites are shown, so they must fit in
     assert most == pytest.approx(10 * np.hypot(20, 5)) and not barred.any()

@@ -10,7 +10,7 @@ from toy_film import LENGTH, film_world_of, matching_of
 from toy_swim import HOW, MIRROR, RATE, plain, random_swimmer, unseen
 
 from finloop.animate.paths import lay_path
-from finloop.animate.shoal import swim
+from finloop.animate.shoal import animate_fish
 from finloop.animate.state import Fish, State
 from finloop.base.line import PX, Line
 from finloop.edit.schema import FORECAST, FRAME, Goal
@@ -69,7 +69,7 @@ def player(**film):
 @pytest.mark.parametrize("seed", range(5))
 def test_all_goals_are_reached_within_the_tank(seed):
     fish = player()
-    animation = swim(fish, GOALS, 2500, np.random.default_rng(seed))
+    animation = animate_fish(fish, GOALS, 2500, np.random.default_rng(seed))
     assert (animation.reached >= 0).all()
     way = np.concatenate([one.way for one in animation.stretches])
     legal = fish.world.tank.legal
@@ -80,12 +80,12 @@ def test_a_goal_at_a_wall_is_reached_by_the_head():
     fish = player()
     y, x = np.argwhere(fish.world.tank.legal).min(0)
     goal = Goal("A", float(x) - 0.9 * fish.world.head_px, float(y) + 200)
-    assert (swim(fish, [goal], 1500, np.random.default_rng(0)).reached >= 0).all()
+    assert (animate_fish(fish, [goal], 1500, np.random.default_rng(0)).reached >= 0).all()
 
 
 def test_what_is_shown_is_the_row_turned_to_the_fishs_heading():
     fish = player()
-    for one in swim(fish, GOALS, 300, np.random.default_rng(0)).stretches:
+    for one in animate_fish(fish, GOALS, 300, np.random.default_rng(0)).stretches:
         assert one.kind == FRAME and one.state == FORECAST
         shown = fish.world.film.heading[one.number] + one.rot
         assert np.allclose(np.cos(np.radians(shown - one.way[:, 2])), 1)
@@ -106,7 +106,7 @@ def test_the_fish_moves_as_is_foretold():
 def test_the_same_draws_give_the_same_swim():
     ways = [
         np.concatenate(
-            [s.way for s in swim(player(), GOALS, 300, np.random.default_rng(k)).stretches]
+            [s.way for s in animate_fish(player(), GOALS, 300, np.random.default_rng(k)).stretches]
         )
         for k in (4, 4, 5)
     ]
@@ -130,7 +130,7 @@ def test_a_stretch_that_is_cut_leaves_the_fish_as_it_was_then():
 def test_rows_that_must_not_be_shown_are_not_and_neither_are_mirror_images_that_are_none():
     barred = range(1000, 1400)
     fish = player(mirrored=False, barred=barred)
-    animation = swim(fish, GOALS, 2000, np.random.default_rng(0))
+    animation = animate_fish(fish, GOALS, 2000, np.random.default_rng(0))
     shown = np.concatenate([one.number for one in animation.stretches])
     assert shown.max() < 3000
     assert not np.isin(shown, list(barred)[1:]).any()
@@ -257,7 +257,7 @@ def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut
     one, turn = player(), np.linspace(0, 2 * np.pi, 100, endpoint=False)
     line = Line("a", 400 + 200 * np.sin(turn), 300 + 120 * np.sin(2 * turn), PX, closed=True)
     path = lay_path(line, one.world.tank, one.world.motion, None)
-    found = swim(one, [], 500, np.random.default_rng(0), path.route)
+    found = animate_fish(one, [], 500, np.random.default_rng(0), path.route)
     table = path_table("matching", found, path, 500, one.world)
     assert np.sqrt((table["across"] ** 2).mean()) < 0.1
     assert table["along_px"].is_monotonic_increasing

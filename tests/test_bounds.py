@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from toy_film import HULL, LENGTH, film_world_of, matching_of, open_tank
 
-from finloop.animate.arena import inside, tank
-from finloop.animate.company import discs_of
+from finloop.animate.arena import is_legal_point, make_tank
+from finloop.animate.company import cover_with_discs
 from finloop.animate.encounters import place_outline
 from finloop.animate.kinematics import Target
 from finloop.plan.walls import fits_in_tank, keep_inside, push_inside, tank_bounds
@@ -22,8 +22,8 @@ def pool():
     arena[20:220, 30:290] = True
     arena[20:90, 30:100] = False
     bodies = np.stack([np.concatenate([HULL, HULL[:2]]), BENT])
-    discs = discs_of(bodies, [])
-    return tank(arena, 40.0), tank_bounds(tank(arena, 40.0), discs), bodies
+    discs = cover_with_discs(bodies, [])
+    return make_tank(arena, 40.0), tank_bounds(make_tank(arena, 40.0), discs), bodies
 
 
 def shown_inside(arena, hull, place, mirrored=False):
@@ -45,7 +45,7 @@ def test_what_fits_has_every_pixel_inside_and_what_is_well_inside_fits(mirrored)
         counts[free] += 1
         if free:
             assert shown_inside(water.arena, bodies[picture], place, mirrored)
-        elif inside(water.arena, *place[:2]):
+        elif is_legal_point(water.arena, *place[:2]):
             assert not shown_inside(water.depth_px > 10, bodies[picture], place, mirrored)
     assert min(counts.values()) > 500
 
@@ -67,7 +67,7 @@ def test_a_fish_without_discs_fits_where_the_tank_is_roomy_alone():
     whole = np.pad(legal, [(0, 14), (0, 10)], constant_values=True)
     bounds = bounds._replace(cells=whole.reshape(4, 16, 5, 16).all(axis=(1, 3)))
     for x, y in rng.uniform(-20, 90, (2000, 2)):
-        assert fits_in_tank(bounds, 0, x, y, 0.0) == inside(legal, x, y)
+        assert fits_in_tank(bounds, 0, x, y, 0.0) == is_legal_point(legal, x, y)
 
 
 def test_a_place_at_a_wall_is_moved_straight_off_it():
@@ -97,7 +97,7 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
     arena = np.zeros((300, 300), bool)
     arena[100:200, 20:160] = True
     arena[138:162, 160:260] = True  # too narrow for the fish to turn in
-    player = matching_of(film_world_of(room_=tank(arena, 0.6 * LENGTH)))
+    player = matching_of(film_world_of(room_=make_tank(arena, 0.6 * LENGTH)))
     own_world = replace(player.world, discs=player.cast.discs)
     player, rng = replace(player, world=own_world), np.random.default_rng(0)
     keeper = player._fallback
@@ -117,4 +117,4 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
 
 def box(px):
     """A square tank."""
-    return tank(np.pad(np.ones((px, px), bool), 20), 0.6 * LENGTH)
+    return make_tank(np.pad(np.ones((px, px), bool), 20), 0.6 * LENGTH)

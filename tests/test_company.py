@@ -8,15 +8,15 @@ from finloop.animate.company import (
     ALONE,
     Plans,
     can_stay,
-    clear,
-    clear_ahead,
-    clear_ticks,
-    company_of,
-    discs_of,
-    lasting_ticks,
-    near_first,
+    count_clear_ticks,
+    count_lasting_ticks,
+    cover_with_discs,
+    is_clear_in_search,
+    is_clear_of_fish,
+    make_company,
+    sort_near_first,
 )
-from finloop.animate.encounters import overlap, place_outline
+from finloop.animate.encounters import do_outlines_overlap, place_outline
 from finloop.animate.kinematics import Target
 from finloop.base.errors import FinloopError
 from finloop.edit.schema import FRAME
@@ -31,7 +31,7 @@ EDGE = 1.5  # px around every body
 
 def company_at(ways, start, discs, stays):
     """The company of fish whose ways begin at a tick."""
-    return company_of(Plans.from_paths(ways, start).others(-1, start), start, discs, stays)
+    return make_company(Plans.from_paths(ways, start).others(-1, start), start, discs, stays)
 
 
 SPOT = Target(0.0, 0.0, 0.0, 0.0)
@@ -52,7 +52,7 @@ def bent_outline(rng: np.random.Generator) -> np.ndarray:
 
 def test_discs_hold_their_outline():
     outlines = np.stack([bent_outline(np.random.default_rng(seed)) for seed in range(20)])
-    for outline, own in zip(outlines, discs_of(outlines, []).table, strict=True):
+    for outline, own in zip(outlines, cover_with_discs(outlines, []).table, strict=True):
         apart = np.hypot(*(outline[:, None] - own[None, :, :2]).transpose(2, 0, 1))
         assert (apart <= own[:, 2]).any(axis=1).all()
 
@@ -64,13 +64,13 @@ def test_discs_hold_an_outline_of_few_and_long_sides(length):
     )
     share = np.linspace(0, 1, 200)[:, None, None]
     sides = corners + share * (np.roll(corners, -1, axis=0) - corners)
-    own = discs_of(np.empty((0, 5, 2)), [corners]).table[0]
+    own = cover_with_discs(np.empty((0, 5, 2)), [corners]).table[0]
     apart = np.hypot(*(sides.reshape(-1, 1, 2) - own[None, :, :2]).transpose(2, 0, 1))
     assert (apart <= own[:, 2]).any(axis=1).all()
 
 
 def test_discs_are_no_wider_than_they_must_be():
-    own = discs_of(NEEDLE[None], []).table[0]
+    own = cover_with_discs(NEEDLE[None], []).table[0]
     assert own[:, 0] == pytest.approx([-25, -15, -5, 5, 15, 25])
     assert own[:, 1] == pytest.approx(0) and own[:, 2] == pytest.approx(np.hypot(2, 5) + EDGE)
 
@@ -94,33 +94,35 @@ def test_of_a_way_that_is_over_its_last_tick_is_left():
 def test_who_is_clear_of_another_does_not_overlap_it(seed):
     rng = np.random.default_rng(seed)
     outlines = [bent_outline(rng), bent_outline(rng), bent_outline(rng)]
-    discs = discs_of(np.stack(outlines[:2]), outlines[2:])
+    discs = cover_with_discs(np.stack(outlines[:2]), outlines[2:])
     shown = [(0, 0, False), (1, 1, False), (2, 0, True), (3, 1, True), (-1, 2, False)]
     met = 0
     for _ in range(40):
         (one, own, flip), (other, theirs, flop) = (shown[rng.integers(5)] for _ in range(2))
         a, b = ((*rng.uniform(0, 60, 2), rng.uniform(-180, 180)) for _ in range(2))
         company = company_at([np.array([[*b, other]])], 0, discs, 0)
-        apart = clear(company, one, *a, 0)
-        back = clear(company_at([np.array([[*a, one]])], 0, discs, 0), other, *b, 0)
+        apart = is_clear_of_fish(company, one, *a, 0)
+        back = is_clear_of_fish(company_at([np.array([[*a, one]])], 0, discs, 0), other, *b, 0)
         assert apart == back  # whoever asks
         one_there, other_there = (
             place_outline(outlines[own], *a, flip),
             place_outline(outlines[theirs], *b, flop),
         )
-        shared = overlap(one_there, other_there)
+        shared = do_outlines_overlap(one_there, other_there)
         assert not (apart and shared)
         met += not apart
     assert 0 < met < 40
 
 
 def test_side_by_side_is_nearer_than_head_to_tail():
-    discs = discs_of(NEEDLE[None], [])
+    discs = cover_with_discs(NEEDLE[None], [])
     company = company_at([np.array([[0.0, 0, 0, 0]])], 0, discs, 0)
     wide = 2 * (np.hypot(2, 5) + EDGE)
-    assert clear(company, 0, 0.0, wide + 0.1, 0.0, 0)
-    assert not clear(company, 0, 0.0, wide - 0.1, 0.0, 0)
-    assert not clear(company, 0, 50.0, 0.0, 0.0, 0) and clear(company, 0, 70.0, 0.0, 0.0, 0)
+    assert is_clear_of_fish(company, 0, 0.0, wide + 0.1, 0.0, 0)
+    assert not is_clear_of_fish(company, 0, 0.0, wide - 0.1, 0.0, 0)
+    assert not is_clear_of_fish(company, 0, 50.0, 0.0, 0.0, 0) and is_clear_of_fish(
+        company, 0, 70.0, 0.0, 0.0, 0
+    )
 
 
 # --- ways
@@ -129,22 +131,22 @@ def test_side_by_side_is_nearer_than_head_to_tail():
 def crossing():
     """The company of a needle that swims to the right for 20 ticks, and stays there."""
     way = np.column_stack([5.0 * np.arange(20), np.zeros(20), np.zeros(20), np.zeros(20)])
-    return company_at([way], 10, discs_of(NEEDLE[None], []), 6)
+    return company_at([way], 10, cover_with_discs(NEEDLE[None], []), 6)
 
 
 def test_others_are_where_they_planned_to_be_and_stay_where_that_ends():
     company = crossing()
     for tick, x in ((10, 0.0), (14, 20.0), (29, 95.0), (80, 95.0)):
-        assert not clear(company, 0, x + 60, 0.0, 0.0, tick)
-        assert clear(company, 0, x + 75, 0.0, 0.0, tick)
+        assert not is_clear_of_fish(company, 0, x + 60, 0.0, 0.0, tick)
+        assert is_clear_of_fish(company, 0, x + 75, 0.0, 0.0, tick)
 
 
 def test_who_looks_ahead_forgets_them_after_a_while():
     company = crossing()
     assert company.until == 10 + 19 + 6
     for tick in range(10, 60):
-        ahead = clear_ahead(company, 0, 95.0, 0.0, 90.0, tick)
-        assert ahead == (tick > 35 or clear(company, 0, 95.0, 0.0, 90.0, tick))
+        ahead = is_clear_in_search(company, 0, 95.0, 0.0, 90.0, tick)
+        assert ahead == (tick > 35 or is_clear_of_fish(company, 0, 95.0, 0.0, 90.0, tick))
 
 
 def test_the_ticks_of_a_way_that_last_are_those_of_a_plain_search():
@@ -152,15 +154,15 @@ def test_the_ticks_of_a_way_that_last_are_those_of_a_plain_search():
     for begins in np.linspace(-150, 200, 30):
         way = np.column_stack([np.full(40, 40.0), begins + 3.0 * np.arange(40), np.full(40, -90.0)])
         numbers = np.zeros(40, np.int64)
-        free = [clear(company, 0, *place, 10 + t) for t, place in enumerate(way)]
+        free = [is_clear_of_fish(company, 0, *place, 10 + t) for t, place in enumerate(way)]
         n = free.index(False) if False in free else 40
-        assert clear_ticks(company, numbers, way, 10) == n
+        assert count_clear_ticks(company, numbers, way, 10) == n
         lasts = [
-            all(clear(company, 0, *way[k - 1], tick) for tick in range(9 + k, 100))
+            all(is_clear_of_fish(company, 0, *way[k - 1], tick) for tick in range(9 + k, 100))
             for k in range(1, n + 1)
         ]
         most = max((k for k, good in enumerate(lasts, 1) if good), default=0)
-        assert lasting_ticks(company, numbers, way, 10) == most
+        assert count_lasting_ticks(company, numbers, way, 10) == most
         assert can_stay(company, 0, way[0], 10) == (n > 0 and lasts[0])
         ends.add((n, most))
     assert any(0 < most < n for n, most in ends)
@@ -178,8 +180,8 @@ def test_a_search_looks_for_those_alone_that_can_be_met_in_time(seed, known_tick
         ])
         for n in rng.integers(1, 12, 20)
     ]  # fmt: skip
-    company = company_at(ways, 7, discs_of(NEEDLE[None], []), 6)
-    some = near_first(company, 400.0, 400.0, pace * np.arange(known_ticks + 1))
+    company = company_at(ways, 7, cover_with_discs(NEEDLE[None], []), 6)
+    some = sort_near_first(company, 400.0, 400.0, pace * np.arange(known_ticks + 1))
     assert company.near == 20 > some.near > 0
     assert sorted(some.places[0].tolist()) == sorted(company.places[0].tolist())
     met = 0
@@ -187,8 +189,12 @@ def test_a_search_looks_for_those_alone_that_can_be_met_in_time(seed, known_tick
         tick, angle = int(rng.integers(7, company.until + 1)), rng.uniform(0, 2 * np.pi)
         far = rng.uniform(0, pace * (tick - 6))  # as far as it comes by then
         place = 400 + far * np.cos(angle), 400 + far * np.sin(angle), rng.uniform(-180, 180)
-        free = clear(company, 0, *place, tick)
-        assert clear_ahead(some, 0, *place, tick) == free == clear(some, 0, *place, tick)
+        free = is_clear_of_fish(company, 0, *place, tick)
+        assert (
+            is_clear_in_search(some, 0, *place, tick)
+            == free
+            == is_clear_of_fish(some, 0, *place, tick)
+        )
         met += not free
     assert met
 
@@ -207,7 +213,7 @@ def test_how_far_a_fish_comes_is_never_less_than_the_film_shows():
 
 
 def test_alone_every_place_is_clear():
-    assert clear(ALONE, 0, 0.0, 0.0, 0.0, 0)
+    assert is_clear_of_fish(ALONE, 0, 0.0, 0.0, 0.0, 0)
 
 
 # --- fish of one tank
@@ -223,7 +229,7 @@ def outlines_of(tank):
 def overlaps(tank) -> int:
     """Pairs of fish that overlap now."""
     outlines = list(outlines_of(tank))
-    return sum(overlap(a, b) for k, a in enumerate(outlines) for b in outlines[:k])
+    return sum(do_outlines_overlap(a, b) for k, a in enumerate(outlines) for b in outlines[:k])
 
 
 def test_nobody_swims_through_another():

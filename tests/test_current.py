@@ -5,7 +5,7 @@ import pytest
 from toy_film import RATE, film_of, lessons, loops, planning
 
 from finloop.animate.measures import motion_of_film
-from finloop.animate.motion import learn
+from finloop.animate.motion import learn_motion
 from finloop.base.settings import settings
 from finloop.features.current import measure_current
 from finloop.modes.phases import learn_phases
@@ -56,5 +56,5 @@ def test_all_that_swims_by_the_film_gets_on_as_in_still_water():
     quick = [learn_fast_fish(table, RATE, 5, planning()).fastest for table in every]
     phases = [learn_phases(table, RATE, 5, settings("network")).high for table in every]
     assert quick[0] < quick[1] < quick[2] and phases[0] < phases[1] < phases[2]
-    moved = [motion_of_film(table, learn(still, RATE, 5))[0] for table in every]
+    moved = [motion_of_film(table, learn_motion(still, RATE, 5))[0] for table in every]
     assert np.median(moved[2] - moved[0]) == pytest.approx(2, abs=0.1)

@@ -18,7 +18,7 @@ from toy_film import (
 )  # fmt: skip
 
 from finloop.animate.settings import AnimateSettings
-from finloop.animate.shoal import play
+from finloop.animate.shoal import plan_edit_list
 from finloop.base.settings import settings
 from finloop.edit.joins import (
     JoinRules,
@@ -176,7 +176,7 @@ def joined_by(mode, kind):
 @pytest.mark.parametrize("mode", MODES)
 def test_joins_change_how_pictures_are_drawn_and_nothing_else(mode):
     lists = {
-        kind: play(joined_by(mode, kind), [], 600, np.random.default_rng(2))
+        kind: plan_edit_list(joined_by(mode, kind), [], 600, np.random.default_rng(2))
         for kind in (INERTIAL, FADE, CUT)
     }
     inertial, fade, cut = lists.values()
@@ -196,7 +196,7 @@ def test_sprites_and_frames_join_alike():
     """A join that none came shortly before: its own heading alone goes on."""
     few = gateways().query("direction == 'out' or (sprite == 3 and rank < 3)")
     player = paper_player(hybrid_of(gates=few), INERTIAL)
-    edit = play(player, [Goal("A", 200.0, 200.0)], 3000, np.random.default_rng(2))
+    edit = plan_edit_list(player, [Goal("A", 200.0, 200.0)], 3000, np.random.default_rng(2))
     kind = edit["kind"].to_numpy()
     switches = np.flatnonzero(kind[1:] != kind[:-1]) + 1
     assert len(switches) > 2

@@ -46,11 +46,11 @@ from toy_film import (
 )
 
 from finloop.animate import measures
-from finloop.animate.arena import inside, tank
-from finloop.animate.kinematics import bearing, rotate, touches
+from finloop.animate.arena import is_legal_point, make_tank
+from finloop.animate.kinematics import bearing, rotate, touches_target
 from finloop.animate.places import random_goals
 from finloop.animate.route import Route
-from finloop.animate.shoal import swim
+from finloop.animate.shoal import animate_fish
 from finloop.animate.state import Fish
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
@@ -197,7 +197,9 @@ def test_never_outside_the_tank(mode, pose):
     for seed in range(3 if mode == "matching" else 2):
         goals = random_goals(player.world, 3, np.random.default_rng(seed))
         _, table = edit_of(player, goals, 1000, seed)
-        assert all(inside(open_tank().legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy())
+        assert all(
+            is_legal_point(open_tank().legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy()
+        )
         assert measures.count_ticks_outside(table, player) == 0
 
 
@@ -219,7 +221,9 @@ def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike(mode
     """What has a time is measured in Δ, and so in frames; eight times as fast: no bit is lost."""
     swims = []
     for rate in (RATE, 8 * RATE):
-        parts = swim(player_of_a_film_at(rate, mode), A, 600, np.random.default_rng(3)).stretches
+        parts = animate_fish(
+            player_of_a_film_at(rate, mode), A, 600, np.random.default_rng(3)
+        ).stretches
         columns = [
             np.concatenate([getattr(one, name) for one in parts]) for name in ("way", "number")
         ]
@@ -268,9 +272,9 @@ def slow_way(film, tank_, start, place, goal, least):
     (row, rot), (x, y), n, legal, within, touch = start, place, 0, [], [], False
     begins = film.heading[row] + rot
     wanted = find_quadrants(goal.x - place[0], place[1] - goal.y)
-    while inside(tank_.legal, x, y):
+    while is_legal_point(tank_.legal, x, y):
         n += 1
-        touch = touch or touches(x, y, film.heading[row] + rot, goal)
+        touch = touch or touches_target(x, y, film.heading[row] + rot, goal)
         end = film.jump_slot[row + 1] if film.has_next[row] else -1
         ends = end >= 0 and film.start[end + 1] > film.start[end]
         if ends and (touch or n >= least):
@@ -297,7 +301,7 @@ def nearest_of(ends):
 @pytest.mark.parametrize("free", [False, True])
 def test_looking_up_finds_the_nearest_loop_end_in_the_goal_s_quadrant(pose, free):
     """Of a fish that wanders, in any quadrant."""
-    small = tank(ARENA[:300, :300], 0.6 * LENGTH)
+    small = make_tank(ARENA[:300, :300], 0.6 * LENGTH)
     play_, rng = loops_of(posed_film(pose)[0], world_of(small)), np.random.default_rng(2)
     play_.p = replace(play_.p, improper_angle_deg=45.0)
     film, seen = play_.film, dict.fromkeys(["", "tank", "quadrant", "heading", "touched"], 0)
@@ -680,11 +684,13 @@ def test_a_wandering_fish_swims_as_the_film_does(network):
 def test_a_way_leads_round_a_wall_to_the_goal():
     arena = ARENA.copy()
     arena[:380, 390:410] = False
-    player = paper_player(network_of(world_of(tank(arena, 0.6 * LENGTH))))
+    player = paper_player(network_of(world_of(make_tank(arena, 0.6 * LENGTH))))
     goals = [Goal("A", 200.0, 100.0), Goal("B", 600.0, 100.0), Goal("C", 200.0, 100.0)]
     _, found = edit_of(player, goals, 2500, 3)
     assert not np.isnan(measures.arrival_ticks(found, goals, TOUCH, HEAD)).any()
-    assert all(inside(player.world.tank.legal, *at) for at in found[["x_px", "y_px"]].to_numpy())
+    assert all(
+        is_legal_point(player.world.tank.legal, *at) for at in found[["x_px", "y_px"]].to_numpy()
+    )
 
 
 def test_a_goal_in_a_corner_is_touched(network):

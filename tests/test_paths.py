@@ -18,8 +18,8 @@ from toy_film import (
 )
 
 from finloop.animate.paths import lay_path
-from finloop.animate.route import Route, asked_at, foot, place
-from finloop.animate.shoal import swim
+from finloop.animate.route import Route, due_along, find_foot, point_along
+from finloop.animate.shoal import animate_fish
 from finloop.base.errors import FinloopError
 from finloop.base.line import MM, PX, TANK, Line, check_line
 from finloop.edit.schema import PATH
@@ -165,16 +165,16 @@ def test_whoever_swims_a_path_that_crosses_itself_stays_on_its_branch():
     route = lay_line(EIGHT).route
     along = 0.0
     for to in np.arange(0, 2.2 * route.length, 3.0):  # and on, lap after lap
-        x, y = place(route, to)
-        along, fx, fy = foot(route, x, y, along)
+        x, y = point_along(route, to)
+        along, fx, fy = find_foot(route, x, y, along)
         assert along == pytest.approx(to, abs=1e-6) and (fx, fy) == pytest.approx((x, y))
 
 
 def test_a_foot_is_the_nearest_place_and_never_goes_back():
     route = lay_line(Line("a", np.array([100.0, 700.0]), np.array([300.0, 300.0]), PX)).route
-    assert foot(route, 110.0, 320.0, 0.0) == pytest.approx((10, 110, 300))
-    assert foot(route, 50.0, 320.0, 5.0) == pytest.approx((5, 105, 300))
-    assert foot(route, 900.0, 300.0, 595.0) == pytest.approx((600, 700, 300))
+    assert find_foot(route, 110.0, 320.0, 0.0) == pytest.approx((10, 110, 300))
+    assert find_foot(route, 50.0, 320.0, 5.0) == pytest.approx((5, 105, 300))
+    assert find_foot(route, 900.0, 300.0, 595.0) == pytest.approx((600, 700, 300))
 
 
 # --- steering
@@ -240,7 +240,7 @@ def follow_line(line, ticks=700, **changes):
     """What is made of a path: the swim, columns of `PATH_ROWS`, measures."""
     own_world = film_world_of(**changes)
     player, path = matching_of(own_world), lay_line(line)
-    recorded = swim(player, [], ticks, np.random.default_rng(0), path.route)
+    recorded = animate_fish(player, [], ticks, np.random.default_rng(0), path.route)
     table = path_table("matching", recorded, path, ticks, own_world)
     left = find_departures(table, path, own_world, swimming_limits(own_world.film, own_world))
     return recorded, table, left, path_metrics(table, left, path, own_world)
@@ -274,14 +274,14 @@ def test_a_path_is_followed_to_its_end_and_no_tick_longer():
     """Of a path without times the last tick alone is at its end; one with times lasts as long."""
     line = Line("a", np.array([150.0, 500.0]), np.array([300.0, 320.0]), PX)
     path, player = lay_line(line), matching_of()
-    made = swim(player, [], 900, np.random.default_rng(0), path.route)
+    made = animate_fish(player, [], 900, np.random.default_rng(0), path.route)
     table = path_table("matching", made, path, 900, player.world)
     followed_ = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
     end = path.asked.length - 1e-3
     assert sum(followed_) == len(table) < 900
     assert table["along_px"].iloc[-1] >= end > table["along_px"].iloc[-2]
     timed = lay_line(line._replace(time_s=np.array([0.0, 3.03])))
-    made = swim(player, [], 900, np.random.default_rng(0), timed.route)
+    made = animate_fish(player, [], 900, np.random.default_rng(0), timed.route)
     ticks = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
     assert sum(ticks) == len(timed.route.when)
 
@@ -338,7 +338,7 @@ def test_a_film_that_only_swims_straight_leaves_the_fish_where_the_path_begins()
     table = arc_track([0.0] * 300, at=(100.0, 100.0))
     own_world = film_world_of(film_of(table, loops((20, 280))))
     player, path = matching_of(own_world), lay_line(EIGHT)
-    made = swim(player, [], 200, np.random.default_rng(0), path.route)
+    made = animate_fish(player, [], 200, np.random.default_rng(0), path.route)
     reasons = [one.decision.reason for one in made.stretches]
     assert set(reasons) <= {"play", "spot"} and reasons.count("spot") > 10
     recorded = path_table("matching", made, path, 200, own_world)
@@ -356,9 +356,9 @@ def test_what_is_swum_is_written_and_drawn(tmp_path):
 
 def test_at_a_tick_before_its_times_a_path_is_at_its_beginning():
     route = lay_line(EIGHT._replace(closed=False, time_s=np.arange(200.0) / RATE)).route
-    assert asked_at(route, 0) == asked_at(route, 1) == 0.0
-    assert asked_at(route, 10**6) == route.when[-1] == pytest.approx(route.length)
-    assert isinstance(route, Route) and route.is_timed and not route.done(route.length, 5)
+    assert due_along(route, 0) == due_along(route, 1) == 0.0
+    assert due_along(route, 10**6) == route.when[-1] == pytest.approx(route.length)
+    assert isinstance(route, Route) and route.is_timed and not route.is_done(route.length, 5)
 
 
 def test_a_line_of_what_is_infinite_is_none():
@@ -368,8 +368,8 @@ def test_a_line_of_what_is_infinite_is_none():
 
 def test_the_parameters_of_paths_do_not_touch_who_swims_to_goals(monkeypatch):
     """Without a path nothing of it counts."""
-    swims = [swim(matching_of(), [], 200, np.random.default_rng(1))]
+    swims = [animate_fish(matching_of(), [], 200, np.random.default_rng(1))]
     monkeypatch.setattr(MatchingSettings, "path_commit", 3.0)
     changed = film_world_of(path_max_correction_ratio=0.9, path_offset_cost=0.0)
-    swims.append(swim(matching_of(changed), [], 200, np.random.default_rng(1)))
+    swims.append(animate_fish(matching_of(changed), [], 200, np.random.default_rng(1)))
     assert all(repr(a) == repr(b) for a, b in zip(*(s.stretches for s in swims), strict=True))

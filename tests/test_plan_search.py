@@ -20,8 +20,8 @@ from toy_film import (
     table_of,
 )
 
-from finloop.animate.arena import Tank, inside, tank
-from finloop.animate.kinematics import bearing, touches
+from finloop.animate.arena import Tank, is_legal_point, make_tank
+from finloop.animate.kinematics import bearing, touches_target
 from finloop.animate.memory import NEVER, last_on_screen
 from finloop.animate.paths import lay_path
 from finloop.animate.state import State
@@ -78,10 +78,10 @@ def slow_leg(reel, legal, place, rot, row, left, stride, aim):
         for _ in range(ticks):
             place, row = place + turn @ (reel.dx[row], reel.dy[row]), row + 1
         t, left = t + ticks, left - ticks
-        if not inside(legal, *place):
+        if not is_legal_point(legal, *place):
             return place, -1, t - ticks, False
         goes_on = reel.has_next[row] and reel.recurrent[row + 1]
-        if goes_on and touches(*place, reel.heading[row] + rot, aim):
+        if goes_on and touches_target(*place, reel.heading[row] + rot, aim):
             return place, row, t, True
     return place, row, t, False
 
@@ -128,7 +128,7 @@ def slow_search(reel, legal, start, rot, row, aim, weights, horizon):
             follow(place, turned, other, t, cost + price, shown)
 
     place = np.array([start.x, start.y])
-    if reel.recurrent[row] and inside(legal, *place):
+    if reel.recurrent[row] and is_legal_point(legal, *place):
         follow(place, rot, row, 0, 0.0, {})
     return min(found) if found else (np.inf, longest)
 
@@ -197,7 +197,7 @@ def test_more_beam_is_never_worse_and_a_narrow_one_says_what_it_gave_up():
 
 
 def room_of(arena):
-    return tank(arena, 0.6 * LENGTH)
+    return make_tank(arena, 0.6 * LENGTH)
 
 
 def test_turning_the_tank_turns_the_plan():

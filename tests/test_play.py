@@ -22,10 +22,10 @@ from toy_film import (
 from toy_tank import played_rows, read, resting_players, toy_players, view_of
 
 from finloop.animate import kinematics as step
-from finloop.animate.arena import inside
-from finloop.animate.arena import tank as arena_tank
+from finloop.animate.arena import is_legal_point
+from finloop.animate.arena import make_tank as arena_tank
 from finloop.animate.company import Plans
-from finloop.animate.shoal import swim
+from finloop.animate.shoal import animate_fish
 from finloop.base.errors import FinloopError
 from finloop.edit.build import build_edit_list
 from finloop.edit.modes import MODES, PAPER
@@ -60,7 +60,7 @@ def say(view, **wish):
 @pytest.mark.parametrize("mode", MODES)
 def test_left_alone_it_is_the_edit_list_of_animate(mode, rest):
     ticks, players = 240, resting_players(rest)
-    found = swim(players[mode], [], ticks, np.random.default_rng([7, 0]))
+    found = animate_fish(players[mode], [], ticks, np.random.default_rng([7, 0]))
     wanted = build_edit_list(found, ticks, players[mode].sources)
     tank = LiveTank(players, mode, 1, 7)
     first = np.array([tank.fish[0].row_at(0)[:-1]], ROW)
@@ -94,7 +94,7 @@ def test_a_goal_counts_from_the_next_tick_on_and_nothing_jumps(mode):
         now = [tank.fish[0].row_at(tick) for tick in range(max(0, asked - 50), asked)]
         assert repr(past) == repr(now)
         assert steps(rows).max() <= fast()
-        assert all(inside(open_tank().legal, row["x_px"], row["y_px"]) for row in rows)
+        assert all(is_legal_point(open_tank().legal, row["x_px"], row["y_px"]) for row in rows)
 
 
 @pytest.mark.parametrize("mode", ["network", "hybrid", "matching"])
@@ -115,7 +115,7 @@ def test_the_fish_gets_there_even_while_its_goal_is_dragged(mode, drag):
         goal = step.Target(row.goal_x_px, row.goal_y_px, TOUCH + 0.1, HEAD)
         # A way of loops that touches the goal ends at the next loop end.
         last = [tank.fish[0].row_at(tick) for tick in range(row.decided, tank.tick + 1)]
-        assert any(step.touches(one.x_px, one.y_px, one.heading_deg, goal) for one in last)
+        assert any(step.touches_target(one.x_px, one.y_px, one.heading_deg, goal) for one in last)
     assert max(took) < 599  # reached before the time is over
 
 
@@ -123,7 +123,7 @@ def test_a_goal_beyond_the_wall_is_put_where_a_fish_can_touch_it():
     tank = LiveTank(toy_players(), "network", 1, 0)
     tank.send_to_goal(0, -50.0, 900.0)
     goal = tank.fish[0].goal
-    assert open_tank().into(goal.x_px, goal.y_px) == (goal.x_px, goal.y_px)
+    assert open_tank().nearest_legal_point(goal.x_px, goal.y_px) == (goal.x_px, goal.y_px)
     tank.send_to_goal(0, 400.0, 300.0)
     assert tank.fish[0].goal[1:3] == (400.0, 300.0)
 
@@ -495,7 +495,9 @@ def test_a_path_no_longer_than_a_goal_is_one_and_none_leads_out_of_the_tank():
     assert tank.fish[0].path_task is None and tank.fish[0].goal[1:3] == (401.0, 300.0)
     tank.follow_path(0, [(-500.0, 300.0), (400.0, 300.0), (5000.0, 9000.0)])
     route = tank.fish[0].path_task.route
-    assert all(inside(open_tank().legal, x, y) for x, y in zip(route.x, route.y, strict=True))
+    assert all(
+        is_legal_point(open_tank().legal, x, y) for x, y in zip(route.x, route.y, strict=True)
+    )
 
 
 def test_a_tank_with_room_for_no_path_is_opened_all_the_same():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from finloop.animate.kinematics import towards_by, wrap
+from finloop.animate.kinematics import turn_towards_aim, wrap
 from finloop.edit.bodies import measure_movement
 from finloop.plan.cost import Rarity
 from finloop.puppet import Pose
@@ -67,7 +67,7 @@ def test_a_join_costs_more_the_farther_it_is_and_going_on_costs_nothing():
 def test_a_fish_on_the_spot_turns_no_faster_than_its_pictures_or_than_it_may():
     rng = np.random.default_rng(2)
     for own, error, most in rng.uniform((-20, -150, 0), (20, 150, 12), (300, 3)):
-        turn = towards_by(own, error, most)
+        turn = turn_towards_aim(own, error, most)
         assert abs(turn) <= max(abs(own), most) + 1e-9
         assert abs(turn - own) <= most + 1e-9
         assert abs(wrap(error - turn)) <= abs(wrap(error - own)) + 1e-9

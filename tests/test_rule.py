@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from toy_film import LENGTH, film_world_of, matching_of, planning, shoaling
 
-from finloop.animate.arena import tank
+from finloop.animate.arena import make_tank
 from finloop.animate.rule import Rule
-from finloop.animate.shoal import make_tasks, shoal
+from finloop.animate.shoal import animate_group, make_tasks
 from finloop.base.errors import FinloopError
 from finloop.edit.build import build_edit_lists
 from finloop.edit.schema import Goal
@@ -31,7 +31,7 @@ def water(rule="zones", fish=5, follow=(), overlap=False):
     """A tank of twenty lengths."""
     arena = np.zeros((900, 900), bool)
     arena[50:-50, 50:-50] = True
-    room_ = tank(arena, 0.6 * LENGTH)
+    room_ = make_tank(arena, 0.6 * LENGTH)
     return film_world_of(
         room_=room_,
         rule=rule,
@@ -61,7 +61,7 @@ def swim_group(player, ticks=TICKS, seed=0, goals=()):
     plans = MatchingAnimator(player, None, 1.0, 1.0)
     todo = plans._tasks(goals, plans.seekers, np.random.default_rng(seed))
     assert len(todo) == p.fish
-    return build_edit_lists(shoal(player, todo, ticks), ticks, player.sources)
+    return build_edit_lists(animate_group(player, todo, ticks), ticks, player.sources)
 
 
 def gaps(player, edit):
@@ -166,7 +166,7 @@ def test_a_follower_swims_behind_its_leader():
     player = player_of(NEAR)
     fish = player.begin(np.random.default_rng(0)).fish
     place, left = place_by_rule(
-        Rule.from_leader(np.array([400.0, 300.0, 90.0, 0.0])), fish, player.world, None
+        Rule.to_follow(np.array([400.0, 300.0, 90.0, 0.0])), fish, player.world, None
     )
     assert place == pytest.approx([400, 300 + LENGTH]) and left == 0
 

@@ -33,20 +33,25 @@ import stages.plots.animate
 import stages.plots.render
 import stages.render
 from finloop.animate import encounters
-from finloop.animate.arena import tank
+from finloop.animate.arena import make_tank
 from finloop.animate.company import Plans, can_stay
-from finloop.animate.encounters import nearest_distances, overlap, overlaps, place_outline
+from finloop.animate.encounters import (
+    count_overlaps,
+    do_outlines_overlap,
+    nearest_distances,
+    place_outline,
+)
 from finloop.animate.kinematics import Target
 from finloop.animate.paths import lay_path
 from finloop.animate.places import random_goals
 from finloop.animate.shoal import (
     NoRoom,
-    deal,
+    animate_fish,
+    animate_group,
+    deal_goals,
     make_tasks,
-    refuse_meetings,
+    refuse_shared_goals,
     settle_fish,
-    shoal,
-    swim,
 )
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
@@ -74,13 +79,13 @@ def spacious():
     """A player in a tank in which fish hardly ever meet."""
     arena = np.zeros((2000, 2000), bool)
     arena[20:-20, 20:-20] = True
-    return matching_of(film_world_of(room_=tank(arena, 0.6 * LENGTH)))
+    return matching_of(film_world_of(room_=make_tank(arena, 0.6 * LENGTH)))
 
 
 def swim_group(player, fish, ticks, goals=(), seed=0):
     """What several fish do, as an edit list."""
     todo = make_tasks(goals, fish, np.random.default_rng(seed))
-    return build_edit_lists(shoal(player, todo, ticks), ticks, player.sources)
+    return build_edit_lists(animate_group(player, todo, ticks), ticks, player.sources)
 
 
 # --- fish of one tank
@@ -91,21 +96,21 @@ def test_nobody_swims_through_another_and_all_goals_are_reached():
     for through in (False, True):
         player, ticks = crowd_player(through), 1200
         goals = random_goals(player.world, 12, np.random.default_rng(1))
-        swims = shoal(player, make_tasks(goals, 6, np.random.default_rng(2)), ticks)
+        swims = animate_group(player, make_tasks(goals, 6, np.random.default_rng(2)), ticks)
         assert all((one.reached >= 0).all() for one in swims)
-        met[through] = overlaps(build_edit_lists(swims, ticks, player.sources), player).sum()
+        met[through] = count_overlaps(build_edit_lists(swims, ticks, player.sources), player).sum()
     assert met[False] == 0 < met[True]
 
 
 def test_fish_that_do_not_meet_swim_as_each_would_alone():
     player, ticks = spacious(), 60
     goals = random_goals(player.world, 6, np.random.default_rng(3))
-    together = shoal(player, make_tasks(goals, 3, np.random.default_rng(5)), ticks)
+    together = animate_group(player, make_tasks(goals, 3, np.random.default_rng(5)), ticks)
     table = build_edit_lists(together, ticks, player.sources)
-    apart = [np.hypot(*(a - b).T).min() for a, b in combinations(encounters.places(table), 2)]
+    apart = [np.hypot(*(a - b).T).min() for a, b in combinations(encounters.fish_places(table), 2)]
     assert min(apart) > 4 * LENGTH
     alone = [
-        swim(player, task.goals, ticks, task.rng)
+        animate_fish(player, task.goals, ticks, task.rng)
         for task in make_tasks(goals, 3, np.random.default_rng(5))
     ]
     pd.testing.assert_frame_equal(table, build_edit_lists(alone, ticks, player.sources))
@@ -118,7 +123,7 @@ def test_planning_keeps_no_hold_of_what_it_was_given():
     given = [own_world.film.rows, own_world.film.to, own_world.tank.legal, player.cast.discs.table]
     goals, held = random_goals(own_world, 6, np.random.default_rng(1)), []
     for _ in range(2):  # what the first one makes, and keeps, the second one uses
-        shoal(player, make_tasks(goals, 6, np.random.default_rng(2)), 300)
+        animate_group(player, make_tasks(goals, 6, np.random.default_rng(2)), 300)
         held.append([sys.getrefcount(one) for one in given])
     assert held[0] == held[1]
 
@@ -151,7 +156,7 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
     """Its neighbours leave it less than the drift of a tick, and it heads for the wall."""
     arena = np.zeros((400, 400), bool)
     arena[50:350, 50:350] = True
-    wall = tank(arena, 0.6 * LENGTH)
+    wall = make_tank(arena, 0.6 * LENGTH)
     player = matching_of(film_world_of(room_=wall))
     x, y = 200.0, float(np.flatnonzero(wall.legal[:, 200])[0])
     begun = player.begin(np.random.default_rng(0)).fish
@@ -185,12 +190,12 @@ def test_one_fish_swims_the_path_and_the_others_keep_clear_of_it():
     player, angle = crowd_player(), np.linspace(0, 2 * np.pi, 40)
     ring = Line("ring", 400 + 100 * np.cos(angle), 300 + 100 * np.sin(angle), PX, closed=True)
     path = lay_path(ring, player.world.tank, player.world.motion, None)
-    swims = shoal(player, make_tasks([], 3, np.random.default_rng(0), path.route), 300)
+    swims = animate_group(player, make_tasks([], 3, np.random.default_rng(0), path.route), 300)
     assert set(swims[0].names) == {PATH} and set(swims[1].names + swims[2].names) == {""}
     table = build_edit_lists(swims, 300, player.sources)
-    x, y = encounters.places(table)[0].T
+    x, y = encounters.fish_places(table)[0].T
     assert np.median(np.abs(np.hypot(x - 400, y - 300) - 100)) < LENGTH / 2
-    assert not overlaps(table, player).any()
+    assert not count_overlaps(table, player).any()
 
 
 def ring(x, y, radius=60.0):
@@ -214,13 +219,13 @@ def test_each_fish_has_a_path_or_goals_of_its_own():
     todo = plans.tasks(goals)
     assert [[goal.name for goal in task.goals] for task in todo] == [[], ["A", "C"], [], ["B"]]
     player = plans.player
-    swims = shoal(player, todo, 500)
+    swims = animate_group(player, todo, 500)
     assert [set(swims[fish].names) == {PATH} for fish in range(4)] == [True, False, True, False]
     assert all((swims[fish].reached >= 0).all() for fish in (1, 3))
     table = build_edit_lists(swims, 500, player.sources)
-    assert not overlaps(table, player).any()
+    assert not count_overlaps(table, player).any()
     for fish, (cx, cy) in ((0, (290, 200)), (2, (480, 400))):
-        x, y = encounters.places(table)[fish].T
+        x, y = encounters.fish_places(table)[fish].T
         assert np.median(np.abs(np.hypot(x - cx, y - cy) - 60)) < LENGTH / 2
 
 
@@ -241,8 +246,8 @@ def test_who_begins_a_path_on_the_way_of_another_is_not_run_into():
             make_tasks([], 2, np.random.default_rng(0)), (first, second), strict=True
         )
     ]
-    swims = shoal(player, todo, 200)
-    assert not overlaps(build_edit_lists(swims, 200, player.sources), player).any()
+    swims = animate_group(player, todo, 200)
+    assert not count_overlaps(build_edit_lists(swims, 200, player.sources), player).any()
 
 
 def test_there_is_a_path_a_fish_at_most(tmp_path):
@@ -285,20 +290,20 @@ def goals_at(*places):
 
 def test_goals_are_dealt():
     goals = goals_at((1, 1), (2, 2), (3, 3), (4, 4), (5, 5))
-    assert [[g.name for g in own] for own in deal(goals, 2)] == [["A", "C", "E"], ["B", "D"]]
-    assert deal(goals, 1) == [goals] and deal(goals[:1], 3) == [goals[:1], [], []]
+    assert [[g.name for g in own] for own in deal_goals(goals, 2)] == [["A", "C", "E"], ["B", "D"]]
+    assert deal_goals(goals, 1) == [goals] and deal_goals(goals[:1], 3) == [goals[:1], [], []]
 
 
 def test_two_fish_sent_to_one_place_are_refused():
     far, near = (100.0, 100.0), (100.0, 100.0 + 0.9 * TOUCH)
     with pytest.raises(FinloopError, match=r"A \(fish 1\) and B \(fish 2\)") as refused:
-        refuse_meetings(goals_at(far, near), range(2))
+        refuse_shared_goals(goals_at(far, near), range(2))
     assert "animate.goals" in str(refused.value) and f"{TOUCH:.0f} px apart" in refused.value.wanted
     with pytest.raises(FinloopError, match=r"D \(fish 1\) and F \(fish 3\)"):
-        refuse_meetings(goals_at((0, 0), (0, 99), (99, 0), far, (300, 0), near), range(3))
-    refuse_meetings(goals_at(far, near), [0])  # one after the other
-    refuse_meetings(goals_at(far, (300, 0), near, (300, 300)), range(2))  # of one fish
-    refuse_meetings(goals_at(far, (100.0, 100.0 + 1.1 * TOUCH)), range(2))
+        refuse_shared_goals(goals_at((0, 0), (0, 99), (99, 0), far, (300, 0), near), range(3))
+    refuse_shared_goals(goals_at(far, near), [0])  # one after the other
+    refuse_shared_goals(goals_at(far, (300, 0), near, (300, 300)), range(2))  # of one fish
+    refuse_shared_goals(goals_at(far, (100.0, 100.0 + 1.1 * TOUCH)), range(2))
 
 
 def planner_of(p):
@@ -366,7 +371,7 @@ def test_outlines_that_share_a_pixel_overlap():
     square = np.array([[10.0, 10], [-10, 10], [-10, -10], [10, -10]])
     for gap, shared in ((18.0, True), (22.0, False)):
         one, other = (place_outline(square, 50 + x, 50, 0.0, False) for x in (0, gap))
-        assert overlap(one, other) == overlap(other, one) == shared
+        assert do_outlines_overlap(one, other) == do_outlines_overlap(other, one) == shared
     corner = place_outline(HULL, 30.0, 40.0, 90.0, True)  # headed up: its tip is above
     assert corner == pytest.approx(np.array([[30, 20], [35, 60], [25, 60]]))
 
@@ -377,7 +382,7 @@ def test_pairs_are_counted_at_each_tick():
     table[["kind", "mirrored", "heading_deg"]] = ["frame", False, 0.0]
     table["x_px"] = [0.0, 0, 0, 0] + [0.0, 500, 4, 500] + [900.0, 500, 8, 900]
     table["y_px"] = 300.0
-    assert overlaps(table, player).tolist() == [1, 1, 3, 0]
+    assert count_overlaps(table, player).tolist() == [1, 1, 3, 0]
     numbers = encounters.measure_clearance(table, player)
     assert numbers["overlapping_pairs_per_1000_ticks"] == pytest.approx(1250)
     assert encounters.measure_clearance(split_by_fish(table)[0], player) == {}

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from finloop.animate.arena import tank as arena_tank
+from finloop.animate.arena import make_tank as arena_tank
 from finloop.stimulus.animals import Animal, TankGeometry
 from finloop.stimulus.protocol import RuleSpec
 from finloop.stimulus.rules import find_rule_target, mirror_place

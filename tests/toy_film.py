@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from finloop.animate.arena import Tank, tank
+from finloop.animate.arena import Tank, make_tank
 from finloop.animate.cast import Cast
 from finloop.animate.kinematics import Target
-from finloop.animate.motion import MotionStatistics, learn
+from finloop.animate.motion import MotionStatistics, learn_motion
 from finloop.animate.protocols import AnyPlayer
-from finloop.animate.shoal import swim
+from finloop.animate.shoal import animate_fish
 from finloop.animate.world import World
 from finloop.base.settings import read_conf_values, settings
 from finloop.distance.picture import BODY
@@ -112,7 +112,7 @@ def lessons(mirror: int = 1, scale: float = 1.0) -> pd.DataFrame:
 
 def learnt(table: pd.DataFrame, rate: float = RATE) -> MotionStatistics:
     """What a feature table teaches."""
-    return learn(table, rate, DELTA)
+    return learn_motion(table, rate, DELTA)
 
 
 @cache
@@ -314,7 +314,7 @@ def random_film(rng, most_rows=24):
 @cache
 def open_tank() -> Tank:
     """The tank that the toy fish fits in."""
-    return tank(ARENA, 0.6 * LENGTH)
+    return make_tank(ARENA, 0.6 * LENGTH)
 
 
 def film_world_of(film_=None, room_=None, taught=None, **changes) -> FilmWorld:
@@ -334,14 +334,14 @@ def crowd_player(overlap=False) -> Planner:
     """A player of fish as wide as HULL, in a tank of ten lengths."""
     arena = np.zeros((600, 800), bool)
     arena[100:500, 200:600] = True
-    return matching_of(film_world_of(room_=tank(arena, 0.6 * LENGTH), overlap=overlap))
+    return matching_of(film_world_of(room_=make_tank(arena, 0.6 * LENGTH), overlap=overlap))
 
 
 def narrow_tank() -> Tank:
     """A tank with room for a few fish."""
     arena = np.zeros((80, 130), bool)
     arena[10:70, 10:120] = True
-    return tank(arena, 0.6 * LENGTH)
+    return make_tank(arena, 0.6 * LENGTH)
 
 
 def cast_of(film_: MotionGraph, hulls=(HULL, HULL)) -> Cast:
@@ -453,5 +453,5 @@ def spot(x, y, touch=TOUCH, head=HEAD) -> Target:
 
 def edit_of(player, goals, ticks, seed) -> tuple[Swim, pd.DataFrame]:
     """A swim, and its edit list."""
-    found = swim(player, goals, ticks, np.random.default_rng(seed))
+    found = animate_fish(player, goals, ticks, np.random.default_rng(seed))
     return found, build_edit_list(found, ticks, player.sources)

@@ -42,24 +42,25 @@ class Tank:
         """Return how far (h, w), px, each pixel is from the nearest one outside the arena."""
         return _depth_px(self.arena)
 
-    def into(self, x: float, y: float) -> tuple[float, float]:
-        """Return the point x, y px itself where it is legal, else the nearest legal pixel."""
-        row, column = self._pixel(x, y)
+    def nearest_legal_point(self, x: float, y: float) -> tuple[float, float]:
+        """Return the point x, y px where it is legal, else the legal pixel nearest to it."""
+        row, column = self._nearest_pixel(x, y)
         if self.legal[row, column]:
             return x, y
         return float(self.nearest[1, row, column]), float(self.nearest[0, row, column])
 
-    def _pixel(self, x: float, y: float) -> tuple[int, int]:
+    def _nearest_pixel(self, x: float, y: float) -> tuple[int, int]:
+        """Return row and column of the pixel of the picture nearest to a point x, y px."""
         height, width = self.legal.shape
         return min(max(round(y), 0), height - 1), min(max(round(x), 0), width - 1)
 
     def waypoint(self, x: float, y: float, to_x: float, to_y: float) -> tuple[float, float]:
-        """Return the target if it is in sight, else the farthest point in sight on the way.
+        """Return the target if it is in sight, else the farthest point in sight on the way to it.
 
         x, y, to_x, to_y: px of the fish and of the target. The way is the shortest one over legal
         pixels.
         """
-        if self.sees(x, y, to_x, to_y):
+        if self.can_swim_straight(x, y, to_x, to_y):
             return to_x, to_y
         cell = max(1, -(-max(self.legal.shape) // _CELLS))
         free = self.legal[cell // 2 :: cell, cell // 2 :: cell]
@@ -67,19 +68,19 @@ class Tank:
         last = np.array(cost.shape) - 1
         ends = [
             tuple(np.minimum((int(row) // cell, int(column) // cell), last))
-            for row, column in (self._pixel(x, y), self._pixel(to_x, to_y))
+            for row, column in (self._nearest_pixel(x, y), self._nearest_pixel(to_x, to_y))
         ]
         way, _ = skimage.graph.route_through_array(cost, ends[0], ends[1], geometric=True)
         seen = (to_x, to_y)
         for row, column in reversed(way):
             seen = float(column * cell + cell // 2), float(row * cell + cell // 2)
-            if self.sees(x, y, *seen):
+            if self.can_swim_straight(x, y, *seen):
                 break
         return seen
 
-    def sees(self, x: float, y: float, to_x: float, to_y: float) -> bool:
+    def can_swim_straight(self, x: float, y: float, to_x: float, to_y: float) -> bool:
         """Return whether a fish can swim straight from (x, y) px to (to_x, to_y) px."""
-        return bool(in_sight(self.legal, self.arena, x, y, to_x, to_y))
+        return bool(is_line_legal(self.legal, self.arena, x, y, to_x, to_y))
 
     def random_point(self, rng: np.random.Generator) -> tuple[float, float]:
         """Return a random legal pixel x, y; all are equally likely."""
@@ -91,15 +92,15 @@ class Tank:
 
 
 @leaf_kernel
-def inside(legal: Mask, x: float, y: float) -> bool:
-    """Return whether the pixel of a point x, y px is in the picture and legal; legal (h, w)."""
+def is_legal_point(legal: Mask, x: float, y: float) -> bool:
+    """Return whether a point x, y px lies in the picture and on a legal pixel; legal (h, w)."""
     column, row = round(x), round(y)
     return 0 <= row < legal.shape[0] and 0 <= column < legal.shape[1] and bool(legal[row, column])
 
 
 @leaf_kernel
-def in_sight(legal: Mask, arena: Mask, x: float, y: float, to_x: float, to_y: float) -> bool:
-    """Return whether every point of the line between two points, px, is legal.
+def is_line_legal(legal: Mask, arena: Mask, x: float, y: float, to_x: float, to_y: float) -> bool:
+    """Return whether every point of the straight line between two points, px, is legal.
 
     legal, arena (h, w). The line may begin beside a wall: up to the first legal point it need only
     be in the arena.
@@ -109,20 +110,20 @@ def in_sight(legal: Mask, arena: Mask, x: float, y: float, to_x: float, to_y: fl
     for i in range(steps + 1):
         share = i / steps
         at_x, at_y = x + share * (to_x - x), y + share * (to_y - y)
-        free = inside(legal, at_x, at_y)
-        if not free and (begun or not inside(arena, at_x, at_y)):
+        free = is_legal_point(legal, at_x, at_y)
+        if not free and (begun or not is_legal_point(arena, at_x, at_y)):
             return False
         begun = begun or free
     return begun
 
 
-def tank(arena: Mask, reach_px: float) -> Tank:
+def make_tank(arena: Mask, reach_px: float) -> Tank:
     """Return the tank of a fish that reaches up to `reach_px` from its centre.
 
     arena (h, w): true where animals can be. Of separate pools the largest is taken. FinloopError if
     such a fish does not fit in.
     """
-    parts, pools = scipy.ndimage.label(_free(arena, reach_px))
+    parts, pools = scipy.ndimage.label(_legal_centres(arena, reach_px))
     if pools == 0:
         rows, columns = (int(arena.any(axis).sum()) for axis in (1, 0))
         raise FinloopError(
@@ -139,112 +140,120 @@ def tank(arena: Mask, reach_px: float) -> Tank:
 
 
 def _depth_px(arena: Mask) -> NDArray[np.float32]:
+    """Return how far (h, w), px, each pixel of an arena is from the nearest one outside."""
     walled = np.pad(arena.astype(np.uint8), 1)
     depth = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return np.asarray(depth[1:-1, 1:-1], np.float32)
 
 
-def filmed_area(arena: Mask, outline_px: Reals) -> Mask:
+def filmed_area(arena: Mask, outlines_px: Reals) -> Mask:
     """Return the part (h, w) of an arena where animals were filmed: the hull of their outlines.
 
-    outline_px (n, k, 2): x, y as filmed of all outlines.
+    outlines_px (n, k, 2): x, y as filmed of all outlines.
     """
     hull = np.zeros(arena.shape, np.uint8)
-    cv2.fillConvexPoly(hull, _hull(outline_px), 1)
+    cv2.fillConvexPoly(hull, _convex_hull(outlines_px), 1)
     return arena & hull.astype(bool)
 
 
-def is_area_complete(outline_px: Reals) -> bool:
-    """Return whether the outlines (n, k, 2) of half of the film fill nearly as much area as all.
+def is_area_complete(outlines_px: Reals) -> bool:
+    """Return whether half of a film's outlines (n, k, 2) fill nearly as much area as all of them.
 
     The mean of the first and the last half counts. If False, the animals have not been everywhere
     that they can be: a longer film would show more.
     """
-    half = len(outline_px) // 2
+    half = len(outlines_px) // 2
     if half == 0:
         return False
-    parts = (outline_px, outline_px[:half], outline_px[half:])
-    whole, *halves = (cv2.contourArea(_hull(part)) for part in parts)
+    parts = (outlines_px, outlines_px[:half], outlines_px[half:])
+    whole, *halves = (cv2.contourArea(_convex_hull(part)) for part in parts)
     return sum(halves) / 2 >= _SETTLED * whole
 
 
-def floor_looks_alike(floor: Picture, filmed: Mask) -> bool:
+def is_floor_alike_beyond(floor: Picture, filmed_area: Mask) -> bool:
     """Return whether the floor looks the same beyond the area where animals were filmed.
 
-    floor: (h, w) or (h, w, 3), without animals; filmed (h, w): where they were. It does if most of
-    its grey beyond is within the range (5-95 %) of the grey where they were, widened by that range
-    on either side.
+    floor: (h, w) or (h, w, 3), without animals; filmed_area (h, w). It does if most of its grey
+    beyond is within the range (5-95 %) of the grey in the area, widened by that range on either
+    side.
     """
-    if filmed.all():
+    if filmed_area.all():
         return False
     grey = floor if floor.ndim == 2 else floor.mean(axis=2)
-    low, high = np.quantile(grey[filmed], [0.05, 0.95])
-    beyond = grey[~filmed]
+    low, high = np.quantile(grey[filmed_area], [0.05, 0.95])
+    beyond = grey[~filmed_area]
     alike = (beyond >= 2 * low - high) & (beyond <= 2 * high - low)
     return bool(alike.mean() >= _ALIKE)
 
 
-def _hull(outline_px: Reals) -> NDArray[np.int32]:
+def _convex_hull(outlines_px: Reals) -> NDArray[np.int32]:
+    """Return the corners of the convex hull of all outlines (n, k, 2), whole px."""
     corners = []
-    for first in range(0, len(outline_px), _LOT):
-        points = np.round(np.asarray(outline_px[first : first + _LOT]).reshape(-1, 2))
-        corners.append(_ends(points, int(points[:, 1].min()), int(points[:, 1].max())))
+    for first in range(0, len(outlines_px), _LOT):
+        points = np.round(np.asarray(outlines_px[first : first + _LOT]).reshape(-1, 2))
+        corners.append(_row_ends(points, int(points[:, 1].min()), int(points[:, 1].max())))
     return np.asarray(cv2.convexHull(np.concatenate(corners)), np.int32)
 
 
 @kernel
-def _ends(points: Reals, low: int, high: int) -> NDArray[np.int32]:
+def _row_ends(points: Reals, first_row: int, last_row: int) -> NDArray[np.int32]:
     """Return the leftmost and rightmost (k, 2) of whole points (n, 2) in each row of pixels.
 
     No other can be a corner of their convex hull, which would take 15 s for a million outlines.
-    low, high: the first and the last row.
     """
-    ends = np.empty((high - low + 1, 2))
+    ends = np.empty((last_row - first_row + 1, 2))
     ends[:, 0], ends[:, 1] = np.inf, -np.inf
     for i in range(len(points)):
-        x, row = points[i, 0], int(points[i, 1]) - low
+        x, row = points[i, 0], int(points[i, 1]) - first_row
         ends[row, 0], ends[row, 1] = min(ends[row, 0], x), max(ends[row, 1], x)
     some = np.flatnonzero(ends[:, 0] <= ends[:, 1])
     made = np.empty((2 * len(some), 2), np.int32)
     for i in range(len(some)):
         for side in range(2):
-            made[2 * i + side, 0], made[2 * i + side, 1] = ends[some[i], side], low + some[i]
+            made[2 * i + side, 0], made[2 * i + side, 1] = ends[some[i], side], first_row + some[i]
     return made
 
 
-def tank_area(arena: Mask, outline_px: Reals, tank: str, floor: Picture | None = None) -> Mask:
+def tank_area(
+    arena: Mask, outlines_px: Reals, tank_setting: str, floor: Picture | None = None
+) -> Mask:
     """Return where (h, w) a fish may be: in `arena`, or in its part where animals were filmed.
 
-    tank: "arena", "filmed", or "auto". `auto` takes the filmed area if the arena is the whole
-    picture, so none was given, and the animals filled at least a quarter of it: elsewhere there may
-    be no floor. A fish that keeps to less, as in a current, may swim anywhere. So may a fish whose
-    film is too short to show the tank (`is_area_complete`), if the `floor` goes on.
+    outlines_px (n, k, 2): x, y as filmed; tank_setting: "arena", "filmed", or "auto". `auto` takes
+    the filmed area if the arena is the whole picture, so none was given, and the animals filled at
+    least a quarter of it: elsewhere there may be no floor. A fish that keeps to less, as in a
+    current, may swim anywhere. So may a fish whose film is too short to show the tank
+    (`is_area_complete`), if the `floor` goes on.
     """
-    if tank == "arena" or (tank == "auto" and not arena.all()):
+    if tank_setting == "arena" or (tank_setting == "auto" and not arena.all()):
         return arena
-    filmed = filmed_area(arena, outline_px)
+    filmed = filmed_area(arena, outlines_px)
     known = (
-        tank == "filmed"
-        or is_area_complete(outline_px)
+        tank_setting == "filmed"
+        or is_area_complete(outlines_px)
         or floor is None
-        or not floor_looks_alike(floor, filmed)
+        or not is_floor_alike_beyond(floor, filmed)
     )
-    return filmed if known and (tank == "filmed" or filmed.mean() >= _ROAMS) else arena
+    return filmed if known and (tank_setting == "filmed" or filmed.mean() >= _ROAMS) else arena
 
 
 def choose_fish_area(
-    arena: Mask, outline_px: Reals, reach_px: float, tank: str, floor: Picture | None = None
+    arena: Mask,
+    outlines_px: Reals,
+    reach_px: float,
+    tank_setting: str,
+    floor: Picture | None = None,
 ) -> Mask:
     """Return where (h, w) a fish may be: `tank_area`, or with "auto" the arena if it needs that.
 
     reach_px: how far the fish reaches from its centre. It needs the whole arena if it does not fit
     in the area.
     """
-    area = tank_area(arena, outline_px, tank, floor)
-    return arena if tank == "auto" and not fits(area, reach_px) else area
+    area = tank_area(arena, outlines_px, tank_setting, floor)
+    return arena if tank_setting == "auto" and not can_fish_fit(area, reach_px) else area
 
 
-def size_for(area: Mask, reach_px: float) -> float:
+def size_that_fits(area: Mask, reach_px: float) -> float:
     """Return the size, as a share of the filmed one, at which a fish can turn in an area (h, w).
 
     reach_px: how far the fish as filmed reaches from its centre. 1, but less where the area is
@@ -253,12 +262,13 @@ def size_for(area: Mask, reach_px: float) -> float:
     return min(1.0, _ROOM * float(_depth_px(area).max()) / reach_px)
 
 
-def fits(arena: Mask, reach_px: float) -> bool:
+def can_fish_fit(arena: Mask, reach_px: float) -> bool:
     """Return whether a fish that reaches `reach_px` from its centre fits in an arena (h, w)."""
-    return bool(_free(arena, reach_px).any())
+    return bool(_legal_centres(arena, reach_px).any())
 
 
-def _free(arena: Mask, reach_px: float) -> Mask:
+def _legal_centres(arena: Mask, reach_px: float) -> Mask:
+    """Return where (h, w) the centre of a fish may be that reaches `reach_px` from it."""
     return np.asarray(_depth_px(arena) > reach_px + 1)
 
 
@@ -269,25 +279,25 @@ def goal_name(number: int) -> str:
 
 
 def place_goals(
-    given: Sequence[Sequence[float]], unit: str, tank: Tank, touch_px: float
+    given_goals: Sequence[Sequence[float]], unit: str, tank: Tank, touch_px: float
 ) -> list[Goal]:
     """Return the goals of the configuration, in pixels.
 
-    `given`: [x, y] each; `unit`: "px", or "tank": shares of its width and height, from the upper
-    left. A fish touches what is within `touch_px` of a legal centre. A share in 0-1 that is outside
-    the tank, as in the corner of a round one, or that it cannot touch, is moved to the nearest
-    legal centre. FinloopError, which names all, if there are no goals, or one is not x, y or cannot
-    be reached.
+    given_goals: [x, y] each; `unit`: "px", or "tank": shares of its width and height, from the
+    upper left. A fish touches what is within `touch_px` of a legal centre. A share in 0-1 that is
+    outside the tank, as in the corner of a round one, or that it cannot touch, is moved to the
+    nearest legal centre. FinloopError, which names all, if there are no goals, or one is not x, y
+    or cannot be reached.
     """
     rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
     left, top, right, bottom = columns[0], rows[0], columns[-1], rows[-1]
     wanted = f"one or more goals inside the tank, which is {left}-{right} × {top}-{bottom} px"
-    if not given:
+    if not given_goals:
         raise FinloopError(
             "animate.goals is empty", wanted, "name some: animate.goals=[[0.2,0.3],[0.8,0.7]]"
         )
     goals, problems = [], []
-    for name, pair in zip(map(goal_name, count()), given, strict=False):
+    for name, pair in zip(map(goal_name, count()), given_goals, strict=False):
         if len(pair) != 2:
             problems.append(f"{name}: {pair} is not x, y")
             continue
@@ -295,14 +305,14 @@ def place_goals(
         if unit == "tank":
             within = 0 <= min(x, y) <= max(x, y) <= 1
             x, y = left + x * (right - left), top + y * (bottom - top)
-            legal = tank.into(x, y)
+            legal = tank.nearest_legal_point(x, y)
             near = np.hypot(legal[0] - x, legal[1] - y) <= touch_px
-            if within and not (near and inside(tank.arena, x, y)):
+            if within and not (near and is_legal_point(tank.arena, x, y)):
                 x, y = legal
         goals.append(Goal(name, x, y))
-        if not inside(tank.arena, x, y):
+        if not is_legal_point(tank.arena, x, y):
             problems.append(f"{name}: ({x:.0f}, {y:.0f}) px is outside the tank")
-        elif np.hypot(*np.subtract(tank.into(x, y), (x, y))) > touch_px:
+        elif np.hypot(*np.subtract(tank.nearest_legal_point(x, y), (x, y))) > touch_px:
             problems.append(f"{name}: ({x:.0f}, {y:.0f}) px lies where the fish does not fit in")
     if problems:
         raise FinloopError(

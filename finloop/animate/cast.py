@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.company import Discs, Hulls, discs_of
+from finloop.animate.company import Discs, Hulls, cover_with_discs
 from finloop.base.arrays import Floats, Reals
 from finloop.base.kernel import kernel
 
@@ -28,37 +28,43 @@ class FrameHulls:
     scale: Floats
 
     def __len__(self) -> int:
+        """Return the number n of frames."""
         return len(self.centre_px)
 
     def __getitem__(self, rows: slice) -> NDArray[np.float32]:
-        """Return the outlines (m, k, 2) of some frames."""
+        """Return the outlines (m, k, 2) of a slice of frames."""
         frames = self.centre_px[rows], self.heading_rad[rows], self.scale[rows]
-        return np.asarray(_own_axes(self.outline_px[rows], *frames))
+        return np.asarray(_to_body_axes(self.outline_px[rows], *frames))
 
     @property
     def reach_px(self) -> Floats:
         """Return how far (n,), px as drawn, each outline reaches from the mass centre."""
-        return _farthest(self.outline_px, self.centre_px) * self.scale
+        return _reach_from_centre(self.outline_px, self.centre_px) * self.scale
 
 
 @kernel
-def _own_axes(points, centre, heading_rad, scale):  # type: ignore[no-untyped-def]
-    """Return points (n, k, 2) relative to each centre (n, 2), scaled, along each heading."""
+def _to_body_axes(points, centres, headings_rad, scale):  # type: ignore[no-untyped-def]
+    """Return points (n, k, 2), px as drawn, ahead of and to the left of each mass centre.
+
+    points: x, y px as filmed; centres (n, 2): x, y px; headings_rad (n,); scale (n,): drawn /
+    filmed size.
+    """
     made = np.empty(points.shape, np.float32)
     for row in range(len(points)):
-        cos, sin = scale[row] * np.cos(heading_rad[row]), scale[row] * np.sin(heading_rad[row])
+        cos, sin = scale[row] * np.cos(headings_rad[row]), scale[row] * np.sin(headings_rad[row])
         for k in range(points.shape[1]):
-            dx, dy = points[row, k, 0] - centre[row, 0], points[row, k, 1] - centre[row, 1]
+            dx, dy = points[row, k, 0] - centres[row, 0], points[row, k, 1] - centres[row, 1]
             made[row, k, 0], made[row, k, 1] = dx * cos - dy * sin, -dx * sin - dy * cos
     return made
 
 
 @kernel
-def _farthest(points, centre):  # type: ignore[no-untyped-def]
+def _reach_from_centre(points, centres):  # type: ignore[no-untyped-def]
+    """Return the largest distance (n,) of points (n, k, 2) from their centres (n, 2), px."""
     far = np.zeros(len(points))
     for row in range(len(points)):
         for k in range(points.shape[1]):
-            dx, dy = points[row, k, 0] - centre[row, 0], points[row, k, 1] - centre[row, 1]
+            dx, dy = points[row, k, 0] - centres[row, 0], points[row, k, 1] - centres[row, 1]
             far[row] = max(far[row], dx * dx + dy * dy)
     return np.sqrt(far)
 
@@ -68,7 +74,7 @@ class Cast:
     """What is drawn: the table of sprites (s rows), and the outlines of all pictures.
 
     sprite_hulls: the outline (k, 2) of every sprite, px ahead of and to the left of the mass
-    centre, as drawn; frame_hulls: the same of every frame.
+    centre, as drawn; frame_hulls: the outlines of the film's frames.
     """
 
     sprites: pd.DataFrame
@@ -77,10 +83,10 @@ class Cast:
 
     @cached_property
     def sprite_scale(self) -> Floats:
-        """Return the drawn size as a multiple of the filmed size (s,) of every sprite."""
+        """Return the drawn size of every sprite (s,), as a multiple of the filmed size."""
         return self.sprites["scale"].to_numpy(float)
 
     @cached_property
     def discs(self) -> Discs:
-        """Return the discs that together hold the body, for every frame and sprite."""
-        return discs_of(self.frame_hulls, self.sprite_hulls)
+        """Return the discs that together cover the body, for every frame and sprite."""
+        return cover_with_discs(self.frame_hulls, self.sprite_hulls)

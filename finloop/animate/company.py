@@ -24,12 +24,17 @@ _EDGE_PX = 1.5  # of a pixel's corner beyond its middle, of both bodies
 class Hulls(Protocol):
     """Outlines (n, p, 2) that are read in slices: an array, or one that stays in a file."""
 
-    def __len__(self) -> int: ...
-    def __getitem__(self, rows: slice, /) -> Reals: ...
+    def __len__(self) -> int:
+        """Return the number n of outlines."""
+        ...
+
+    def __getitem__(self, rows: slice, /) -> Reals:
+        """Return the outlines of a slice of pictures."""
+        ...
 
 
 class Discs(NamedTuple):
-    """The discs that hold the body in every picture.
+    """The discs that together cover the body in every picture.
 
     table (n + s, k, 3): of n frames of the film, then of s sprites: px ahead of the mass centre and
     to its left, and the radius; frames: n; reach: px from the centre beyond which no disc reaches.
@@ -62,89 +67,95 @@ ALONE = Company(0, np.zeros((1, 0, 4)), NO_DISCS)
 
 
 class Plans:
-    """What the fish of a tank have planned: the last way of each, and the tick at which it begins.
+    """What the fish of a tank have planned: the last trajectory of each, and its first tick.
 
     Fish are numbered from 0; a fish that has not planned yet is not there.
     """
 
-    def __init__(self, fish: int) -> None:
-        self._ways = np.zeros((fish, _TICKS, 4))
-        self._begins, self._ticks = np.zeros(fish, np.int64), np.zeros(fish, np.int64)
+    def __init__(self, fish_count: int) -> None:
+        """Make room for the plans of some fish, none of which has planned yet."""
+        self._ways = np.zeros((fish_count, _TICKS, 4))
+        self._begins, self._ticks = np.zeros(fish_count, np.int64), np.zeros(fish_count, np.int64)
 
     @classmethod
-    def from_paths(cls, ways: Sequence[Floats], start: int) -> "Plans":
-        """Return the plans of fish whose ways (n, 4) all begin at tick `start`.
+    def from_paths(cls, trajectories: Sequence[Floats], start_tick: int) -> "Plans":
+        """Return the plans of fish whose trajectories (n, 4) all begin at one tick.
 
-        ways: one a fish; x, y px, heading and picture at every tick, as in `Company`.
+        trajectories: one a fish; x, y px, heading and picture at every tick, as in `Company`.
         """
-        plans = cls(len(ways))
-        for number, way in enumerate(ways):
-            plans.put(number, start, way)
+        plans = cls(len(trajectories))
+        for number, way in enumerate(trajectories):
+            plans.put(number, start_tick, way)
         return plans
 
-    def put(self, number: int, begins: int, way: Floats) -> None:
-        """Store the way of a fish that begins at tick `begins`, in place of its last one.
+    def put(self, fish: int, start_tick: int, trajectory: Floats) -> None:
+        """Store the trajectory of a fish from a tick on, in place of its last one.
 
-        way (n, 4), n ≥ 1: x, y px, heading and picture at every tick, as in `Company`.
+        trajectory (n, 4), n ≥ 1: x, y px, heading and picture at every tick, as in `Company`.
         """
-        more = len(way) - self._ways.shape[1]
+        more = len(trajectory) - self._ways.shape[1]
         if more > 0:
             self._ways = np.pad(self._ways, [(0, 0), (0, more), (0, 0)])
-        self._ways[number, : len(way)] = way
-        self._begins[number], self._ticks[number] = begins, len(way)
+        self._ways[fish, : len(trajectory)] = trajectory
+        self._begins[fish], self._ticks[fish] = start_tick, len(trajectory)
 
-    def others(self, number: int, tick: int) -> Floats:
-        """Return the ways of all fish but `number` from a tick on, side by side.
+    def others(self, fish: int, tick: int) -> Floats:
+        """Return where all fish but one will be from a tick on: (n, m, 4), m fish at n ticks.
 
-        (n, m, 4): x, y px, heading and picture of m fish at n ticks, as in `Company`.
+        Columns: x, y px, heading and picture, as in `Company`.
         """
-        return np.asarray(_places(self._ways, self._begins, self._ticks, number, tick))
+        return np.asarray(_places_of_others(self._ways, self._begins, self._ticks, fish, tick))
 
-    def number(self, own: int, other: int) -> int:
-        """Return the number of the fish in column `other` of what fish `own` is shown."""
+    def fish_in_column(self, fish: int, column: int) -> int:
+        """Return the number of the fish in a column of `others`, called for another fish."""
         there = np.flatnonzero(self._ticks > 0)
-        return int(there[there != own][other])
+        return int(there[there != fish][column])
 
-    def has(self, number: int) -> bool:
+    def has_planned(self, fish: int) -> bool:
         """Return whether a fish has planned anything yet."""
-        return bool(self._ticks[number])
+        return bool(self._ticks[fish])
 
-    def place_at(self, number: int, tick: int) -> Floats:
-        """Return x, y px, heading and picture (4,) of a fish at a tick."""
-        row = min(max(tick - self._begins[number], 0), self._ticks[number] - 1)
-        return np.asarray(self._ways[number, row])
+    def pose_at(self, fish: int, tick: int) -> Floats:
+        """Return x, y px, heading in degrees and picture (4,) of a fish at a tick."""
+        row = min(max(tick - self._begins[fish], 0), self._ticks[fish] - 1)
+        return np.asarray(self._ways[fish, row])
 
 
-def company_of(others: Floats, start: int, discs: Discs, stays: int) -> Company:
-    """Return the company that a fish knows at tick `start`.
+def make_company(other_plans: Floats, start_tick: int, discs: Discs, ticks_after: int) -> Company:
+    """Return the company of other fish as a fish that decides at a tick knows it.
 
-    others (n, m, 4): from `Plans.others`; stays: for how many ticks after their plans a search
-    considers them.
+    other_plans (n, m, 4): from `Plans.others`; ticks_after: for how many ticks after their plans a
+    search considers them.
     """
-    ticks, count = others.shape[:2]
-    return Company(start, others, discs, start + ticks - 1 + stays, count)
+    ticks, count = other_plans.shape[:2]
+    return Company(start_tick, other_plans, discs, start_tick + ticks - 1 + ticks_after, count)
 
 
 @kernel
-def _places(ways, begins, ticks, own, tick):  # type: ignore[no-untyped-def]
+def _places_of_others(trajectories, first_ticks, lengths, fish, tick):  # type: ignore[no-untyped-def]
+    """Return where all fish but `fish` will be from a tick on (n, m, 4), as `Plans.others` does.
+
+    trajectories (fish, t, 4): of all; first_ticks, lengths (fish,): of each trajectory, 0 long if
+    there is none.
+    """
     count, most = 0, 1
-    for k in range(len(ticks)):
-        if k != own and ticks[k] > 0:
+    for k in range(len(lengths)):
+        if k != fish and lengths[k] > 0:
             count += 1
-            most = max(most, begins[k] + ticks[k] - tick)
+            most = max(most, first_ticks[k] + lengths[k] - tick)
     places, m = np.empty((most, count, 4)), 0
-    for k in range(len(ticks)):
-        if k != own and ticks[k] > 0:
+    for k in range(len(lengths)):
+        if k != fish and lengths[k] > 0:
             for t in range(most):
-                row = min(max(tick + t - begins[k], 0), ticks[k] - 1)
+                row = min(max(tick + t - first_ticks[k], 0), lengths[k] - 1)
                 for c in range(4):
-                    places[t, m, c] = ways[k, row, c]
+                    places[t, m, c] = trajectories[k, row, c]
             m += 1
     return places
 
 
 @kernel
-def near_first(company: Company, x: float, y: float, farthest: Floats) -> Company:
+def sort_near_first(company: Company, x: float, y: float, farthest: Floats) -> Company:
     """Return the company with those fish first that a fish at x, y px can meet during a search.
 
     farthest (t,): px that a fish moves in 0, 1, 2 … ticks at most; after these it goes on at their
@@ -175,21 +186,21 @@ def near_first(company: Company, x: float, y: float, farthest: Floats) -> Compan
     return Company(company.start, places, company.discs, company.until, first)
 
 
-def discs_of(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Discs:
-    """Return the discs that hold outlines, of frames (n, p, 2) and then of sprites, (p, 2) each.
+def cover_with_discs(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Discs:
+    """Return the discs that cover outlines, of frames (n, p, 2) and then of sprites, (p, 2) each.
 
     Outlines are px ahead of and to the left of the mass centre.
     """
     lots = (frame_hulls[first : first + _LOT] for first in range(0, len(frame_hulls), _LOT))
     every = chain(lots, (np.asarray(hull)[None] for hull in sprite_hulls))
-    table = np.concatenate([_discs(np.ascontiguousarray(lot, float)) for lot in every])
+    table = np.concatenate([_disc_table(np.ascontiguousarray(lot, float)) for lot in every])
     reach = np.hypot(table[..., 0], table[..., 1]) + table[..., 2]
     return Discs(table, len(frame_hulls), float(reach.max()))
 
 
 @kernel
-def _discs(hulls):  # type: ignore[no-untyped-def]
-    """Return discs (n, k, 3) that hold outlines (n, p, 2), for equal parts of their length."""
+def _disc_table(hulls):  # type: ignore[no-untyped-def]
+    """Return the discs (n, k, 3) that cover outlines (n, p, 2), one for each part of the length."""
     discs, wide = np.empty((len(hulls), _DISCS, 3)), np.empty((_DISCS, 2))
     for n in range(len(hulls)):
         hull = hulls[n]
@@ -199,7 +210,7 @@ def _discs(hulls):  # type: ignore[no-untyped-def]
         for p in range(len(hull)):
             last, point = hull[p - 1], hull[p]
             ahead = (last[0] - back) / part, (point[0] - back) / part
-            _widen(wide, ahead, (last[1], point[1]))
+            _widen_parts(wide, ahead, (last[1], point[1]))
         for k in range(_DISCS):
             low, high = wide[k, 0], wide[k, 1]
             if low > high:
@@ -210,10 +221,10 @@ def _discs(hulls):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def _widen(wide, ahead, left):  # type: ignore[no-untyped-def]
+def _widen_parts(parts, ahead, left):  # type: ignore[no-untyped-def]
     """Widen the parts (k, 2), lowest and highest left, to hold a side of an outline.
 
-    ahead, left: of its two ends, the former in parts.
+    ahead, left: of the side's two ends; ahead in lengths of a part.
     """
     near, far = min(ahead), max(ahead)
     for k in range(min(int(near), _DISCS - 1), min(int(far), _DISCS - 1) + 1):
@@ -222,22 +233,24 @@ def _widen(wide, ahead, left):  # type: ignore[no-untyped-def]
             if near < far:
                 share = (min(max(float(k + end), near), far) - ahead[0]) / (ahead[1] - ahead[0])
             at = left[0] + share * (left[1] - left[0])
-            wide[k, 0], wide[k, 1] = min(wide[k, 0], at), max(wide[k, 1], at)
+            parts[k, 0], parts[k, 1] = min(parts[k, 0], at), max(parts[k, 1], at)
 
 
 @leaf_kernel
-def clear(company: Company, picture: int, x: float, y: float, heading: float, tick: int) -> bool:
+def is_clear_of_fish(
+    company: Company, picture: int, x: float, y: float, heading: float, tick: int
+) -> bool:
     """Return whether a picture at x, y px and a heading in degrees meets no other fish at a tick.
 
     picture: its number as in `Discs`.
     """
-    return _clear(company, company.places.shape[1], picture, (x, y, heading), tick)
+    return _is_clear_of_first(company, company.places.shape[1], picture, (x, y, heading), tick)
 
 
 @leaf_kernel
-def _clear(company, count, picture, place, tick):  # type: ignore[no-untyped-def]
-    """Return whether a picture at a place (x, y, heading) meets none of the first `count` fish."""
-    others, near, (x, y, heading) = company.places, 4.0 * company.discs.reach**2, place
+def _is_clear_of_first(company, count, picture, pose, tick):  # type: ignore[no-untyped-def]
+    """Return whether a picture at a pose (x, y, heading) meets none of the first `count` fish."""
+    others, near, (x, y, heading) = company.places, 4.0 * company.discs.reach**2, pose
     if count == 0:
         return True
     t = min(max(tick - company.start, 0), others.shape[0] - 1)
@@ -245,27 +258,27 @@ def _clear(company, count, picture, place, tick):  # type: ignore[no-untyped-def
         dx, dy = others[t, k, 0] - x, others[t, k, 1] - y
         if dx * dx + dy * dy < near:
             second = int(others[t, k, 3]), others[t, k, 2]
-            if _meet(company.discs, (picture, heading), second, dx, dy):
+            if _do_discs_overlap(company.discs, (picture, heading), second, dx, dy):
                 return False
     return True
 
 
 @leaf_kernel
-def clear_ahead(company, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
-    """Return whether a picture at a place meets none of the fish that a search considers at a tick.
+def is_clear_in_search(company, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
+    """Return whether a picture at x, y px and a heading meets no fish that a search considers.
 
-    Only the first `near` fish count, and only from tick `start` to `until` of the company;
-    otherwise True.
+    picture: its number as in `Discs`; heading: degrees. Only the first `near` fish count, and only
+    from tick `start` to `until` of the company; otherwise True.
     """
     unknown = tick < company.start or tick > company.until
-    return unknown or _clear(company, company.near, picture, (x, y, heading), tick)
+    return unknown or _is_clear_of_first(company, company.near, picture, (x, y, heading), tick)
 
 
 @leaf_kernel
-def _meet(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
+def _do_discs_overlap(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
     """Return whether the discs of two pictures overlap, the second dx, dy px (y down) away.
 
-    first, second: number, heading.
+    first, second: number of the picture, heading in degrees.
     """
     a, side, cos, sin = disc_orientation(discs, first)
     b, other_side, other_cos, other_sin = disc_orientation(discs, second)
@@ -284,13 +297,13 @@ def _meet(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def disc_orientation(discs, one):  # type: ignore[no-untyped-def]
+def disc_orientation(discs, picture_and_heading):  # type: ignore[no-untyped-def]
     """Return how the discs of a picture lie: table row, side, cosine and sine of the heading.
 
-    one: number of the picture, and heading in degrees. The side is −1 for a mirror image, whose
-    left is right; else 1.
+    picture_and_heading: number of the picture, heading in degrees. The side is −1 for a mirror
+    image, whose left is right; else 1.
     """
-    number, angle = one[0], np.radians(one[1])
+    number, angle = picture_and_heading[0], np.radians(picture_and_heading[1])
     side = 1.0
     if number < 0:
         number = discs.frames - 1 - number
@@ -300,36 +313,45 @@ def disc_orientation(discs, one):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def clear_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> int:
-    """Return how many ticks of a way (n, 3), begun at tick `tick`, meet no other fish.
+def count_clear_ticks(company: Company, pictures: Ints, trajectory: Floats, start_tick: int) -> int:
+    """Return how many ticks of a trajectory (n, 3), begun at a tick, meet no other fish.
 
-    numbers (n,): of its pictures, as in `Discs`; way: x, y px, heading.
+    pictures (n,): their numbers as in `Discs`; trajectory: x, y px, heading.
     """
-    for t in range(len(way)):
-        if not clear(company, numbers[t], way[t, 0], way[t, 1], way[t, 2], tick + t):
+    for t in range(len(trajectory)):
+        if not is_clear_of_fish(
+            company,
+            pictures[t],
+            trajectory[t, 0],
+            trajectory[t, 1],
+            trajectory[t, 2],
+            start_tick + t,
+        ):
             return t
-    return len(way)
+    return len(trajectory)
 
 
 @leaf_kernel
-def can_stay(company: Company, picture: int, place, tick: int) -> bool:  # type: ignore[no-untyped-def]
-    """Return whether a picture that stays at a place meets no other fish from tick `tick` on.
+def can_stay(company: Company, picture: int, pose, tick: int) -> bool:  # type: ignore[no-untyped-def]
+    """Return whether a picture that stays at a pose meets no other fish from a tick on.
 
-    picture: its number as in `Discs`; place: x, y px, heading.
+    picture: its number as in `Discs`; pose: x, y px, heading.
     """
     last = max(company.start + company.places.shape[0] - 1, tick)
-    while tick <= last and clear(company, picture, place[0], place[1], place[2], tick):
+    while tick <= last and is_clear_of_fish(company, picture, pose[0], pose[1], pose[2], tick):
         tick += 1
     return tick > last
 
 
 @leaf_kernel
-def lasting_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> int:
-    """Return how many ticks of a way (n, 3) a fish can swim and then stay, clear of all others.
+def count_lasting_ticks(
+    company: Company, pictures: Ints, trajectory: Floats, start_tick: int
+) -> int:
+    """Return how many ticks of a trajectory (n, 3) a fish can swim, and then stay, clear of others.
 
-    numbers (n,): of its pictures, as in `Discs`; tick: at which the way begins.
+    pictures (n,): their numbers as in `Discs`; trajectory: x, y px, heading.
     """
-    n = clear_ticks(company, numbers, way, tick)
-    while n > 0 and not can_stay(company, numbers[n - 1], way[n - 1], tick + n - 1):
+    n = count_clear_ticks(company, pictures, trajectory, start_tick)
+    while n > 0 and not can_stay(company, pictures[n - 1], trajectory[n - 1], start_tick + n - 1):
         n -= 1
     return n

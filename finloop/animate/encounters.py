@@ -41,18 +41,22 @@ def place_outline(
     return np.asarray(turned + np.array([x_px, y_px]))
 
 
-def outline_on_screen(player: AnyPlayer, row: Any) -> Floats:
+def outline_on_screen(player: AnyPlayer, edit_row: Any) -> Floats:
     """Return the outline (p, 2) on screen, x, y px, of a row of an edit list.
 
-    row: one with the fields of `PlacedPicture`.
+    edit_row: one with the fields of `PlacedPicture`.
     """
-    mirrored = row.kind == FRAME and row.mirrored
+    mirrored = edit_row.kind == FRAME and edit_row.mirrored
     return place_outline(
-        player.hull(row.kind, row.source), row.x_px, row.y_px, row.heading_deg, mirrored
+        player.hull(edit_row.kind, edit_row.source),
+        edit_row.x_px,
+        edit_row.y_px,
+        edit_row.heading_deg,
+        mirrored,
     )
 
 
-def overlap(one: Floats, other: Floats) -> bool:
+def do_outlines_overlap(one: Floats, other: Floats) -> bool:
     """Return whether two outlines (p, 2) on screen share a pixel, apart from their edges."""
     low, high = np.maximum(one.min(0), other.min(0)), np.minimum(one.max(0), other.max(0))
     if (low > high).any():
@@ -65,14 +69,14 @@ def overlap(one: Floats, other: Floats) -> bool:
     return bool((masks[0] & masks[1]).any())
 
 
-def places(edit: pd.DataFrame) -> Floats:
-    """Return the places (fish, ticks, 2), x, y px, of the fish of an edit list."""
+def fish_places(edit: pd.DataFrame) -> Floats:
+    """Return the places (fish, ticks, 2), x, y px, of all fish of an edit list."""
     return edit[["x_px", "y_px"]].to_numpy(float).reshape(edit["fish"].nunique(), -1, 2)
 
 
-def overlaps(edit: pd.DataFrame, player: AnyPlayer) -> Ints:
+def count_overlaps(edit: pd.DataFrame, player: AnyPlayer) -> Ints:
     """Return how many pairs of fish overlap at each tick (ticks,) of an edit list."""
-    where = places(edit)
+    where = fish_places(edit)
     fish, ticks = where.shape[:2]
     columns = [edit[name].to_numpy() for name in PlacedPicture._fields]
 
@@ -85,13 +89,13 @@ def overlaps(edit: pd.DataFrame, player: AnyPlayer) -> Ints:
     for one, other in combinations(range(fish), 2):
         apart = np.hypot(*(where[one] - where[other]).T)
         for tick in np.flatnonzero(apart < 2 * player.cast.discs.reach).tolist():
-            pairs[tick] += overlap(hull_at(one, tick), hull_at(other, tick))
+            pairs[tick] += do_outlines_overlap(hull_at(one, tick), hull_at(other, tick))
     return pairs
 
 
-def nearest_distances(where: Floats) -> Floats:
+def nearest_distances(places: Floats) -> Floats:
     """Return the distance (n,) of each of n ≥ 2 places (n, 2) from its nearest neighbour."""
-    far = np.hypot(*(where[:, None] - where[None]).transpose(2, 0, 1))
+    far = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
     np.fill_diagonal(far, np.inf)
     return np.asarray(far.min(axis=1))
 
@@ -101,23 +105,23 @@ def measure_clearance(edit: pd.DataFrame, player: AnyPlayer) -> dict[str, float]
 
     Keys: `overlapping_pairs_per_1000_ticks`, and those of `distance_quantiles`.
     """
-    where = places(edit)
+    where = fish_places(edit)
     if len(where) < 2:
         return {}
     near = [nearest_distances(tick) for tick in where.transpose(1, 0, 2)]
     return {
-        "overlapping_pairs_per_1000_ticks": 1000 * float(overlaps(edit, player).mean()),
+        "overlapping_pairs_per_1000_ticks": 1000 * float(count_overlaps(edit, player).mean()),
         **distance_quantiles(np.concatenate(near) / player.world.motion.body_length_px),
     }
 
 
 def measure_film_clearance(features: pd.DataFrame) -> dict[str, float]:
     """Return quantiles of how near a film's animals come to each other; empty for one at a time."""
-    near = film_nearest(features)
+    near = film_nearest_distances(features)
     return distance_quantiles(near) if len(near) else {}
 
 
-def film_nearest(features: pd.DataFrame) -> Floats:
+def film_nearest_distances(features: pd.DataFrame) -> Floats:
     """Return how far, in body lengths, each animal of a film is from its nearest neighbour.
 
     (k,): one for each row of the feature table whose frame shows several animals.
@@ -130,11 +134,11 @@ def film_nearest(features: pd.DataFrame) -> Floats:
     )
 
 
-def distance_quantiles(near: Floats) -> dict[str, float]:
+def distance_quantiles(distances: Floats) -> dict[str, float]:
     """Return the quantiles 1 %, 5 % and 50 % of distances (k,) to the nearest neighbour, by name.
 
-    near and results are in body lengths.
+    distances and results are in body lengths.
     """
-    at = np.quantile(near, [0.01, 0.05, 0.5])
+    at = np.quantile(distances, [0.01, 0.05, 0.5])
     names = ("nearest_1pct", "nearest_5pct", "nearest_median")
     return {f"{name}_body_lengths": float(q) for name, q in zip(names, at, strict=True)}

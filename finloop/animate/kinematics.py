@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.animate.arena import Tank, inside
+from finloop.animate.arena import Tank, is_legal_point
 from finloop.base.arrays import Floats, Mask
 from finloop.base.kernel import kernel, leaf_kernel
 
@@ -26,16 +26,16 @@ class Target(NamedTuple):
     free: bool = False
 
 
-def aim_in(tank: Tank, place: tuple[float, float], goal: Target, near_px: float) -> Target:
+def next_aim(tank: Tank, place_px: tuple[float, float], goal: Target, near_px: float) -> Target:
     """Return the point to head for: the legal place nearest to a goal, or a waypoint on the way.
 
-    place: x, y px of the fish. It is the goal itself where that legal place is less than `near_px`
+    place_px: x, y of the fish. It is the goal itself where that legal place is less than `near_px`
     away.
     """
-    legal = tank.into(goal.x, goal.y)
-    if np.hypot(legal[0] - place[0], legal[1] - place[1]) < near_px:
+    legal = tank.nearest_legal_point(goal.x, goal.y)
+    if np.hypot(legal[0] - place_px[0], legal[1] - place_px[1]) < near_px:
         return goal
-    x, y = tank.waypoint(*place, *legal)
+    x, y = tank.waypoint(*place_px, *legal)
     return goal._replace(x=float(x), y=float(y))
 
 
@@ -64,21 +64,21 @@ class Turning(NamedTuple):
 
 
 @leaf_kernel
-def turn_by(dx: float, dy: float, cos: float, sin: float):  # type: ignore[no-untyped-def]
+def rotate_by_cos_sin(dx: float, dy: float, cos: float, sin: float):  # type: ignore[no-untyped-def]
     """Return a displacement dx, dy on screen (y down), turned by an angle's cosine and sine."""
     return dx * cos + dy * sin, dy * cos - dx * sin
 
 
 @leaf_kernel
-def rotate(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
-    """Return a displacement dx, dy on screen (y down), turned anticlockwise by `rot` degrees."""
-    angle = np.radians(rot)
-    return turn_by(dx, dy, np.cos(angle), np.sin(angle))
+def rotate(dx: float, dy: float, angle_deg: float):  # type: ignore[no-untyped-def]
+    """Return a displacement dx, dy on screen (y down), turned anticlockwise by `angle_deg`."""
+    angle = np.radians(angle_deg)
+    return rotate_by_cos_sin(dx, dy, np.cos(angle), np.sin(angle))
 
 
 @leaf_kernel
 def wrap(angle: float) -> float:
-    """Return the same angle, degrees, in (−180, 180]."""
+    """Return an angle, in degrees, moved by whole turns into (−180, 180]."""
     return 180.0 - (180.0 - angle) % 360.0
 
 
@@ -89,15 +89,16 @@ def bearing(x: float, y: float, to_x: float, to_y: float) -> float:
 
 
 @leaf_kernel
-def towards_by(own: float, error: float, most: float) -> float:
+def turn_towards_aim(picture_turn: float, aim_error: float, most_correction: float) -> float:
     """Return the turn, degrees, of this tick by which a fish heads for its aim.
 
-    own: degrees by which its pictures turn; error: bearing of the aim minus heading; most: largest
-    correction. The whole turn is not faster than the larger of `own` and `most`.
+    picture_turn: degrees by which its pictures turn; aim_error: bearing of the aim minus heading;
+    most_correction: the largest, degrees. The whole turn is not faster than the larger of
+    picture_turn and most_correction.
     """
-    rest = wrap(error - own)
-    both = own + min(max(rest, -most), most)
-    fastest = max(abs(own), most)
+    rest = wrap(aim_error - picture_turn)
+    both = picture_turn + min(max(rest, -most_correction), most_correction)
+    fastest = max(abs(picture_turn), most_correction)
     return min(max(both, -fastest), fastest)
 
 
@@ -110,26 +111,26 @@ def offset_point(x: float, y: float, heading: float, forward: float, sideways: f
 
 
 @leaf_kernel
-def touches(x: float, y: float, heading: float, spot: Target) -> bool:
+def touches_target(x: float, y: float, heading: float, target: Target) -> bool:
     """Return whether a fish at x, y px and a heading touches a target with its centre or head."""
-    dx, dy = x - spot.x, y - spot.y
-    reach = 1.001 * (spot.touch_px + spot.head_px)
+    dx, dy = x - target.x, y - target.y
+    reach = 1.001 * (target.touch_px + target.head_px)
     if dx * dx + dy * dy > reach * reach:
         return False  # too far for the head, too; most calls end here, without sines
-    head_x, head_y = offset_point(x, y, heading, spot.head_px, 0.0)
+    head_x, head_y = offset_point(x, y, heading, target.head_px, 0.0)
     return (
-        np.hypot(dx, dy) <= spot.touch_px
-        or np.hypot(head_x - spot.x, head_y - spot.y) <= spot.touch_px
+        np.hypot(dx, dy) <= target.touch_px
+        or np.hypot(head_x - target.x, head_y - target.y) <= target.touch_px
     )
 
 
 @kernel
-def straight(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: ignore[no-untyped-def]
-    """Return the way of a swim ahead, how many first ticks are safe, and the tick of the touch.
+def swim_ahead(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: ignore[no-untyped-def]
+    """Return the trajectory of a swim ahead, how many first ticks are safe, and the tick of touch.
 
-    start (3,): x, y px, heading. The way (n, 3) has the same columns. Ticks are safe that are
-    legal, and from which the fish could stop on legal ground. The tick at which the goal is touched
-    is n where it is not.
+    start (3,): x, y px, heading. The trajectory (n, 3) has the same columns. Ticks are safe that
+    are legal, and from which the fish could stop on legal ground. The tick at which the goal is
+    touched is n where it is not.
     """
     n = swim.forward.size
     way = np.empty((n, 3))
@@ -140,24 +141,26 @@ def straight(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: ig
         x, y = offset_point(x, y, heading, swim.forward[k], 0.0)
         way[k, 0], way[k, 1], way[k, 2] = x, y, heading
         stop_x, stop_y = offset_point(x, y, heading, swim.brake[k], 0.0)
-        if good == n and not (inside(legal, x, y) and inside(legal, stop_x, stop_y)):
+        if good == n and not (
+            is_legal_point(legal, x, y) and is_legal_point(legal, stop_x, stop_y)
+        ):
             good = k
-        if reached == n and touches(x, y, heading, goal):
+        if reached == n and touches_target(x, y, heading, goal):
             reached = k
     return way, good, reached
 
 
 @kernel
-def turn(  # type: ignore[no-untyped-def]
+def swim_turn(  # type: ignore[no-untyped-def]
     legal: Mask, start: Floats, swim: Turning, goal: Target, aim: Target, fastest: float
 ):  # fmt: skip
-    """Return the way of a turn towards a point, whether it is possible, and the tick of the touch.
+    """Return the trajectory of a turn to a point, whether it is possible, and the tick of touch.
 
     start (3,): x, y px, heading. The bearing of `aim` changes as the fish moves. The heading's
-    error against it falls strictly as the share of the turn rises, to 0 where that is 1. The way
-    (n, 3) is filled up to the touch. The turn is possible if it is legal and no tick turns by more
-    than `fastest` degrees, or back: the aim would be too near. The tick at which the goal is
-    touched is n where it is not.
+    error against it falls strictly as the share of the turn rises, to 0 where that is 1. The
+    trajectory (n, 3) is filled up to the touch. The turn is possible if it is legal and no tick
+    turns by more than `fastest` degrees, or back: the aim would be too near. The tick at which the
+    goal is touched is n where it is not.
     """
     n = swim.share.size
     way = np.empty((n, 3))
@@ -170,8 +173,8 @@ def turn(  # type: ignore[no-untyped-def]
         step = wrap(towards - heading)
         heading += step
         way[k, 0], way[k, 1], way[k, 2] = x, y, heading
-        if not (0.0 <= side * step <= fastest and inside(legal, x, y)):
+        if not (0.0 <= side * step <= fastest and is_legal_point(legal, x, y)):
             return way, False, n
-        if touches(x, y, heading, goal):
+        if touches_target(x, y, heading, goal):
             return way, True, k
     return way, True, n

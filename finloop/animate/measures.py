@@ -39,15 +39,15 @@ _ROUNDED_PX = 2.0  # the centre and the outline of a fish are rounded to pixels
 
 
 def measure_plan(
-    edit: pd.DataFrame, goals: Sequence[Goal], player: AnyPlayer, film: tuple[Floats, Floats]
+    edit: pd.DataFrame, goals: Sequence[Goal], player: AnyPlayer, film_motion: tuple[Floats, Floats]
 ) -> dict[str, float]:
     """Return, by name, all measures of one fish's edit list that need no picture.
 
-    film: speed and turn rate of the film, from `motion_of_film`.
+    film_motion: speed and turn rate of the film, from `motion_of_film`.
     """
     return {
         **(measure_goals(edit, goals, player.world) if goals else {}),
-        **kinematic_distances(motion_of_edit(edit, player), film),
+        **kinematic_distances(motion_of_edit(edit, player), film_motion),
         **turn_measures(edit),
         **picture_kind_shares(edit),
         **motion_area_errors(edit),
@@ -101,7 +101,7 @@ def measure_goals(edit: pd.DataFrame, goals: Sequence[Goal], world: World) -> di
     for i, (a, b) in enumerate(pairwise(ends)):
         goal = np.array(goals[i][1:3])
         leg = place[a : b + 1]
-        errors.append(_off_segment(leg, start, goal))
+        errors.append(_distances_from_segment(leg, start, goal))
         direct += float(np.hypot(*(place[b] - place[a])))
         direction = np.degrees(np.arctan2(start[1] - goal[1], goal[0] - start[0]))
         arrivals.append(abs(float(wrap_deg(heading[b] - direction))))
@@ -116,13 +116,14 @@ def measure_goals(edit: pd.DataFrame, goals: Sequence[Goal], world: World) -> di
     }
 
 
-def _off_segment(points: Floats, a: Floats, b: Floats) -> Floats:
-    along = b - a
-    share = np.clip((points - a) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
-    return np.hypot(*(points - a - share[:, None] * along).T)
+def _distances_from_segment(points: Floats, start: Floats, end: Floats) -> Floats:
+    """Return the distance (n,) of points (n, 2) from a straight segment, start and end (2,)."""
+    along = end - start
+    share = np.clip((points - start) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
+    return np.hypot(*(points - start - share[:, None] * along).T)
 
 
-def kinematics(motions: Mapping[str, tuple[Floats, Floats]]) -> pd.DataFrame:
+def kinematics_table(motions: Mapping[str, tuple[Floats, Floats]]) -> pd.DataFrame:
     """Return the table `KINEMATICS` of speeds and turn rates.
 
     motions: by name of the mode, what `motion_of_film` or `motion_of_edit` returns.
@@ -147,14 +148,14 @@ def motion_of_edit(edit: pd.DataFrame, player: AnyPlayer) -> tuple[Floats, Float
         head += player.cast.sprites["head_offset_deg"].to_numpy(float)[number] * sprite
     motion = player.world.motion
     place = edit[["x_px", "y_px"]].to_numpy() / motion.body_length_px
-    return _over_delta(place, head, motion)
+    return _motion_over_delta(place, head, motion)
 
 
 def motion_of_film(features: pd.DataFrame, motion: MotionStatistics) -> tuple[Floats, Floats]:
     """Return speed [body lengths/s] and turn rate [°/s], (k,) each, of all tracks, over Δ."""
     length = motion.body_length_px / motion.size
     parts = [
-        _over_delta(
+        _motion_over_delta(
             places_through_water(track) / length, track["heading_deg"].to_numpy(float), motion
         )
         for _, track in features.groupby("track_id")
@@ -164,36 +165,42 @@ def motion_of_film(features: pd.DataFrame, motion: MotionStatistics) -> tuple[Fl
     return speed, rate
 
 
-def _over_delta(
-    place: Floats, heading_deg: Floats, motion: MotionStatistics
+def _motion_over_delta(
+    places: Floats, headings_deg: Floats, motion: MotionStatistics
 ) -> tuple[Floats, Floats]:
-    """Return speed and turn rate over Δ; place (n, 2): in body lengths."""
+    """Return speed [body lengths/s] and turn rate [°/s], (n − Δ,) each, over Δ.
+
+    places (n, 2): body lengths; headings_deg (n,).
+    """
     delta, seconds = motion.delta, motion.delta / motion.rate_hz
-    moved = np.hypot(*(place[delta:] - place[:-delta]).T)
-    heading = np.unwrap(heading_deg, period=360)
+    moved = np.hypot(*(places[delta:] - places[:-delta]).T)
+    heading = np.unwrap(headings_deg, period=360)
     turned = heading[delta:] - heading[:-delta]
     return moved / seconds, turned / seconds
 
 
-def kinematic_distance(mine: Floats, film: Floats, whole: Floats | None = None) -> float:
+def kinematic_distance(
+    values: Floats, film_values: Floats, scale_values: Floats | None = None
+) -> float:
     """Return the Wasserstein distance of samples (k,), (l,), in standard deviations of the film.
 
-    whole: the sample whose standard deviation counts, by default `film`.
+    scale_values: the sample whose standard deviation counts, by default `film_values`.
     """
-    sd = (film if whole is None else whole).std()
-    return wasserstein_distance(mine, film) / float(sd)
+    sd = (film_values if scale_values is None else scale_values).std()
+    return wasserstein_distance(values, film_values) / float(sd)
 
 
 def kinematic_distances(
-    mine: tuple[Floats, Floats], film: tuple[Floats, Floats]
+    motion: tuple[Floats, Floats], film_motion: tuple[Floats, Floats]
 ) -> dict[str, float]:
     """Return the kinematic distances of speed and of turn rate, `<name>_kinematic_distance_sd`.
 
-    mine, film: speeds and turn rates, as `motion_of_edit` and `motion_of_film` return them.
+    motion, film_motion: speeds and turn rates, as `motion_of_edit` and `motion_of_film` return
+    them.
     """
     return {
         f"{name}_kinematic_distance_sd": kinematic_distance(*pair)
-        for name, *pair in zip(("speed", "turn_rate"), mine, film, strict=True)
+        for name, *pair in zip(("speed", "turn_rate"), motion, film_motion, strict=True)
     }
 
 
@@ -222,13 +229,16 @@ def count_ticks_outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
 
 
 def measure_film(
-    features: pd.DataFrame, own: tuple[Floats, Floats], steps: Floats, motion: MotionStatistics
+    features: pd.DataFrame,
+    film_motion: tuple[Floats, Floats],
+    steps: Floats,
+    motion: MotionStatistics,
 ) -> dict[str, float]:
     """Return, by name, the film's own measures, with which an animation is compared.
 
-    own: speed and turn rate, from `motion_of_film`; steps: distances (Eq. 5) between successive
-    frames. A film has no goals and no jumps. Its kinematic distance is that between its two halves,
-    about that of another film of the same fish.
+    film_motion: speed and turn rate, from `motion_of_film`; steps: distances (Eq. 5) between
+    successive frames. A film has no goals and no jumps. Its kinematic distance is that between its
+    two halves, about that of another film of the same fish.
     """
     half = features["frame"].median()
     early, late = (
@@ -237,12 +247,12 @@ def measure_film(
     )
     halves = {
         f"{name}_halves_kinematic_distance_sd": kinematic_distance(*each)
-        for name, *each in zip(("speed", "turn_rate"), early, late, own, strict=True)
+        for name, *each in zip(("speed", "turn_rate"), early, late, film_motion, strict=True)
         if all(part.size for part in each)
     }
     return {
         **halves,
-        "speed_median_body_lengths_s": float(np.median(own[0])),
-        "turn_rate_sd_deg_s": float(own[1].std()),
+        "speed_median_body_lengths_s": float(np.median(film_motion[0])),
+        "turn_rate_sd_deg_s": float(film_motion[1].std()),
         **step_measures(steps, steps),
     }

@@ -15,38 +15,39 @@ NEVER = -(10**9)
 
 
 @leaf_kernel
-def last_on_screen(recent: Ints, first: int, last: int) -> int:
+def last_on_screen(memory: Ints, first: int, last: int) -> int:
     """Return the last tick at which any of the rows first … last was on screen; NEVER for none.
 
-    recent (m, 3): the memory.
+    memory (m, 3): stretches of film that were on screen.
     """
-    low, high = 0, len(recent)
+    low, high = 0, len(memory)
     while low < high:  # the first stretch that ends at `first` or later
         middle = (low + high) // 2
-        if recent[middle, 1] < first:
+        if memory[middle, 1] < first:
             low = middle + 1
         else:
             high = middle
     tick = NEVER
-    while low < len(recent) and recent[low, 0] <= last:
-        tick = max(tick, recent[low, 2] + min(recent[low, 1], last) - recent[low, 0])
+    while low < len(memory) and memory[low, 0] <= last:
+        tick = max(tick, memory[low, 2] + min(memory[low, 1], last) - memory[low, 0])
         low += 1
     return tick
 
 
 @kernel
-def remember_rows(recent: Ints, first: int, last: int, tick: int, since: float) -> Ints:
+def remember_rows(memory: Ints, first: int, last: int, tick: int, forget_tick: float) -> Ints:
     """Return a memory with rows first … last added, shown one after the other from `tick` on.
 
-    recent (m, 3): the memory so far. What was shown at tick `since` or before is forgotten.
+    memory (m, 3): stretches of film that were on screen. What was shown at `forget_tick` or before
+    is forgotten.
     """
-    kept = np.empty((len(recent) + 2, 3), np.int64)  # one stretch may be cut in two
+    kept = np.empty((len(memory) + 2, 3), np.int64)  # one stretch may be cut in two
     n, added = 0, False
-    for k in range(len(recent) + 1):
+    for k in range(len(memory) + 1):
         a, b, begun = last + 1, last, tick
-        if k < len(recent):
-            a, b, begun = recent[k, 0], recent[k, 1], recent[k, 2]
-        if a < first and begun + min(b, first - 1) - a > since:
+        if k < len(memory):
+            a, b, begun = memory[k, 0], memory[k, 1], memory[k, 2]
+        if a < first and begun + min(b, first - 1) - a > forget_tick:
             kept[n, 0], kept[n, 1], kept[n, 2] = a, min(b, first - 1), begun
             n += 1
         if not added and b >= first:
@@ -61,7 +62,7 @@ def remember_rows(recent: Ints, first: int, last: int, tick: int, since: float) 
                 kept[n, 0], kept[n, 1], kept[n, 2] = first, last, tick
                 n += 1
         after = max(a, last + 1)
-        if after <= b and begun + b - a > since:
+        if after <= b and begun + b - a > forget_tick:
             kept[n, 0], kept[n, 1], kept[n, 2] = after, b, begun + after - a
             n += 1
     return kept[:n].copy()

@@ -32,8 +32,8 @@ class Turns:
     """The film's turns (n,), mirrored so that all are to the left.
 
     angle_deg, ticks: of each whole turn; included_angle_deg, displacement [body lengths]: over the
-    Δ in which the heading changes most. forward, sideways: body lengths per tick, flat; those of
-    turn i begin at `start[i]`.
+    Δ in which the heading changes most. forward, sideways: body lengths per tick, those of all
+    turns one after the other; those of turn i begin at `start[i]`.
     """
 
     angle_deg: Floats
@@ -61,7 +61,7 @@ class MotionStatistics:
     size: float = 1.0
 
     def scale_to(self, size: float) -> "MotionStatistics":
-        """Return the motion of a fish drawn `size` times as large as filmed."""
+        """Return the statistics of a fish drawn `size` times as large as filmed."""
         return replace(self, body_length_px=self.body_length_px * size / self.size, size=size)
 
 
@@ -125,7 +125,8 @@ def kinematics_of_tracks(
     """
     length = float(features["body_length_px"].median())
     every = [
-        track_kinematics(track, delta, length, rate_hz) for track in _tracks(features, 2 * delta)
+        track_kinematics(track, delta, length, rate_hz)
+        for track in _long_tracks(features, 2 * delta)
     ]
     if not every or max(c.speed.max() for c in every) <= 0:
         raise too_little_error("swimming")
@@ -134,35 +135,40 @@ def kinematics_of_tracks(
     return every
 
 
-def learn(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionStatistics:
+def learn_motion(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionStatistics:
     """Return the motion statistics of a feature table; delta: Δ in frames.
 
     rate_hz: frames per second. Where the film shows no turn, each track is one. FinloopError if
     nothing moves, or no heading changes.
     """
     every = kinematics_of_tracks(features, rate_hz, delta)
-    runs = [run for one in every for run in runs_of(one)]
+    runs = [run for one in every for run in swimming_runs(one)]
     straight = [last - first for _, kind, first, last in runs if kind == TYPE_STRAIGHT]
     turning = [run for run in runs if run[1] != TYPE_STRAIGHT]
-    turns = _turns(turning, rate_hz, delta) or _turns([_whole(c) for c in every], rate_hz, delta)
+    turns = _turns_of_runs(turning, rate_hz, delta) or _turns_of_runs(
+        [_track_as_turn(c) for c in every], rate_hz, delta
+    )
     if turns is None:
         raise too_little_error("turning")
     length = float(features["body_length_px"].median())
     return MotionStatistics(turns, np.array(straight, np.int32), rate_hz, delta, length)
 
 
-def runs_of(one: TrackKinematics) -> "list[Run]":
-    """Return the runs of one swimming type: the track, the type, first frame, one past the last."""
-    return [(one, *run) for run in _runs(one.kind)]
+def swimming_runs(track: TrackKinematics) -> "list[Run]":
+    """Return the runs of one swimming type of a track, each with the track itself.
+
+    A run: the track, the type, first frame, one past the last.
+    """
+    return [(track, *run) for run in _type_runs(track.kind)]
 
 
-def _tracks(features: pd.DataFrame, least: int) -> Iterator[Track]:
-    """Yield tracks longer than `least`; of a long film as many as have `_LEARNT` rows."""
+def _long_tracks(features: pd.DataFrame, least_frames: int) -> Iterator[Track]:
+    """Yield the tracks longer than `least_frames`; of a long film only some, spread over it."""
     edges = np.flatnonzero(np.diff(features["track_id"], prepend=-1, append=-1))
     columns: Track = {name: features[name].to_numpy(float) for name in _MOTION}
     columns["x_px"], columns["y_px"] = places_through_water(features).T
     columns["swimming_type"] = features["swimming_type"].to_numpy()
-    long = np.flatnonzero(np.diff(edges) > least)
+    long = np.flatnonzero(np.diff(edges) > least_frames)
     rows = int(np.diff(edges)[long].sum())
     if rows > _LEARNT:
         long = spread_rows(long, max(1, len(long) * _LEARNT // rows))
@@ -171,32 +177,37 @@ def _tracks(features: pd.DataFrame, least: int) -> Iterator[Track]:
         yield {name: column[here] for name, column in columns.items()}
 
 
-def too_little_error(what: str) -> FinloopError:
-    """Return the error that the film shows too little to learn from; what: the kind of swimming."""
+def too_little_error(swimming: str) -> FinloopError:
+    """Return the error that the film shows too little to learn from; swimming: its kind."""
     return FinloopError(
-        f"the film shows no {what} to learn from",
+        f"the film shows no {swimming} to learn from",
         "tracks of some seconds in which a fish swims straight, and turns",
         "take a longer film, or change features.turn_threshold_deg (reports/features/fig7.png "
         "shows the types)",
     )
 
 
-def _runs(kind: NDArray[np.int8]) -> list[tuple[int, int, int]]:
-    edges = np.flatnonzero(np.diff(kind)) + 1
-    bounds = np.concatenate([[0], edges, [len(kind)]])
-    return [(int(kind[a]), int(a), int(b)) for a, b in pairwise(bounds)]
+def _type_runs(types: NDArray[np.int8]) -> list[tuple[int, int, int]]:
+    """Return the runs of equal swimming types (n,): the type, first frame, one past the last."""
+    edges = np.flatnonzero(np.diff(types)) + 1
+    bounds = np.concatenate([[0], edges, [len(types)]])
+    return [(int(types[a]), int(a), int(b)) for a, b in pairwise(bounds)]
 
 
 Run = tuple[TrackKinematics, int, int, int]
 
 
-def _whole(c: TrackKinematics) -> Run:
+def _track_as_turn(track: TrackKinematics) -> Run:
     """Return a track as one turn, to the side to which it turns in all."""
-    side = 1 if c.heading_deg[-1] >= c.heading_deg[0] else -1
-    return c, side, 1, len(c.kind) - 1
+    side = 1 if track.heading_deg[-1] >= track.heading_deg[0] else -1
+    return track, side, 1, len(track.kind) - 1
 
 
-def _turns(runs: list[Run], rate_hz: float, delta: int) -> Turns | None:
+def _turns_of_runs(runs: list[Run], rate_hz: float, delta: int) -> Turns | None:
+    """Return the turns of runs that turn and are filmed whole; None if there are none.
+
+    rate_hz: frames per second; delta: Δ in frames.
+    """
     rows = []
     for c, kind, first, last in runs:
         prior, final = max(first - 1, 0), min(last, len(c.kind) - 1)
@@ -215,7 +226,7 @@ def _turns(runs: list[Run], rate_hz: float, delta: int) -> Turns | None:
     return Turns(
         np.array(angle),
         np.array(ticks, np.int32),
-        _starts(ticks),
+        _first_ticks(ticks),
         np.array(included),
         np.array(far),
         np.concatenate(ahead),
@@ -223,5 +234,6 @@ def _turns(runs: list[Run], rate_hz: float, delta: int) -> Turns | None:
     )
 
 
-def _starts(ticks: tuple[int, ...]) -> NDArray[np.int32]:
-    return np.concatenate([[0], np.cumsum(ticks)[:-1]]).astype(np.int32)
+def _first_ticks(lengths: tuple[int, ...]) -> NDArray[np.int32]:
+    """Return where each part begins when parts of these lengths follow one another."""
+    return np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int32)

@@ -39,15 +39,15 @@ def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float 
     scale is not known.
     """
     length = motion.body_length_px
-    x, y = _in_px(line, tank, mm_per_px)
-    _refuse_outside(line, tank, x, y)
+    x, y = _line_in_px(line, tank, mm_per_px)
+    _refuse_line_outside(line, tank, x, y)
     grain, heading = _GRAIN * length, line.heading_deg
     returns = np.hypot(x[-1] - x[0], y[-1] - y[0]) <= grain
     closed = line.closed or (line.time_s is None and bool(returns))
     if closed:
         x, y = np.append(x, x[0]), np.append(y, y[0])
         heading = None if heading is None else np.append(heading, heading[0])
-    starts = _grains(x, y, grain)
+    starts = _grain_starts(x, y, grain)
     x, y = _grain_means(x, starts), _grain_means(y, starts)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
     if along[-1] < 2 * _STEP * length:
@@ -78,10 +78,11 @@ def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float 
             )
         )  # fmt: skip
     route, asked = made
-    return Path(_within(route, tank, grain), asked)
+    return Path(_move_off_walls(route, tank, grain), asked)
 
 
-def _in_px(line: Line, tank: Tank, mm_per_px: float | None) -> tuple[Floats, Floats]:
+def _line_in_px(line: Line, tank: Tank, mm_per_px: float | None) -> tuple[Floats, Floats]:
+    """Return x and y (n,), px, of a given line; FinloopError if it is in mm without a scale."""
     if line.unit == TANK:
         rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
         left, top, right, bottom = columns[0], rows[0], columns[-1], rows[-1]
@@ -97,7 +98,8 @@ def _in_px(line: Line, tank: Tank, mm_per_px: float | None) -> tuple[Floats, Flo
     return line.x, line.y
 
 
-def _refuse_outside(line: Line, tank: Tank, x: Floats, y: Floats) -> None:
+def _refuse_line_outside(line: Line, tank: Tank, x: Floats, y: Floats) -> None:
+    """Raise FinloopError if a point x, y (n,), px, of a line is outside the tank."""
     height, width = tank.arena.shape
     column, row = np.round(x), np.round(y)
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
@@ -115,25 +117,31 @@ def _refuse_outside(line: Line, tank: Tank, x: Floats, y: Floats) -> None:
 
 
 @kernel
-def _grains(x: Floats, y: Floats, grain: float) -> Ints:
-    """Return the first place of every grain, `grain` away from the first of the one before."""
+def _grain_starts(x: Floats, y: Floats, grain_px: float) -> Ints:
+    """Return the first point of every grain, `grain_px` from the first point of the grain before.
+
+    x, y (n,): px of a line's points.
+    """
     starts = np.empty(x.size, np.int64)
     starts[0], n = 0, 1
     for i in range(1, x.size):
         last = starts[n - 1]
-        if np.hypot(x[i] - x[last], y[i] - y[last]) >= grain:
+        if np.hypot(x[i] - x[last], y[i] - y[last]) >= grain_px:
             starts[n], n = i, n + 1
     return starts[:n]
 
 
 def _grain_means(values: Floats, starts: Ints) -> Floats:
-    """Return the first value, the means of all grains, which tremble less, and the last value."""
+    """Return the first value, the means of all grains, which tremble less, and the last value.
+
+    values (n,): of a line's points; starts: from `_grain_starts`.
+    """
     means = np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
     return np.concatenate([values[:1], means, values[-1:]])
 
 
-def _within(route: Route, tank: Tank, margin_px: float) -> Route:
-    """Return the path with every place moved to where the centre may be, off the walls."""
+def _move_off_walls(route: Route, tank: Tank, margin_px: float) -> Route:
+    """Return a route with places moved to where the centre may be, `margin_px` off walls."""
     free = scipy.ndimage.distance_transform_edt(tank.legal) > margin_px
     if not free.any():
         free = tank.legal

@@ -20,29 +20,29 @@ def random_goals(world: World, count: int, rng: np.random.Generator) -> list[Goa
     goals: list[Goal] = []
     while len(goals) < count:
         y, x = (int(rng.integers(side)) for side in tank.arena.shape)
-        near = tank.into(x, y)
+        near = tank.nearest_legal_point(x, y)
         if tank.arena[y, x] and np.hypot(near[0] - x, near[1] - y) <= touch_px:
             goals.append(Goal(goal_name(len(goals)), float(x), float(y)))
     return goals
 
 
-def somewhere(world: World, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:
+def random_wander_place(world: World, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:
     """Return a random place (2,), px, to wander to, and after how many ticks to give it up.
 
     It is as far to the side as the film's turns are, and in sight; else anywhere in the tank.
     """
     motion, tank = world.motion, world.tank
     for _ in range(_TRIES):
-        angle = one_of(motion.turns.angle_deg, rng) * (-1.0, 1.0)[rng.integers(2)]
-        ticks = int(one_of(motion.straight_ticks, rng))
+        angle = draw_one(motion.turns.angle_deg, rng) * (-1.0, 1.0)[rng.integers(2)]
+        ticks = int(draw_one(motion.straight_ticks, rng))
         way = max(2.0, fish.speed * ticks / motion.rate_hz) * motion.body_length_px
         direction = np.radians(fish.heading + angle)
         x, y = fish.x + way * np.cos(direction), fish.y - way * np.sin(direction)
-        if tank.sees(fish.x, fish.y, x, y):
+        if tank.can_swim_straight(fish.x, fish.y, x, y):
             return np.array([x, y]), ticks
-    return np.array(tank.random_point(rng)), int(one_of(motion.straight_ticks, rng))
+    return np.array(tank.random_point(rng)), int(draw_one(motion.straight_ticks, rng))
 
 
-def one_of(values: NDArray[Any], rng: np.random.Generator) -> Any:
+def draw_one(values: NDArray[Any], rng: np.random.Generator) -> Any:
     """Return a random one of values (n,), like `rng.choice`, but five times as fast."""
     return values[rng.integers(len(values))]

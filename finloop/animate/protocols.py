@@ -48,18 +48,18 @@ class AnyPlayer(Protocol):
     def begin(
         self, rng: np.random.Generator, route: Route | None = ..., company: Company = ...
     ) -> State:
-        """Return the state of a fish at the beginning of a path (route), else at a random place."""
+        """Return the state of a fish at the beginning of a route, else at a random place."""
 
-    def company(self, others: Floats, start: int) -> Company:
-        """Return the other fish as a fish that decides at tick `start` knows them.
+    def company(self, other_plans: Floats, tick: int) -> Company:
+        """Return the other fish of a tank as a fish that decides at a tick knows them.
 
-        others (n, m, 4): from `Plans.others`.
+        other_plans (n, m, 4): from `Plans.others`.
         """
 
-    def with_others(self, state: State, others: Floats) -> State:
+    def with_others(self, state: State, other_plans: Floats) -> State:
         """Return the state with the other fish added that the fish can meet.
 
-        others (n, m, 4): from `Plans.others`.
+        other_plans (n, m, 4): from `Plans.others`.
         """
 
     def is_clear(self, state: State, stretch: Stretch) -> bool:

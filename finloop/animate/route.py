@@ -44,12 +44,12 @@ class Route(NamedTuple):
         """Return whether the route says at which tick the fish should be where."""
         return len(self.when) > 0
 
-    def done(self, along: float, tick: int) -> bool:
-        """Return whether a fish `along` px along the route is at its end at a tick.
+    def is_done(self, along_px: float, tick: int) -> bool:
+        """Return whether a fish `along_px` along the route is at its end at a tick.
 
         On a route with times only the time counts; a closed route without times has no end.
         """
-        return bool(done(self, along, tick))
+        return bool(is_route_done(self, along_px, tick))
 
 
 _NONE = np.zeros(0)
@@ -57,21 +57,21 @@ NO_ROUTE = Route(_NONE, _NONE, _NONE, 1.0, False, _NONE, 0, 0)
 
 
 @finite_leaf
-def done(route: Route, along: float, tick: int) -> bool:
-    """Return whether a fish `along` px along a route is at its end at a tick.
+def is_route_done(route: Route, along_px: float, tick: int) -> bool:
+    """Return whether a fish `along_px` along a route is at its end at a tick.
 
     On a route with times only the time counts; a closed route without times has no end.
     """
     if route.when.size:
         return tick >= route.begins + route.when.size - 1
-    return not route.closed and along >= route.step * (route.x.size - 1 - 1e-6)
+    return not route.closed and along_px >= route.step * (route.x.size - 1 - 1e-6)
 
 
 @finite_leaf
-def _cells(route: Route, along: float):  # type: ignore[no-untyped-def]
-    """Return the places before and after a place of the path, and its share of the way between."""
+def _places_around(route: Route, along_px: float):  # type: ignore[no-untyped-def]
+    """Return the numbers of the places before and after `along_px`, and the share between them."""
     n = route.x.size
-    u = max(along, 0.0) / route.step
+    u = max(along_px, 0.0) / route.step
     k = int(u)
     share = u - k
     if route.closed:
@@ -83,49 +83,49 @@ def _cells(route: Route, along: float):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def place(route: Route, along: float):  # type: ignore[no-untyped-def]
-    """Return the point (x, y), px, that lies `along` px along a path."""
-    a, b, share = _cells(route, along)
+def point_along(route: Route, along_px: float):  # type: ignore[no-untyped-def]
+    """Return the point x, y, px, that lies `along_px` along a route."""
+    a, b, share = _places_around(route, along_px)
     x = route.x[a] + share * (route.x[b] - route.x[a])
     return x, route.y[a] + share * (route.y[b] - route.y[a])
 
 
 @finite_leaf
-def heading_at(route: Route, along: float) -> float:
-    """Return the heading, degrees, requested at `along` px along a path that has headings."""
-    a, b, share = _cells(route, along)
+def heading_at(route: Route, along_px: float) -> float:
+    """Return the heading, degrees, requested at `along_px` along a route that has headings."""
+    a, b, share = _places_around(route, along_px)
     return route.heading[a] + share * (route.heading[b] - route.heading[a])
 
 
 @finite_leaf
-def asked_at(route: Route, tick: int) -> float:
-    """Return how many px along a path with times are due at a tick."""
+def due_along(route: Route, tick: int) -> float:
+    """Return how many px along a route with times a fish should be at a tick."""
     return route.when[min(max(tick - route.begins, 0), route.when.size - 1)]
 
 
 @finite_leaf
-def least_along(route: Route, along: float, tick: int) -> float:
-    """Return from how many px along a path to search for the foot of a fish at a tick.
+def foot_search_start(route: Route, along_px: float, tick: int) -> float:
+    """Return from how many px along a route to search for the foot of a fish at a tick.
 
-    along: px of its foot before. On a path with times the result is never far behind the place due:
+    along_px: of its last foot. On a route with times the result is never far behind the place due:
     a late fish takes short cuts.
     """
     if route.when.size:
-        return max(along, asked_at(route, tick) - _BEHIND * route.ahead * route.step)
-    return along
+        return max(along_px, due_along(route, tick) - _BEHIND * route.ahead * route.step)
+    return along_px
 
 
 @finite_leaf
-def foot(route: Route, x: float, y: float, along: float):  # type: ignore[no-untyped-def]
-    """Return the foot of a point x, y px: the nearest place of the path, from `along` px on.
+def find_foot(route: Route, x: float, y: float, along_px: float):  # type: ignore[no-untyped-def]
+    """Return the foot of a point x, y px: the nearest place of a route, from `along_px` on.
 
-    The foot is not far ahead of `along`. The farther the point is from the path, the farther ahead
-    it may be, so that a fish that cannot follow a hairpin goes on beyond it. Returns px along the
-    path, and x and y px of the foot.
+    The foot is not far ahead of `along_px`. The farther the point is from the route, the farther
+    ahead it may be, so that a fish that cannot follow a hairpin goes on beyond it. Returns px along
+    the route, and x and y px of the foot.
     """
     n = route.x.size
-    lap = int(max(along, 0.0) / route.step)
-    k, _, _ = _cells(route, along)
+    lap = int(max(along_px, 0.0) / route.step)
+    k, _, _ = _places_around(route, along_px)
     best, best_k, least, a = 0, k, 1e300, k
     beside = route.step * route.step
     for i in range(n):
@@ -160,7 +160,7 @@ def foot(route: Route, x: float, y: float, along: float):  # type: ignore[no-unt
         far = (px - x) ** 2 + (py - y) ** 2
         if far < least:
             found, fx, fy, least = lap + best - back + share, px, py, far
-    if found * route.step < along:
-        fx, fy = place(route, along)
-        return along, fx, fy
+    if found * route.step < along_px:
+        fx, fy = point_along(route, along_px)
+        return along_px, fx, fy
     return found * route.step, fx, fy

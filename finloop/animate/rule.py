@@ -10,7 +10,10 @@ BY_ZONES, FOLLOWING = "company", "leader"
 
 
 class Rule(NamedTuple):
-    """A rule of swimming with others. leader: column of the one to follow; None: all, by zones."""
+    """A rule of swimming with other fish: behind a leader, or with all by zones.
+
+    leader: column of the fish to follow; None: by zones.
+    """
 
     others: OtherFish
     shoaling: SchoolRule | None = None
@@ -22,11 +25,11 @@ class Rule(NamedTuple):
         return BY_ZONES if self.leader is None else FOLLOWING
 
     @classmethod
-    def by_zones(cls, ways: Reals, shoaling: SchoolRule) -> "Rule":
-        """Return the rule to swim by zones with other fish; ways (n, 3): their x, y px, heading."""
-        return cls(OtherFish(ways[:, :2], ways[:, 2]), shoaling)
+    def by_zones(cls, poses: Reals, shoaling: SchoolRule) -> "Rule":
+        """Return the rule to swim by zones with other fish; poses (n, 3): x, y px, heading."""
+        return cls(OtherFish(poses[:, :2], poses[:, 2]), shoaling)
 
     @classmethod
-    def from_leader(cls, leader: Reals) -> "Rule":
-        """Return the rule to follow a leader; leader (3,): its x, y px, heading."""
-        return cls(OtherFish(leader[None, :2], leader[None, 2]), None, 0)
+    def to_follow(cls, pose: Reals) -> "Rule":
+        """Return the rule to follow a leader; pose (3,): its x, y px, heading."""
+        return cls(OtherFish(pose[None, :2], pose[None, 2]), None, 0)

@@ -39,26 +39,23 @@ class SwimTask(NamedTuple):
     follows: int | None = None
 
 
-def deal(goals: Sequence[Goal], fish: int) -> list[list[Goal]]:
-    """Return the goals of each fish: they are dealt in turn, the first goal to the first fish.
-
-    fish: number of fish.
-    """
-    return [list(goals[number::fish]) for number in range(fish)]
+def deal_goals(goals: Sequence[Goal], fish_count: int) -> list[list[Goal]]:
+    """Return the goals of each fish, dealt in turn: the first goal to the first fish."""
+    return [list(goals[number::fish_count]) for number in range(fish_count)]
 
 
-def refuse_meetings(goals: Sequence[Goal], seekers: Sequence[int]) -> None:
+def refuse_shared_goals(goals: Sequence[Goal], goal_seekers: Sequence[int]) -> None:
     """Raise FinloopError if two fish would be sent to one place at the same time.
 
-    Two places are one if one is within the radius of the other. seekers: the numbers, from 0, of
-    the fish that swim to goals; messages number fish from 1, as the parameters do.
+    Two places are one if one is within the radius of the other. goal_seekers: the numbers, from 0,
+    of the fish that swim to goals; messages number fish from 1, as the parameters do.
     """
-    count = len(seekers)
+    count = len(goal_seekers)
     meetings = [
         f"{one.name} (fish {a + 1}) and {other.name} (fish {b + 1})"
         for first in range(0, len(goals), count)
         for (a, one), (b, other) in combinations(
-            zip(seekers, goals[first : first + count], strict=False), 2
+            zip(goal_seekers, goals[first : first + count], strict=False), 2
         )
         if np.hypot(one.x_px - other.x_px, one.y_px - other.y_px) < one.radius_px
     ]
@@ -66,29 +63,32 @@ def refuse_meetings(goals: Sequence[Goal], seekers: Sequence[int]) -> None:
         raise FinloopError(
             f"animate.goals sends two fish to one place at the same time: {', '.join(meetings)}",
             f"places at least {goals[0].radius_px:.0f} px apart (animate.goal_radius_bl): goals "
-            f"are dealt in turn to the fish {', '.join(str(one + 1) for one in seekers)}",
+            f"are dealt in turn to the fish {', '.join(str(one + 1) for one in goal_seekers)}",
             "move the goals (animate.goals), or let fish overlap (matching.overlap=true)",
         )
 
 
 def make_tasks(
-    goals: Sequence[Goal], fish: int, rng: np.random.Generator, route: Route | None = None
+    goals: Sequence[Goal], fish_count: int, rng: np.random.Generator, route: Route | None = None
 ) -> list[SwimTask]:
-    """Return the task of each of `fish` fish: goals are dealt, the first also gets the path.
+    """Return the task of each fish: goals are dealt in turn, and the first fish also gets the path.
 
     rng: of the first fish, from which those of the others are spawned; route: the path, or None.
     """
-    draws = [rng, *rng.spawn(fish - 1)]
-    routes = [route, *[None] * (fish - 1)]
-    return [SwimTask(*one) for one in zip(deal(goals, fish), draws, routes, strict=True)]
+    draws = [rng, *rng.spawn(fish_count - 1)]
+    routes = [route, *[None] * (fish_count - 1)]
+    return [
+        SwimTask(*one) for one in zip(deal_goals(goals, fish_count), draws, routes, strict=True)
+    ]
 
 
 class SchoolMember:
     """A fish of a group, with all that it has planned so far (swim)."""
 
     def __init__(self, player: AnyPlayer, task: SwimTask, number: int, plans: Plans) -> None:
-        """Put a fish beside the others, with nothing planned yet. NoRoom where there is none.
+        """Put a fish beside the others, with nothing planned yet.
 
+        plans: of all fish, to which its place is added. NoRoom where there is no place;
         FinloopError where it begins a path on another fish.
         """
         self._player, self._task, self._route = player, task, task.route
@@ -101,7 +101,7 @@ class SchoolMember:
         begins = np.array([fish.x, fish.y, fish.heading, fish.picture])
         if task.route is not None and not can_stay(company, fish.picture, begins[:3], 0):
             others = company.places[0, :, :2] - begins[:2]
-            near = plans.number(number, int(np.hypot(*others.T).argmin()))
+            near = plans.fish_in_column(number, int(np.hypot(*others.T).argmin()))
             raise FinloopError(
                 f"matching.path begins fish {number + 1} on fish {near + 1}, at "
                 f"({fish.x:.0f}, {fish.y:.0f}) px",
@@ -118,7 +118,7 @@ class SchoolMember:
     def decide(self, plans: Plans) -> None:
         """Plan the fish's next stretch, clear of the others' plans, and add it to `plans`."""
         begins, others = self.tick, plans.others(self._number, self.tick)
-        goal = self._goal() or self._rule(plans, others)
+        goal = self._next_goal() or self._next_rule(plans, others)
         state = self._player.with_others(self._state, others)
         stretch, self._state = self._player.plan(state, goal, self._task.rng)
         plans.put(self._number, begins, stretch.path_and_pictures)
@@ -129,56 +129,60 @@ class SchoolMember:
             self.swim.reached[self._done] = self.tick - 1
             self._done += 1
 
-    def _goal(self) -> Goal | Route | None:
-        if self._route is not None and self._route.done(self._state.path.along, self.tick):
+    def _next_goal(self) -> Goal | Route | None:
+        """Return the path or the goal that the fish swims to now; None if it has none left."""
+        if self._route is not None and self._route.is_done(self._state.path.along, self.tick):
             self._route = None
         if self._route is not None:
             return self._route
         goals = self._task.goals
         return goals[self._done] if self._done < len(goals) else None
 
-    def _rule(self, plans: Plans, others: Floats) -> Rule | None:
-        """Return the rule of a fish without a goal. others (n, m, 4): see `Plans.others`, now."""
+    def _next_rule(self, plans: Plans, other_plans: Floats) -> Rule | None:
+        """Return the rule of a fish without a goal, for the others' present places; None if none.
+
+        other_plans (n, m, 4): from `Plans.others`, from the present tick on.
+        """
         task, shoaling = self._task, self._player.shoaling
-        if task.follows is not None and plans.has(task.follows):
-            return Rule.from_leader(plans.place_at(task.follows, self.tick))
-        if not (task.zones and others.shape[1]):
+        if task.follows is not None and plans.has_planned(task.follows):
+            return Rule.to_follow(plans.pose_at(task.follows, self.tick))
+        if not (task.zones and other_plans.shape[1]):
             return None
-        return Rule.by_zones(others[0, :, :3], require_rule(shoaling))
+        return Rule.by_zones(other_plans[0, :, :3], require_rule(shoaling))
 
 
-def settle_fish(player: AnyPlayer, todo: Sequence[SwimTask], plans: Plans) -> list[SchoolMember]:
+def settle_fish(player: AnyPlayer, tasks: Sequence[SwimTask], plans: Plans) -> list[SchoolMember]:
     """Put a fish for each task into the tank, and return them, each with a first stretch planned.
 
     All that begin a path are there before any fish plans; the others come one after the other.
     plans: empty, for as many fish; their plans are added. NoRoom if the tank lacks room for all of
     them.
     """
-    swim = [number for number, task in enumerate(todo) if task.route is not None]
-    fish = {number: SchoolMember(player, todo[number], number, plans) for number in swim}
+    swim = [number for number, task in enumerate(tasks) if task.route is not None]
+    fish = {number: SchoolMember(player, tasks[number], number, plans) for number in swim}
     for number in swim:
         fish[number].decide(plans)
-    for number in sorted(set(range(len(todo))) - set(swim)):
+    for number in sorted(set(range(len(tasks))) - set(swim)):
         try:
-            fish[number] = SchoolMember(player, todo[number], number, plans)
+            fish[number] = SchoolMember(player, tasks[number], number, plans)
             fish[number].decide(plans)
         except NoRoom as error:
             raise NoRoom(
-                f"matching.fish={len(todo)}: the tank has room for {len(fish)}",
+                f"matching.fish={len(tasks)}: the tank has room for {len(fish)}",
                 f"at most {len(fish)} fish of this size, clear of each other",
                 "take fewer fish (matching.fish), let them overlap (matching.overlap=true), or "
                 "film them from farther away",
             ) from error
-    return [fish[number] for number in range(len(todo))]
+    return [fish[number] for number in range(len(tasks))]
 
 
-def shoal(player: AnyPlayer, todo: Sequence[SwimTask], ticks: int) -> list[Swim]:
-    """Return the animation of each of several fish, a fish a task, at least `ticks` ticks long.
+def animate_group(player: AnyPlayer, tasks: Sequence[SwimTask], ticks: int) -> list[Swim]:
+    """Return the animation of each of several fish, one for each task, at least `ticks` long.
 
     NoRoom if the tank lacks room for all of them.
     """
-    plans = Plans(len(todo))
-    fish = settle_fish(player, todo, plans)
+    plans = Plans(len(tasks))
+    fish = settle_fish(player, tasks, plans)
     queue = [(one.tick, number) for number, one in enumerate(fish)]
     heapq.heapify(queue)
     while queue[0][0] < ticks:
@@ -190,22 +194,22 @@ def shoal(player: AnyPlayer, todo: Sequence[SwimTask], ticks: int) -> list[Swim]
     return [one.swim for one in fish]
 
 
-def swim(
+def animate_fish(
     player: AnyPlayer,
     goals: Sequence[Goal],
     ticks: int,
     rng: np.random.Generator,
     route: Route | None = None,
 ) -> Swim:
-    """Return an animation of one fish, `ticks` ticks at least: a path, goals in turn, anywhere."""
-    return shoal(player, [SwimTask(goals, rng, route)], ticks)[0]
+    """Return an animation of one fish, at least `ticks` long: a path, goals in turn, anywhere."""
+    return animate_group(player, [SwimTask(goals, rng, route)], ticks)[0]
 
 
-def play(
+def plan_edit_list(
     player: AnyPlayer, goals: Sequence[Goal], ticks: int, rng: np.random.Generator
 ) -> pd.DataFrame:
     """Return the edit list of one fish for `ticks` ticks: to the goals in turn, then anywhere."""
-    return build_edit_list(swim(player, goals, ticks, rng), ticks, player.sources)
+    return build_edit_list(animate_fish(player, goals, ticks, rng), ticks, player.sources)
 
 
 class NoRoom(FinloopError):

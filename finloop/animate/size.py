@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.arena import choose_fish_area, size_for
+from finloop.animate.arena import choose_fish_area, size_that_fits
 from finloop.animate.cast import FrameHulls
 from finloop.animate.settings import AnimateSettings as CommonSettings
 from finloop.base.arrays import Floats, Mask, Picture, Reals
@@ -15,7 +15,7 @@ from finloop.distance.reel import Reel
 from finloop.sprites.orient import sprite_outlines
 
 
-class Sized(NamedTuple):
+class ScaledFilm(NamedTuple):
     """A film at its drawn size.
 
     hulls: outlines of its frames; area (h, w): where its fish may be; reach_px: how far it reaches
@@ -30,36 +30,38 @@ class Sized(NamedTuple):
 
 
 def scale_film(
-    reel: Reel, outline_px: Reals, arena: Mask, p: CommonSettings, floor: Picture | None
-) -> Sized:
+    reel: Reel, outlines_px: Reals, arena: Mask, p: CommonSettings, floor: Picture | None
+) -> ScaledFilm:
     """Return the film at the size `p.fish_scale`; with "auto" it fits into where the fish may be.
 
-    outline_px (n, k, 2): x, y as filmed of the reel's rows; arena (h, w): true where fish can be;
+    outlines_px (n, k, 2): x, y as filmed of the reel's rows; arena (h, w): true where fish can be;
     floor: the empty tank as filmed, None if unknown.
     """
     scale = (reel.length_px / reel.lengths_px).astype(float)
-    filmed = frame_hulls(outline_px, reel.features, scale)
+    filmed = frame_hulls(outlines_px, reel.features, scale)
     hulls = sprite_outlines(reel) if len(reel.sprites) else []
-    reach_px, barred = reach(hulls, filmed, p.reach_quantile)
+    reach_px, barred = measure_reach(hulls, filmed, p.reach_quantile)
     size = 1.0 if p.fish_scale == "auto" else p.fish_scale
-    area = choose_fish_area(arena, outline_px, size * reach_px, p.tank, floor)
-    size = size_for(area, reach_px) if p.fish_scale == "auto" else size
+    area = choose_fish_area(arena, outlines_px, size * reach_px, p.tank, floor)
+    size = size_that_fits(area, reach_px) if p.fish_scale == "auto" else size
     hulls_at_size = replace(filmed, scale=size * scale)
-    return Sized(reel.scale_to(size), hulls_at_size, area, size * reach_px, barred)
+    return ScaledFilm(reel.scale_to(size), hulls_at_size, area, size * reach_px, barred)
 
 
-def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> FrameHulls:
+def frame_hulls(outlines_px: Reals, places: pd.DataFrame, scale: Floats) -> FrameHulls:
     """Return the outlines of the film's frames about their mass centre.
 
-    outline_px (n, k, 2): x, y as filmed; places: x_px, y_px, heading_deg of each; scale (n,): drawn
-    size / filmed size.
+    outlines_px (n, k, 2): x, y as filmed; places: x_px, y_px, heading_deg of each; scale (n,):
+    drawn size / filmed size.
     """
     centre = places[["x_px", "y_px"]].to_numpy(float)
     heading = np.radians(places["heading_deg"].to_numpy(float))
-    return FrameHulls(outline_px, centre, heading, scale)
+    return FrameHulls(outlines_px, centre, heading, scale)
 
 
-def reach(sprite_hulls: Sequence[Floats], hulls: FrameHulls, quantile: float) -> tuple[float, Mask]:
+def measure_reach(
+    sprite_hulls: Sequence[Floats], hulls: FrameHulls, quantile: float
+) -> tuple[float, Mask]:
     """Return how far a fish reaches from its centre, px, and which frames (n,) reach farther.
 
     sprite_hulls: outlines (k, 2) of sprites, all of which fit; quantile: 0-1, of the frames' reach;

@@ -20,8 +20,8 @@ class Fish(NamedTuple):
     rotation in degrees; since, ticks since the last jump, or since the film was left; waits, ticks
     without a legal way on; recent (m, 3): stretches of film that were on screen
     (`finloop.animate.memory`). When predicted: past (L + 1, d), its last states, the present one
-    first (`finloop.forecast.sampling`). lag: ticks that it lags behind the film (`Tempo`).
-    company: where the other fish will be, for the present decision alone.
+    first (`finloop.forecast.sampling`). lag: ticks that it lags behind the film (`Tempo`). company:
+    where the other fish will be, for the present decision alone.
     """
 
     x: float

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from finloop.animate.company import Company, Plans
 from finloop.animate.protocols import AnyPlayer
-from finloop.animate.route import Route, place
+from finloop.animate.route import Route, point_along
 from finloop.animate.rule import Rule
 from finloop.animate.state import State
 from finloop.base.arrays import Floats
@@ -266,7 +266,7 @@ class LiveFish:
 
     def follow_path(self, route: Route) -> None:
         """Send the fish to the beginning of a path from the next tick on, and then along it."""
-        x, y = place(route, 0.0)
+        x, y = point_along(route, 0.0)
         self.send_to_goal((float(x), float(y)))
         self.path_task = PathTask(route)
 
@@ -335,7 +335,7 @@ class LiveFish:
             return None if self.reached else self.goal
         others = self._others(self, self.born + self._state.fish.tick)
         if self.rule_task.leader in others:
-            return Rule.from_leader(others[self.rule_task.leader][0])
+            return Rule.to_follow(others[self.rule_task.leader][0])
         if self.rule_task.shoaling is not None and others:
             here = np.stack([way[0, :3] for way in others.values()])
             return Rule.by_zones(here, self.rule_task.shoaling)
@@ -348,7 +348,7 @@ class LiveFish:
         """
         path_task, fish = self.path_task, self._state.fish
         if path_task is not None and path_task.begun:
-            self.reached = path_task.route.done(self._state.path.along, fish.tick)
+            self.reached = path_task.route.is_done(self._state.path.along, fish.tick)
             self.path_task = None if self.reached else path_task
         elif last.stretch.touched and isinstance(last.goal, Goal) and last.goal == self.goal:
             if path_task is None:

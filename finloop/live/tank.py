@@ -125,7 +125,7 @@ class LiveTank:
 
         fish_index: from 0; None: all fish. drag: whether the user is dragging the goal.
         """
-        near = self.world.tank.into(x, y)
+        near = self.world.tank.nearest_legal_point(x, y)
         if np.hypot(near[0] - x, near[1] - y) > self.world.touch_px:
             x, y = near
         for fish in self._select_fish(fish_index):
@@ -148,7 +148,7 @@ class LiveTank:
         """
         self._refuse_in_paper("a path")
         world = self.world
-        x, y = np.array([world.tank.into(*place) for place in places], float).T
+        x, y = np.array([world.tank.nearest_legal_point(*place) for place in places], float).T
         gap, reach = np.hypot(x[-1] - x[0], y[-1] - y[0]), np.hypot(x - x[0], y - y[0]).max()
         if reach <= world.touch_px:
             self.send_to_goal(fish_index, float(x[-1]), float(y[-1]))

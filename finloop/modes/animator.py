@@ -7,14 +7,14 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import pandas as pd
 
-from finloop.animate.arena import place_goals, tank
+from finloop.animate.arena import make_tank, place_goals
 from finloop.animate.cast import Cast
-from finloop.animate.motion import learn
+from finloop.animate.motion import learn_motion
 from finloop.animate.places import random_goals
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.settings import AnimateSettings
-from finloop.animate.shoal import swim
-from finloop.animate.size import Sized, head_ahead_px, scale_film
+from finloop.animate.shoal import animate_fish
+from finloop.animate.size import ScaledFilm, head_ahead_px, scale_film
 from finloop.animate.world import World
 from finloop.base.arrays import Mask, Picture, Reals
 from finloop.distance.map import MapFacts
@@ -156,14 +156,14 @@ class PaperAnimator:
         self, goals: Sequence[Goal], rng: np.random.Generator
     ) -> tuple[Swim, pd.DataFrame]:
         ticks = round(self.p.seconds * self.player.world.motion.rate_hz)
-        found = swim(self.player, goals, ticks, rng)
+        found = animate_fish(self.player, goals, ticks, rng)
         return found, build_edit_list(found, ticks, self.player.sources)
 
 
 class ModeAssets(NamedTuple):
     """What the paper's modes share: film at its drawn size, tank, pictures, outlines."""
 
-    sized: Sized
+    sized: ScaledFilm
     world: World
     pictures: Pictures
     cast: Cast
@@ -176,11 +176,11 @@ def prepare_mode_assets(made: FilmData, p: AnimateSettings) -> ModeAssets:
     """
     at_size = scale_film(made.reel, made.outline_px, made.arena, p, made.floor)
     reel = at_size.reel
-    motion = learn(reel.features, made.rate_hz, infer_delta_frames(reel.features)).scale_to(
+    motion = learn_motion(reel.features, made.rate_hz, infer_delta_frames(reel.features)).scale_to(
         reel.size
     )
     world = World(
-        tank(at_size.area, at_size.reach_px), motion, p.goal_radius_bl * motion.body_length_px,
+        make_tank(at_size.area, at_size.reach_px), motion, p.goal_radius_bl * motion.body_length_px,
         head_ahead_px(reel.features, reel.size),
     )  # fmt: skip
     pictures = Pictures(

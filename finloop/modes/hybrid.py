@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from finloop.animate.arena import inside
-from finloop.animate.kinematics import Target, touches, wrap
+from finloop.animate.arena import is_legal_point
+from finloop.animate.kinematics import Target, touches_target, wrap
 from finloop.animate.settings import AnimateSettings as CommonSettings
 from finloop.animate.state import Fish
 from finloop.base.arrays import Floats, Ints
@@ -164,12 +164,12 @@ class Hybrid:
         state, place = self._cycle[sprite]
         heading = float(wrap(fish.rot - turn))
         x, y = self.loops.next_place(fish._replace(heading=heading, row=-1))
-        if not inside(self.network.world.tank.legal, x, y):
+        if not is_legal_point(self.network.world.tank.legal, x, y):
             x, y = fish.x, fish.y
         decision = Decision(PHASE, exit=NO_WAY, seam=seam, film_speed=fish.speed)
         return Stretch(
             state, np.array([[x, y, heading]]), np.array([sprite]), True, goal,
-            touches(x, y, heading, goal), add_verdict_counts(ways, decision),
+            touches_target(x, y, heading, goal), add_verdict_counts(ways, decision),
             phase=np.array([place + _SHOWN]),
         )  # fmt: skip
 

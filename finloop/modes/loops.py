@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.arena import inside
-from finloop.animate.kinematics import Target, bearing, rotate, touches, wrap
+from finloop.animate.arena import is_legal_point
+from finloop.animate.kinematics import Target, bearing, rotate, touches_target, wrap
 from finloop.animate.settings import AnimateSettings as CommonSettings
 from finloop.animate.state import Fish
 from finloop.animate.world import World
@@ -303,10 +303,10 @@ def _follow_starts(film, legal, ends, begin, goal, most):  # type: ignore[no-unt
         begins = film.rows[row].heading + rot
         least = stay if starts.seams[way] > 0 else 1
         nearest, touch = np.inf, False
-        while inside(legal, x, y):
+        while is_legal_point(legal, x, y):
             at = film.rows[row]
             n += 1
-            touch = touch or touches(x, y, at.heading + rot, goal)
+            touch = touch or touches_target(x, y, at.heading + rot, goal)
             if ends[row] and (touch or n >= least):
                 dx, dy = x - place[0], place[1] - y
                 left = 0.0 if touch else np.hypot(goal.x - x, goal.y - y)
@@ -338,7 +338,7 @@ def first_end(film, legal, ends, starts, place):  # type: ignore[no-untyped-def]
     for way in range(ticks.size):
         row, rot = starts.rows[way], starts.rots[way]
         x, y, n = place[0], place[1], 0
-        while inside(legal, x, y):
+        while is_legal_point(legal, x, y):
             n += 1
             if ends[row]:
                 ticks[way] = n

@@ -7,19 +7,19 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.arena import place_goals, tank
+from finloop.animate.arena import make_tank, place_goals
 from finloop.animate.cast import Cast
 from finloop.animate.company import Plans
-from finloop.animate.motion import learn
+from finloop.animate.motion import learn_motion
 from finloop.animate.paths import Path, lay_path
 from finloop.animate.places import random_goals
 from finloop.animate.shoal import (
     SwimTask,
-    deal,
+    animate_group,
+    deal_goals,
     make_tasks,
-    refuse_meetings,
+    refuse_shared_goals,
     settle_fish,
-    shoal,
 )
 from finloop.animate.size import head_ahead_px, scale_film
 from finloop.base.arrays import Ints, Mask, Picture, Reals
@@ -125,7 +125,7 @@ class MatchingAnimator:
         placed = place_goals(p.goals, p.goal_unit, world.tank, touch_px)
         goals = [goal._replace(radius_px=world.touch_px) for goal in placed]
         if not p.overlap:
-            refuse_meetings(goals, self.seekers)
+            refuse_shared_goals(goals, self.seekers)
         return goals
 
     @property
@@ -164,7 +164,7 @@ class MatchingAnimator:
         p = self.world.settings
         todo = add_rules(make_tasks([], p.fish, rng), p)
         if seekers:
-            for fish, lot in zip(seekers, deal(goals, len(seekers)), strict=True):
+            for fish, lot in zip(seekers, deal_goals(goals, len(seekers)), strict=True):
                 todo[fish] = todo[fish]._replace(goals=lot)
         return todo
 
@@ -175,7 +175,9 @@ class MatchingAnimator:
         """
         todo, ticks = self._trial(number), self.world.duration
         goals = [task.goals for task in todo]
-        return build_edit_lists(shoal(self.player, todo, ticks), ticks, self.player.sources), goals
+        return build_edit_lists(
+            animate_group(self.player, todo, ticks), ticks, self.player.sources
+        ), goals
 
     def _trial(self, number: int) -> list[SwimTask]:
         p = self.world.settings
@@ -201,7 +203,7 @@ class MatchingAnimator:
         """
         player, p = self.player, self.world.settings
         ticks = self.world.duration
-        found = shoal(player, self.tasks(goals), ticks)
+        found = animate_group(player, self.tasks(goals), ticks)
         edit = build_edit_lists(found, ticks, player.sources)
         if p.join == FADE:
             edit = remove_ghost_fades(edit, self.pictures, p.fade_steps * self.step)
@@ -220,7 +222,7 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
     facts, rate_hz = made.map_facts, made.rate_hz
     features = reel.features
     delta = infer_delta_frames(features)
-    motion = learn(features, rate_hz, delta).scale_to(reel.size)
+    motion = learn_motion(features, rate_hz, delta).scale_to(reel.size)
     bodies = Bodies(made.poses, reel.has_next_frame, reel.sprites)
     pictures = Pictures(reel, facts.size, bodies)
     cast = Cast(reel.sprites, [], hulls)
@@ -252,7 +254,7 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
             "take a longer film, or another mode; see reports/jumps and reports/forecast",
         )
     touch_px = p.goal_radius_bl * motion.body_length_px
-    water, head_px = tank(area, reach_px), head_ahead_px(features, reel.size)
+    water, head_px = make_tank(area, reach_px), head_ahead_px(features, reel.size)
     brisk = learn_fast_fish(features, rate_hz, delta, p)
     world = FilmWorld(water, motion, touch_px, head_px, way, brisk, p, cast.discs)
     by_film = FilmSource(world) if plays else None

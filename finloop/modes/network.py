@@ -106,7 +106,7 @@ class Network:
 
     def _course(self, fish: Fish, goal: Target) -> GoalApproach:
         near_px = self.p.arrived * self.world.touch_px
-        aim = step.aim_in(self.world.tank, (fish.x, fish.y), goal, near_px)
+        aim = step.next_aim(self.world.tank, (fish.x, fish.y), goal, near_px)
         error = step.wrap(step.bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
         distance = float(np.hypot(aim.x - fish.x, aim.y - fish.y))
         far = distance > self.p.near_goal_bl * self._px
@@ -158,7 +158,7 @@ class Network:
         if not course.far:
             most = min(1.0, abs(course.error) / max(np.abs(drift).max(), 1e-9))
         drift = drift * np.copysign(most, course.error * drift[-1])
-        way, good, touched = step.straight(
+        way, good, touched = step.swim_ahead(
             self.world.tank.legal, course.start, Ahead(forward, drift, forward * self._stop),
             course.goal,
         )  # fmt: skip
@@ -236,7 +236,7 @@ class Network:
                 np.minimum(np.maximum(ahead, 0.0), phases.high / motion.rate_hz) * self._px,
                 share * sideways * (1 - fade) * self._px,
             )
-            way, good, touched = step.turn(
+            way, good, touched = step.swim_turn(
                 self.world.tank.legal, course.start, swim, course.goal, course.aim, fastest
             )
             if good:
@@ -249,7 +249,7 @@ class Network:
         ticks = motion.delta
         slower = self.p.brake_speed_ratio ** (np.arange(1, ticks + 1) / ticks)
         speed, none = np.maximum(fish.speed * slower, phases.low), np.zeros(ticks)
-        way, good, touched = step.straight(
+        way, good, touched = step.swim_ahead(
             self.world.tank.legal, course.start,
             Ahead(speed * (self._px / motion.rate_hz), none, none), course.goal,
         )  # fmt: skip

@@ -18,7 +18,7 @@ from finloop.animate.motion import (
     Run,
     TrackKinematics,
     kinematics_of_tracks,
-    runs_of,
+    swimming_runs,
     too_little_error,
 )
 from finloop.base.arrays import Floats
@@ -57,7 +57,7 @@ def learn_phases(features: pd.DataFrame, rate_hz: float, delta: int, p: NetworkS
     still = p.still_tail_ratio * float(np.quantile(beating, 0.9))
     speeds = np.concatenate([c.speed for c in every])
     low, high = np.quantile(speeds, (p.min_speed_quantile, p.max_speed_quantile))
-    straight = [run for one in every for run in runs_of(one) if run[1] == TYPE_STRAIGHT]
+    straight = [run for one in every for run in swimming_runs(one) if run[1] == TYPE_STRAIGHT]
     return _phases(straight, still, delta, p, (float(low), float(high)))
 
 

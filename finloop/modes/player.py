@@ -9,7 +9,7 @@ import numpy as np
 from finloop.animate.cast import Cast
 from finloop.animate.company import ALONE, Company
 from finloop.animate.kinematics import Target
-from finloop.animate.places import somewhere
+from finloop.animate.places import random_wander_place
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
 from finloop.animate.state import Fish, State
@@ -109,7 +109,7 @@ class PaperPlayer:
             x, y, left = goal.x_px, goal.y_px, 0
         else:
             if left <= 0:
-                place, left = somewhere(world, fish, rng)
+                place, left = random_wander_place(world, fish, rng)
             x, y = place
         free = not isinstance(goal, Goal)
         spot = Target(float(x), float(y), world.touch_px, world.head_px, free)

@@ -4,9 +4,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.animate.company import clear_ahead
-from finloop.animate.kinematics import offset_point, rotate, touches, turn_by, wrap
-from finloop.animate.route import Route, asked_at, done, foot, least_along, place
+from finloop.animate.company import is_clear_in_search
+from finloop.animate.kinematics import offset_point, rotate, rotate_by_cos_sin, touches_target, wrap
+from finloop.animate.route import (
+    Route,
+    due_along,
+    find_foot,
+    foot_search_start,
+    is_route_done,
+    point_along,
+)
 from finloop.base.arrays import Floats, Ints
 from finloop.base.kernel import finite_leaf, kernel, leaf_kernel
 from finloop.plan.cost import LAG, PATH, RARITY, Steering, path_tick_cost
@@ -38,7 +45,7 @@ def steering_turn(  # type: ignore[no-untyped-def]
     far = np.sqrt(dx * dx + dy * dy)
     if ticks_ahead < 1 or far < 1e-6 * steering.length_px:
         return 0.0
-    x, y = place(route, position[2] + far)
+    x, y = point_along(route, position[2] + far)
     vx, vy = x - position[0], y - position[1]
     aside = (dy * vx - dx * vy) / far
     onward = max((dx * vx + dy * vy) / far, _ONWARD * steering.length_px)
@@ -56,12 +63,12 @@ def shift_to_route(route: Route, position, speed_bl_s: float, timing, steering: 
     before the shift; and the length of the shift, px.
     """
     (x, y, along), (tick, ticks) = position, timing
-    along, fx, fy = foot(route, x, y, least_along(route, along, tick))
+    along, fx, fy = find_foot(route, x, y, foot_search_start(route, along, tick))
     tx, ty, most = fx, fy, steering.shift * speed_bl_s * ticks
     share = min(ticks / steering.reach, 1.0)
     if route.when.size:
-        late = min(max((asked_at(route, tick) - along) * share, -most), most)
-        tx, ty = place(route, along + late / share)
+        late = min(max((due_along(route, tick) - along) * share, -most), most)
+        tx, ty = point_along(route, along + late / share)
     cx, cy = (tx - x) * share, (ty - y) * share
     far = np.sqrt(cx * cx + cy * cy)
     if far > most:
@@ -112,11 +119,11 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
         out[t, 0], out[t, 1], out[t, 2] = x, y, heading
         used[t, 0], used[t, 1] = turn, shift
         if route.x.size:
-            ends = done(route, along, tick + t + 1)
+            ends = is_route_done(route, along, tick + t + 1)
         else:
             goes_on = film[row].has_next and film[row + 1].recurrent
-            touched = not goal.free and goes_on and touches(x, y, heading, goal)
-            ends = touched or (not goal.free and touches(x, y, heading, objective.aim))
+            touched = not goal.free and goes_on and touches_target(x, y, heading, goal)
+            ends = touched or (not goal.free and touches_target(x, y, heading, objective.aim))
         if ends:
             good = t + 1
             break
@@ -177,7 +184,7 @@ def _advance_way(graph, way, ticks, start, objective, weights):  # type: ignore[
         leads = rotate(lead.dx, lead.dy, way.rot)
         most = largest_steering_turn(speed, steering)
         turn = steering_turn(route, (way.x, way.y, along), leads, lead.ticks, most, steering)
-    dx, dy = turn_by(after.x - at.x, after.y - at.y, way.cos, way.sin)
+    dx, dy = rotate_by_cos_sin(after.x - at.x, after.y - at.y, way.cos, way.sin)
     if route.x.size:
         dx, dy = rotate(after.x - at.x, after.y - at.y, way.rot + turn * ticks / 2)
     x, y, rot = way.x + dx, way.y + dy, way.rot + turn * ticks
@@ -190,7 +197,7 @@ def _advance_way(graph, way, ticks, start, objective, weights):  # type: ignore[
         cost = path_tick_cost(route, (x, y, heading), (along, fx, fy), used, tick, steering) * ticks
     if not fits_in_tank(graph.bounds, row + ticks, x, y, heading):
         return False
-    if not clear_ahead(start.company, row + ticks, x, y, heading, tick):
+    if not is_clear_in_search(start.company, row + ticks, x, y, heading, tick):
         return False
     way.x, way.y, way.along, way.rot = x, y, along, rot
     way.terms[PATH] += cost

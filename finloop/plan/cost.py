@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.animate.route import Route, asked_at, heading_at, place
+from finloop.animate.route import Route, due_along, heading_at, point_along
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import finite_leaf, for_kernels, kernel
 from finloop.edit.bodies import Movement
@@ -208,7 +208,7 @@ def path_tick_cost(route: Route, pose, foot, corrections, tick: int, steering: S
     x, y, heading = pose
     cost = steering.across * offset_cost((foot[1] - x) ** 2 + (foot[2] - y) ** 2, square)
     if route.when.size:
-        tx, ty = place(route, asked_at(route, tick))
+        tx, ty = point_along(route, due_along(route, tick))
         cost += steering.late * offset_cost((tx - x) ** 2 + (ty - y) ** 2, square)
     if route.heading.size:
         off = np.radians(heading_at(route, foot[0]) - heading)

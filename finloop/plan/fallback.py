@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from finloop.animate.company import lasting_ticks
-from finloop.animate.kinematics import Target, bearing, towards_by, wrap
+from finloop.animate.company import count_lasting_ticks
+from finloop.animate.kinematics import Target, bearing, turn_towards_aim, wrap
 from finloop.animate.state import Fish
 from finloop.base.arrays import Floats
 from finloop.edit.schema import FILM, FORECAST, FRAME, SPOT, WAITING
@@ -61,7 +61,7 @@ class Fallback:
         before = heading = fish.heading
         for k, own in enumerate(filmed):
             if turning:
-                heading += towards_by(wrap(own - before), there - heading, most_deg)
+                heading += turn_towards_aim(wrap(own - before), there - heading, most_deg)
             way[k, 2], before = heading, own
         rots = way[:, 2] - film.heading[rows]
         state = FORECAST if fish.state == FORECAST else FILM
@@ -100,7 +100,7 @@ class Fallback:
 
         fish: at the beginning of the stretch.
         """
-        return lasting_ticks(fish.company, stretch.pictures, stretch.way, fish.tick)
+        return count_lasting_ticks(fish.company, stretch.pictures, stretch.way, fish.tick)
 
     def _part_inside_tank(self, stretch: Stretch) -> Stretch | None:
         """Return a stretch up to where it leaves the tank, moved off the walls; None if empty."""
@@ -115,7 +115,7 @@ class Fallback:
 
         It drifts towards open water, and turns to the target where there is room.
         """
-        open_water = Target(*self._world.tank.into(fish.x, fish.y), 0.0, 0.0)
+        open_water = Target(*self._world.tank.nearest_legal_point(fish.x, fish.y), 0.0, 0.0)
         for stays in self._ways_to_stay(fish, target):
             way = self._drift(fish, stays, open_water)
             if (inside := self._part_inside_tank(replace(stays, way=way))) is not None:
@@ -149,7 +149,7 @@ class Fallback:
         far = _AWAY * self._world.motion.body_length_px
         angle = np.arctan2(fish.y - y, fish.x - x) + np.radians(aside_deg)
         to_x, to_y = fish.x + far * np.cos(angle), fish.y + far * np.sin(angle)
-        return Target(*self._world.tank.into(float(to_x), float(to_y)), 0.0, 0.0)
+        return Target(*self._world.tank.nearest_legal_point(float(to_x), float(to_y)), 0.0, 0.0)
 
     def _ways_to_stay(self, fish: Fish, target: Target) -> Iterator[Stretch]:
         """Yield stretches in place: turning to a target, not turning, with the same picture."""

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.animate.kinematics import Target, touches
-from finloop.animate.route import NO_ROUTE, Route, asked_at, place
+from finloop.animate.kinematics import Target, touches_target
+from finloop.animate.route import NO_ROUTE, Route, due_along, point_along
 from finloop.animate.rule import Rule
 from finloop.animate.state import Fish
 from finloop.base.arrays import Floats
@@ -50,7 +50,7 @@ def is_objective_done(graph, way, objective):  # type: ignore[no-untyped-def]
         return is_at_path_end(objective.route, way.along)
     rows = graph.film.rows
     at, heading = rows[way.row], rows[way.row].heading + way.rot
-    if objective.aim.free or not touches(way.x, way.y, heading, objective.aim):
+    if objective.aim.free or not touches_target(way.x, way.y, heading, objective.aim):
         return False
     return at.has_next and rows[way.row + 1].recurrent
 
@@ -114,7 +114,7 @@ def timed_targets(route, tick, most_ticks):  # type: ignore[no-untyped-def]
     count = most_ticks + 1 if route.when.size else 0
     asked = np.empty((count, 2))
     for t in range(count):
-        asked[t, 0], asked[t, 1] = place(route, asked_at(route, tick + t))
+        asked[t, 0], asked[t, 1] = point_along(route, due_along(route, tick + t))
     return asked
 
 
@@ -167,7 +167,7 @@ def _path_deviation(way, film_step, direction, route, targets_and_steering):  # 
     if route.when.size:
         to_x, to_y = asked[way.ticks + ticks, 0], asked[way.ticks + ticks, 1]
     else:
-        to_x, to_y = place(route, way.along + far)
+        to_x, to_y = point_along(route, way.along + far)
     off = np.sqrt((x - to_x) ** 2 + (y - to_y) ** 2) - far * np.radians(steering.turn) * ticks / 2
     return offset_cost(max(off, 0.0) ** 2, steering.length_px**2)
 
@@ -184,10 +184,14 @@ def place_by_rule(
     if rule.leader is not None:
         angle = np.radians(rule.others.headings_deg[rule.leader])
         x, y = rule.others.places[rule.leader] - length * np.array([np.cos(angle), -np.sin(angle)])
-        return np.array(world.tank.into(float(x), float(y))), 0
+        return np.array(world.tank.nearest_legal_point(float(x), float(y))), 0
     shoaling = rule.shoaling
     assert shoaling is not None
     last = fish.speed * shoaling.horizon / world.motion.rate_hz
     own = DecidingFish(fish.x, fish.y, fish.heading, last)
     place = next_place_in_school(own, rule.others, shoaling, world.walls, rng)
-    return None if place is None else (np.array(world.tank.into(*place)), shoaling.horizon)
+    return (
+        None
+        if place is None
+        else (np.array(world.tank.nearest_legal_point(*place)), shoaling.horizon)
+    )

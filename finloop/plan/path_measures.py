@@ -9,7 +9,7 @@ import pandas as pd
 from finloop.animate.paths import (
     Path,
 )
-from finloop.animate.route import Route, asked_at, foot, least_along, place
+from finloop.animate.route import Route, due_along, find_foot, foot_search_start, point_along
 from finloop.base.arrays import Floats, Mask
 from finloop.base.schema import Column, Schema, columns
 from finloop.edit.schema import PATH
@@ -68,9 +68,9 @@ def path_table(
     feet, times = np.empty((len(way), 3)), np.full((len(way), 2), np.nan)
     for tick, (x, y, _) in enumerate(way):
         at = tick + route.begins
-        along, *_ = feet[tick] = foot(route, x, y, least_along(route, along, at))
+        along, *_ = feet[tick] = find_foot(route, x, y, foot_search_start(route, along, at))
         if route.is_timed:
-            times[tick] = place(route, asked_at(route, at))
+            times[tick] = point_along(route, due_along(route, at))
     off = np.full(len(way), np.nan)
     if len(route.heading) and len(way):
         cell = np.minimum((feet[:, 0] / route.step).astype(int), len(route.heading) - 1)
@@ -196,7 +196,7 @@ def _cause_of_departure(
 
 def _shifts_off_walls(along_px: Floats, path: Path) -> Floats:
     """Return how far (n,), px, the steered path is from the requested one, `along_px` (n,)."""
-    both = [np.array([place(one, float(a)) for a in along_px]).reshape(-1, 2) for one in path]
+    both = [np.array([point_along(one, float(a)) for a in along_px]).reshape(-1, 2) for one in path]
     return np.hypot(*(both[0] - both[1]).T)
 
 
@@ -207,7 +207,7 @@ def _mark_sharp_bends(along_px: Floats, route: Route, length_px: float, bend: fl
     measured over half a body length.
     """
     half = 0.25 * length_px
-    ends = [np.array([place(route, float(a + k * half)) for a in along_px]).reshape(-1, 2)
+    ends = [np.array([point_along(route, float(a + k * half)) for a in along_px]).reshape(-1, 2)
             for k in (-1, 0, 1)]  # fmt: skip
     steps = [np.degrees(np.arctan2(*(b - a).T[::-1] * [[-1], [1]])) for a, b in pairwise(ends)]
     return np.asarray(np.abs(np.radians(wrap_deg(steps[1] - steps[0]))) * length_px / half > bend)

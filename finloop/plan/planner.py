@@ -11,11 +11,11 @@ from functools import cached_property
 import numpy as np
 
 from finloop.animate.cast import Cast
-from finloop.animate.company import ALONE, Company, can_stay, company_of, near_first
-from finloop.animate.kinematics import Target, aim_in, touches, wrap
+from finloop.animate.company import ALONE, Company, can_stay, make_company, sort_near_first
+from finloop.animate.kinematics import Target, next_aim, touches_target, wrap
 from finloop.animate.memory import remember_rows
-from finloop.animate.places import somewhere
-from finloop.animate.route import Route, foot, least_along, place
+from finloop.animate.places import random_wander_place
+from finloop.animate.route import Route, find_foot, foot_search_start, point_along
 from finloop.animate.rule import Rule
 from finloop.animate.shoal import NoRoom
 from finloop.animate.state import Fish, Progress, State
@@ -129,10 +129,10 @@ class Planner:
         graph, rows = source.graph, source.graph.film.rows
         lasting = _lasting_rows(source)
         some = np.sort(rng.choice(lasting, min(_STARTS, len(lasting)), replace=False))
-        x, y = map(float, place(route, 0.0))
+        x, y = map(float, point_along(route, 0.0))
         ticks = graph.leads["ticks"][some]
         dx, dy = (rows[axis][some + ticks] - rows[axis][some] for axis in "xy")
-        ahead = place(route, self.world.motion.body_length_px)
+        ahead = point_along(route, self.world.motion.body_length_px)
         towards = np.arctan2(y - ahead[1], ahead[0] - x)
         rots = np.asarray(wrap_deg(np.degrees(towards - np.arctan2(-dy, dx))), float)
         if not graph.film.body:
@@ -162,7 +162,7 @@ class Planner:
         p = self.world.settings
         if p.overlap or not other_plans.shape[1]:
             return ALONE
-        return company_of(other_plans, tick, self.cast.discs, self.world.to_ticks(p.give_way))
+        return make_company(other_plans, tick, self.cast.discs, self.world.to_ticks(p.give_way))
 
     def with_others(self, state: State, other_plans: Floats) -> State:
         """Return the state with the other fish added, first those that the fish can meet.
@@ -172,7 +172,7 @@ class Planner:
         fish = state.fish
         company = self.company(other_plans, fish.tick)
         if company.near:
-            company = near_first(company, fish.x, fish.y, self.world.farthest_px)
+            company = sort_near_first(company, fish.x, fish.y, self.world.farthest_px)
         if company is fish.company:
             return state
         return state._replace(fish=fish._replace(company=company))
@@ -229,21 +229,21 @@ class Planner:
             return *wished, True
         if state.left > 0 and not state.wished:
             return state.place, state.left, False
-        return *somewhere(self.world, state.fish, rng), False
+        return *random_wander_place(self.world, state.fish, rng), False
 
     def _next_waypoint(self, fish: Fish, goal: Target) -> Target:
         """Return the point to head for: the goal, or the farthest in sight on the way there."""
         tank = self.world.tank
-        aim = aim_in(tank, (fish.x, fish.y), goal, self.world.touch_px)
-        return goal if aim[:2] == tank.into(goal.x, goal.y) else aim
+        aim = next_aim(tank, (fish.x, fish.y), goal, self.world.touch_px)
+        return goal if aim[:2] == tank.nearest_legal_point(goal.x, goal.y) else aim
 
     def _plan_on_route(
         self, state: State, route: Route, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
         """Return the next stretch of a fish on a route, and the state after it."""
         fish, path = state.fish, state.path
-        since = least_along(route, path.along, fish.tick)
-        path = path._replace(along=float(foot(route, fish.x, fish.y, since)[0]))
+        since = foot_search_start(route, path.along, fish.tick)
+        path = path._replace(along=float(find_foot(route, fish.x, fish.y, since)[0]))
         objective = path_objective(route, self.world.steering)
         whole, on = self._plan_or_stay(fish, path, objective, route, rng)
         stretch = self._fallback.keep_clear(fish, whole, rng)
@@ -276,7 +276,7 @@ class Planner:
         options = plans[0].verdicts(self.world.motion.rate_hz) if plans else None
         stretch = self._fallback.stay(fish, aim)
         goal = task if isinstance(task, Target) else ANYWHERE
-        if not goal.free and touches(*stretch.way[0], goal):  # it rests on its goal
+        if not goal.free and touches_target(*stretch.way[0], goal):  # it rests on its goal
             stretch = replace(stretch.cut(1), touched=True)
         if options is not None:
             options = replace(options, taken=-1)
@@ -401,7 +401,7 @@ class Planner:
         """
         if not len(objective.route.x):
             return objective.aim
-        x, y = map(float, place(objective.route, along + self.world.motion.body_length_px))
+        x, y = map(float, point_along(objective.route, along + self.world.motion.body_length_px))
         return Target(x, y, self.world.touch_px, self.world.head_px)
 
     def _cost_of_rest(self, fish: Fish, objective: Objective) -> float:

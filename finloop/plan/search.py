@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.company import ALONE, Company, clear_ahead
+from finloop.animate.company import ALONE, Company, is_clear_in_search
 from finloop.animate.kinematics import wrap
 from finloop.animate.memory import NEVER, last_on_screen
 from finloop.base.arrays import Floats, Ints, Mask
@@ -261,7 +261,7 @@ def _start_beam(graph, candidates, start, sizes):  # type: ignore[no-untyped-def
         first = graph.film.rows[row]
         heading = first.heading + candidates.rots[c]
         free = fits_in_tank(graph.bounds, row, x, y, heading)
-        free = free and clear_ahead(start.company, row, x, y, heading, start.tick)
+        free = free and is_clear_in_search(start.company, row, x, y, heading, start.tick)
         if first.recurrent and free:
             way, run = beam.ways[n], beam.runs[n]
             way.x, way.y, way.along, way.first, way.run = x, y, start.along, c, n

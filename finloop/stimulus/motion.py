@@ -59,7 +59,7 @@ class TrialContext:
         self.posture = int(bodies.poses.shapes.mean.size)
         self.width = POSTURE + self.posture
         height, width = self.world.tank.arena.shape
-        self.tank = TankGeometry(width, height, self.length_px, self.world.tank.into)
+        self.tank = TankGeometry(width, height, self.length_px, self.world.tank.nearest_legal_point)
 
     def count_ticks(self, seconds: float) -> int:
         """Return how many ticks a duration has, at least one."""
