@@ -19,7 +19,7 @@ LENGTH = 40.0
 SEA = TankGeometry(1001, 1001, LENGTH, lambda x, y: (x, y))  # no walls
 MIDDLE = 500.0
 POOL = arena_tank(np.ones((300, 400), bool), 15.0)
-WALLED = TankGeometry(400, 300, LENGTH, POOL.into)
+WALLED = TankGeometry(400, 300, LENGTH, POOL.nearest_legal_point)
 NOW = 100.0
 
 
@@ -110,9 +110,9 @@ def test_a_scene_that_is_turned_or_mirrored_has_its_aim_turned_or_mirrored(
 def test_every_aim_is_where_a_fish_can_be(rule, scene, distance, far):
     how = {} if rule in ("approach", "copy", "mirror") else {"distance": distance}
     x, y, heading, _, to_y, to_heading = scene
-    own = (*POOL.into(x / 2.5, y / 3.4), heading)
+    own = (*POOL.nearest_legal_point(x / 2.5, y / 3.4), heading)
     place = aim_of(rule, own, Sightings(animal(far, to_y, to_heading)), tank=WALLED, **how)
-    assert place is None or POOL.into(*place) == place
+    assert place is None or POOL.nearest_legal_point(*place) == place
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -220,7 +220,7 @@ def test_in_open_water_the_fish_flees_straight_and_only_from_what_is_near(scene,
 
 
 def test_before_a_wall_the_fish_flees_along_it_to_the_side_it_looks_to():
-    wall = POOL.into(0, 150)[0]
+    wall = POOL.nearest_legal_point(0, 150)[0]
     for heading, side in ((math.pi / 2, -1), (-math.pi / 2, 1)):
         own = wall, 150.0, heading
         x, y = aim_of("avoid", own, Sightings(animal(wall + 50, 150.0)), distance=2, tank=WALLED)
@@ -229,7 +229,7 @@ def test_before_a_wall_the_fish_flees_along_it_to_the_side_it_looks_to():
 
 @pytest.mark.parametrize("corner", [(0, 0), (399, 0), (0, 299), (399, 299)])
 def test_a_fish_in_a_corner_gets_out_of_it_and_one_before_it_does_not_get_in(corner):
-    end = np.array(POOL.into(*corner))
+    end = np.array(POOL.nearest_legal_point(*corner))
     inwards = np.sign(np.array([199.5, 149.5]) - end)
     for start, near in ((0, 40), (30, 55), (40, 80)):  # in the corner, and before it
         own, other = end + start * inwards, end + (start + near) * inwards * [1, 0.9]
