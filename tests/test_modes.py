@@ -69,7 +69,7 @@ from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import find_orientations, orientation_heading_deg, wrap_deg
 from finloop.loops.positions import find_quadrants, quadrant_of_displacement
 from finloop.modes.hybrid import Hybrid
-from finloop.modes.loops import loop_ends
+from finloop.modes.loops import mark_loop_ends
 from finloop.modes.network import Network
 from finloop.modes.sprites import plan_turn
 from finloop.plan.plan import candidate_table
@@ -308,7 +308,7 @@ def test_looking_up_finds_the_nearest_loop_end_in_the_goal_s_quadrant(pose, free
     for _ in range(200):
         fish = in_film(film, rng, small)
         goal = spot(*small.random_point(rng))._replace(free=free)
-        starts = play_.starts(fish)
+        starts = play_.next_rows(fish)
         ways = play_.follow_starts(fish, starts, goal)
         for way, (row, rot, seam) in enumerate(zip(*starts, strict=True)):
             place, least = play_.next_place(fish), STAY if seam > 0 else 1
@@ -341,7 +341,7 @@ def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, 
             last, first = before.number[-1], one.number[0]
             assert one.new == (first != last + 1)
             assert ((last + 1, first) in ends) if one.new else film.has_next[last]
-            assert loop_ends(film)[last] or not one.new
+            assert mark_loop_ends(film)[last] or not one.new
             if pose == BODY:  # the heading goes on as if the film had played on
                 turned = film.heading[last + 1] + before.rot[-1] - heading[0]
                 assert wrap_deg(turned) == pytest.approx(0, abs=1e-6)
@@ -402,12 +402,12 @@ def test_the_choice_says_whether_the_film_plays_on_or_jumps_where_both_pass(choi
     for _ in range(300):
         fish = in_film(film, rng)._replace(row=int(rng.choice(ends)))
         goal = spot(*open_tank().random_point(rng))
-        starts = mode.starts(fish)
+        starts = mode.next_rows(fish)
         ways = mode.follow_starts(fish, starts, goal)
         passes = ways.ticks > 0
         plays, jumps = passes & (starts.seams == 0), passes & (starts.seams > 0)
         taken = mode.play(fish, goal, rng)
-        chosen = mode.choose(starts, ways, np.random.default_rng(0))
+        chosen = mode.choose_start(starts, ways, np.random.default_rng(0))
         assert passes[chosen] if passes.any() else chosen is None
         if passes.any():
             assert taken.number[0] in starts.rows[passes]
@@ -769,7 +769,7 @@ def test_after_the_sprite_of_a_gateway_comes_the_next_one_at_any_speed(speed):
     for _ in range(40):
         fast = network.sprites.cycle_speed * speed
         fish = in_film(film, rng)._replace(x=400.0, y=300.0, speed=fast)
-        starts = mode.loops.starts(fish)
+        starts = mode.loops.next_rows(fish)
         angle = np.radians(fish.heading)
         goal = spot(fish.x + 150 * np.cos(angle), fish.y - 150 * np.sin(angle))
         left = mode.leave_film(fish, mode.loops.follow_starts(fish, starts, goal), goal)
@@ -786,12 +786,12 @@ def test_a_gateway_is_entered_as_soon_as_a_way_from_there_is_legal():
     for _ in range(400):
         goal = spot(*open_tank().random_point(rng))
         found = mode.play(fish, goal, rng)
-        starts = mode.gates(fish) if fish.row < 0 else None
+        starts = mode.rows_behind_gateways(fish) if fish.row < 0 else None
         if starts is not None:
             ways = mode.loops.follow_starts_from(mode.loops.next_place(fish), starts, goal)
             if found.kind == SPRITE:  # a way may end where there is a way out alone
                 left = fish.since == 1  # the film, a tick ago
-                assert left or not (ways.ticks > 0).any() or not mode.enter(fish, goal)
+                assert left or not (ways.ticks > 0).any() or not mode.enter_film(fish, goal)
             else:
                 assert found.number[0] in starts.rows and found.decision.reason == "enter"
                 entered += 1

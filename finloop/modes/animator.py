@@ -127,7 +127,7 @@ class PaperAnimator:
         return [goal._replace(radius_px=world.touch_px) for goal in placed]
 
     def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
-        """Return the goals of each fish: a list with `goals` alone, as there is one fish."""
+        """Return the goals of each fish: a list of one item, `goals`, as there is one fish."""
         return [goals]
 
     def check_room(self, goals: Sequence[Goal]) -> None:
@@ -155,6 +155,7 @@ class PaperAnimator:
     def _animate(
         self, goals: Sequence[Goal], rng: np.random.Generator
     ) -> tuple[Swim, pd.DataFrame]:
+        """Return the animation of the fish to goals, and its edit list."""
         ticks = round(self.p.seconds * self.player.world.motion.rate_hz)
         found = animate_fish(self.player, goals, ticks, rng)
         return found, build_edit_list(found, ticks, self.player.sources)
@@ -169,22 +170,22 @@ class ModeAssets(NamedTuple):
     cast: Cast
 
 
-def prepare_mode_assets(made: FilmData, p: AnimateSettings) -> ModeAssets:
+def prepare_mode_assets(film_data: FilmData, p: AnimateSettings) -> ModeAssets:
     """Return what the paper's modes share: film at its drawn size, tank, pictures, outlines.
 
-    made: data of the film; p: the group `animate` of the parameters.
+    film_data: what is taken from the film; p: the group `animate` of the parameters.
     """
-    at_size = scale_film(made.reel, made.outline_px, made.arena, p, made.floor)
+    at_size = scale_film(film_data.reel, film_data.outline_px, film_data.arena, p, film_data.floor)
     reel = at_size.reel
-    motion = learn_motion(reel.features, made.rate_hz, infer_delta_frames(reel.features)).scale_to(
-        reel.size
-    )
+    motion = learn_motion(
+        reel.features, film_data.rate_hz, infer_delta_frames(reel.features)
+    ).scale_to(reel.size)
     world = World(
         make_tank(at_size.area, at_size.reach_px), motion, p.goal_radius_bl * motion.body_length_px,
         head_ahead_px(reel.features, reel.size),
     )  # fmt: skip
     pictures = Pictures(
-        reel, made.map_facts.size, Bodies(made.poses, reel.has_next_frame, reel.sprites)
+        reel, film_data.map_facts.size, Bodies(film_data.poses, reel.has_next_frame, reel.sprites)
     )
     hulls = sprite_outlines(reel) if len(reel.sprites) else []
     return ModeAssets(at_size, world, pictures, Cast(reel.sprites, hulls, at_size.hulls))
@@ -193,33 +194,39 @@ def prepare_mode_assets(made: FilmData, p: AnimateSettings) -> ModeAssets:
 NO_LOOPS = pd.DataFrame({"a": [], "b": [], "distance": []}).astype({"a": int, "b": int})
 
 
-def loop_film(made: FilmData, basis: ModeAssets, loops: pd.DataFrame) -> MotionGraph:
+def video_loop_graph(film_data: FilmData, assets: ModeAssets, loops: pd.DataFrame) -> MotionGraph:
     """Return the motion graph of the film, whose only jumps are those of its video loops.
 
-    made: data of the film; basis: what the modes share; loops: rows a, b and distance of each loop.
+    film_data: what is taken from the film; assets: what the modes share; loops: rows a, b and
+    distance of each loop.
     """
-    features = basis.sized.reel.features
+    features = assets.sized.reel.features
     n, track = len(features), features["track_id"].to_numpy()
     none = np.zeros(0, np.int32)
     jumps = Jumps(np.full(n, -1, np.int32), np.zeros(1, np.int32), none, np.zeros(0))
     if len(loops):
-        jumps = loop_jumps(build_loop_graph(loops, track), n, made.map_facts.step_median)
+        jumps = loop_jumps(build_loop_graph(loops, track), n, film_data.map_facts.step_median)
     return motion_graph(
-        features, jumps, basis.world.motion, made.map_facts.pose, basis.sized.barred, np.zeros(n)
+        features,
+        jumps,
+        assets.world.motion,
+        film_data.map_facts.pose,
+        assets.sized.barred,
+        np.zeros(n),
     )
 
 
 def make_animator(
-    made: FilmData, basis: ModeAssets, mode: PaperMode, way: MotionGraph, sprites: Sprites | None,
-    p: AnimateSettings, join: str,
+    film_data: FilmData, assets: ModeAssets, mode: PaperMode, film: MotionGraph,
+    sprites: Sprites | None, p: AnimateSettings, join: str,
 ) -> PaperAnimator:  # fmt: skip
     """Return the animator of a mode of the paper.
 
-    mode: its flow chart; way: the motion graph of the film; sprites: None in a mode without
-    sprites; p: the group `animate`; join: how pictures are joined, "fade", "inertial" or "cut".
+    mode: its flow chart; film: motion graph of its rows; sprites: None in a mode without sprites;
+    p: the group `animate`; join: how pictures are joined, "fade", "inertial" or "cut".
     """
     how = resolve_join_rules(
-        p, join, basis.pictures.bodies, basis.world.motion.delta, basis.pictures.bending_helps
+        p, join, assets.pictures.bodies, assets.world.motion.delta, assets.pictures.bending_helps
     )
-    player = PaperPlayer(mode, basis.world, way, sprites, basis.cast, how)
-    return PaperAnimator(player, basis.pictures, float(made.steps["headed"].median()), p)
+    player = PaperPlayer(mode, assets.world, film, sprites, assets.cast, how)
+    return PaperAnimator(player, assets.pictures, float(film_data.steps["headed"].median()), p)

@@ -23,7 +23,14 @@ from finloop.features.table import find_orientations, wrap_deg
 from finloop.loops.settings import LoopsSettings
 from finloop.modes.animator import FilmData, PaperAnimator, make_animator, prepare_mode_assets
 from finloop.modes.hybrid_settings import HybridSettings
-from finloop.modes.loops import Loops, Starts, Ways, add_verdict_counts, first_end, make_loop_player
+from finloop.modes.loops import (
+    Loops,
+    Starts,
+    Ways,
+    add_verdict_counts,
+    make_loops,
+    ticks_to_first_end,
+)
 from finloop.modes.network import Network, make_network
 from finloop.modes.network_settings import NetworkSettings
 from finloop.modes.player import PaperMode
@@ -40,8 +47,9 @@ class Gateways:
     a list of (sprite, turn in degrees, seam), the nearest first.
     """
 
-    def __init__(self, table: pd.DataFrame, step: float, loops: Loops) -> None:
-        film = loops.film
+    def __init__(self, table: pd.DataFrame, step: float, loop_mode: Loops) -> None:
+        """Sort the gateways by what they lead from, without those into film that cannot go on."""
+        film = loop_mode.film
         table = table.assign(seam=table["distance"].astype(float) / step)
         enters = table[table["direction"] == "in"]
         enters = enters[film.can_play_on(enters["row"].to_numpy())]
@@ -64,6 +72,7 @@ class Hybrid:
     """Plays mode `hybrid` (Fig. 19): loops where they lead to the goal, else sprites."""
 
     def __init__(self, network: Network, loops: Loops, gateways: Gateways) -> None:
+        """Keep both flow charts, and mark the rows whose gateways lead to a straight sprite."""
         self.network, self.loops, self.gateways = network, loops, gateways
         cycles = network.sprites.cycles
         self._cycle = {
@@ -88,37 +97,41 @@ class Hybrid:
         out. Otherwise it is shown by a sprite.
         """
         filmed = self.loops.film.filmed
-        if fish.row < 0 or self.loops.shows(fish) or (fish.row < filmed and self._leaves[fish.row]):
+        if (
+            fish.row < 0
+            or self.loops.can_go_on(fish)
+            or (fish.row < filmed and self._leaves[fish.row])
+        ):
             return fish
         return self.network.take_over(fish)
 
     def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return the next stretch: by loop mode in the film, else network mode (Fig. 19)."""
+        """Return the next stretch: by loop mode in the film, else by network mode (Fig. 19)."""
         if fish.row < 0:
             return self.play_network(fish, goal, rng)
         return self.play_loops(fish, goal, rng)
 
     def play_network(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return sprites up to a gateway that fits, or film where one fits now.
+        """Return sprites up to where a gateway leads into the film, or film if one does now.
 
         Right after the film a fish is shown by sprites for at least one tick.
         """
-        if fish.since != _LEFT and (entered := self.enter(fish, goal)) is not None:
+        if fish.since != _LEFT and (entered := self.enter_film(fish, goal)) is not None:
             return entered
         stretch = self.network.play(fish, goal, rng)
         for tick in range(1, len(stretch.way)):
             there = self.network.end_state(fish, stretch.cut(tick))
-            if self.enter(there, goal) is not None:
+            if self.enter_film(there, goal) is not None:
                 return stretch.cut(tick)
         return stretch
 
-    def enter(self, fish: Fish, goal: Target) -> Stretch | None:
-        """Return film entered by a gateway from the sprite on screen; None without any.
+    def enter_film(self, fish: Fish, goal: Target) -> Stretch | None:
+        """Return the film entered by a gateway from the sprite on screen; None where none leads in.
 
         Of the gateways from which a way is legal, the one whose way ends nearest to the goal is
         taken.
         """
-        starts = self.gates(fish)
+        starts = self.rows_behind_gateways(fish)
         if starts is None:
             return None
         place = self.loops.next_place(fish)
@@ -127,10 +140,10 @@ class Hybrid:
         if not legal.size:
             return None
         taken = int(legal[np.argmin(ways.far[legal])])
-        return self.loops.stretch(fish, starts, ways, taken, goal, ENTER)
+        return self.loops.make_stretch(fish, starts, ways, taken, goal, ENTER)
 
-    def gates(self, fish: Fish) -> Starts | None:
-        """Return the rows that gateways lead to from the sprite on screen; None without any."""
+    def rows_behind_gateways(self, fish: Fish) -> Starts | None:
+        """Return the film rows that gateways lead to from the sprite on screen; None if none."""
         number = int(find_orientations(np.array(fish.heading), self.network.sprites.orientations))
         gates = self.gateways.into.get((fish.sprite, 0 if self.loops.film.body else number))
         if gates is None:
@@ -144,11 +157,11 @@ class Hybrid:
         Where no way is legal and the row shown has no gateway, the film plays on to a row that has
         one.
         """
-        starts = self.loops.starts(fish)
+        starts = self.loops.next_rows(fish)
         ways = self.loops.follow_starts(fish, starts, goal, self._ends)
-        taken = self.loops.choose(starts, ways, rng)
+        taken = self.loops.choose_start(starts, ways, rng)
         if taken is not None:
-            return self.loops.stretch(fish, starts, ways, taken, goal)
+            return self.loops.make_stretch(fish, starts, ways, taken, goal)
         if self._leaves[fish.row]:
             return self.leave_film(fish, ways, goal)
         return self.play_to_gateway(fish, starts, ways, goal, rng)
@@ -182,13 +195,13 @@ class Hybrid:
         gateway inside the tank, the fish swims on the spot.
         """
         place, legal = self.loops.next_place(fish), self.loops.world.tank.legal
-        ticks = first_end(self.loops.film, legal, self._leaves, starts, place)
+        ticks = ticks_to_first_end(self.loops.film, legal, self._leaves, starts, place)
         some = np.flatnonzero(ticks)
         if not some.size:
             return self.loops.swim_on_spot(fish, starts, ways, goal, rng)
         waits = ways._replace(ticks=0 * ticks, inside=ticks)
         taken = int(some[np.argmin(ticks[some])])
-        return replace(self.loops.stretch(fish, starts, waits, taken, goal), waits=True)
+        return replace(self.loops.make_stretch(fish, starts, waits, taken, goal), waits=True)
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch that began with `fish`."""
@@ -198,19 +211,20 @@ class Hybrid:
 
 
 def hybrid_animator(
-    made: FilmData, model: MotionModel, loops: pd.DataFrame, gateways: pd.DataFrame,
+    film_data: FilmData, model: MotionModel, loops: pd.DataFrame, gateways: pd.DataFrame,
     p: CommonSettings, q: tuple[NetworkSettings, LoopsSettings, HybridSettings],
 ) -> PaperAnimator:  # fmt: skip
     """Return the animator of mode `hybrid` (Fig. 19); without loops or gateways, of `network`.
 
-    made: data of the film; model: the trained network; loops, gateways: tables of both, the latter
-    with columns of `GATEWAYS`; p: the group `animate`; q: the groups of the three modes.
+    film_data: what is taken from the film; model: the trained network; loops, gateways: tables of
+    both, the latter with columns of `GATEWAYS`; p: the group `animate`; q: the groups of the three
+    modes.
     """
-    basis = prepare_mode_assets(made, p)
-    network, sprites = make_network(made, basis, model, q[0])
-    play = make_loop_player(made, basis, loops, q[1])
-    gates = Gateways(gateways, made.map_facts.step_median, play)
+    basis = prepare_mode_assets(film_data, p)
+    network, sprites = make_network(film_data, basis, model, q[0])
+    play = make_loops(film_data, basis, loops, q[1])
+    gates = Gateways(gateways, film_data.map_facts.step_median, play)
     mode: PaperMode = Hybrid(network, play, gates)
     if not (play.can_play and gates.into and gates.out_of):
         mode = network
-    return make_animator(made, basis, mode, play.film, sprites, p, q[2].join)
+    return make_animator(film_data, basis, mode, play.film, sprites, p, q[2].join)

@@ -30,9 +30,9 @@ from finloop.modes.animator import (
     FilmData,
     ModeAssets,
     PaperAnimator,
-    loop_film,
     make_animator,
     prepare_mode_assets,
+    video_loop_graph,
 )
 from finloop.modes.matching import NothingToUse
 from finloop.plan.graph import MotionGraph
@@ -79,9 +79,10 @@ class Loops:
     """
 
     def __init__(self, world: World, film: MotionGraph, p: LoopsSettings) -> None:
+        """Keep the world, the film and the parameters of the mode, and find the loop ends."""
         self.world, self.film, self.p = world, film, p
         self.stay = max(1, round(p.min_deltas_between_jumps * world.motion.delta))
-        self.ends = loop_ends(film)
+        self.ends = mark_loop_ends(film)
         self.can_play = bool((film.recurrent & film.has_next).any())
 
     def begin(self, rng: np.random.Generator) -> Fish:
@@ -100,12 +101,12 @@ class Loops:
         and speed are nearest to its own.
         """
         film = self.film
-        if self.shows(fish):
+        if self.can_go_on(fish):
             if film.body or not fish.rot:
                 return fish
             row = fish.row
         else:
-            row = self._nearest(fish)
+            row = self._most_similar_row(fish)
         rot = float(wrap(fish.heading - film.heading[row])) if film.body else 0.0
         heading = float(wrap(film.heading[row] + rot))
         speed, area = float(film.speed[row]), float(film.area[row])
@@ -114,14 +115,14 @@ class Loops:
             since=self.stay,
         )  # fmt: skip
 
-    def shows(self, fish: Fish) -> bool:
+    def can_go_on(self, fish: Fish) -> bool:
         """Return whether a frame of the film shows the fish, and the film goes on from there."""
         return 0 <= fish.row < self.film.filmed and bool(
             self.film.can_play_on(np.array([fish.row]))[0]
         )
 
-    def _nearest(self, fish: Fish) -> int:
-        """Return the row with the heading and speed nearest to a fish's, of those that play on."""
+    def _most_similar_row(self, fish: Fish) -> int:
+        """Return the row most similar to a fish in heading and speed, of the rows that play on."""
         film = self.film
         rows = np.flatnonzero(film.has_next[:-1] & film.recurrent[1:])
         unlike = np.abs(film.speed[rows] - fish.speed)
@@ -130,18 +131,18 @@ class Loops:
         return int(rows[np.argmin(unlike)])
 
     def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return film up to a loop end: a legal way, else any in the tank, else in place."""
-        starts = self.starts(fish)
+        """Return film up to a loop end: by a legal way, else by any in the tank, else in place."""
+        starts = self.next_rows(fish)
         ways = self.follow_starts(fish, starts, goal)
-        taken = self.choose(starts, ways, rng)
+        taken = self.choose_start(starts, ways, rng)
         if taken is not None:
-            return self.stretch(fish, starts, ways, taken, goal)
+            return self.make_stretch(fish, starts, ways, taken, goal)
         some = np.flatnonzero(ways.inside)
         if some.size:
-            return self.stretch(fish, starts, ways, int(rng.choice(some)), goal)
+            return self.make_stretch(fish, starts, ways, int(rng.choice(some)), goal)
         return self.swim_on_spot(fish, starts, ways, goal, rng)
 
-    def starts(self, fish: Fish) -> Starts:
+    def next_rows(self, fish: Fish) -> Starts:
         """Return the rows that can be shown next: the film's next row, and the rows it can jump to.
 
         For `stay` rows after a jump there are no jumps, unless the film ends.
@@ -160,25 +161,25 @@ class Loops:
     def follow_starts(
         self, fish: Fish, starts: Starts, goal: Target, ends: Mask | None = None
     ) -> Ways:
-        """Return where each start leads if the fish shows it next.
+        """Return where the film leads from each row that the fish could show next.
 
         ends (n,): the rows at which a way may end, by default the loop ends.
         """
         return self.follow_starts_from(self.next_place(fish), starts, goal, ends)
 
     def follow_starts_from(
-        self, place: tuple[float, float], starts: Starts, goal: Target, ends: Mask | None = None
+        self, place_px: tuple[float, float], starts: Starts, goal: Target, ends: Mask | None = None
     ) -> Ways:
-        """Return where each start leads if the fish shows it next at `place`, x, y px.
+        """Return where the film leads from each row that could be shown next at `place_px`, x, y.
 
         ends (n,): the rows at which a way may end, by default the loop ends.
         """
         ends = self.ends if ends is None else ends
         legal = self.world.tank.legal
         most = self.stay, self.p.improper_angle_deg
-        return Ways(*_follow_starts(self.film, legal, ends, (starts, place), goal, most))
+        return Ways(*_follow_starts(self.film, legal, ends, (starts, place_px), goal, most))
 
-    def choose(self, starts: Starts, ways: Ways, rng: np.random.Generator) -> int | None:
+    def choose_start(self, starts: Starts, ways: Ways, rng: np.random.Generator) -> int | None:
         """Return the index of the start that `loop_end_choice` prefers; None if none is legal.
 
         Of several preferred starts (Fig. 10b) the one that ends nearest to the goal is taken, or
@@ -194,10 +195,10 @@ class Loops:
         some = preferred if preferred.size else legal
         return int(some[np.argmin(ways.far[some])])
 
-    def stretch(
+    def make_stretch(
         self, fish: Fish, starts: Starts, ways: Ways, taken: int, goal: Target, reason: str = ""
     ) -> Stretch:
-        """Return the film that begins with start number `taken` and goes as far as its way.
+        """Return the stretch of film that begins with start number `taken` and ends with its way.
 
         reason: code of the decision, by default that the film plays on or jumps.
         """
@@ -266,7 +267,7 @@ class Loops:
 
 
 def add_verdict_counts(ways: Ways, decision: Decision) -> Decision:
-    """Return the decision with the number of ways, and of those that fail each test."""
+    """Return the decision with the number of ways, and of those that fail each test, added."""
     counts = np.bincount(ways.verdict, minlength=len(VERDICTS)).tolist()
     return decision._replace(
         ways=len(ways.verdict), ways_tank=counts[_TANK], ways_quadrant=counts[_QUADRANT],
@@ -274,7 +275,7 @@ def add_verdict_counts(ways: Ways, decision: Decision) -> Decision:
     )  # fmt: skip
 
 
-def loop_ends(film: MotionGraph) -> Mask:
+def mark_loop_ends(film: MotionGraph) -> Mask:
     """Return which rows (n,) are loop ends: those with a next row that can jump instead."""
     rows = np.arange(len(film.rows) - 1)
     end = film.jump_slot[rows + 1]
@@ -285,17 +286,19 @@ def loop_ends(film: MotionGraph) -> Mask:
 
 
 @kernel
-def _follow_starts(film, legal, ends, begin, goal, most):  # type: ignore[no-untyped-def]
-    """Follow starts as `Loops.follow_starts_from` does; begin: (starts, their place).
+def _follow_starts(film, legal, ends, starts_and_place, goal, limits):  # type: ignore[no-untyped-def]
+    """Return where the film leads from each start, as columns of `Ways`.
 
-    most: (fewest rows after a jump, degrees off the direction).
+    legal (h, w): where the fish's centre may be; ends (n,): rows at which a way may end;
+    starts_and_place: `Starts`, and x, y px; limits: fewest rows after a jump, most degrees between
+    the first heading and the direction.
     """
-    starts, place = begin
+    starts, place = starts_and_place
     k = starts.rows.size
     ticks, within = np.zeros(k, np.int64), np.zeros(k, np.int64)
     far, touched = np.full(k, np.inf), np.zeros(k, np.bool_)
     leads, verdict = np.zeros(k, np.int8), np.full(k, _TANK, np.int8)
-    stay, most_off = most
+    stay, most_off = limits
     wanted = quadrant_of_displacement(goal.x - place[0], place[1] - goal.y)
     for way in range(k):
         row, rot = starts.rows[way], starts.rots[way]
@@ -328,16 +331,16 @@ def _follow_starts(film, legal, ends, begin, goal, most):  # type: ignore[no-unt
 
 
 @kernel
-def first_end(film, legal, ends, starts, place):  # type: ignore[no-untyped-def]
+def ticks_to_first_end(film, legal, ends, starts, place_px):  # type: ignore[no-untyped-def]
     """Return how many rows (k,) to show from each start to the first row of `ends`; 0 for none.
 
-    legal (h, w): where the fish's centre may be; ends (n,): rows; place: x, y px of the first row
+    legal (h, w): where the fish's centre may be; ends (n,): rows; place_px: x, y of the first row
     shown. A way that leaves the tank or the film's end before counts as none.
     """
     ticks = np.zeros(starts.rows.size, np.int64)
     for way in range(ticks.size):
         row, rot = starts.rows[way], starts.rots[way]
-        x, y, n = place[0], place[1], 0
+        x, y, n = place_px[0], place_px[1], 0
         while is_legal_point(legal, x, y):
             n += 1
             if ends[row]:
@@ -351,17 +354,18 @@ def first_end(film, legal, ends, starts, place):  # type: ignore[no-untyped-def]
 
 
 def loops_animator(
-    made: FilmData, loops: pd.DataFrame, p: CommonSettings, q: LoopsSettings
+    film_data: FilmData, loops: pd.DataFrame, p: CommonSettings, q: LoopsSettings
 ) -> PaperAnimator:
     """Return the animator of mode `loops` (Figs. 10-13); NothingToUse if the film has no loops.
 
-    made: data of the film; loops: rows a, b and distance of each loop; p: the group `animate`.
+    film_data: what is taken from the film; loops: rows a, b and distance of each loop; p: the group
+    `animate`.
     """
-    basis = prepare_mode_assets(made, p)
-    mode = make_loop_player(made, basis, loops, q)
+    basis = prepare_mode_assets(film_data, p)
+    mode = make_loops(film_data, basis, loops, q)
     if not mode.can_play:
         raise no_loops_error("loops")
-    return make_animator(made, basis, mode, mode.film, None, p, q.join)
+    return make_animator(film_data, basis, mode, mode.film, None, p, q.join)
 
 
 def no_loops_error(mode: str) -> NothingToUse:
@@ -374,8 +378,8 @@ def no_loops_error(mode: str) -> NothingToUse:
     )
 
 
-def make_loop_player(
-    made: FilmData, basis: ModeAssets, loops: pd.DataFrame, q: LoopsSettings
+def make_loops(
+    film_data: FilmData, assets: ModeAssets, loop_table: pd.DataFrame, q: LoopsSettings
 ) -> Loops:
-    """Return the flow chart of mode `loops`; loops: rows a, b and distance of each."""
-    return Loops(basis.world, loop_film(made, basis, loops), q)
+    """Return the flow chart of mode `loops`; loop_table: rows a, b and distance of each loop."""
+    return Loops(assets.world, video_loop_graph(film_data, assets, loop_table), q)

@@ -151,20 +151,23 @@ class MatchingAnimator:
     def tasks(self, goals: Sequence[Goal]) -> list[SwimTask]:
         """Return the task of each fish: its path, its share of `goals`, or its rule."""
         rng = np.random.default_rng(self.world.settings.seed)
-        todo = self._tasks(goals, self.seekers, rng)
+        todo = self._share_out_tasks(goals, self.seekers, rng)
         for fish, path in enumerate(self.paths):
             if path is not None:
                 todo[fish] = todo[fish]._replace(route=path.route)
         return todo
 
-    def _tasks(
-        self, goals: Sequence[Goal], seekers: Sequence[int], rng: np.random.Generator
+    def _share_out_tasks(
+        self, goals: Sequence[Goal], goal_seekers: Sequence[int], rng: np.random.Generator
     ) -> list[SwimTask]:
-        """Return the tasks of all fish by the rules; goals are dealt to `seekers`."""
+        """Return the tasks of all fish by the parameters' rules; goals are dealt to the seekers.
+
+        goal_seekers: numbers, from 0, of the fish that swim to goals.
+        """
         p = self.world.settings
         todo = add_rules(make_tasks([], p.fish, rng), p)
-        if seekers:
-            for fish, lot in zip(seekers, deal_goals(goals, len(seekers)), strict=True):
+        if goal_seekers:
+            for fish, lot in zip(goal_seekers, deal_goals(goals, len(goal_seekers)), strict=True):
                 todo[fish] = todo[fish]._replace(goals=lot)
         return todo
 
@@ -173,17 +176,18 @@ class MatchingAnimator:
 
         number: of the trial; each number gives other random goals.
         """
-        todo, ticks = self._trial(number), self.world.duration
+        todo, ticks = self._trial_tasks(number), self.world.duration
         goals = [task.goals for task in todo]
         return build_edit_lists(
             animate_group(self.player, todo, ticks), ticks, self.player.sources
         ), goals
 
-    def _trial(self, number: int) -> list[SwimTask]:
+    def _trial_tasks(self, trial_number: int) -> list[SwimTask]:
+        """Return the task of each fish in a random animation without paths."""
         p = self.world.settings
-        rng = np.random.default_rng([p.seed, number])
+        rng = np.random.default_rng([p.seed, trial_number])
         goals = random_goals(self.world, p.trial_goals * len(self.fish_without_rule), rng)
-        return self._tasks(goals, self.fish_without_rule, rng)
+        return self._share_out_tasks(goals, self.fish_without_rule, rng)
 
     def check_room(self, goals: Sequence[Goal]) -> None:
         """Raise NoRoom if the tank lacks room for all fish, in the animation or a trial.
@@ -194,7 +198,7 @@ class MatchingAnimator:
         if p.fish > 1:
             settle_fish(self.player, self.tasks(goals), Plans(p.fish))
             for number in range(p.trials):
-                settle_fish(self.player, self._trial(number), Plans(p.fish))
+                settle_fish(self.player, self._trial_tasks(number), Plans(p.fish))
 
     def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
         """Return an animation to `goals`: each fish's stretches, and the edit list (`EDIT`).
@@ -210,40 +214,42 @@ class MatchingAnimator:
         return found, edit
 
 
-def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
+def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimator:
     """Return the animator of mode `matching` for a film.
 
-    made: data of the film; p: the groups `animate` and `matching`. NothingToUse where the film
-    shows too little for what `matching.uses` names.
+    film_data: what is taken from the film; p: the groups `animate` and `matching`. NothingToUse
+    where the film shows too little for what `matching.uses` names.
     """
     reel, hulls, area, reach_px, barred = scale_film(
-        made.reel, made.outline_px, made.arena, p, made.floor
+        film_data.reel, film_data.outline_px, film_data.arena, p, film_data.floor
     )
-    facts, rate_hz = made.map_facts, made.rate_hz
+    facts, rate_hz = film_data.map_facts, film_data.rate_hz
     features = reel.features
     delta = infer_delta_frames(features)
     motion = learn_motion(features, rate_hz, delta).scale_to(reel.size)
-    bodies = Bodies(made.poses, reel.has_next_frame, reel.sprites)
+    bodies = Bodies(film_data.poses, reel.has_next_frame, reel.sprites)
     pictures = Pictures(reel, facts.size, bodies)
     cast = Cast(reel.sprites, [], hulls)
-    for line in made.lines:
+    for line in film_data.lines:
         if line is not None and line.rows is not None and not p.path_own_frames:
             barred[line.rows] = True
     how = resolve_join_rules(p, p.join, bodies, motion.delta, pictures.bending_helps)
     seen = np.full(len(features), np.nan)
-    seen[find_map_rows(features, made.steps)] = made.steps["as_filmed"]
+    seen[find_map_rows(features, film_data.steps)] = film_data.steps["as_filmed"]
     rarity = Rarity.from_movement(
         bodies.movement,
-        made.poses.codes,
+        film_data.poses.codes,
         reel.has_next_frame,
         seen,
         how.spring_response()[0],
         p.rarity_weight,
     )
-    jumps = neighbour_jumps(made.jumps, len(features))
+    jumps = neighbour_jumps(film_data.jumps, len(features))
     way = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative_row_costs)
     sampler = (
-        None if made.forecast is None else remove_dead_ends(made.forecast, way.has_next, how.rests)
+        None
+        if film_data.forecast is None
+        else remove_dead_ends(film_data.forecast, way.has_next, how.rests)
     )
     predicts = "forecast" in p.uses and sampler is not None and bool(sampler.usable.any())
     plays = "film" in p.uses and bool((way.recurrent & way.has_next).any())
@@ -261,28 +267,32 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
     predicted = None
     if predicts and sampler is not None:
         predicted = PredictionSource(world, sampler, rarity)
-    player = Planner(world, by_film, predicted, cast, how, made.shoaling, made.sprite_rows)
-    paths = tuple(
-        None if line is None else lay_path(line, water, motion, made.mm_per_px)
-        for line in made.lines
+    player = Planner(
+        world, by_film, predicted, cast, how, film_data.shoaling, film_data.sprite_rows
     )
-    return MatchingAnimator(player, pictures, float(made.steps["headed"].median()), reach_px, paths)
+    paths = tuple(
+        None if line is None else lay_path(line, water, motion, film_data.mm_per_px)
+        for line in film_data.lines
+    )
+    return MatchingAnimator(
+        player, pictures, float(film_data.steps["headed"].median()), reach_px, paths
+    )
 
 
 class NothingToUse(FinloopError):
     """The error that the film shows too little for a mode."""
 
 
-def add_rules(todo: Sequence[SwimTask], p: AllSettings) -> list[SwimTask]:
+def add_rules(tasks: Sequence[SwimTask], p: AllSettings) -> list[SwimTask]:
     """Return the tasks with each fish's rule of the parameters filled in: a leader, or zones.
 
-    todo: of all fish; the parameters number fish from 1. FinloopError if the rules contradict each
+    tasks: of all fish; the parameters number fish from 1. FinloopError if the rules contradict each
     other.
     """
-    led = leaders_by_follower(p.follow_pairs, len(todo))
+    led = leaders_by_follower(p.follow_pairs, len(tasks))
     return [
         task._replace(follows=led[fish] - 1)
         if fish in led
         else task._replace(zones=p.rule == "zones")
-        for fish, task in enumerate(todo, 1)
+        for fish, task in enumerate(tasks, 1)
     ]

@@ -28,9 +28,9 @@ from finloop.modes.animator import (
     FilmData,
     ModeAssets,
     PaperAnimator,
-    loop_film,
     make_animator,
     prepare_mode_assets,
+    video_loop_graph,
 )
 from finloop.modes.network_settings import NetworkSettings
 from finloop.modes.phases import Phases, learn_phases
@@ -63,6 +63,7 @@ class Network:
     def __init__(
         self, world: World, sprites: Sprites, phases: Phases, model: MotionModel, p: NetworkSettings
     ) -> None:
+        """Keep the world, sprites, phases, trained network, parameters; sort turns and phases."""
         self.world, self.sprites, self.phases, self.model, self.p = world, sprites, phases, model, p
         motion = world.motion
         self._px = motion.body_length_px
@@ -76,7 +77,7 @@ class Network:
         self._first_speeds = {b: phases.first_speed[rows] for b, rows in self._after.items()}
         self._by_angle = np.argsort(turns.angle_deg, kind="stable")
         self._angles = turns.angle_deg[self._by_angle]
-        self.nearest_turn = lru_cache(10_000)(self._nearest_turn)
+        self.nearest_turn = lru_cache(10_000)(self._plan_rounded_turn)
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """Return a fish at a random place and heading of the tank, sliding with a still tail."""
@@ -95,16 +96,17 @@ class Network:
 
     def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return the next stretch of sprites (Fig. 18): a turn, straight swimming, or braking."""
-        course = self._course(fish, goal)
+        course = self._approach(fish, goal)
         if self.will_turn(course):
-            return self.turn(course, rng)
+            return self.turn_to_aim(course, rng)
         return (
             self.swim_straight(course, rng)
-            or (self.turn(course, rng) if abs(course.error) > 1 else None)
+            or (self.turn_to_aim(course, rng) if abs(course.error) > 1 else None)
             or self.brake(course)
         )
 
-    def _course(self, fish: Fish, goal: Target) -> GoalApproach:
+    def _approach(self, fish: Fish, goal: Target) -> GoalApproach:
+        """Return a fish, its goal and the point it heads for, with distance and heading error."""
         near_px = self.p.arrived * self.world.touch_px
         aim = step.next_aim(self.world.tank, (fish.x, fish.y), goal, near_px)
         error = step.wrap(step.bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
@@ -114,15 +116,15 @@ class Network:
             fish, goal, aim, np.array([fish.x, fish.y, fish.heading]), error, distance, far
         )
 
-    def will_turn(self, course: GoalApproach) -> bool:
+    def will_turn(self, approach: GoalApproach) -> bool:
         """Return whether the heading is too far off to swim straight (Fig. 18, first box).
 
         The fish also turns where it would pass a near goal.
         """
-        error, p = course.error, self.p
-        beside = course.distance * abs(np.sin(np.radians(error)))
+        error, p = approach.error, self.p
+        beside = approach.distance * abs(np.sin(np.radians(error)))
         misses = abs(error) > 90 or beside > p.miss * self.world.touch_px
-        return abs(error) > self._least_turn or (misses and not course.far)
+        return abs(error) > self._least_turn or (misses and not approach.far)
 
     def ideal_motion_area(self, fish: Fish, displacement: float, included_deg: float) -> float:
         """Return the relative motion area, 0-1, that the trained network gives for a turn (Eq. 4).
@@ -133,20 +135,25 @@ class Network:
         inputs = np.array([[fish.area, 0.0, displacement, included_deg]])
         return min(max(float(self.model.predict(inputs)[0, 0]), 0.0), 1.0)
 
-    def _nearest_turn(self, side: int, angle_deg: int, area_pct: int) -> TurnPlan:
+    def _plan_rounded_turn(self, side: int, angle_deg: int, area_pct: int) -> TurnPlan:
+        """Return a turn of sprites to a side, LEFT or RIGHT, of an angle and a strongest bend.
+
+        area_pct: relative motion area of that bend, per cent. Rounded numbers, so that it can be
+        cached.
+        """
         most = self.p.max_bend_hold_deltas * self.world.motion.delta
         return plan_turn(self.sprites.turns[side], angle_deg, area_pct / 100, most, self.p)
 
-    def swim_straight(self, course: GoalApproach, rng: np.random.Generator) -> Stretch | None:
+    def swim_straight(self, approach: GoalApproach, rng: np.random.Generator) -> Stretch | None:
         """Return a slide, an acceleration, a deceleration or plain straight; None at a wall.
 
         It has duration, speeds and drift of a random phase of the film that begins at about the
         fish's speed. The heading drifts towards the aim, and beyond it while the aim is far.
         """
-        motion, phases, fish = self.world.motion, self.phases, course.fish
+        motion, phases, fish = self.world.motion, self.phases, approach.fish
         place = int(np.searchsorted(self._first_speeds[fish.state], fish.speed))
         rows = self._after[fish.state]
-        chosen = rows[self._draw_alike(place, len(rows), rng)]
+        chosen = rows[self._draw_near(place, len(rows), rng)]
         ticks = slice(phases.start[chosen], phases.start[chosen] + phases.ticks[chosen])
         first = phases.first_speed[chosen]
         ease = np.maximum(0.0, 1 - np.arange(1, phases.ticks[chosen] + 1) / motion.delta)
@@ -155,78 +162,83 @@ class Network:
         forward = speed * (self._px / motion.rate_hz)
         drift = phases.drift_deg[ticks]
         most = 1.0
-        if not course.far:
-            most = min(1.0, abs(course.error) / max(np.abs(drift).max(), 1e-9))
-        drift = drift * np.copysign(most, course.error * drift[-1])
+        if not approach.far:
+            most = min(1.0, abs(approach.error) / max(np.abs(drift).max(), 1e-9))
+        drift = drift * np.copysign(most, approach.error * drift[-1])
         way, good, touched = step.swim_ahead(
-            self.world.tank.legal, course.start, Ahead(forward, drift, forward * self._stop),
-            course.goal,
+            self.world.tank.legal, approach.start, Ahead(forward, drift, forward * self._stop),
+            approach.goal,
         )  # fmt: skip
         if good < min(2, len(way)) and touched >= good:
             return None
         n = min(touched + 1, good)
         state = int(phases.state[chosen])
-        sprite, phase, new = self._cycle(fish, state, speed[:n])
+        sprite, phase, new = self._play_cycle(fish, state, speed[:n])
         decision = Decision(PHASE, film_speed=float(first))
-        return Stretch(state, way[:n], sprite, new, course.aim, touched < n, decision, phase=phase)
+        return Stretch(
+            state, way[:n], sprite, new, approach.aim, touched < n, decision, phase=phase
+        )
 
-    def _cycle(self, fish: Fish, state: int, speed: Floats) -> tuple[Ints, Floats, bool]:
-        """Return frames of a state's cycle at speeds (n,), places in it, and whether it is new."""
+    def _play_cycle(self, fish: Fish, state: int, speeds: Floats) -> tuple[Ints, Floats, bool]:
+        """Return sprites of a state's cycle at speeds (n,), places in it, and whether it is new.
+
+        speeds: body lengths/s.
+        """
         sprites, p = self.sprites, self.p
         cycle, begins = sprites.cycles[state], fish.phase
         new = fish.state == TURN or sprites.cycles[fish.state] is not cycle
         if new:
             begins = float(sprites.entry[state][fish.sprite]) - 1.0
-        pace = np.ones(len(speed))
+        pace = np.ones(len(speeds))
         if state != SLIDE:
-            faster = np.sqrt(speed / sprites.cycle_speed)
+            faster = np.sqrt(speeds / sprites.cycle_speed)
             pace = np.minimum(np.maximum(faster, p.min_playback_rate), p.max_playback_rate)
         phase = begins + np.cumsum(pace)
         if new:
             phase += 1.0 - (phase[0] - begins)  # the first frame is the one chosen
         return cycle[(phase + 1e-9).astype(np.int64) % len(cycle)], phase, new
 
-    def turn(self, course: GoalApproach, rng: np.random.Generator) -> Stretch:
+    def turn_to_aim(self, approach: GoalApproach, rng: np.random.Generator) -> Stretch:
         """Return a turn of sprites towards the aim: into a bend, held, and out of it.
 
-        Where there is no room, the displacement is smaller, down to a turn on the spot. course: the
-        fish and its aim.
+        Where there is no room, the displacement is smaller, down to a turn on the spot.
         """
-        fish, sprites, turns = course.fish, self.sprites, self.world.motion.turns
-        side, angle = (LEFT if course.error > 0 else RIGHT), abs(course.error)
+        fish, sprites, turns = approach.fish, self.sprites, self.world.motion.turns
+        side, angle = (LEFT if approach.error > 0 else RIGHT), abs(approach.error)
         place = int(np.searchsorted(self._angles, angle))
-        chosen = int(self._by_angle[self._draw_alike(place, len(self._angles), rng)])
+        chosen = int(self._by_angle[self._draw_near(place, len(self._angles), rng)])
         included = turns.included_angle_deg[chosen] * min(angle / turns.angle_deg[chosen], 1.0)
         area = self.ideal_motion_area(fish, turns.displacement[chosen], side * included)
         plan, new = self.nearest_turn(side, round(angle), round(100 * area)), True
         if fish.is_bent:
             plan = start_from_bend(plan, sprites.turns, side, fish.sprite)
             new = plan.frames[0] not in (fish.sprite, sprites.following[fish.sprite])
-        way, touched, room = self._fit_turn(course, plan, chosen)
+        way, touched, room = self._fit_turn(approach, plan, chosen)
         n = min(touched + 1, len(plan.frames))
-        decision = Decision(TURNING, turn_deg=course.error, sprite_area=plan.area, room=room)
+        decision = Decision(TURNING, turn_deg=approach.error, sprite_area=plan.area, room=room)
         return Stretch(
-            TURN, way[:n], plan.frames[:n], new, course.aim, touched < n, decision, area=area
+            TURN, way[:n], plan.frames[:n], new, approach.aim, touched < n, decision, area=area
         )
 
     def _fit_turn(
-        self, course: GoalApproach, plan: TurnPlan, chosen: int
+        self, approach: GoalApproach, plan: TurnPlan, turn_number: int
     ) -> tuple[Floats, int, float]:
-        """Fit a filmed turn into the tank, with less displacement or an earlier stop.
+        """Return the trajectory of a filmed turn that fits into the tank, shortened if necessary.
 
-        Returns the way, the tick at which the goal is touched, and the share of the displacement.
-        A turn that begins fast is tried with earlier and earlier stops.
+        turn_number: of the film's turns. Returns also the tick at which the goal is touched, and
+        the share of the displacement. A turn that begins fast is tried with earlier and earlier
+        stops.
         """
         motion, turns, phases = self.world.motion, self.world.motion.turns, self.phases
         ease, n = self.p.ease, len(plan.frames)
-        film = slice(turns.start[chosen], turns.start[chosen] + turns.ticks[chosen])
-        at_tick = np.linspace(0, turns.ticks[chosen] - 1, n)
-        ticks = np.arange(turns.ticks[chosen])
+        film = slice(turns.start[turn_number], turns.start[turn_number] + turns.ticks[turn_number])
+        at_tick = np.linspace(0, turns.ticks[turn_number] - 1, n)
+        ticks = np.arange(turns.ticks[turn_number])
         forward = np.interp(at_tick, ticks, turns.forward[film])
         sideways = np.interp(at_tick, ticks, turns.sideways[film])
         most = float(np.ediff1d(plan.share, to_begin=plan.share[:1]).max())
-        fastest = 1.5 * abs(course.error) * most
-        since, speed = np.arange(1, n + 1), course.fish.speed / motion.rate_hz
+        fastest = 1.5 * abs(approach.error) * most
+        since, speed = np.arange(1, n + 1), approach.fish.speed / motion.rate_hz
         tries = [(motion.delta, share) for share in ease] + [(2, ease[-1]), (0, ease[-1])]
         for stop, share in tries:
             fade = np.maximum(0.0, 1 - since / stop) if stop else np.zeros(n)
@@ -237,28 +249,28 @@ class Network:
                 share * sideways * (1 - fade) * self._px,
             )
             way, good, touched = step.swim_turn(
-                self.world.tank.legal, course.start, swim, course.goal, course.aim, fastest
+                self.world.tank.legal, approach.start, swim, approach.goal, approach.aim, fastest
             )
             if good:
                 break
         return way, touched, share
 
-    def brake(self, course: GoalApproach) -> Stretch:
+    def brake(self, approach: GoalApproach) -> Stretch:
         """Return a stretch of up to Δ that slows down before a wall, or stays in place."""
-        motion, phases, fish = self.world.motion, self.phases, course.fish
+        motion, phases, fish = self.world.motion, self.phases, approach.fish
         ticks = motion.delta
         slower = self.p.brake_speed_ratio ** (np.arange(1, ticks + 1) / ticks)
         speed, none = np.maximum(fish.speed * slower, phases.low), np.zeros(ticks)
         way, good, touched = step.swim_ahead(
-            self.world.tank.legal, course.start,
-            Ahead(speed * (self._px / motion.rate_hz), none, none), course.goal,
+            self.world.tank.legal, approach.start,
+            Ahead(speed * (self._px / motion.rate_hz), none, none), approach.goal,
         )  # fmt: skip
         n = min(touched + 1, good)
         if n == 0:
-            way, n, touched = np.tile(course.start, (ticks, 1)), ticks, ticks
-        sprite, phase, new = self._cycle(fish, DECELERATE, speed[:n])
+            way, n, touched = np.tile(approach.start, (ticks, 1)), ticks, ticks
+        sprite, phase, new = self._play_cycle(fish, DECELERATE, speed[:n])
         return Stretch(
-            DECELERATE, way[:n], sprite, new, course.aim, touched < n, Decision(WALL), phase=phase
+            DECELERATE, way[:n], sprite, new, approach.aim, touched < n, Decision(WALL), phase=phase
         )
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
@@ -279,34 +291,38 @@ class Network:
             fish.tick + ticks, since=since,
         )  # fmt: skip
 
-    def _draw_alike(self, place: int, count: int, rng: np.random.Generator) -> int:
-        """Draw one of the `alike` numbers below `count` around a place, all equally likely."""
+    def _draw_near(self, middle: int, count: int, rng: np.random.Generator) -> int:
+        """Draw one of the `alike` numbers below `count` around a middle one, all equally likely."""
         alike = self.p.alike
-        first = max(0, min(place - alike // 2, count - alike))
+        first = max(0, min(middle - alike // 2, count - alike))
         return first + int(rng.integers(min(alike, count)))
 
 
 def network_animator(
-    made: FilmData, model: MotionModel, p: CommonSettings, q: NetworkSettings
+    film_data: FilmData, model: MotionModel, p: CommonSettings, q: NetworkSettings
 ) -> PaperAnimator:
     """Return the animator of mode `network` (Fig. 18).
 
-    made: data of the film; model: the trained network; p, q: the groups `animate` and `network`.
+    film_data: what is taken from the film; model: the trained network; p, q: the groups `animate`
+    and `network`.
     """
-    basis = prepare_mode_assets(made, p)
-    mode, sprites = make_network(made, basis, model, q)
-    return make_animator(made, basis, mode, loop_film(made, basis, NO_LOOPS), sprites, p, q.join)
+    basis = prepare_mode_assets(film_data, p)
+    mode, sprites = make_network(film_data, basis, model, q)
+    return make_animator(
+        film_data, basis, mode, video_loop_graph(film_data, basis, NO_LOOPS), sprites, p, q.join
+    )
 
 
 def make_network(
-    made: FilmData, basis: ModeAssets, model: MotionModel, q: NetworkSettings
+    film_data: FilmData, assets: ModeAssets, model: MotionModel, q: NetworkSettings
 ) -> tuple[Network, Sprites]:
     """Return the flow chart of mode `network` for a film, and its sprites.
 
-    made: data of the film; basis: what the modes share; model: the trained network.
+    film_data: what is taken from the film; assets: what the modes share; model: the trained
+    network.
     """
-    pictures, motion = basis.pictures, basis.world.motion
+    pictures, motion = assets.pictures, assets.world.motion
     near = all_distances(pictures.sprite_successors, pictures.right_facing_sprites)
-    sprites = make_sprites(basis.cast.sprites, near, motion.rate_hz)
-    phases = learn_phases(basis.sized.reel.features, made.rate_hz, motion.delta, q)
-    return Network(basis.world, sprites, phases, model, q), sprites
+    sprites = make_sprites(assets.cast.sprites, near, motion.rate_hz)
+    phases = learn_phases(assets.sized.reel.features, film_data.rate_hz, motion.delta, q)
+    return Network(assets.world, sprites, phases, model, q), sprites

@@ -58,18 +58,25 @@ def learn_phases(features: pd.DataFrame, rate_hz: float, delta: int, p: NetworkS
     speeds = np.concatenate([c.speed for c in every])
     low, high = np.quantile(speeds, (p.min_speed_quantile, p.max_speed_quantile))
     straight = [run for one in every for run in swimming_runs(one) if run[1] == TYPE_STRAIGHT]
-    return _phases(straight, still, delta, p, (float(low), float(high)))
+    return _phases_of_runs(straight, still, delta, p, (float(low), float(high)))
 
 
-def _phases(
-    runs: Sequence[Run], still: float, delta: int, p: NetworkSettings, speeds: tuple[float, float]
+def _phases_of_runs(
+    runs: Sequence[Run],
+    still_sway: float,
+    delta: int,
+    p: NetworkSettings,
+    speed_range: tuple[float, float],
 ) -> Phases:
-    """Return the phases of runs; still: sway of a still tail; speeds: range of the film's."""
-    limits = still, p.steady_speed_ratio, max(1, round(p.phase_least * delta))
+    """Return the phases of straight swimming in runs of the film.
+
+    still_sway: sway of a still tail; delta: Δ in ticks; speed_range: of the film, body lengths/s.
+    """
+    limits = still_sway, p.steady_speed_ratio, max(1, round(p.phase_least * delta))
     rows = []
     for c, _, first, last in runs:
         came = TURN if first > 0 else -1
-        for label, a, b in _labels(c, first, last, limits):
+        for label, a, b in _split_run(c, first, last, limits):
             prior = max(a - 1, 0)
             drifted = c.heading_deg[a:b] - c.heading_deg[prior]
             if np.abs(drifted).max() <= p.phase_drift_deg:
@@ -82,21 +89,21 @@ def _phases(
     return Phases(
         np.array(state, np.int8), np.array(before, np.int8), np.array(ticks, np.int32),
         np.concatenate([[0], np.cumsum(ticks)[:-1]]).astype(np.int32), np.array(first_speed),
-        np.concatenate(change), np.concatenate(drift), *speeds,
+        np.concatenate(change), np.concatenate(drift), *speed_range,
     )  # fmt: skip
 
 
-def _labels(
-    c: TrackKinematics, first: int, last: int, limits: tuple[float, float, int]
+def _split_run(
+    track: TrackKinematics, first: int, last: int, limits: tuple[float, float, int]
 ) -> list[tuple[int, int, int]]:
     """Return (state, first, one past the last) of the phases of a straight run.
 
     limits: the sway of a still tail, the growth of a steady speed, and the fewest ticks.
     """
     here, (still, steady, least) = slice(first, last), limits
-    growth = c.growth[here]
+    growth = track.growth[here]
     label = np.select(
-        [c.sway[here] < still, growth > steady, growth < -steady],
+        [track.sway[here] < still, growth > steady, growth < -steady],
         [SLIDE, ACCELERATE, DECELERATE],
         STRAIGHT,
     ).astype(np.int8)

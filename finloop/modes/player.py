@@ -84,11 +84,11 @@ class PaperPlayer:
             )
         return State(self.mode.begin(rng), np.zeros(2))
 
-    def company(self, others: Floats, start: int) -> Company:
-        """Return that no other fish are there: in the paper's modes a fish is alone."""
+    def company(self, other_plans: Floats, tick: int) -> Company:
+        """Return a company without other fish: in the paper's modes a fish is alone."""
         return ALONE
 
-    def with_others(self, state: State, others: Floats) -> State:
+    def with_others(self, state: State, other_plans: Floats) -> State:
         """Return the state unchanged: the paper's modes ignore other fish."""
         return state
 

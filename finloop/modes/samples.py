@@ -26,13 +26,13 @@ def sample_animations(animator: Animator, seconds: float, p: AnimateSettings) ->
     together = animator.fish
     for number in range(int(np.ceil(seconds / p.seconds / together))):
         rest = seconds / together - number * p.seconds
-        for one in split_by_fish(_with_room(animator, min(p.seconds, rest), seeds)):
+        for one in split_by_fish(_sample_with_room(animator, min(p.seconds, rest), seeds)):
             parts.append(one.assign(fish=fish))
             fish += 1
     return pd.concat(parts, ignore_index=True)
 
 
-def _with_room(animator: Animator, seconds: float, seeds: Iterator[int]) -> pd.DataFrame:
+def _sample_with_room(animator: Animator, seconds: float, seeds: Iterator[int]) -> pd.DataFrame:
     """Return the animation with the first of the seeds that has room for all fish."""
     for _ in range(_SEEDS - 1):
         with suppress(NoRoom):

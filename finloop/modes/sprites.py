@@ -41,17 +41,21 @@ class TurnFrames:
         place = int(np.flatnonzero(self.number == sprite)[0])
         return self.number[place + 1 if place > self.peak else self.place_after_peak(place) :]
 
-    def steps(self, depth: int, held: int) -> tuple[Ints, Floats]:
+    def steps(self, deepest: int, held_ticks: int) -> tuple[Ints, Floats]:
         """Return numbers (k,) of a turn's sprites, and the change of heading up to each.
 
-        depth: place of the deepest sprite; held: ticks for which it is held. The changes (k,),
-        degrees ≥ 0 as filmed, are from the sprite before; the first is 0, as straight swimming
-        comes before it.
+        deepest: place of the sprite that bends most; held_ticks: for which it is held. The changes
+        (k,), degrees ≥ 0 as filmed, are from the sprite before; the first is 0, as straight
+        swimming comes before it.
         """
-        back, degrees = self.place_after_peak(depth), self.degrees
-        frames = np.r_[0 : depth + 1, np.full(held, depth), back : len(self.number)]
+        back, degrees = self.place_after_peak(deepest), self.degrees
+        frames = np.r_[0 : deepest + 1, np.full(held_ticks, deepest), back : len(self.number)]
         changes = np.r_[
-            0.0, degrees[:depth], np.full(held, self.hold_deg), degrees[depth], degrees[back:-1]
+            0.0,
+            degrees[:deepest],
+            np.full(held_ticks, self.hold_deg),
+            degrees[deepest],
+            degrees[back:-1],
         ]
         return self.number[frames], np.maximum(changes, 0.0)
 
@@ -93,19 +97,23 @@ class TurnPlan:
 
 
 def plan_turn(
-    frames: TurnFrames, angle_deg: float, area: float, most: int, settings: NetworkSettings
+    frames: TurnFrames,
+    angle_deg: float,
+    area: float,
+    most_held_ticks: int,
+    settings: NetworkSettings,
 ) -> TurnPlan:
     """Return a turn by `angle_deg` > 0 that bends about to the relative motion area `area`.
 
-    frames: sprites of the turn's side. The strongest bend is held for at most `most` ticks. Where
-    the film's sprites turn by far less or more than `angle_deg`, a deeper or shallower bend is
-    taken.
+    frames: sprites of the turn's side. The strongest bend is held for at most `most_held_ticks`.
+    Where the film's sprites turn by far less or more than `angle_deg`, a deeper or shallower bend
+    is taken.
     """
     depth = max(1, int(np.abs(frames.area[: frames.peak + 1] - area).argmin()))
     depth = min(depth, frames.peak)
     while True:
         bare = frames.steps(depth, 0)[1].sum()
-        held = min(max(round((angle_deg - bare) / max(frames.hold_deg, 1e-6)), 0), most)
+        held = min(max(round((angle_deg - bare) / max(frames.hold_deg, 1e-6)), 0), most_held_ticks)
         film = bare + held * frames.hold_deg
         if angle_deg > settings.turn_more * film and depth < frames.peak:
             depth += 1
@@ -121,19 +129,20 @@ def plan_turn(
 
 
 def start_from_bend(
-    plan: TurnPlan, turns: dict[int, TurnFrames], side: int, sprite: int
+    plan: TurnPlan, turns_by_side: dict[int, TurnFrames], side: int, sprite: int
 ) -> TurnPlan:
-    """Return the turn changed so that it starts from the bend that `sprite` shows already.
+    """Return a planned turn changed so that it starts from the bend that a sprite shows already.
 
-    side: of the planned turn; turns: by side. A bend to the same side continues. A bend that is too
-    deep is first undone; so is a bend to the other side, twice as fast as filmed.
+    side: of the planned turn; sprite: number of the one on screen. A bend to the same side
+    continues. A bend that is too deep is first undone; so is a bend to the other side, twice as
+    fast as filmed.
     """
-    bent = next((s for s, t in turns.items() if sprite in t.number), 0)
+    bent = next((s for s, t in turns_by_side.items() if sprite in t.number), 0)
     if not bent:
         return plan
     step = np.diff(plan.share, prepend=0.0)
     here = np.flatnonzero(plan.frames == sprite)
-    undone = turns[bent].straightening_sprites(sprite)
+    undone = turns_by_side[bent].straightening_sprites(sprite)
     if bent != side:
         frames = np.concatenate([undone[::2], plan.frames])
         step = np.concatenate([np.full(len(frames) - len(step), plan.floor), step])
@@ -147,11 +156,11 @@ def start_from_bend(
     return replace(plan, frames=frames, share=share / share[-1])
 
 
-def make_sprites(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:
+def make_sprites(table: pd.DataFrame, pose_distances: Floats, rate_hz: float) -> Sprites:
     """Return the sprites of a table, split into cycles and turns, with the places to enter a cycle.
 
-    pose (n, n): distance between the film's frame after sprite i, and sprite j, both turned to head
-    right; rate_hz: frames per second.
+    pose_distances (n, n): between the film's frame after sprite i, and sprite j, both turned to
+    head right; rate_hz: frames per second.
     """
     parts = {
         name: table[table["sequence"] == name] for name in ("straight", "slide", "left", "right")
@@ -163,7 +172,7 @@ def make_sprites(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:
     for part in parts.values():
         following[part.index[:-1]] = part.index[1:]
     following[straight[-1]], following[slide[-1]] = straight[0], slide[0]
-    entry = {state: pose[:, cycle].argmin(1) for state, cycle in cycles.items()}
+    entry = {state: pose_distances[:, cycle].argmin(1) for state, cycle in cycles.items()}
     return Sprites(
         cycles,
         entry,
@@ -176,10 +185,11 @@ def make_sprites(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:
     )
 
 
-def _turn_frames(part: pd.DataFrame, side: int) -> TurnFrames:
-    area = part["motion_area_rel"].to_numpy(float)
-    degrees = side * part["turn_deg"].to_numpy(float)
-    held = (part["phase"] != "out").to_numpy()
+def _turn_frames(turn_rows: pd.DataFrame, side: int) -> TurnFrames:
+    """Return the sprites of one turn to a side, LEFT or RIGHT, from rows of the sprite table."""
+    area = turn_rows["motion_area_rel"].to_numpy(float)
+    degrees = side * turn_rows["turn_deg"].to_numpy(float)
+    held = (turn_rows["phase"] != "out").to_numpy()
     peak = int(np.where(held, area, -1.0).argmax())
     hold_deg = float(np.maximum(degrees[held], 0.0).mean())
-    return TurnFrames(part.index.to_numpy(), area, degrees, peak, hold_deg)
+    return TurnFrames(turn_rows.index.to_numpy(), area, degrees, peak, hold_deg)
