@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from benchmarks.matching import material, replace_settings
+from benchmarks.matching import matching_data, replace_settings
 from finloop.animate import measures
 from finloop.animate.paths import lay_path
 from finloop.animate.shoal import animate_fish
@@ -58,7 +58,7 @@ MEASURES = {
 }  # fmt: skip
 
 
-def shapes() -> dict[str, Line]:
+def named_paths() -> dict[str, Line]:
     """Return a circle without times and an eight with times, in shares of the tank."""
     turn = np.linspace(0, 2 * np.pi, 300)
     circle = Line("circle", 0.5 + 0.3 * np.cos(turn), 0.5 + 0.25 * np.sin(turn), TANK, closed=True)
@@ -69,24 +69,25 @@ def shapes() -> dict[str, Line]:
     return {"circle": circle, "eight": eight}
 
 
-def measure_seed(job: tuple[str, int]) -> dict[str, float] | str:
+def measure_seed(part_and_seed: tuple[str, int]) -> dict[str, float] | str:
     """Return the measures of the film in the present folder, without one part of the planner.
 
-    `job` is the part and the seed. If planning fails, the result is the reason.
+    part_and_seed: name of the part, and the seed. If planning fails, the result is the reason.
     """
     try:
-        return _measure_seed(*job)
+        return _measure_without(*part_and_seed)
     except FinloopError as error:
         return error.came
 
 
-def _measure_seed(part: str, seed: int) -> dict[str, float]:
+def _measure_without(part: str, seed: int) -> dict[str, float]:
+    """Return the measures of the film in the present folder without a part, with a seed."""
     cv2.setNumThreads(1)
     with Project() as project:
         usual = merge_settings(project.settings("animate"), project.settings("matching"))
         fixed = {"path": None, "seed": seed, "seconds": SECONDS, "trial_goals": GOALS}
         p = replace_settings(usual, **fixed | PARTS[part])
-        plans = matching_animator(material(project, p), p)
+        plans = matching_animator(matching_data(project, p), p)
         film = measures.motion_of_film(project.features, plans.world.motion)
         steps = project.step_distances[["headed", "as_filmed"]].dropna()
         trials = []
@@ -102,12 +103,12 @@ def _measure_seed(part: str, seed: int) -> dict[str, float]:
         return made | path_deviations(plans, seed)
 
 
-def path_deviations(plans: MatchingAnimator, seed: int) -> dict[str, float]:
+def path_deviations(animator: MatchingAnimator, seed: int) -> dict[str, float]:
     """Return the RMS distances of a fish from two paths, in body lengths."""
-    world, ticks, made = plans.world, round(30 * plans.world.motion.rate_hz), {}
-    for name, line in shapes().items():
+    world, ticks, made = animator.world, round(30 * animator.world.motion.rate_hz), {}
+    for name, line in named_paths().items():
         path = lay_path(line, world.tank, world.motion, None)
-        made_way = animate_fish(plans.player, [], ticks, np.random.default_rng(seed), path.route)
+        made_way = animate_fish(animator.player, [], ticks, np.random.default_rng(seed), path.route)
         table = path_table("matching", made_way, path, ticks, world)
         left = find_departures(table, path, world, swimming_limits(world.film, world))
         numbers = path_metrics(table, left, path, world)
@@ -115,22 +116,22 @@ def path_deviations(plans: MatchingAnimator, seed: int) -> dict[str, float]:
     return made
 
 
-def film_table(film: str, seeds: int) -> pd.DataFrame:
+def film_table(film_name: str, seed_count: int) -> pd.DataFrame:
     """Return a row for each removed part, for the film in the present folder."""
-    jobs = [(part, seed) for part in PARTS for seed in range(seeds)]
+    jobs = [(part, seed) for part in PARTS for seed in range(seed_count)]
     found = list(ordered_map(measure_seed, jobs, Processes(2)))
     rows, whole = [], pd.DataFrame()
     for number, part in enumerate(PARTS):
-        every = found[number * seeds : (number + 1) * seeds]
+        every = found[number * seed_count : (number + 1) * seed_count]
         if refused := [one for one in every if isinstance(one, str)]:
-            rows.append({"film": film, "without": part, "changes": refused[0]})
+            rows.append({"film": film_name, "without": part, "changes": refused[0]})
             continue
         table = pd.DataFrame(every)
         whole = table if part == "whole" else whole
-        unsure = np.sqrt((table.var() + whole.var()) / seeds).fillna(0)
+        unsure = np.sqrt((table.var() + whole.var()) / seed_count).fillna(0)
         differs = (table.mean() - whole.mean()).abs() > 2 * unsure + 1e-9
         rows.append(
-            {"film": film, "without": part, **table.mean().round(3)}
+            {"film": film_name, "without": part, **table.mean().round(3)}
             | {f"{name}_sd": value for name, value in table.std().round(3).items()}
             | {"changes": " ".join(table.columns[differs])}
         )
@@ -138,7 +139,7 @@ def film_table(film: str, seeds: int) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Write benchmarks/ablation.csv."""
+    """Measure the films without one part after the other; write benchmarks/ablation.csv."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("folders", nargs="*", default=["."])

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks.pipeline import ROOT, STAGES, prepare, stage
+from benchmarks.pipeline import ROOT, STAGES, prepare_folder, run_stage
 
 FILMS = {
     **{f"seed {seed}": [f"clip.seed={seed}"] for seed in range(1, 11)},
@@ -35,14 +35,14 @@ COLUMNS = {
 
 
 def main(quick: bool = False) -> None:
-    """Run the pipeline on every film and print the accuracy."""
+    """Run the pipeline on every film and print the accuracy; quick: 300 frames each."""
     rows = {}
     with tempfile.TemporaryDirectory() as scratch:
         for name, overrides in FILMS.items():
             length = ["clip.frames=300"] if quick else []
-            prepare(Path(scratch), ["clip=carp", *length, *overrides])
+            prepare_folder(Path(scratch), ["clip=carp", *length, *overrides])
             for word in STAGES:
-                metrics = stage(Path(scratch), word)
+                metrics = run_stage(Path(scratch), word)
             rows[name] = {title: metrics[key] for key, title in COLUMNS.items()}
             print(name, rows[name], flush=True)
     table = pd.DataFrame(rows).T

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.pipeline import data_stages, prepare, stage
+from benchmarks.pipeline import data_stages, prepare_folder, run_stage
 from benchmarks.speed import time_pairs
 from finloop.animate.places import random_goals
 from finloop.animate.protocols import AnyPlayer
@@ -30,12 +30,12 @@ STAGES = [one for one in data_stages(["animate"]) if one != "animate" and not on
 
 
 def main() -> None:
-    """Print and write the table."""
+    """Print and write the table of planned ticks per second, by mode."""
     with tempfile.TemporaryDirectory() as name:
         scratch = Path(name)
-        prepare(scratch, ["clip=carp", "clip.frames=750"])
+        prepare_folder(scratch, ["clip=carp", "clip.frames=750"])
         for word in STAGES:
-            stage(scratch, word)
+            run_stage(scratch, word)
         home = Path.cwd()
         os.chdir(scratch)
         try:

@@ -22,30 +22,36 @@ ROWS, HELD_OUT, PAPER_S = 4480, 1120, 70.0
 PEER_EPOCHS = 2  # autograd is slow; both sides of its pair run this many
 
 
-def rows(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return random inputs and outputs: their values do not change the time."""
-    rng = np.random.default_rng(count)
-    inputs = rng.uniform([0, -1, 0, -90], [1, 1, 2, 90], (count, 4))
+def random_training_rows(row_count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return random inputs and outputs of the network: their values do not change the time."""
+    rng = np.random.default_rng(row_count)
+    inputs = rng.uniform([0, -1, 0, -90], [1, 1, 2, 90], (row_count, 4))
     return inputs, np.column_stack([inputs[:, 0], inputs[:, 1].round()])
 
 
-def ours(how: BpnSettings) -> None:
+def train_by_finloop(settings: BpnSettings) -> None:
     """Train on one split as the stage does, with the errors after each epoch."""
-    train_motion_model(*rows(ROWS), rows(HELD_OUT), how, 0.2, np.random.default_rng(0))
+    train_motion_model(
+        *random_training_rows(ROWS),
+        random_training_rows(HELD_OUT),
+        settings,
+        0.2,
+        np.random.default_rng(0),
+    )
 
 
-def autograd(how: BpnSettings) -> None:
+def train_by_torch(settings: BpnSettings) -> None:
     """Train the same network by the same rule with torch.autograd and torch.optim.SGD."""
     rng = np.random.default_rng(0)
-    weights = torch.from_numpy(draw_first_weights(how.hidden_units, rng)).requires_grad_()
+    weights = torch.from_numpy(draw_first_weights(settings.hidden_units, rng)).requires_grad_()
     first, second = split_layers(weights)
-    rule = torch.optim.SGD([weights], lr=how.learning_rate, momentum=how.momentum)
-    inputs, outputs = rows(ROWS)
+    rule = torch.optim.SGD([weights], lr=settings.learning_rate, momentum=settings.momentum)
+    inputs, outputs = random_training_rows(ROWS)
     x = torch.from_numpy(np.column_stack([inputs, np.ones(ROWS)]))
     t = torch.from_numpy(outputs)
-    for _ in range(how.epochs):
+    for _ in range(settings.epochs):
         order = torch.from_numpy(rng.permutation(ROWS))
-        for lot in order.split(how.batch_size):
+        for lot in order.split(settings.batch_size):
             rule.zero_grad()
             h = torch.sigmoid(x[lot] @ first.T)
             o = torch.sigmoid(h @ second[:, :-1].T + second[:, -1])
@@ -54,11 +60,11 @@ def autograd(how: BpnSettings) -> None:
 
 
 def main() -> None:
-    """Measure, print, write."""
+    """Time both trainings; print and write the table."""
     whole, part = (settings("bpn", epochs=epochs) for epochs in (200, PEER_EPOCHS))
-    ours(part)  # compiled
-    mine = median(time_call(lambda: ours(whole))[0] for _ in range(PAIRS))
-    short, usual, peer, _ = time_pairs(lambda: ours(part), lambda: autograd(part))
+    train_by_finloop(part)  # compiled
+    mine = median(time_call(lambda: train_by_finloop(whole))[0] for _ in range(PAIRS))
+    short, usual, peer, _ = time_pairs(lambda: train_by_finloop(part), lambda: train_by_torch(part))
     results = [
         ("200 epochs, 4480 rows / the paper's 70 s", mine, PAPER_S, mine / PAPER_S),
         (f"{PEER_EPOCHS} epochs, 4480 rows / autograd and SGD of torch", short, usual, peer),

@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 import psutil
 
-from benchmarks.pipeline import ROOT, environment, prepare, stage
+from benchmarks.pipeline import ROOT, prepare_folder, process_environment, run_stage
 from finloop.base.parallel import Workers
 from finloop.extract import film
 from finloop.extract.write import extract_tracks
@@ -42,7 +42,7 @@ SHORT = 24  # frames of a piece while workers are killed: more pieces than kills
 PORT = 18786
 
 
-def content(folder: Path) -> dict[str, str]:
+def file_digests(folder: Path) -> dict[str, str]:
     """Return the digests of the files of a folder, by name."""
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
 
@@ -59,14 +59,19 @@ def processor_times(processes: list[psutil.Process]) -> dict[int, float]:
     return times
 
 
-def time_extract(folder: Path, others: list[psutil.Process]) -> tuple[float, float]:
-    """Return the seconds of `extract`, and the processor seconds of all its processes."""
-    before, last = processor_times(others), dict[int, float]()
+def time_extract(folder: Path, other_processes: list[psutil.Process]) -> tuple[float, float]:
+    """Return the seconds of `extract`, and the processor seconds of all its processes.
+
+    other_processes: those of the scheduler and its workers, counted, too.
+    """
+    before, last = processor_times(other_processes), dict[int, float]()
     start = time.perf_counter()
     command = [sys.executable, "-m", "stages.extract"]
-    run = subprocess.Popen(command, cwd=folder, env=environment(), stderr=subprocess.DEVNULL)
+    run = subprocess.Popen(
+        command, cwd=folder, env=process_environment(), stderr=subprocess.DEVNULL
+    )
     while run.poll() is None:
-        last |= processor_times([psutil.Process(run.pid), *others])
+        last |= processor_times([psutil.Process(run.pid), *other_processes])
         time.sleep(0.1)
     if run.returncode:
         raise SystemExit("extract failed")
@@ -74,10 +79,14 @@ def time_extract(folder: Path, others: list[psutil.Process]) -> tuple[float, flo
 
 
 @contextmanager
-def scheduler() -> Iterator[list[psutil.Process]]:
+def run_scheduler() -> Iterator[list[psutil.Process]]:
     """Run Dask's scheduler and two workers as docs/cluster.md does; yield the processes."""
     address = f"tcp://127.0.0.1:{PORT}"
-    quiet = {"env": environment(), "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    quiet = {
+        "env": process_environment(),
+        "stdout": subprocess.DEVNULL,
+        "stderr": subprocess.DEVNULL,
+    }
     dask = [sys.executable, "-m", "dask", "scheduler", "--host", "127.0.0.1", "--port", str(PORT)]
     start = [sys.executable, "-m", "stages.cluster", address, "--count", "1"]
     processes = [
@@ -92,7 +101,7 @@ def scheduler() -> Iterator[list[psutil.Process]]:
             one.wait()
 
 
-def times(folder: Path) -> pd.DataFrame:
+def time_by_workers(folder: Path) -> pd.DataFrame:
     """Return seconds and processor seconds of `extract`, by kind of workers; compare the bytes."""
     wheres = {
         "2 processes": [],
@@ -100,14 +109,14 @@ def times(folder: Path) -> pd.DataFrame:
         "cluster=local": ["cluster=local"],
     }
     rows, made = [], []
-    prepare(folder, FILM)
-    stage(folder, "clip")
-    with scheduler() as others:
+    prepare_folder(folder, FILM)
+    run_stage(folder, "clip")
+    with run_scheduler() as others:
         for _ in range(PAIRS + 1):  # the first run does not count: it compiles, and workers import
             for name, where in wheres.items():
-                prepare(folder, [*FILM, *where])
+                prepare_folder(folder, [*FILM, *where])
                 rows.append((name, *time_extract(folder, others)))
-                made.append(content(folder / "data/extract"))
+                made.append(file_digests(folder / "data/extract"))
     if any(one != made[0] for one in made):
         raise SystemExit("the bytes differ")
     table = pd.DataFrame(rows[len(wheres) :], columns=["by", "wall_s", "processor_s"])
@@ -119,29 +128,31 @@ def times(folder: Path) -> pd.DataFrame:
 
 
 def extract_with_kills(
-    folder: Path, out: Path, pool: Workers, there: Callable[[], set[int]], kills: int
+    folder: Path, out: Path, pool: Workers, worker_ids: Callable[[], set[int]], most_kills: int
 ) -> int:
     """Run `extract` while workers are killed at random frames; return how many were killed.
 
-    `there` returns the ids of the workers' processes. A new worker is spared: Dask gives up a place
-    if its worker ends while it starts.
+    worker_ids: returns the ids of the workers' processes. A new worker is spared: Dask gives up a
+    place if its worker ends while it starts.
     """
     clip = folder / "data/clip"
     rng = np.random.default_rng(SEED)
     frames = load_facts(clip / FACTS_NAME).frames
-    moments = sorted(rng.choice(frames - 4 * SHORT, kills, replace=False).tolist(), reverse=True)
+    moments = sorted(
+        rng.choice(frames - 4 * SHORT, most_kills, replace=False).tolist(), reverse=True
+    )
     count = done = 0
     before: set[int] = set()  # workers at the end of the last piece
 
     def advance() -> None:
         nonlocal count, done, before
         done += 1
-        if moments and done > moments[-1] and (ids := there() & before):
+        if moments and done > moments[-1] and (ids := worker_ids() & before):
             os.kill(int(rng.choice(sorted(ids))), signal.SIGKILL)
             moments.pop()
             count += 1
         if done % SHORT == 0:
-            before = there()
+            before = worker_ids()
 
     out.mkdir()
     extract_tracks(clip, load_settings("extract"), out, pool, advance)
@@ -151,12 +162,12 @@ def extract_with_kills(
 def compare_killed_runs(folder: Path) -> list[tuple[str, int, bool]]:
     """Return, for each kind of workers, its name, the kills, and whether the bytes stay equal."""
     film._STRETCH = SHORT
-    prepare(folder, CARP)
-    stage(folder, "clip")
-    stage(folder, "extract")
+    prepare_folder(folder, CARP)
+    run_stage(folder, "clip")
+    run_stage(folder, "extract")
     results: list[tuple[str, int, bool]] = []
     for name, where in {"2 processes": [], "cluster=local": ["cluster=local"]}.items():
-        prepare(folder, [*CARP, *where])
+        prepare_folder(folder, [*CARP, *where])
         with chdir(folder), open_workers(WORKERS_NEED) as pool:
 
             def worker_ids(pool: Workers = pool) -> set[int]:
@@ -166,16 +177,16 @@ def compare_killed_runs(folder: Path) -> list[tuple[str, int, bool]]:
 
             out = folder / f"out-{len(results)}"
             count = extract_with_kills(folder, out, pool, worker_ids, KILLS)
-        results.append((name, count, content(out) == content(folder / "data/extract")))
+        results.append((name, count, file_digests(out) == file_digests(folder / "data/extract")))
         print(f"{name}: {count} workers killed; the same bytes: {results[-1][2]}", flush=True)
     return results
 
 
 def main() -> None:
-    """Measure, print, write."""
+    """Measure times and runs with killed workers; print and write the tables."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        table = times(folder).round(3)
+        table = time_by_workers(folder).round(3)
         print(table.to_string(index=False))
         table.to_csv(ROOT / "benchmarks/cluster.csv", index=False)
         if not all(same for _, _, same in compare_killed_runs(folder)):

@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from benchmarks.matching import MODE, material, replace_settings, settings_without_path
+from benchmarks.matching import MODE, matching_data, replace_settings, settings_without_path
 from benchmarks.pipeline import write_table
 from finloop.animate.encounters import (
     distance_quantiles,
@@ -34,7 +34,9 @@ from finloop.project import Project
 FISH, SECONDS, STILL = 8, 60.0, 0.05
 
 
-def summary(near: np.ndarray, speeds: np.ndarray, rate_hz: float) -> dict[str, float]:
+def summarize_distances(
+    distances: np.ndarray, speeds: np.ndarray, rate_hz: float
+) -> dict[str, float]:
     """Summarize distances (k,) to the nearest fish and speeds (ticks, n), NaN unknown.
 
     All in body lengths.
@@ -45,15 +47,15 @@ def summary(near: np.ndarray, speeds: np.ndarray, rate_hz: float) -> dict[str, f
         run = np.where(tick, run + 1, 0)
         longest = np.maximum(longest, run)
     return {
-        **(distance_quantiles(near) if len(near) else {}),
+        **(distance_quantiles(distances) if len(distances) else {}),
         "still_pct": 100 * float(still.sum() / np.isfinite(speeds).sum()),
         "longest_still_s": float(longest.max() / rate_hz),
     }
 
 
-def measure_animation(plans: MatchingAnimator) -> dict[str, object]:
+def measure_animation(animator: MatchingAnimator) -> dict[str, object]:
     """Return overlaps, goals, distances and speeds of animated fish, as a row of the table."""
-    world, player = plans.world, plans.player
+    world, player = animator.world, animator.player
     length, rate = world.motion.body_length_px, world.motion.rate_hz
     tank, rng = LiveTank({MODE: player}, MODE, FISH, 0), np.random.default_rng(1)
     y, x = np.nonzero(world.tank.legal)
@@ -79,7 +81,7 @@ def measure_animation(plans: MatchingAnimator) -> dict[str, object]:
         "mode": MODE, "overlap": world.settings.overlap, "fish": count,
         "overlapping_pairs_per_1000_ticks": 1000 * met / ticks,
         "goals_per_fish_min": reached / count / SECONDS * 60,
-        **summary(distances, speeds, rate), "real_times": ticks / rate / took,
+        **summarize_distances(distances, speeds, rate), "real_times": ticks / rate / took,
     }  # fmt: skip
 
 
@@ -91,18 +93,18 @@ def measure_film(features: pd.DataFrame, rate_hz: float) -> dict[str, object]:
     tracks = features["track_id"].to_numpy()
     step[np.append(tracks[1:] != tracks[:-1], True)] = np.nan
     animals, near = features.groupby("frame").size().mean(), film_nearest_distances(features)
-    return {"mode": "film", "fish": animals, **summary(near, step[:, None], rate_hz)}
+    return {"mode": "film", "fish": animals, **summarize_distances(near, step[:, None], rate_hz)}
 
 
-def film_rows(film: str) -> Iterator[dict[str, object]]:
-    """Yield the rows of the film in the present folder."""
+def film_rows(film_name: str) -> Iterator[dict[str, object]]:
+    """Yield the rows of the film in the present folder, animated and filmed."""
     p = settings_without_path()
     with Project() as project:
-        made = material(project, p)
-        yield {"film": film, **measure_film(made.reel.features, made.rate_hz)}
+        made = matching_data(project, p)
+        yield {"film": film_name, **measure_film(made.reel.features, made.rate_hz)}
         for through in (False, True):
             yield {
-                "film": film,
+                "film": film_name,
                 **measure_animation(matching_animator(made, replace_settings(p, overlap=through))),
             }
 

@@ -32,7 +32,7 @@ WAVELETS = ("db3", "db4", "db6", "sym8", "coif1", "coif2", "coif5")
 
 
 def transform_one_by_one(points: NDArray, wavelet: pywt.Wavelet) -> list[list[NDArray]]:
-    """Transform by PyWavelets, one curve and one coordinate at a time."""
+    """Return the wavelet coefficients by PyWavelets, one curve and one coordinate at a time."""
     return [
         pywt.wavedec(column, wavelet, mode="periodization", level=LEVELS)
         for curve in points
@@ -41,7 +41,7 @@ def transform_one_by_one(points: NDArray, wavelet: pywt.Wavelet) -> list[list[ND
 
 
 def invert_one_by_one(coefficients: list[list[NDArray]], wavelet: pywt.Wavelet) -> list[NDArray]:
-    """Invert `transform_one_by_one`."""
+    """Return the curves whose coefficients `transform_one_by_one` returned."""
     return [pywt.waverec(one, wavelet, mode="periodization") for one in coefficients]
 
 
@@ -81,9 +81,9 @@ def compare_transforms() -> list[tuple[str, float, float, float]]:
     return rows
 
 
-def bend_hoop(n: int) -> tuple[NDArray, NDArray]:
-    """Return the hoop and a displacement, each (n, 2)."""
-    t = 2 * np.pi * np.arange(n) / n
+def bend_hoop(point_count: int) -> tuple[NDArray, NDArray]:
+    """Return the hoop of the curve paper and a displacement that bends it, each (n, 2)."""
+    t = 2 * np.pi * np.arange(point_count) / point_count
     rest = np.stack([np.cos(t), np.sin(t)], axis=1)
     x, y = 0.35 * np.cos(t) + 0.2 * np.cos(3 * t), -0.4 * np.sin(t) + 0.2 * np.cos(2 * t)
     return rest, np.stack([x, y], axis=1)
@@ -107,13 +107,13 @@ def integrate_with_scipy(problem: Problem) -> NDArray:
     return found.y[:size].T.reshape(len(TIMES), n, 2)
 
 
-def change_basis(k: csr_array, basis: csr_array) -> csr_array:
-    """Return K in another basis by two sparse products."""
-    return basis @ k @ basis.T
+def change_basis(stiffness: csr_array, basis: csr_array) -> csr_array:
+    """Return a stiffness matrix in another basis, by two sparse products."""
+    return basis @ stiffness @ basis.T
 
 
 def main() -> None:
-    """Measure, print, write."""
+    """Time transforms, integrators and products; print and write the tables."""
     rows = compare_transforms()
     problem = Problem(*bend_hoop(POINTS), MATERIAL, TIMES)
     ours = solve_motion(problem)

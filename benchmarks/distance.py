@@ -34,7 +34,7 @@ PART = 0.02  # share of the frames for the slow peers
 LEAST = LONG * SIZE**2 * CHANNELS * 4 / 2**30  # GiB of the pictures of the long film
 
 
-def shares() -> NDArray[np.float64]:
+def kind_shares() -> NDArray[np.float64]:
     """Return the shares of 24 × 3 kinds, geometric in the orientation, Σ share² = 1 − SKIPPED."""
     low, high = 0.5, 1.0
     while high - low > 1e-12:
@@ -45,31 +45,31 @@ def shares() -> NDArray[np.float64]:
     return share
 
 
-def film(frames: int, mixed: bool = True) -> tuple[NDArray[np.float32], Ints, Floats]:
+def random_film(frame_count: int, mixed: bool = True) -> tuple[NDArray[np.float32], Ints, Floats]:
     """Return random pictures (n, SIZE, SIZE, CHANNELS), kinds and areas; not `mixed`: 3 kinds."""
-    rng = np.random.default_rng(frames)
-    pictures = rng.random((frames, SIZE, SIZE, CHANNELS), np.float32)
-    share = shares() if mixed else TYPES
-    kind, area = rng.choice(len(share), frames, p=share), rng.random(frames)
+    rng = np.random.default_rng(frame_count)
+    pictures = rng.random((frame_count, SIZE, SIZE, CHANNELS), np.float32)
+    share = kind_shares() if mixed else TYPES
+    kind, area = rng.choice(len(share), frame_count, p=share), rng.random(frame_count)
     rows = sort_by_kind_and_area(kind, area)
     return pictures, kind[rows], area[rows]
 
 
-def pairs_by_kind(pictures: NDArray[np.float32], kind: Ints, area: Floats) -> pd.DataFrame:
-    """Compute the table of pairs by Eq. 6 from pictures."""
-    found = find_similar_pairs(subtract_mean_picture(pictures), kind, area, THRESHOLD)
-    return pair_table(found, np.arange(len(kind)))
+def pairs_by_kind(pictures: NDArray[np.float32], kinds: Ints, areas: Floats) -> pd.DataFrame:
+    """Return the table of pairs of pictures of one kind, with their distances (Eq. 6)."""
+    found = find_similar_pairs(subtract_mean_picture(pictures), kinds, areas, THRESHOLD)
+    return pair_table(found, np.arange(len(kinds)))
 
 
-def peak_gib(frames: int, mixed: bool) -> float:
+def peak_gib(frame_count: int, mixed: bool) -> float:
     """Return the peak resident memory of `pairs_by_kind` in a process of its own, in GiB."""
-    call = f"pairs_by_kind(*film({frames}, {mixed}))"
-    code = f"from benchmarks.distance import film, pairs_by_kind; {call}"
+    call = f"pairs_by_kind(*random_film({frame_count}, {mixed}))"
+    code = f"from benchmarks.distance import pairs_by_kind, random_film; {call}"
     return peak_mib(ROOT, "-c", code) / 1024
 
 
-def loop(pictures: NDArray[np.float32]) -> list[float]:
-    """Return Eq. 5 pair by pair."""
+def distances_one_by_one(pictures: NDArray[np.float32]) -> list[float]:
+    """Return the distances (Eq. 5) of pictures, computed pair by pair."""
     return [
         float(np.linalg.norm(one - other))
         for number, one in enumerate(pictures)
@@ -78,8 +78,8 @@ def loop(pictures: NDArray[np.float32]) -> list[float]:
 
 
 def main() -> None:
-    """Measure, print, write."""
-    pictures, kind, area = film(FRAMES)
+    """Time the distance map and its peers; print and write the table."""
+    pictures, kind, area = random_film(FRAMES)
     flat = pictures.reshape(FRAMES, -1)
     turned = np.ascontiguousarray(flat.T)
     pairs = FRAMES * (FRAMES - 1) / 2
@@ -96,7 +96,7 @@ def main() -> None:
     )
     few = int(PART * FRAMES)
     scipy_s = time_call(lambda: cdist(flat[:few], flat))[0] * FRAMES / few
-    seconds, found = time_call(lambda: loop(pictures[:few]))
+    seconds, found = time_call(lambda: distances_one_by_one(pictures[:few]))
     loop_s = seconds * pairs / len(found)
     speed = [
         ("full / the bare product x @ xT", all_s, bare_s, bare),

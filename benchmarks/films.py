@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from hydra.core.override_parser.types import Quote, QuotedString
 
-from benchmarks.pipeline import ROOT, data_stages, prepare, stage
+from benchmarks.pipeline import ROOT, data_stages, prepare_folder, run_stage
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film_frames
 from finloop.drawn.truth import TRUTH
@@ -44,17 +44,17 @@ _RATE = 25
 _TABLE = ROOT / "benchmarks/films.csv"
 
 
-def disturb(name: str, pictures: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
+def disturb_film(disturbance: str, pictures: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
     """Yield the pictures of a film with flickering light or from a shaking camera."""
     rng = np.random.default_rng(0)
     for picture in pictures:
-        if "flickers" in name:
+        if "flickers" in disturbance:
             yield np.clip(picture * rng.uniform(0.9, 1.1), 0, 255).astype(np.uint8)
         else:
             yield np.roll(picture, rng.integers(-2, 3, 2), axis=(0, 1))
 
 
-def overrides(name: str, folder: Path) -> list[str]:
+def drawn_film_overrides(name: str, folder: Path) -> list[str]:
     """Return the overrides of a drawn film; write the file of a disturbed film.
 
     The truth of the undisturbed film lies beside that file.
@@ -72,7 +72,7 @@ def overrides(name: str, folder: Path) -> list[str]:
             yield np.asarray(picture)
 
     with VideoWriter(path, carp.width_px, carp.height_px, Fraction(_RATE), carp.colour) as writer:
-        for picture in disturb(name, pictures()):
+        for picture in disturb_film(name, pictures()):
             writer.write(picture)
     save_table(path.with_name(TRUTH_NAME), pd.DataFrame(truth), TRUTH)
     return file_overrides(path)
@@ -85,12 +85,12 @@ def file_overrides(path: Path) -> list[str]:
     return ["clip=file", f"clip.path={QuotedString(name, Quote.double).with_quotes()}"]
 
 
-def run_pipeline(folder: Path, overridden: list[str], last: list[str]) -> dict[str, Any]:
-    """Run the pipeline on a film and return one row of the table."""
-    prepare(folder, [*overridden, "animate.trials=4"])
+def run_pipeline(folder: Path, overrides: list[str], last_stages: list[str]) -> dict[str, Any]:
+    """Run the pipeline on a film up to its last stages; return one row of the table."""
+    prepare_folder(folder, [*overrides, "animate.trials=4"])
     numbers = {}
-    for word in data_stages(last):
-        numbers[word] = stage(folder, word)
+    for word in data_stages(last_stages):
+        numbers[word] = run_stage(folder, word)
         if word == "clip" and (truth := folder / TRUTH_NAME).is_file():
             shutil.copyfile(truth, folder / "data/clip" / TRUTH_NAME)  # `features` compares with it
     features, animated = numbers["features"], numbers["animate"]
@@ -112,7 +112,7 @@ def run_pipeline(folder: Path, overridden: list[str], last: list[str]) -> dict[s
     return row
 
 
-def keep(row: pd.DataFrame) -> None:
+def keep_row(row: pd.DataFrame) -> None:
     """Write the row of a film into the table, in place of its old row."""
     if _TABLE.is_file():
         table = pd.read_csv(_TABLE)
@@ -120,20 +120,20 @@ def keep(row: pd.DataFrame) -> None:
     save_csv(_TABLE, row, decimals=3)
 
 
-def keys(films: Sequence[str]) -> list[str]:
+def film_keys(films: Sequence[str]) -> list[str]:
     """Return the names of films in the table: file names without suffix, or paths if not unique."""
     stems = Counter(Path(film).stem for film in films)
     return [Path(film).stem if stems[Path(film).stem] == 1 else film for film in films]
 
 
-def arguments(line: Sequence[str] | None = None) -> argparse.Namespace:
-    """Parse the command line; exit with a message if a film is missing or unknown."""
+def parse_arguments(command_line: Sequence[str] | None = None) -> argparse.Namespace:
+    """Return the parsed command line; exit with a message if a film is missing or unknown."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("films", nargs="*")
     parser.add_argument("--realism", action="store_true", help="also run the stage realism")
     parser.add_argument("--only", nargs="*", default=list(DRAWN), help="only these drawn films")
     parser.add_argument("--keep", type=Path, help="a working folder, which is kept")
-    args = parser.parse_args(line)
+    args = parser.parse_args(command_line)
     if strange := [name for name in args.only if name not in DRAWN]:
         parser.error(f"--only {strange}: unknown drawn films; choose from {list(DRAWN)}")
     if absent := [film for film in args.films if not Path(film).is_file()]:
@@ -141,15 +141,15 @@ def arguments(line: Sequence[str] | None = None) -> argparse.Namespace:
     return args
 
 
-def message(error: BaseException) -> str:
+def failure_reason(error: BaseException) -> str:
     """Return a line with the reason of a failure: the stage's message, else the last line."""
     lines = (str(error).strip() or repr(error)).splitlines()
     own = [line.removeprefix("finloop: ") for line in lines if line.startswith("finloop: ")]
     return (own or lines)[-1]
 
 
-def results(
-    films: Sequence[tuple[str, list[str] | None]], folder: Path, last: list[str]
+def measure_films(
+    films: Sequence[tuple[str, list[str] | None]], folder: Path, last_stages: list[str]
 ) -> Iterator[dict[str, Any]]:
     """Yield a row for every film, given its key and overrides, None for a drawn film.
 
@@ -160,24 +160,26 @@ def results(
         place.mkdir(parents=True, exist_ok=True)
         row = {"film": key if overridden else f"drawn carp, {key}"}
         try:
-            row |= run_pipeline(place, overridden or overrides(key, place), last)
+            row |= run_pipeline(place, overridden or drawn_film_overrides(key, place), last_stages)
         except (Exception, SystemExit) as error:  # the other films run anyway
             print(error, file=sys.stderr)
-            row["failed"] = message(error)
+            row["failed"] = failure_reason(error)
         yield row
 
 
 def main() -> None:
-    """Run, print, write; exit with 1 if a film failed."""
-    args = arguments()
+    """Run the pipeline on all films; print and write the table; exit with 1 if a film failed."""
+    args = parse_arguments()
     last = ["animate", "render", *(["realism"] if args.realism else [])]
-    own = zip(keys(args.films), (file_overrides(Path(film)) for film in args.films), strict=True)
+    own = zip(
+        film_keys(args.films), (file_overrides(Path(film)) for film in args.films), strict=True
+    )
     films: list[tuple[str, list[str] | None]] = [*((name, None) for name in args.only), *own]
     failures = 0
     with tempfile.TemporaryDirectory() as scratch:
-        for row in results(films, args.keep or Path(scratch), last):
+        for row in measure_films(films, args.keep or Path(scratch), last):
             print(pd.Series(row).to_string(), end="\n\n", flush=True)
-            keep(pd.DataFrame([row]))
+            keep_row(pd.DataFrame([row]))
             failures += "failed" in row
     if failures:
         raise SystemExit(f"{failures} of {len(films)} films failed, see {_TABLE}")

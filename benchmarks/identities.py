@@ -38,7 +38,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from benchmarks.films import file_overrides
-from benchmarks.pipeline import ROOT, prepare, stage
+from benchmarks.pipeline import ROOT, prepare_folder, run_stage
 from finloop.base.arrays import Floats, Mask
 from finloop.base.settings import settings
 from finloop.clip.settings import CarpSettings
@@ -70,21 +70,24 @@ class Film:
     truth: pd.DataFrame | None = None  # frame, animal, x_px, y_px
 
 
-def zebrafish(part: str, dark: int, least_px: int) -> Film:
-    """Return a clip of the package."""
+def zebrafish_film(part: str, dark: int, least_px: int) -> Film:
+    """Return a clip of the package of idtracker.ai as a film, with the settings for it.
+
+    part: of the clip's name; dark: grey below which a pixel is fish; least_px: smallest fish, px.
+    """
     (path,) = fetch_zebrafish_clips([part], find_cache_folder())
     return Film(path, ["clip=zebrafish", f"clip.parts={part}"], 8, TANK_PX, dark, least_px)
 
 
-def carp(seed: int, folder: Path) -> Film:
-    """Draw carp that ignore each other, and so swim through one another."""
+def carp_film(seed: int, folder: Path) -> Film:
+    """Return a drawn film of carp that ignore each other, and so swim through one another."""
     p = settings(
         "clip", source="carp", frames=60 * RATE, fish=FISH, width_px=480, height_px=360,
         body_length_px=60.0, frame_rate_hz=float(RATE), colour=False, seed=seed,
     )  # fmt: skip
     path, rows = folder / "carp.mp4", list[dict[str, object]]()
     with VideoWriter(path, p.width_px, p.height_px, Fraction(RATE), p.colour) as writer:
-        for picture, of_frame in film_frames(p, crossing(p)):
+        for picture, of_frame in film_frames(p, crossing_motion(p)):
             writer.write(picture)
             rows += of_frame
     truth = pd.DataFrame(rows).rename(columns={"fish_id": "animal"})
@@ -93,12 +96,12 @@ def carp(seed: int, folder: Path) -> Film:
     return Film(path, overrides, FISH, inside, 125, 100, truth[["frame", "animal", *_PLACE]])
 
 
-def crossing(p: CarpSettings) -> CarpMotion:
+def crossing_motion(carp: CarpSettings) -> CarpMotion:
     """Return the poses of carp that each swim as if alone."""
-    room = allowed_rectangle(p.width_px, p.height_px, p.body_length_px)
-    streams = np.random.default_rng(p.seed).spawn(p.fish)
+    room = allowed_rectangle(carp.width_px, carp.height_px, carp.body_length_px)
+    streams = np.random.default_rng(carp.seed).spawn(carp.fish)
     alone = [
-        simulate_swimming(p.frames, 1, room, p.frame_rate_hz, p.fins_open_ratio, rng)
+        simulate_swimming(carp.frames, 1, room, carp.frame_rate_hz, carp.fins_open_ratio, rng)
         for rng in streams
     ]
     names = [field.name for field in fields(CarpMotion)]
@@ -106,9 +109,9 @@ def crossing(p: CarpSettings) -> CarpMotion:
 
 
 FILMS: dict[str, Callable[[Path], Film]] = {
-    "A": lambda _: zebrafish("A", 155, 100),  # the thresholds of the example in its manual
-    "B": lambda _: zebrafish("B", 130, 150),  # the thresholds of its own test
-    **{f"drawn-{seed}": partial(carp, seed) for seed in (1, 2, 3)},
+    "A": lambda _: zebrafish_film("A", 155, 100),  # the thresholds of the example in its manual
+    "B": lambda _: zebrafish_film("B", 130, 150),  # the thresholds of its own test
+    **{f"drawn-{seed}": partial(carp_film, seed) for seed in (1, 2, 3)},
 }
 _PLACE = ["x_px", "y_px"]
 
@@ -116,31 +119,33 @@ _PLACE = ["x_px", "y_px"]
 # --- the two programs
 
 
-def environment(folder: Path) -> Path:
+def tracker_environment(folder: Path) -> Path:
     """Return the environment of idtracker.ai; install it if missing."""
-    if not command(folder).exists():
+    if not tracker_command(folder).exists():
         venv.create(folder, with_pip=True)
-        python = command(folder).with_name("python")
+        python = tracker_command(folder).with_name("python")
         subprocess.run([python, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
     return folder
 
 
-def command(environment: Path) -> Path:
+def tracker_command(environment: Path) -> Path:
     """Return the path of idtracker.ai's program in its environment."""
     return environment / "bin/idtrackerai"
 
 
-def idtracker(one: Film, folder: Path, environment: Path, own: Sequence[str]) -> pd.DataFrame:
-    """Track by idtracker.ai, with `own` additional arguments; return frame, animal, x_px, y_px."""
-    left, top, width, height = map(float, one.box)
+def track_by_idtracker(
+    film: Film, folder: Path, environment: Path, extra_arguments: Sequence[str]
+) -> pd.DataFrame:
+    """Return what idtracker.ai tracks in a film: frame, animal, x_px, y_px."""
+    left, top, width, height = map(float, film.box)
     right, low = left + width, top + height
     options = {
         "name": "film",
-        "video_paths": [str(one.path)],
+        "video_paths": [str(film.path)],
         "output_dir": str(folder),
-        "intensity_ths": [0, one.dark],
-        "area_ths": [float(one.least_px), float("inf")],
-        "number_of_animals": one.animals,
+        "intensity_ths": [0, film.dark],
+        "area_ths": [float(film.least_px), float("inf")],
+        "number_of_animals": film.animals,
         "roi_list": [f"+ Polygon [[{left}, {top}], [{right}, {top}], [{right}, {low}], "
                      f"[{left}, {low}]]"],
         "trajectories_formats": ["npy"],
@@ -149,22 +154,22 @@ def idtracker(one: Film, folder: Path, environment: Path, own: Sequence[str]) ->
     text = "\n".join(f"{key} = {value!r}" for key, value in options.items())
     toml.write_text(text, encoding="utf-8")
     variables = os.environ | {"IDTRACKERAI_DISABLE_ANALYTICS": "1", "QT_QPA_PLATFORM": "offscreen"}
-    line = [str(command(environment)), "--load", str(toml), "--track", *own]
+    line = [str(tracker_command(environment)), "--load", str(toml), "--track", *extra_arguments]
     with (folder / "log.txt").open("w", encoding="utf-8") as log:
         subprocess.run(line, cwd=folder, env=variables, stdout=log, stderr=log, check=False)
     session = folder / "session_film"
     if not (session / "trajectories").is_dir():  # its exit status is 1 even after a success
-        raise SystemExit(f"idtracker.ai made no trajectories of {one.path}; see {folder}/log.txt")
+        raise SystemExit(f"idtracker.ai made no trajectories of {film.path}; see {folder}/log.txt")
     poses = load_poses(session, "idtracker.ai", RATE)
     places = pd.DataFrame(poses.places[:, 0], columns=_PLACE)
     return places.assign(frame=poses.frame, animal=poses.individual)
 
 
-def finloop(one: Film, folder: Path) -> pd.DataFrame:
-    """Track by finloop; return frame, animal, x_px, y_px, body_length_px."""
-    prepare(folder, one.overrides)
+def track_by_finloop(film: Film, folder: Path) -> pd.DataFrame:
+    """Return what finloop tracks in a film: frame, animal, x_px, y_px, body_length_px."""
+    prepare_folder(folder, film.overrides)
     for word in ("clip", "extract", "features", "identity"):
-        stage(folder, word)
+        run_stage(folder, word)
     project = Project(folder)
     rows = project.features.merge(project.identities, on="track_id").rename(
         columns={"identity": "animal"}
@@ -175,8 +180,8 @@ def finloop(one: Film, folder: Path) -> pd.DataFrame:
 # --- the comparison
 
 
-def matches(reference: pd.DataFrame, other: pd.DataFrame, length: float) -> pd.DataFrame:
-    """Match places of two tables that show one fish: frame, animal, x_px, y_px, other.
+def match_places(reference: pd.DataFrame, other: pd.DataFrame, length_px: float) -> pd.DataFrame:
+    """Return the places of two tables that show one fish: frame, animal, x_px, y_px, other.
 
     Matched places are each other's nearest, less than half a body length apart, and no third place
     is within twice that distance of either.
@@ -185,22 +190,22 @@ def matches(reference: pd.DataFrame, other: pd.DataFrame, length: float) -> pd.D
     parts = [reference.iloc[:0].assign(other=0)]
     for frame, rows in reference.groupby("frame"):
         if frame in there:
-            far = cdist(rows[_PLACE], there[frame][_PLACE]) / length
+            far = cdist(rows[_PLACE], there[frame][_PLACE]) / length_px
             row, column = np.nonzero(is_unambiguous(far) & is_unambiguous(far.T).T)
             seen = there[frame]["animal"].to_numpy()[column]
             parts.append(rows.iloc[row].assign(other=seen))
     return pd.concat(parts).sort_values(["animal", "frame"], ignore_index=True)
 
 
-def is_unambiguous(far: Floats) -> Mask:
+def is_unambiguous(distances: Floats) -> Mask:
     """Mark the least distance of each row (n, m), unless it is large or another is similar."""
-    nearest = np.sort(np.pad(far, ((0, 0), (0, 1)), constant_values=np.inf), axis=1)
+    nearest = np.sort(np.pad(distances, ((0, 0), (0, 1)), constant_values=np.inf), axis=1)
     sure = (nearest[:, 0] < _TOUCH) & (nearest[:, 1] > _TWICE * nearest[:, 0])
-    return sure[:, None] & (far == nearest[:, :1])
+    return sure[:, None] & (distances == nearest[:, :1])
 
 
-def switches(matched: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of `matches` in which the other table's animal of a fish changes."""
+def identity_switches(matched: pd.DataFrame) -> pd.DataFrame:
+    """Return the matched places at which the other table's animal of a fish changes."""
     before = matched.shift()
     same_fish = matched["animal"] == before["animal"]
     changed = matched[same_fish & (matched["other"] != before["other"])]
@@ -217,16 +222,16 @@ def count_right_animals(matched: pd.DataFrame) -> int:
 
 
 def summarize_program(
-    found: pd.DataFrame, animals: int, frames: int, matched: pd.DataFrame
+    places: pd.DataFrame, animals: int, frames: int, matched: pd.DataFrame
 ) -> dict[str, float]:
-    """Return the scores of a program, from its places and their `matches`."""
-    rows = found.groupby("animal").size().sort_values(ascending=False)
+    """Return the scores of a program, from its places and their matches."""
+    rows = places.groupby("animal").size().sort_values(ascending=False)
     share = 100 / (animals * frames)
     return {
         "animals": len(rows),
-        "fish_frames_pct": share * len(found),
+        "fish_frames_pct": share * len(places),
         "fish_frames_of_most_pct": share * float(rows.iloc[:animals].sum()),
-        "switches": len(switches(matched)),
+        "switches": len(identity_switches(matched)),
         "same_animal_pct": share * count_right_animals(matched),
     }
 
@@ -246,23 +251,25 @@ def compare_programs(
     """Return a film's rows of the table, and the switches of each program."""
     one = FILMS[name](folder)
     (ours := folder / "finloop").mkdir(exist_ok=True)
-    mine, my_time = time_programs(lambda: finloop(one, ours))
+    mine, my_time = time_programs(lambda: track_by_finloop(one, ours))
     frames = Project(ours).facts.frames
     length = float(mine["body_length_px"].median())
     runs = [("finloop", "", mine[["frame", "animal", *_PLACE]], my_time)]
     if environment is not None:
         (theirs := folder / "idtracker").mkdir(exist_ok=True)
-        its, its_time = time_programs(lambda: idtracker(one, theirs, environment, own))
+        its, its_time = time_programs(lambda: track_by_idtracker(one, theirs, environment, own))
         runs.append(("idtracker.ai", " ".join(own), its, its_time))
     rows, found = list[dict[str, object]](), list[pd.DataFrame]()
     for number, (program, words, places, took) in enumerate(runs):
-        matched = matches(runs[1 - number][2] if one.truth is None else one.truth, places, length)
+        matched = match_places(
+            runs[1 - number][2] if one.truth is None else one.truth, places, length
+        )
         rows.append({
             "film": name, "program": program, "settings": words,
             "beside": "the other" if one.truth is None else "truth",
             **summarize_program(places, one.animals, frames, matched), **took,
         })  # fmt: skip
-        found.append(switches(matched).assign(film=name, program=program))
+        found.append(identity_switches(matched).assign(film=name, program=program))
     return pd.DataFrame(rows), pd.concat(found)
 
 
@@ -292,7 +299,7 @@ def main() -> None:
         home.mkdir(parents=True, exist_ok=True)
         its = None
         if not args.alone:
-            its = environment((args.environment or home / "environment").resolve())
+            its = tracker_environment((args.environment or home / "environment").resolve())
         found = list[pd.DataFrame]()
         for name in films:
             (folder := home / name).mkdir(exist_ok=True)

@@ -30,7 +30,7 @@ def replace_settings(p: AllSettings, **values: Any) -> AllSettings:
     return kind(**{name: values.get(name, value) for name, value in vars(p).items()})
 
 
-def material(project: Project, p: AllSettings) -> MatchingData:
+def matching_data(project: Project, p: AllSettings) -> MatchingData:
     """Return the data from which the stage `modes-matching` makes its animation."""
     return MatchingData(
         project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks.pipeline import ROOT, STAGES, peak_mib, prepare
+from benchmarks.pipeline import ROOT, STAGES, peak_mib, prepare_folder
 
 FRAMES = (500, 5000)
 
 
 def main() -> None:
-    """Measure, print, write."""
+    """Measure peak memory for both clips; print and write the table."""
     rows = {}
     with tempfile.TemporaryDirectory() as scratch:
         for frames in FRAMES:
             size = ["clip.width_px=480", "clip.height_px=360", "clip.body_length_px=60"]
-            prepare(Path(scratch), ["clip=carp", f"clip.frames={frames}", *size])
+            prepare_folder(Path(scratch), ["clip=carp", f"clip.frames={frames}", *size])
             rows[f"{frames} frames, MiB"] = {
                 word: peak_mib(Path(scratch), "-m", f"stages.{word}") for word in STAGES
             }

@@ -39,19 +39,21 @@ OTHERS = {
 }
 
 
-def glyphs() -> dict[str, Curve]:
+def single_contour_glyphs() -> dict[str, Curve]:
     """Return the outlines of all letters and digits with a single contour."""
     outlines = {name: glyph_outlines(name) for name in string.ascii_letters + string.digits}
     return {name: found[0] for name, found in outlines.items() if len(found) == 1}
 
 
-def row(what: str, free: list[bool], seconds: list[float], ratios: list[float]) -> dict:
-    """Return a row of the table."""
+def result_row(
+    morph_kind: str, is_free: list[bool], seconds: list[float], ratios: list[float]
+) -> dict:
+    """Return a row of the table: share of morphs without folds, their time and ratios."""
     ms = 1000 * np.array(seconds)
     return {
-        "what": what,
-        "pairs": len(free),
-        "simple_percent": 100 * np.mean(free),
+        "what": morph_kind,
+        "pairs": len(is_free),
+        "simple_percent": 100 * np.mean(is_free),
         "ms_mean": ms.mean(),
         "ms_median": np.median(ms),
         "ms_99": np.percentile(ms, 99),
@@ -61,8 +63,8 @@ def row(what: str, free: list[bool], seconds: list[float], ratios: list[float]) 
 
 
 def main() -> None:
-    """Measure, print, write."""
-    pairs = list(combinations(glyphs().values(), 2))
+    """Morph all pairs of glyphs; print and write the table."""
+    pairs = list(combinations(single_contour_glyphs().values(), 2))
     for a, b in pairs[:40:8]:  # compiles
         simple_morph(a, b, FRAMES, POINTS)
         physical_morph(a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)
@@ -74,7 +76,7 @@ def main() -> None:
     ]
     found = [time_call(partial(simple_morph, a, b, FRAMES, POINTS)) for a, b in pairs]
     rows = [
-        row(
+        result_row(
             name,
             [not count_polygon_folds(frames).any() for _, frames in results],
             [seconds for seconds, _ in results],
@@ -89,7 +91,7 @@ def main() -> None:
     unfolded = [not count_polygon_folds(frames).any() for _, frames in straight]
     kept = [k for k, is_free in enumerate(unfolded) if is_free]
     rows.append(
-        row(
+        result_row(
             "here: simple, where linear is",
             [not count_polygon_folds(found[k][1].frames).any() for k in kept],
             [found[k][0] for k in kept],

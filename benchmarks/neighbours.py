@@ -37,21 +37,21 @@ NEAREST, TRIED, RECALL = 20, 1000, 0.99
 Search = Callable[[Vectors], Ints]
 
 
-def vectors_of(data: Path) -> Vectors:
+def film_vectors(data_folder: Path) -> Vectors:
     """Return the vectors (n, d) by which the stage `jumps` compares rows."""
     p = settings("jumps")
-    with Project(data.parent) as project:
+    with Project(data_folder.parent) as project:
         source = InMemorySource.from_reel(project.film_reel, project.poses, p.look_px)
         made = compute_signature_parts(source, p, Threads(THREADS))
         return compute_signatures(made, project.film_reel.step_ends, p)[0].astype(np.float32)
 
 
-def ours() -> Iterator[tuple[str, Search]]:
+def finloop_searches() -> Iterator[tuple[str, Search]]:
     """Yield finloop's search, which takes its settings from the vectors."""
     yield "cells or all", lambda v: Nearest.from_vectors(v).search(v, NEAREST + 1)
 
 
-def flat() -> Iterator[tuple[str, Search]]:
+def exhaustive_searches() -> Iterator[tuple[str, Search]]:
     """Yield the search of faiss that compares all vectors."""
 
     def search(vectors: Vectors) -> Ints:
@@ -62,7 +62,7 @@ def flat() -> Iterator[tuple[str, Search]]:
     yield "IndexFlatL2", search
 
 
-def graph() -> Iterator[tuple[str, Search]]:
+def hnsw_searches() -> Iterator[tuple[str, Search]]:
     """Yield the searches of hnswlib, a navigable graph."""
 
     def search(vectors: Vectors, links: int, built: int, wide: int) -> Ints:
@@ -77,7 +77,7 @@ def graph() -> Iterator[tuple[str, Search]]:
         yield f"M {links}, ef {built}, {wide}", partial(search, links=links, built=built, wide=wide)
 
 
-def descent() -> Iterator[tuple[str, Search]]:
+def descent_searches() -> Iterator[tuple[str, Search]]:
     """Yield the searches of pynndescent, by neighbours of neighbours."""
 
     def search(vectors: Vectors, count: int) -> Ints:
@@ -88,26 +88,31 @@ def descent() -> Iterator[tuple[str, Search]]:
         yield f"{count} neighbours", partial(search, count=count)
 
 
-LIBRARIES = {"finloop": ours, "faiss, flat": flat, "hnswlib": graph, "pynndescent": descent}
+LIBRARIES = {
+    "finloop": finloop_searches,
+    "faiss, flat": exhaustive_searches,
+    "hnswlib": hnsw_searches,
+    "pynndescent": descent_searches,
+}
 
 
-def recall(found: Ints, rows: Ints, true: list[Ints]) -> float:
+def measure_recall(found_rows: Ints, rows: Ints, true_rows: list[Ints]) -> float:
     """Return the share of the true neighbours of rows (k,) that are among the found (n, m)."""
-    own = others(found[rows], rows)
+    own = drop_own_row(found_rows[rows], rows)
     return float(
-        np.mean([np.isin(one, other).mean() for one, other in zip(true, own, strict=True)])
+        np.mean([np.isin(one, other).mean() for one, other in zip(true_rows, own, strict=True)])
     )
 
 
-def others(near: Ints, rows: Ints) -> list[Ints]:
+def drop_own_row(nearest_rows: Ints, rows: Ints) -> list[Ints]:
     """Return the nearest (20,) of each row, from (k, 21 or more), without the row itself."""
-    return [one[one != row][:NEAREST] for one, row in zip(near, rows, strict=True)]
+    return [one[one != row][:NEAREST] for one, row in zip(nearest_rows, rows, strict=True)]
 
 
 def measure_libraries(vectors: Vectors) -> pd.DataFrame:
     """Return one row per library: its setting, recall, seconds and processor seconds."""
     rows = spread_rows(np.arange(len(vectors)), TRIED)
-    true = others(faiss.knn(vectors[rows], vectors, NEAREST + 1)[1], rows)
+    true = drop_own_row(faiss.knn(vectors[rows], vectors, NEAREST + 1)[1], rows)
     table = []
     for library, ways in LIBRARIES.items():
         for setting, search in ways():
@@ -115,7 +120,7 @@ def measure_libraries(vectors: Vectors) -> pd.DataFrame:
             clock, work = time.perf_counter(), time.process_time()
             found = search(vectors)
             took, worked = time.perf_counter() - clock, time.process_time() - work
-            share = recall(found, rows, true)
+            share = measure_recall(found, rows, true)
             print(f"{len(vectors)} {library}, {setting}: {share:.4f} in {worked:.1f} s", flush=True)
             if share >= RECALL:
                 break
@@ -129,12 +134,12 @@ def measure_libraries(vectors: Vectors) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Measure, print, write."""
+    """Time all libraries; print and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", nargs="*", type=Path, default=[ROOT / "data"])
     folders = parser.parse_args().data
     table = pd.concat(
-        [measure_libraries(vectors_of(one.resolve())) for one in folders], ignore_index=True
+        [measure_libraries(film_vectors(one.resolve())) for one in folders], ignore_index=True
     )
     print(table.round(3).to_string(index=False))
     table.round(3).to_csv(ROOT / "benchmarks/neighbours.csv", index=False)

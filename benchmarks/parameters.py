@@ -23,7 +23,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import pandas as pd
 import yaml
 
-from benchmarks.pipeline import ROOT, paths
+from benchmarks.pipeline import ROOT, written_paths
 from finloop.base.settings import WORDS, variants
 from finloop.edit.modes import MODES
 from stages.code import stage_module
@@ -104,40 +104,42 @@ WHEN: dict[str, str] = {
 """The condition for an effect of parameters without one on these films, by name or prefix."""
 
 
-def when(name: str) -> str:
+def when_it_acts(parameter: str) -> str:
     """Return when a parameter without effect on these films acts; empty if unknown."""
-    return WHEN.get(name) or next((WHEN[start] for start in WHEN if name.startswith(start)), "")
+    return WHEN.get(parameter) or next(
+        (WHEN[start] for start in WHEN if parameter.startswith(start)), ""
+    )
 
 
-def stages() -> dict[str, Any]:
+def pipeline_stages() -> dict[str, Any]:
     """Return the stages of dvc.yaml, in their order."""
     text = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
     every: dict[str, Any] = yaml.safe_load(text)["stages"]
     return every
 
 
-def readers(group: str) -> list[str]:
+def reading_stages(group: str) -> list[str]:
     """Return the stages that read a group of parameters, in their order.
 
     `realism` also reads the parameters of `extract` and `features`: it measures as they do.
     """
     return [
         word
-        for word, stage in stages().items()
+        for word, stage in pipeline_stages().items()
         if any(one.partition(".")[0] == group for one in stage.get("params", []))
         and (word != "realism" or group == "realism")
     ]
 
 
-def outputs(word: str) -> list[str]:
+def stage_outputs(stage: str) -> list[str]:
     """Return the files and folders that a stage writes."""
-    return sorted(paths(stages()[word]))
+    return sorted(written_paths(pipeline_stages()[stage]))
 
 
-def digest(folder: Path, word: str) -> str:
-    """Return a digest of a stage's outputs."""
+def digest_outputs(folder: Path, stage: str) -> str:
+    """Return a digest of a stage's outputs in a folder."""
     whole = hashlib.sha256()
-    for out in outputs(word):
+    for out in stage_outputs(stage):
         path = folder / out
         files = sorted(path.rglob("*")) if path.is_dir() else [path]
         for file in files:
@@ -146,30 +148,30 @@ def digest(folder: Path, word: str) -> str:
     return whole.hexdigest()
 
 
-def other_values(hint: Any, value: Any) -> Iterator[Any]:
+def other_values(value_type: Any, value: Any) -> Iterator[Any]:
     """Yield other values of a parameter's type, mild changes first."""
-    if get_origin(hint) is Annotated:
-        yield from other_values(get_args(hint)[0], value)
-    elif get_origin(hint) is Literal:
-        yield from (one for one in get_args(hint) if one != value)
-    elif get_origin(hint) in (Union, UnionType):
-        for part in get_args(hint):
+    if get_origin(value_type) is Annotated:
+        yield from other_values(get_args(value_type)[0], value)
+    elif get_origin(value_type) is Literal:
+        yield from (one for one in get_args(value_type) if one != value)
+    elif get_origin(value_type) in (Union, UnionType):
+        for part in get_args(value_type):
             yield from other_values(part, value)
-    elif hint is bool:
+    elif value_type is bool:
         yield not value
-    elif hint in (int, float):
+    elif value_type in (int, float):
         known = value if isinstance(value, int | float) and not isinstance(value, bool) else 1
         for times in (2, 0.3, 0.001, 20, 1.3, 0.8):
-            yield hint(round(known * times)) if hint is int else known * times
-        yield from (hint(1), hint(0), hint(3), known + 1, known - 1)
+            yield value_type(round(known * times)) if value_type is int else known * times
+        yield from (value_type(1), value_type(0), value_type(3), known + 1, known - 1)
     elif isinstance(value, list) and value:
         yield value[:-1]
         yield [one * 1.5 if isinstance(one, float) else one for one in value]
 
 
 @contextlib.contextmanager
-def inside(folder: Path) -> Iterator[None]:
-    """Work in a folder, quietly."""
+def work_in(folder: Path) -> Iterator[None]:
+    """Work in a folder, without output, until the block ends."""
     before = Path.cwd()
     os.chdir(folder)
     try:
@@ -179,14 +181,14 @@ def inside(folder: Path) -> Iterator[None]:
         os.chdir(before)
 
 
-def run_stage(folder: Path, word: str) -> str | None:
+def run_stage(folder: Path, stage: str) -> str | None:
     """Run a stage in a folder; return the digest of its outputs, None if it fails."""
-    with inside(folder):
+    with work_in(folder):
         try:
-            importlib.import_module(stage_module(word)).main()
+            importlib.import_module(stage_module(stage)).main()
         except Exception:
             return None
-    return digest(folder, word)
+    return digest_outputs(folder, stage)
 
 
 def write_params(folder: Path, overrides: list[str]) -> dict[str, Any]:
@@ -197,24 +199,24 @@ def write_params(folder: Path, overrides: list[str]) -> dict[str, Any]:
     return values
 
 
-def first_run(folder: Path, overrides: list[str], words: Sequence[str]) -> dict[str, str]:
+def run_unchanged(folder: Path, overrides: list[str], stages: Sequence[str]) -> dict[str, str]:
     """Run stages in a folder; return their digests, and print and omit those that fail."""
     for name in ("conf", "benchmarks", "data/drawings", "data/gaits"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         if not (folder / name).exists():
             (folder / name).symlink_to(ROOT / name)
     write_params(folder, overrides)
-    made = {word: run_stage(folder, word) for word in words}
-    for word in (word for word in words if made[word] is None):
+    made = {word: run_stage(folder, word) for word in stages}
+    for word in (word for word in stages if made[word] is None):
         print(f"parameters: stage {word} fails with {' '.join(overrides)}", file=sys.stderr)
     return {word: digest for word, digest in made.items() if digest is not None}
 
 
-def acts(
-    group: str, key: str, base: Path, known: dict[str, str], overrides: list[str]
+def first_changed_stage(
+    group: str, key: str, base: Path, known_digests: dict[str, str], overrides: list[str]
 ) -> str | None:
     """Return the first stage whose output a changed parameter changes; None if there is none."""
-    words = [word for word in readers(group) if word in known]
+    words = [word for word in reading_stages(group) if word in known_digests]
     if not words:
         return None
     value = yaml.safe_load((base / "params.yaml").read_text())[group][key]
@@ -230,18 +232,18 @@ def acts(
             tries += 1
             for word in words:
                 kept = base / "kept"
-                for out in outputs(word):
+                for out in stage_outputs(word):
                     if (base / out).exists():
                         (kept / out).parent.mkdir(parents=True, exist_ok=True)
                         shutil.move(base / out, kept / out)
                 made = run_stage(base, word)
-                for out in outputs(word):
+                for out in stage_outputs(word):
                     path = base / out
                     shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
                     if (kept / out).exists():
                         path.parent.mkdir(parents=True, exist_ok=True)
                         shutil.move(kept / out, path)
-                if made not in (None, known[word]):
+                if made not in (None, known_digests[word]):
                     return word
     return None
 
@@ -249,15 +251,15 @@ def acts(
 def main() -> None:
     """Try every parameter; write benchmarks/parameters.csv."""
     wanted = sys.argv[1:] or [word for word in WORDS if word != "report"]
-    every = [word for word in stages() if word not in ("code", "params")]
+    every = [word for word in pipeline_stages() if word not in ("code", "params")]
     rows: list[dict[str, str]] = []
     with tempfile.TemporaryDirectory() as scratch:
         base = Path(scratch) / "film"
-        bases = [(base, first_run(base, FILM, every), FILM)]
+        bases = [(base, run_unchanged(base, FILM, every), FILM)]
         for name, (more, words) in MORE.items():
             other, both = Path(scratch) / name.replace(" ", "-"), [*FILM, *more]
             shutil.copytree(base, other, symlinks=True)
-            bases.append((other, first_run(other, both, words), both))
+            bases.append((other, run_unchanged(other, both, words), both))
         values = yaml.safe_load((bases[0][0] / "params.yaml").read_text())
         for group in wanted:
             for key in values[group]:
@@ -265,10 +267,10 @@ def main() -> None:
                     continue
                 found = None
                 for folder, known, overrides in bases:
-                    if found := acts(group, key, folder, known, overrides):
+                    if found := first_changed_stage(group, key, folder, known, overrides):
                         break
                 name = f"{group}.{key}"
-                rest = "" if found else when(name)
+                rest = "" if found else when_it_acts(name)
                 rows.append({"parameter": name, "acts_on": found or "", "else_for": rest})
                 print(json.dumps(rows[-1], ensure_ascii=False), flush=True)
     table = pd.DataFrame(rows)

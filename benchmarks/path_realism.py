@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.matching import MODE, material, replace_settings, settings_without_path
-from benchmarks.paths import shapes, tracks
+from benchmarks.matching import MODE, matching_data, replace_settings, settings_without_path
+from benchmarks.paths import longest_tracks, path_shapes
 from benchmarks.pipeline import write_table
 from finloop.animate.paths import lay_path
 from finloop.animate.route import Route
@@ -51,31 +51,31 @@ class Swimming(NamedTuple):
     route: Route | None
 
 
-def animate_route(player: Planner, ticks: int, seed: int, route: Route | None = None) -> Work:
+def animate_route(planner: Planner, ticks: int, seed: int, route: Route | None = None) -> Work:
     """Animate a fish along a route until its end, or wandering without a route."""
-    made = animate_fish(player, [], ticks, np.random.default_rng(seed), route)
+    made = animate_fish(planner, [], ticks, np.random.default_rng(seed), route)
     if route is not None:
         way = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
         ticks = min(ticks, sum(way))
-    return build_edit_lists([made], ticks, player.sources), ()
+    return build_edit_lists([made], ticks, planner.sources), ()
 
 
-def routes_of(
-    made: MatchingData, plans: MatchingAnimator, p: AllSettings
+def routes_by_motion(
+    film_data: MatchingData, animator: MatchingAnimator, settings: AllSettings
 ) -> dict[str, list[Swimming]]:
     """Return routes and animators by kind of motion; those of a track omit its film."""
-    world = plans.world
+    world = animator.world
     found: dict[str, list[Swimming]] = {
-        "wandering": [Swimming(plans, None)],
+        "wandering": [Swimming(animator, None)],
         "shapes, own pace": [
-            Swimming(plans, lay_path(line, world.tank, world.motion, None).route)
-            for _, line in shapes(plans, np.random.default_rng(0))
+            Swimming(animator, lay_path(line, world.tank, world.motion, None).route)
+            for _, line in path_shapes(animator, np.random.default_rng(0))
         ],
         "tracks, own pace": [],
         "tracks, with times": [],
     }
-    for _, line in tracks(made, plans, TRACKS):
-        without = matching_animator(made._replace(lines=[line]), p)
+    for _, line in longest_tracks(film_data, animator, TRACKS):
+        without = matching_animator(film_data._replace(lines=[line]), settings)
         for name, one in (
             ("tracks, own pace", line._replace(time_s=None, heading_deg=None)),
             ("tracks, with times", line),
@@ -85,7 +85,9 @@ def routes_of(
     return found
 
 
-def animations(routes: dict[str, list[Swimming]], seconds: float) -> dict[str, list[Work]]:
+def animations_by_motion(
+    routes: dict[str, list[Swimming]], seconds: float
+) -> dict[str, list[Work]]:
     """Return the animations to compare, by kind of motion."""
     plans = routes["wandering"][0].plans
     rate = plans.world.motion.rate_hz
@@ -100,7 +102,7 @@ def animations(routes: dict[str, list[Swimming]], seconds: float) -> dict[str, l
     return works
 
 
-def film_rows(film: str) -> Iterator[dict[str, object]]:
+def film_rows(film_name: str) -> Iterator[dict[str, object]]:
     """Yield all comparisons for the film in the present folder."""
     p = load_settings("realism")
     q = replace_settings(settings_without_path(), path_own_frames=False)
@@ -111,10 +113,10 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
     }
     amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
     with project, open_workers(WORKERS_NEED) as pool:
-        made = material(project, q)
+        made = matching_data(project, q)
         plans = matching_animator(made, q)
         size = plans.pictures.reel.size
-        works |= animations(routes_of(made, plans, q), amount)
+        works |= animations_by_motion(routes_by_motion(made, plans, q), amount)
         pictures, instrument = GalleryOpener(project), build_instrument(project)
         drawn = instrument.adapt_to_animation(size)
         instruments = {name: instrument if name == FILM else drawn for name in works}
@@ -125,7 +127,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         )
         table = compare.verdict_table(classify_all(sides, p, pool))
     for row in table.to_dict("records"):
-        yield {"film": film, **{str(key): value for key, value in row.items()}}
+        yield {"film": film_name, **{str(key): value for key, value in row.items()}}
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from benchmarks.matching import MODE, material, replace_settings, settings_without_path
+from benchmarks.matching import MODE, matching_data, replace_settings, settings_without_path
 from benchmarks.pipeline import film_table
 from finloop.animate.paths import lay_path
 from finloop.animate.shoal import animate_fish
@@ -32,9 +32,9 @@ TRIES, KNOTS = 20_000, 6
 WALL = 0.15  # body lengths: clearance of the paths from places that centres must avoid
 
 
-def shapes(plans: MatchingAnimator, rng: np.random.Generator) -> Iterator[tuple[str, Line]]:
+def path_shapes(animator: MatchingAnimator, rng: np.random.Generator) -> Iterator[tuple[str, Line]]:
     """Yield fourteen paths in the free middle of the tank, px."""
-    world = plans.world
+    world = animator.world
     length = world.motion.body_length_px
     depth = scipy.ndimage.distance_transform_edt(world.tank.legal)
     y, x = map(float, np.unravel_index(depth.argmax(), depth.shape))
@@ -55,12 +55,14 @@ def shapes(plans: MatchingAnimator, rng: np.random.Generator) -> Iterator[tuple[
     bend = swimming_limits(world.film, world).bend / length
     free = depth > WALL * length
     for number in range(SPLINES):
-        yield f"spline {number}", spline(f"spline {number}", free, bend, rng)
+        yield f"spline {number}", random_spline(f"spline {number}", free, bend, rng)
 
 
-def spline(name: str, free: np.ndarray, bend: float, rng: np.random.Generator) -> Line:
-    """Return a random cubic spline within `free`, of curvature at most `bend` [1/px]."""
-    rows, columns = np.nonzero(free)
+def random_spline(
+    name: str, free_area: np.ndarray, most_bend: float, rng: np.random.Generator
+) -> Line:
+    """Return a random cubic spline within a free area, of curvature at most `most_bend` [1/px]."""
+    rows, columns = np.nonzero(free_area)
     for number in range(TRIES):
         knots = max(3, KNOTS - number * KNOTS // TRIES)
         chosen = rng.integers(len(rows), size=knots)
@@ -73,18 +75,20 @@ def spline(name: str, free: np.ndarray, bend: float, rng: np.random.Generator) -
         (x, y), (dx, dy), (ddx, ddy) = (curve(at, order).T for order in range(3))
         sharp = np.abs(dx * ddy - dy * ddx) / np.maximum(np.hypot(dx, dy), 1e-9) ** 3
         column, row = np.round(x).astype(int), np.round(y).astype(int)
-        there = (column >= 0) & (row >= 0) & (column < free.shape[1]) & (row < free.shape[0])
-        if there.all() and free[row, column].all() and sharp.max() <= bend:
+        there = (
+            (column >= 0) & (row >= 0) & (column < free_area.shape[1]) & (row < free_area.shape[0])
+        )
+        if there.all() and free_area[row, column].all() and sharp.max() <= most_bend:
             return Line(name, x, y, PX)
-    raise RuntimeError(f"no spline bends less than {bend} per px")
+    raise RuntimeError(f"no spline bends less than {most_bend} per px")
 
 
-def tracks(
-    made: MatchingData, plans: MatchingAnimator, count: int = TRACKS
+def longest_tracks(
+    film_data: MatchingData, animator: MatchingAnimator, count: int = TRACKS
 ) -> Iterator[tuple[str, Line]]:
     """Yield the longest stretches of tracks within the tank, the liveliest first among equals."""
-    features, legal = made.reel.features, plans.world.tank.legal
-    most = round(TRACK_S * made.rate_hz)
+    features, legal = film_data.reel.features, animator.world.tank.legal
+    most = round(TRACK_S * film_data.rate_hz)
     found = []
     for number in features["track_id"].unique().tolist():
         line = track_as_path(features, f"{TRACK}{number}")
@@ -96,11 +100,11 @@ def tracks(
                 found.append((part.stop - part.start, far, int(number), int(begin), part))
     for *_, number, begin, part in sorted(found, reverse=True, key=lambda one: one[:4])[:count]:
         line, name = track_as_path(features, f"{TRACK}{number}"), f"track {number}, {begin}"
-        yield name, cut(line, part)._replace(name=name)
+        yield name, cut_line(line, part)._replace(name=name)
 
 
-def cut(line: Line, part: slice) -> Line:
-    """Return a part of a track."""
+def cut_line(line: Line, part: slice) -> Line:
+    """Return a part of a line that a track makes."""
     assert line.time_s is not None and line.heading_deg is not None and line.rows is not None
     return line._replace(
         x=line.x[part], y=line.y[part], time_s=line.time_s[part],
@@ -117,14 +121,16 @@ def add_times(line: Line, speed_px: float) -> Line:
     return line._replace(x=x, y=y, time_s=way / speed_px, closed=False)
 
 
-def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[str, object]:
-    """Follow a path; return a row of the table."""
-    world = plans.world
+def measure_path(
+    film_name: str, name: str, line: Line, animator: MatchingAnimator
+) -> dict[str, object]:
+    """Let a fish follow a path; return a row of the table."""
+    world = animator.world
     path = lay_path(line, world.tank, world.motion, None)
     ticks = round(SECONDS * world.motion.rate_hz)
     if path.route.is_timed:
         ticks = min(ticks, len(path.route.when))
-    player = plans.player
+    player = animator.player
     record = animate_fish(player, [], ticks, np.random.default_rng(0), path.route)
     played = sum(len(one.way) for one, at in zip(record.stretches, record.names, strict=True) if at)
     begin = time.process_time()  # time of the path alone: after an open path the fish wanders
@@ -136,7 +142,7 @@ def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[s
     new = [one for one, at in zip(record.stretches, record.names, strict=True) if at and one.new]
     jumps = [one.decision.seam for one in new]
     return {
-        "film": film, "path": name, "timed": path.route.is_timed, "mode": MODE,
+        "film": film_name, "path": name, "timed": path.route.is_timed, "mode": MODE,
         **{key.removeprefix("path_"): value for key, value in numbers.items()},
         "seconds": len(table) / world.motion.rate_hz,
         "jumps_per_s": len(jumps) / max(played, 1) * world.motion.rate_hz,
@@ -145,26 +151,28 @@ def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[s
     }  # fmt: skip
 
 
-def film_rows(film: str) -> Iterator[dict[str, object]]:
+def film_rows(film_name: str) -> Iterator[dict[str, object]]:
     """Yield the rows of all paths for the film in the present folder."""
     p = replace_settings(settings_without_path(), path_own_frames=False)
     with Project() as project:
-        made = material(project, p)
+        made = matching_data(project, p)
         plans = matching_animator(made, p)
         motion = plans.world.motion
         swims = plans.world.film.speed[plans.world.film.has_next]
         speed_px = float(np.median(swims)) * motion.body_length_px
-        for name, line in shapes(plans, np.random.default_rng(0)):
-            yield measure(film, name, line, plans)
-            yield measure(film, name, add_times(line, speed_px), plans)
-        for name, line in tracks(made, plans):
+        for name, line in path_shapes(plans, np.random.default_rng(0)):
+            yield measure_path(film_name, name, line, plans)
+            yield measure_path(film_name, name, add_times(line, speed_px), plans)
+        for name, line in longest_tracks(made, plans):
             without = matching_animator(made._replace(lines=[line]), p)
-            yield measure(film, name, line._replace(time_s=None, heading_deg=None), without)
-            yield measure(film, name, line, without)
+            yield measure_path(
+                film_name, name, line._replace(time_s=None, heading_deg=None), without
+            )
+            yield measure_path(film_name, name, line, without)
 
 
 def main() -> None:
-    """Print and write the table."""
+    """Print and write the table of all paths."""
     table = film_table(film_rows)
     columns = [
         "across_rms_body_lengths", "late_rms_body_lengths", "turn_corrected_pct",

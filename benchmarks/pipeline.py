@@ -41,57 +41,57 @@ def write_table(benchmark: str, film_rows: FilmRows) -> None:
     table.to_csv(Path(benchmark).with_suffix(".csv"), index=False, float_format="%.3g")
 
 
-def prepare(folder: Path, overrides: Sequence[str]) -> None:
+def prepare_folder(folder: Path, overrides: Sequence[str]) -> None:
     """Give `folder` a copy of conf/ and the params.yaml that `overrides` compose to."""
     if not (folder / "conf").exists():
         shutil.copytree(ROOT / "conf", folder / "conf")
         shutil.copytree(ROOT / "hydra_plugins", folder / "hydra_plugins")
-    _python(folder, "stages.compose", *overrides)
+    _run_python(folder, "stages.compose", *overrides)
 
 
-def stage(folder: Path, word: str) -> dict[str, Any]:
+def run_stage(folder: Path, stage_name: str) -> dict[str, Any]:
     """Run one stage in `folder`; return its numbers, empty for stages `modes-…`."""
-    _python(folder, f"stages.{word.replace('-', '.')}")
-    return load_numbers(folder / f"reports/{word}")
+    _run_python(folder, f"stages.{stage_name.replace('-', '.')}")
+    return load_numbers(folder / f"reports/{stage_name}")
 
 
-def paths(stage: dict[str, Any]) -> set[str]:
+def written_paths(stage: dict[str, Any]) -> set[str]:
     """Return the paths that a stage of dvc.yaml writes."""
     every = [*stage.get("outs", []), *stage.get("metrics", []), *stage.get("plots", [])]
     return {next(iter(one)) if isinstance(one, dict) else one for one in every}
 
 
-def reads(dep: str, out: str) -> bool:
+def does_read(dep: str, out: str) -> bool:
     """Return whether a stage with dependency `dep` reads an output `out`."""
     return dep == out or dep.startswith(f"{out}/") or out.startswith(f"{dep}/")
 
 
-def with_those_before(last: Iterable[str]) -> list[str]:
+def with_dependencies(stage_names: Iterable[str]) -> list[str]:
     """Return stages and all they depend on, in the order of dvc.yaml.
 
     If a dependency contains a mode, it is the mode in conf/.
     """
     stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
-    makers = [(out, word) for word, stage in stages.items() for out in paths(stage)]
-    todo, wanted = [*last], set[str]()
+    makers = [(out, word) for word, stage in stages.items() for out in written_paths(stage)]
+    todo, wanted = [*stage_names], set[str]()
     while todo:
         wanted.add(word := todo.pop())
-        deps = {*map(in_conf, stages[word]["deps"])}
-        todo += {one for out, one in makers if any(reads(dep, out) for dep in deps)} - wanted
+        deps = {*map(fill_in_parameters, stages[word]["deps"])}
+        todo += {one for out, one in makers if any(does_read(dep, out) for dep in deps)} - wanted
     return [word for word in stages if word in wanted]
 
 
-def data_stages(last: Iterable[str]) -> list[str]:
+def data_stages(stage_names: Iterable[str]) -> list[str]:
     """Return the given stages and all they depend on, except checks and plots."""
-    return [word for word in with_those_before(last) if makes_data(word)]
+    return [word for word in with_dependencies(stage_names) if does_make_data(word)]
 
 
-def makes_data(word: str) -> bool:
+def does_make_data(stage_name: str) -> bool:
     """Return whether a stage makes more than checks and plots."""
-    return word not in ("code", "params") and not word.startswith("plots-")
+    return stage_name not in ("code", "params") and not stage_name.startswith("plots-")
 
 
-def in_conf(dep: str) -> str:
+def fill_in_parameters(dep: str) -> str:
     """Return a dependency of dvc.yaml with the values in conf/ for its parameters."""
     return re.sub(
         r"\$\{(\w+)\.(\w+)\}", lambda name: str(read_conf_values(name[1], "default")[name[2]]), dep
@@ -113,21 +113,25 @@ def peak_mib(folder: Path, *arguments: str) -> float:
     nothing starts it, and reports its child's peak.
     """
     command = [sys.executable, "-I", "-S", "-c", _LAUNCHER, sys.executable, *arguments]
-    return int(_output(folder, command).split()[-1]) / 1024
+    return int(_run_and_read(folder, command).split()[-1]) / 1024
 
 
-def _python(folder: Path, *arguments: str) -> None:
-    _output(folder, [sys.executable, "-m", *arguments])
+def _run_python(folder: Path, *arguments: str) -> None:
+    """Run Python with arguments in a folder."""
+    _run_and_read(folder, [sys.executable, "-m", *arguments])
 
 
-def _output(folder: Path, command: list[str]) -> str:
-    done = subprocess.run(command, cwd=folder, env=environment(), capture_output=True, text=True)
+def _run_and_read(folder: Path, command: list[str]) -> str:
+    """Run a command in a folder, and return what it prints."""
+    done = subprocess.run(
+        command, cwd=folder, env=process_environment(), capture_output=True, text=True
+    )
     if done.returncode:
         raise SystemExit(f"{' '.join(command)} failed:\n{done.stderr}")
     return done.stdout
 
 
-def environment() -> dict[str, str]:
+def process_environment() -> dict[str, str]:
     """Return environment variables for a process that imports the program from anywhere."""
     path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
     return dict(os.environ) | {"PYTHONPATH": path}

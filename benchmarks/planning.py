@@ -21,13 +21,13 @@ from stages.play import open_modes, open_view
 TICKS, WARM_UP, GOALS = 10_000, 1_000, 20
 
 
-def start() -> None:
+def start_tank() -> None:
     """Open the live tank and show its first frame."""
     with open_view("hybrid", None, 0) as view:
         view.render_frame()
 
 
-def plan() -> None:
+def time_planning() -> None:
     """Write planning.json: ticks per second of wall time and of processor time, by mode."""
     numbers = {}
     with Project() as project:
@@ -43,4 +43,4 @@ def plan() -> None:
 
 
 if __name__ == "__main__":
-    {"start": start, "plan": plan}[sys.argv[1]]()
+    {"start": start_tank, "plan": time_planning}[sys.argv[1]]()

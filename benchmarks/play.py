@@ -23,7 +23,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from benchmarks.animate import STAGES
-from benchmarks.pipeline import ROOT, prepare, stage
+from benchmarks.pipeline import ROOT, prepare_folder, run_stage
 from finloop.live.message import SetGoal
 from finloop.live.server import TankHost, create_tank_server
 from finloop.live.view import TankView
@@ -36,7 +36,7 @@ Row = tuple[str, str, str, float]
 
 
 @contextmanager
-def serving(view: TankView) -> Iterator[ClientConnection]:
+def serve_tank(view: TankView) -> Iterator[ClientConnection]:
     """Run the server in a thread; yield the connection of a page."""
     with bind_socket(0) as listens:
         up, address = threading.Event(), f"127.0.0.1:{listens.getsockname()[1]}"
@@ -53,7 +53,7 @@ def serving(view: TankView) -> Iterator[ClientConnection]:
             runs.join()
 
 
-def frames(view: TankView) -> np.ndarray:
+def time_frames(view: TankView) -> np.ndarray:
     """Return the milliseconds (n, 2) of every frame: wall time and processor time."""
     host, rng, took = TankHost(view), np.random.default_rng(0), []
     height, width = view.painter.canvas.shape[:2]
@@ -68,7 +68,7 @@ def frames(view: TankView) -> np.ndarray:
     return 1e3 * np.array(took)
 
 
-def state_of(page: ClientConnection) -> dict:
+def receive_state(page: ClientConnection) -> dict:
     """Receive, acknowledge and return the next state."""
     frame = page.recv(timeout=10, decode=False)
     state = json.loads(frame[4 : 4 + int.from_bytes(frame[:4], "little")])
@@ -76,18 +76,18 @@ def state_of(page: ClientConnection) -> dict:
     return state
 
 
-def reactions(page: ClientConnection) -> np.ndarray:
+def time_reactions(page: ClientConnection) -> np.ndarray:
     """Return the milliseconds from a click to the first frame with a new decision."""
     rng, took = np.random.default_rng(1), []
-    state = state_of(page)
+    state = receive_state(page)
     for _ in range(CLICKS):
         for _ in range(int(rng.integers(1, 12))):
-            state = state_of(page)
+            state = receive_state(page)
         x, y = rng.uniform(0.2, 0.8) * state["width"], rng.uniform(0.2, 0.8) * state["height"]
         start, tick = time.perf_counter(), state["tick"]
         page.send(json.dumps({"do": "goal", "fish": 0, "x": x, "y": y, "drag": False}))
         while True:
-            state = state_of(page)
+            state = receive_state(page)
             goal, decision = state["fish"][0]["goal"], state["decision"]
             if goal and abs(goal[0] - x) < 40 and decision and decision["tick"] > tick:
                 break
@@ -95,7 +95,7 @@ def reactions(page: ClientConnection) -> np.ndarray:
     return np.array(took)
 
 
-def flood(page: ClientConnection) -> tuple[float, float, int]:
+def send_random_messages(page: ClientConnection) -> tuple[float, float, int]:
     """Send random messages; return messages per second, memory growth (MiB), bad messages."""
     rng, good = np.random.default_rng(2), b'{"do":"goal","fish":0,"x":10,"y":20,"drag":true}'
     messages: list[bytes | str] = []
@@ -107,50 +107,54 @@ def flood(page: ClientConnection) -> tuple[float, float, int]:
     process, before, start = psutil.Process(), 0.0, 0.0
     for _ in range(2):  # the first time warms up
         before, start = process.memory_info().rss / 2**20, time.perf_counter()
-        bad = state_of(page)["bad"]
+        bad = receive_state(page)["bad"]
         for number, message in enumerate(messages):
             page.send(message)
             if number % 50 == 0:
-                state_of(page)
+                receive_state(page)
     took = time.perf_counter() - start
-    return MESSAGES / took, process.memory_info().rss / 2**20 - before, state_of(page)["bad"] - bad
+    return (
+        MESSAGES / took,
+        process.memory_info().rss / 2**20 - before,
+        receive_state(page)["bad"] - bad,
+    )
 
 
-def measure_view(what: str) -> Iterator[Row]:
+def measure_view(view_name: str) -> Iterator[Row]:
     """Yield the rows of the table for the results in the current folder."""
     with open_view("matching", FISH, 0) as view:
-        frames(view)  # compiles, and fills the caches
-        took = frames(view)
+        time_frames(view)  # compiles, and fills the caches
+        took = time_frames(view)
         size = "×".join(map(str, view.painter.canvas.shape[1::-1]))
-        what = f"{what}, {size}, {FISH} fish"
-        yield what, "ticks that could be shown", "1/s", 1e3 / took[:, 0].mean()
+        view_name = f"{view_name}, {size}, {FISH} fish"
+        yield view_name, "ticks that could be shown", "1/s", 1e3 / took[:, 0].mean()
         for share in (50, 99, 100):
             wall, work = np.percentile(took, share, axis=0)
-            yield what, f"a frame, percentile {share}", "ms", float(wall)
-            yield what, f"its processor time, percentile {share}", "ms", float(work)
-        yield what, "text and picture of a frame", "kB", len(view.render_frame()) / 1000
-        with serving(view) as page:
-            reaction = reactions(page)
-            yield what, "click to reaction, median", "ms", float(np.median(reaction))
-            yield what, "click to reaction, longest", "ms", float(reaction.max())
-            rate, growth, bad = flood(page)
-            yield what, f"{MESSAGES} hostile messages", "1/s", rate
-            yield what, "of them refused", "1", bad
-            yield what, "memory that they took", "MiB", growth
+            yield view_name, f"a frame, percentile {share}", "ms", float(wall)
+            yield view_name, f"its processor time, percentile {share}", "ms", float(work)
+        yield view_name, "text and picture of a frame", "kB", len(view.render_frame()) / 1000
+        with serve_tank(view) as page:
+            reaction = time_reactions(page)
+            yield view_name, "click to reaction, median", "ms", float(np.median(reaction))
+            yield view_name, "click to reaction, longest", "ms", float(reaction.max())
+            rate, growth, bad = send_random_messages(page)
+            yield view_name, f"{MESSAGES} hostile messages", "1/s", rate
+            yield view_name, "of them refused", "1", bad
+            yield view_name, "memory that they took", "MiB", growth
 
 
 def main() -> None:
-    """Print and write the table."""
+    """Print and write the table of the live tank."""
     with tempfile.TemporaryDirectory() as name:
         scratch = Path(name)
-        prepare(scratch, SIZE)
+        prepare_folder(scratch, SIZE)
         for word in STAGES:
-            stage(scratch, word)
+            run_stage(scratch, word)
         with chdir(scratch):
             rows = list(measure_view("drawn carp, colour"))
     if (ROOT / "data/gateways").exists():
         with tempfile.TemporaryDirectory() as name, chdir(name):
-            prepare(Path(name), [])
+            prepare_folder(Path(name), [])
             Path("data").symlink_to(ROOT / "data")
             rows += measure_view("results in data/")
     table = pd.DataFrame(rows, columns=["where", "what", "unit", "value"])

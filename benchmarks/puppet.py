@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from benchmarks.pipeline import ROOT, prepare, stage
+from benchmarks.pipeline import ROOT, prepare_folder, run_stage
 from benchmarks.speed import time_pairs
 from finloop.base.cutout import Cutout
 from finloop.base.settings import settings
@@ -32,11 +32,11 @@ FILMS = {
 FILTERS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
 
 
-def frames(folder: Path, overrides: list[str]) -> tuple[list[Cutout], list[Pose]]:
+def random_frames(folder: Path, overrides: list[str]) -> tuple[list[Cutout], list[Pose]]:
     """Return random frames of a film, and their poses."""
-    prepare(folder, overrides)
+    prepare_folder(folder, overrides)
     for word in ("clip", "extract"):
-        stage(folder, word)
+        run_stage(folder, word)
     with Project(folder) as project:
         tracks, rate = project.tracks(USED), project.rate_hz
         poses = poses_from_features(*measure_features(tracks, rate, settings("features")))
@@ -44,9 +44,11 @@ def frames(folder: Path, overrides: list[str]) -> tuple[list[Cutout], list[Pose]
         return [project.cutouts[row] for row in rows], [poses[row] for row in rows]
 
 
-def draw_frames(cutouts: list[Cutout], own: list[Pose], targets: list[Pose], sharp: bool) -> None:
+def draw_frames(
+    cutouts: list[Cutout], own_poses: list[Pose], target_poses: list[Pose], sharp: bool
+) -> None:
     """Draw every frame in the pose of its target."""
-    for cutout, pose, target in zip(cutouts, own, targets, strict=True):
+    for cutout, pose, target in zip(cutouts, own_poses, target_poses, strict=True):
         draw_in_pose(cutout, pose, target, (SIZE, SIZE), sharp=sharp)
 
 
@@ -57,14 +59,14 @@ def remap_frames(cutouts: list[Cutout], maps: tuple[np.ndarray, np.ndarray], fla
 
 
 def main() -> None:
-    """Measure, print, write."""
+    """Time drawing and cv2.remap; print and write the table."""
     cv2.setNumThreads(1)
     results = []
     middle = (SIZE - 1) / 2
     v, u = np.indices((SIZE, SIZE), np.float32) * np.float32(0.7)
     for name, overrides in FILMS.items():
         with tempfile.TemporaryDirectory() as folder:
-            cutouts, own = frames(Path(folder), overrides)
+            cutouts, own = random_frames(Path(folder), overrides)
         targets = [pose.move_to(middle, middle, 0, SIZE / SPAN) for pose in own[1:] + own[:1]]
 
         for ours_name, theirs_name in (

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.pipeline import ROOT, prepare, stage
+from benchmarks.pipeline import ROOT, prepare_folder, run_stage
 from benchmarks.speed import time_call, time_pairs
 from finloop.base.settings import settings
 from finloop.edit.bodies import Bodies
@@ -34,7 +34,7 @@ SIZE = ["clip.width_px=1280", "clip.height_px=720", "clip.frames=100"]
 TICKS, LEAST_HZ, RATE = 300, 300, Fraction(25)
 
 
-def swim(
+def swim_in_circle(
     gallery: Gallery, bodies: Bodies, fades: bool = False, seed: int = 0, bends: bool = False
 ) -> list[PlacedFish]:
     """Return a fish on a wide circle, cross-faded with a partner or in the partner's posture."""
@@ -55,14 +55,14 @@ def swim(
     return [gallery.place_row(one) for one in edit.replace({np.nan: None}).itertuples()]
 
 
-def journey(way: list[PlacedFish]) -> pd.DataFrame:
+def edit_columns(placed_fish: list[PlacedFish]) -> pd.DataFrame:
     """Return the columns of the edit list that `MarkPainter` reads."""
     states = ["straight", "turn", "slide", "accelerate", "decelerate"]
     return pd.DataFrame(
         {
             "fish": 0,
-            "x_px": [one.x_px for one in way],
-            "y_px": [one.y_px for one in way],
+            "x_px": [one.x_px for one in placed_fish],
+            "y_px": [one.y_px for one in placed_fish],
             "time_s": np.arange(TICKS) / float(RATE),
             "mode": "network",
             "kind": "sprite",
@@ -78,9 +78,12 @@ def ways_to_draw(
     background: np.ndarray, gallery: Gallery, bodies: Bodies
 ) -> dict[str, Callable[[], None]]:
     """Return functions that draw all ticks, by name."""
-    school = [swim(gallery, bodies, seed=seed) for seed in range(8)]
-    joined = [swim(gallery, bodies, True, seed, True) for seed in range(8)]
-    fading, bent = swim(gallery, bodies, True), swim(gallery, bodies, bends=True)
+    school = [swim_in_circle(gallery, bodies, seed=seed) for seed in range(8)]
+    joined = [swim_in_circle(gallery, bodies, True, seed, True) for seed in range(8)]
+    fading, bent = (
+        swim_in_circle(gallery, bodies, True),
+        swim_in_circle(gallery, bodies, bends=True),
+    )
     painter = Painter(background)
 
     def draw(fish: list[list[PlacedFish]]) -> None:
@@ -92,7 +95,7 @@ def ways_to_draw(
     def render_with_marks() -> None:
         with_marks = Painter(background, colour=True)
         marks = MarkPainter(
-            with_marks, journey(school[0]), [Goal("A", 300.0, 200.0), Goal("B", 900.0, 500.0)]
+            with_marks, edit_columns(school[0]), [Goal("A", 300.0, 200.0), Goal("B", 900.0, 500.0)]
         )
         for tick, one in enumerate(school[0]):
             marks.show(tick, one)
@@ -108,10 +111,12 @@ def ways_to_draw(
     }
 
 
-def coders(background: np.ndarray, way: list[PlacedFish], folder: Path) -> None:
+def print_encoder_speeds(
+    background: np.ndarray, placed_fish: list[PlacedFish], folder: Path
+) -> None:
     """Print how many frames per second the encoders write."""
     painter, frames = Painter(background), []
-    for one in way[:100]:
+    for one in placed_fish[:100]:
         painter.show(one)
         frames.append(painter.frame.copy())
 
@@ -129,13 +134,13 @@ def coders(background: np.ndarray, way: list[PlacedFish], folder: Path) -> None:
 
 
 def main() -> None:
-    """Measure, print, write."""
+    """Time drawing and encoding; print and write the table."""
     rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        prepare(folder, ["clip=carp", *SIZE])
+        prepare_folder(folder, ["clip=carp", *SIZE])
         for word in ("clip", "extract"):
-            stage(folder, word)
+            run_stage(folder, word)
         frame, copy = np.zeros((720, 1280, 3), np.uint8), np.zeros((720, 1280, 3), np.uint8)
         with Project(folder) as project:
             background, tracks = project.background, project.tracks(USED)
@@ -152,7 +157,7 @@ def main() -> None:
             for what, work in ways_to_draw(background, gallery, bodies).items():
                 ours, limit, ratio, _ = time_pairs(work, copies)
                 rows.append((what, TICKS / ours, TICKS / limit, ratio))
-            coders(background, swim(gallery, bodies), folder)
+            print_encoder_speeds(background, swim_in_circle(gallery, bodies), folder)
     columns = ["drawn", "frames_per_s", "copies_per_s", "time_ratio"]
     table = pd.DataFrame(rows, columns=columns).round(
         {"frames_per_s": 0, "copies_per_s": 0, "time_ratio": 2}

@@ -22,7 +22,7 @@ import psutil
 import yaml
 from matplotlib.figure import Figure
 
-from benchmarks.pipeline import ROOT, prepare
+from benchmarks.pipeline import ROOT, prepare_folder
 from benchmarks.varied import write_film
 from finloop.io.numbers import load_numbers
 
@@ -53,34 +53,34 @@ def later_stages() -> list[str]:
     return words
 
 
-def measure_stage(folder: Path, word: str) -> dict[str, float]:
+def measure_stage(folder: Path, stage_name: str) -> dict[str, float]:
     """Run a stage or program; return its time, memory and disk. SystemExit if it fails."""
-    log = folder / f"{word}.log"
+    log = folder / f"{stage_name}.log"
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     with log.open("wb") as output:
         process = psutil.Popen(
-            [sys.executable, "-m", *PROGRAMS.get(word, [f"stages.{word}"])],
+            [sys.executable, "-m", *PROGRAMS.get(stage_name, [f"stages.{stage_name}"])],
             cwd=folder, env=environment, stdout=output, stderr=output,
         )  # fmt: skip
         most, worked = 0, dict[int, float]()
         while process.poll() is None:
-            now, each = _looked_at(process)
+            now, each = _memory_and_times(process)
             most, worked = max(most, now), worked | each
             time.sleep(_EVERY_S)
     took, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
     waited_for = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
     if process.returncode:
-        raise SystemExit(f"{word} failed:\n{log.read_text(errors='replace')[-2000:]}")
+        raise SystemExit(f"{stage_name} failed:\n{log.read_text(errors='replace')[-2000:]}")
     return {
         "seconds": took,
         "processor_s": max(waited_for, sum(worked.values())),
         "memory_gib": most / 2**30,
-        "disk_gib": _on_disk(folder / "data" / word) / 2**30,
+        "disk_gib": _bytes_on_disk(folder / "data" / stage_name) / 2**30,
     }
 
 
-def _looked_at(process: psutil.Process) -> tuple[int, dict[int, float]]:
+def _memory_and_times(process: psutil.Process) -> tuple[int, dict[int, float]]:
     """Return the bytes of a process and its children, and the processor time of each by id.
 
     Shared memory counts once. The system does not sum the time of workers that no stage waits for.
@@ -94,7 +94,8 @@ def _looked_at(process: psutil.Process) -> tuple[int, dict[int, float]]:
     return total, worked
 
 
-def _on_disk(folder: Path) -> int:
+def _bytes_on_disk(folder: Path) -> int:
+    """Return the bytes of all files in a folder."""
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
 
 
@@ -104,27 +105,27 @@ def make_film(folder: Path, home: Path, pictures: int) -> None:
         return
     start = time.perf_counter()
     write_film(home.resolve(), folder / "data", pictures)
-    took, disk = time.perf_counter() - start, _on_disk(folder / "data") / 2**30
-    keep(folder, FILM, {"seconds": took, "disk_gib": disk})
-    prepare(folder, ["clip=zebrafish"])
+    took, disk = time.perf_counter() - start, _bytes_on_disk(folder / "data") / 2**30
+    keep_figures(folder, FILM, {"seconds": took, "disk_gib": disk})
+    prepare_folder(folder, ["clip=zebrafish"])
 
 
-def keep(folder: Path, word: str, numbers: dict[str, float]) -> None:
-    """Write the figures of a stage."""
-    path = folder / "figures" / f"{word}.json"
+def keep_figures(folder: Path, stage_name: str, figures: dict[str, float]) -> None:
+    """Write the figures of a stage into the kept folder."""
+    path = folder / "figures" / f"{stage_name}.json"
     path.parent.mkdir(exist_ok=True)
-    path.write_text(json.dumps(numbers), encoding="utf-8")
+    path.write_text(json.dumps(figures), encoding="utf-8")
 
 
-def figures(folder: Path, word: str) -> dict[str, float]:
+def stage_figures(folder: Path, stage_name: str) -> dict[str, float]:
     """Return the figures of a stage, from the kept folder or by `measure_stage`."""
-    path = folder / "figures" / f"{word}.json"
+    path = folder / "figures" / f"{stage_name}.json"
     if not path.exists():
-        keep(folder, word, measure_stage(folder, word))
+        keep_figures(folder, stage_name, measure_stage(folder, stage_name))
     return json.loads(path.read_text(encoding="utf-8"))
 
 
-def quality(folder: Path) -> dict[str, float]:
+def measure_quality(folder: Path) -> dict[str, float]:
     """Return recall, goals reached, ticks planned and the size of a cut-out."""
     numbers = dict[str, float]()
     if (report := folder / "reports/animate/measures.csv").exists():
@@ -138,18 +139,18 @@ def quality(folder: Path) -> dict[str, float]:
     return numbers | {"cutout_kb": cutouts.stat().st_size / int(folder.name) / 1000}
 
 
-def exponent(pictures: pd.Series, seconds: pd.Series) -> float:
+def growth_exponent(picture_counts: pd.Series, seconds: pd.Series) -> float:
     """Return the exponent k in seconds ∝ picturesᵏ, by least squares of the logarithms."""
-    return float(np.polyfit(np.log(pictures), np.log(seconds), 1)[0])
+    return float(np.polyfit(np.log(picture_counts), np.log(seconds), 1)[0])
 
 
-def _all(figures: "pd.Series[float]") -> float:
+def _complete_sum(figures: "pd.Series[float]") -> float:
     """Return the sum of figures, NaN if one of them is NaN."""
     return float(figures.sum(skipna=False))
 
 
-def whole(table: pd.DataFrame) -> pd.DataFrame:
-    """Sum all stages: a row for each number of pictures with complete figures.
+def sum_stages(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the sums over all stages: a row for each number of pictures with complete figures.
 
     Memory is the maximum. The disk includes the film itself, the time does not. A sum is NaN if one
     of its figures is.
@@ -158,7 +159,7 @@ def whole(table: pd.DataFrame) -> pd.DataFrame:
     stages = table[~table["stage"].isin(PROGRAMS) & (many == many.max())].copy()
     stages.loc[stages["stage"] == FILM, ["seconds", "processor_s"]] = 0.0
     sums = stages.groupby("pictures", as_index=False).agg(
-        seconds=("seconds", "sum"), processor_s=("processor_s", _all),
+        seconds=("seconds", "sum"), processor_s=("processor_s", _complete_sum),
         memory_gib=("memory_gib", "max"), disk_gib=("disk_gib", "sum"),
     )  # fmt: skip
     return sums.assign(stage=TOGETHER)
@@ -189,21 +190,21 @@ def plot_growth(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def report(table: pd.DataFrame) -> None:
+def write_report(table: pd.DataFrame) -> None:
     """Print the growth of time; write the table and the plot."""
-    sums = whole(table)
+    sums = sum_stages(table)
     print(sums.round(2).to_string(index=False))
     table = pd.concat([table, sums], ignore_index=True)
     for word, rows in table.dropna(subset="processor_s").groupby("stage", sort=False):
         if len(rows) > 1:
-            k = exponent(rows["pictures"], rows["processor_s"])
+            k = growth_exponent(rows["pictures"], rows["processor_s"])
             print(f"{word}: processor time ~ pictures^{k:.2f}")
     table.round(3).to_csv(_TABLE, index=False)
     plot_growth(table).savefig(_TABLE.with_suffix(".png"), dpi=100)
 
 
 def main() -> None:
-    """Measure, print, write."""
+    """Measure all stages on films of growing length; print and write the table and the plot."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("pictures", nargs="*", type=int, default=PICTURES)
     parser.add_argument(
@@ -223,14 +224,16 @@ def main() -> None:
             for word in wanted.stages or words:
                 if wanted.report and not (folder / "figures" / f"{word}.json").exists():
                     continue
-                rows.append({"pictures": pictures, "stage": word, **figures(folder, word)})
+                rows.append({"pictures": pictures, "stage": word, **stage_figures(folder, word)})
                 print(pd.DataFrame(rows[-1:]).round(2).to_string(header=False), flush=True)
-            print(pictures, {name: round(value, 2) for name, value in quality(folder).items()})
+            print(
+                pictures, {name: round(value, 2) for name, value in measure_quality(folder).items()}
+            )
     table = pd.DataFrame(rows)
     if wanted.stages:
-        print(whole(table).round(2).to_string(index=False))
+        print(sum_stages(table).round(2).to_string(index=False))
     else:
-        report(table)
+        write_report(table)
 
 
 if __name__ == "__main__":

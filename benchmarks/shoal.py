@@ -14,8 +14,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from benchmarks.company import summary
-from benchmarks.matching import MODE, material, replace_settings, settings_without_path
+from benchmarks.company import summarize_distances
+from benchmarks.matching import MODE, matching_data, replace_settings, settings_without_path
 from benchmarks.pipeline import write_table
 from finloop.animate.encounters import count_overlaps, fish_places, nearest_distances
 from finloop.animate.places import random_goals
@@ -29,11 +29,13 @@ SHOALS = ((8, 1.0, 600.0, 30.0), (64, 1 / 3, 120.0, 60.0))
 WARM_UP = 20  # ticks that compile everything
 
 
-def measure_group(plans: MatchingAnimator, goal_s: float) -> dict[str, object]:
+def measure_group(animator: MatchingAnimator, seconds_per_goal: float) -> dict[str, object]:
     """Return overlaps, goals, distances, speeds and planning time of animated fish, as a row."""
-    world, player = plans.world, plans.player
+    world, player = animator.world, animator.player
     p, rate, ticks = world.settings, world.motion.rate_hz, world.duration
-    goals = random_goals(world, p.fish * round(p.seconds / goal_s), np.random.default_rng(1))
+    goals = random_goals(
+        world, p.fish * round(p.seconds / seconds_per_goal), np.random.default_rng(1)
+    )
     animate_group(player, make_tasks(goals, p.fish, np.random.default_rng(0)), WARM_UP)
     todo = make_tasks(goals, p.fish, np.random.default_rng(p.seed))
     begin = time.process_time()
@@ -48,21 +50,22 @@ def measure_group(plans: MatchingAnimator, goal_s: float) -> dict[str, object]:
         "mode": MODE, "fish": p.fish, "overlap": p.overlap, "s": p.seconds,
         "overlapping_pairs": int(count_overlaps(edit, player).sum()),
         "goals_reached_pct": 100 * np.concatenate([one.reached >= 0 for one in swims]).mean(),
-        **summary(near, speeds, rate), "planned_real_times": p.seconds / (planned - begin),
+        **summarize_distances(near, speeds, rate),
+        "planned_real_times": p.seconds / (planned - begin),
         "with_edit_list_real_times": p.seconds / (listed - begin),
     }  # fmt: skip
 
 
-def film_rows(film: str) -> Iterator[dict[str, object]]:
-    """Yield the rows of the film in the present folder."""
+def film_rows(film_name: str) -> Iterator[dict[str, object]]:
+    """Yield the rows of groups for the film in the present folder."""
     p = settings_without_path()
     with Project() as project:
-        made = material(project, p)
+        made = matching_data(project, p)
         for fish, size, seconds, goal_s in SHOALS:
             own = replace_settings(p, fish=fish, fish_scale=size, seconds=seconds, overlap=False)
             row = measure_group(matching_animator(made, own), goal_s)
             print(row, flush=True)
-            yield {"film": film, "size": size, **row}
+            yield {"film": film_name, "size": size, **row}
 
 
 if __name__ == "__main__":

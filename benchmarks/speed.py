@@ -26,7 +26,7 @@ from skan import Skeleton, summarize
 from skimage.graph import route_through_array
 from skimage.morphology import skeletonize
 
-from benchmarks.pipeline import ROOT, prepare, stage
+from benchmarks.pipeline import ROOT, prepare_folder, run_stage
 from finloop.base.parallel import Processes, Threads, warm_up
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film_frames
@@ -84,7 +84,7 @@ def time_pairs(
     )
 
 
-def decode(path: Path) -> int:
+def decode_film(path: Path) -> int:
     """Decode a film to grey frames, with as many threads as the stages use."""
     count = 0
     with av.open(str(path)) as container:
@@ -133,31 +133,37 @@ def lengthen_clip(folder: Path) -> None:
     save_facts(clip / "facts.json", longer)
 
 
-def both_stages(folder: Path) -> int:
+def run_both_stages(folder: Path) -> int:
     """Run the stages `extract` and `features`; return the number of fish-frames."""
-    fish = stage(folder, "extract")["fish_frames"]
-    stage(folder, "features")
+    fish = run_stage(folder, "extract")["fish_frames"]
+    run_stage(folder, "features")
     return int(fish)
 
 
-def carp_outlines(count: int, how: ExtractSettings) -> list[tuple[np.ndarray, np.ndarray]]:
+def carp_masks(
+    count: int, extract_settings: ExtractSettings
+) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return masks and difference images of the drawn carp, default size."""
     frames = [
         frame
         for frame, _ in film_frames(settings("clip", source="carp", frames=count, colour=False))
     ]
     arena = np.full(frames[0].shape, 255, np.uint8)
-    scene, _ = measure_scene_and_fish(frames[:: max(1, count // 41)], arena, how)
+    scene, _ = measure_scene_and_fish(frames[:: max(1, count // 41)], arena, extract_settings)
     return [
         (s.mask, s.field)
         for frame in frames
         for s in find_silhouettes(
-            frame, scene, arena, 200, SilhouetteEdge(how.outline_contrast_ratio, how.shadow, "all")
+            frame,
+            scene,
+            arena,
+            200,
+            SilhouetteEdge(extract_settings.outline_contrast_ratio, extract_settings.shadow, "all"),
         )
     ]
 
 
-def skan_lengths(masks: list[np.ndarray]) -> float:
+def skan_length(masks: list[np.ndarray]) -> float:
     """Return the total length of the longest branches, by the peer skan."""
     return sum(
         float(summarize(Skeleton(skeletonize(m)), separator="-")["branch-distance"].max())
@@ -165,7 +171,7 @@ def skan_lengths(masks: list[np.ndarray]) -> float:
     )
 
 
-def longest_paths(masks: list[np.ndarray]) -> int:
+def skimage_length(masks: list[np.ndarray]) -> int:
     """Return the total length of the longest skeleton paths, by the peer scikit-image."""
     total = 0
     for mask in masks:
@@ -185,33 +191,33 @@ def longest_paths(masks: list[np.ndarray]) -> int:
 
 
 def main() -> None:
-    """Measure, print, write."""
+    """Time both stages and their peers; print and write the table."""
     results = []
     cv2.setNumThreads(1)
     warm_up(WORKERS_NEED)
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
-        prepare(scratch, ["clip=zebrafish", "clip.parts=A"])
+        prepare_folder(scratch, ["clip=zebrafish", "clip.parts=A"])
         how, then = settings("extract"), settings("features")
-        stage(scratch, "clip")
+        run_stage(scratch, "clip")
         clip, source = scratch / "data/clip", fetch_zebrafish_clips("A", find_cache_folder())[0]
         for name, path in (("normalised clip", clip / "clip.mp4"), ("source file", source)):
             mine, theirs, ratio, fish = time_pairs(
-                lambda: extract_and_features(clip, scratch, how, then), partial(decode, path)
+                lambda: extract_and_features(clip, scratch, how, then), partial(decode_film, path)
             )
             print(f"zebrafish A: {fish} fish-frames, {fish / mine:.0f} fish/s")
             results.append((f"extract + features / only decoding the {name}", mine, theirs, ratio))
         lengthen_clip(scratch)
-        long = partial(both_stages, scratch), partial(decode, clip / "clip.mp4")
+        long = partial(run_both_stages, scratch), partial(decode_film, clip / "clip.mp4")
         mine, theirs, ratio, fish = time_pairs(*long, LONG_PAIRS)
         print(f"{TIMES} times as long: {fish} fish-frames, {fish / mine:.0f} fish/s")
         results.append(("both stages as commands, of a film ten times as long / only decoding it",
                         mine, theirs, ratio))  # fmt: skip
-        outlines = carp_outlines(200, how)
+        outlines = carp_masks(200, how)
         masks = [mask for mask, _ in outlines]
         for name, work in (
-            ("skan.summarize", lambda: skan_lengths(masks)),
-            ("scikit-image + longest path", lambda: longest_paths(masks)),
+            ("skan.summarize", lambda: skan_length(masks)),
+            ("scikit-image + longest path", lambda: skimage_length(masks)),
         ):
             mine, theirs, ratio, _ = time_pairs(
                 lambda: [trace_backbone(m, f, how.points, 6.0) for m, f in outlines], work

@@ -75,10 +75,10 @@ class Live(NamedTuple):
         self.way.sendto(text, ("127.0.0.1", self.ports[osc]))
 
 
-def free_ports(count: int) -> list[int]:
+def free_ports(port_count: int) -> list[int]:
     """Return free UDP ports."""
     ports = []
-    for _ in range(count):
+    for _ in range(port_count):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
             one.bind(("127.0.0.1", 0))
             ports.append(one.getsockname()[1])
@@ -86,7 +86,7 @@ def free_ports(count: int) -> list[int]:
 
 
 @contextmanager
-def session(protocol: dict[str, Any], *options: str) -> Iterator[Live]:
+def run_session(protocol: dict[str, Any], *options: str) -> Iterator[Live]:
     """Run a session with a display; at the end of the block it ends and leaves its file."""
     udp, osc = free_ports(2)
     with tempfile.TemporaryDirectory() as name, sync_playwright() as play:
@@ -112,17 +112,17 @@ def session(protocol: dict[str, Any], *options: str) -> Iterator[Live]:
         program.wait(60)
 
 
-def desk(live: Live) -> Any:
-    """Connect as the experimenter's page."""
+def connect_experimenter(session: Live) -> Any:
+    """Return a connection to a session as the experimenter's page makes it."""
     return connect(
-        f"ws://{live.address}/experimenter", origin=Origin(f"http://{live.address}"),
+        f"ws://{session.address}/experimenter", origin=Origin(f"http://{session.address}"),
         compression=None, max_queue=4,
     )  # fmt: skip
 
 
 def run_through(live: Live, meanwhile: Callable[[float], None], step_s: float) -> list[dict]:
     """Start a session, call `meanwhile` every step until the end; return the last state."""
-    with desk(live) as way:
+    with connect_experimenter(live) as way:
         state = json.loads(way.recv())
         way.send('{"do":"start"}')
         due = time.perf_counter()
@@ -138,28 +138,29 @@ def run_through(live: Live, meanwhile: Callable[[float], None], step_s: float) -
         return state
 
 
-def finish(live: Live) -> None:
+def finish_session(session: Live) -> None:
     """End a session after its trials."""
-    live.page.close()
-    live.program.send_signal(2)
-    live.program.wait(60)
+    session.page.close()
+    session.program.send_signal(2)
+    session.program.wait(60)
 
 
-def record_of(live: Live) -> SessionRecord:
+def open_record(session: Live) -> SessionRecord:
     """Open the file of a finished session."""
-    return open_session_record(next(live.folder.glob("*.parquet")))
+    return open_session_record(next(session.folder.glob("*.parquet")))
 
 
 class Swimmer:
     """A simulated live animal that darts, as a tracker reports it."""
 
     def __init__(self, live: Live, size: tuple[float, float]) -> None:
+        """Put the animal into a tank of a size, width and height in px."""
         self._live, self._size, self._begin = live, size, time.perf_counter()
         self._rng = np.random.default_rng(0)
         self._place = np.array([0.5, 0.5])
 
     def __call__(self, now: float) -> None:
-        """Send its present place."""
+        """Send the animal's present place to the session."""
         if self._rng.random() < 1 / RATE_HZ:
             self._place = self._rng.uniform(0.2, 0.8, 2)  # it jumps about once a second
         x, y = self._place * self._size
@@ -168,46 +169,56 @@ class Swimmer:
         }).encode())  # fmt: skip
 
 
-def size_of_tank() -> tuple[float, float]:
+def tank_size() -> tuple[float, float]:
     """Return width and height of the tank, px."""
     height, width = Project().background.shape[:2]
     return float(width), float(height)
 
 
-def closed_loop(fish: int, seconds: float) -> Iterator[Row]:
+def measure_closed_loop(fish: int, seconds: float) -> Iterator[Row]:
     """Yield the reaction times of fish to an animal that a tracker reports."""
     what = f"closed loop, {fish} fish, tracker {RATE_HZ:g} Hz"
     protocol = {
         "name": "loop", "seed": 1, "fish": fish, "animals": {"unit": "px"},
         "conditions": {"approach": {"seconds": seconds, "motion": {"rule": {"rule": "approach"}}}},
     }  # fmt: skip
-    with session(protocol) as live:
-        run_through(live, Swimmer(live, size_of_tank()), 1 / RATE_HZ)
-        finish(live)
-        yield from timing(what, record_of(live))
+    with run_session(protocol) as live:
+        run_through(live, Swimmer(live, tank_size()), 1 / RATE_HZ)
+        finish_session(live)
+        yield from frame_timing(what, open_record(live))
 
 
-def timing(what: str, record: SessionRecord) -> Iterator[Row]:
-    """Yield the timing in a session's file."""
+def frame_timing(session_name: str, record: SessionRecord) -> Iterator[Row]:
+    """Yield the timing of frames in a session's file, as rows of the table."""
     table = load_log_table(record)
     planned, drawn = measure_reactions_ms(table, record.header["rate_hz"])
     for name, values in (("planned reaction", planned), ("drawn frame", drawn)):
         if len(values):
             for share in (50, 99, 100):
                 value = float(np.percentile(values, share))
-                yield what, f"input to {name}, percentile {share}", "ms", value
-            yield what, f"input to {name}, so many", "1", len(values)
-    yield what, "ticks against the clock, SD", "ms", float(measure_tick_errors_ms(table).std())
+                yield session_name, f"input to {name}, percentile {share}", "ms", value
+            yield session_name, f"input to {name}, so many", "1", len(values)
+    yield (
+        session_name,
+        "ticks against the clock, SD",
+        "ms",
+        float(measure_tick_errors_ms(table).std()),
+    )
     frames = table[(table["kind"] == "frame") & table["trial"].notna()]
     span = float(frames["time_s"].iloc[-1] - frames["time_s"].iloc[0])
-    yield what, "displayed frames", "1/s", (len(frames) - 1) / span
-    yield what, "dropped frames", "1", float(frames["dropped"].sum())
-    yield what, "displayed in all", "1", len(frames)
+    yield session_name, "displayed frames", "1/s", (len(frames) - 1) / span
+    yield session_name, "dropped frames", "1", float(frames["dropped"].sum())
+    yield session_name, "displayed in all", "1", len(frames)
     took = 1e3 * (frames["drawn_s"] - frames["time_s"])
-    yield what, "drawn after the frame began, percentile 99", "ms", float(took.quantile(0.99))
+    yield (
+        session_name,
+        "drawn after the frame began, percentile 99",
+        "ms",
+        float(took.quantile(0.99)),
+    )
 
 
-def long_show(fish: int, minutes: float) -> Iterator[Row]:
+def measure_long_show(fish: int, minutes: float) -> Iterator[Row]:
     """Yield frames and memory of a motion known beforehand, over a long time."""
     what = f"known motion, {fish} fish, {minutes:g} min"
     protocol = {
@@ -215,15 +226,15 @@ def long_show(fish: int, minutes: float) -> Iterator[Row]:
         "conditions": {"wander": {"seconds": 60, "motion": {"wander": True}}},
     }  # fmt: skip
     memory: list[float] = []
-    with session(protocol) as live:
+    with run_session(protocol) as live:
         begin = time.perf_counter()
         run_through(live, lambda now: memory.append(live.program.memory_info().rss / 2**20), 1.0)
         took = time.perf_counter() - begin
         heap = live.page.evaluate("performance.memory ? performance.memory.usedJSHeapSize : 0")
-        finish(live)
-        record = record_of(live)
+        finish_session(live)
+        record = open_record(live)
         yield what, "took", "s", took
-        yield from timing(what, record)
+        yield from frame_timing(what, record)
         quarter = len(memory) // 4
         yield what, "memory of the server, second quarter", "MiB", float(
             np.median(memory[quarter : 2 * quarter]))  # fmt: skip
@@ -232,7 +243,7 @@ def long_show(fish: int, minutes: float) -> Iterator[Row]:
         yield what, "file of the session", "MB", record.path.stat().st_size / 1e6
 
 
-def steps_of(record: SessionRecord) -> np.ndarray:
+def displayed_speeds(record: SessionRecord) -> np.ndarray:
     """Return the speed (n,) of a single fish between displayed frames, px/s."""
     steps, last = [], None
     for frame in read_displayed_frames(record):
@@ -259,10 +270,10 @@ def measure_poor_input() -> Iterator[Row]:
             "animals": {"unit": "px"},
             "conditions": {name: condition},
         }
-        with session(protocol, *options) as live:
+        with run_session(protocol, *options) as live:
             run_through(live, lambda now: None, 1.0)
-            finish(live)
-            steps[name] = steps_of(record_of(live))
+            finish_session(live)
+            steps[name] = displayed_speeds(open_record(live))
     for name, values in steps.items():
         what = f"one fish, {name}, 20 % lost, 50 ms jitter, gaps of 2 s"
         for share in (50, 99.9, 100):
@@ -288,15 +299,15 @@ def hostile_texts(count: int, seed: int) -> Iterator[bytes]:
         yield bytes(text)
 
 
-def flood() -> Iterator[Row]:
+def send_hostile_messages() -> Iterator[Row]:
     """Send hostile messages to every input during a trial; yield the effects."""
     what = f"{MESSAGES} hostile messages on each of five inputs"
     protocol = {
         "name": "flood", "seed": 1, "animals": {"unit": "px"},
         "conditions": {"avoid": {"seconds": 120, "motion": {"rule": {"rule": "avoid"}}}},
     }  # fmt: skip
-    with session(protocol) as live:
-        with desk(live) as way:
+    with run_session(protocol) as live:
+        with connect_experimenter(live) as way:
             way.send('{"do":"start"}')
             way.recv()
         before = 0.0
@@ -316,18 +327,20 @@ def flood() -> Iterator[Row]:
                         if path == "experimenter" and number % 20 == 0:
                             way.recv()
         growth = live.program.memory_info().rss / 2**20 - before
-        with desk(live) as way:
+        with connect_experimenter(live) as way:
             state = json.loads(way.recv())
             heard = state["heard"]
             way.send('{"do":"abort"}')
-        finish(live)
+        finish_session(live)
         yield what, "memory that they took", "MiB", growth
         yield what, "positions refused", "1", sum(
             count for name, count in heard.items() if name == "malformed")  # fmt: skip
-        yield from timing(what, record_of(live))
+        yield from frame_timing(what, open_record(live))
 
 
-def random_session(made: FilmedScene, seed: int, folder: Path) -> tuple[SessionRecord, Protocol]:
+def run_random_session(
+    scene: FilmedScene, seed: int, folder: Path
+) -> tuple[SessionRecord, Protocol]:
     """Run a session of two trials with poor input, without a display, from a seed."""
     rng = np.random.default_rng(seed)
     rules = rng.choice(get_args(RuleSpec.model_fields["rule"].annotation), 2, replace=False)
@@ -341,13 +354,13 @@ def random_session(made: FilmedScene, seed: int, folder: Path) -> tuple[SessionR
     for number in range(300):
         if rng.random() < 0.05:
             place = rng.uniform(0, 1, 2)
-        x, y = place * (made.scene.tank.width, made.scene.tank.height)
+        x, y = place * (scene.scene.tank.width, scene.scene.tank.height)
         text = json.dumps({"t": number / 50, "id": 1, "x": float(x), "y": float(y)})
         if rng.random() > 0.2:
             messages.append((number / 50 + rng.uniform(0, 0.05), text))
     order, path = order_trials(plan), folder / f"{seed}.journal"
-    log, clock = Log(path, made.header(plan, order, display=None)), DryClock(sorted(messages))
-    session = Session(made.scene, plan, order, made.feed([], plan.fish), log, clock)
+    log, clock = Log(path, scene.header(plan, order, display=None)), DryClock(sorted(messages))
+    session = Session(scene.scene, plan, order, scene.feed([], plan.fish), log, clock)
     clock.receive, session.waits_for_starts = session.receive_message, False
     session.start()
     asyncio.run(session.run_trials())
@@ -356,12 +369,12 @@ def random_session(made: FilmedScene, seed: int, folder: Path) -> tuple[SessionR
     return open_session_record(path.with_suffix(".parquet")), plan
 
 
-def replays() -> Iterator[Row]:
+def replay_sessions() -> Iterator[Row]:
     """Yield whether random sessions stay equal when replayed from their files."""
     what, ticks, anew, different = "100 random sessions, planned again", 0, 0, 0
     with open_scene(parse_protocol(REHEARSAL)) as made, tempfile.TemporaryDirectory() as name:
         for seed in range(100):
-            record, plan = random_session(made, seed, Path(name))
+            record, plan = run_random_session(made, seed, Path(name))
             replay = replan_session(record, made.scene, plan)
             ticks, different = ticks + replay.ticks, different + replay.different
             anew += sum(row["verdict"] == "anew" for row in record.read_rows("tick"))
@@ -371,17 +384,17 @@ def replays() -> Iterator[Row]:
 
 
 def main() -> None:
-    """Print and write the table."""
+    """Print and write the table of the stimulus."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--part", choices=["loop", "long", "flood", "spoiled", "replays"])
     options = parser.parse_args()
     parts: dict[str, Callable[[], Iterator[Row]]] = {
-        "loop": lambda: iter([*closed_loop(1, 60), *closed_loop(8, 60)]),
-        "flood": flood,
+        "loop": lambda: iter([*measure_closed_loop(1, 60), *measure_closed_loop(8, 60)]),
+        "flood": send_hostile_messages,
         "spoiled": measure_poor_input,
-        "replays": replays,
-        "long": lambda: long_show(8, options.minutes),
+        "replays": replay_sessions,
+        "long": lambda: measure_long_show(8, options.minutes),
     }
     rows = [row for name in ([options.part] if options.part else parts) for row in parts[name]()]
     table = pd.DataFrame(rows, columns=["where", "what", "unit", "value"])

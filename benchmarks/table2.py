@@ -15,7 +15,7 @@ from pathlib import Path
 import pandas as pd
 
 from benchmarks.animate import STAGES
-from benchmarks.pipeline import ROOT, prepare, stage
+from benchmarks.pipeline import ROOT, prepare_folder, run_stage
 from finloop.edit.modes import MODES
 
 PAPER_FRAMES = 4480
@@ -34,14 +34,14 @@ TABLE = (
 
 
 def main() -> None:
-    """Run all stages once, print and write the table."""
+    """Run all stages once; print and write the times beside those of the paper's Table 2."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        prepare(folder, ["clip=zebrafish"])
+        prepare_folder(folder, ["clip=zebrafish"])
         took = {}
         for word in (*STAGES, *(f"modes-{mode}" for mode in MODES)):
             start = time.perf_counter()
-            stage(folder, word)
+            run_stage(folder, word)
             took[word] = time.perf_counter() - start
         features = (folder / "reports/features/metrics.json").read_text(encoding="utf-8")
         fish_frames = json.loads(features)["fish_frames"]

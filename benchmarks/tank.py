@@ -25,7 +25,7 @@ SIZE, TICKS, ROUNDS, LEAST_HZ = (1280, 720), 60, 5, 30
 
 
 def main() -> None:
-    """Print and write the table."""
+    """Time the drawing of the tank by camera; print and write the table."""
     choose_window()
     p, rows = load_settings("tank"), []
     with Project() as project:
@@ -53,11 +53,11 @@ def main() -> None:
             for camera in (*PRESETS, TOUR):
                 show(camera)
                 took = np.concatenate([show(camera) for _ in range(ROUNDS)])
-                rows.append((camera, *rates(took)))
+                rows.append((camera, *frame_rates(took)))
             with tempfile.TemporaryDirectory() as name:
                 path = Path(name) / "tank.mp4"
                 with Mp4Writer(path, (*SIZE[::-1], 3), facts.frame_rate, p.crf) as writer:
-                    rows.append((f"{TOUR}, written as H.264", *rates(show(TOUR, writer))))
+                    rows.append((f"{TOUR}, written as H.264", *frame_rates(show(TOUR, writer))))
     columns = ["camera", "frames_per_s", "quarter_fastest_frames_per_s", "p99_ms", "cpu_ms"]
     table = pd.DataFrame(rows, columns=columns).round(1)
     print(table.to_string(index=False))
@@ -65,12 +65,12 @@ def main() -> None:
     table.to_csv(Path(__file__).with_name("tank.csv"), index=False)
 
 
-def rates(took: np.ndarray) -> tuple[float, ...]:
+def frame_rates(frame_times: np.ndarray) -> tuple[float, ...]:
     """Return frames per second by the median and the first quartile of the times, and ms at p99.
 
     Last comes ms of work per frame on all cores together, which ignores other running programs.
     """
-    wall, work = took.T
+    wall, work = frame_times.T
     middle, quick, slow = np.quantile(wall, (0.5, 0.25, 0.99))
     return 1 / middle, 1 / quick, 1000 * slow, 1000 * np.median(work)
 

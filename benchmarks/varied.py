@@ -105,9 +105,9 @@ def write_film(home: Path, folder: Path, pictures: int) -> None:
     clip.mkdir(parents=True)
     extract.mkdir()
     copies = -(-pictures // len(base.tracks))
-    _clip(base, clip, copies)
+    _write_clip(base, clip, copies)
     shutil.copyfile(home / "extract/scene.json", extract / "scene.json")
-    _square(home / "extract/background.png", extract / "background.png", base.side)
+    _pad_to_square(home / "extract/background.png", extract / "background.png", base.side)
     schema = tracks_schema(load_record(extract / "scene.json", SceneFacts, "extract").points)
     with (
         table_writer(extract / TRACKS_NAME, schema) as write,
@@ -115,14 +115,14 @@ def write_film(home: Path, folder: Path, pictures: int) -> None:
         ProcessPoolExecutor(WORKERS) as pool,
     ):
         left = pictures
-        for table, made in pool.map(partial(_copy, home), range(copies)):
+        for table, made in pool.map(partial(_vary_film, home), range(copies)):
             write(table[:left])
             for cutout in made[:left]:
                 cutouts.write(cutout)
             left -= len(made[:left])
 
 
-def _clip(base: Base, folder: Path, copies: int) -> None:
+def _write_clip(base: Base, folder: Path, copies: int) -> None:
     """Write the facts of the copies one after the other, and square pictures of the tank."""
     home = base.home / "clip"
     facts = load_facts(home / FACTS_NAME)
@@ -137,21 +137,21 @@ def _clip(base: Base, folder: Path, copies: int) -> None:
     )  # fmt: skip
     save_facts(folder / FACTS_NAME, whole)
     (folder / CLIP_NAME).symlink_to((home / CLIP_NAME).resolve())
-    _square(home / "tank.png", folder / "tank.png", base.side)
+    _pad_to_square(home / "tank.png", folder / "tank.png", base.side)
     save_picture(folder / ARENA_NAME, np.full((base.side, base.side), 255, np.uint8))
 
 
-def _square(source: Path, target: Path, side: int) -> None:
-    """Pad a picture to a square by repeating its edge."""
+def _pad_to_square(source: Path, target: Path, side: int) -> None:
+    """Write a picture padded to a square by repeating its edge."""
     picture = load_picture(source)
     down, across = (side - length for length in picture.shape[:2])
     margins = (down // 2, down - down // 2, across // 2, across - across // 2)
     save_picture(target, cv2.copyMakeBorder(picture, *margins, cv2.BORDER_REPLICATE))
 
 
-def _copy(home: Path, number: int) -> tuple[pd.DataFrame, list[Cutout]]:
-    """Return the table of tracks and the cut-outs of one copy."""
-    base, how = Base.from_folder(home), Variation.from_number(number)
+def _vary_film(home: Path, copy_number: int) -> tuple[pd.DataFrame, list[Cutout]]:
+    """Return the table of tracks and the cut-outs of one copy of the film."""
+    base, how = Base.from_folder(home), Variation.from_number(copy_number)
     frames = load_facts(home / "clip" / FACTS_NAME).frames
     tracks, pose = base.tracks, base.poses.pose
     mean = base.poses.shapes.mean
@@ -161,42 +161,43 @@ def _copy(home: Path, number: int) -> tuple[pd.DataFrame, list[Cutout]]:
     x, y = how.transform_points(tracks[["x_px", "y_px"]].to_numpy(float), base).T
     heading = (-1 if how.mirror else 1) * pose.heading_rad + how.turn_rad
     target = Pose(x, y, heading, how.size * pose.size_px, posture)
-    first = number * (int(tracks["track_id"].max()) + 1)
+    first = copy_number * (int(tracks["track_id"].max()) + 1)
     table = tracks.assign(
         track_id=(tracks["track_id"] + first).astype("int32"),
-        frame=(tracks["frame"] + number * frames).astype("int32"),
+        frame=(tracks["frame"] + copy_number * frames).astype("int32"),
         x_px=x, y_px=y,
         area_px=tracks["area_px"] * np.float32(how.size**2),
         contrast=tracks["contrast"] * np.float32(how.light),
         length_px=tracks["length_px"] * np.float32(how.size),
-        half_width_px=_lists(lists_to_array(tracks["half_width_px"]) * how.size),
+        half_width_px=_split_values(lists_to_array(tracks["half_width_px"]) * how.size),
     )  # fmt: skip
     outline = how.transform_points(lists_to_points(tracks, "outline").astype(float), base)
     for name, points in (("backbone", target.backbone_px()), ("outline", outline)):
         for axis, values in zip("xy", np.moveaxis(points, -1, 0), strict=True):
-            table[f"{name}_{axis}_px"] = _lists(values)
+            table[f"{name}_{axis}_px"] = _split_values(values)
     keys = table[["track_id", "frame"]].to_numpy().tolist()
     with open_cutouts(home / "extract" / CUTOUTS_NAME) as store:
         return table, list(_draw_cutouts(base, store, target, how, keys))
 
 
 def _draw_cutouts(
-    base: Base, store: CutoutStore, target: Pose, how: Variation, keys: list[list[int]]
+    base: Base, store: CutoutStore, target: Pose, variation: Variation, keys: list[list[int]]
 ) -> Iterator[Cutout]:
     """Yield the copy's cut-outs, cropped to the fish."""
     for row, (track_id, frame) in enumerate(keys):
         one = store[row]
         source = place_backbone(base.poses.pose[row], one.x0_px, one.y0_px)
-        laid = PosedPicture(one.pixels, source, place_backbone(target[row]), how.mirror)
+        laid = PosedPicture(one.pixels, source, place_backbone(target[row]), variation.mirror)
         top, left, bottom, right = laid.box
         box = max(top, 0), max(left, 0), min(bottom, base.side), min(right, base.side)
         shown = laid.draw_part(box)
-        shown[..., :-1] = np.minimum(how.light * shown[..., :-1], shown[..., -1:])
+        shown[..., :-1] = np.minimum(variation.light * shown[..., :-1], shown[..., -1:])
         pixels = np.round(255 * shown).clip(0, 255).astype(np.uint8)
         x, y, w, h = cv2.boundingRect(pixels[..., -1])
         cropped = np.ascontiguousarray(pixels[y : y + h, x : x + w])
         yield Cutout(track_id, frame, box[1] + x, box[0] + y, cropped)
 
 
-def _lists(values: Floats) -> list[Floats]:
+def _split_values(values: Floats) -> list[Floats]:
+    """Return the values in a list of arrays, one for each frame."""
     return list(values.astype(np.float32))

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.matching import MODE, material, replace_settings, settings_without_path
+from benchmarks.matching import MODE, matching_data, replace_settings, settings_without_path
 from finloop.calibrate.film import FilmGroup, build_film_group
 from finloop.calibrate.rule import measure_own_steps, simulate_point_fish
 from finloop.features.table import infer_delta_frames
@@ -37,8 +37,8 @@ POINT_SEEDS = 10
 STEPS, EVERY = 20_000, 20  # of couzinswarm
 
 
-def points(film: FilmGroup, fitted: Zones) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield the tables of simulated points, by zones."""
+def simulated_points(film: FilmGroup, fitted: Zones) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Yield the tables of simulated points that swim by zones."""
     p = load_settings("calibrate")
     for name, zones in (("zones", fitted), ("couzin", COUZIN), ("alone", NO_ZONES)):
         steps = measure_own_steps(film, film.rows_with_whole_steps(p.rows), zones)
@@ -47,7 +47,7 @@ def points(film: FilmGroup, fitted: Zones) -> Iterator[tuple[str, pd.DataFrame]]
             yield f"points_{name}", simulate_point_fish(film, steps, zones, p, rng)
 
 
-def package(film: FilmGroup) -> Iterator[tuple[str, pd.DataFrame]]:
+def couzinswarm_points(film: FilmGroup) -> Iterator[tuple[str, pd.DataFrame]]:
     """Yield the table of couzinswarm, in px of a rectangular tank."""
     if find_spec("couzinswarm") is None:
         return
@@ -67,18 +67,21 @@ def package(film: FilmGroup) -> Iterator[tuple[str, pd.DataFrame]]:
 
 
 def film_tables(folder: Path) -> pd.DataFrame:
-    """Compare all groups with the film in a folder."""
+    """Return the comparison of all groups with the film in a folder."""
     p = replace_settings(settings_without_path(), seconds=SECONDS, trials=0, follow_pairs=[])
     tables: dict[str, list[pd.DataFrame]] = {}
     with Project() as project:
-        made = material(project, p)
+        made = matching_data(project, p)
         features = made.reel.features
         own = rows_of_first_film(features, project.data / "clip")
         horizon = load_settings("calibrate").horizon
         film = build_film_group(own, made.arena, infer_delta_frames(features), horizon)
         fish = min(film.typical_fish_count, MOST_FISH)
         tables["first_half"] = [film.half_measures(True)]
-        for name, table in (*points(film, project.school_rule.zones), *package(film)):
+        for name, table in (
+            *simulated_points(film, project.school_rule.zones),
+            *couzinswarm_points(film),
+        ):
             tables.setdefault(name, []).append(table)
         for rule in ("zones", "none"):
             for seed in range(SEEDS):

@@ -56,17 +56,17 @@ def test_the_path_of_a_film_comes_through_hydra_as_it_is(name, tmp_path):
 def test_names_of_films_are_checked_before_the_first_one_is_run(tmp_path, capsys):
     (tmp_path / "a.mp4").touch()
     here, absent, drawn = str(tmp_path / "a.mp4"), str(tmp_path / "b.mp4"), "98 frames"
-    args = films.arguments([here, "--only", drawn])
+    args = films.parse_arguments([here, "--only", drawn])
     assert args.films == [here] and args.only == [drawn]
-    assert films.arguments([here]).only == list(films.DRAWN)
+    assert films.parse_arguments([here]).only == list(films.DRAWN)
     for line, wrong in (([here, absent], absent), ([here, "--only", drawn, here], here)):
         with pytest.raises(SystemExit):
-            films.arguments(line)
+            films.parse_arguments(line)
         assert f"['{wrong}']" in capsys.readouterr().err
 
 
 def test_films_of_one_name_have_rows_of_their_own():
-    assert films.keys(["a/film.mp4", "b/film.mp4", "b/other.mp4"]) == [
+    assert films.film_keys(["a/film.mp4", "b/film.mp4", "b/other.mp4"]) == [
         "a/film.mp4", "b/film.mp4", "other",
     ]  # fmt: skip
 
@@ -79,8 +79,8 @@ def test_a_film_that_fails_is_a_row_and_the_next_one_is_run(tmp_path, monkeypatc
 
     monkeypatch.setattr(films, "run_pipeline", run_or_fail)
     monkeypatch.setattr(films, "_TABLE", tmp_path / "films.csv")
-    for row in films.results([("one", ["bad"]), ("98 frames", None)], tmp_path, ["render"]):
-        films.keep(pd.DataFrame([row]))
+    for row in films.measure_films([("one", ["bad"]), ("98 frames", None)], tmp_path, ["render"]):
+        films.keep_row(pd.DataFrame([row]))
     table = pd.read_csv(tmp_path / "films.csv")
     assert list(table["film"]) == ["one", "drawn carp, 98 frames"]
     assert table["failed"][0] == "no fish" and table["rows"][1] == 7
@@ -100,14 +100,14 @@ def two_fish():
 
 
 def switches(truth, told):
-    return identities.switches(identities.matches(truth, told, 10.0))
+    return identities.identity_switches(identities.match_places(truth, told, 10.0))
 
 
 def test_other_names_are_no_switches(two_fish):
     told = two_fish.assign(animal=7 - two_fish["animal"])
-    of = identities.matches(two_fish, told, 10.0)
+    of = identities.match_places(two_fish, told, 10.0)
     assert len(of) == identities.count_right_animals(of) == 40
-    assert not len(identities.switches(of))
+    assert not len(identities.identity_switches(of))
 
 
 def test_names_that_change_places_are_two_switches(two_fish):
@@ -117,7 +117,7 @@ def test_names_that_change_places_are_two_switches(two_fish):
     assert found[["frame", "last_frame", "was", "becomes"]].to_numpy().tolist() == [
         [13, 10, 0, 1], [13, 10, 1, 0],
     ]  # fmt: skip
-    assert identities.count_right_animals(identities.matches(two_fish, told, 10.0)) == 24
+    assert identities.count_right_animals(identities.match_places(two_fish, told, 10.0)) == 24
 
 
 def test_places_in_doubt_are_not_compared(two_fish):
@@ -126,16 +126,16 @@ def test_places_in_doubt_are_not_compared(two_fish):
     told = truth.assign(
         animal=np.where(near, 1 - truth["animal"], truth["animal"]), x_px=truth["x_px"] + 0.6
     )
-    of = identities.matches(truth, told, 10.0)
+    of = identities.match_places(truth, told, 10.0)
     assert sorted(of["frame"].unique()) == [k for k in range(20) if not 8 <= k <= 10]
-    assert not len(identities.switches(of))
+    assert not len(identities.identity_switches(of))
 
 
 def test_shares_are_of_all_fish_and_frames(two_fish):
     told = two_fish[two_fish["frame"] < 15].assign(
         animal=lambda t: t["animal"] + (t["frame"] > 9) * 2
     )
-    row = identities.summarize_program(told, 2, 20, identities.matches(two_fish, told, 10.0))
+    row = identities.summarize_program(told, 2, 20, identities.match_places(two_fish, told, 10.0))
     assert row == {
         "animals": 4, "fish_frames_pct": 75.0, "fish_frames_of_most_pct": 50.0, "switches": 2,
         "same_animal_pct": 50.0,
@@ -145,7 +145,7 @@ def test_shares_are_of_all_fish_and_frames(two_fish):
 @pytest.mark.parametrize("succeeds", [True, False])
 def test_a_program_has_succeeded_where_it_made_trajectories(tmp_path, succeeds):
     """Its status is 1 in both cases."""
-    program = identities.command(tmp_path / "environment")
+    program = identities.tracker_command(tmp_path / "environment")
     program.parent.mkdir(parents=True)
     home = "session_film/trajectories"
     made = f"mkdir -p {home}; cp ../places.npy {home}/trajectories.npy"
@@ -155,11 +155,11 @@ def test_a_program_has_succeeded_where_it_made_trajectories(tmp_path, succeeds):
     (folder := tmp_path / "made").mkdir()
     film = identities.Film(tmp_path / "film.avi", [], 2, (0, 0, 40, 30), 130, 100)
     if succeeds:
-        told = identities.idtracker(film, folder, tmp_path / "environment", [])
+        told = identities.track_by_idtracker(film, folder, tmp_path / "environment", [])
         assert len(told) == 10 and (told["x_px"] == 20).all()
     else:
         with pytest.raises(SystemExit, match="made no trajectories"):
-            identities.idtracker(film, folder, tmp_path / "environment", [])
+            identities.track_by_idtracker(film, folder, tmp_path / "environment", [])
 
 
 def test_rows_are_kept_beside_those_of_other_films(tmp_path, monkeypatch):
@@ -177,8 +177,8 @@ def test_rows_are_kept_beside_those_of_other_films(tmp_path, monkeypatch):
 
 def test_time_that_grows_as_n_to_the_k_has_that_exponent():
     n = pd.Series([1e4, 1e5, 1e6])
-    assert scale.exponent(n, 3e-4 * n**1.5) == pytest.approx(1.5)
-    assert 1 < scale.exponent(n, n * n.map(math.log)) < 1.1
+    assert scale.growth_exponent(n, 3e-4 * n**1.5) == pytest.approx(1.5)
+    assert 1 < scale.growth_exponent(n, n * n.map(math.log)) < 1.1
 
 
 def test_a_stage_that_has_figures_is_not_run_again(tmp_path, monkeypatch):
@@ -189,7 +189,7 @@ def test_a_stage_that_has_figures_is_not_run_again(tmp_path, monkeypatch):
         return {"seconds": 1.5}
 
     monkeypatch.setattr(scale, "measure_stage", measure_stage)
-    assert [scale.figures(tmp_path, "jumps") for _ in range(2)] == [{"seconds": 1.5}] * 2
+    assert [scale.stage_figures(tmp_path, "jumps") for _ in range(2)] == [{"seconds": 1.5}] * 2
     assert runs == ["jumps"]
 
 
@@ -198,8 +198,8 @@ def test_time_after_extraction_is_that_of_the_stages_and_disk_that_of_all():
     table = pd.DataFrame(rows, columns=["stage", "seconds", "disk_gib"])
     table = table.assign(pictures=100, processor_s=table["seconds"], memory_gib=table["seconds"])
     table.loc[0, ["processor_s", "memory_gib"]] = float("nan")
-    (row,) = scale.whole(table).to_dict("records")
+    (row,) = scale.sum_stages(table).to_dict("records")
     assert (row["seconds"], row["processor_s"], row["memory_gib"]) == (5, 5, 3)
     assert row["disk_gib"] == 10.5 and row["stage"] == scale.TOGETHER
     table.loc[table["stage"] == "pose", "processor_s"] = math.nan
-    assert math.isnan(scale.whole(table)["processor_s"].item())  # not the sum of the others
+    assert math.isnan(scale.sum_stages(table)["processor_s"].item())  # not the sum of the others

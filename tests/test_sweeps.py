@@ -13,7 +13,7 @@ from tiny_run import STAGES, TinyRun, link_given
 
 import stages.forecast
 import stages.modes.matching
-from benchmarks.pipeline import with_those_before
+from benchmarks.pipeline import with_dependencies
 from finloop.edit.modes import MODES
 from finloop.io.numbers import load_numbers
 from finloop.modes.matching import NothingToUse
@@ -74,11 +74,11 @@ def stages_that_follow(group: str, measures: list[str]) -> list[str]:
     modes = {one.partition(".")[2].partition("_")[0] for one in measures}
     ends = [f"modes-{mode}" for mode in MODES if mode in modes]
     ends += measured - set(LAST)
-    wanted = [*with_those_before(ends), *(word for word in LAST if word in measured)]
+    wanted = [*with_dependencies(ends), *(word for word in LAST if word in measured)]
     found: list[str] = []
     for word in wanted:
         reads = any(str(one).partition(".")[0] == group for one in STAGES[word].get("params", []))
-        if reads or any(one in with_those_before([word]) for one in found):
+        if reads or any(one in with_dependencies([word]) for one in found):
             found.append(word)
     return found
 

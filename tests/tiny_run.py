@@ -14,7 +14,7 @@ import yaml
 from conftest import ROOT, TINY_CARP
 from scratch import prepare
 
-from benchmarks.pipeline import paths, with_those_before
+from benchmarks.pipeline import with_dependencies, written_paths
 from stages.code import stage_module
 
 PIPELINE: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text())
@@ -24,8 +24,8 @@ GIVEN = ("benchmarks", "data/drawings", "data/gaits")  # what stages read and no
 
 def pipeline_of(words: Iterable[str]) -> str:
     """dvc.yaml of these stages and all that they wait for, alone."""
-    stages = {one: STAGES[one] for one in with_those_before(words)}
-    made = set().union(*map(paths, stages.values()))
+    stages = {one: STAGES[one] for one in with_dependencies(words)}
+    made = set().union(*map(written_paths, stages.values()))
     shown = [
         plot for plot in PIPELINE["plots"]
         if set([plot] if isinstance(plot, str) else next(iter(plot.values()))["y"]) <= made
@@ -53,12 +53,12 @@ class TinyRun:
 
     def bring(self, to: Path, words: Iterable[str]) -> None:
         """Copy what `words` and all stages before them make; run those that have not run yet."""
-        wanted = with_those_before(words)
+        wanted = with_dependencies(words)
         self.folder.mkdir(exist_ok=True)
         self._once("params.yaml", self._prepare)
         for word in wanted:
             self._once(word, partial(self._run, word))
-        for out in sorted(set().union(*(paths(STAGES[one]) for one in wanted))):
+        for out in sorted(set().union(*(written_paths(STAGES[one]) for one in wanted))):
             (to / out).parent.mkdir(parents=True, exist_ok=True)
             made = self.folder / out
             if made.is_dir():

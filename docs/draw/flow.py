@@ -7,7 +7,7 @@ from xml.sax.saxutils import escape
 import networkx as nx
 import yaml
 
-from benchmarks.pipeline import makes_data, paths, reads
+from benchmarks.pipeline import does_make_data, does_read, written_paths
 
 BOX, GAP, MARGIN = (92, 34), (36, 18), 4  # px: of a box, between boxes, around all
 MODES = "modes-…"  # the stages of all modes, in one box
@@ -51,7 +51,7 @@ def _reads(dep: str, out: str) -> bool:
     if "${" in dep:
         pattern = r"[^/.]+".join(map(re.escape, re.split(r"\$\{[^}]*\}", dep)))
         return not dep.endswith("}") and bool(re.fullmatch(pattern, out))
-    return reads(dep, out)
+    return does_read(dep, out)
 
 
 def flow(dvc_yaml: str) -> nx.DiGraph:
@@ -61,10 +61,10 @@ def flow(dvc_yaml: str) -> nx.DiGraph:
     and the stages `plots-…`, which only draw, have no box.
     """
     stages = yaml.safe_load(dvc_yaml)["stages"]
-    stages = {name: stage for name, stage in stages.items() if makes_data(name)}
+    stages = {name: stage for name, stage in stages.items() if does_make_data(name)}
     graph = nx.DiGraph()
     graph.add_nodes_from(map(_box, stages))
-    homes = {out: _box(name) for name, stage in stages.items() for out in paths(stage)}
+    homes = {out: _box(name) for name, stage in stages.items() for out in written_paths(stage)}
     for name, stage in stages.items():
         for dep in stage.get("deps", []):
             for out, home in homes.items():

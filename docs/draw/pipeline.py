@@ -9,7 +9,7 @@ from pathlib import Path
 
 import yaml
 
-from benchmarks.pipeline import ROOT, prepare
+from benchmarks.pipeline import ROOT, prepare_folder
 from stages.code import stage_module
 
 ENV = os.environ | {"PYTHONPATH": str(ROOT)}  # the program is not installed
@@ -25,7 +25,7 @@ def run(folder: Path, values: Sequence[str], words: Sequence[str] = ()) -> None:
             shutil.copytree(ROOT / name, there, dirs_exist_ok=True)
         else:
             shutil.copy2(ROOT / name, there)
-    prepare(folder, values)
+    prepare_folder(folder, values)
     stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
     for word in words or stages:
         print(f"docs: stage {word}", file=sys.stderr)
