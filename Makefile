@@ -37,7 +37,7 @@ demo: display setup ## fetch the zebrafish clip, run the pipeline on it, say wha
 	@echo "                                       each mode, in colours by what is shown"
 	@echo "  reports/render/switches.png          mode hybrid between film and sprites, tick by tick"
 	@echo "  reports/loops/fig11.png              the position table of the video loops"
-	@echo "  reports/animate/measures.csv         the measures of all modes, beside the film's own"
+	@echo "  data/animate/beside/measures.csv         the measures of all modes, beside the film's own"
 	@echo "  reports/sprites/contact_sheet.png    the frames that network and hybrid show"
 	@echo "  reports/features/contact_sheet.png   the fish, with what was found in them"
 	@echo "  reports/features/metrics.json        the numbers (dvc metrics show)"

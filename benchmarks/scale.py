@@ -128,7 +128,7 @@ def stage_figures(folder: Path, stage_name: str) -> dict[str, float]:
 def measure_quality(folder: Path) -> dict[str, float]:
     """Return recall, goals reached, ticks planned and the size of a cut-out."""
     numbers = dict[str, float]()
-    if (report := folder / "reports/animate/measures.csv").exists():
+    if (report := folder / "data/animate/beside/measures.csv").exists():
         measures = pd.read_csv(report, index_col="measure").drop(columns="film")
         goals = measures.loc["trials_goals_reached_pct"].astype(float)
         numbers |= goals.add_suffix("_goals_pct").to_dict()

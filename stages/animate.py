@@ -102,29 +102,28 @@ def find_doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Compare the animations of all modes with the film; write tables to reports/animate/.
-
-    The motion of film and modes goes to data/animate/beside/.
-    """
+    """Compare the animations of all modes with the film; write tables and metrics of them."""
     with Project() as project:
         features = project.features
         motion = learn_motion(features, project.rate_hz, infer_delta_frames(features))
         film_motion = measures.motion_of_film(features, motion)
         numbers = {mode: _load_mode_numbers(mode) for mode in _played_modes()}
         film = _measure_film(project, motion, film_motion)
-        save_csv(REPORT / "company.csv", compare_schools(project), decimals=3)
+        schools = compare_schools(project)
     parts = [measures.kinematics_table({measures.FILM_MOTION: film_motion})]
     for mode in numbers:
         parts.append(load_table(ANIMATE / mode / "motion.parquet", measures.KINEMATICS))
     with whole_folder(OUT) as folder:
         together = pd.concat(parts, ignore_index=True)
         save_table(folder / "kinematics.parquet", together, measures.KINEMATICS)
-    left = ANIMATE / "matching/left.parquet"
-    lost = load_table(left, path_measures.LEFT) if left.exists() else path_measures.LEFT.empty()
-    save_csv(REPORT / "left.csv", lost, decimals=3)
-    beside = pd.DataFrame({**numbers, "film": film}).rename_axis("measure").reset_index()
-    save_csv(REPORT / "measures.csv", beside, decimals=3)
-    save_csv(REPORT / "doubts.csv", find_doubts(numbers), decimals=3)
+        left = ANIMATE / "matching/left.parquet"
+        lost = load_table(left, path_measures.LEFT) if left.exists() else path_measures.LEFT.empty()
+        beside = pd.DataFrame({**numbers, "film": film}).rename_axis("measure").reset_index()
+        tables = {
+            "company": schools, "left": lost, "measures": beside, "doubts": find_doubts(numbers),
+        }  # fmt: skip
+        for name, table in tables.items():
+            save_csv(folder / f"{name}.csv", table, decimals=3)
     beside_film = numbers | {"film": film}
     save_metrics(REPORT / "metrics.json", {
         f"{mode}_{name}": value

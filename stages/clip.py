@@ -27,7 +27,7 @@ from stages.settings import load_settings
 
 CLIP = Path("data/clip")
 KEPT = Path("data/.clip.films")  # what was made of each film; DVC does not remove it
-METRICS, FINDINGS = Path("reports/clip/metrics.json"), Path("reports/clip/findings.csv")
+METRICS, FINDINGS = Path("reports/clip/metrics.json"), Path("data/clip/findings.csv")
 FACTS = (  # among the metrics
     "frames", "width_px", "height_px", "frame_rate_hz", "frames_repeated", "frames_dropped",
     "frames_missing",
@@ -98,7 +98,7 @@ def _write_clip(
 
 
 def _report_findings(metrics: dict[str, float]) -> None:
-    """Write what is doubtful in the films to reports/clip/findings.csv, and print it on stderr."""
+    """Write what is doubtful in the films to data/clip/findings.csv, and print it on stderr."""
     rows = []
     for name, _ in list_film_folders(CLIP):
         prefix = f"{name}_" if name else ""  # of several films

@@ -60,7 +60,7 @@ def main() -> None:
             films = [_film_row(FilmContribution(name, rows, tracks, FishScaling()))]
     remove_folders_except(PIECES, [])
     save_metrics(REPORT / "metrics.json", numbers)
-    save_csv(REPORT / "films.csv", pd.DataFrame(films), decimals=3)
+    save_csv(EXTRACT / "films.csv", pd.DataFrame(films), decimals=3)
 
 
 def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:

@@ -250,7 +250,7 @@ def _swimmer_gait(p: GaitSettings, swimmer: GaitFit | None) -> Gait:
         raise FinloopError(
             "gait.swimmer_gait is null, and no track of the clip has an outline that repeats",
             "a clip with a steady tail beat, or the path of a gait",
-            "see reports/gait/tracks.csv, or set gait.swimmer_gait=data/gaits/trout.json",
+            "see data/gait/tracks.csv, or set gait.swimmer_gait=data/gaits/trout.json",
         )
     return swimmer.gait
 
@@ -261,7 +261,7 @@ def main() -> None:
     with whole_folder(OUT) as folder:
         walker, pictures = _fit_limbs(p, folder)  # first: most user input, and so most errors
         swimmer, tracks = fit_outlines(p)
-        save_csv(REPORT / "tracks.csv", tracks, decimals=4)
+        save_csv(folder / "tracks.csv", tracks, decimals=4)
         fish = _swimmer_gait(p, swimmer)
         fits = {"limbs": walker} | ({"outline": swimmer} if swimmer else {})
         numbers: dict[str, float] = {
@@ -290,10 +290,10 @@ def main() -> None:
             advance()
             numbers |= _animate_drawing("fish", p.swimmer_drawings, fish, p, folder)
             advance()
-    save_csv(REPORT / "gamma.csv", pd.concat(tables.values(), ignore_index=True), decimals=4)
-    for name in ("by_contour", "by_scale"):
-        parts = [getattr(fit.errors, name).assign(film=film) for film, fit in fits.items()]
-        save_csv(REPORT / f"{name}.csv", pd.concat(parts, ignore_index=True), decimals=5)
+        save_csv(folder / "gamma.csv", pd.concat(tables.values(), ignore_index=True), decimals=4)
+        for name in ("by_contour", "by_scale"):
+            parts = [getattr(fit.errors, name).assign(film=film) for film, fit in fits.items()]
+            save_csv(folder / f"{name}.csv", pd.concat(parts, ignore_index=True), decimals=5)
     save_metrics(REPORT / "metrics.json", numbers)
 
 

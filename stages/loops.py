@@ -38,13 +38,13 @@ def _write_empty_tables(none: NoLoopsError) -> None:
     with whole_folder(FOLDER) as folder:
         save_table(folder / "loops.parquet", LOOPS.empty(), LOOPS)
         (folder / "none.txt").write_text(str(none), encoding="utf-8")
-    for name in ("position_table", "routes"):
-        save_bytes(REPORT / f"{name}.csv", b"\n")
+        for name in ("position_table", "routes"):
+            save_bytes(folder / f"{name}.csv", b"\n")
     save_metrics(REPORT / "metrics.json", {"loops": 0, "ends": 0, "endless_film_pct": 0.0})
 
 
 def main() -> None:
-    """Find the video loops; write data/loops/, and tables and metrics to reports/loops/."""
+    """Find the video loops; write data/loops/, and metrics to reports/loops/."""
     settings: LoopsSettings = load_settings("loops")
     project = Project()
     features, facts = project.features, project.map_facts
@@ -61,11 +61,11 @@ def main() -> None:
         save_table(folder / "loops.parquet", loops, LOOPS)
 
     table = position_table(choose_table_ends(graph.ends, track), features)
-    save_bytes(REPORT / "position_table.csv", table.to_csv(lineterminator="\n").encode())
+    save_bytes(FOLDER / "position_table.csv", table.to_csv(lineterminator="\n").encode())
     jump_frames = least_loop_frames(infer_delta_frames(features), settings)
     largest = np.flatnonzero(graph.component == 0).tolist()
     ways = find_routes(graph, largest[-1], largest[0], WAYS, jump_frames=jump_frames)
-    save_csv(REPORT / "routes.csv", route_table(ways, graph, features, step), decimals=3)
+    save_csv(FOLDER / "routes.csv", route_table(ways, graph, features, step), decimals=3)
     compared = find_map_rows(features, project.step_distances)
     metrics = loop_metrics(loops, counts, graph, features, facts, compared)
     save_metrics(REPORT / "metrics.json", metrics)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from finloop.base.drawing import Morph
 from finloop.curve.contour import Curve, resample_curve, signed_area
 from finloop.curve.dynamics import Material, Problem, SolverOptions, solve_motion, total_energy
 from finloop.curve.glyph import glyph_outlines
@@ -110,11 +111,20 @@ def _draw_curves(p: MorphSettings) -> dict[str, float]:
     }
 
 
+def _fold_table(morphs: dict[str, Morph]) -> pd.DataFrame:
+    """Return for each method and contour the frames in which the contour crosses itself."""
+    return pd.DataFrame(
+        {"method": method, "contour": name, "frames_that_fold": int((count > 0).sum()),
+         "folds": int(count.sum()), "proved_between_frames": result.continuous[name]}
+        for method, result in morphs.items()
+        for name, count in result.folds.items()
+    )  # fmt: skip
+
+
 def main() -> None:
-    """Morph a drawing into another; write data/morph/, and figures and tables to reports/morph/."""
+    """Morph a drawing into another; write data/morph/, and figures to reports/morph/."""
     p: MorphSettings = load_settings("morph")
     numbers = _draw_curves(p) | _release_hoop(p)
-    save_csv(REPORT / "connection.csv", _connection_tables(), decimals=DECIMALS, exact=True)
     drawings = load_svg(Path(p.first_drawing)), load_svg(Path(p.last_drawing))
     scales = LinearOptions(p.linear_level, p.wavelet)
     own = PhysicalOptions(p.elasticity, p.damping, p.mass)
@@ -131,19 +141,15 @@ def main() -> None:
             for ending in ENDINGS:
                 save_animation(folder / f"{p.method}{ending}", film, rate, p.size_px)
                 advance()
+            tables = _connection_tables()
+            save_csv(folder / "connection.csv", tables, decimals=DECIMALS, exact=True)
+            save_csv(folder / "folds.csv", _fold_table(morphs), decimals=0)
     save_picture(REPORT / "fig4.png", draw_morphs(morphs))
     swings = {
         name: morph_drawings(*drawings, "physical", p.frames, p.contour_points, physics=physics)
         for name, physics in SETTINGS.items()
     }
     save_picture(REPORT / "fig5.png", draw_morphs({"linear": morphs["linear"]} | swings))
-    folds = [
-        {"method": method, "contour": name, "frames_that_fold": int((count > 0).sum()),
-         "folds": int(count.sum()), "proved_between_frames": result.continuous[name]}
-        for method, result in morphs.items()
-        for name, count in result.folds.items()
-    ]  # fmt: skip
-    save_csv(REPORT / "folds.csv", pd.DataFrame(folds), decimals=0)
     for method, result in morphs.items():
         folded = sum(bool(count.any()) for count in result.folds.values())
         numbers[f"{method}_contours_that_fold"] = folded

@@ -44,22 +44,22 @@ SOURCES = {
     "carp": ("A drawn carp", "The program draws the carp; both are under the MIT licence."),
     "file": ("Own footage", "The footage stays its authors'. The program's licence is MIT."),
 }
-TANK = Path("data/tank/tank.html")
+TANK, BESIDE = Path("data/tank/tank.html"), Path("data/animate/beside")
 TABLES = {  # by chapter
     "filmed": (
-        ("extract/films.csv", "The films, and how their fish are matched to the first film's"),
-        ("features/table1.csv", "Table 1: the film's fish in every orientation"),
-        ("sprites/table1_after.csv", "Table 1 after synthesis: the sprites"),
+        ("data/extract/films.csv", "The films, and how their fish are matched to the first film's"),
+        ("reports/features/table1.csv", "Table 1: the film's fish in every orientation"),
+        ("data/sprites/table1_after.csv", "Table 1 after synthesis: the sprites"),
     ),
     "swimming": (
-        ("realism/auc.csv", "Distinguishable from film: AUC, and loss without a channel"),
+        ("reports/realism/auc.csv", "Distinguishable from film: AUC, and loss without a channel"),
     ),
     "curves": (
-        ("morph/connection.csv", "Tables 1, 2 of the curve paper: connection coefficients"),
-        ("morph/folds.csv", "Frames in which a contour crosses itself"),
+        ("data/morph/connection.csv", "Tables 1, 2 of the curve paper: connection coefficients"),
+        ("data/morph/folds.csv", "Frames in which a contour crosses itself"),
     ),
-    "gait": (("gait/gamma.csv", "γ and the unexplained rest"),),
-    "checks": (("clip/findings.csv", "Quality of the film, with advice"),),
+    "gait": (("data/gait/gamma.csv", "γ and the unexplained rest"),),
+    "checks": (("data/clip/findings.csv", "Quality of the film, with advice"),),
 }
 
 
@@ -80,7 +80,7 @@ def _sections(
         tables = [
             table_of_data_frame(pd.read_csv(path), caption)
             for name, caption in TABLES.get(chapter.id, ())
-            if (path := REPORTS / name).is_file()
+            if (path := Path(name)).is_file()
         ]
         if pictures:
             yield chapter, pictures, tables
@@ -149,10 +149,8 @@ def main() -> None:
         "poster": encode_webp(poster, p.max_picture_width_px, p.picture_quality),
         "film_text": _describe_animation(mode, film_path == marked_film),
         "headline": mode_headline_numbers(numbers["animate"] | numbers["realism"], mode),
-        "doubts": table_of_data_frame(
-            pd.read_csv(REPORTS / "animate/doubts.csv"), "What is doubtful"
-        ),
-        "measures": measures_table(pd.read_csv(REPORTS / "animate/measures.csv")),
+        "doubts": table_of_data_frame(pd.read_csv(BESIDE / "doubts.csv"), "What is doubtful"),
+        "measures": measures_table(pd.read_csv(BESIDE / "measures.csv")),
         "sections": chapters,
         "table_2": table_of_data_frame(pd.read_csv(TIMES), TIMES_TITLE, 3),
         "tank": f"../{TANK.as_posix()}" if TANK.is_file() else "",

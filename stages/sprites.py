@@ -101,8 +101,8 @@ def main() -> None:
         choices["slide"], table, delta, settings
     )
     _report_stand_ins(choices, still)
-    save_csv(REPORT / "table1_after.csv", sprite_orientation_table(sprites, features), decimals=3)
-    save_csv(REPORT / "faults.csv", fault_table(choices), decimals=3)
+    save_csv(FOLDER / "table1_after.csv", sprite_orientation_table(sprites, features), decimals=3)
+    save_csv(FOLDER / "faults.csv", fault_table(choices), decimals=3)
     save_metrics(
         REPORT / "metrics.json",
         sprite_metrics(sprites, table, features, facts.frames, rate_hz)

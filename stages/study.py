@@ -46,7 +46,7 @@ PICTURES = {
     "what was found in the film": "reports/extract/detections.png",
     "the route of mode hybrid": "reports/render/hybrid.png",
 }
-REPORT, FINDINGS = "reports/index.html", "reports/clip/findings.csv"
+REPORT, FINDINGS = "reports/index.html", "data/clip/findings.csv"
 NAME = re.compile(r"[\w-]+")
 EXAMPLE = "films: {mouse: /films/mouse.mp4, carp: {clip: carp, clip.frames: 600}}"
 Overrides = list[str]

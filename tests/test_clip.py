@@ -825,7 +825,15 @@ def test_own_film_runs_through(run_stage, avi, capsys):
         "file", path=str(avi), start_s=0.4, correct_light="never", arena=(30, 20, 15)
     )
     facts = load_facts(stage.CLIP / "facts.json")
-    made = {"clip.mp4", "facts.json", "arena.png", "frames.parquet", "check.parquet", "tank.png"}
+    made = {
+        "clip.mp4",
+        "facts.json",
+        "arena.png",
+        "frames.parquet",
+        "check.parquet",
+        "tank.png",
+        "findings.csv",
+    }
     assert artifact(stage.CLIP) == made
     shown = load_table(stage.CLIP / "frames.parquet", FRAMES)
     assert shown["source_frame"].tolist() == list(range(10, 50))

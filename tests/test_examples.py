@@ -92,7 +92,7 @@ def test_the_ten_lines_make_what_the_stages_make(animate_run, tiny, tmp_path, mo
 @pytest.mark.parametrize("sides", [1, 2])
 def test_a_forecast_has_mirror_images_if_the_jumps_have(sides):
     features, codes = random_swimmer(count=400)
-    poses = SimpleNamespace(codes=codes, shapes=SimpleNamespace(mirror=MIRROR))
+    poses = SimpleNamespace(codes=codes, shapes=SimpleNamespace(mirror_matrix=MIRROR))
     look = np.zeros((sides * len(features), 1), np.float32)
     jumps = FilmJumps(pd.DataFrame(), look, unseen, {})
     forecast = verbs.train_forecast(features, poses, jumps, RATE, epochs=1, hidden_units=4)

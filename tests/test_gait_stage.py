@@ -93,6 +93,9 @@ def no_figures(monkeypatch) -> None:
 gait_run = stage_run("gait")
 
 
+TABLES = {"by_contour.csv", "by_scale.csv", "gamma.csv", "tracks.csv"}
+
+
 def drawings() -> set[str]:
     return {f"{n}{e}" for n in ("dog", "fish") for e in (".svg", ".webp", ".mp4", ".lottie.json")}
 
@@ -106,7 +109,11 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(gait_run, folder):
     for out in named:
         assert (folder / out).exists(), out
     made_here = {path.name for path in (folder / "data/gait").iterdir()}
-    assert made_here - {"outline.json"} == drawings() | {"dog_film.mp4", "regions", "limbs.json"}
+    assert made_here - {"outline.json"} == drawings() | TABLES | {
+        "dog_film.mp4",
+        "regions",
+        "limbs.json",
+    }
     for number in range(8, 15):
         assert load_picture(folder / f"reports/gait/limbs/fig{number}.png").std() > 5
     numbers = load_numbers(folder / "reports/gait")
@@ -129,14 +136,19 @@ def test_of_two_fish_the_one_that_beats_its_tail_has_a_gait(folder, monkeypatch)
     put_fish(folder, True, False)
     stages.gait.main()
     made_here = {path.name for path in (folder / "data/gait").iterdir()}
-    assert made_here == drawings() | {"dog_film.mp4", "regions", "limbs.json", "outline.json"}
+    assert made_here == drawings() | TABLES | {
+        "dog_film.mp4",
+        "regions",
+        "limbs.json",
+        "outline.json",
+    }
     figures_here = {path.name for path in (folder / "reports/gait/outline").iterdir()}
     assert figures_here == {f"fig{number}.png" for number in range(8, 15)}
     numbers = load_numbers(folder / "reports/gait")
     assert (numbers["tracks"], numbers["tracks_that_repeat"]) == (2, 1)
     assert numbers["outline_frequency_hz"] == pytest.approx(BEAT_HZ, rel=0.01)
     assert numbers["outline_rms_gamma_pct"] < min(2.0, numbers["outline_rms_linear_pct"])
-    tracks = pd.read_csv(folder / "reports/gait/tracks.csv")
+    tracks = pd.read_csv(folder / "data/gait/tracks.csv")
     assert tracks["why_not"].notna().tolist() == [False, True]
     assert load_gait(folder / "data/gait/outline.json").symmetry == "mirror"
 

@@ -296,7 +296,7 @@ def test_a_film_without_a_fish_is_left_out_unless_it_is_the_first(tmp_path, monk
     run(tmp_path, monkeypatch)
     assert set(table_of(tmp_path)["frame"] // FRAMES) == {0}
     assert "2.mp4 is left out" in capsys.readouterr().err
-    told = pd.read_csv(tmp_path / "reports/extract/films.csv", dtype={"film": str})
+    told = pd.read_csv(tmp_path / "data/extract/films.csv", dtype={"film": str})
     assert told["film"].tolist() == ["1", "2"]
     assert "fish" in told["left_out_because"][1]
     put_film(tmp_path / "films/0.mp4", noise)

@@ -450,12 +450,14 @@ def test_all_stages_take_several_fish(folder, monkeypatch, no_drawing):
     assert list(table["fish"].value_counts(sort=False)) == [ticks] * 3
     for stage in (stages.plots.animate, stages.render, stages.plots.render, stages.export):
         stage.main()
-    measures = pd.read_csv(folder / "reports/animate/measures.csv", index_col="measure")["matching"]
+    measures = pd.read_csv(folder / "data/animate/beside/measures.csv", index_col="measure")[
+        "matching"
+    ]
     assert measures["overlapping_pairs_per_1000_ticks"] == 0
     assert measures["trials_overlapping_pairs_per_1000_ticks"] == 0
     assert measures["nearest_median_body_lengths"] > 0
     assert load_numbers(folder / "reports/render")["frames"] == ticks
-    company = pd.read_csv(folder / "reports/animate/company.csv")
+    company = pd.read_csv(folder / "data/animate/beside/company.csv")
     assert set(company["shoal"]) == {"first_half", "matching"}
     assert set(company["measure"]) == {"wall_distance"}  # the film has one fish
     listed = pd.read_csv(folder / "data/export/matching.csv")
@@ -483,7 +485,8 @@ def test_paths_of_several_fish_are_measured_and_drawn_one_by_one(folder, tmp_pat
     )
     report = tmp_path / "report"
     report.mkdir()
-    left.to_csv(report / "left.csv", index=False)
+    left.to_csv(tmp_path / "left.csv", index=False)
+    monkeypatch.setattr(stages.plots.animate, "LEFT", tmp_path / "left.csv")
     (report / "numbers.csv").write_text((folder / "reports/animate/numbers.csv").read_text())
     monkeypatch.setattr(stages.plots.animate, "PATH", tmp_path / "path.parquet")
     monkeypatch.setattr(stages.plots.animate, "REPORT", report)

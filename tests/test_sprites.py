@@ -860,7 +860,8 @@ def test_stage_writes_sprites_atlas_and_reports(work, sprites, pictures, capsys)
     stages.sprites.main()
     stages.plots.sprites.main()
     assert sorted(p.name for p in (work / "data/sprites").iterdir()) == [
-        "atlas-0.json", "atlas-0.png", "sprites.arrow", "sprites.parquet",
+        "atlas-0.json", "atlas-0.png", "faults.csv", "sprites.arrow", "sprites.parquet",
+        "table1_after.csv",
     ]  # fmt: skip
     back = load_table(work / "data/sprites/sprites.parquet", SPRITES)
     assert list(back["frame"]) == list(sprites["frame"])
@@ -871,7 +872,7 @@ def test_stage_writes_sprites_atlas_and_reports(work, sprites, pictures, capsys)
     assert metrics["orientations_with_all_types_after"] == ORIENTATIONS
     assert metrics["mirrored_turns"] == metrics["slide_stands_in"] == 0
     assert load_picture(work / "reports/sprites/contact_sheet.png").ndim == 3
-    assert len(pd.read_csv(work / "reports/sprites/table1_after.csv")) == ORIENTATIONS
+    assert len(pd.read_csv(work / "data/sprites/table1_after.csv")) == ORIENTATIONS
     said = capsys.readouterr().err
     assert "mirrored" not in said and "glide" not in said
     first = content(work / "data/sprites")

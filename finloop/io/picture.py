@@ -46,5 +46,12 @@ def save_figure(path: Path, figure: "Figure") -> None:
     for axes in figure.axes:
         if not axes.axison:  # hidden ticks would still be laid out, in half of the time
             axes.set(xticks=[], yticks=[])
+    if (engine := figure.get_layout_engine()) is not None:
+        # Its solver's last bits differ from run to run, and decide how lines are drawn.
+        figure.set_dpi(110)
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+        for axes in figure.axes:
+            axes.set_position(np.round(axes.get_position(original=True).bounds, 5))
     with whole_file(path) as part:
         figure.savefig(part, dpi=110, metadata={"Software": None})

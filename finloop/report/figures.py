@@ -74,7 +74,7 @@ SWIM = Chapter(
                "in each state."),
         Figure("animate/path/path.png", "", "The requested path and the path of the fish",
                "At rings, and stripes on the right, the fish has left the path; "
-               "reports/animate/left.csv has each cause.",
+               "data/animate/beside/left.csv has each cause.",
                "The tank from above with the requested path and the path of mode matching; curves "
                "of the error along them."),
         Figure("retarget/pictures/backbones.png", "", "Motion of another animal",

@@ -12,7 +12,7 @@ MODES = {**{name: facts.title for name, facts in ALL_MODES.items()}, "film": "Fi
 
 
 class Measure(NamedTuple):
-    """A measure that the report shows: its row in `reports/animate/measures.csv`, and its texts.
+    """A measure that the report shows: its row in data/animate/beside/measures.csv, and its texts.
 
     words: the name on the page. unit: "" for a plain number. good: the target range as text, ""
     where there is none.
@@ -95,7 +95,7 @@ def format_number(value: Any, digits: int = 3) -> str:
 def measures_table(measures: pd.DataFrame) -> Table:
     """Return the table "Animation beside film": a row per measure, a column per mode and film.
 
-    measures: content of `reports/animate/measures.csv`.
+    measures: content of `data/animate/beside/measures.csv`.
     """
     measures = measures.set_index("measure")
     for key in ("speed", "turn_rate"):  # the difference of the film's halves is the yardstick

@@ -17,6 +17,7 @@ from finloop.plots.path import draw_path
 from finloop.project import Project
 
 DATA, REPORT = Path("data/animate"), Path("reports/animate")
+LEFT = DATA / "beside/left.csv"
 PATH = DATA / "matching/path.parquet"
 
 
@@ -30,7 +31,7 @@ def main() -> None:
     save_figure(REPORT / "kinematics.png", draw_kinematics(table, numbers))
     with whole_folder(REPORT / "path") as folder:
         if (PATH).exists():
-            paths, left = load_table(PATH, PATH_ROWS), pd.read_csv(REPORT / "left.csv")
+            paths, left = load_table(PATH, PATH_ROWS), pd.read_csv(LEFT)
             background = Project().background
             for fish, way in paths.groupby("fish"):
                 name = "path.png" if fish == paths["fish"].min() else f"path-{fish + 1}.png"
