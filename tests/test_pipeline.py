@@ -452,6 +452,36 @@ def test_a_run_stopped_again_and_again_goes_on_to_the_same_end(front: Copy):
     assert "Running stage" not in text and lock(front) == wanted
 
 
+# --- sharing
+
+
+def test_a_colleague_gets_results_and_experiments_and_runs_nothing(front: Copy, tmp_path: Path):
+    """By two remotes: a bare repository of Git, and a folder of DVC."""
+    git_remote, clone = str(tmp_path / "git"), tmp_path / "clone"
+    front.git("init", "--quiet", "--bare", git_remote)
+    front.dvc("remote", "add", "--default", "lab", str(tmp_path / "dvc"))
+    front.git("commit", "--quiet", "--all", "--message", "the lab's remote")
+    front.dvc("push", "--run-cache")
+    front.git("push", "--quiet", git_remote, "HEAD:refs/heads/main")
+    changes = overrides("features.turn_end_threshold=0.8")
+    front.dvc("exp", "run", "--name", "shared", *changes, "features")
+    front.dvc("exp", "push", git_remote, "shared")
+    front.git("clone", "--quiet", "--branch", "main", git_remote, str(clone))
+    site = {"DVC_SITE_CACHE_DIR": str(tmp_path / "site")}
+    colleague = Copy(clone, front.env | site, front.kept)
+    colleague.git("config", "user.name", "colleague")
+    colleague.git("config", "user.email", "colleague@example.org")
+    colleague.dvc("pull", "--run-cache")
+    assert "Running stage" not in colleague.dvc("repro")
+    colleague.dvc("exp", "pull", "--no-cache", "origin", "shared")
+    assert "Checkout failed" in colleague.dvc("exp", "apply", "shared", fails=True)
+    colleague.git("reset", "--quiet", "--hard")
+    colleague.dvc("exp", "pull", "origin", "shared")
+    colleague.dvc("exp", "apply", "shared")
+    assert "up to date" in colleague.dvc("status", "features")
+    assert "turn_end_threshold: 0.8" in colleague.text("params.yaml")
+
+
 # --- sweeps and pull requests
 
 
