@@ -35,13 +35,14 @@ FACTS = (  # among the metrics
 
 
 def main() -> None:
-    """Make the normalised clip of the film; write data/clip/, and findings to reports/clip/."""
+    """Make the normalised clip of the film; write data/clip/, and metrics to reports/clip/."""
     p: ClipSettings = load_settings("clip")
     films = drop_repeated_films(settings_of_films(p)) if isinstance(p, FootageSettings) else []
     with whole_folder(CLIP) as folder:
         if len(films) > 1:
             numbers = _write_clips(films, folder)
         else:
+            remove_folders_except(KEPT, [])
             p = films[0] if films else p
             numbers = _write_clip(p, open_clip_source(p), folder, report_progress)
     save_metrics(METRICS, numbers)
@@ -125,7 +126,7 @@ def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]
                 key = {"clip": asdict(p), "code": code, "film": read_file_stamps(path)}
                 make = partial(_write_clip, p, source, watch=lambda *_: nullcontext(lambda: None))
                 used.append(key_digest(key))
-                of_film = reuse_or_make(KEPT, folder / home, key, make)
+                of_film = reuse_or_make(KEPT / used[-1], folder / home, make)
                 numbers |= {f"{name}_{key}": value for key, value in of_film.items()}
             except FinloopError as error:
                 print(f"finloop: WARNING: {name} is left out: {error}", file=sys.stderr)

@@ -54,6 +54,7 @@ def main() -> None:
         else:
             pieces = Pieces(PIECES / key_digest(_track_inputs(CLIP, settings)))
             remove_folders_except(PIECES, [pieces.folder.name])
+            remove_folders_except(KEPT, [])
             numbers = _extract_film(CLIP, settings, pool, pieces, folder)
             name = load_facts(CLIP / FACTS_NAME).source
             rows, tracks = int(numbers["fish_frames"]), int(numbers["tracks"])
@@ -135,16 +136,16 @@ def _extract_films(
                 if settings.tracks_path:
                     path = find_tracks_path(Path(part.path), settings.tracks_path)
                     p = replace(settings, tracks_path=path)
-                todo.append((part, p, _track_inputs(clip / FILMS / part.name, p)))
-    remove_folders_except(PIECES, [key_digest(key) for _, _, key in todo])
-    for part, p, key in todo:
+                todo.append((part, p, key_digest(_track_inputs(clip / FILMS / part.name, p))))
+    remove_folders_except(PIECES, [digest for _, _, digest in todo])
+    for part, p, digest in todo:
         home = Path(FILMS) / part.name
         print(f"finloop: {part.name}", file=sys.stderr)
         with _leave_out_on_error(part, errors):
-            make = partial(_extract_film, clip / home, p, pool, Pieces(PIECES / key_digest(key)))
-            metrics_of_film = reuse_or_make(KEPT, folder / home, key, make)
+            make = partial(_extract_film, clip / home, p, pool, Pieces(PIECES / digest))
+            metrics_of_film = reuse_or_make(KEPT / digest, folder / home, make)
             numbers |= {f"{part.name}_{name}": value for name, value in metrics_of_film.items()}
-    remove_folders_except(KEPT, [key_digest(key) for _, _, key in todo])
+    remove_folders_except(KEPT, [digest for _, _, digest in todo])
     contributions = join_extractions(clip, folder, errors)
     numbers["frames"] = load_facts(clip / FACTS_NAME).frames
     numbers["fish_frames"] = sum(item.rows for item in contributions)

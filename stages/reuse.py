@@ -21,18 +21,15 @@ NUMBERS_NAME = "numbers.json"
 Numbers = Mapping[str, float]
 
 
-def reuse_or_make(
-    kept: Path, folder: Path, key: Mapping[str, Any], make: Callable[[Path], Numbers]
-) -> dict[str, float]:
+def reuse_or_make(kept: Path, folder: Path, make: Callable[[Path], Numbers]) -> dict[str, float]:
     """Link a film's files into `folder` if they are kept, or make them; return its numbers.
 
-    kept: has a folder for each key. key: the plain values from which the files are made. make:
+    kept: folder of the film's files, named by the `key_digest` of what they are made from. make:
     writes the files into a folder and returns numbers. After an error in `make` there is no folder.
     """
-    own = kept / key_digest(key)
-    numbers = _read_json(own / NUMBERS_NAME)
+    numbers = _read_json(kept / NUMBERS_NAME)
     if isinstance(numbers, dict):
-        _link_folder(own, folder)
+        _link_folder(kept, folder)
         (folder / NUMBERS_NAME).unlink()
         return numbers
     folder.mkdir(parents=True)
@@ -41,8 +38,8 @@ def reuse_or_make(
     except BaseException:
         shutil.rmtree(folder)
         raise
-    kept.mkdir(parents=True, exist_ok=True)
-    with whole_folder(own) as new:
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    with whole_folder(kept) as new:
         _link_folder(folder, new)
         save_json(new / NUMBERS_NAME, numbers)
     return numbers

@@ -13,6 +13,9 @@ from finloop.io.atomic import save_bytes, whole_file
 if TYPE_CHECKING:  # a third of a second, in stages that draw no figure
     from matplotlib.figure import Figure
 
+_DPI = 110  # dots per inch of a figure
+_DECIMALS = 5  # of the places of its axes, in shares of its width and height: 0.01 px
+
 
 def save_picture(path: Path, picture: Picture) -> None:
     """Write a picture, (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA, in its ending's format."""
@@ -39,7 +42,7 @@ def load_picture(path: Path) -> Picture:
 
 
 def save_figure(path: Path, figure: "Figure") -> None:
-    """Write a matplotlib figure, at 110 dots per inch, in the format of the ending of `path`.
+    """Write a matplotlib figure in the format of the ending of `path`.
 
     The same figure gives the same bytes.
     """
@@ -47,11 +50,11 @@ def save_figure(path: Path, figure: "Figure") -> None:
         if not axes.axison:  # hidden ticks would still be laid out, in half of the time
             axes.set(xticks=[], yticks=[])
     if (engine := figure.get_layout_engine()) is not None:
-        # Its solver's last bits differ from run to run, and decide how lines are drawn.
-        figure.set_dpi(110)
+        # The last bits of its solver differ between processes; at the edge of a subpixel they show.
+        figure.set_dpi(_DPI)
         engine.execute(figure)
         figure.set_layout_engine("none")
         for axes in figure.axes:
-            axes.set_position(np.round(axes.get_position(original=True).bounds, 5))
+            axes.set_position(np.round(axes.get_position(original=True).bounds, _DECIMALS))
     with whole_file(path) as part:
-        figure.savefig(part, dpi=110, metadata={"Software": None})
+        figure.savefig(part, dpi=_DPI, metadata={"Software": None})

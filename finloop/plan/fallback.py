@@ -27,7 +27,7 @@ _DRIFT = 0.05  # body lengths in a Δ, of a fish that has no way
 class Fallback:
     """Finds what a fish does whose plan leads nowhere or is blocked by a wall or another fish.
 
-    world: its tank and film; leave: function that plans a stretch of the fish to a target.
+    world: its tank and film; plan_to_target: plans a stretch of a fish to a target.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class Fallback:
         plan_to_target: Callable[[Fish, Target, np.random.Generator], Stretch],
     ) -> None:
         """Keep the world, and the function that plans a stretch of a fish to a target."""
-        self._world, self._leave = world, plan_to_target
+        self._world, self._plan_to_target = world, plan_to_target
         self._drift_px = _DRIFT * world.motion.body_length_px / world.motion.delta  # in a tick
 
     def stay(self, fish: Fish, target: Target, turning: bool = True) -> Stretch:
@@ -131,7 +131,7 @@ class Fallback:
         there, not turning, with the same picture; stays with the same picture.
         """
         away = self._place_away_from(fish, x, y, 0.0)
-        leaves = self._leave(fish, away, rng)
+        leaves = self._plan_to_target(fish, away, rng)
         # A fish blocked all round may swim, too, and gain nothing: a drift is quicker.
         gains = np.hypot(*(leaves.way[:, :2] - (x, y)).T) - np.hypot(fish.x - x, fish.y - y)
         ticks = self.count_free_ticks(fish, leaves)
@@ -142,6 +142,7 @@ class Fallback:
             for stays in self._ways_to_stay(fish, there):
                 way = self._drift(fish, stays, there)
                 yield replace(stays, way=way, decision=Decision(WAITING))
+        # The last way to stay, with the same picture, and without a drift.
         yield replace(stays, decision=Decision(WAITING))
 
     def _place_away_from(self, fish: Fish, x: float, y: float, aside_deg: float) -> Target:
