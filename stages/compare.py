@@ -113,7 +113,10 @@ def write_comparison(names: list[str], measures: list[str], title: str, why: str
     table = compare_experiments(pd.DataFrame(parameters).T, pd.DataFrame(values).T, measures)
     save_bytes(OUT, comparison_page(table, title, why).encode())
     rows = pd.concat([table.parameters, table.measures.map("{:.4g}".format)], axis=1).T
-    return rows.to_string(line_width=LINE)
+    lines = [
+        f"{effect.parameter} → {effect.measure}: {effect.verdict}." for effect in table.effects
+    ]
+    return "\n".join([rows.to_string(line_width=LINE), "", *lines])
 
 
 def main() -> None:

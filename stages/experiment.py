@@ -1,16 +1,33 @@
 """A sweep as conf/experiment/ declares it, and its runs."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from itertools import product
 from typing import Annotated
 
 from pydantic import Field
 
-from finloop.base.settings import WORDS
+from finloop.base.settings import WORDS, Count, variants
 
 FOLDER = "experiment"  # below conf/; no group of params.yaml
 Name = Annotated[str, Field(pattern=r"^[a-z]+\.[a-z0-9_]+$")]
+
+_NETWORK, _MODES = ("bpn", "animate"), ("network", "hybrid")
+SEEDED = {
+    "bpn.": ("bpn",),
+    "forecast.": ("forecast",),
+    "identity.": ("identity",),
+    "animate.loops": ("animate",),
+    **{f"animate.{mode}": _NETWORK for mode in _MODES},
+    "animate.matching": ("forecast", "animate"),
+    "realism.": ("realism",),
+    "realism.loops": ("animate",),
+    **{f"realism.{mode}": _NETWORK for mode in _MODES},
+    "realism.matching": ("forecast", "animate"),
+}
+"""How a measure begins → the stages whose seeds it depends on."""
 
 
 @dataclass(frozen=True)
@@ -28,26 +45,64 @@ class Experiment:
     # has; a run makes these stages, and what they need
     measures: Annotated[list[Name], Field(min_length=1)]
 
+    # runs of each value, that differ in their seeds; a sweep that nothing random measures has one
+    seeds: Count = 3
+
     def __post_init__(self) -> None:
-        """Raise ValueError if a parameter or measure belongs to no stage."""
+        """Raise ValueError if a name is unknown, or a parameter has no two different values."""
         for word in (name.partition(".")[0] for name in (*self.params, *self.measures)):
             if word not in WORDS:
                 raise ValueError(f"{word} is no stage")
+        for name, text in self.params.items():
+            word, _, key = name.partition(".")
+            known = [item.name for option in variants(word).values() for item in fields(option)]
+            if key not in known:
+                near = get_close_matches(key, known, 1)
+                raise ValueError(
+                    f"there is no parameter {name}"
+                    + (f"; did you mean {word}.{near[0]}?" if near else "")
+                )
+            values = list(parse_values(text))
+            twice = [value for value, count in Counter(values).items() if count > 1]
+            if twice:
+                raise ValueError(f"{name} has the value {twice[0]} twice")
+            if len(values) < 2:
+                raise ValueError(f"{name} has one value, {text}; a sweep compares two or more")
 
     @property
     def stages(self) -> list[str]:
         """Return the stages whose numbers are compared, each once."""
         return list(dict.fromkeys(name.partition(".")[0] for name in self.measures))
 
-    def list_runs(self, name: str) -> dict[str, list[str]]:
+    def list_seeds(self) -> list[str]:
+        """Return the seeds on which the measures depend, `<stage>.seed`, but for a swept one."""
+        words = {
+            word
+            for measure in self.measures
+            for ending, needed in SEEDED.items()
+            for word in needed
+            if measure.startswith(ending)
+        }
+        names = [f"{word}.seed" for word in WORDS if word in words]
+        return [name for name in names if name not in self.params]
+
+    def list_runs(self, name: str, present: Mapping[str, int]) -> dict[str, list[str]]:
         """Return every run of this sweep: name of the run → overrides `key=value`.
 
-        name: of the sweep. The last parameter varies first.
+        name: of the sweep. present: value of each of `list_seeds`, that of the first run; further
+        ones count up from it. The last parameter varies first and the seed last, so that runs of
+        one value find in the cache what no seed changes. Names end in `-seed0`, `-seed1` … if there
+        are several seeds.
         """
+        seeds = range(self.seeds if present else 1)
         runs = {}
-        for values in product(*map(parse_values, self.params.values())):
-            pairs = zip(self.params, values, strict=True)
-            runs["-".join((name, *values))] = [f"{key}={value}" for key, value in pairs]
+        for seed in seeds:
+            for values in product(*map(parse_values, self.params.values())):
+                ending = [f"seed{seed}"] if len(seeds) > 1 else []
+                pairs = dict(zip(self.params, values, strict=True))
+                runs["-".join((name, *values, *ending))] = [
+                    f"{key}={value}" for key, value in pairs.items()
+                ] + [f"{key}={value + seed}" for key, value in present.items() if seed]
         return runs
 
 

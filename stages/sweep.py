@@ -17,6 +17,8 @@ from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import yaml
+
 from finloop.base.errors import FinloopError
 from stages.compare import OUT, list_experiments, run_git, write_comparison
 from stages.compose import compose_params, load_experiment
@@ -168,7 +170,11 @@ def main() -> None:
     arguments = parser.parse_args()
     plan = load_experiment(arguments.experiment)
     chosen = [f"+experiment={arguments.experiment}", *list_overrides(read_params())]
-    listed = plan.list_runs(arguments.experiment)
+    params = yaml.safe_load(compose_params(chosen + arguments.overrides))
+    names = [name.partition(".")[0] for name in plan.list_seeds()]
+    listed = plan.list_runs(
+        arguments.experiment, {f"{word}.seed": params[word]["seed"] for word in names}
+    )
     runs = {name: chosen + arguments.overrides + changes for name, changes in listed.items()}
     failures = make_runs(runs, plan.stages, max(1, arguments.jobs))
     finished = [name for name in runs if name not in failures]

@@ -91,13 +91,28 @@ def test_a_sweep_varies_what_there_is_and_measures_what_is_measured(name):
         ({"features.orientations": "12, 48", "distance.frame_of_reference": "film, body"},
          ["one-12-film", "one-12-body", "one-48-film", "one-48-body"],
          ["features.orientations=48", "distance.frame_of_reference=body"]),
-        ({"bpn.hidden_units": "range(1, 3)", "bpn.seed": "7"},
-         ["one-1-7", "one-2-7"], ["bpn.hidden_units=2", "bpn.seed=7"]),
+        ({"bpn.hidden_units": "range(1, 3)", "bpn.seed": "7, 8"},
+         ["one-1-7", "one-1-8", "one-2-7", "one-2-8"], ["bpn.hidden_units=2", "bpn.seed=8"]),
     ],
 )  # fmt: skip
 def test_every_combination_of_values_in_the_notation_of_hydra_is_a_run(params, names, last):
-    runs = Experiment("t", "w", "s", params, ["animate.frames"]).list_runs("one")
+    runs = Experiment("t", "w", "s", params, ["animate.frames"]).list_runs("one", {})
     assert list(runs) == names and runs[names[-1]] == last
+
+
+def test_what_is_random_runs_with_several_seeds_and_the_values_of_each_seed_together():
+    params = {"bpn.epochs": "1, 2"}
+    sweep = Experiment("t", "w", "s", params, ["bpn.held_out_area_rmse", "animate.loops_film_pct"])
+    seeds = sweep.list_seeds()
+    assert seeds == ["bpn.seed", "animate.seed"]
+    runs = sweep.list_runs("one", {"bpn.seed": 4, "animate.seed": 0})
+    assert list(runs) == [f"one-{value}-seed{seed}" for seed in range(3) for value in (1, 2)]
+    assert runs["one-2-seed0"] == ["bpn.epochs=2"]  # what was there before is taken
+    assert runs["one-2-seed2"] == ["bpn.epochs=2", "bpn.seed=6", "animate.seed=2"]
+    sweep = Experiment("t", "w", "s", {"distance.motion_area_threshold": "1, 2"}, ["loops.loops"])
+    assert sweep.list_seeds() == [] and len(sweep.list_runs("one", {})) == 2
+    sweep = Experiment("t", "w", "s", {"bpn.seed": "1, 2"}, ["bpn.held_out_area_rmse"])
+    assert sweep.list_seeds() == []
 
 
 GOOD = {"title": "t", "why": "w", "seen": "s", "params": {"bpn.hidden_units": "1, 2"},
@@ -108,7 +123,11 @@ GOOD = {"title": "t", "why": "w", "seen": "s", "params": {"bpn.hidden_units": "1
     ("change", "problem"),
     [({"measures": []}, "one.measures"), ({"params": {}}, "one.params"),
      ({"more": 1}, "one.more: unknown"), ({"params": {"hidden": "1"}}, "one.params.hidden"),
-     ({"measures": ["nosuch.a"]}, "nosuch is no stage"), ({"title": "???"}, "title: has no value")],
+     ({"measures": ["nosuch.a"]}, "nosuch is no stage"),
+     ({"params": {"bpn.hiden_units": "1, 2"}}, "did you mean bpn.hidden_units"),
+     ({"params": {"bpn.hidden_units": "7"}}, "has one value, 7"),
+     ({"params": {"bpn.hidden_units": "7, 7"}}, "has the value 7 twice"),
+     ({"seeds": 0}, "one.seeds"), ({"title": "???"}, "title: has no value")],
 )  # fmt: skip
 def test_a_wrong_sweep_is_refused_by_name(change, problem):
     assert check_values("one", {"one": Experiment}, GOOD)[1] == []
@@ -198,16 +217,60 @@ def test_words_among_numbers_come_after_them_on_axes_and_in_the_table():
     assert np.isfinite(lines).all() and len(lines[0]) == 3  # run-3 lacks a measure
 
 
-def test_one_parameter_has_a_panel_for_every_measure():
-    parameters, numbers = random_runs(5)
-    found = compare_experiments(parameters[["bpn.hidden_units"]], numbers, ["bpn.error"])
-    panels = draw_parameter_effects(found).data
-    assert len(panels) == 4 and panels[-1].x == (0, 1, 2, 3, 4)
-    for panel, measure in zip(panels, found.measures, strict=True):
-        assert panel.y == tuple(found.measures[measure])
-    assert (
-        draw_parameter_effects(compare_experiments(parameters, numbers, ["bpn.error"])) is None
-    )  # more than one differs
+def sweep_with_seeds() -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Five values with three seeds each: `up` follows the value, `noise` and `flat` do not."""
+    rng = np.random.default_rng(5)
+    values, seeds = np.repeat([0.1, 0.2, 0.5, 1.0, 2.0], 3), np.tile([0, 1, 2], 5)
+    names = [f"rate-{value:g}-seed{seed}" for value, seed in zip(values, seeds, strict=True)]
+    parameters = pd.DataFrame({"bpn.learning_rate": values, "bpn.seed": seeds}, names)
+    best = np.abs(np.log(values / 0.3)) > 0.6
+    noise = rng.normal(0, 0.01, 15)
+    numbers = pd.DataFrame(
+        {"animate.up": values + noise, "bpn.held_out_area_rmse": 1 + best + noise,
+         "animate.noise": noise, "animate.flat": 7.0, "animate.no_seed": values}, names,
+    )  # fmt: skip
+    return parameters, numbers
+
+
+def test_a_sentence_says_what_a_parameter_does_beyond_the_seeds():
+    parameters, numbers = sweep_with_seeds()
+    found = compare_experiments(parameters, numbers, list(numbers))
+    assert list(found.parameters.index) == [f"rate-{value:g}" for value in (0.1, 0.2, 0.5, 1, 2)]
+    assert list(found.parameters) == ["bpn.learning_rate"]
+    effects = {effect.measure: effect for effect in found.effects}
+    assert {measure: effect.verdict for measure, effect in effects.items()} == {
+        "animate.up": "rises from 0.09 to 2.00",
+        "bpn.held_out_area_rmse": "best between 0.2 and 0.5",
+        "animate.noise": "no effect beyond the seeds",
+        "animate.flat": "the same in every run",
+        "animate.no_seed": "rises from 0.10 to 2",
+    }
+    up = effects["animate.up"]
+    cells = numbers["animate.up"].to_numpy().reshape(5, 3)
+    assert up.spread == pytest.approx(np.sqrt(cells.var(axis=1, ddof=1).mean()))
+    assert up.size == pytest.approx(np.ptp(cells.mean(axis=1)) / up.spread)
+    assert np.isinf(effects["animate.no_seed"].size)
+
+
+def test_without_seeds_a_sentence_says_that_it_may_be_chance():
+    parameters, numbers = sweep_with_seeds()
+    found = compare_experiments(parameters[::3], numbers[::3], list(numbers))
+    verdicts = {effect.measure: effect.verdict for effect in found.effects}
+    assert verdicts["bpn.held_out_area_rmse"].startswith("best ")
+    assert verdicts["bpn.held_out_area_rmse"].endswith("one seed: it may be chance")
+    assert verdicts["animate.flat"] == "the same in every run"
+
+
+def test_a_parameter_has_a_panel_for_every_measure_with_its_spread():
+    parameters, numbers = sweep_with_seeds()
+    found = compare_experiments(parameters, numbers, list(numbers))
+    figure = draw_parameter_effects(found, "bpn.learning_rate")
+    runs, means = figure.data[::2], figure.data[1::2]
+    assert len(runs) == len(means) == 5
+    for point, line, effect in zip(runs, means, found.effects, strict=True):
+        assert line.x == (0, 1, 2, 3, 4) and line.y == tuple(effect.means)
+        assert set(line.error_y.array) == {effect.spread}
+        assert sorted(point.y) == sorted(numbers[effect.measure])
 
 
 def test_the_page_draws_its_charts_without_a_network(tmp_path: Path):
@@ -220,6 +283,6 @@ def test_the_page_draws_its_charts_without_a_network(tmp_path: Path):
         seen = visit(browser, path)
         assert seen.page.locator(".chart .main-svg").count() >= 3
         assert seen.page.locator(".y-axis").count() == 6  # of the parallel coordinates
-        assert seen.page.locator(".scatterlayer .point").count() == 10
-        assert seen.page.locator("tbody tr").count() == 5
+        assert seen.page.locator(".scatterlayer .point").count() >= 10
+        assert seen.page.locator("table").nth(1).locator("tbody tr").count() == 5
         assert seen.bad == []

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +11,13 @@ from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
+from finloop.report.effects import (
+    SIGNIFICANCE,
+    Effect,
+    is_word,
+    measure_effects,
+    rank_values,
+)
 from finloop.report.page import render_template
 from finloop.report.tables import Table, format_number
 
@@ -48,14 +54,21 @@ _AXIS: dict[str, Any] = {"gridcolor": "#e3e9ec", "zeroline": False, "linecolor":
 class Comparison:
     """Experiments that are compared: two tables with one row each, and which of them are best.
 
-    parameters: only those that differ. measures: their numbers. objectives: those OBJECTIVES that
-    some experiment has. best (rows,): True on the Pareto front.
+    Runs that differ in their seeds alone are one experiment. parameters: only those that differ.
+    measures: their numbers, means over seeds. spreads: their standard deviations over seeds, NaN
+    for a single run. objectives: those OBJECTIVES that some experiment has. best (rows,): True on
+    the Pareto front. effects: of every parameter on every measure. run_parameters, run_measures:
+    the same tables with a row per run.
     """
 
     parameters: pd.DataFrame
     measures: pd.DataFrame
+    spreads: pd.DataFrame
     objectives: Sequence[ReportMetric]
     best: NDArray[np.bool_]
+    effects: Sequence[Effect]
+    run_parameters: pd.DataFrame
+    run_measures: pd.DataFrame
 
 
 def pareto_front(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -79,35 +92,42 @@ def compare_experiments(
     measures: further columns of `numbers` to show. Rows are sorted by the differing parameters.
     """
     differ = [name for name in parameters if parameters[name].astype(str).nunique() > 1]
+    # Seeds are what is averaged over, unless nothing else differs.
+    differ = [name for name in differ if not str(name).endswith(".seed")] or differ
     available = numbers.columns[numbers.notna().any()]
     objectives = [objective for objective in OBJECTIVES if objective.key in available]
     keys = [objective.key for objective in objectives]
     columns = dict.fromkeys([*keys, *(name for name in measures if name in numbers)])
-    values = numbers.reindex(columns=list(columns)).astype(float)
-    sign = np.array([-1.0 if objective.more else 1.0 for objective in objectives])
-    best = pareto_front(values[keys].to_numpy() * sign) & bool(objectives)
 
     def column_ranks(column: "pd.Series[Any]") -> "pd.Series[int]":
-        return _rank_values(column)[0]
+        return rank_values(column)[0]
 
-    rows = parameters[differ].sort_values(differ, kind="stable", key=column_ranks)
-    order = parameters.index.get_indexer(rows.index)
-    return Comparison(rows, values.iloc[order], objectives, best[order])
+    runs = parameters[differ]
+    if differ:
+        runs = runs.sort_values(differ, kind="stable", key=column_ranks)
+    values = numbers.reindex(index=runs.index, columns=list(columns)).astype(float)
+    cells = _name_cells(runs)
+    rows = runs.groupby(cells, sort=False).first() if differ else runs
+    means = values.groupby(cells, sort=False).mean()
+    spreads = values.groupby(cells, sort=False).std()
+    sign = np.array([-1.0 if objective.more else 1.0 for objective in objectives])
+    best = pareto_front(means[keys].to_numpy() * sign) & bool(objectives)
+    effects = measure_effects(runs, values) if differ else []
+    return Comparison(rows, means, spreads, objectives, best, effects, runs, values)
 
 
-def _rank_values(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
-    """Return the rank of each value from 0, numbers before words, and the text of each rank."""
-    keys = [
-        (1, 0.0, str(value)) if _is_word(value) else (0, float(value), f"{value:g}")
-        for value in column
-    ]
-    order = sorted(set(keys))
-    return pd.Series([order.index(key) for key in keys], column.index), [key[-1] for key in order]
+def _name_cells(runs: pd.DataFrame) -> "pd.Series[str]":
+    """Return for each run the name of its experiment; runs of one differ in their seeds alone.
 
-
-def _is_word(value: object) -> bool:
-    """Return whether a value has no place on an axis of numbers: text, a truth value or NaN."""
-    return not isinstance(value, Real) or isinstance(value, bool) or value != value
+    runs: parameters without seeds, a row per run. The name is that of the first run, without its
+    seed if there are several.
+    """
+    if runs.columns.empty:
+        return pd.Series(runs.index.astype(str), runs.index)
+    texts = runs.astype(str).agg("\t".join, axis=1)
+    first = pd.Series(runs.index.astype(str), runs.index).groupby(texts).transform("first")
+    counts = texts.groupby(texts).transform("size")
+    return first.where(counts == 1, first.str.replace(r"-seed\d+$", "", regex=True))
 
 
 def _metric_label(key: str) -> str:
@@ -126,8 +146,8 @@ def draw_parallel_axes(comparison: Comparison) -> go.Figure:
     axes = []
     for name, column in [*comparison.parameters[whole].items(), *measures[whole].items()]:
         axis: dict[str, Any] = {"label": _metric_label(str(name))}
-        if any(map(_is_word, column)):  # a tick for each value
-            column, texts = _rank_values(column)
+        if any(map(is_word, column)):  # a tick for each value
+            column, texts = rank_values(column)
             axis |= {"tickvals": list(range(len(texts))), "ticktext": texts}
         low, high = float(column.min()), float(column.max())
         if low == high:  # an axis of no length is not drawn
@@ -140,27 +160,41 @@ def draw_parallel_axes(comparison: Comparison) -> go.Figure:
     return figure.update_layout(**_LAYOUT | {"height": 430, "margin": margin})
 
 
-def draw_parameter_effects(comparison: Comparison) -> go.Figure | None:
-    """Draw each measure against the one parameter that differs; None if not exactly one does."""
-    if len(comparison.parameters.columns) != 1:
-        return None
-    (parameter,) = comparison.parameters.columns
-    place, texts = _rank_values(comparison.parameters[parameter])
-    measures = comparison.measures.dropna(axis=1, how="all")
-    rows = -(-len(measures.columns) // _PANELS)
-    titles = [str(name).replace(".", ": ").replace("_", " ") for name in measures]
-    figure = make_subplots(rows, _PANELS, subplot_titles=titles, vertical_spacing=0.35 / rows)
-    for panel, (_, values) in enumerate(measures.items()):
+def draw_parameter_effects(comparison: Comparison, parameter: str) -> go.Figure:
+    """Draw each measure against a parameter: runs as points, means as a line with their spread.
+
+    The bars are as long as the spread over the seeds, one standard deviation to each side.
+    """
+    effects = [effect for effect in comparison.effects if effect.parameter == parameter]
+    rows = -(-len(effects) // _PANELS)
+    titles = [
+        f"{effect.measure.replace('.', ': ').replace('_', ' ')}<br>{effect.verdict}"
+        for effect in effects
+    ]
+    figure = make_subplots(rows, _PANELS, subplot_titles=titles, vertical_spacing=0.4 / rows)
+    places, texts = rank_values(comparison.run_parameters[parameter])
+    for panel, effect in enumerate(effects):
+        cell = {"row": panel // _PANELS + 1, "col": panel % _PANELS + 1}
+        values, names = comparison.run_measures[effect.measure], map(str, places.index)
+        if len(values) > len(effect.means):
+            figure.add_scatter(
+                x=places.tolist(), y=values.tolist(), text=list(names), mode="markers",
+                marker={"color": _OTHER, "size": 5}, showlegend=False,
+                hovertemplate="%{text}<br>%{y}<extra></extra>", **cell,
+            )  # fmt: skip
+        bars = None if np.isnan(effect.spread) else [effect.spread] * len(effect.means)
+        there = sorted({places[run] for run in values.dropna().index})
         figure.add_scatter(
-            x=place.tolist(), y=values.tolist(), mode="lines+markers", line={"color": _BEST},
-            row=panel // _PANELS + 1, col=panel % _PANELS + 1, showlegend=False,
-            hovertemplate="%{y}<extra></extra>",
+            x=there, y=effect.means.tolist(), mode="lines+markers", line={"color": _BEST},
+            error_y={"type": "data", "array": bars, "visible": bars is not None, "width": 3},
+            showlegend=False, hovertemplate="%{y}<extra></extra>", **cell,
         )  # fmt: skip
     figure.update_xaxes(tickvals=list(range(len(texts))), ticktext=texts, **_AXIS)
-    figure.update_xaxes(title=_metric_label(str(parameter)), row=rows)
+    figure.update_xaxes(title=_metric_label(parameter), row=rows)
     figure.update_yaxes(**_AXIS)
     figure.update_annotations(font_size=12)
-    return figure.update_layout(**_LAYOUT, height=80 + 230 * rows)
+    layout = _LAYOUT | {"margin": _LAYOUT["margin"] | {"t": 80}}
+    return figure.update_layout(**layout, height=100 + 250 * rows)
 
 
 def _draw_scatter(comparison: Comparison, x: ReportMetric, y: ReportMetric) -> go.Figure:
@@ -199,12 +233,35 @@ def _comparison_table(comparison: Comparison) -> Table:
         [
             str(name),
             *map(str, comparison.parameters.loc[name]),
-            *(format_number(value, 4) for value in comparison.measures.loc[name]),
+            *(
+                format_number(mean, 4) + ("" if np.isnan(spread) else f" ± {spread:.2g}")
+                for mean, spread in zip(
+                    comparison.measures.loc[name], comparison.spreads.loc[name], strict=True
+                )
+            ),
             "best" if best else "",
         ]
         for name, best in zip(comparison.parameters.index, comparison.best, strict=True)
     ]
     return Table("Experiments; the best are on the Pareto front", columns, rows)
+
+
+def effects_table(effects: Sequence[Effect]) -> Table:
+    """Return the effects as a table of texts: a row per measure and parameter, with its verdict."""
+    rows = [
+        [
+            effect.measure.replace(".", ": ").replace("_", " "),
+            _metric_label(effect.parameter),
+            effect.verdict,
+            *map(format_number, (effect.means.min(), effect.means.max())),
+            format_number(effect.spread, 2),
+            "all, at every seed" if np.isinf(effect.size) else format_number(effect.size, 2),
+        ]
+        for effect in effects
+    ]
+    columns = ["measure", "parameter", "verdict", "least mean", "greatest mean",
+               "spread over seeds", "effect, in spreads"]  # fmt: skip
+    return Table("What each parameter does", columns, rows)
 
 
 def comparison_page(comparison: Comparison, title: str, why: str) -> str:
@@ -213,15 +270,21 @@ def comparison_page(comparison: Comparison, title: str, why: str) -> str:
     title: heading of the page. why: the text below it.
     """
     charts = {
-        "Effect of the parameter, one panel per measure": draw_parameter_effects(comparison),
+        f"Effect of {_metric_label(name)}, one panel per measure": draw_parameter_effects(
+            comparison, name
+        )
+        for name in dict.fromkeys(effect.parameter for effect in comparison.effects)
+    }
+    charts |= {
         "Parameters and measures, one line per complete experiment": draw_parallel_axes(comparison),
     }
     for x in comparison.objectives[:1]:
         for y in comparison.objectives[1:]:
             charts[f"{y.words.capitalize()} against {x.words}"] = _draw_scatter(comparison, x, y)
     values = {
-        "title": title, "why": why, "table": _comparison_table(comparison),
-        "charts": [(name, figure.to_json()) for name, figure in charts.items() if figure],
+        "title": title, "why": why, "chance": f"{SIGNIFICANCE:.0%}",
+        "effects": effects_table(comparison.effects), "table": _comparison_table(comparison),
+        "charts": [(name, figure.to_json()) for name, figure in charts.items()],
         "plotly": get_plotlyjs(),
     }  # fmt: skip
     return render_template("compare.html.j2", values)

@@ -1,0 +1,169 @@
+"""Say what a parameter does to a measure, and whether more than the choice of a seed does.
+
+Runs that differ in their seeds alone are a cell. The spread is the standard deviation within cells.
+The effect is the greatest difference between the means of a parameter's values, in spreads. Tukey's
+test says which values differ by more than the seeds do.
+"""
+
+from collections.abc import Sequence
+from numbers import Real
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.stats import studentized_range
+
+from finloop.report.headlines import HEADLINES, HIGHER, LOWER
+from finloop.report.tables import MEASURES, format_number
+
+SIGNIFICANCE = 0.05  # how often chance alone may seem to be an effect of a parameter on a measure
+_EQUAL = 1e-9  # relative: a smaller difference is one of rounding
+_TARGETS = {"100": HIGHER, "≥": HIGHER, "0": LOWER, "≤": LOWER}
+_GOOD = {
+    "arrival_heading_error_deg": LOWER,
+    "film_pct": HIGHER,
+    "longest_exact_repeat_s": LOWER,
+    "stuck_pct": LOWER,
+    "turn_area_missed_median": LOWER,
+}
+"""Endings of measures of `animate` that neither HEADLINES nor MEASURES give a direction."""
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+class Effect(NamedTuple):
+    """What a parameter does to a measure.
+
+    values: those of the parameter, numbers first, in order, as texts. means: of the measure, one
+    per value. spread: standard deviation between seeds, NaN if no two runs differ in seeds alone.
+    size: greatest difference of means, in spreads; infinite if the seeds change nothing. best:
+    which values differ from the best, or greatest, one by no more than the seeds do. verdict: one
+    sentence without its full stop.
+    """
+
+    parameter: str
+    measure: str
+    values: Sequence[str]
+    means: Floats
+    spread: float
+    size: float
+    best: Flags
+    verdict: str
+
+
+def good_direction(measure: str) -> str:
+    """Return HIGHER or LOWER where that is better for a measure `<stage>.<number>`, else "".
+
+    The headlines of the stage say so, then the targets of the report.
+    """
+    stage, _, name = measure.partition(".")
+    for headline in HEADLINES.get(stage, []):
+        if headline.name == name:
+            return headline.good
+    if stage != "animate":
+        return ""
+    ending = name.partition("_")[2]  # after the mode
+    for row in MEASURES:
+        if row.key == ending and row.good:
+            return next((good for sign, good in _TARGETS.items() if row.good.startswith(sign)), "")
+    return _GOOD.get(ending.removeprefix("trials_"), "")
+
+
+def is_word(value: object) -> bool:
+    """Return whether a value has no place on an axis of numbers: text, a truth value or NaN."""
+    return not isinstance(value, Real) or isinstance(value, bool) or value != value
+
+
+def rank_values(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
+    """Return the rank of each value from 0, numbers before words, and the text of each rank."""
+    keys = [
+        (1, 0.0, str(value)) if is_word(value) else (0, float(value), f"{value:g}")
+        for value in column
+    ]
+    order = sorted(set(keys))
+    return pd.Series([order.index(key) for key in keys], column.index), [key[-1] for key in order]
+
+
+def measure_effects(parameters: pd.DataFrame, measures: pd.DataFrame) -> list[Effect]:
+    """Return the effect of every parameter on every measure that some run has.
+
+    parameters, measures: a row per run, with the same index; parameters without seeds.
+    """
+    effects = []
+    for measure in measures.columns[measures.notna().any()]:
+        column = measures[measure].dropna()
+        table = parameters.loc[column.index]
+        cells = table.astype(str).agg("\t".join, axis=1)
+        effects += [
+            _measure_effect(str(parameter), column, table[parameter], cells) for parameter in table
+        ]
+    return effects
+
+
+def _measure_effect(
+    parameter: str, column: "pd.Series[float]", given: "pd.Series[Any]", cells: "pd.Series[str]"
+) -> Effect:
+    """Return the effect of a parameter on a measure.
+
+    column: the measure. given: value of the parameter. cells: text that is equal for runs that
+    differ in their seeds alone. All have a row per run.
+    """
+    ranks, values = rank_values(given)
+    groups = column.groupby(ranks)
+    means, counts = groups.mean().to_numpy(float), groups.size().to_numpy(int)
+    near_zero = _EQUAL * float(column.abs().max())
+    within = column - column.groupby(cells).transform("mean")
+    freedom = len(column) - cells.nunique()
+    spread = float(np.sqrt((within**2).sum() / freedom)) if freedom else np.nan
+    good = good_direction(str(column.name))
+    top = int(np.argmin(means) if good == LOWER else np.argmax(means))
+    apart, size = np.abs(means - means[top]), np.nan
+    if np.ptp(means) <= near_zero:
+        size, best = 0.0, np.ones(len(means), bool)
+    elif not freedom or spread <= near_zero:
+        size, best = np.inf if freedom else np.nan, apart <= near_zero
+    else:
+        size = float(np.ptp(means)) / spread
+        scale = spread * np.sqrt((1 / counts + 1 / counts[top]) / 2)
+        best = studentized_range.sf(apart / scale, len(means), freedom) >= SIGNIFICANCE
+    number_count = len({value for value in given if not is_word(value)})
+    effect = Effect(parameter, str(column.name), values, means, spread, size, best, "")
+    same = float(np.ptp(column)) <= near_zero
+    verdict = "the same in every run" if same else _tell_effect(effect, good, number_count)
+    return effect._replace(verdict=verdict)
+
+
+def _tell_effect(effect: Effect, good: str, number_count: int) -> str:
+    """Return the verdict on an effect; number_count: how many values are numbers, the first."""
+    if effect.best.all():
+        return "no effect beyond the seeds"
+    known = "" if np.isfinite(effect.spread) else "; one seed: it may be chance"
+    if good:
+        return f"best {_tell_values(effect.values, effect.best, number_count)}{known}"
+    steps = np.sign(np.diff(effect.means))
+    first, *_, last = (format_number(mean) for mean in effect.means)
+    if number_count == len(steps) + 1 and (steps == steps[0]).all():
+        return f"{'rises' if steps[0] > 0 else 'falls'} from {first} to {last}{known}"
+    least, most = int(np.argmin(effect.means)), int(np.argmax(effect.means))
+    low, high = format_number(effect.means[least]), format_number(effect.means[most])
+    return f"least at {effect.values[least]} ({low}), most at {effect.values[most]} ({high}){known}"
+
+
+def _tell_values(values: Sequence[str], chosen: Flags, number_count: int) -> str:
+    """Return which values are chosen: "at 0.2", "between 0.2 and 0.5", "at 0.2, 1 and auto"."""
+    places = np.flatnonzero(chosen)
+    numbers = places[places < number_count]
+    if len(numbers) > 1 and np.ptp(numbers) == len(numbers) - 1:
+        words = [values[int(place)] for place in places[len(numbers) :]]
+        if len(numbers) == number_count:
+            text = "at every number"
+        elif numbers[0] == 0:
+            text = f"up to {values[numbers[-1]]}"
+        elif numbers[-1] == number_count - 1:
+            text = f"from {values[numbers[0]]} on"
+        else:
+            text = f"between {values[numbers[0]]} and {values[numbers[-1]]}"
+        return f"{text}, and at {' and '.join(words)}" if words else text
+    *others, last = (values[int(place)] for place in places)
+    return f"at {', '.join(others)} and {last}" if others else f"at {last}"
