@@ -19,12 +19,13 @@ LEAST = 50  # rows with other fish that each half must have for a fit
 
 @dataclass(frozen=True)
 class FilmGroup:
-    """The fish of a film as a group: n rows, with their places, headings and neighbours.
+    """The fish of a film as a group: n rows (a fish in a frame), with their neighbours.
 
-    Vectors are complex, in BL, as in `finloop.social.neighbours`. place, heading, frame (n,): of
-    each row. later, earlier (n,): row of the same track `horizon` frames later and earlier, or −1.
-    index (n,): the row's frame among the frames with fish. slot (n,): its place in that frame.
-    places, headings (frames, m): NaN for absent fish. table: `measure_group`.
+    Vectors are complex, in body lengths, as in `finloop.social.neighbours`. place, heading, frame
+    (n,): of each row. later, earlier (n,): row of the same track `horizon` frames later and
+    earlier, or −1. index (n,): number of the row's frame among the frames with fish. slot (n,):
+    number of the fish in that frame. places, headings (frames, m): NaN for absent fish. table:
+    `measure_group`.
     """
 
     place: Complex
@@ -63,10 +64,10 @@ class FilmGroup:
         return self.table[self.first_half == first]
 
     def rows_for_fit(self, first: bool, most: int) -> Ints:
-        """Return the rows of one half of the film from which zones are fitted, at most `most`.
+        """Return the rows of one half of the film to which the zones are fitted, at most `most`.
 
-        first: whether of the first half. Such a row has other fish in its frame, and a later row in
-        the same half. They are evenly spread.
+        first: whether of the first half. Each has other fish in its frame and a later row in the
+        same half. They are evenly spread.
         """
         half = self.first_half == first
         several = self.visible_counts[self.index] > 1
@@ -77,17 +78,14 @@ class FilmGroup:
     def rows_with_whole_steps(self, most: int) -> Ints:
         """Return rows, at most `most`, whose fish is also seen `horizon` frames before and after.
 
-        They are of the first half, or of the whole film if that has none, evenly spread.
+        They are evenly spread over the first half, or over the whole film if that has none.
         """
         whole = (self.later >= 0) & (self.earlier >= 0)
         first = np.flatnonzero(whole & self.first_half & self.first_half[self.later])
         return _thin_rows(first if len(first) else np.flatnonzero(whole), most)
 
     def visible_neighbours(self, rows: Ints) -> Neighbours:
-        """Return distances, bearings and headings of the other fish (k, m) that k fish see.
-
-        rows (k,): of these fish.
-        """
+        """Return distances, bearings and headings (k, m) of the fish around k fish (rows)."""
         own = self.index[rows]
         places = self.places[own]
         places[np.arange(len(rows)), self.slot[rows]] = np.nan
@@ -95,16 +93,16 @@ class FilmGroup:
         return neighbours_among(self.place[rows, None], self.heading[rows, None], others)
 
     def relative_moves(self, rows: Ints) -> Complex:
-        """Return how far (k,) k fish move in the time `horizon`, in BL, seen from their bodies.
+        """Return how far k fish (rows) move in the time `horizon`: complex (k,), body lengths.
 
-        rows (k,): of these fish. Complex: 1 = a body length ahead, i = one to the left.
+        The directions are those of the fish's body: 1 = a body length ahead, i = one to the left.
         """
         return (self.place[self.later[rows]] - self.place[rows]) * self.heading[rows].conj()
 
     def relative_headings(self, rows: Ints) -> Complex:
-        """Return the headings (k,) of k fish after the time `horizon`, relative to those before.
+        """Return how k fish (rows) turn in the time `horizon`: complex unit vectors (k,).
 
-        rows (k,): of these fish. Complex unit vectors: 1 = not turned, i = turned left by 90°.
+        1 = not turned, i = turned left by 90°.
         """
         return self.heading[self.later[rows]] * self.heading[rows].conj()
 
@@ -112,10 +110,11 @@ class FilmGroup:
 def build_film_group(
     features: pd.DataFrame, arena: Mask, delta: int, horizon: float | Literal["auto"]
 ) -> FilmGroup:
-    """Return the fish of a film as a group, from the film's table of features.
+    """Build the group of all fish of a film, with their neighbours, from the feature table.
 
-    arena (h, w): True inside. delta: Δ in frames. horizon: time between look and response in Δ, or
-    "auto" to measure it. FinloopError if a horizon in Δ is longer than the tracks allow.
+    arena (h, w): True inside. delta: frames over which motion is measured (Δ). horizon: time
+    between seeing and responding, in units of Δ, or "auto" to measure it. FinloopError if it is
+    longer than the tracks allow.
     """
     walls = Walls(arena, float(np.median(features["body_length_px"])))
     frame, track = (features[name].to_numpy(np.int64) for name in ("frame", "track_id"))
@@ -141,10 +140,10 @@ def build_film_group(
 
 
 def measure_horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
-    """Measure after how many frames fish have half forgotten their headings.
+    """Return after how many frames fish have half forgotten their headings.
 
-    It is at most a quarter of the longest track, but at least Δ if that is at most half of it.
-    heading (n,): complex. track (n,): number of each row's track. delta: Δ in frames.
+    The result is at most a quarter of the longest track, but at least Δ if that is at most half of
+    it. heading (n,): complex; track (n,): each row's track; delta: Δ in frames.
     """
     memory = measure_memory_frames(np.stack([heading.real, heading.imag], axis=1), track)
     longest = _longest_track_rows(track)

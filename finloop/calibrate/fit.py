@@ -38,9 +38,9 @@ _LEAST_OWN = 0.05  # least weight of the own direction after H: weights are divi
 class ZoneFit:
     """The zones fitted to a film, and how well they predict the directions of its fish.
 
-    own: coefficient a of the regression, the fish's own direction. explained, explained_held_out:
-    share (at most 1) of the squares left without zones that the zones explain, in the first and in
-    the second half.
+    own: weight a of a fish's present direction in the regression. explained, explained_held_out:
+    share (at most 1) of the squared error without zones that the zones remove, in the first and in
+    the second half of the film.
     """
 
     zones: Zones
@@ -50,10 +50,10 @@ class ZoneFit:
 
 
 def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
-    """Fit the zones that best predict the headings of fish in the first half of a film.
+    """Fit the zones of repulsion, alignment and attraction to the first half of a film.
 
-    Parameters that are not "auto" stay fixed; listed radii and blind angles are tried for the
-    others.
+    The best zones predict the later headings of the fish. Parameters that are not "auto" stay
+    fixed; listed radii and blind angles are tried for the others.
     """
     rows, held_out = (film.rows_for_fit(first, settings.rows) for first in (True, False))
     seen, wall, after = (
@@ -98,15 +98,15 @@ def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
 
 
 def _wall_pull(film: FilmGroup, rows: Ints) -> Complex:
-    """Return the vectors W (k,) of k rows: away from the nearest wall, seen from the body."""
+    """Return the vectors (k,) from the nearest wall to k fish, relative to their headings."""
     return film.walls.vectors_from_wall(film.place[rows], film.heading[rows])
 
 
 class NeighbourSums:
     """Sums over the neighbours of n fish, from which the pulls of many zones are computed quickly.
 
-    A zone is the difference of the sums within two radii. seen: the others (n, m). radii: rising,
-    BL.
+    A zone is the difference of the sums within two radii. seen: the neighbours (n, m). radii:
+    ascending, body lengths.
     """
 
     def __init__(self, seen: Neighbours, radii: Sequence[float], blind_deg: float) -> None:
@@ -144,7 +144,8 @@ def _sum_within(vectors: Complex, within: Any) -> tuple[Complex, Ints]:
 def _ring_mean(sums: tuple[Complex, Ints], inner: int | None, outer: int) -> Complex:
     """Return the mean vector (n,) of the neighbours between two radii; 0 where there is none.
 
-    sums: sums and counts within each radius. inner, outer: numbers of the radii; inner None: 0.
+    sums: sums and counts within each radius. inner, outer: indices of the radii; inner None: from
+    the fish itself.
     """
     total, count = (part[:, outer] for part in sums)
     if inner is not None:
@@ -196,7 +197,7 @@ def _solve_regression(sums: _RegressionSums, weights: Sequence[float | None]) ->
 
 
 def _regression_columns(pulls: Complex, wall: Complex, weights: Sequence[float | None]) -> Complex:
-    """Return the columns (n, 5) of the regression: own direction, three zones, wall.
+    """Return the five columns (n, 5) of the regression: own direction, pulls of three zones, wall.
 
     Zones of fixed weight are added to the own direction. pulls (n, 3), wall (n,), weights (3,): as
     for `fit_directions`.
@@ -214,11 +215,11 @@ def _replace_none_by_zero(weights: Sequence[float | None]) -> Floats:
 def fit_directions(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None]
 ) -> tuple[Floats, float]:
-    """Fit how much own direction, zones and wall predict the later directions of fish.
+    """Fit how strongly own direction, zones and wall predict the later directions of fish.
 
-    Returns the coefficients a, b_z, c (5,) and the remaining sum of squares. pulls (n, 3): of the
-    zones. wall (n,): W. after (n,): the directions. weights (3,): None for a zone that is fitted,
-    else its fixed weight, with b_z = weight × a.
+    Return the coefficients (5,) and the remaining sum of squares. pulls (n, 3): of the zones; wall
+    (n,): vectors away from the wall; after (n,): the later directions; weights (3,): of each zone,
+    None if it is fitted. A fixed weight is relative to the own direction's.
     """
     sums = _sum_rows(_regression_columns(pulls, wall, weights), after)
     solution = _solve_regression(sums, weights)
@@ -230,10 +231,10 @@ def fit_directions(
 def cross_validate(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None], parts: Mask
 ) -> float:
-    """Return the squared error of directions that are predicted by a fit to other rows.
+    """Return the squared error of predicted directions; each half of the rows predicts the other.
 
-    Each part of the rows is predicted by a fit to the other part; both errors are summed. parts
-    (n,): True for one part, False for the other. The rest as for `fit_directions`.
+    parts (n,): True for one part, False for the other; both errors are summed. The rest as for
+    `fit_directions`.
     """
     columns = _regression_columns(pulls, wall, weights)
     one, other = (_sum_rows(columns[part], after[part]) for part in (parts, ~parts))
@@ -243,9 +244,9 @@ def cross_validate(
 
 
 def _possible_radii(settings: CalibrateSettings) -> list[tuple[float, float, float]]:
-    """Return the radii of three zones to try, the smallest first; radii given in settings are kept.
+    """Return the triples of zone radii to try, the smallest first; given radii are kept.
 
-    If a fixed radius leaves none of the list for another zone, both have the same radius.
+    If a given radius leaves no value of the list for another zone, both have the same radius.
     """
     numbers = [float(value) for value in settings.zone_radii if value != "auto"]
     every = sorted({*settings.radii, *numbers})
@@ -263,9 +264,10 @@ def _weighted_zones(
     weights: Reals,
     fixed: Sequence[float | None],
 ) -> Zones:
-    """Return zones with weights; the outermost fitted zones are left out if their weight is 0.
+    """Return zones with fitted weights; outermost fitted zones of weight 0 are left out.
 
-    blind_deg: blind angle in degrees. weights: fitted. fixed: given weights, None for fitted ones.
+    blind_deg: angle behind the fish in which it sees nothing. weights: fitted; fixed: given
+    weights, None for fitted ones.
     """
     inner, middle, outer = radii
     own = [
@@ -279,7 +281,7 @@ def _weighted_zones(
 
 
 def default_zones(settings: CalibrateSettings) -> Zones:
-    """Return the zones of a film with too few fish for a fit: those in settings, else COUZIN."""
+    """Return the zones for a film with too few fish for a fit: the given ones, else Couzin's."""
     weights = settings.repulsion_weight, settings.alignment_weight, settings.attraction_weight
     names = [one.name for one in fields(Zones)]
     given = zip(names, (*settings.zone_radii, settings.blind_angle_deg, *weights), strict=True)

@@ -22,9 +22,9 @@ _BURN_IN = 0.1  # share of the steps until the first places are forgotten
 def fit_film_rule(
     film: FilmGroup, settings: CalibrateSettings
 ) -> tuple[SchoolRule, ZoneFit | None]:
-    """Return the rule by which a film's fish swim, and the fit of its zones.
+    """Return the rule by which the fish of a film swim together, and the fit of its zones.
 
-    If the film shows too few fish together the fit is None, and the zones are `default_zones`.
+    The fit is None if the film shows too few fish together; then the zones are `default_zones`.
     """
     fit = None if describe_shortage(film) else fit_zones(film, settings)
     zones = fit.zones if fit else default_zones(settings)
@@ -33,7 +33,7 @@ def fit_film_rule(
 
 
 def describe_shortage(film: FilmGroup) -> str:
-    """Return a sentence about what a film lacks for a fit of zones; "" if it lacks nothing."""
+    """Return a sentence on why zones cannot be fitted to a film; "" if they can."""
     first, second = (len(film.rows_for_fit(half, len(film.frame))) for half in (True, False))
     has_steps = len(film.rows_with_whole_steps(1)) > 0
     if min(first, second) >= LEAST and has_steps:
@@ -49,10 +49,10 @@ def describe_shortage(film: FilmGroup) -> str:
 
 
 def measure_own_steps(film: FilmGroup, rows: Ints, zones: Zones) -> SocialSteps:
-    """Return steps of fish in a film, from which the effect of the other fish is removed.
+    """Return how the fish of a film move by themselves: steps without the effect of other fish.
 
-    rows (k,): each has a row before and one after (`rows_with_whole_steps`). A least-squares fit
-    gives how much a pull of 1 moves and turns a fish: as much as its own direction does.
+    rows (k,): with a row before and one after (`rows_with_whole_steps`). A least-squares fit gives
+    how much a pull of 1 moves and turns a fish: as much as its own direction does.
     """
     pulls, own = pull_of_others(film.visible_neighbours(rows), zones), film.heading[rows]
     move, turn = film.relative_moves(rows), film.relative_headings(rows)

@@ -70,7 +70,7 @@ class Quality:
 
 @dataclass
 class ClipTally:
-    """Brightness of a clip, its changes and samples of its frames, gathered frame by frame."""
+    """Counts the frames of a clip, sums up their brightness, and keeps samples of them."""
 
     frames: int = 0
     brightness_sum: float = 0.0
@@ -146,7 +146,7 @@ def choose_examined_runs(frames: int, key_frame_distance: int = 1) -> list[tuple
 
 
 def _still_tank(frames: Sequence[Picture]) -> Picture:
-    """Return the still tank (h, w[, 3]): the median of frames after light and shift are undone."""
+    """Return the empty tank (h, w[, 3]): the median of frames, after light and shake are undone."""
     few = frames[:: -(-len(frames) // _SAMPLES)]
     gains = [measure_gain(frame, few[0]) for frame in few]
     usual = np.median(gains, axis=0)
@@ -181,10 +181,11 @@ def check_film(
     tally: ClipTally,
     key_frame_distance: int = 1,
 ) -> tuple[Quality, pd.DataFrame, Picture]:
-    """Measure a film: return its quality, a table of measures per frame, and the still tank.
+    """Measure a film: return its quality, a table of measures per frame, and the empty tank.
 
-    read_frames(start=, stop=): streams grey frames (h, w) uint8. rate_hz: frames per second. tally:
-    of all its frames. The table has the columns `CHECK`; the tank is a picture (h, w[, 3]).
+    read_frames(start=, stop=): yields grey frames (h, w) uint8. rate_hz: frames per second. tally:
+    the brightness of all frames. The table has the columns `CHECK`; the tank is a picture (h, w[,
+    3]).
     """
     whole = _still_tank(list(tally.samples.values()))
     tank, landmarks, last = to_grey(whole), find_landmarks(whole), STILL
@@ -245,7 +246,7 @@ def measure_field_order(before: Picture, after: Picture) -> float:
 def _measure_noise(before: Picture, after: Picture, gain: float) -> float:
     """Return the noise of two successive grey frames, as a standard deviation in grey levels.
 
-    gain: the light of the first over that of the second.
+    gain: brightness of the first frame divided by that of the second.
     """
     few = after[::_THIN, ::_THIN].astype(np.float32) * gain
     off = np.abs(few - before[::_THIN, ::_THIN])
@@ -258,9 +259,9 @@ def _measure_noise(before: Picture, after: Picture, gain: float) -> float:
 def _measure_movers(
     frame: Picture, tank: Picture, gain: float
 ) -> tuple[float, float, float, float]:
-    """Measure what moves in a frame: pixels, median contrast, black pixels and white pixels.
+    """Return size, contrast, black and white pixels of what differs from the empty tank in a frame.
 
-    frame, tank: grey (h, w); gain: the light of the frame over that of the tank.
+    frame, tank: grey (h, w); gain: brightness of the frame divided by that of the tank.
     """
     off = np.abs(frame / gain - tank)
     usual = _SIGMAS * 1.4826 * float(np.median(off))

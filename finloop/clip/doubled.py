@@ -26,7 +26,7 @@ _FEW = 8  # doubled pictures from which a cadence is searched for
 
 
 def subsample_grey(frame: Picture) -> Picture:
-    """Return every other row and column of a frame, grey, for `picture_change`."""
+    """Return a frame in grey, with every second row and column only, for `picture_change`."""
     few = frame[::_THIN, ::_THIN]
     return np.ascontiguousarray(few) if few.ndim == 2 else cv2.cvtColor(few, cv2.COLOR_RGB2GRAY)
 
@@ -34,7 +34,7 @@ def subsample_grey(frame: Picture) -> Picture:
 def picture_change(before: Picture, after: Picture) -> float:
     """Return how much two frames of `subsample_grey` differ, in grey levels.
 
-    It is the mean of the blocks that differ most, one block of 12×12 px in a hundred.
+    Only the 1 % of all blocks (12×12 px) that change most count, so a small animal is noticed.
     """
     size = tuple(max(1, side // _BLOCK) for side in before.shape[::-1])
     off = cv2.absdiff(before, after).astype(np.float32)
@@ -56,9 +56,10 @@ class RepeatedFrames(NamedTuple):
 
 
 def find_repeats(changes: Floats) -> RepeatedFrames:
-    """Find the frames that repeat the frame before, from the changes (frames,) between frames.
+    """Find the frames that show the same picture as the frame before.
 
-    changes: grey levels, by `picture_change`; changes[k] is from frame k − 1 to k, changes[0] NaN.
+    changes (frames,): grey levels, from `picture_change`; changes[k] compares frame k with k − 1,
+    and changes[0] is NaN.
     """
     decidable, twice = _find_doubled(changes)
     share = float(twice[decidable].mean()) if decidable.any() else 0.0
@@ -74,9 +75,9 @@ def find_repeats(changes: Floats) -> RepeatedFrames:
 
 
 def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
-    """Return masks (frames,): where enough moves to decide, and which of these frames are doubled.
+    """Return two masks (frames,): where enough moves to decide, and which frames there are doubled.
 
-    changes: as in `find_repeats`.
+    changes (frames,): grey levels, as in `find_repeats`.
     """
     padded = np.pad(np.nan_to_num(changes), _AROUND)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
@@ -98,10 +99,11 @@ def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
 
 
 def _find_cadence(decidable: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
-    """Return the cadence of a rate conversion: pictures a frame, their numbers, doubled frames.
+    """Find the regular rhythm in which a rate conversion has doubled frames.
 
-    decidable, twice: from `_find_doubled`. Frame k shows picture floor(k · rate + phase). The rate
-    is the peak of the spectrum of the new (or doubled, if rarer) frames, refined between its bins.
+    Return the number of new pictures per frame, the number of each frame's picture (frames,), and
+    the doubled frames. Frame k shows picture floor(k · rate + phase); the rate is the peak of a
+    spectrum. decidable, twice: masks from `_find_doubled`.
     """
     frames = len(decidable)
     rare = twice if 2 * twice.sum() < decidable.sum() else decidable & ~twice

@@ -22,10 +22,10 @@ _PEAK = 0.5  # least share of the flicker's power in one peak that gives it a fr
 
 
 def measure_gain(frame: Picture, tank: Picture) -> Floats:
-    """Return the brightness of a frame relative to the still tank per channel: (1,) or (3,).
+    """Return how bright a frame is relative to the empty tank, per channel: (1,) or (3,).
 
-    It is a ratio of sums over the pixels that are tank in both, and neither black nor white; 1
-    where there are none.
+    It is a ratio of sums over the pixels that show the tank in both pictures and are neither black
+    nor white; 1 if there are no such pixels.
     """
     here, there = (_sample_pixels(picture) for picture in (frame, tank))
     low, high = _LIT

@@ -89,10 +89,10 @@ def make_clip(
     folder: Path,
     show_progress: Watch = lambda *_: nullcontext(lambda: None),
 ) -> ClipResult:
-    """Write the normalised clip of a film and its check to a folder; repair a user's own footage.
+    """Write a film as a clip: upright, at a constant frame rate, with the footage's faults mended.
 
-    The check is a table (`CHECK_NAME`) and the still tank's picture (`TANK_NAME`). FinloopError as
-    in `write_clip`.
+    The folder also receives a table of checks (`CHECK_NAME`) and a picture of the empty tank
+    (`TANK_NAME`). FinloopError as in `write_clip`.
     """
     with show_progress("clip", source.facts.frames) as advance:
         facts, tally, arena = write_clip(source, p, folder, advance)
@@ -130,10 +130,10 @@ def make_clip(
 
 
 def choose_repairs(p: FootageSettings, quality: Quality, smaller_side_px: int) -> set[str]:
-    """Return the names of the repairs that a film needs, or that the parameters demand.
+    """Return the names of the repairs that a film needs, or that the parameters ask for.
 
-    They are keys of `REPAIRED_BY`. smaller_side_px: the picture's, which limits the shake that can
-    be repaired.
+    They are keys of `REPAIRED_BY`. smaller_side_px: of the picture; it limits the shake that can be
+    repaired.
     """
     far = (
         quality.shake_most_px <= FARTHEST * smaller_side_px
@@ -169,7 +169,7 @@ def _drop_repeats(
 
 @dataclass
 class _FrameCorrector:
-    """Brings frames to the light and the place of the still tank (h, w) or (h, w, 3)."""
+    """Corrects the brightness and the shift of frames by comparing them with the empty tank."""
 
     tank: Picture
     light: bool  # whether to correct the light
@@ -182,7 +182,7 @@ class _FrameCorrector:
     _last: Shift = field(default=STILL)
 
     def correct_frames(self, frames: NumberedFrames) -> NumberedFrames:
-        """Yield the frames with light and place corrected; times and numbers stay unchanged."""
+        """Yield the frames with corrected brightness and place; times and numbers do not change."""
         for time_s, (number, frame) in frames:
             if self.light:
                 frame = undo_gain(frame, measure_gain(frame, self.tank))
@@ -191,7 +191,7 @@ class _FrameCorrector:
             yield time_s, (number, frame)
 
     def _steady_frame(self, frame: Picture) -> Picture:
-        """Return a frame moved back by its shift against the still tank, and remember the shift."""
+        """Return a frame moved back by its shift against the empty tank, and store the shift."""
         self._marks = self._marks or find_landmarks(self.tank)
         by = measure_shift(to_grey(frame), self._marks, self._last)
         by = self._last if by is UNKNOWN else by
@@ -222,14 +222,14 @@ def _reopen_film(
     such repair is needed.
     """
     source = open_clip_source(p, fields)
-    facts, takes = source.facts, source.takes
+    facts, streams = source.facts, source.streams
     if repeated is not None:
         rate = facts.frame_rate * _simplest_fraction(repeated.rate, len(repeated.repeats))
-        takes = [_drop_repeats(take, repeated, float(rate)) for take in takes]
+        streams = [_drop_repeats(frames, repeated, float(rate)) for frames in streams]
         facts = replace(facts, frame_rate=rate, frames=int((~repeated.repeats).sum()))
     if corrector is not None:
-        takes = [corrector.correct_frames(take) for take in takes]
-    return replace(source, facts=facts, takes=takes)
+        streams = [corrector.correct_frames(frames) for frames in streams]
+    return replace(source, facts=facts, streams=streams)
 
 
 def _simplest_fraction(rate: float, frames: int) -> Fraction:

@@ -26,7 +26,7 @@ _BEST = 0.33  # share of the tiles, those with most edges, that must not decide 
 
 
 class Landmarks(NamedTuple):
-    """Steep places of the still tank (marks), by which the shift of a frame is measured."""
+    """Pixels of the empty tank at steep edges (marks), by which a frame's shift is measured."""
 
     x: Ints  # (marks,) px, as all but `small`
     y: Ints
@@ -120,10 +120,10 @@ def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift
 
 
 def _choose_start(picture: Picture, tank: Landmarks, last: Shift) -> Floats:
-    """Return the shift (2,) [px] where the search begins, the one that fits best of three.
+    """Return the shift (2,) [px] from which the search begins: the best of three guesses.
 
-    The three are no shift, that of the frame before, and that of a phase correlation. picture: the
-    frame, from `_smooth_grey`.
+    The guesses are no shift, the shift of the frame before, and a phase correlation. picture: the
+    frame, grey and smoothed.
     """
 
     def misfit(place: Floats) -> float:
@@ -159,9 +159,10 @@ def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats
 def _judge_shift(
     shift_px: Floats, residual: Floats, weight: Floats, sigma: float, tank: Landmarks
 ) -> Shift:
-    """Return a shift and how far its tiles lie apart; `UNKNOWN` if too few tiles support it.
+    """Return a shift with its uncertainty; `UNKNOWN` if too few tiles of the picture support it.
 
-    residual, weight: (marks,), grey levels left and the weight of each mark; sigma: usual residual.
+    The uncertainty is how far the shifts of single tiles are from it [px]. residual, weight:
+    (marks,) grey levels left over, and each mark's weight; sigma: usual residual, grey levels.
     """
     apart = []
     for slope in (tank.right, tank.down):

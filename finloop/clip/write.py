@@ -56,12 +56,12 @@ WriteRows = Callable[[pd.DataFrame], None]
 
 @dataclass(frozen=True)
 class ClipSource:
-    """A clip before it is written: its facts and its frames."""
+    """A clip that is not yet written: its facts, and its frames as iterators."""
 
     facts: VideoFacts
-    takes: list[NumberedFrames]  # frames are numbered through all takes
+    streams: list[NumberedFrames]  # one for each film; frames are numbered through all of them
     loss: LostFrames
-    truth: list[dict[str, Any]]  # rows about the drawn carp that collect while `takes` is read
+    truth: list[dict[str, Any]]  # rows about the drawn carp that collect while `streams` is read
 
 
 def open_clip_source(p: ClipSettings, fields: Order = "") -> ClipSource:
@@ -89,7 +89,7 @@ def write_clip(
         truth = None
         if isinstance(p, CarpSettings):
             truth = stack.enter_context(table_writer(folder / TRUTH_NAME, TRUTH))
-        timing, tally, source_frames = _write_takes(writer, source, truth, advance)
+        timing, tally, source_frames = _write_streams(writer, source, truth, advance)
     facts = replace(
         facts,
         frames=timing.frames,
@@ -125,13 +125,13 @@ def _open_carp(p: CarpSettings) -> ClipSource:
     )  # fmt: skip
     truth: list[dict[str, Any]] = []
 
-    def take() -> NumberedFrames:
+    def draw_frames() -> NumberedFrames:
         """Yield the drawn frames with time and number, and collect their truth."""
         for number, (frame, rows) in enumerate(film_frames(p)):
             truth.extend(rows)
             yield float(number / rate), (number, frame)
 
-    return ClipSource(facts, [take()], LostFrames(), truth)
+    return ClipSource(facts, [draw_frames()], LostFrames(), truth)
 
 
 def _open_films(p: ZebrafishSettings | FootageSettings, fields: Order) -> ClipSource:
@@ -163,20 +163,20 @@ def _open_films(p: ZebrafishSettings | FootageSettings, fields: Order) -> ClipSo
         for time_s, (number, picture) in prefetch(footage.stream_numbered(loss)):
             yield time_s, (start + number, picture)
 
-    takes = list(map(stream_from, films, starts))
-    return ClipSource(facts, takes, loss, [])
+    streams = list(map(stream_from, films, starts))
+    return ClipSource(facts, streams, loss, [])
 
 
-def _write_takes(
+def _write_streams(
     writer: VideoWriter,
     source: ClipSource,
     write_truth: WriteRows | None,
     advance: Callable[[], None],
 ) -> tuple[FrameCounts, ClipTally, array]:
-    """Write the takes one after the other, re-timed to a constant rate from their first frames.
+    """Write the frames of one film after another, re-timed to a constant frame rate.
 
-    write_truth: writes rows about drawn carp; None for filmed fish. Return the timing, the tally,
-    and the source's numbers of the frames that were written.
+    write_truth: writes the true places of drawn carp; None for filmed fish. Return the timing, the
+    tally, and the numbers that the written frames have in their source.
     """
     timing, tally, source_frames = FrameCounts(), ClipTally(), array("i")
 
@@ -186,8 +186,8 @@ def _write_takes(
             write_truth(pd.DataFrame(source.truth))
             source.truth.clear()
 
-    for take in source.takes:
-        for number, frame in resample_nearest(take, source.facts.frame_rate, timing):
+    for frames in source.streams:
+        for number, frame in resample_nearest(frames, source.facts.frame_rate, timing):
             writer.write(frame)
             source_frames.append(number)
             tally.add_frame(frame)

@@ -29,11 +29,11 @@ _SMOOTHING = 2e-6  # weight of the third-derivative penalty, s in [0, 1]; see sm
 
 
 class Backbone(NamedTuple):
-    """The backbone of one fish in px of its cut-out; either end may be the head.
+    """The line from head to tail through the middle of one fish; either end may be the head.
 
-    Pixel centres lie at integers. points_px: (n, 2) float64, columns x, y, equally spaced along the
-    arc, outline to outline. half_width_px: (n,) float64, mean distance from the backbone to its two
-    flanks. length_px: arc length.
+    It is in px of its cut-out, with pixel centres at integers. points_px: (n, 2) float64, columns
+    x, y, equally spaced along the arc, outline to outline. half_width_px: (n,) float64, mean
+    distance from the backbone to the two sides of the body. length_px: arc length.
     """
 
     points_px: Floats
@@ -44,9 +44,9 @@ class Backbone(NamedTuple):
 def trace_backbone(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | None:
     """Return the backbone of one silhouette, or None if the silhouette is too short.
 
-    mask: (h, w), the silhouette. field: (h, w), the difference image, from which flanks and tips
-    are read at sub-pixel precision. points: number of backbone points. floor: grey levels, lower
-    values are noise.
+    mask: (h, w), the silhouette. field: (h, w), the difference from the empty tank, from which
+    sides and tips are read at sub-pixel precision. points: number of backbone points. floor: grey
+    levels, lower values are noise.
     """
     whole, filled = close_notches(mask, field)
     skeleton = skimage.morphology.skeletonize(whole)
@@ -58,7 +58,7 @@ def trace_backbone(mask: Mask, field: Picture, points: int, floor: float) -> Bac
 
 
 def close_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
-    """Return a silhouette and its difference image with notches far narrower than the body filled.
+    """Fill notches that are far narrower than the body, in a silhouette and its difference image.
 
     mask, field: (h, w). A notch is skin as bright as the tank, like the black eye of a pale fish,
     and diverts the skeleton. Both pictures are closed (dilated, then eroded) with a disc of half
@@ -78,7 +78,7 @@ def close_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
 
 
 def _close_gaps(picture: Picture, kernel_disc: Picture) -> Picture:
-    """Return a picture (h, w) whose gaps narrower than a disc are filled; beyond lies nothing."""
+    """Fill the gaps of a picture (h, w) that are narrower than a disc; outside of it is nothing."""
     (h, w), rim = picture.shape, len(kernel_disc) // 2
     closed = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_CLOSE, kernel_disc)
     return closed[rim : rim + h, rim : rim + w].copy()
@@ -96,12 +96,11 @@ def pad_picture(picture: Picture, rim_px: int) -> Picture:
 
 @kernel
 def find_longest_path(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
-    """Return the longest of all shortest paths (m, 2) x, y through a skeleton (§2.2.1, Fig. 4).
+    """Find the longest path (m, 2) x, y through the skeleton of a silhouette (§2.2.1, Fig. 4).
 
     skeleton: (h, w), True on it. weight: (h, w); the length of a step is multiplied by the mean
-    weight of its two pixels. A weight of 1 is the paper's rule. Then an open fin can be longer than
-    the head, before which the skeleton ends. With the distance to the outline as weight a path
-    counts by the area that it passes through, and thin fins are not chosen.
+    weight of its two pixels. A weight of 1 is the paper's rule, by which an open fin can be longer
+    than the head. With the distance to the outline as weight, thin fins are not chosen.
 
     Two sweeps: the pixel farthest from any pixel is one end, and the pixel farthest from that end
     is the other. This is exact on a tree, and the skeleton of a silhouette without holes is one. Of
@@ -150,7 +149,7 @@ def find_longest_path(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
 
 @kernel
 def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
-    """Return a skeleton's path (m, 2) x, y without its forked ends, as a path (k, 2).
+    """Cut the forked ends off a path (m, 2) x, y through a skeleton; return the rest (k, 2).
 
     half_width: (h, w), px from each pixel to the outline. Near a blunt end the skeleton forks into
     the corners of the outline, so the path is cut off within `_FORK` half widths of its ends.
@@ -168,7 +167,7 @@ def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
 
 @kernel
 def _farthest_pixel(distances: Floats) -> int:
-    """Return the number of the pixel with the largest finite distance, from distances (pixels,)."""
+    """Return the index of the largest finite distance, from distances (pixels,)."""
     best = -1
     for i in range(distances.size):
         if np.isfinite(distances[i]) and (best < 0 or distances[i] > distances[best]):
@@ -178,11 +177,12 @@ def _farthest_pixel(distances: Floats) -> int:
 
 @kernel
 def _measure_paths_from(number, xs, ys, weight, start):  # type: ignore[no-untyped-def]
-    """Return each pixel's path length from one skeleton pixel, and its predecessor on that path.
+    """Return the length of the shortest path from one skeleton pixel to each, and its last step.
 
+    The results are (pixels,): lengths, infinite where no path leads, and each pixel's predecessor.
     number: (h, w), the number of each pixel on the skeleton, −1 beside it. xs, ys: (pixels,) by
-    number. weight: (h, w), multiplies the length of steps. start: number of the first pixel. Steps
-    lead to all eight neighbours; a pixel that cannot be reached is at infinity.
+    number. weight: (h, w), multiplies the length of steps to the eight neighbours. start: number of
+    the first pixel.
     """
     height, width = number.shape
     distance = np.full(xs.size, np.inf)
@@ -216,7 +216,7 @@ def _measure_paths_from(number, xs, ys, weight, start):  # type: ignore[no-untyp
 
 @lru_cache
 def smoothing_matrix(points: int) -> Floats:
-    """Return the matrix (points, points) that smooths a line (points, 2) when multiplied by it.
+    """Return the matrix (points, points) that smooths a line (points, 2) by multiplication.
 
     It is a Whittaker smoother with a third-difference penalty. Straight lines and parabolas pass
     unchanged, so a steady bend is not flattened.
@@ -259,7 +259,7 @@ def resample_line(xy: Floats, points: int) -> Floats:
 
 @kernel
 def _share_past_crossing(level_before, level_after, crossing_level):  # type: ignore[no-untyped-def]
-    """Return the share of a step that lies past the crossing of a grey level, 0 … 1."""
+    """Return which share (0 … 1) of a step lies past the point where it crosses a grey level."""
     return (
         1.0
         if level_before <= crossing_level
@@ -269,12 +269,11 @@ def _share_past_crossing(level_before, level_after, crossing_level):  # type: ig
 
 @kernel
 def _find_tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
-    """Return the point x, y at which a line, extended beyond its first end, leaves the fish.
+    """Extend a line straight beyond its first end; return the point x, y where it leaves the fish.
 
-    field: (h, w), the difference image; xy: (n, 2) px; width: (n,) px, half widths; floor: grey
-    levels, lower values are noise. At the tip the field has half of its height. The extension is
-    straight, in the direction that the line has one body width inside: nearer to a blunt end the
-    direction is uncertain, farther from a slender end it is a different one.
+    field: (h, w), the difference from the empty tank; xy: (n, 2) px; width: (n,) px, half widths;
+    floor: grey levels, lower values are noise. At the tip the field has half of its height. The
+    direction is that of the line one body width inside: nearer to a blunt end it is uncertain.
     """
     step = np.hypot(xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1])
     wide, near = 0.0, len(xy) // 10
@@ -304,9 +303,10 @@ def _find_tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
 
 @kernel
 def _distance_to_flank(field, point, normal, edge_level, most_px):  # type: ignore[no-untyped-def]
-    """Return the distance [px] from a point along a normal to where the field falls below a level.
+    """Return the distance [px] from a point along a normal to the side of the body.
 
-    field: (h, w), the difference image; point, normal: x, y. The distance is at most `most_px`.
+    There the difference from the empty tank, field (h, w), falls below edge_level. point, normal:
+    x, y. The distance is at most `most_px`.
     """
     (x, y), (nx, ny) = point, normal
     before = _interpolate_field(field, x, y)
@@ -322,7 +322,7 @@ def _distance_to_flank(field, point, normal, edge_level, most_px):  # type: igno
 
 @kernel
 def refine_outline(alpha: Picture, chain: NDArray[np.int32], points: int) -> Floats:
-    """Return the outline (points, 2) x, y where the alpha of a fish crosses one half.
+    """Return the outline (points, 2) x, y at sub-pixel precision, where a fish's alpha is one half.
 
     alpha: (h, w), 255 is fish. chain: (m, 2), the pixels just inside the outline, in order, closed.
     They are resampled evenly, moved outwards along the normal to the crossing, and resampled again.
@@ -355,10 +355,9 @@ def _resample_closed(xy, points):  # type: ignore[no-untyped-def]
 
 @kernel
 def quantile_above(patch: Picture, threshold: float, share: float) -> float:
-    """Return a quantile of the grey levels above a threshold in a picture (h, w) uint8.
+    """Return a quantile of those grey levels of a picture (h, w) uint8 that exceed a threshold.
 
-    share: the quantile, 0 … 1. The result is a whole level; the one above the threshold if no pixel
-    exceeds that.
+    share: the quantile, 0 … 1. The result is a whole level; threshold + 1 if no pixel exceeds it.
     """
     count = np.zeros(256, np.int64)
     for y in range(patch.shape[0]):
@@ -375,14 +374,14 @@ def quantile_above(patch: Picture, threshold: float, share: float) -> float:
 
 @kernel
 def _median_of_three(values, i):  # type: ignore[no-untyped-def]
-    """Return the median of three successive values, those numbered i − 1, i and i + 1."""
+    """Return the median of values[i − 1], values[i] and values[i + 1]."""
     a, b = values[i - 1], values[i]
     return max(min(a, b), min(max(a, b), values[i + 1]))
 
 
 @kernel
 def _smooth_by_medians(values):  # type: ignore[no-untyped-def]
-    """Return the medians of three neighbouring values each (n,); both ends stay unchanged."""
+    """Replace each value (n,) by the median of it and its two neighbours; both ends stay."""
     out = values.copy()
     for i in range(1, values.size - 1):
         out[i] = _median_of_three(values, i)
@@ -406,11 +405,11 @@ def _quantile_of_few(values, share):  # type: ignore[no-untyped-def]
 
 @kernel
 def _refine_backbone(fields, path, smooth, floor):  # type: ignore[no-untyped-def]
-    """Return points, half widths and length of the backbone that begins as a skeleton's path.
+    """Turn a path through a skeleton into a backbone; return its points, half widths and length.
 
-    fields: the difference image (h, w) as it is, for the flanks, and without notches, for the tips;
-    path: (m, 2) px; smooth: from `smoothing_matrix`; floor: grey levels. The path is extended to
-    the outline, centred between the flanks, smoothed and resampled, three times.
+    fields: the difference images (h, w) from the empty tank, unchanged for the sides, without
+    notches for the tips; path: (m, 2) px; smooth: from `smoothing_matrix`; floor: grey levels. The
+    path is extended to the outline, centred between the sides, smoothed and resampled, three times.
     """
     (field, filled), points = fields, len(smooth)
     xy = smooth @ resample_line(path, points)

@@ -40,8 +40,8 @@ class Scene:
     """The empty tank of a clip, and how fish differ from it.
 
     background: (h, w) or (h, w, 3) uint8. polarity: whether fish are darker or brighter, never
-    `auto`. noise: standard deviation of the smoothed difference image, grey levels. threshold: grey
-    levels that noise does not reach.
+    `auto`. noise: standard deviation of the smoothed difference image, grey levels. threshold:
+    smallest difference of a fish, grey levels.
     """
 
     background: Picture
@@ -56,7 +56,7 @@ class Scene:
 
 
 class _LightMeter:
-    """Measures how bright frames are relative to a background, on a grid of bright pixels."""
+    """Measures how bright frames are relative to the empty tank, on a grid of bright pixels."""
 
     def __init__(self, background: Picture) -> None:
         """Choose the background's pixels that are bright enough to compare."""
@@ -78,8 +78,7 @@ class _LightMeter:
 def relative_brightness(frame: Picture, background: Picture) -> float:
     """Return how bright a frame is relative to a background: the median ratio of their pixels.
 
-    It is exactly 1.0 if they differ by less than half a grey level: then nothing has to be
-    converted.
+    It is exactly 1.0 if they differ by less than half a grey level, so nothing needs correction.
     """
     return _LightMeter(background).measure(frame)
 
@@ -98,7 +97,7 @@ def scale_brightness(picture: Picture, gain: float) -> Picture:
 
 
 def median_background(frames: Iterable[Picture], workers: Threads = ALONE) -> Picture:
-    """Return the median picture (h, w[, 3]) of frames, each brought to the first one's light.
+    """Return the median picture (h, w[, 3]) of frames, after all are made as bright as the first.
 
     frames: an odd number of pictures, all (h, w[, 3]).
     """
@@ -132,7 +131,7 @@ def _median_picture(pictures: Sequence[Picture]) -> Picture:
 
 
 def flat_background(frames: Sequence[Picture]) -> Picture:
-    """Return a background of one even tone, for clips in which the fish hardly leaves its place.
+    """Return a background of one even tone, for a fish that hardly leaves its place.
 
     frames: (h, w[, 3]), as the background. Otsu's threshold divides the pixels of all frames in
     two; the larger part is the tank, and its median tone the background. FinloopError if all pixels
@@ -152,12 +151,12 @@ def flat_background(frames: Sequence[Picture]) -> Picture:
 
 
 def background_without_ghosts(frames: Sequence[Picture], median: Picture, least: float) -> Picture:
-    """Return the median of frames, where a fish that hardly moved is replaced by the floor.
+    """Return a median of frames in which fish that hardly moved are replaced by the tank's floor.
 
-    median: of `frames`. A *ghost* is a patch of the median that differs from its surroundings by
-    more than `least` grey levels, while some frame differs by less than half of that: there the
-    fish was away, and the floor is visible. The ghost takes the level of its surroundings. A part
-    of the tank, such as a stone, is there in every frame, and stays.
+    median: of `frames`. Such a *ghost* is a patch of the median that differs from its surroundings
+    by more than `least` grey levels, while in some frame it differs by less than half of that:
+    there the fish was away. It takes the level of its surroundings. A stone is there in every
+    frame, and stays.
     """
     height, width = median.shape[:2]
     reduction = max(1.0, min(height, width) / _SMALL)
@@ -244,12 +243,12 @@ def measure_scene(
     least_threshold: float,
     workers: Threads = ALONE,
 ) -> Scene:
-    """Measure noise, polarity and threshold on sample frames, and return them with the background.
+    """Measure on sample frames how noisy the film is, and how fish differ from the background.
 
-    The noise level is the 68.3 % quantile of the absolute smoothed difference, which is the
-    standard deviation of Gaussian noise and ignores fish as long as they cover less than a third of
-    the tank. The threshold is `sigmas` times the noise, and at least `least_threshold` grey levels.
-    polarity: `auto` is replaced by the polarity that the frames show.
+    The noise is the 68.3 % quantile of the absolute smoothed difference, a standard deviation that
+    ignores fish which cover less than a third of the tank. The threshold is `sigmas` times the
+    noise, and at least `least_threshold` grey levels. polarity: `auto` is replaced by what the
+    frames show.
     """
     sample = frames[:: max(1, len(frames) // _NOISE_FRAMES)]
     residue = np.stack(list(ordered_map(partial(_signed_difference, background), sample, workers)))
@@ -268,7 +267,7 @@ def measure_scene(
 def _signed_difference(background: Picture, frame: Picture) -> NDArray[np.float32]:
     """Return the signed, smoothed difference of a frame from the tank at every second pixel.
 
-    Of three channels it is the one that changed most.
+    Of three colour channels the one that differs most counts.
     """
     change = frame.astype(np.float32) - relative_brightness(frame, background) * background.astype(
         np.float32

@@ -39,7 +39,7 @@ _SAMPLE_BYTES = 2**29  # most bytes of the sample frames
 
 
 class TrackedFish(NamedTuple):
-    """One fish of one frame: its track, the number of the frame, and its measures."""
+    """One fish in one frame: the number of its track, the number of the frame, and its measures."""
 
     track_id: int
     frame: int
@@ -66,9 +66,9 @@ def choose_sample_frames(
 def add_learnt_backgrounds(
     frames: Iterable[Picture], scene: Scene, rate_hz: float
 ) -> Iterator[tuple[Picture, Scene]]:
-    """Yield each frame with a scene whose background OpenCV's MOG2 learns, renewed every second.
+    """Yield each frame with a scene whose background adapts to the film (OpenCV's MOG2).
 
-    rate_hz: frames per second.
+    It is renewed every second. rate_hz: frames per second.
     """
     history = max(2, round(20 * rate_hz))
     model = cv2.createBackgroundSubtractorMOG2(history=history, detectShadows=False)
@@ -81,7 +81,7 @@ def add_learnt_backgrounds(
 
 
 class Detections(NamedTuple):
-    """The silhouettes of one frame, as three lists with one entry for each silhouette.
+    """The silhouettes found in one frame: three lists with one entry for each silhouette.
 
     verdicts: whether it is a fish; spots: its place; fish: its measures, None unless it is an
     isolated fish with a backbone.
@@ -130,11 +130,11 @@ class Detector:
 
 
 class ClipStream(NamedTuple):
-    """A clip to read: its length, its frames per second, and its key frames.
+    """How to read a clip: its length, its frames per second, and its key frames.
 
     stride: frames from one key frame to the next. read: yields the frames start … stop − 1, (h, w)
-    or (h, w, 3) uint8. load_or_make: returns the detections of a stretch that are stored under a
-    name, or makes and stores them; None stores nothing. A cluster pickles both.
+    or (h, w, 3) uint8. load_or_make: returns the detections that are stored under a name, or makes
+    and stores them; None stores nothing. A cluster pickles both functions.
     """
 
     read: Callable[..., Iterator[Picture]]
@@ -149,9 +149,9 @@ def detect_in_clip(
 ) -> Iterator[Detections | None]:
     """Yield the detections of every frame of a clip in order; None for a damaged frame.
 
-    Each of `workers` reads its own stretches of the clip. They begin at key frames, so no frame is
-    decoded in vain. A background by MOG2 depends on all earlier frames: then one worker reads all,
-    nothing is kept, and UndecodableError ends it.
+    Each of `workers` reads stretches that begin at key frames, so no frame is decoded in vain. A
+    background by MOG2 depends on all earlier frames: then one worker reads all, nothing is stored,
+    and a damaged frame raises UndecodableError.
     """
     if detector.settings.background == "mog2":
         frames = clip.read(start=0, stop=clip.frames)
@@ -201,9 +201,9 @@ def _detect_span(
 def fill_lost_frames(
     detections: Iterable[Detections | None], lost_frames: list[int]
 ) -> Iterator[Detections]:
-    """Yield detections of every frame, empty ones for a frame that could not be decoded.
+    """Yield the detections of every frame, empty ones for a frame that could not be decoded.
 
-    lost_frames: the number of each such frame is appended to it.
+    lost_frames: receives the numbers of these frames.
     """
     for number, one in enumerate(detections):
         if one is None:
@@ -217,11 +217,11 @@ def link_tracks(
     settings: ExtractSettings,
     cuts: Sequence[int] = (),
 ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
-    """Yield for each frame the counts of its verdicts, and the fish of tracks that are long enough.
+    """Link the fish of successive frames to tracks; yield for each frame what became known of them.
 
-    A track is given out, with all its fish until then, when it has `min_track_frames` frames. So
-    the fish may be of earlier frames. cuts: numbers of frames before which the film is cut, and
-    tracks end.
+    That is a count of the frame's verdicts, and fish of tracks that are long enough. A track is
+    given out when it has `min_track_frames` frames, with all its fish until then, so they may be of
+    earlier frames. cuts: numbers of frames before which the film is cut, and tracks end.
     """
     linker = TrackLinker(
         settings.max_link_distance_bl * typical.length_px, settings.step_area_ratio
@@ -249,7 +249,7 @@ def link_tracks(
 def _silhouette_place(
     silhouette: Silhouette, fish: SegmentedFish | None, with_outline: bool
 ) -> SilhouettePlace:
-    """Return the place of a silhouette: a fish's mass centre, else the middle of its box.
+    """Return the place of a silhouette: its mass centre if it is a fish, else its box's middle.
 
     fish: the measures of the silhouette, None if it is no isolated fish; with_outline: whether to
     add the pixels of its edge.
@@ -264,7 +264,7 @@ def _silhouette_place(
 
 
 def batch_fish(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:
-    """Yield tracked fish in batches of at least 512, faster to write; the last may be smaller.
+    """Collect tracked fish to lists of at least 512, faster to write; the last may be shorter.
 
     fish: lists of any length.
     """
@@ -293,7 +293,7 @@ def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> NoT
 
 
 def fish_cutouts(fish: Iterable[TrackedFish]) -> Iterator[Cutout]:
-    """Yield the cut-out of each fish, with its track, its frame and its place in the picture."""
+    """Yield the pixels of each fish with alpha, and its track, its frame and its place."""
     for f in fish:
         yield Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.fish.cutout)
 

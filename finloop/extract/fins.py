@@ -31,10 +31,10 @@ Kind = Literal["fins", "shadow", "gloom"]
 
 
 class PalePixels(NamedTuple):
-    """The pale pixels about one silhouette, which may be fins.
+    """The pixels around one silhouette that differ a little from the tank, and may be fins.
 
     x0, y0: the upper left pixel, in px of the picture. mask: (h, w) bool, without the silhouette.
-    field: (h, w) uint8, the difference image.
+    field: (h, w) uint8, the difference from the empty tank.
     """
 
     x0: int
@@ -46,12 +46,11 @@ class PalePixels(NamedTuple):
 def add_fins_to_alpha(
     alpha: Picture, corner: tuple[int, int], fins: PalePixels, levels: tuple[float, float]
 ) -> tuple[Picture, tuple[int, int]]:
-    """Return the soft alpha (h, w) uint8 of a silhouette with its fins, and its first pixel x, y.
+    """Add a fish's fins to its alpha (h, w) uint8; return the new alpha and its first pixel x, y.
 
-    A fin's pixel is as opaque as its difference is a share of the fish's contrast, so any tank
-    shines through it; below twice the threshold it fades, so a fin has no edge where noise begins.
-    alpha: of the silhouette alone; corner: x, y of its first pixel. levels: the fish's contrast,
-    and the threshold, grey levels.
+    A fin's pixel is as opaque as its difference is a share of the fish's contrast; below twice the
+    threshold it fades, so a fin has no hard edge. alpha: of the silhouette alone; corner: x, y of
+    its first pixel. levels: the fish's contrast, and the threshold, grey levels.
     """
     at = corner[0] - fins.x0, corner[1] - fins.y0
     shown, x, y = _draw_fins(alpha, at, fins.mask, fins.field, levels)
@@ -60,7 +59,7 @@ def add_fins_to_alpha(
 
 @kernel
 def _draw_fins(alpha, corner, mask, field, levels):  # type: ignore[no-untyped-def]
-    """Return a silhouette's alpha with fins, and its first pixel x, y in the mask of pale pixels.
+    """Return a silhouette's alpha with its fins, and that alpha's first pixel x, y in `mask`.
 
     alpha: of the silhouette alone, whose first pixel is at `corner` of the mask; mask, field: (h,
     w), of `PalePixels`; levels: the fish's contrast, and the threshold, grey levels.
@@ -90,10 +89,11 @@ def _draw_fins(alpha, corner, mask, field, levels):  # type: ignore[no-untyped-d
 
 
 class PaleSide(NamedTuple):
-    """Where the pale pixels of one fish lie, as seen from the middle of its silhouette.
+    """Where the pale pixels around one fish lie, as seen from the middle of its silhouette.
 
     in_picture: (2,) px, to the right and down in the picture; on_fish: (2,) px, ahead of the fish
-    and to one side. around: pale share of the line round the fish, half of its half width away.
+    and to one side. around: share (0 … 1) of a line around the fish, a quarter of its width away,
+    that is pale.
     """
 
     in_picture: Floats
@@ -104,7 +104,7 @@ class PaleSide(NamedTuple):
 def find_pale_side(
     mask: Mask, corner: tuple[int, int], backbone: Backbone, fins: PalePixels
 ) -> PaleSide | None:
-    """Return the side on which the pale pixels of a fish lie; None if it has next to none.
+    """Return on which side of a fish its pale pixels lie; None if it has next to none.
 
     mask: (h, w), the silhouette, whose first pixel is at `corner`, x and y. backbone: in px of the
     mask; its thicker half counts as the front. fins: the pale pixels, in px of the same picture as
@@ -136,12 +136,12 @@ def _centre_of_mass(picture: Picture | Mask) -> Floats:
 
 
 def classify_pale_pixels(sides: Iterable[PaleSide | None]) -> Kind:
-    """Return whether the pale pixels about the fish of a film are fins, shadows or gloom.
+    """Decide whether the pale pixels around the fish of a film are fins, shadows or gloom.
 
-    sides: of each fish, None where it has next to none. A shadow keeps its side of the picture,
-    fins their place on the fish. If both are equally constant, they are no shadow, for all fish may
-    head the same way. Fins are at a few places, gloom all around. Without any pale pixels the
-    result is `fins`.
+    sides: of each fish, None where it has next to none. A shadow is always on the same side of the
+    picture, fins on the same side of the fish, gloom all around. If both sides are equally
+    constant, they are no shadow, for all fish may head the same way. Without pale pixels the result
+    is `fins`.
     """
     known = [one for one in sides if one is not None]
     if not known:

@@ -47,11 +47,11 @@ SHOWN_ALONE = (
 
 @dataclass(frozen=True)
 class ExternalTracks:
-    """Where another program places animals, in the order of the clip's frames.
+    """Where another tracking program places animals, in the order of the clip's frames.
 
     names: of the animals; individual: (rows,) number of the animal; points: (rows, k, 2) px, NaN
     where a point is missing; head, tail: (rows, 2) px, NaN where missing; start, stop: (frames of
-    the clip,) the rows start … stop − 1 are those of a frame; film: that was tracked.
+    the clip,) rows start … stop − 1 belong to a frame; film: that was tracked.
     """
 
     names: tuple[str, ...]
@@ -70,9 +70,9 @@ class ExternalTracks:
     def find_rows(
         self, frames: NDArray[np.integer], individuals: NDArray[np.integer]
     ) -> NDArray[np.int64]:
-        """Return the row of each animal in a frame of the clip; every pair must exist.
+        """Return the row (n,) of each animal in a frame of the clip; every pair must exist.
 
-        frames, individuals: (n,), as the result.
+        frames, individuals: (n,), numbers of frames and of animals.
         """
         row = self.start[frames].copy()
         while (wrong := self.individual[row] != individuals).any():
@@ -91,9 +91,9 @@ class FilmSize(NamedTuple):
 def map_poses_to_clip(
     poses: Poses, clip_frames: NDArray[np.integer], film: FilmSize, p: ExtractSettings
 ) -> ExternalTracks:
-    """Return another program's poses, sorted by the frames of the clip.
+    """Sort another program's tracked poses by the frames of the clip.
 
-    clip_frames: (frames of the clip,) the film's frame that each shows. FinloopError if a named
+    clip_frames: the film's frame that each frame of the clip shows. FinloopError if a named
     keypoint is missing, the file has places beyond the film's end or none in the clip, or the
     places are not in px of the picture.
     """
@@ -135,8 +135,8 @@ def find_keypoint(
     """Return the keypoint that a parameter names; for `auto` the first one that has a common name.
 
     name: the parameter's value; the result is None for `none`, and where `auto` finds nothing.
-    common_names: the best first. FinloopError, which mentions `parameter`, if a named keypoint does
-    not exist.
+    common_names: of this keypoint, the best first. FinloopError, which mentions `parameter`, if a
+    named keypoint does not exist.
     """
     if name == "auto":
         plain = {re.sub(r"[^a-z]", "", one.lower()): one for one in reversed(keypoints)}
@@ -204,7 +204,7 @@ def _refuse_other_units(points: Floats, film: FilmSize) -> None:
 def _silhouette_distances(
     points: Floats, silhouettes: Sequence[SilhouettePlace], most_px: float
 ) -> Floats:
-    """Return the distances (animals, silhouettes) [px] of animals from silhouettes in one frame.
+    """Return the distances (animals, silhouettes) [px] between animals and silhouettes of a frame.
 
     points: (animals, k, 2) px. Beyond `most_px` the distance is infinite.
     """
@@ -224,10 +224,10 @@ def _silhouette_distances(
 def match_silhouettes(
     points: Floats, silhouettes: Sequence[SilhouettePlace], length_px: float
 ) -> list[tuple[Outcome, int | None]]:
-    """Return for each animal of a frame the outcome and the number of its silhouette.
+    """Match the tracked animals of a frame with silhouettes: an outcome and a number for each.
 
-    points: (animals, k, 2) px, its place; length_px: a body length. The number is None where no
-    silhouette is near.
+    points: (animals, k, 2) px, where the animals are; length_px: a body length. The number is that
+    of the silhouette, None where none is near.
     """
     if not len(points) or not silhouettes:
         return [("no silhouette", None)] * len(points)
@@ -254,14 +254,14 @@ def match_silhouettes(
 
 
 class ExternalTrackLinker:
-    """Links silhouettes to tracks by another program's places: a track is a run of one animal.
+    """Links silhouettes to tracks by another program's places; a track is a run of one animal.
 
     A run is successive frames in which the animal has its own isolated silhouette; at least
     `least_frames` make a track. The animal's k-th run, both from 0, is track animal + k · animals,
     so `track_id % len(names)` is the animal.
 
-    outcomes: counts of (animal, outcome of its place); short: places in runs that are too short.
-    Both are complete after the film has run.
+    outcomes: counts of (animal, outcome of its place); short: number of places in runs that are too
+    short. Both are complete after the last frame.
     """
 
     def __init__(self, given: ExternalTracks, length_px: float, least_frames: int) -> None:
@@ -271,7 +271,7 @@ class ExternalTrackLinker:
         self.short = 0
 
     def outcome_counts(self) -> Counter[Outcome]:
-        """Return how many places have each outcome, of all animals together."""
+        """Count the places of all animals by their outcome."""
         counts = Counter[Outcome]()
         for (_, outcome), count in self.outcomes.items():
             counts[outcome] += count
@@ -280,10 +280,10 @@ class ExternalTrackLinker:
     def link_frames(
         self, detections: Iterable[Detections], cuts: Sequence[int] = ()
     ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
-        """Yield for each frame the counts of its verdicts, and the fish of runs long enough.
+        """Yield for each frame the counts of its verdicts, and the fish of long enough runs.
 
-        A run's fish until then come at once when it is long enough. cuts: numbers of frames before
-        which the film is cut, and runs end.
+        When a run becomes long enough, all its fish until then are yielded. cuts: numbers of frames
+        before which the film is cut, and runs end.
         """
         waiting: dict[int, list[TrackedFish]] = {}  # by animal, runs that are still too short
         running: dict[int, int] = {}  # animal → its track
@@ -313,7 +313,7 @@ class ExternalTrackLinker:
         self._end_runs(set(), waiting, running)
 
     def no_track_error(self) -> NoTrackError:
-        """Return the error to raise where no animal has silhouettes long enough for a track."""
+        """Return the error to raise where no animal can be followed long enough for a track."""
         given, least = self._given, self._least
         longest, without = longest_run_frames(given), int((given.stop == given.start).sum())
         became = ", ".join(f"{count} {outcome}" for outcome, count in self.outcome_counts().items())
@@ -350,7 +350,7 @@ class ExternalTrackLinker:
     def _end_runs(
         self, seen: set[int], waiting: dict[int, list[TrackedFish]], running: dict[int, int]
     ) -> None:
-        """End the runs of all animals that are not among those seen; count the short ones."""
+        """End the runs of all animals that are not in `seen`, and count those that are too short."""
         for animal in [animal for animal in waiting if animal not in seen]:
             self.short += len(waiting.pop(animal))
         for animal in [animal for animal in running if animal not in seen]:
@@ -371,10 +371,9 @@ def longest_run_frames(given: ExternalTracks) -> int:
 class SilhouetteFit(NamedTuple):
     """How well another program's places agree with silhouettes in sample frames.
 
-    share: of the places, those with a silhouette of any kind within a body length, 0 … 1; chance:
-    the same share with silhouettes of other moments; places: their number; lost: numbers of the
-    animals that have three places or more, and never a silhouette; seen: most silhouettes in a
-    frame.
+    share: of places with a silhouette within a body length, 0 … 1; chance: the same with
+    silhouettes of other moments; places: their number; lost: numbers of animals that have three
+    places or more, and never a silhouette; seen: most silhouettes in a frame.
     """
 
     share: float
@@ -385,10 +384,10 @@ class SilhouetteFit(NamedTuple):
 
     @property
     def least_share(self) -> float:
-        """Return the `share` that tracks of this film need: midway from `chance` to 1, at most 0.9.
+        """Return the least `share` at which tracks are taken to be of this film.
 
-        Tracks of another film agree by chance alone. So do this film's tracks where animals rest,
-        which then must agree nearly always.
+        It is midway from `chance` to 1, at most 0.9. Tracks of another film agree by chance alone.
+        So do this film's tracks where animals rest, which then must agree nearly always.
         """
         return min(_MOST_NEEDED, (1 + self.chance) / 2)
 
@@ -428,9 +427,9 @@ def measure_silhouette_fit(
 def _have_near_silhouette(
     points: Floats, silhouettes: Sequence[SilhouettePlace], length_px: float
 ) -> Mask:
-    """Return whether each animal (animals,) has a silhouette within a body length of its place.
+    """Return which animals (animals,) have a silhouette within a body length of their place.
 
-    points: (animals, k, 2) px, its place; length_px: a body length.
+    points: (animals, k, 2) px, where they are; length_px: a body length.
     """
     if not silhouettes or not len(points):
         return np.zeros(len(points), bool)
@@ -438,7 +437,7 @@ def _have_near_silhouette(
 
 
 def refuse_other_film(tracks: ExternalTracks, fit: SilhouetteFit) -> None:
-    """Raise FinloopError if fewer places have a silhouette than tracks of this film need."""
+    """Raise FinloopError if so few places have a silhouette that the tracks are of another film."""
     if fit.share >= fit.least_share:
         return
     film = tracks.film

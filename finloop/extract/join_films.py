@@ -49,7 +49,7 @@ class FishScaling(NamedTuple):
 
 
 class FilmContribution(NamedTuple):
-    """A film's part of the motion base: how many rows and tracks, and the scaling of its fish.
+    """How many rows and tracks one of several films adds, and how its fish are scaled.
 
     like: makes its fish as long and as bright as those of the first film.
     """
@@ -76,11 +76,11 @@ class _FilmTracks(NamedTuple):
 
 
 def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[FilmContribution]:
-    """Write the joint tracks, cut-outs, scene and background of several films; return their parts.
+    """Join tracks and cut-outs of several films in the first film's tank; return each one's share.
 
-    clip, folder: what `clip` and `extract` have written, a folder a film in `films`; the joint
-    files lie in `folder` itself, with tracks of another program. A film whose tracks are all
-    shorter than a frame of the common rate adds none.
+    clip, folder: what `clip` and `extract` have written, with a folder for each film in `films`;
+    the joint files are written to `folder` itself. A film whose tracks are all shorter than a frame
+    of the common rate adds none.
 
     errors: by name of each film without tracks, the reason. FinloopError if the first film is among
     them: the animation is shown in its tank.
@@ -143,7 +143,7 @@ def _scale_and_number_tracks(
 
 
 def _external_rows(film: _FilmTracks, table: pd.DataFrame, scaling: FishScaling) -> pd.DataFrame:
-    """Return the rows of another program's tracks of a film, in the order of the common table.
+    """Return one film's rows of another program's tracks, in the order of the joint table.
 
     An animal's name begins with that of its film, for every film has an animal number 1.
     """
@@ -154,7 +154,7 @@ def _external_rows(film: _FilmTracks, table: pd.DataFrame, scaling: FishScaling)
 
 
 def _load_film_tracks(part: FilmPart, clip: Path, folder: Path, whole: VideoFacts) -> _FilmTracks:
-    """Load those rows of one film's tracks that the common frame rate shows.
+    """Load those rows of one film's tracks that remain at the common frame rate.
 
     clip, folder: of all films together; whole: facts about the joint clip.
     """
@@ -172,7 +172,7 @@ def _load_film_tracks(part: FilmPart, clip: Path, folder: Path, whole: VideoFact
 def _copy_cutouts(
     writer: CutoutWriter, store: CutoutStore, rows: Rows, table: pd.DataFrame, scaling: FishScaling
 ) -> None:
-    """Write the scaled cut-outs of some rows of a film, with the keys of the joint table.
+    """Write the scaled cut-outs (pixels with alpha) of some rows of a film to the joint store.
 
     store: the film's cut-outs; rows (k,): their numbers in it; table: the same rows of the joint
     table.
@@ -197,7 +197,7 @@ def _median_levels(cutouts: Iterable[Cutout], drop_colour: bool) -> Floats:
 def find_fish_scaling(
     length_px: float, first_length_px: float, light: Floats, first_light: Floats, drop_colour: bool
 ) -> FishScaling:
-    """Return the change that makes a film's fish like those of the first film.
+    """Return the scaling of size, light and colour that makes a film's fish like the first film's.
 
     length_px, first_length_px: typical body lengths; light, first_light (channels,): median levels,
     0 … 255; drop_colour: whether colours are dropped. Differences that also occur within one film
@@ -251,7 +251,7 @@ def _resize_cutout(cutout: Cutout, scale: float) -> Cutout:
 
 
 def _scale_measures(tracks: pd.DataFrame, scaling: FishScaling) -> pd.DataFrame:
-    """Return rows of the table of tracks, with lengths and contrast scaled to the first film's."""
+    """Scale the lengths and the contrast in a table of tracks to those of the first film."""
     if scaling.is_identity:
         return tracks
     made = tracks.copy()

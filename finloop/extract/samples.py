@@ -73,8 +73,8 @@ def judge_silhouette(
     return "fish"
 
 
-class _BackgroundSurvey(NamedTuple):
-    """The measurements with one background: scene, typical fish, and how much fish differ in area.
+class _BackgroundTrial(NamedTuple):
+    """What was measured with one background: scene, typical fish, and how much fish vary in area.
 
     spread: half the width of the middle 68 % of their areas, relative to the median; infinite for
     fewer than one fish in two frames.
@@ -96,14 +96,14 @@ def measure_scene_and_fish(
     sample_frames: (h, w[, 3]); arena: (h, w) uint8, 255 inside. FinloopError if nothing stands out
     from the background, or no silhouette can be an isolated fish.
     """
-    measure = partial(_survey_background, sample_frames, arena, settings, workers)
+    measure = partial(_measure_with_background, sample_frames, arena, settings, workers)
     if settings.background == "threshold":
         return measure(flat_background(sample_frames))[:2]
     median, spread = median_background(sample_frames, workers), attrgetter("spread")
     if settings.background != "auto":  # `mog2` starts from the median
         return measure(median)[:2]
 
-    def without_ghosts() -> Iterator[_BackgroundSurvey]:
+    def without_ghosts() -> Iterator[_BackgroundTrial]:
         """Yield the measurements with those other backgrounds on which a fish is found."""
         with suppress(FinloopError):
             ghost = max(settings.least_contrast, _GHOST)
@@ -123,14 +123,14 @@ def measure_scene_and_fish(
     return (best if best.spread < _BETTER * usual.spread else usual)[:2]
 
 
-def _survey_background(
+def _measure_with_background(
     sample_frames: Sequence[Picture],
     arena: Picture,
     settings: ExtractSettings,
     workers: Threads,
     background: Picture,
-) -> _BackgroundSurvey:
-    """Measure the scene and a typical fish with one background.
+) -> _BackgroundTrial:
+    """Measure the scene and a typical fish on sample frames, with one background.
 
     FinloopError as in `measure_scene_and_fish`.
     """
@@ -156,7 +156,7 @@ def _survey_background(
             candidates, typical, _ = with_thin
     areas = [s.area_px for s in candidates if judge_silhouette(s, typical, settings) == "fish"]
     spread = _median_and_spread(areas)[1] if 2 * len(areas) >= len(sample_frames) else np.inf
-    return _BackgroundSurvey(scene, typical, spread)
+    return _BackgroundTrial(scene, typical, spread)
 
 
 def _median_and_spread(values: Sequence[float]) -> tuple[float, float]:
@@ -171,11 +171,11 @@ def _median_and_spread(values: Sequence[float]) -> tuple[float, float]:
 def find_typical_fish(
     silhouettes: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
 ) -> tuple[TypicalFish, float]:
-    """Return the typical fish in silhouettes of sample frames, and the relative spread of lengths.
+    """Return the typical fish among silhouettes of sample frames, and the spread of lengths.
 
-    Its area is the median of the silhouettes' areas, weighted by area and contrast so that dirt,
-    bubbles and figures of a clock count little; length and contrast are the medians of the
-    silhouettes of about that area. FinloopError if no silhouette can be an isolated fish.
+    Its area is the median of the silhouettes' areas, weighted by area and contrast so that dirt and
+    bubbles count little; length and contrast are the medians of the silhouettes of about that area.
+    FinloopError if no silhouette can be an isolated fish.
     """
     free = sorted((s for s in silhouettes if not s.at_border), key=attrgetter("area_px"))
     if not free:

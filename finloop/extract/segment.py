@@ -80,11 +80,11 @@ class SegmentedFish:
 
 
 class SilhouetteEdge(NamedTuple):
-    """Where silhouettes end.
+    """The limits that decide which pixels belong to a silhouette.
 
     share: of a fish's own contrast, at which its edge lies; shadow: most of the tank's light that a
-    shadow takes; fins: which pale pixels beyond a silhouette belong to it; thin: whether its pale
-    thin parts belong to it (`add_thin_parts`).
+    shadow takes away; fins: which pale pixels belong to it; thin: whether its pale thin parts
+    belong to it (`add_thin_parts`).
     """
 
     share: float
@@ -98,8 +98,8 @@ def find_silhouettes(
 ) -> Iterator[Silhouette]:
     """Yield every patch of a frame that differs from the background and is large enough.
 
-    scene: in the light of the frame (`match_scene_to_light`); arena: (h, w) uint8, 255 inside;
-    least_area_px: px²; ends: where a silhouette ends.
+    scene: as bright as the frame (`match_scene_to_light`); arena: (h, w) uint8, 255 inside;
+    least_area_px: px²; ends: which pixels belong to a silhouette.
     """
     change = difference_image(frame, scene)
     height, width = change.shape
@@ -140,9 +140,8 @@ def find_silhouettes(
 def add_thin_parts(silhouettes: Picture, change: Picture, least_level: int) -> Picture:
     """Return silhouettes (h, w), 0 or 255, together with the pale thin parts that touch them.
 
-    silhouettes: (h, w), 0 or 255; change: (h, w), the difference image; least_level: grey levels
-    that a thin part exceeds. A pale and wide part, such as a shadow or the gloom around an animal,
-    is not thin.
+    silhouettes: (h, w), 0 or 255; change: (h, w), the difference from the empty tank; least_level:
+    grey levels that a thin part exceeds. Pale parts that are wide, such as shadows, are left out.
     """
     body = np.minimum(silhouettes, 1)
     pale = cv2.threshold(change, least_level, 1, cv2.THRESH_BINARY)[1] | body
@@ -163,11 +162,11 @@ def add_thin_parts(silhouettes: Picture, change: Picture, least_level: int) -> P
 def _add_dark_skin(
     silhouette: Picture, changed: Mask, film: Picture, tank: Picture, shadow: float
 ) -> Picture:
-    """Return the silhouette (h, w), 0 or 255, of a fish with its patches darker than a shadow.
+    """Return a bright fish's silhouette (h, w), 0 or 255, with its patches darker than a shadow.
 
     These lack more than the share `shadow` of the tank's light in all channels. changed: (h, w),
-    where the film differs from the tank. Where bright skin becomes dark skin, a pixel is as bright
-    as the tank: such gaps are closed.
+    where the film differs from the tank. Between bright and dark skin a pixel can be as bright as
+    the tank: such gaps are closed.
     """
     dark = cv2.subtract(tank, film) > shadow * tank
     dark = changed & (dark if dark.ndim == 2 else dark.all(axis=-1))
@@ -178,10 +177,10 @@ def _add_dark_skin(
 
 
 def _find_candidate_edges(change: Picture, arena: Picture, level: int) -> Iterator[Edge]:
-    """Yield the edges of the connected pixels above a level inside the arena, from below up.
+    """Yield the edges of the connected patches above a level inside the arena, the lowest first.
 
-    change: (h, w), the difference image; level: grey levels. Only rows near such pixels are
-    processed; outside of the arena `change` becomes 0 in these.
+    change: (h, w), the difference from the empty tank, which becomes 0 outside of the arena near
+    such patches; level: grey levels.
     """
     rows = np.flatnonzero(change.max(axis=1) > level)
     if not len(rows):
@@ -223,10 +222,10 @@ def _assign_pale_pixels(
     parts: list[tuple[Silhouette, Edge]], candidate: Edge, patch: Picture, corner: tuple[int, int],
     pale: Mask,
 ) -> Iterator[Silhouette]:  # fmt: skip
-    """Yield the silhouettes of one candidate, each with those pale pixels to which it is nearest.
+    """Yield the silhouettes of one patch, each with the pale pixels that are nearest to it.
 
-    parts: the silhouettes, and their edges; candidate: its edge; patch: part of the difference
-    image, at `corner` x, y of the picture; pale: (h, w), mask of the patch.
+    parts: the silhouettes, and their edges; candidate: the patch's edge; patch: part of the
+    difference image, at `corner` x, y of the picture; pale: (h, w), mask of the patch.
     """
     left, top = corner
     inside = np.zeros(patch.shape, np.uint8)
@@ -264,8 +263,8 @@ def measure_fish(
 ) -> SegmentedFish | None:
     """Measure backbone, outline and cut-out of an isolated silhouette; None without a backbone.
 
-    frame, scene: those in which it was found; points: of the backbone. Only the cut-out shows the
-    fins, too.
+    frame, scene: those in which it was found; points: number of backbone points. Only the cut-out
+    (pixels with alpha) shows the fins, too.
     """
     backbone = trace_backbone(silhouette.mask, silhouette.field, points, scene.threshold)
     if backbone is None:
@@ -280,13 +279,15 @@ def measure_fish(
         shown, (left, top) = add_fins_to_alpha(alpha, (x0, y0), silhouette.fins, levels)
     h, w = shown.shape
     window = np.s_[top : top + h, left : left + w]
+    inside = cv2.threshold(alpha, 127, 255, cv2.THRESH_BINARY)[1]
+    chains = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     return SegmentedFish(
         x_px=moments["m10"] / moments["m00"] + x0,
         y_px=moments["m01"] / moments["m00"] + y0,
         area_px=moments["m00"] / 255,
         contrast=silhouette.contrast,
         backbone=backbone._replace(points_px=backbone.points_px + corner),
-        outline_px=_trace_outline(alpha) + corner,
+        outline_px=refine_outline(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS) + corner,
         x0=left,
         y0=top,
         cutout=premultiply_cutout(frame[window], scene.background[window], shown),
@@ -322,16 +323,6 @@ def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
                             most = max(most, field[v, u])
                 alpha[y, x] = min(round(255 * field[y, x] / max(most, 1)), 255)
     return alpha
-
-
-def _trace_outline(alpha: Picture) -> Floats:
-    """Return the outline (OUTLINE_POINTS, 2) x, y at equal arc lengths, where alpha is one half.
-
-    alpha: (h, w) uint8; x and y are px of it.
-    """
-    inside = cv2.threshold(alpha, 127, 255, cv2.THRESH_BINARY)[1]
-    chains = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
-    return refine_outline(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS)
 
 
 def premultiply_cutout(film: Picture, tank: Picture, alpha: Picture) -> Picture:

@@ -38,7 +38,7 @@ head and tail are, if it says so."""
 
 
 def tracks_schema(points: int) -> Schema:
-    """Return the schema of the table of tracks: a row per fish per frame, in the order of cut-outs.
+    """Return the schema of the table of tracks: a row per fish per frame.
 
     points: the number of points of a backbone.
     """

@@ -41,7 +41,7 @@ class SilhouettePlace:
 
 @dataclass
 class _Track:
-    """A track that still runs: its number, its last place, and its step to there (vx, vy) in px."""
+    """A track that is not ended: its number, its last place, and its last step (vx, vy) in px."""
 
     number: int
     spot: SilhouettePlace
@@ -55,7 +55,7 @@ class _Track:
 
 
 class TrackLinker:
-    """Joins silhouettes of successive frames to tracks: nearest pairs, limited in step and area.
+    """Links silhouettes of successive frames to tracks: nearest pairs, limited in step and area.
 
     gate_px: largest distance of a fish from the place expected from its last two frames. Beyond a
     quarter of it, any other partner of the track or the silhouette must be 1.5 times as far away.
@@ -99,16 +99,16 @@ class TrackLinker:
         return numbers
 
     def _match_tracks(self, silhouettes: list[SilhouettePlace]) -> dict[int, _Track]:
-        """Return the running track of each silhouette that has one, by the silhouette's number.
+        """Match running tracks with a frame's silhouettes; return the tracks by silhouette number.
 
         It is the assignment with the smallest distances, of pairs within the limits of step and
         area.
         """
         if not self._tracks or not silhouettes:
             return {}
-        cost = _pairwise_distances(
-            [t.next_place for t in self._tracks], [(s.x_px, s.y_px) for s in silhouettes]
-        )
+        expected = np.asarray([track.next_place for track in self._tracks])
+        difference = expected[:, None] - np.asarray([(s.x_px, s.y_px) for s in silhouettes])
+        cost = np.hypot(difference[..., 0], difference[..., 1])
         clear = cost < self._gate / 4
         clear |= (_CLEARLY * cost < _least_other_costs(cost)) & (
             _CLEARLY * cost < _least_other_costs(cost.T).T
@@ -129,7 +129,7 @@ class TrackLinker:
         silhouettes: list[SilhouettePlace],
         tracks: dict[int, _Track],
     ) -> bool:
-        """Return whether a silhouette has shrunk because another one has left its place.
+        """Return whether a silhouette shrank because another one parted from it.
 
         before: its place in the frame before; silhouettes: of this frame, where it has this
         `number`; tracks: of the silhouettes, by number.
@@ -153,17 +153,11 @@ def _has_swallowed(track: _Track, silhouette: SilhouettePlace, lost_tracks: list
 
 
 def _least_other_costs(cost: Floats) -> Floats:
-    """Return, for each entry, the least other entry in its row; infinity where there is none."""
+    """Return for each entry of a matrix the least other entry of its row, else infinity."""
     if cost.shape[1] < 2:
         return np.full_like(cost, np.inf)
     two = np.partition(cost, 1, axis=1)[:, :2]
     return np.where(cost == two[:, :1], two[:, 1:], two[:, :1])
-
-
-def _pairwise_distances(a: list[tuple[float, float]], b: list[tuple[float, float]]) -> Floats:
-    """Return the distances (n, m) of n places x, y from m others."""
-    difference = np.asarray(a)[:, None] - np.asarray(b)[None]
-    return np.hypot(difference[..., 0], difference[..., 1])
 
 
 def _box_contains_any(box: Box, places: Iterable[tuple[float, float]]) -> bool:

@@ -53,7 +53,7 @@ _LOOKED_AT = 8  # most frames from which the space on the disk is estimated
 class Extraction(NamedTuple):
     """The results of a clip: facts, counts of silhouettes by verdict, counts of frames by track.
 
-    given: outcomes of the places in a file of tracks; empty without one. lost: numbers of the
+    given: outcomes of another program's places; empty without such tracks. lost: numbers of the
     frames that could not be decoded.
     """
 

@@ -22,7 +22,7 @@ _G = np.array([245, 56, 1]) / 360  # gₖ for k = 1, 2, 3
 
 
 def control_points(backbone: Reals) -> Floats:
-    """Return the six control points (rows, 6, 2) of backbones (rows, n, 2) with equal steps."""
+    """Return six points (rows, 6, 2) evenly along backbones (rows, n, 2), from head to tail."""
     return interpolate_lines(backbone, CONTROL_ARCS * (backbone.shape[1] - 1))
 
 
@@ -61,9 +61,10 @@ def closed_spline_points(control: Reals, points_per_knot: int = 16) -> Floats:
 
 
 def measure_bend(backbone: Reals, length_px: Reals) -> Floats:
-    """Return the signed motion area (rows,) [squared body length], + = bent to the fish's left.
+    """Return how much each fish is bent (rows,), in squared body lengths, + = to its left.
 
-    backbone: (rows, n, 2) px, from head to tail; length_px: (rows,). `motion_area` of the feature
-    table is its absolute value.
+    It is the signed motion area: the area enclosed by a spline through the backbone; `motion_area`
+    of the feature table is its absolute value. backbone: (rows, n, 2) px, from head to tail;
+    length_px: (rows,).
     """
     return -signed_spline_area(control_points(backbone)) / length_px**2

@@ -26,12 +26,12 @@ def measure_current(
     places: Reals, heading_deg: Reals, tail: Reals, bend: Reals, tracks: Sequence[slice],
     rate_hz: float,
 ) -> float:  # fmt: skip
-    """Return the speed [body lengths/s] of animals that stay in place in a current; else 0.
+    """Return the speed [body lengths/s] of animals that swim on the spot against a current; else 0.
 
-    It is the speed through the water. It follows from how fast and how far the tail beats: fish
-    cruise at a Strouhal number of 0.3. places (n, 2): in body lengths; heading_deg (n,); tail (n,):
-    its tip's offset from the head's axis, body lengths; bend (n,): signed motion area; tracks: the
-    rows of each; rate_hz: frames per second.
+    It is their speed through the water, from how fast and how far the tail beats: fish cruise at a
+    Strouhal number of 0.3. places (n, 2): body lengths; tail (n,): offset of the tail's tip from
+    the head's axis, body lengths; bend (n,): signed motion area; tracks: the rows of each track;
+    rate_hz: frames per second.
     """
     if max(float(np.hypot(*np.ptp(places[one], axis=0))) for one in tracks) >= _STAYS:
         return 0.0
@@ -46,11 +46,10 @@ def measure_current(
 
 
 def places_through_water(features: pd.DataFrame) -> Floats:
-    """Return places (n, 2) [px] of every row as if its track were filmed in still water.
+    """Return each fish's places (n, 2) [px] as if it had been filmed in still water.
 
-    Without a current (column `current`, body lengths/s) they are as filmed. With one, each row is
-    moved on along the heading by the distance it swims until then. Only differences within a track
-    have a meaning.
+    With a current (column `current`, body lengths/s), a fish that stays in place is moved ahead by
+    the distance that it has swum through the water. Only differences within a track have a meaning.
     """
     place = features[["x_px", "y_px"]].to_numpy(float)
     current = features["current"].to_numpy(float)

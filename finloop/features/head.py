@@ -26,7 +26,7 @@ _MEMORY_S = 0.4  # nearer frames repeat the same evidence
 
 
 def begins_at_tail(lines: Reals, features: pd.DataFrame) -> Mask:
-    """Return a mask (rows,) of the lines (rows, n, 2) px that begin at their fish's tail.
+    """Return a mask (rows,) of the backbones (rows, n, 2) px whose first point is the tail.
 
     features: the same rows of a feature table, which has the places of the heads.
     """
@@ -36,10 +36,10 @@ def begins_at_tail(lines: Reals, features: pd.DataFrame) -> Mask:
 
 
 def match_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8]:
-    """Return which end of each backbone (rows, n, 2) px is the head by another program, (rows,).
+    """Return which end of each backbone (rows, n, 2) px another tracking program calls the head.
 
-    1 is the first point, −1 the last, 0 unknown. head, tail: the program's points, (rows, 2) px,
-    NaN where unknown.
+    The result (rows,) is 1 for the first point, −1 for the last, 0 for unknown. head, tail: the
+    program's points, (rows, 2) px, NaN where unknown.
     """
     ends = backbone[:, [0, -1]].astype(float)
     same, swapped = (
@@ -55,13 +55,12 @@ def match_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8
 def decide_head_end(
     backbone: Reals, half_width: Reals, rate_hz: float, given_head: NDArray[np.int8] | None = None
 ) -> tuple[Mask, Floats]:
-    """Return whether the first backbone point is the head, frame by frame, and how surely.
+    """Decide for each frame of a track whether the first backbone point is the head.
 
-    backbone: (frames, n, 2) px, of consecutive frames of one track, either end first; half_width:
-    (frames, n) px, beside it; rate_hz: frames per second; given_head: (frames,) as `match_head_end`
-    gives it; where it is not 0 it decides. The first result (frames,) is True where the first point
-    is the head; the second (frames,) is its probability, in [0.5, 1], below 0.5 where the frame by
-    itself contradicts its track, or the other program.
+    Return the decisions (frames,) and their probabilities (frames,); below 0.5, the frame by itself
+    speaks against the decision. backbone: (frames, n, 2) px, consecutive frames; half_width:
+    (frames, n) px; rate_hz: frames per second; given_head: (frames,) from `match_head_end`, which
+    decides where it is not 0.
     """
     length = np.median(np.hypot(*np.diff(backbone, axis=1).transpose(2, 0, 1)).sum(1))
     evidence = _width_evidence(half_width) + _travel_evidence(backbone, length)
@@ -74,9 +73,9 @@ def decide_head_end(
 
 
 def _width_evidence(half_width: Reals) -> Floats:
-    """Return log odds (frames,) that the first point is the head, from the widths of both ends.
+    """Return log odds (frames,) that the first point is the head: the head is the wider end.
 
-    half_width: (frames, n) px.
+    half_width: (frames, n) px, along the backbone.
     """
     part = half_width.shape[1] * 3 // 8
     first, last = half_width[:, 1:part].mean(1), half_width[:, -part:-1].mean(1)
@@ -84,7 +83,7 @@ def _width_evidence(half_width: Reals) -> Floats:
 
 
 def _travel_evidence(backbone: Reals, length_px: float) -> Floats:
-    """Return log odds (frames,) that the first point is the head, from the travel.
+    """Return log odds (frames,) that the first point is the head: fish swim head first.
 
     backbone: (frames, n, 2) px; length_px: body length.
     """
@@ -98,7 +97,7 @@ def _travel_evidence(backbone: Reals, length_px: float) -> Floats:
 
 
 def _stay_odds(backbone: Reals, length_px: float) -> Floats:
-    """Return log odds (frames − 1,) that head and tail do not change places in the next step.
+    """Return log odds (frames − 1,) that both ends stay near their places rather than swap.
 
     backbone: (frames, n, 2) px; length_px: body length.
     """
@@ -109,10 +108,10 @@ def _stay_odds(backbone: Reals, length_px: float) -> Floats:
 
 
 def _most_probable_states(evidence: list[float], stay_odds: list[float]) -> Mask:
-    """Return the most probable answers (frames,) whether the first point is the head (Viterbi).
+    """Return whether the first point is the head, for each frame (frames,), by Viterbi's algorithm.
 
-    evidence: (frames,) log odds of each frame by itself; stay_odds: (frames − 1,) log odds of each
-    step. It uses plain numbers, which are twenty times as fast here as arrays of two states.
+    evidence: (frames,) log odds of each frame by itself; stay_odds: (frames − 1,) log odds that the
+    ends do not swap in a step. Plain numbers are twenty times as fast here as arrays of two states.
     """
     from_first = []  # of each step, for state 0 and 1: whether state 0 is the better one before
     odds = evidence[0]
@@ -140,9 +139,9 @@ def _state_probabilities(evidence: list[float], stay_odds: list[float]) -> Float
 
 
 def _odds_from_neighbour(odds: float, stay: float) -> float:
-    """Return the log odds that the first point is the head, as far as a neighbouring frame tells.
+    """Return the log odds that the first point is the head, judged by a neighbouring frame alone.
 
-    odds: log odds of that frame; stay: log odds that head and tail stay in the step. The result is
+    odds: log odds of that frame; stay: log odds that the ends do not swap in between. The result is
     log((e^(odds + stay) + 1) / (e^odds + e^stay)), written so that nothing overflows.
     """
     both, either = abs(odds + stay), abs(odds - stay)

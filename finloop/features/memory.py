@@ -18,12 +18,11 @@ _PARTS = 4  # least Δ in the longest track: the last one has no motion, and blo
 
 
 def measure_memory_frames(postures: Reals, track: Ints) -> float:
-    """Return after how many frames a posture is half as far from itself as from any other.
+    """Return after how many frames an animal's posture is half forgotten.
 
-    postures: (n, k), any numbers of them; track (n,): the track of each row, in the order of
-    frames. This *memory* is the lag τ at which the mean square of posture(t + τ) − posture(t)
-    reaches half of that between any two postures, linear between whole frames; the longest track's
-    length if it never does.
+    That is the lag τ at which the mean square of posture(t + τ) − posture(t) is half of that
+    between any two postures, linear between whole frames; the longest track's length if it never
+    is. postures: (n, k), any numbers; track (n,): the track of each row, in the order of frames.
     """
     values = np.asarray(postures, float)
     most = int(np.bincount(np.unique(track, return_inverse=True)[1]).max())
@@ -42,8 +41,9 @@ def held_out_block_frames(
 ) -> int:
     """Return the length [frames] of the blocks of time that are held out to test a prediction.
 
-    It is `block_deltas` times Δ, but at most the share `held_out_share` of the film, or
-    `least_frames` if that is more. delta_frames: Δ; frames (n,): frame numbers of the rows.
+    It is `block_deltas` times Δ (the time over which motion is measured, delta_frames), but at most
+    the share `held_out_share` of the film, or `least_frames` if that is more. frames (n,): frame
+    numbers of the rows.
     """
     film = int(np.ptp(frames)) + 1 if len(frames) else 1
     return min(
@@ -52,11 +52,11 @@ def held_out_block_frames(
 
 
 def measure_delta_s(bends: Sequence[Reals], rate_hz: float) -> float:
-    """Return Δ [s], the time in which motion is measured, for `features.delta_s=auto`.
+    """Return Δ, the time [s] over which motion is measured, chosen for a film.
 
-    bends: of each track (n,). Δ is the paper's, but at most three memories, half a tail beat, so
-    that a quick animal's motion is not smoothed away. It is also at most a quarter of the longest
-    track, so that there is something to learn from. rate_hz: frames per second.
+    Δ is the paper's, but at most three memories (`measure_memory_frames`), half a tail beat, so
+    that quick motion is not smoothed away, and at most a quarter of the longest track. bends: the
+    signed motion areas (n,) of each track; rate_hz: frames per second.
     """
     longest = max(len(bend) for bend in bends)
     track = np.repeat(np.arange(len(bends)), [len(bend) for bend in bends])

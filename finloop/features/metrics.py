@@ -93,11 +93,11 @@ def metrics_in_mm(
 
 
 def measure_heading_agreement(features: pd.DataFrame) -> dict[str, float]:
-    """Return how well headings agree with the motion in moving rows, by name, for metrics.json.
+    """Return how well headings agree with the direction of motion, by name, for metrics.json.
 
-    The metrics are the number of these rows, the share headed within 90° of their motion, and the
-    median angle. Swaps of head and tail lower the share. The motion is the displacement over Δ, the
-    heading that in the middle of it. In a current the film shows no such motion.
+    Only rows (a fish in one frame) that move count: their number, the share headed within 90° of
+    their motion, and the median angle. Swapped heads and tails lower the share. The motion is
+    measured over Δ, the heading in the middle of it. In a current the film shows no such motion.
     """
     delta = infer_delta_frames(features)
     start = np.flatnonzero(features["displacement"] > _MOVING)
@@ -116,12 +116,11 @@ def measure_heading_agreement(features: pd.DataFrame) -> dict[str, float]:
 def compare_with_truth(
     features: pd.DataFrame, backbones: np.ndarray, truth: pd.DataFrame
 ) -> dict[str, float]:
-    """Return errors against the drawn carp's ground truth by name, for metrics.json.
+    """Return the errors of measured features against the drawn carp's truth, for metrics.json.
 
-    backbones (rows, n, 2): px, head first, of the table's rows; truth: a row per carp per frame.
-    Each row is compared with the nearest carp of the same frame. A backbone's error is the mean
-    distance of its points from the true points at the same shares of the length, so errors along
-    the body count too.
+    backbones (rows, n, 2): px, head first, in the table's order; truth: a row per carp per frame.
+    Each measured fish is compared with the nearest carp of its frame. A backbone's error is the
+    mean distance of its points from the true points at the same shares of the length.
     """
     found, nearest = _pair_with_truth(features, truth)
     fish, true = features.iloc[found], truth.iloc[nearest]
@@ -168,15 +167,12 @@ def compare_with_truth(
 def compare_heads_with_external(
     tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float
 ) -> dict[str, float]:
-    """Return how well another program's heads agree with our own by name, for metrics.json.
+    """Return how well another program's heads agree with ours, by name, for metrics.json.
 
-    The metrics are the share of rows with a head of the program, the share in which the ends are
-    exchanged, and the median angle. The angle is that between the two directions from tail to head;
-    above 90° the ends are exchanged. Our own heads are those of `orient_backbones` without the
-    given ones. Where the program has no tail, its direction is that from the middle of the backbone
-    to the head.
-
-    tracks: the columns `finloop.features.table.USED`; given: schema GIVEN, the same rows.
+    The metrics are the share of rows in which the program gives a head, the share in which it calls
+    our tail the head, and the median angle between the two directions from tail to head. Where it
+    gives no tail, the middle of the backbone is used. tracks: the columns
+    `finloop.features.table.USED`; given: schema GIVEN, the same rows.
     """
     own, _ = orient_backbones(tracks, rate_hz)
     head, tail = read_head_and_tail(given)
@@ -200,7 +196,7 @@ def _mean_line_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _pair_with_truth(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:
-    """Return row numbers (2, k): those of the fish, and of the true fish nearest to each."""
+    """Return pairs (2, k) of row numbers: measured fish, and nearest true fish of the frame."""
     fish = features[["frame", "x_px", "y_px"]].assign(fish=np.arange(len(features)))
     true = truth[["frame", "x_px", "y_px"]].assign(true=np.arange(len(truth)))
     both = fish.merge(true, on="frame", suffixes=("", "_true"))

@@ -26,7 +26,7 @@ _TURNS_DEG = 45.0
 
 
 class TurnThresholds(NamedTuple):
-    """The change of heading over Δ [°] and the signed bend [body length²] that make a turn."""
+    """How far the heading changes over Δ [°], and how bent [body length²], in a turn."""
 
     turn_deg: float
     bend: float
@@ -39,13 +39,11 @@ BRISK = TurnThresholds(16.0, 0.04)
 def measure_turn_thresholds(
     headings_deg: Sequence[Reals], bends: Sequence[Reals], delta_frames: int
 ) -> TurnThresholds:
-    """Return the change of heading and the bend that make a turn, measured in a film.
+    """Return the change of heading and the bend from which on a motion is a turn, for a film.
 
-    headings_deg, bends: of each track (n,), degrees and signed body length². They start from those
-    of a brisk fish. If a fish turns more slowly, or bends less, they are the values it exceeds in a
-    tenth of its frames; both are lowered together until a tenth of them reach the score of a turn.
-    If no track turns by 45° in all, there is no turn to find, and tail beats would count as turns;
-    then they stay those of a brisk fish.
+    headings_deg, bends: of each track (n,), degrees and signed body length². For a brisk fish they
+    are constants. For a slower or stiffer one they are lowered until a tenth of the frames count as
+    turns. If no track turns by 45° in all, they stay, or tail beats would count as turns.
     """
     ranges = [np.ptp(np.unwrap(one, period=360)) for one in map(np.asarray, headings_deg)]
     if max(ranges) < _TURNS_DEG:
@@ -58,24 +56,24 @@ def measure_turn_thresholds(
 
 
 def _upper_tenth(values: Reals) -> float:
-    """Return the size, above 0, that a tenth of the values (n,) reach."""
+    """Return the absolute value that a tenth of the values (n,) exceed, always above 0."""
     return max(float(np.quantile(np.abs(values), _SELDOM)), 1e-9)
 
 
 def turn_score(turn_deg: Reals, bend: Reals, thresholds: TurnThresholds) -> Floats:
-    """Return the turn score of frames (n,): from 1 on a turn to the left, from −1 to the right.
+    """Return the turn score of frames (n,): a turn to the left from 1 on, to the right from −1.
 
-    It is the mean of turn_deg (n,), the change of heading over Δ, and bend (n,), signed, each over
-    its threshold.
+    It is the mean of two ratios: change of heading to its threshold, and bend to its threshold.
+    turn_deg (n,): over Δ; bend (n,): signed, body length².
     """
     return 0.5 * (turn_deg / thresholds.turn_deg + bend / thresholds.bend)
 
 
 def heading_change(heading_deg: Reals, span_frames: int) -> Floats:
-    """Return the change of heading (frames,) [°] over a span around each frame, + = left.
+    """Return the change of heading (frames,) [°] over a span of time around each frame, + = left.
 
-    heading_deg: (frames,). Near the ends of a track, where the span does not fit, it is shortened
-    and the change scaled up.
+    heading_deg: (frames,); span_frames: length of the span. At the ends of a track the span is
+    shorter, and the change is scaled up.
     """
     heading = np.unwrap(np.asarray(heading_deg, float), period=360)
     last = len(heading) - 1
@@ -90,8 +88,8 @@ def classify_swimming_types(
 ) -> NDArray[np.int8]:
     """Return the swimming types (frames,) int8 of consecutive frames: 0 straight, 1 left, −1 right.
 
-    turn_deg, bend (frames,): change of heading over Δ, and signed bend. A turn is a run of frames
-    whose `turn_score` stays above `end_score` and somewhere reaches 1.
+    turn_deg (frames,): change of heading over Δ; bend (frames,): signed, body length². A turn lasts
+    while its `turn_score` exceeds `end_score`, and reaches 1 somewhere.
     """
     scores = turn_score(turn_deg, bend, thresholds)
     left = skimage.filters.apply_hysteresis_threshold(scores, end_score, 1.0)

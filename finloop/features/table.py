@@ -61,18 +61,19 @@ def delta_in_frames(delta_s: float, rate_hz: float) -> int:
 
 
 def infer_delta_frames(features: pd.DataFrame) -> int:
-    """Return Δ [frames] of a feature table: how many displacements are empty at a track's end.
+    """Return Δ, the time [frames] over which the displacements of a feature table were measured.
 
-    The longest track decides: a displacement needs a frame Δ later.
+    A displacement needs a frame Δ later, so the empty ones at the end of the longest track are
+    counted.
     """
     return int(features["displacement"].isna().groupby(features["track_id"]).sum().max())
 
 
 def natural_step_frames(features: pd.DataFrame) -> int:
-    """Return the frames of a natural step, the unit of picture distances: Δ / 5, at least 1.
+    """Return the frames of a natural step, the unit in which picture distances are given.
 
-    That is one frame of the paper's film (25 Hz, Δ of 5 frames). In a film of many frames per Δ,
-    the step from frame to frame would shrink as the camera gets faster.
+    It is Δ / 5, at least 1: one frame of the paper's film (25 Hz, Δ of 5 frames). The step from
+    frame to frame would shrink with a faster camera.
     """
     return max(1, round(infer_delta_frames(features) / _STEPS))
 
@@ -85,7 +86,7 @@ def wrap_deg(angle_deg: Reals) -> Floats:
 def find_orientations(heading_deg: Reals, orientations: int) -> NDArray[np.int8]:
     """Return the numbers, 1 … `orientations`, of the sectors in which headings [°] lie (§3.3).
 
-    Sector 1 is centred on 0°, to the right; they count anticlockwise. The paper has 24 (Table 1).
+    Sector 1 is centred on 0°, to the right; numbers rise anticlockwise. The paper has 24 (Table 1).
     """
     sector = 360 / orientations
     return (np.floor(np.asarray(heading_deg) / sector + 0.5) % orientations + 1).astype(np.int8)
@@ -146,7 +147,9 @@ def measure_features(
     ]
     current = settings.water_current_bl_s
     if current == "auto":
-        tail = _tail_tip_offsets(backbone, direction, length)
+        dx, dy = (backbone[:, -1] - backbone[:, 0]).T
+        back = np.radians(direction)
+        tail = (-dx * np.sin(back) - dy * np.cos(back)) / length
         current = measure_current(place / length[:, None], direction, tail, bent, every, rate_hz)
     area = np.abs(bent)
     ends = {"": place, "head_": backbone[:, 0], "tail_": backbone[:, -1]}
@@ -175,7 +178,7 @@ def measure_features(
 def _measure_motion_over_delta(
     table: pd.DataFrame, tracks: Sequence[slice], delta_frames: int
 ) -> tuple[Floats, Floats]:
-    """Return displacement [body lengths] and included angle [°] (n,) of the rows of tracks."""
+    """Return rows' displacement [body lengths] and change of heading [°] over the next Δ, (n,)."""
     way = places_through_water(table)
     direction, length = (table[name].to_numpy(float) for name in ("heading_deg", "body_length_px"))
     moved, turned = np.full((2, len(table)), np.nan)
@@ -187,16 +190,6 @@ def _measure_motion_over_delta(
     return moved, turned
 
 
-def _tail_tip_offsets(backbone: Floats, heading_deg: Floats, length_px: Floats) -> Floats:
-    """Return the offset (rows,) of the tail's tip from the head's axis [body lengths], + = left.
-
-    backbone: (rows, n, 2) px, from head to tail; heading_deg, length_px: (rows,).
-    """
-    dx, dy = (backbone[:, -1] - backbone[:, 0]).T
-    back = np.radians(heading_deg)
-    return (-dx * np.sin(back) - dy * np.cos(back)) / length_px
-
-
 def choose_turn_thresholds(
     heading_deg: Reals,
     bend: Reals,
@@ -204,9 +197,9 @@ def choose_turn_thresholds(
     delta_frames: int,
     settings: FeaturesSettings,
 ) -> TurnThresholds:
-    """Return the thresholds of turns: those of the settings; for `auto`, measured in the film.
+    """Return the thresholds of a turn: those of the settings, or, for `auto`, measured in the film.
 
-    heading_deg, bend (n,): of all rows; tracks: the rows of each.
+    heading_deg, bend (n,): of all rows; tracks: the rows of each track.
     """
     given = settings.turn_threshold_deg, settings.bend_threshold
     measured = measure_turn_thresholds(
@@ -225,10 +218,10 @@ def track_slices(tracks: pd.DataFrame) -> list[slice]:
 def orient_backbones(
     tracks: pd.DataFrame, rate_hz: float, given: pd.DataFrame | None = None
 ) -> tuple[Floats, Floats]:
-    """Return backbones (rows, n, 2) px, head first, and the probability (rows,) of that.
+    """Return backbones (rows, n, 2) px turned head first, and how probable that is (rows,).
 
-    tracks: the columns `USED`, sorted by track and frame; rate_hz: frames per second; given: the
-    head and tail of another program, same rows, which decide where they are not NaN.
+    tracks: the columns `USED`, sorted by track and frame; rate_hz: frames per second; given:
+    another program's heads and tails, same rows, which decide where they are not NaN.
     """
     backbone = lists_to_points(tracks, "backbone").astype(float)
     width = lists_to_array(tracks["half_width_px"])

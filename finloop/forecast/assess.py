@@ -40,10 +40,10 @@ _LEAST = 5  # least members of an ensemble
 
 
 class PredictedEnsembles(NamedTuple):
-    """Predicted states after k held-out rows, each from an ensemble of similar film motions.
+    """Predicted states (pose and speeds) after k held-out rows, each as an ensemble of members.
 
     rows: (k,) of the film. mean, spread: (k, d), of a row's members; rank: (k, d), the share of
-    members below the true state, 0 … 1. The d state numbers and their units are those of
+    members below the true state, 0 … 1. The d numbers of a state and their units are those of
     `FilmStates`.
     """
 
@@ -58,9 +58,8 @@ def predict_ensembles(
 ) -> PredictedEnsembles:
     """Predict the states after held-out rows, each by an ensemble built from training rows alone.
 
-    A member is the network's mean plus the film's departure from it after a similar training row;
-    rows with fewer than 5 members are left out. rng draws the rank of the true state between two
-    members.
+    A member is the network's prediction plus the error that it made at a similar training row; rows
+    with fewer than 5 members are left out. rng breaks ties between members.
     """
     in_train = np.zeros(len(film.states), bool)
     in_train[parts.train] = True
@@ -128,9 +127,9 @@ def _log_likelihood(error: Floats, deviation: Floats) -> float:
 
 
 def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
-    """Predict the states (k, d) Δ after rows (k,): each predicted mean is the next input.
+    """Predict the states (k, d) Δ frames after rows (k,): each prediction is the next input.
 
-    The controls are those of the film.
+    The controls (displacement and turn) are those of the film.
     """
     past = film.states[rows[:, None] - np.arange(film.lags[-1] + 1)]
     for tick in range(film.delta):
@@ -142,9 +141,9 @@ def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
 def measure_control_slopes(
     sampler: Sampler, film: FilmStates, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Return how well a fish follows controls over Δ: slopes of its motion against the control.
+    """Return how well a fish moves as it is told over the time Δ, as slopes against the control.
 
-    displacement_slope, angle_slope: 1 if it does as controlled, 0 if it ignores the control; left
+    displacement_slope, angle_slope: 1 if it moves as controlled, 0 if it ignores the control; left
     out if the control never varies. The fish starts at random rows, with controls of similar rows.
     """
     controls, motions = [], []
@@ -180,7 +179,7 @@ def posture_motion_areas(postures: Floats) -> Floats:
 
 
 def rank_table(ensemble: PredictedEnsembles) -> pd.DataFrame:
-    """Return the table HELD_OUT: the ranks of the true first code and speeds, per held-out row."""
+    """Return the table HELD_OUT: where true codes and speeds rank among the predicted members."""
     ranks = dict(zip(HELD_OUT.names[1:], ensemble.rank[:, [0, -3, -2, -1]].T, strict=True))
     return pd.DataFrame({"row": ensemble.rows, **ranks})
 
@@ -196,10 +195,11 @@ def free_swim_table(states: Floats, rows: Ints) -> pd.DataFrame:
 def compare_free_swim(
     states: Floats, rows: Ints, film: FilmStates, sampler: Sampler
 ) -> dict[str, float]:
-    """Compare a free swim with the film: its spread, how often it is clamped, its longest repeats.
+    """Compare a fish that swims by predictions alone with the film, by name.
 
     states (t, d), rows (t,): from `swim_freely`. …_spread_of_film: standard deviation over the
-    film's; free_clamped_pct: ticks at the edge of the film's range; …_repeat_s: seconds.
+    film's; free_clamped_pct: ticks at the edge of the film's range; …_repeat_s: longest repeats,
+    seconds.
     """
     usual = film.states[film.rows]
     clamped = (states <= sampler.low) | (states >= sampler.high)

@@ -35,14 +35,15 @@ _LEAST = 1e-6  # least standard deviation
 
 @dataclass(frozen=True)
 class FilmStates:
-    """The states and controls of a film's n rows and, if they may be mirrored, of the images.
+    """The states (pose and speeds) and controls (next motion) of a film's n rows and mirror images.
 
-    m = n or 2 n rows. states: (m, d); control: (m, 2); units above; both NaN where the track does
-    not reach. usable: (m,) whether past, control and next state exist. mirror: (d, d), states @
-    mirror are the mirrored states; side: (2,), control * side the mirrored controls; identity and
-    ones where the sides differ. lags: (l,) frames, rising from 0. scale: (d,) standard deviations;
-    control_scale: (2,) root mean squares. frame: (m,) numbers. delta: Δ in frames. rate_hz: frames
-    per second. count: n. memory: frames after which a posture is half forgotten.
+    There are m = n rows, or 2 n with mirror images. states: (m, d); control: (m, 2); units above;
+    both NaN where the track does not reach. usable: (m,) whether past, control and next state
+    exist. mirror: (d, d), states @ mirror are the mirrored states; side: (2,), control * side the
+    mirrored controls; identity and ones where the sides differ. lags: (l,) frames, ascending from
+    0. scale: (d,) standard deviations; control_scale: (2,) root mean squares. frame: (m,) numbers.
+    delta: Δ in frames. rate_hz: frames per second. count: n. memory: frames after which a posture
+    is half forgotten.
     """
 
     states: Floats
@@ -123,7 +124,7 @@ def compute_film_states(
 def posture_mirror_matrix(poses: FilmPoses, look: Reals) -> Reals | None:
     """Return the matrix (c, c) that mirrors posture codes; None if the fish may not be mirrored.
 
-    look: light and skin (table LOOK); it has more rows than `poses` if the fish may be mirrored.
+    look: the table LOOK; it has more rows than `poses` if mirror images may be shown.
     """
     return poses.shapes.mirror_matrix if len(look) > len(poses.codes) else None
 
@@ -154,7 +155,7 @@ class Partition:
 
 
 def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
-    """Split usable rows by stretches of time, of all fish together; the sides share no past.
+    """Split usable rows by stretches of time, of all fish together; no past reaches across.
 
     Each side has at most `p.most_rows`: in a long film a random sample. FinloopError if the film is
     shorter than two stretches.

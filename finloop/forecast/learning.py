@@ -46,7 +46,7 @@ class _Network(nn.Module):
         return past[:, 0] + 0.5 * (self.change(past, control) + mirrored)
 
     def change(self, past: Tensor, control: Tensor) -> Tensor:
-        """Return the change of state (m, d) that g predicts without its mirror image."""
+        """Return the change of state (m, d) that the network predicts without its mirror image."""
         x = torch.cat([past.flatten(1), control], 1)
         for layer in self.layers[:2]:
             x = nn.functional.silu(layer(x))
@@ -61,9 +61,9 @@ def train_predictor(
 ) -> tuple[Forecast, pd.DataFrame]:
     """Train the network that predicts the next state; return it with its learning curve.
 
-    The model is that of the epoch with the least held-out error. The curve: columns epoch,
-    train_error, held_out_error, mean squares; 1 is the error of persistence. advance(): called
-    after each epoch.
+    The weights are those of the epoch with the least held-out error. The curve: columns epoch,
+    train_error, held_out_error, mean squares; 1 is the error of predicting no change. advance():
+    called after each epoch.
     """
     with _torch_on_one_thread(p.seed) as chance:
         network = _Network(film, p.hidden_units)
@@ -128,7 +128,7 @@ def _learn_epoch(
 
 
 def _draw_disturbances(shape: torch.Size, generator: torch.Generator) -> Tensor:
-    """Draw disturbances (m, l, d) of pasts: a shift of all lags, and one of each."""
+    """Draw noise (m, l, d) for the pasts: one shift common to all lags, and one for each lag."""
     m, lags, d = shape
     shift, each = (
         torch.randn(m, count, d, generator=generator, dtype=torch.float64) for count in (1, lags)
@@ -140,7 +140,7 @@ def _draw_disturbances(shape: torch.Size, generator: torch.Generator) -> Tensor:
 def _mean_square_errors(
     network: _Network, weight: Tensor, train: Sample, held_out: Sample
 ) -> dict[str, float]:
-    """Return the network's mean square error on both sides, in units of that of persistence.
+    """Return the mean square errors of training and held-out rows; 1 is that of no change.
 
     weight (d,): of each state number's error.
     """

@@ -24,7 +24,7 @@ _FORMAT = "finloop forecast 1"
 
 
 class KernelWeights(NamedTuple):
-    """The weights (2, in, out) and biases (2, out) of g [0] and its mirrored network [1].
+    """The weights (2, in, out) and biases (2, out) of the network [0] and of its mirror image [1].
 
     Kernels use them; the scales of states and controls are folded in.
     """
@@ -39,7 +39,7 @@ class KernelWeights(NamedTuple):
 
 @dataclass(frozen=True)
 class Forecast:
-    """The trained network of the next state: weights of g, and what its numbers mean.
+    """The network that predicts the next state: its trained weights, and what its numbers mean.
 
     With l lags, d state numbers and h hidden units: layers: (l d + 2, h), (h, h), (h, d); biases:
     (h,), (h,), (d,); lags: (l,) frames; scale: (d,) and control_scale: (2,) units of states and

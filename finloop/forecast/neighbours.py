@@ -40,13 +40,13 @@ VisibleDistance = Callable[[Ints, Ints, Mask], Floats]
 def build_similarity_graph(
     film: FilmStates, look: Reals, visible: VisibleDistance, p: ForecastSettings
 ) -> tuple[Ints, NDArray[np.int32]]:
-    """Return the graph of similar rows: start (m + 1,) and to (e,).
+    """Return the graph of similar rows, as start (m + 1,) and to (e,).
 
-    The rows similar to row i are to[start[i]:start[i + 1]]. A row chooses at most `p.neighbours`, Δ
-    and the film's memory apart from itself and each other; then the relation is made symmetric, and
-    mirror images get the mirror images. The rows after two neighbours, which a fish shows next,
-    differ by at most `p.look` in look (m, k), of total variance 1, and by at most
-    `p.max_discontinuity` in visible distance. FinloopError if no two rows are similar.
+    The rows similar to row i are to[start[i]:start[i + 1]]. A row chooses at most `p.neighbours`,
+    not too near in time to itself and each other; then the relation is made symmetric, and mirror
+    images get the mirror images. The rows after two similar ones differ by at most `p.look` in look
+    (m, k), of total variance 1, and by at most `p.max_discontinuity` in visible distance.
+    FinloopError if no two rows are similar.
     """
     every = [
         _choose_alike_pairs(pairs, film.count, visible, p)
@@ -67,10 +67,10 @@ def build_similarity_graph(
 def _make_symmetric(
     similar_pairs: Ints, film_rows: int, all_rows: int
 ) -> tuple[Ints, NDArray[np.int32]]:
-    """Return the graph of similar pairs (k, 2), of their reverses, and of their mirror images.
+    """Return the graph of similar pairs (k, 2), of the reversed pairs, and of their mirror images.
 
-    film_rows: the film's own rows; all_rows: with their mirror images. The graph is start, to, as
-    of `build_similarity_graph`.
+    film_rows: number of the film's own rows; all_rows: with mirror images. The graph is start, to,
+    as in `build_similarity_graph`.
     """
     image = (similar_pairs + film_rows) % all_rows if all_rows > film_rows else similar_pairs
     ways = ((pairs, side) for pairs in (similar_pairs, image) for side in (0, 1))
@@ -83,9 +83,9 @@ def _make_symmetric(
 
 
 def _embed_pasts(film: FilmStates, rows: Ints, fade_deltas: float) -> NDArray[np.float32]:
-    """Return vectors (m, l d) of rows, about their mean; their distance is how unlike pasts are.
+    """Return vectors (m, l d) of rows whose Euclidean distance is how unlike their pasts are.
 
-    fade_deltas: age in Δ at which a state counts half.
+    fade_deltas: age, in units of Δ, at which a past state counts half.
     """
     unit = film.scale.copy()
     unit[:-MOTION] = np.sqrt((film.scale[:-MOTION] ** 2).sum())  # codes share one unit
@@ -101,11 +101,11 @@ def _embed_pasts(film: FilmStates, rows: Ints, fade_deltas: float) -> NDArray[np
 
 
 def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Ints]:
-    """Yield pairs (k, 2) of the film's own rows, rising, and similar rows, the most similar first.
+    """Yield pairs (k, 2) of the film's rows, ascending, and similar rows, the most similar first.
 
     The rows after a pair look alike. A row has up to `_SPARE` · `p.neighbours` of them, each of
-    another passage. They come lot by lot. In a film of several parts (`assign_parts`) the
-    neighbours of a row are of one part; every few thousand rows, that part changes.
+    another passage. They come in batches. In a film of several parts (`assign_parts`) all
+    neighbours of a row are in one part, which changes every few thousand rows.
     """
     rows, count, n = film.rows, p.neighbours, int((film.rows < film.count).sum())
     passage, near = max(film.delta, round(film.memory)), _NEAR * _SPARE * count
@@ -139,9 +139,9 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
 def _choose_alike_pairs(
     pairs: Ints, film_rows: int, visible: VisibleDistance, p: ForecastSettings
 ) -> Ints:
-    """Return, of pairs (k, 2) of rows, each row's first `p.neighbours` that look alike.
+    """Return the pairs that look alike, at most `p.neighbours` for each row.
 
-    film_rows: how many rows the film has, without mirror images.
+    pairs (k, 2): of rows, sorted; film_rows: number of the film's rows, without mirror images.
     """
     _, row = np.unique(pairs[:, 0], return_inverse=True)
     place = np.arange(len(pairs)) - np.searchsorted(row, row)
@@ -170,11 +170,12 @@ def _choose_passages(
     rows: Ints, lot: Ints, alike: tuple[NDArray[np.float32], float], limits: tuple[int, int, int],
     queries: Ints, near: Ints,
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
-    """Return the nearest rows (k, count) of rows[lot[queries]] that look alike, one a passage.
+    """Return the nearest rows (k, count) that look alike, one of each passage; −1: none.
 
-    −1: none. near (k, l): numbers into `rows`, the nearest first. alike: looks (m, c), and their
-    largest distance. limits: how many alike rows are examined, how far passages are apart, count.
-    The mask (k,) is True where `count` passages, or all the rows to be examined, are there.
+    They are chosen for rows[lot[queries]] from near (k, l): numbers into `rows`, the nearest first.
+    alike: looks (m, c), and their largest distance. limits: how many alike rows are examined, how
+    far passages are apart, count. The mask (k,) is True where `count` passages, or all the rows to
+    be examined, are there.
     """
     looks, most_apart = alike
     looked_at, apart, count = limits

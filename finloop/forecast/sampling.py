@@ -103,8 +103,7 @@ def step_fish(
 ) -> RolloutState:
     """Return the fish one tick later, under a control (2,), or freely if that is None.
 
-    control: displacement [body lengths] and included angle [rad] over Δ. Only `rng` changes: equal
-    states, controls and draws give equal next states.
+    control: displacement [body lengths] and turn [rad] over the time Δ. Only `rng` is changed.
     """
     row = state.row
     if not sampler.usable[row] or rng.random() < 1 / sampler.follow:
@@ -130,12 +129,12 @@ def draw_next_row(
 
 
 def next_row_weights(sampler: Sampler, row: int) -> tuple[Ints, Floats]:
-    """Return the rows (k,) that a fish may follow next, and their weights (k,) in a draw.
+    """Return the rows (k,) that a fish may follow next, and their weights (k,) in a random draw.
 
-    row: that it follows now. The weights (Metropolis) let all rows be visited equally often; their
-    sum may be below 1. The last one is `row` itself. A row that is not usable leads only to its
-    similar rows. If it has none, these are those of the last earlier row that has some, shifted by
-    the rows between; that row comes last.
+    row: the one that it follows now, which is also the last of the result. The weights (Metropolis)
+    let all rows be visited equally often; their sum may be below 1. A row that is not usable leads
+    only to its similar rows; if it has none, to the similar rows of the last earlier row that has
+    some, shifted by the rows between, and then to that row.
     """
     last = row
     while not sampler.usable[last] and sampler.start[last] == sampler.start[last + 1]:
@@ -171,7 +170,7 @@ def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple
 def follow_row(sampler: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
     """Return the next states (ticks, d) of a fish that follows a film row, the last tick first.
 
-    They are fewer if the row's film ends. past (L + 1, d): the present first. control (2,): of the
+    They are fewer if the row's track ends. past (L + 1, d): the present first. control (2,): of the
     first tick; its difference from the row's own control stays constant.
     """
     d, lags, deep = sampler.states.shape[1], sampler.lags, len(past)

@@ -35,11 +35,12 @@ _BLOCK = 2_000  # pictures held at once
 def appearance_descriptors(
     measures: Floats, read_pictures: Callable[[Tracks], NDArray[np.float32]], most_components: int
 ) -> Floats:
-    """Return a descriptor (rows, d) of each row: body measures, and components of its picture.
+    """Return a vector (rows, d) per fish and frame that describes its looks.
 
-    measures (rows, m): of any unit; read_pictures: returns the pictures (k, pixels) of some row
-    numbers; most_components: how many principal components of a picture at most. Each measure is
-    scaled to a standard deviation of 1, and so are all components together.
+    It holds measures of the body and principal components of the picture. measures (rows, m): any
+    units; read_pictures: returns the pictures (k, pixels) of some row numbers; most_components:
+    limit of the components. Each measure has a standard deviation of 1, and all components together
+    have, too.
     """
     rows = np.arange(len(measures))
     some = read_pictures(spread_rows(rows, _PICTURES)).astype(float)
@@ -63,12 +64,11 @@ def _standardise(values: Floats) -> Floats:
 def appearance_log_ratios(
     tracks: Sequence[Floats], at_once: TrackPairs, pairs: TrackPairs
 ) -> Floats:
-    """Return the log ratio (e,) that each pair of tracks looks like one animal rather than two.
+    """Return how probably each pair of tracks looks like one animal, as log ratios (e,).
 
-    tracks: for each, the descriptors (k, d) of its pictures, in the order of time. at_once: the
-    pairs of tracks that have a frame in common; pairs: those to be rated. All zeros where the film
-    has too few pairs to learn from. Ratios are limited to the number of pairs that they were learnt
-    from, and distances to the median of those of two animals.
+    The ratio is one animal : two. tracks: the descriptors (k, d) of each track's pictures, in the
+    order of time; at_once: pairs of tracks with a frame in common, certainly two animals; pairs:
+    those to rate. All zeros if the film has too few pairs to learn from.
     """
     long = np.array([i for i in range(len(tracks)) if len(tracks[i]) >= 2 * _PARTS], np.intp)
     one_animal, two = list[Floats](), list[Floats]()
@@ -104,9 +104,9 @@ def appearance_log_ratios(
 def _find_discriminant(
     tracks: Sequence[Floats], numbers: Tracks
 ) -> "LinearDiscriminantAnalysis | None":
-    """Return the directions that distinguish some tracks; None for fewer than two of them.
+    """Return the directions of descriptor space that distinguish tracks; None for fewer than two.
 
-    tracks: descriptors (k, d) of each; numbers: of the tracks to learn from.
+    tracks: descriptors (k, d) of each track; numbers: of the tracks to learn from.
     """
     if len(numbers) < 2:
         return None
@@ -121,9 +121,9 @@ def _find_discriminant(
 def _mean_descriptors_at_ends(
     tracks: Sequence[Floats], directions: "LinearDiscriminantAnalysis | None"
 ) -> tuple[Floats, Floats]:
-    """Return the mean descriptor (n, c) of each track's first part, and that of its last part.
+    """Return the mean descriptors (n, c) of the first and of the last part of each track.
 
-    directions: discriminant directions in which they are given; None leaves them as they are.
+    directions: discriminant directions onto which they are projected; None leaves them as they are.
     """
     part = [max(1, len(track) // _PARTS) for track in tracks]
     first = np.array([track[:k].mean(0) for track, k in zip(tracks, part, strict=True)])

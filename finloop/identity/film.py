@@ -42,8 +42,9 @@ USED = ["backbone_x_px", "backbone_y_px", "half_width_px", "length_px", "area_px
 class IdentityEvidence:
     """The evidence for the identities of the animals in a film.
 
-    reel: its feature table and cut-outs. measures (n, d): of every row's body. segment (n,): each
-    row's part of the film, between cuts; no join leads across a cut.
+    reel: its feature table and cut-outs (the pixels of each fish). measures (n, d): of every row's
+    body. segment (n,): the part of the film between two cuts; tracks of different parts are never
+    joined.
     """
 
     reel: Reel
@@ -112,10 +113,10 @@ def identities_from_names(features: pd.DataFrame, animals: pd.Series) -> pd.Data
 def measure_trial_gaps(
     evidence: IdentityEvidence, gap_frames: NDArray[np.intp], rng: np.random.Generator
 ) -> Floats:
-    """Return which shares of trial gaps are joined right and wrong, (2,); NaN without any gap.
+    """Return the shares of artificial gaps that are joined right and wrong, (2,); NaN without gaps.
 
-    Frames are removed from the middle of every track that is long enough, as many as in one of the
-    film's own gaps `gap_frames` (k,), and all tracks are joined anew. A gap that is not joined
+    Every track that is long enough is cut: as many frames are removed from its middle as one of the
+    film's own gaps `gap_frames` (k,) has. Then all tracks are joined anew. A gap that stays open
     counts as neither.
     """
     parts, halves = list[NDArray[np.intp]](), list[int]()
@@ -139,9 +140,9 @@ def measure_trial_gaps(
 
 
 def _join_tracks(evidence: IdentityEvidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
-    """Return which tracks are one animal, by motion and appearance.
+    """Decide which tracks belong to one animal, by motion and appearance.
 
-    parts: the rows of each track.
+    parts: the row numbers of each track.
     """
     reel, p = evidence.reel, evidence.settings
     features = reel.features
@@ -182,7 +183,7 @@ def _join_tracks(evidence: IdentityEvidence, parts: list[NDArray[np.intp]]) -> T
 
 
 def _number_animals(joins: TrackJoins, track_rows: list[int]) -> NDArray[np.intp]:
-    """Return the number of each track's animal, 0 for the one with the most rows.
+    """Return the number of each track's animal; animal 0 has the most rows.
 
     track_rows: how many rows each track has.
     """

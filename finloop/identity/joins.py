@@ -28,9 +28,9 @@ class TrackPairs(NamedTuple):
 
 
 class TrackJoins(NamedTuple):
-    """The joins between tracks: each track's predecessor, and the probability of that join.
+    """Which track continues which: each track's predecessor, and the probability of that join.
 
-    before (n,): number of the track before, −1 for none; probability (n,): 1 where there is none.
+    before (n,): number of the predecessor, −1 for none; probability (n,): 1 where there is none.
     """
 
     before: Tracks
@@ -76,15 +76,15 @@ def find_best_joins(
     tracks: int, pairs: TrackPairs, log_ratio: Floats, stranger_probability: float,
     least_probability: float, rng: np.random.Generator,
 ) -> TrackJoins:  # fmt: skip
-    """Return the most probable set of joins; every track has at most one on each side.
+    """Find the most probable set of joins; a track has at most one predecessor and one successor.
 
-    tracks: their number. log_ratio (e,): of each of the `pairs`, how much more probable one animal
-    is than two; no other joins are made. stranger_probability: that an animal comes or goes. A join
-    less probable than `least_probability` is left out.
+    tracks: their number. log_ratio (e,): how much more probable one animal is than two, for each of
+    the `pairs`; only these can be joined. stranger_probability: that an animal comes or goes. Joins
+    less probable than `least_probability` are left out.
 
     The probability of a join is its share of the best sets when all scores are disturbed by noise
-    (perturb and maximise: Papandreou and Yuille, Perturb-and-MAP random fields, ICCV 2011). The
-    noise of a join is the mean of two Gumbel variables, one for each of its tracks.
+    (Papandreou and Yuille, Perturb-and-MAP random fields, ICCV 2011). The noise of a join is the
+    mean of two Gumbel variables, one for each of its tracks.
     """
     sets = _JoinSearch(pairs, tracks)
     alone = np.full((2, tracks), np.log(stranger_probability))
@@ -104,12 +104,12 @@ def join_in_passes(
     sure_probability: float,
     find_joins: Callable[[int, TrackPairs, Floats], TrackJoins],
 ) -> TrackJoins:
-    """Return the joins of tracks, made in several passes, the sure joins first.
+    """Join tracks in several passes, the most certain joins first.
 
     tracks: their number. Tracks that a join of at least `sure_probability` connects are one chain
-    in the next pass: then more of an animal is visible, and fewer ends are open. score_pairs:
-    returns pairs of chains and the log ratio of a join of each; find_joins: `find_best_joins`, for
-    a number of chains.
+    in the next pass, which shows more of an animal and has fewer open ends. score_pairs: returns
+    pairs of chains and the log ratio of each; find_joins: `find_best_joins`, for a number of
+    chains.
     """
     before, probability = np.full(tracks, -1), np.ones(tracks)
     chains: Chains = [[track] for track in range(tracks)]
@@ -127,9 +127,9 @@ def join_in_passes(
 
 
 def _chain_tracks(before: Tracks) -> Chains:
-    """Return chains of tracks, each after its predecessor, in the order of their first tracks.
+    """Return chains of joined tracks, in the order of their first tracks.
 
-    before (n,): the predecessor of each track, −1 for none.
+    before (n,): number of each track's predecessor, −1 for none.
     """
     after = np.full(len(before), -1)
     after[before[before >= 0]] = np.flatnonzero(before >= 0)
@@ -141,10 +141,10 @@ def _chain_tracks(before: Tracks) -> Chains:
 
 
 class _Component(NamedTuple):
-    """Tracks (m,) that pairs connect, and the matrix (m, 2m) of the assignment between them.
+    """A group of tracks (m,) that pairs connect, and its assignment problem as a sparse matrix.
 
-    Column k of the matrix is start k, column m + k is end k without a join. edges: number of each
-    edge in the order of all edges; column, start: of the sparse matrix.
+    Rows and columns of the matrix (m, 2m): column k is the start of track k, column m + k stands
+    for an end without a join. edges: numbers of the pairs; column, start: of the sparse matrix.
     """
 
     tracks: Tracks
@@ -154,7 +154,7 @@ class _Component(NamedTuple):
 
 
 class _JoinSearch:
-    """Finds the best-scored set of joins between tracks, by an assignment in each component.
+    """Finds the set of joins with the highest score, by one assignment problem per component.
 
     That is faster than one assignment of all tracks at once.
     """
@@ -184,9 +184,9 @@ class _JoinSearch:
         ]  # fmt: skip
 
     def find_best(self, score: Floats, alone: Floats) -> Tracks:
-        """Return the predecessor (n,) of each track, −1 for none, in the best-scored set of joins.
+        """Return each track's predecessor (n,), −1 for none, in the joins with the highest score.
 
-        score (e,): of the pairs; alone (2, n): of an end, and of a start, without a join.
+        score (e,): of the pairs; alone (2, n): score of an end, and of a start, without a join.
         """
         weight = np.append(score - alone[1, self._starts], alone[0])[self._order]
         # Every end has one edge: a constant changes no assignment, and no edge may cost 0.

@@ -40,8 +40,8 @@ class TrackEnds:
 def measure_track_ends(frames: list[Reals], places: list[Floats], velocity_steps: int) -> TrackEnds:
     """Return where each track begins and ends, and its velocities there.
 
-    frames, places: of each track, (k,) frame numbers and (k, 2) body lengths; velocity_steps: steps
-    between rows over which a velocity is measured, if the track has as many.
+    frames, places: of each track, (k,) frame numbers and (k, 2) body lengths; velocity_steps:
+    number of rows over which a velocity is measured, if the track has as many.
     """
     tracks = [(f, p, min(velocity_steps, len(f) - 1)) for f, p in zip(frames, places, strict=True)]
     return TrackEnds(
@@ -75,10 +75,10 @@ def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floa
 
 @dataclass(frozen=True)
 class GapDrift:
-    """How far apart two predictions of a place in a gap are: from before the gap, and after it.
+    """How far apart two predictions of a place in a gap are: from the track before, and after it.
 
-    gaps (k,): frames, ascending; error (k,): median distance of the two, body lengths; before:
-    frames over which the velocity is measured.
+    gaps (k,): lengths in frames, ascending; error (k,): median distance of the two, body lengths;
+    before: frames over which the velocity is measured.
     """
 
     gaps: Floats
@@ -88,13 +88,12 @@ class GapDrift:
     before: int
 
     def log_ratio(self, gap_frames: Floats, distance: Floats) -> Floats:
-        """Return the log ratio (e,) that a track after a gap is the same animal rather than any.
+        """Return the log ratios (e,) of one animal to any two, for tracks before and after a gap.
 
-        gap_frames (e,); distance (e,): d between the two predicted places, body lengths. The result
-        is log((1 − ε) A m² / (π (m² + d²)²) + ε), for the median m of d over such a gap, a tank of
-        area A, and ε for animals that may be anywhere. The density is Student's t in the plane,
-        with two degrees of freedom: most animals swim on, some dart, and those that touch dart more
-        often.
+        gap_frames (e,): lengths; distance (e,): d between the two predicted places, body lengths.
+        The result is log((1 − ε) A m² / (π (m² + d²)²) + ε), with the median m of d for such a gap,
+        the tank's area A, and ε for animals that may be anywhere. The density is Student's t in the
+        plane, with two degrees of freedom: most animals swim on, some dart.
         """
         error = np.maximum(np.interp(gap_frames, self.gaps, self.error), _NO_ERROR)
         near = error**2 / (np.pi * (error**2 + distance**2) ** 2)
@@ -102,12 +101,11 @@ class GapDrift:
 
 
 def measure_drift(tracks: pd.DataFrame) -> GapDrift:
-    """Measure how far a predicted place is off after a gap, by gaps cut into complete tracks.
+    """Measure how far a predicted place is off after a gap, by cutting gaps into whole tracks.
 
     tracks: track_id, frame, x, y (body lengths), sorted by track and frame. The gaps double from
-    one frame on, while enough tracks are that long; beyond, an animal may be anywhere. The number
-    of frames of a velocity is the one with the least error: over less than a tail beat a velocity
-    may point aside.
+    one frame on, while enough tracks are that long. The velocity is measured over the number of
+    frames that gives the least error: over less than a tail beat it may point aside.
     """
     spread = tracks[["x", "y"]].quantile(0.99) - tracks[["x", "y"]].quantile(0.01)
     tank = float(np.maximum(spread, 1.0).prod())
@@ -129,9 +127,10 @@ def measure_drift(tracks: pd.DataFrame) -> GapDrift:
 
 
 def _measure_errors(tracks: pd.DataFrame, velocity_frames: int) -> tuple[list[float], list[float]]:
-    """Return, for gaps of 1, 2, 4 … frames, median error and share of the velocity that lasts.
+    """Return, for gaps of 1, 2, 4 … frames, the median error of predictions and a velocity's share.
 
-    tracks: as in `measure_drift`; velocity_frames: over which a velocity is measured.
+    The share is the part of the velocity that lasts over the gap. tracks: as in `measure_drift`;
+    velocity_frames: over which a velocity is measured.
     """
     place, key = tracks[["x", "y"]].to_numpy(float), tracks[["track_id", "frame"]].to_numpy()
     error, shares = list[float](), list[float]()
@@ -153,10 +152,10 @@ def _measure_errors(tracks: pd.DataFrame, velocity_frames: int) -> tuple[list[fl
 
 
 def motion_log_ratios(ends: TrackEnds, drift: GapDrift, pairs: TrackPairs) -> Floats:
-    """Return the log ratio (e,) that two tracks are one animal rather than any two, by motion.
+    """Return for each pair of tracks the log ratio (e,) of one animal to two, judged by motion.
 
-    pairs: a, b of tracks; b begins after a has ended. The place half way is predicted from both
-    sides: from the end of a and from the start of b.
+    In a pair, track b begins after a has ended. The place half way between is predicted from both
+    sides, from the end of a and from the start of b.
     """
     a, b = pairs
     gap = (ends.start[b] - ends.stop[a]).astype(float)

@@ -36,14 +36,15 @@ _SPARE = 8  # times `count`: nearest rows that are searched first for `count` pa
 
 @dataclass(frozen=True)
 class JumpSearch:
-    """The search for the `count` nearest neighbours of each row, one of each passage of film.
+    """Finds for each row (a fish in a frame) the rows that look and move most alike.
 
-    Of successive rows only the nearest counts, and none within `least` rows of a nearer one. A jump
-    leads neither into the last `least` rows of a track nor within `least` rows of its own place.
+    A row gets `count` neighbours, each of another passage of film: of successive rows only the
+    nearest counts, and none within `least` rows of a nearer one. A jump never leads into the last
+    `least` rows of a track, nor within `least` rows of where it starts.
 
     targets (m, d): signatures of the n rows, then of their mirror images if these are searched;
     goals: numbers of the targets to which a jump may lead; index: of these; track (n,): ids,
-    rising; part (n,): the film's part, from `assign_parts`.
+    ascending; part (n,): the film's part, from `assign_parts`.
     """
 
     targets: Floats
@@ -58,9 +59,9 @@ class JumpSearch:
     def from_values(
         cls, signatures: Floats, track: Ints, count: int, least: int, mirror: bool = True
     ) -> "JumpSearch":
-        """Build the search from signatures (2, n, d) of rows [0] and their mirror images [1].
+        """Build the search from signatures (2, n, d): of rows [0] and of their mirror images [1].
 
-        track (n,): rising ids; count, least: see `JumpSearch`; mirror: whether jumps may lead to
+        track (n,): ascending ids; count, least: see `JumpSearch`; mirror: whether jumps may lead to
         mirror images.
         """
         targets = np.ascontiguousarray(signatures[: 1 + mirror].reshape(-1, signatures.shape[-1]))
@@ -76,10 +77,10 @@ class JumpSearch:
         return 1 + int(self.part.max())
 
     def __call__(self, rows: Ints) -> pd.DataFrame:
-        """Return the neighbours of rows (k,), rising, as a table: row, to, mirrored, far.
+        """Return the nearest neighbours of rows (k,), ascending: a table of row, to, mirrored, far.
 
-        far: the distance of the two signatures, in natural steps; a row's nearest neighbour comes
-        first.
+        far: the distance of the two signatures, in natural steps (median distance of successive
+        pictures). The nearest neighbour of a row comes first.
         """
         return self._nearest(rows, self.goals, self.index)
 
@@ -89,7 +90,7 @@ class JumpSearch:
         return self._nearest(rows, goals, Nearest.from_vectors(self.targets[goals], len(goals)))
 
     def _nearest(self, rows: Ints, goals: Ints, index: Nearest) -> pd.DataFrame:
-        """Return the neighbours of rows (k,) among some targets, as `__call__` does.
+        """Return the nearest neighbours of rows (k,) among some targets, as `__call__` does.
 
         goals: numbers of these targets; index: of their signatures.
         """
@@ -112,11 +113,11 @@ class JumpSearch:
 def choose_best_jumps(
     neighbours: pd.DataFrame, visible_distance: Floats, count: int
 ) -> pd.DataFrame:
-    """Return the `count` jumps of every row with the least discontinuity: columns of `JUMPS`.
+    """Return the `count` least visible jumps of every row: columns of `JUMPS`.
 
-    The discontinuity (column seam) is `far` plus the square of the visible distance. That square is
-    small below a natural step, where the motion hides it. neighbours: from `JumpSearch`, k rows;
-    visible_distance: (k,) natural steps.
+    The column seam is how visible a jump is: `far` plus the square of the visible distance. That
+    square is small below a natural step, where the motion hides it. neighbours: from `JumpSearch`,
+    k jumps; visible_distance: (k,) natural steps.
     """
     table = neighbours.assign(seam=neighbours["far"] + np.square(visible_distance))
     table = table.sort_values(["row", "seam", "to"]).groupby("row").head(count)
@@ -127,11 +128,11 @@ def choose_best_jumps(
 def _nearest_by_passage(
     targets: Floats, track: Ints, rows: Ints, targets_near: Ints, least: int, count: int
 ) -> tuple[Ints, Floats]:
-    """Return the nearest targets of rows (k,), one of each passage of film, and their distances.
+    """Return the nearest targets of rows (k,), at most one of each passage of film, and distances.
 
     Both are (k, count). targets (m, d): signatures; track (n,): ids; targets_near (k, l): the
-    targets to choose from, rising. Of successive targets only local minima of the distance count,
-    and none within `least` of a nearer one. Targets of the row's own passage are left out.
+    targets to choose from, ascending. A passage is a run of film: only local minima of the distance
+    count, none within `least` rows of a nearer one or of the row itself.
     """
     d = targets.shape[1]
     to, far = np.full((len(rows), count), -1), np.full((len(rows), count), np.inf)
@@ -165,9 +166,9 @@ def _nearest_by_passage(
 
 @kernel
 def _is_same_passage(track, a, b, least):  # type: ignore[no-untyped-def]
-    """Return whether two targets are one passage: one track and side, less than `least` apart.
+    """Return whether two targets lie in one track, on one side, less than `least` rows apart.
 
-    track (n,): ids; a, b: numbers of targets.
+    track (n,): ids; a, b: numbers of targets; the side is film or mirror image.
     """
     n = len(track)
     same = (a < n) == (b < n) and abs(a - b) < least
@@ -177,8 +178,8 @@ def _is_same_passage(track, a, b, least):  # type: ignore[no-untyped-def]
 class FilmJumps(NamedTuple):
     """The jumps of a film of n rows, how its rows look, and metrics.
 
-    jumps: the table `JUMPS`; look: (n, k), or (2 n, k) with mirror images, the table `LOOK`;
-    visible: measures the visible distance of any two rows; numbers: metrics by name.
+    jumps: the table `JUMPS`; look: numbers (n, k) for light and skin, or (2 n, k) with mirror
+    images; visible: measures how different two rows look in one pose; numbers: metrics by name.
     """
 
     jumps: pd.DataFrame
@@ -191,7 +192,7 @@ def find_film_jumps(
     source: RowSource, settings: JumpsSettings, workers: Workers = ALONE,
     advance: Callable[[int], None] = lambda _: None,
 ) -> FilmJumps:  # fmt: skip
-    """Find the jumps from every row of a film, and measure how its rows look.
+    """Find the jumps from every row of a film: rows that look and move alike.
 
     A fish whose sides differ is not mirrored, unless the settings say so. advance(n): called when n
     more rows are done.
@@ -237,11 +238,11 @@ def find_film_jumps(
 def _find_best_jumps(
     source: RowSource, search: JumpSearch, natural_step: float, counts: tuple[int, int], rows: Ints
 ) -> pd.DataFrame:
-    """Return the best jumps of some rows: columns of `JUMPS`.
+    """Return the least visible jumps of some rows: columns of `JUMPS`.
 
-    natural_step: see `VisibleDistance`. counts: how many jumps of a row; and in a film of several
-    parts, how many of them lead to the nearest rows of all. The others lead to one part, of `_TURN`
-    successive rows to the same one, then to the next.
+    natural_step: see `VisibleDistance`. counts: how many jumps a row has; and in a film of several
+    parts, how many of them lead to the nearest rows of all parts. The others lead to one part each,
+    which changes every `_TURN` rows.
     """
     visible = VisibleDistance(
         source.picture_array(), source.load_film()[1].pose.posture, natural_step

@@ -84,11 +84,11 @@ class InMemorySource:
 
 
 class SignatureParts(NamedTuple):
-    """The parts by which rows are compared, each (2, n, k): of rows [0], of mirror images [1].
+    """The numbers by which rows are compared, each (2, n, k): of rows [0], of mirror images [1].
 
     pose: codes of principal shapes; change: of these codes, per frame; motion: speeds ahead and to
     the left, body lengths a frame, and turning, ° a frame, anticlockwise; look: principal
-    components of the pictures drawn straight.
+    components of the pictures drawn with a straight body.
     """
 
     pose: Floats
@@ -98,10 +98,10 @@ class SignatureParts(NamedTuple):
 
 
 def draw_straight(source: RowSource, size_px: int, rows: NDArray[np.intp]) -> NDArray[np.float32]:
-    """Draw rows (k,) in one straight posture, headed right: they differ in light and skin only.
+    """Draw the fish of rows (k,) with a straight body, headed right, so only light and skin differ.
 
-    The posture is the film's mean posture, which is its own mirror image: pictures (k, size_px,
-    size_px, c), premultiplied, 0 … 1, are the mirror images if turned upside down.
+    The pictures (k, size_px, size_px, c) are premultiplied, 0 … 1. The body has the film's mean
+    posture; upside down, a picture shows its mirror image.
     """
     reel, poses = source.load_film()
     middle = (size_px - 1) / 2
@@ -116,7 +116,7 @@ def draw_straight(source: RowSource, size_px: int, rows: NDArray[np.intp]) -> ND
 def _appearance_components(
     draw_rows_straight: DrawStraight, rows: int, most_components: int, workers: Workers
 ) -> Floats:
-    """Return principal components (2, rows, c) of straight pictures and their mirror images.
+    """Return principal components (2, rows, c) of straightened pictures and their mirror images.
 
     draw_rows_straight: from row numbers to pictures; rows: of the film; c: at most
     `most_components`.
@@ -137,7 +137,7 @@ def _appearance_components(
 def _project_on_axes(
     draw_rows_straight: DrawStraight, mean: Reals, axes: Floats, rows: Ints
 ) -> Floats:
-    """Return the components (2, k, c) of straight pictures of rows (k,) and their mirror images.
+    """Return the components (2, k, c) of straightened pictures of rows (k,) and of mirror images.
 
     mean (pixels,): subtracted first; axes (pixels, c): onto which the pictures are projected.
     """
@@ -167,10 +167,11 @@ def compute_signature_parts(
 def compute_signatures(
     row_parts: SignatureParts, step_ends: tuple[Ints, Ints], settings: JumpsSettings
 ) -> Floats:
-    """Return the signatures (2, n, d), in natural steps, of rows [0] and mirror images [1].
+    """Return the vectors by which rows are compared: (2, n, d), of rows [0] and mirror images [1].
 
-    A signature has all parts side by side, each standardized and times its weight in `settings`.
-    step_ends: rows (k,), and rows (k,) a step later; their median distance is the natural step.
+    A vector has all parts side by side, each standardized and times its weight in `settings`. Its
+    unit is the natural step, the median distance from row to row a step later. step_ends: rows
+    (k,), and the rows (k,) a step later.
     """
     weights = (
         settings.pose_weight, settings.change, settings.motion_weight, settings.appearance_weight,
@@ -201,10 +202,10 @@ def part_divisors(part: Floats, each: bool = False) -> Floats:
 
 
 def change_per_row(values: Floats, goes_on: Mask, span_rows: int) -> Floats:
-    """Return the change (n, k) per row of values (n, k), over some rows before and after each.
+    """Return the change (n, k) per row of values (n, k), averaged over some rows around each.
 
-    goes_on (n,): whether the next row is of the same track; span_rows: how many rows to each side.
-    Near a track's end the span is shorter, on one side only at the end itself.
+    goes_on (n,): whether the next row is of the same track; span_rows: rows to each side, fewer
+    near a track's end.
     """
     last = np.flatnonzero(~goes_on)
     rows = np.arange(len(values))
@@ -246,11 +247,11 @@ def measure_motion(place: Floats, heading_deg: Floats, goes_on: Mask, span_rows:
 
 
 def measure_side_difference(draw_rows_straight: DrawStraight, track: Ints, seed: int = 0) -> float:
-    """Return how much a fish differs from its mirror image, over how much its pictures differ.
+    """Return how much a fish differs from its mirror image, relative to how its pictures vary.
 
-    1 or less: the sides are alike. All pictures are drawn in one posture; their distance is
-    Euclidean (Eq. 5). Both distances are medians over rows spread over the film; the second picture
-    is of a random row of the same track. track (n,): rising ids; seed: of the random rows.
+    1 or less: the sides are alike. All pictures are drawn in one posture and compared by Eq. 5.
+    Both distances are medians over rows spread over the film; the pictures that vary are those of
+    two random rows of a track. track (n,): ascending ids; seed: of the random rows.
     """
     n = len(track)
     rng = np.random.default_rng(seed)
@@ -266,10 +267,10 @@ def measure_side_difference(draw_rows_straight: DrawStraight, track: Ints, seed:
 def measure_handedness(parts: SignatureParts, block_rows: int) -> float:
     """Return how much more a fish bends, drifts or turns to one side than to the other, 0 … 1.
 
-    0: both sides alike, as far as the film can show; 1: only one side. It is a lower limit, the
-    largest of the three. Each takes the odd part, which changes sign in the mirror: its mean, less
-    twice that mean's standard error, over its root mean square. The error is that of means over
-    `block_rows` rows, since a circling fish repeats itself within a block. A single block gives 0.
+    0: both sides alike, as far as the film can show; 1: only one side. For bend, drift and turn, it
+    is the mean less twice its standard error, divided by the root mean square; the largest of the
+    three counts. The error is that of means over blocks of `block_rows` rows, since a circling fish
+    repeats itself. A single block gives 0.
     """
     largest = 0.0
     for both in (parts.pose, parts.motion[..., 1:2], parts.motion[..., 2:]):

@@ -20,10 +20,10 @@ _LOT = 1000  # pictures at a time
 
 @dataclass(frozen=True)
 class VisibleDistance:
-    """The visible distance of a film's rows: how far apart two pictures are in one pose (Eq. 5).
+    """Measures how different two rows look when both are drawn in one pose (Eq. 5).
 
     pictures: uint8 (n, s, s, c) of the rows, in their own postures (n, d), headed right; natural:
-    the median distance from a row's picture to that a natural step later in its track.
+    the unit, the median distance between the pictures of a row and of a natural step later.
     """
 
     pictures: Pictures
@@ -61,11 +61,11 @@ class VisibleDistance:
             return np.concatenate(list(steps)) / self.natural
 
     def measure_best(self, neighbours: pd.DataFrame, count: int) -> Floats:
-        """Return the visible distances (k,), in natural steps, of jumps that can be a row's best.
+        """Return the visible distances (k,) of jumps that can be among the best of their rows.
 
-        neighbours: from `JumpSearch`; a jump costs its `far` plus the square of its visible
-        distance. The distance is infinite, and not measured, where `count` other jumps of the row
-        cost less.
+        The others, for which `count` jumps of the row certainly cost less, are not measured and get
+        infinity. A jump costs its `far` plus the square of its visible distance, in natural steps.
+        neighbours: from `JumpSearch`.
         """
         rows, to = (neighbours[name].to_numpy(np.int64) for name in ("row", "to"))
         mirrored, far = neighbours["mirrored"].to_numpy(bool), neighbours["far"].to_numpy(float)
@@ -75,7 +75,7 @@ class VisibleDistance:
 
 
 def _draw_rows(source: RowSource, size_px: int, rows: Ints) -> Pictures:
-    """Draw pictures (k, size_px, size_px, c) of rows (k,) in their own postures, headed right."""
+    """Draw the fish of rows (k,) in their own postures, headed right: (k, size_px, size_px, c)."""
     reel, poses = source.load_film()
     middle, length, shape = (size_px - 1) / 2, size_px / SPAN, (size_px, size_px)
     own = poses.pose[rows]

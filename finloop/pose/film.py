@@ -30,7 +30,7 @@ USED = ("backbone_x_px", "backbone_y_px", "half_width_px")
 
 @dataclass(frozen=True)
 class ShapeFacts:
-    """`FilmPoses` without its codes, as plain lists: the content of shapes.json.
+    """The principal shapes of a film's postures as plain lists, the content of shapes.json.
 
     mean (d), shapes (c, d), weights (d), variance (c), total_variance, gap: see `PoseShapes`.
     trunk: whether body and tail have backbone points of their own; tail_spread: the number that
@@ -50,11 +50,11 @@ class ShapeFacts:
 
 @dataclass(frozen=True)
 class FilmPoses:
-    """The postures of a film's n rows, each as c codes of the film's principal shapes.
+    """The postures of a film's n rows, each as c codes (scores of principal components).
 
     pose: places, headings, sizes and postures of the rows. codes: (n, c); shapes: turn codes into
-    postures and back. trunk, tail_spread: see `ShapeFacts`. memory_frames: the frames after which a
-    posture is half as far from itself, in mean squares, as any two postures of the film are.
+    postures and back. trunk, tail_spread: see `ShapeFacts`. memory_frames: the time after which a
+    posture is half forgotten (`measure_memory_frames`).
     """
 
     pose: Pose
@@ -85,7 +85,7 @@ class FilmPoses:
 
 
 def compute_film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) -> FilmPoses:
-    """Compute the postures of all rows of a film, their principal shapes and their codes.
+    """Compute the postures of all rows of a film, and describe each by a few principal components.
 
     tracks: columns `USED`; features: columns of `FEATURES`, the same rows. FinloopError if the film
     has fewer than two rows.
@@ -107,11 +107,11 @@ def compute_film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSett
 def restore_poses(
     features: pd.DataFrame, codes: Reals, facts: dict[str, Any], posture: Floats | None = None
 ) -> FilmPoses:
-    """Restore a film's postures from the codes and facts that the stage `pose` stored.
+    """Rebuild a film's postures from the codes and shapes that the stage `pose` stored.
 
-    features: x_px, y_px, heading_deg, body_length_px, track_id; codes (n, c): the table POSES;
-    facts: the fields of `ShapeFacts`; posture (n, d): the postures of the codes, None to compute
-    them. ValueError if codes, features and facts differ in size.
+    features: x_px, y_px, heading_deg, body_length_px, track_id; codes (n, c): scores of principal
+    components; facts: the fields of `ShapeFacts`; posture (n, d): the postures of the codes, None
+    to compute them. ValueError if their sizes do not match.
     """
     values, shape = codes.astype(float), ShapeFacts(**facts)
     mean, shapes, weights, variance = (
@@ -129,7 +129,7 @@ def _build_poses(
     features: pd.DataFrame, codes: Floats, shapes: PoseShapes, facts: tuple[bool, float, float],
     posture: Floats | None = None,
 ) -> FilmPoses:  # fmt: skip
-    """Return the poses of a film's rows from their codes (n, c).
+    """Return a film's postures from their codes (n, c), the scores of principal components.
 
     facts: trunk, tail_spread and memory_frames of `FilmPoses`; posture (n, d): the postures of the
     codes, None to compute them.

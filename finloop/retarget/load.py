@@ -6,9 +6,7 @@ Only this module of `retarget` reads files.
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
-from finloop.base.arrays import Ints
 from finloop.base.errors import FinloopError
 from finloop.base.line import TRACK
 from finloop.base.schema import lists_to_points
@@ -82,18 +80,13 @@ def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
             "two tables of one film with equally many rows",
             "make the tables of that film again: `dvc repro features`",
         )
-    rows = _select_track_rows(features, p)
+    counts = features["track_id"].value_counts().sort_index()
+    names = [str(one) for one in counts.index]
+    number = choose_animal(p.animal, names, counts.to_numpy())
+    rows = np.flatnonzero((features["track_id"] == counts.index[number]).to_numpy())
     line = lists_to_points(tracks.iloc[rows], "backbone").astype(float)
     first = begins_at_tail(line, features.iloc[rows])
     line = np.where(first[:, None, None], line[:, ::-1], line)
     frame = features["frame"].to_numpy(np.int64)[rows]
     name = f"track {features['track_id'].iloc[rows[0]]} of {folder}"
     return track_from_backbones(name, rate, frame, line, steps)
-
-
-def _select_track_rows(features: pd.DataFrame, p: RetargetSettings) -> Ints:
-    """Return the rows of the track that `retarget.animal` names, by default the longest."""
-    counts = features["track_id"].value_counts().sort_index()
-    names = [str(one) for one in counts.index]
-    number = choose_animal(p.animal, names, counts.to_numpy())
-    return np.flatnonzero((features["track_id"] == counts.index[number]).to_numpy())
