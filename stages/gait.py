@@ -21,7 +21,7 @@ from finloop.gait.fit import (
     KeyFrames,
     build_subcycles,
     fit_gait,
-    hip_offsets,
+    partner_offsets,
     sort_into_subcycles,
 )
 from finloop.gait.limbs import check_traced_contour, region_contour
@@ -161,7 +161,7 @@ def _gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[s
     exact = GaitContours(
         true_limb_contours(walk, EXACT_POINTS), frame_phases(walk), walk.body_length_px, "swap"
     )
-    exact = replace(exact, offsets=hip_offsets(exact))
+    exact = replace(exact, offsets=partner_offsets(exact))
     gait, _ = fit_gait(exact, "exact", walk.frequency_hz, split=p.split, wavelet=p.wavelet)
     true = true_gamma(walk)
     for k, (name, sub) in table[["contour", "subcycle"]].iterrows():

@@ -34,7 +34,7 @@ _IN, _OUT = len(INPUTS) + 1, len(OUTPUTS)
 
 
 def draw_first_weights(hidden_units: int, rng: np.random.Generator) -> Floats:
-    """Draw the network's first weights as one flat vector, (7 hidden_units + 2,).
+    """Draw the network's random first weights as one flat vector, (7 hidden_units + 2,).
 
     `split_layers` splits it. Each layer is uniform within ±√(6 / (units before + units after));
     biases are 0.
@@ -49,9 +49,9 @@ def draw_first_weights(hidden_units: int, rng: np.random.Generator) -> Floats:
 
 @for_kernels
 def split_layers(weights):  # type: ignore[no-untyped-def]
-    """Split flat weights into the hidden and the output layer: views (hidden, 5), (2, hidden + 1).
+    """Split flat weights into the hidden layer (hidden, 5) and the output layer (2, hidden + 1).
 
-    A row has the weights of one unit, its bias last.
+    Both are views; a row has the weights of one unit, its bias last.
     """
     hidden = (len(weights) - _OUT) // (_IN + _OUT)
     first, second = weights[: _IN * hidden], weights[_IN * hidden :]
@@ -60,7 +60,7 @@ def split_layers(weights):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def unit_output(weights, signals):  # type: ignore[no-untyped-def]
-    """Return a unit's output, 0 … 1: the sigmoid of its weighted signals' sum (Fig. 6).
+    """Return the output of one unit, 0 … 1: the sigmoid of its weighted inputs (Fig. 6).
 
     weights, signals: (k,); the last signal is 1, so the last weight is the bias.
     """
@@ -75,10 +75,9 @@ def learn_epoch(x, t, weights, velocity, rule):  # type: ignore[no-untyped-def]
     """Learn once from every row by back-propagation (§3.1); change weights and velocity in place.
 
     x (n, 5): scaled inputs and a 1; t (n, 2): scaled targets, in 0 … 1; both are used in their
-    order. weights, velocity: flat (see `draw_first_weights`). rule: rows a batch, learning rate,
+    order. weights, velocity: flat (see `draw_first_weights`). rule: rows per batch, learning rate,
     momentum. After each batch velocity ← momentum · velocity - learning rate · ∂E/∂weights, and
-    weights ← weights + velocity. step, back: learning rate · ∂E/∂(sum that goes into an output,
-    into a hidden unit).
+    weights ← weights + velocity.
     """
     size, learning_rate, momentum = rule
     first, second = split_layers(weights)
@@ -115,8 +114,7 @@ def train_on_film_rows(
 ) -> tuple[MotionModel, pd.DataFrame]:
     """Train the network on some of a film's rows; return model and learning curve.
 
-    sides: masks (n,) of the rows to learn from, and of held-out rows for the curve (see
-    `train_motion_model`).
+    sides: masks (n,) of the rows to learn from, and of those held out to measure errors.
     """
     training, held_out = ((rows.inputs[side], rows.outputs[side]) for side in sides)
     rng = np.random.default_rng((p.seed, 1))
@@ -135,10 +133,9 @@ def train_motion_model(
     """Train the network; return it with the table of its errors after each epoch (Fig. 15).
 
     inputs (n, 4), outputs (n, 2): in the units of INPUTS, OUTPUTS; outputs are `delta_s` seconds
-    later. held_out: inputs and outputs of other rows, for the errors only. rng: draws the first
-    weights and the order of rows; the same rng gives the same bits. advance: called after each
-    epoch. The table has the errors COMPARED of both sets, as train_… and held_out_…; in epoch 0 the
-    network is untrained.
+    later. held_out: inputs and outputs of other rows, only to measure errors. rng: draws the first
+    weights and the order of rows. advance: called after each epoch. The table has the errors
+    COMPARED of both sets, as train_… and held_out_…; in epoch 0 the network is untrained.
     """
     low, high = find_input_range(inputs)
     x = np.column_stack([scale_to_unit(inputs, low, high), np.ones(len(inputs))])

@@ -31,7 +31,7 @@ COMPARED = ("area_rmse", "type_rmse", "type_error_pct")
 
 
 def held_out_table(model: MotionModel, rows: LearningRows, held_out: Mask) -> pd.DataFrame:
-    """Return the table HELD_OUT: a model's predicted and the true states Δ after held-out rows.
+    """Return the table HELD_OUT: predicted and true states, a time Δ after held-out rows.
 
     held_out: mask (n,) of `rows`.
     """
@@ -52,7 +52,7 @@ def predict_by_linear_fit(train_inputs: Floats, train_outputs: Floats, inputs: F
 
 
 def state_errors(predicted: Floats, true: Floats) -> dict[str, float]:
-    """Return the errors of predicted motion area and swimming type, by name.
+    """Return how well motion area and swimming type are predicted, by name.
 
     predicted, true: (n, 2), columns OUTPUTS. area_rmse, type_rmse: root mean squares, of areas 0 …
     1 and of types -1 … 1. type_error_pct, type_accuracy_pct: rows whose rounded type is wrong,

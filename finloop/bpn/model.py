@@ -36,9 +36,9 @@ _LEAST_TRAIN, _LEAST_HELD_OUT = 20, 5  # rows
 
 @dataclass(frozen=True, eq=False)
 class MotionModel:
-    """A trained network with 4 inputs, one hidden layer and 2 outputs, and the scaling of both.
+    """The trained network (Eq. 4) that predicts how a fish is bent and turns, and its scaling.
 
-    Hidden and output units are sigmoids.
+    It has 4 inputs, one hidden layer and 2 outputs. Hidden and output units are sigmoids.
     """
 
     delta_s: float  # the time Δ in seconds from the state that goes in to the state that comes out
@@ -60,7 +60,7 @@ class MotionModel:
         }
 
     def predict(self, inputs: Reals) -> Floats:
-        """Predict the states (n, 2) Δ later from states and controls (n, 4), by Eq. 4.
+        """Predict the states (n, 2) a time Δ later from states and controls (n, 4), by Eq. 4.
 
         inputs: columns and units INPUTS; the result: OUTPUTS. Motion area is in 0 … 1, swimming
         type a real number in -1 … 1: `round_swimming_types` rounds it.
@@ -131,7 +131,7 @@ def find_input_range(inputs: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class LearningRows:
-    """The n rows that the network can learn from: inputs (n, 4), and outputs (n, 2) Δ later.
+    """Pairs of what the network learns: inputs (n, 4), and outputs (n, 2) a time Δ later.
 
     Columns and units: INPUTS, OUTPUTS. track_id, frame: (n,) of the inputs; delta_frames: Δ in
     frames.
@@ -167,7 +167,7 @@ def pair_rows_with_later(features: pd.DataFrame, delta_frames: int) -> LearningR
 def split_by_blocks(
     rows: LearningRows, block_frames: int, held_out_share: float, rng: np.random.Generator
 ) -> tuple[Mask, Mask]:
-    """Return masks (n,) of the rows to learn from and of those held out, by stretches of time.
+    """Divide rows into those to learn from and those held out, by stretches of time: masks (n,).
 
     block_frames: length of a stretch, which holds all tracks; held_out_share: of the rows, about, 0
     … 1. A row whose window t … t + Δ reaches from one side into the other is in neither.
@@ -196,7 +196,7 @@ def split_by_blocks(
 def split_by_tracks(
     rows: LearningRows, held_out_share: float, rng: np.random.Generator
 ) -> tuple[Mask, Mask]:
-    """Return masks (n,) of the rows to learn from and of those held out, by whole tracks.
+    """Divide rows into those to learn from and those held out, by whole tracks: masks (n,).
 
     held_out_share: of the rows, about, 0 … 1. FinloopError if there are too few tracks or rows.
     """
@@ -212,7 +212,7 @@ def split_by_tracks(
 
 
 def split_rows(rows: LearningRows, split_by: str, p: BpnSettings) -> tuple[Mask, Mask]:
-    """Return masks (n,) of the rows to learn from and of those held out.
+    """Divide rows into those to learn from and those held out: masks (n,).
 
     split_by: "blocks" of time or whole "tracks". At most `p.most_rows` are learnt from: a random
     sample in a long film. FinloopError if the film is too short.
@@ -233,7 +233,7 @@ def split_rows(rows: LearningRows, split_by: str, p: BpnSettings) -> tuple[Mask,
 
 
 def split_rows_if_possible(rows: LearningRows, p: BpnSettings) -> tuple[Mask, Mask]:
-    """Return masks (n,) of the rows to learn from and of those held out; none of a short film.
+    """Divide rows into those to learn from and those held out, masks (n,); none in a short film.
 
     They are those of `split_rows` by `p.held_out_by`. FinloopError if the film has no rows, or if
     `p` is the reason for too few rows: whole tracks, or blocks shorter than Δ.
@@ -265,7 +265,7 @@ def _draw_groups(group: Ints, share: float, rng: np.random.Generator) -> list[in
 
 
 def _require_rows(train: Mask, held_out: Mask) -> tuple[Mask, Mask]:
-    """Return both masks; FinloopError if too few rows are on one side."""
+    """Return both masks (n,); FinloopError if too few rows are to learn from or held out."""
     if train.sum() < _LEAST_TRAIN or held_out.sum() < _LEAST_HELD_OUT:
         raise FinloopError(
             f"{train.sum()} rows to learn from and {held_out.sum()} held out",

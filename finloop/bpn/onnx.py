@@ -88,10 +88,10 @@ def export_onnx_bytes(model: MotionModel) -> bytes:
 
 
 def largest_output_difference(graph: onnx.ModelProto, model: MotionModel) -> float:
-    """Return the largest difference of a graph's outputs from the model's, over their range.
+    """Return the largest difference between an ONNX graph's outputs and the model's, 0 … 1.
 
-    Both predict from the corners of the input range, from beyond them, and from points spread over
-    it.
+    It is relative to the outputs' range. Both predict from the corners of the input range, from
+    beyond them, and from points spread over it.
     """
     low, high = model.input_low, model.input_high
     shares = np.random.default_rng(0).uniform(-0.1, 1.1, (1000, len(low)))

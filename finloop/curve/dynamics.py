@@ -88,8 +88,8 @@ class SolverOptions:
 
     All methods but "modal" use `levels` of the wavelet basis. "runge-kutta" uses the relative
     tolerance `rtol` and scipy's `integrator`. Euler takes `substeps` between two times and inverts
-    C by "sparse" factors or "schulz". "modal" and "decoupled" use `tolerance` if the force depends
-    on place and time.
+    the damping matrix C by "sparse" factors or "schulz". "modal" and "decoupled" use `tolerance` if
+    the force depends on place and time.
     """
 
     levels: int = 3
@@ -220,10 +220,10 @@ class Oscillators:
 
 
 class Response(NamedTuple):
-    """Factors (t, m) that give places and speeds of m oscillators at t times, for a constant force.
+    """Factors (t, m) from which places and speeds of m oscillators at t times are computed.
 
-    With a₀, v₀ the first place and speed and Q the force, a = place · a₀ + speed · v₀ + pushed · Q.
-    The three `_rate` fields give the speed a′ in the same way.
+    With a₀, v₀ the first place and speed and Q the constant force, the place is place · a₀ + speed
+    · v₀ + pushed · Q. The three `_rate` fields give the speed in the same way.
     """
 
     place: Floats
@@ -235,11 +235,10 @@ class Response(NamedTuple):
 
 
 def oscillator_response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Response:
-    """Return the factors that solve Eq. 3.16 for oscillators at times (t,) since the start.
+    """Return the factors that solve Eq. 3.16 for independent oscillators, at times (t,).
 
     forced: False sets the factor `pushed` of the force to 0, and saves half of the time. The
-    formulas neither cancel nor overflow near double roots, which are the limit of real and of
-    complex roots.
+    formulas neither cancel nor overflow near double roots, where swinging becomes creeping.
     """
     t = np.asarray(times, np.float64)[:, None]
     k = oscillators.stiffness
@@ -282,7 +281,7 @@ def _mean_of_decay(x: Floats) -> Floats:
 
 
 def _force_response(total: Floats, product: Floats, slow: Floats, place: Floats) -> Floats:
-    """Return how far a constant force moves oscillators: (1 − place) / product, exact at 0 too.
+    """Return how far a constant force of 1 moves oscillators: (1 − place) / product, exact at 0 too.
 
     −x, −y are the roots in steps of t, `total` = x + y, `product` = xy, `slow` the x nearer 0. With
     D = `_mean_of_decay` the value is (D(x) − D(y)) / (y − x), or a power series if both are small.
@@ -344,7 +343,7 @@ def _solve_modal(problem: Problem, options: SolverOptions) -> Solution:
 
 
 def _solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
-    """Return the motion by Eq. 3.16, with only the diagonal of K in the wavelet basis.
+    """Return the motion by Eq. 3.16, which keeps only the diagonal of K in the wavelet basis.
 
     The neglected entries beside the diagonal cause a considerable error.
     """
@@ -430,7 +429,10 @@ def _integrate_changing_force(
 
 
 class WaveletSystem(NamedTuple):
-    """Eq. 3.3 in the wavelet basis: damping C and stiffness K (n, n), the transform, the force."""
+    """The equation of motion (Eq. 3.3) in the wavelet basis.
+
+    It holds damping C and stiffness K (n, n), the transform of points, and the force.
+    """
 
     c: csr_array
     k: csr_array
@@ -440,7 +442,7 @@ class WaveletSystem(NamedTuple):
 
 
 def _wavelet_system(problem: Problem, options: SolverOptions) -> WaveletSystem:
-    """Return the matrices, the transform and the force of a problem in the wavelet basis."""
+    """Build the equation of motion (Eq. 3.3) of a problem in the wavelet basis."""
     n, material = len(problem.rest), problem.material
     k = stiffness_matrix(problem.wavelet, n, options.levels, material.elastic)
     m = (material.density or 1.0) * eye_array(n)  # M = ρI: the basis functions are orthonormal

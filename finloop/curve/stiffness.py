@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.curve.wavelet import (
-    check_transform_filters,
+    filters_for_transform,
     count_halvings,
     filter_bank,
     inverse_transform,
@@ -44,7 +44,7 @@ class ConnectionCoefficients:
 
 @cache
 def connection_coefficients(wavelet: str) -> ConnectionCoefficients:
-    """Return the connection coefficients μ and ν of an orthogonal wavelet (Eqs. 3.11, 3.14).
+    """Return integrals μ and ν of products of a wavelet's derivatives (Eqs. 3.11, 3.14).
 
     μ is the null vector of Eq. 3.11, scaled by Σ l² μ_l = −2: ∫ φ'' x² = 2, integrated by parts,
     after Beylkin. ν follows by Eq. 3.14, which holds for l = 0 too: ν₀ = 7 μ₀. FinloopError if the
@@ -146,7 +146,7 @@ def stiffness_matrix(wavelet: str, n: int, levels: int, elastic: float = 1.0) ->
     gives all its rows. FinloopError as in `first_stiffness_row`, or if n cannot be halved `levels`
     times, or the wavelet is longer than the curve.
     """
-    check_transform_filters(n, wavelet, levels)
+    filters_for_transform(n, wavelet, levels)
     row = first_stiffness_row(wavelet, n, elastic)
     slices = scale_slices(n, levels)
     units = np.zeros((n, len(slices)))

@@ -131,8 +131,8 @@ def count_halvings(n: int) -> int:
     return n.bit_length() - 1
 
 
-def check_transform_filters(n: int, wavelet: str, levels: int) -> Floats:
-    """Return a wavelet's filters (4, taps) after checking that they can transform n points.
+def filters_for_transform(n: int, wavelet: str, levels: int) -> Floats:
+    """Return a wavelet's filters (4, taps), if they can transform a curve of n points.
 
     FinloopError if n is no power of two, n cannot be halved `levels` times, or the wavelet is
     longer than the curve: then no coefficient would be local.
@@ -164,9 +164,9 @@ def wavelet_transform(points: Floats, wavelet: str, levels: int) -> Floats:
     """Return the wavelet coefficients (…, n, k) of curves of points (…, n, k) (Eq. 2.8).
 
     The transform runs along n; k is 2 for plane curves. The approximation comes first, then the
-    details from coarse to fine. FinloopError as in `check_transform_filters`.
+    details from coarse to fine. FinloopError as in `filters_for_transform`.
     """
-    bank = check_transform_filters(points.shape[-2], wavelet, levels)
+    bank = filters_for_transform(points.shape[-2], wavelet, levels)
     out = np.array(points, np.float64, order="C")
     # Written as Σ_i w[i] x[2n + i − before], the sum of Eq. 2.8 runs forward.
     _transform_in_place(out.reshape(-1, *points.shape[-2:]), bank[:2, ::-1].copy(), levels)
@@ -176,9 +176,9 @@ def wavelet_transform(points: Floats, wavelet: str, levels: int) -> Floats:
 def inverse_transform(coefficients: Floats, wavelet: str, levels: int) -> Floats:
     """Return the points (…, n, k) of wavelet coefficients (…, n, k), undoing `wavelet_transform`.
 
-    This is Eq. 2.9. FinloopError as in `check_transform_filters`.
+    This is Eq. 2.9. FinloopError as in `filters_for_transform`.
     """
-    bank = check_transform_filters(coefficients.shape[-2], wavelet, levels)
+    bank = filters_for_transform(coefficients.shape[-2], wavelet, levels)
     out = np.array(coefficients, np.float64, order="C")
     _invert_in_place(out.reshape(-1, *coefficients.shape[-2:]), bank[2:].copy(), levels)
     return out
@@ -275,14 +275,14 @@ def _invert_in_place(curves, filters, levels):  # type: ignore[no-untyped-def]
 def close_by_mirroring(points: Floats) -> Floats:
     """Append the reverse to open curves (…, n, k), which gives closed curves (…, 2n, k).
 
-    A periodized transform joins the last point to the first. In an open curve that join is a jump,
-    and coarse scales would pull the ends towards each other.
+    A periodized transform joins the last point to the first: a jump in an open curve, which would
+    pull its ends towards each other.
     """
     return np.concatenate([points, points[..., ::-1, :]], axis=-2)
 
 
 def control_points(points: Floats, wavelet: str, level: int) -> Floats:
-    """Return the control points (…, n / 2^level, k) of closed curves (…, n, k), in their unit.
+    """Return the control points (…, n / 2^level, k) of closed curves (…, n, k), a coarse version.
 
     They are the approximation coefficients of Eq. 2.11, divided by √2 for each level, the factor by
     which the filters scale a constant.
@@ -305,7 +305,7 @@ def curves_from_control(points: Floats, wavelet: str, level: int) -> Floats:
 def drop_details(points: Floats, wavelet: str, level: int, closed: bool = True) -> Floats:
     """Rebuild curves (…, n, k) from 1/2^level as many control points (Fig. 2).
 
-    closed: False mirrors open curves first. FinloopError as in `check_transform_filters`.
+    closed: False mirrors open curves first. FinloopError as in `filters_for_transform`.
     """
     if not closed:
         return drop_details(close_by_mirroring(points), wavelet, level)[..., : points.shape[-2], :]

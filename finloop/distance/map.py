@@ -59,10 +59,11 @@ frame, without turning the fish.
 
 @dataclass(frozen=True)
 class MapFacts:
-    """How a distance map was made, and its unit: the median natural step.
+    """How a map of picture distances was made, and its unit: the film's median step.
 
     pose: FILM or BODY; size: px, side of the pictures; keep: largest distance stored, in median
-    natural steps, None: all pairs that Eq. 6 compares; step_median, step_p95: distances (Eq. 5).
+    steps, None: all pairs that Eq. 6 compares; step_median, step_p95: distances (Eq. 5) between
+    successive pictures.
     """
 
     pose: str
@@ -81,7 +82,7 @@ class MapBlock(NamedTuple):
 
 
 class FrameComparison(NamedTuple):
-    """The comparison of a film's frames: tables `PAIRS` and `STEPS`, and how they were made."""
+    """Which frames of a film look alike: tables `PAIRS` and `STEPS`, and how they were made."""
 
     pairs: pd.DataFrame
     steps: pd.DataFrame
@@ -93,7 +94,7 @@ PicturePairs = tuple[Ints, Ints, NDArray[np.float32]]
 
 
 def subtract_mean_picture(pictures: Picture) -> Picture:
-    """Return pictures (n, …) as rows (n, k) minus their mean; overwrite them to save memory."""
+    """Subtract the mean picture from pictures (n, …), in place; return them as rows (n, k)."""
     x = pictures.reshape(len(pictures), -1)
     x -= x.mean(axis=0)
     return x
@@ -150,9 +151,9 @@ def _squared_norms(x: Picture) -> NDArray[np.float32]:
 
 
 def _squared_distances(x: Picture, norms: NDArray[np.float32], rectangle: MapBlock) -> Picture:
-    """Return the squares of Eq. 5 in a rectangle of the map, as a matrix product leaves them.
+    """Return the squared picture distances (Eq. 5) in a rectangle of the map, with rounding errors.
 
-    x (n, k): pictures as rows; norms (n,): squared.
+    They come from a matrix product. x (n, k): pictures as rows; norms (n,): squared.
     """
     columns = x[rectangle.columns].T
     if rectangle.rows == rectangle.columns:
@@ -166,10 +167,11 @@ def _squared_distances(x: Picture, norms: NDArray[np.float32], rectangle: MapBlo
 def _recompute_small_squares(
     x: Picture, norms: NDArray[np.float32], rectangle: MapBlock, block_squares: Picture
 ) -> None:
-    """Compute again, in place, the squares whose root would be off by more than EXACT.
+    """Compute small squared distances again, in place, where rounding spoils their root.
 
-    rectangle: of the map; block_squares: of the distances in it; x (n, k): pictures as rows; norms
-    (n,): squared. An error e of a square d² is an error e / 2d of its root.
+    block_squares: squared distances in a rectangle of the map; those whose root may be off by more
+    than EXACT are replaced. x (n, k): pictures as rows; norms (n,): squared. An error e of a square
+    d² is an error e / 2d of its root.
     """
     share = _LOSS / (2 * EXACT)
     if (
@@ -197,7 +199,7 @@ def _recompute_small_squares(
 
 
 def find_frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
-    """Return the kind (n,) of each row as a number; Eq. 6 compares only equal kinds (Eq. 7).
+    """Return the kind (n,) of each row as a number; only rows of one kind are compared (Eqs. 6, 7).
 
     It stands for the swimming type, and in the pose FILM, where turned fish differ, also for the
     orientation.
@@ -207,9 +209,10 @@ def find_frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
 
 
 def find_comparable_pairs(kind: Ints, area: Reals, threshold: float) -> Mask:
-    """Return which pairs (n, n) Eq. 6 compares: equal kinds (Eq. 7), similar motion areas (Eq. 8).
+    """Return which pairs (n, n) are compared: equal kinds (Eq. 7), similar motion areas (Eq. 8).
 
-    kind (n,): from `find_frame_kinds`; threshold: the largest difference of motion areas (n,).
+    kind (n,): from `find_frame_kinds`; area (n,): motion areas; threshold: their largest
+    difference.
     """
     return (kind[:, None] == kind) & _have_similar_areas(area, area, threshold)
 
@@ -220,12 +223,12 @@ def _have_similar_areas(a: Reals, b: Reals, threshold: float) -> Mask:
 
 
 def sort_by_kind_and_area(kind: Ints, area: Reals) -> Ints:
-    """Return row numbers (n,) sorted by kind, then motion area: Eq. 6 becomes a diagonal band."""
+    """Return row numbers (n,) sorted by kind, then motion area: comparable rows become neighbours."""
     return np.lexsort((area, kind))
 
 
 def find_comparison_blocks(kind: Ints, area: Reals, threshold: float) -> Iterator[MapBlock]:
-    """Yield the blocks of the map that hold every pair a < b that Eq. 6 compares, each pair once.
+    """Yield blocks of the distance map that hold every pair a < b to be compared (Eq. 6) once.
 
     kind, area (n,): of frames sorted by `sort_by_kind_and_area`; threshold: as in Eq. 8.
     """
@@ -251,7 +254,7 @@ def count_pairs(blocks: Iterable[MapBlock]) -> int:
 def find_similar_pairs(
     x: Picture, kind: Ints, area: Reals, threshold: float, most_distance: float = np.inf
 ) -> Iterator[PicturePairs]:
-    """Yield, block by block, the pairs a < b that Eq. 6 compares and that are near each other.
+    """Yield, block by block, the pairs a < b that are comparable (Eq. 6) and look alike.
 
     x: from `subtract_mean_picture`; kind, area, threshold: as in `find_comparison_blocks`;
     most_distance: of a pair. Memory does not grow with the number of pairs.
@@ -290,7 +293,7 @@ def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
 def natural_step_table(
     features: pd.DataFrame, x: Picture, place: Ints, step_frames: int = 1
 ) -> pd.DataFrame:
-    """Return the natural steps of a film: Eq. 5 from each row to a later frame of its track.
+    """Return how much the picture changes from each row to a later frame of its track (Eq. 5).
 
     features (n rows); x: pictures as rows; place (n,): each row's place in x; step_frames: how much
     later. Columns: track_id, frame, step; step is NaN where the track has no such frame.
@@ -306,7 +309,7 @@ def natural_step_table(
 
 
 def find_map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
-    """Return the feature rows (k,) that the distance map holds: those that STEPS lists."""
+    """Return the numbers (k,) of the feature rows in the distance map: those that STEPS lists."""
     here, there = (
         table["track_id"].to_numpy(np.int64) << 32 | table["frame"].to_numpy(np.int64)
         for table in (features, steps)
@@ -315,7 +318,7 @@ def find_map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
 
 
 def measure_usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
-    """Return the median and the 95th percentile of the natural steps (Eq. 5), column step of STEPS.
+    """Return the median and the 95th percentile of the column step of STEPS (Eq. 5).
 
     FinloopError if the film does not move, or no frame follows another: then steps are no unit.
     """
@@ -364,7 +367,7 @@ def _choose_and_sort_rows(
 def compare_frames(
     film: Reel, p: DistanceSettings, advance: Callable[[], object] = lambda: None
 ) -> FrameComparison:
-    """Return the film's pairs of similar frames (Eqs. 5-8), and its natural steps.
+    """Find all pairs of similar frames of a film (Eqs. 5-8), and measure its usual steps.
 
     advance(): called after each block. In a film of more than `p.max_pictures` frames only
     stretches are compared. FinloopError if the film does not move.

@@ -31,13 +31,13 @@ _LOT = 500  # pictures at a time
 
 
 def sprite_store_row(sprite: int, orientation: int, orientations: int) -> int:
-    """Return the row of a sprite in an orientation (1 … orientations) in the store of sprites."""
+    """Return the number of a sprite's picture in an orientation (1 … orientations) in the store."""
     return sprite * orientations + orientation - 1
 
 
 @dataclass(frozen=True)
 class Reel:
-    """A film's cut-outs and features, and, once they have been made, its sprites.
+    """A film's fish, row by row: features and cut-outs (pixels with alpha), and the sprites.
 
     features (n rows): track_id, frame, x_px, y_px, heading_deg, body_length_px; film: the n
     cut-outs; sprites (s rows): schema SPRITES; store: the sprites in all orientations; size: how
@@ -78,7 +78,7 @@ class Reel:
             )
 
     def __len__(self) -> int:
-        """Return the number of rows: fish in all frames together."""
+        """Return the number of rows, one for each fish in each frame."""
         return len(self.features)
 
     def scale_to(self, times_filmed: float) -> "Reel":
@@ -112,19 +112,22 @@ class Reel:
 
     @cached_property
     def has_next_frame(self) -> Mask:
-        """Return for each row (n,) whether the next row is the next frame of the same track."""
+        """Return for each row (n,) whether the next row shows the same fish in the next frame."""
         follows = (np.diff(self.features[_KEY].to_numpy(), axis=0) == (0, 1)).all(axis=1)
         return np.append(follows, False)
 
     @cached_property
     def step_ends(self) -> tuple[Rows, Rows]:
-        """Return the first rows (k,) and the last rows (k,) of all natural steps of the tracks."""
+        """Return the first and the last rows, (k,) each, of all steps that last Δ / 5."""
         keys, frames = self.features[_KEY].to_numpy(), natural_step_frames(self.features)
         first = np.flatnonzero((keys[frames:] - keys[:-frames] == (0, frames)).all(axis=1))
         return first, first + frames
 
     def next_rows(self, rows_now: ArrayLike) -> Rows:
-        """Return the row (…) of each row's next frame; at the end of a track the row itself."""
+        """Return the row that shows the same fish a frame later; at a track's end the row itself.
+
+        rows_now (…): row numbers; the result has the same shape.
+        """
         rows = np.asarray(rows_now, np.intp)
         return rows + self.has_next_frame[rows]
 
@@ -162,9 +165,9 @@ class Reel:
         return pictures
 
     def measure_steps(self, size_px: int, pose: str, rows: Rows | None = None) -> Floats:
-        """Return the picture distance (k,) (Eq. 5) from each of some rows to the next one of them.
+        """Return the picture distances (k,) (Eq. 5) from each of some rows to the next one of them.
 
-        rows (k,): rising, None for all; size_px: side of the pictures; pose: FILM or BODY. NaN
+        rows (k,): ascending, None for all; size_px: side of the pictures; pose: FILM or BODY. NaN
         where the next one is not the next frame of the same track.
         """
         rows = np.arange(len(self)) if rows is None else rows
@@ -212,10 +215,10 @@ class Reel:
         return np.stack([self.draw_sprite(number, size_px, orientation) for number in numbers])
 
     def draw_after_sprites(self, size_px: int, orientation: int = 1) -> Pictures:
-        """Draw what the film shows after each sprite: pictures (s, size_px, size_px, channels).
+        """Draw the film frame that follows each sprite's own: (s, size_px, size_px, channels).
 
         They are turned, and mirrored, as the next sprite would be in this orientation. At the end
-        of a track it is the sprite's own frame.
+        of a track the sprite's own frame is drawn.
         """
         ahead = float(orientation_heading_deg(orientation, self.orientations))
         pictures = []

@@ -350,7 +350,7 @@ class ExternalTrackLinker:
     def _end_runs(
         self, seen: set[int], waiting: dict[int, list[TrackedFish]], running: dict[int, int]
     ) -> None:
-        """End the runs of all animals that are not in `seen`, and count those that are too short."""
+        """End the runs of all animals that are not in `seen`; count those that are too short."""
         for animal in [animal for animal in waiting if animal not in seen]:
             self.short += len(waiting.pop(animal))
         for animal in [animal for animal in running if animal not in seen]:

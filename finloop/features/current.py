@@ -49,7 +49,7 @@ def places_through_water(features: pd.DataFrame) -> Floats:
     """Return each fish's places (n, 2) [px] as if it had been filmed in still water.
 
     With a current (column `current`, body lengths/s), a fish that stays in place is moved ahead by
-    the distance that it has swum through the water. Only differences within a track have a meaning.
+    the distance that it swims through the water. Only differences within a track have a meaning.
     """
     place = features[["x_px", "y_px"]].to_numpy(float)
     current = features["current"].to_numpy(float)

@@ -59,7 +59,7 @@ def predict_ensembles(
     """Predict the states after held-out rows, each by an ensemble built from training rows alone.
 
     A member is the network's prediction plus the error that it made at a similar training row; rows
-    with fewer than 5 members are left out. rng breaks ties between members.
+    with fewer than 5 members are left out. rng: draws the true state's rank between two members.
     """
     in_train = np.zeros(len(film.states), bool)
     in_train[parts.train] = True

@@ -37,7 +37,7 @@ _WHOLE = -1  # in the column scale: all scales together
 
 @dataclass(frozen=True)
 class ClockComparison:
-    """How well each of the four CLOCKS predicts the contours of frames held out of the fit.
+    """How well four clocks predict the contours of frames held out of the fit.
 
     A clock says how much of the first key frame is left at each moment between two key frames.
     """
@@ -134,13 +134,13 @@ def _held_out_errors(
 
 
 def _select_frames(film: GaitContours, mask: Mask) -> GaitContours:
-    """Return the part of a film that shows the frames of a mask (frames,)."""
+    """Return a film's contours and phases in the frames of a mask (frames,) only."""
     contours = {name: points[mask] for name, points in film.contours.items()}
     return replace(film, phase=film.phase[mask], contours=contours)
 
 
 def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
-    """Fit a clock of any falling shape, 1 to 0, to a subcycle; return its values (s,) at tau (s,).
+    """Fit how the first key frame's share falls in a subcycle, in any way: values (s,) at tau (s,).
 
     tau: shares 0-1 of the subcycle. The fit is an isotonic regression, the best clock possible.
     """

@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from finloop.base.arrays import Floats
-from finloop.gait.fit import GaitContours, hip_offsets
+from finloop.gait.fit import GaitContours, partner_offsets
 from finloop.gait.limbs import Limbs, Region, limb_contours
 from finloop.gait.model import locate_in_subcycle
 from finloop.gait.outline import TrackContours, join_steady_frames
@@ -57,7 +57,7 @@ def walker_gait_contours(
     steady = {name: points[beat.steady] for name, points in contours.points.items()}
     phase = align_phase(beat.phase[beat.steady], foot_positions(steady), split)
     film = GaitContours(steady, phase, contours.length_px, "swap").add_hidden_limbs()
-    return replace(film, offsets=hip_offsets(film)), beat, contours
+    return replace(film, offsets=partner_offsets(film)), beat, contours
 
 
 def _find_limb_period(contours: Limbs, frame_rate_hz: float) -> Period:
@@ -69,9 +69,10 @@ def _find_limb_period(contours: Limbs, frame_rate_hz: float) -> Period:
 
 
 def _key_1_signal(points: dict[str, Floats]) -> Floats:
-    """Return a signal (frames,), greatest at key 1, where right fore and left hind limbs lead.
+    """Return a signal (frames,) that is greatest at key frame 1 of a walk.
 
-    points: contours (frames, n, 2) by id. Among ids that are neither fore nor hind, the right lead.
+    There the right fore and left hind limbs are foremost. points: contours (frames, n, 2) by id.
+    Among ids that are neither fore nor hind, the right lead.
     """
     total = np.zeros(len(next(iter(points.values()))))
     for name, limb in points.items():

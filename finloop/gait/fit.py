@@ -111,8 +111,8 @@ def check_phases(film: GaitContours) -> None:
         )
 
 
-def hip_offsets(film: GaitContours) -> dict[str, Points]:
-    """Return how far right and down of its partner each limb is attached: (2,) by id.
+def partner_offsets(film: GaitContours) -> dict[str, Points]:
+    """Return how far right and down of its left-right partner each limb hangs: (2,) by id.
 
     In the unit of the contours. It is the mean difference between a limb and its partner half a
     cycle later, when both are at the same point of their motion. 0 if the film is shorter than a
@@ -138,7 +138,7 @@ def hip_offsets(film: GaitContours) -> dict[str, Points]:
 
 
 def interpolate_key_frames(film: GaitContours, split: float) -> KeyFrames:
-    """Return the key frames, interpolated between the film's frames nearest in phase.
+    """Interpolate the gait's key frames 1, 2 and 1' from the film's frames nearest in phase.
 
     split: phase of key 2, in cycles. All cycles and both halves count. Weights fall linearly to 0
     at one frame's step from the key's phase. Missing frames widen the weights up to WIDEST. For the
@@ -213,7 +213,7 @@ def sort_into_subcycles(
 
 @dataclass(frozen=True)
 class Subcycle:
-    """A contour in one subcycle: wavelet coefficients of the film's frames and both key frames."""
+    """A contour between two key frames, as wavelet coefficients: of the keys, and of film frames."""
 
     samples: SubcycleFrames  # the film's frames in the subcycle
     # start, end: the key frames at both ends, (n, 2)
@@ -222,7 +222,7 @@ class Subcycle:
     scales: list[slice]  # the slice of each scale in the n coefficients
 
     def gamma_fraction(self, scale: slice = slice(None)) -> tuple[float, float]:
-        """Return the fraction that gives the gait parameter γ, for a slice of the coefficients."""
+        """Return numerator and denominator of the gait parameter γ, for a slice of the coefficients."""
         frames = self.samples.coefficients[:, scale].reshape(len(self.samples.tau), -1)
         return gamma_fraction(
             self.samples.tau, frames, self.start[scale].ravel(), self.end[scale].ravel()
@@ -251,9 +251,9 @@ class Subcycle:
 def build_subcycles(
     keys: KeyFrames, samples: Mapping[str, list[SubcycleFrames]], wavelet: str, coarse: int
 ) -> dict[tuple[str, int], Subcycle]:
-    """Return the subcycles between key frames, by contour id and number (0 for A, 1 for B).
+    """Return, by contour id and number (0: A, 1: B), what lies between two key frames.
 
-    samples: by contour id, the frames in A and those in B; wavelet, coarse as in
+    samples: by contour id, the film's frames in A and those in B; wavelet, coarse as in
     `sort_into_subcycles`.
     """
     out = {}
@@ -282,14 +282,14 @@ def fit_all_gammas(
 def correct_key_frames(
     film: GaitContours, split: float, wavelet: str, coarse: int
 ) -> tuple[KeyFrames, dict[tuple[str, int], Subcycle]]:
-    """Return key frames corrected for the curvature of the motion, and the subcycles between them.
+    """Interpolate key frames without flattening the curved motion between film frames.
 
-    The subcycles have keys (id, 0 for A or 1 for B). `interpolate_key_frames` is linear between two
-    frames beside a key, which flattens the curved motion. A model of the film, a cubic for each
-    coefficient of each subcycle, gives the error: interpolating the model is wrong by as much.
-    ROUNDS times that difference is subtracted. A frame exactly at a key's phase stays that key.
-    split, wavelet, coarse as in `sort_into_subcycles`. FinloopError as in `interpolate_key_frames`,
-    or if a subcycle of a contour has fewer than LEAST frames between its keys.
+    Return them and the subcycles between them, by (id, 0 for A or 1 for B). A smooth model of the
+    film, a cubic for each coefficient of each subcycle, shows by how much linear interpolation
+    (`interpolate_key_frames`) is wrong; ROUNDS times that is subtracted. A frame exactly at a key's
+    phase stays that key. split, wavelet, coarse as in `sort_into_subcycles`. FinloopError as in
+    `interpolate_key_frames`, or if a subcycle of a contour has fewer than LEAST frames between its
+    keys.
     """
     samples = sort_into_subcycles(film, split, wavelet, coarse)
     few = [

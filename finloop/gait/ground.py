@@ -95,9 +95,9 @@ def _foot_shift(contour: Points, next_contour: Points) -> float:
 
 
 def _foot_paths(limbs: Mapping[str, Points], support: Support) -> Paths:
-    """Return, by id, the frames of each span on the ground and the foot's displacement in them.
+    """Return, for each foot and each time on the ground, its frames and its displacement in them.
 
-    limbs, support as in `measure_ground`.
+    They are listed by id. limbs, support as in `measure_ground`.
     """
     paths: Paths = {}
     for name, stack in limbs.items():

@@ -137,10 +137,10 @@ def _round_floats(content: Any) -> Any:
 
 
 def key_1_share(tau: Points, gamma: float | Points) -> Points:
-    """Return the share of a subcycle's first key frame at tau: f(τ) = 1 − (1 + γ)τ + γτ² (§4.2).
+    """Return how much of a subcycle's first key frame is left at tau: f(τ) = 1 − (1 + γ)τ + γτ².
 
-    tau: shares 0-1 of the subcycle's time. f falls from 1 at τ = 0 to 0 at τ = 1; γ = 0 is linear.
-    It is monotone if |γ| ≤ 1: slow at its start for γ = −1, at its end for γ = 1.
+    tau: shares 0-1 of the subcycle's time (§4.2). f falls from 1 at τ = 0 to 0 at τ = 1; γ = 0 is
+    linear. It is monotone if |γ| ≤ 1: slow at its start for γ = −1, at its end for γ = 1.
     """
     return 1 - (1 + gamma) * tau + gamma * tau**2
 
@@ -245,7 +245,7 @@ def interpolate_contours(
 def _reduce_control_points(
     points: Points, control: int, wavelet: str, closed: bool = True
 ) -> Points:
-    """Return contours (…, n, 2) rebuilt from `control` control points each (Fig. 14)."""
+    """Rebuild contours (…, n, 2) from only `control` control points each (Fig. 14)."""
     if control < 1 or control & (control - 1):
         raise FinloopError(
             f"{control} control points", "a power of two", "set 4, 16 or 64 control points"
@@ -288,7 +288,7 @@ def mirror_contours(points: Points, middle: float = 0.0, order: Ints | None = No
 
 @dataclass(frozen=True)
 class HalfCycleLayout:
-    """How the second half of a gait cycle lies in the picture, compared with the first half."""
+    """Where an animal's second half of a gait cycle differs in place from the first half."""
 
     middle: float = 0.0  # mirror: y of the axis
     # mirror, by id: the points' order, see `mirror_contours`; an id and its partner share one

@@ -93,9 +93,9 @@ def swim_contours(
 
 
 def join_steady_frames(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
-    """Join the steady frames of all periodic tracks: return contours (f, n, 2) and phases (f,).
+    """Join the frames with a steady tail beat of all tracks: contours (f, n, 2) and phases (f,).
 
-    Phases are in cycles and rise. Each stretch of steady frames begins a new cycle, so the phase
+    Phases are in cycles, ascending. Each stretch of steady frames begins a new cycle, so the phase
     counts the cycles of the result. FinloopError if no track is periodic; the message counts the
     reasons.
     """

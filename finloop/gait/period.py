@@ -171,7 +171,7 @@ def fill_gaps(signal: Floats) -> Floats:
 
 
 def _principal_modes(signal: Floats) -> Floats:
-    """Return the scores (frames, m) of the principal modes, strongest first; none if still."""
+    """Return the scores (frames, m) of the principal components, strongest first; none if still."""
     centred = signal - signal.mean(axis=0)
     left, size, _ = np.linalg.svd(centred, full_matrices=False)
     if size[0] <= 1e-12 * max(1.0, np.abs(signal).max()):

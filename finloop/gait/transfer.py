@@ -109,7 +109,7 @@ def repeat_cycle(morph: Morph, cycles: int) -> Morph:
 
 
 def add_pooled_gamma(gait: Gait) -> Gait:
-    """Return the gait with a mean gait parameter γ for contours that it does not name."""
+    """Return the gait with a mean γ (gait parameter) for contours that it does not name."""
     if POOLED in gait.gamma or not gait.gamma:
         return gait
     pooled = {
@@ -120,9 +120,10 @@ def add_pooled_gamma(gait: Gait) -> Gait:
 
 
 def _standing_offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
-    """Return, by id, how much lower (x, y) a limb stands than its partner if both stand in key 1.
+    """Return by how much (x, y) a limb stands lower than its partner if both stand in key 1.
 
-    The far limbs of a drawing often stand higher in the picture: farther up on the ground.
+    They are listed by id. The far limbs of a drawing often stand higher in the picture: farther up
+    on the ground.
     """
     down = {
         name
@@ -175,11 +176,11 @@ def _ground_in_widths(limbs: dict[str, Points], support: Support, width: float) 
 def match_key_poses(
     key1: Drawing, key2: Drawing, symmetry: Symmetry, points: int
 ) -> tuple[dict[str, Points], dict[str, Points]]:
-    """Return the contours (points, 2) of both key poses by id; equal rows are the same place.
+    """Resample both key poses so that equal rows are the same place: contours (points, 2) by id.
 
-    In a swap the rows of left and right limbs correspond too: the first of the pair in drawing
-    order numbers all four contours. FinloopError if a limb is closed and its partner or its other
-    pose open.
+    If the symmetry is "swap", the rows of left and right limbs correspond too: the first of the
+    pair in drawing order numbers all four contours. FinloopError if a limb is closed and its
+    partner or its other pose open.
     """
     first, second = dict[str, Points](), dict[str, Points]()
     for name, curve in key1.curves.items():

@@ -56,9 +56,9 @@ Ints = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class SpriteDistances:
-    """Picture distances (Eq. 5) between s sprites and n rows of the feature table.
+    """Picture distances (Eq. 5) between s sprites and n film rows (a fish in a frame).
 
-    rows (n,): rising. ahead (s, n): from the film's frame after a sprite. own (s, n): from the
+    rows (n,): ascending. ahead (s, n): from the film's frame after a sprite. own (s, n): from the
     sprite itself. orientation (n,): of the row, 0 = any (pose BODY). pose_deg (n,): the heading
     that was turned to the right, BODY: as measured; FILM: that of the orientation. ahead_deg,
     own_deg (s,): the same of the other two, with the sprite drawn at 0°.
@@ -115,7 +115,7 @@ def measure_sprite_distances(
 def draw_sprites_and_next(
     reel: Reel, size_px: int, pose: str, orientation: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Draw the film's next picture after every sprite, and the sprites themselves.
+    """Draw the film frame that follows each sprite's own, and the sprites themselves.
 
     Both are (s, size_px, size_px, c). orientation: in which they are drawn; in pose BODY the
     measured heading points right.
@@ -142,7 +142,7 @@ def _headings_relative_to_sprites(sprites: pd.DataFrame, filmed_deg: Floats) -> 
 
 
 def _rows_of_sprites(reel: Reel) -> tuple[Ints, Ints]:
-    """Return the row of every sprite's frame, and the next one; at a track's end the row itself."""
+    """Return the film rows (s,) of the sprites, and the rows a frame later."""
     row = reel.sprites["row"].to_numpy(np.intp)
     return row, reel.next_rows(row)
 
@@ -156,12 +156,13 @@ def list_gateways(
     distances: SpriteDistances, sprites: pd.DataFrame, features: pd.DataFrame, step_median: float,
     settings: GatewaysSettings,
 ) -> pd.DataFrame:  # fmt: skip
-    """Return all gateways (schema `GATEWAYS`): ways in, then ways out.
+    """List all gateways (schema `GATEWAYS`), pairs of a sprite and a film row that look alike.
 
-    step_median: the median natural step. A sprite leads to its `frames_per_sprite` nearest rows in
-    each orientation. These are `apart` apart and have `least` of their track ahead. A row leads to
-    the `sprites_per_frame` sprites of each sequence that are nearest to its next row. The last row
-    of a track has no way out, and a turn is entered only by its first sprite.
+    First come the ways from sprite to film, then those back. step_median: the film's median step. A
+    sprite leads to its `frames_per_sprite` nearest rows in each orientation, which are `apart`
+    apart and have `least` of their track ahead. A row leads to the `sprites_per_frame` sprites of
+    each sequence nearest to its next row. The last row of a track has no way out, and a turn is
+    entered only by its first sprite.
     """
     most = settings.distance_threshold * step_median
     ways_in = _find_ways_in(distances, features, most, settings).assign(direction=IN)
@@ -181,7 +182,7 @@ def _find_ways_in(
     most_distance: float,
     settings: GatewaysSettings,
 ) -> pd.DataFrame:
-    """Return sprite, row, rank, distance: the best rows of each sprite and orientation."""
+    """Return the film rows nearest to each sprite, by orientation: sprite, row, rank, distance."""
     track, frame = (features[name].to_numpy()[distances.rows] for name in ("track_id", "frame"))
     delta = infer_delta_frames(features)
     lasts = _count_frames_ahead(features)[distances.rows] >= settings.least * delta
@@ -210,7 +211,7 @@ def _find_ways_out(
     most_distance: float,
     most_sprites: int,
 ) -> pd.DataFrame:
-    """Return sprite, row, rank, distance: each row's best sprites of every sequence."""
+    """Return the sprites nearest to each film row, by sequence: sprite, row, rank, distance."""
     # Rows whose next frame is among `near.rows`, and its place there.
     follows = np.append(False, _count_frames_ahead(features) > 0)[distances.rows]
     row, after = distances.rows[follows] - 1, np.flatnonzero(follows)
@@ -231,9 +232,9 @@ def gateway_metrics(
     table: pd.DataFrame, nearest: pd.DataFrame, distances: SpriteDistances, features: pd.DataFrame,
     rate_hz: float, step_median: float,
 ) -> dict[str, float]:  # fmt: skip
-    """Return the metrics of the gateways, by their names in metrics.json.
+    """Return metrics of the gateways (pairs of a sprite and a film row), as in metrics.json.
 
-    table: the gateways; nearest: those without a threshold; step_median: the median natural step.
+    table: the gateways; nearest: those without a threshold; step_median: the film's median step.
     """
     result: dict[str, float] = {}
     for word in (IN, OUT):

@@ -25,7 +25,10 @@ _FREE = 1e-9  # frames: a sparse graph cannot hold an edge of cost 0
 
 @dataclass(frozen=True)
 class LoopGraph:
-    """A film's video loops as a graph: m loop ends, and e jumps between them, two for each loop."""
+    """A film's video loops as a graph: m loop ends (frames to jump from), and e jumps between them.
+
+    Each loop gives two jumps, one in each direction.
+    """
 
     ends: NDArray[np.int32]  # (m,) rows of the feature table, rising
     ahead: NDArray[np.int32]  # (m,) index of the next end of the same track, −1 where there is none
@@ -44,17 +47,17 @@ class LoopGraph:
     endless: Mask
 
     def jump_targets(self, end: int) -> NDArray[np.int32]:
-        """Return the indices of the ends that the film can jump to from an end, nearest first."""
+        """Return the numbers of the loop ends to which an end allows a jump, nearest first."""
         return self.to[self.start[end] : self.start[end + 1]]
 
     @property
     def segment_frames(self) -> NDArray[np.int32]:
-        """Return the length (m,) of the segments, in frames; 0 after the last end of a track."""
+        """Return the frames (m,) from each loop end to the next of its track; 0 after the last."""
         return np.where(self.ahead >= 0, self.ends[self.ahead] - self.ends, 0).astype(np.int32)
 
 
 def build_loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> LoopGraph:
-    """Return the graph of all video loops of a film.
+    """Build the graph of all video loops of a film: frames to jump from, and jumps between them.
 
     loops: columns a, b (feature rows) and distance (Eq. 5); track_id (n,): of every feature row.
     """
@@ -81,9 +84,9 @@ def build_loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> Loop
 def _segment_successors(
     ahead: NDArray[np.int32], start: NDArray[np.int32], to: NDArray[np.int32]
 ) -> csr_array:
-    """Return the sparse matrix (m, m) of which segment (row) can be followed by which (column).
+    """Return the sparse matrix (m, m) of which segment of film (row) can follow which (column).
 
-    ahead, start, to: as in `LoopGraph`.
+    A segment runs from a loop end to the next. ahead, start, to: as in `LoopGraph`.
     """
     m = len(ahead)
     played = np.flatnonzero(ahead >= 0)
@@ -162,9 +165,9 @@ def can_play_for_ever(graph: LoopGraph, track_id: NDArray[np.integer]) -> Mask:
 
 
 def is_in_component(graph: LoopGraph, rows: int, number: int = 0) -> Mask:
-    """Return whether each feature row (rows,) lies in a segment of component `number`.
+    """Return which feature rows (rows,) lie in one connected part of the loop graph.
 
-    Component 0 holds the most film.
+    Film and loops connect its rows. rows: their number; number: of the part, 0 has the most film.
     """
     edge = np.zeros(rows + 1, np.int32)
     mine = (graph.component == number) & (graph.ahead >= 0)
@@ -176,9 +179,9 @@ def is_in_component(graph: LoopGraph, rows: int, number: int = 0) -> Mask:
 def find_routes(
     graph: LoopGraph, source_end: int, target_end: int, most_routes: int, jump_frames: float = 0
 ) -> list[list[Leg]]:
-    """Return the best routes from one loop end to another, the best first (Fig. 10).
+    """Find the best routes along film and jumps from one loop end to another (Fig. 10).
 
-    source_end, target_end: indices of ends. The best route has the fewest frames, where a jump
+    source_end, target_end: numbers of ends. The best route has the fewest frames, where a jump
     counts as `jump_frames`. Each route is a list of (from row, to row, "play" | "jump"), from one
     end to the next. It may pass an end twice (GHCDEBCDEF does), but takes no jump twice, and plays
     some film between two jumps. The search follows at most `most_routes` routes through any end.
@@ -212,7 +215,7 @@ def find_routes(
 
 
 def _least_route_costs(graph: LoopGraph, target_end: int, jump_frames: float) -> Floats:
-    """Return the least cost [frames] from each end (m,) to an end; inf where there is no route.
+    """Return the least cost [frames] of a route from each loop end (m,) to one; inf: no route.
 
     jump_frames: what a jump costs.
     """

@@ -31,7 +31,7 @@ def find_quadrants(dx: Any, dy: Any) -> NDArray[np.int8]:
 
 @kernel
 def quadrant_of_displacement(dx, dy):  # type: ignore[no-untyped-def]
-    """Return the quadrant, 1 … 4, of one displacement (y up): `find_quadrants` for kernels."""
+    """Return the quadrant, 1 … 4, of one displacement (y up), as `find_quadrants`, in a kernel."""
     if (dx > 0 and dy >= 0) or (dx == 0 and dy == 0):
         return 1
     if dx <= 0 and dy > 0:
@@ -42,10 +42,10 @@ def quadrant_of_displacement(dx, dy):  # type: ignore[no-untyped-def]
 
 
 def choose_table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
-    """Return at most 26 loop ends (rows) for a printed table: of the track with the most ends.
+    """Choose at most 26 loop ends for a printed table, from the track that has the most.
 
-    ends: feature rows; track_id (n,): of every row. Of more ends those are taken that are nearest
-    to moments spread evenly over the track.
+    ends: feature rows at which the film can jump; track_id (n,): of every row. The chosen ones are
+    spread evenly in time.
     """
     tracks, count = np.unique(track_id[ends], return_counts=True)
     mine = ends[track_id[ends] == tracks[count.argmax()]]
@@ -56,10 +56,10 @@ def choose_table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
 
 
 def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
-    """Return the position table (Fig. 11c): the quadrant of each loop end seen from earlier ones.
+    """Return the position table (Fig. 11c): the quadrants in which loop ends lie from earlier ones.
 
-    ends: rising feature rows. Rows (earlier) and columns (later) are named A, B …. A cell is ""
-    unless its column is later in the same track.
+    ends: ascending feature rows at which the film can jump. Rows (earlier) and columns (later) are
+    named A, B …. A cell is "" unless its column is later in the same track.
     """
     x, y = places_through_water(features)[ends].T
     track = features["track_id"].to_numpy()[ends]
@@ -74,8 +74,8 @@ def route_table(
 ) -> pd.DataFrame:
     """Return routes as a table (Fig. 10b): a row for each stretch of play and for each jump.
 
-    routes: from `find_routes`; step_median: the median natural step. `jump_distance` is D of a jump
-    in median natural steps. Ends at which the film plays on have no row.
+    routes: from `find_routes`; step_median: the median step of the film. `jump_distance` is D of a
+    jump in median steps. Loop ends at which the film plays on have no row.
     """
     track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     columns = ["route", "how", "from_track", "from_frame", "to_track", "to_frame", "frames"]
@@ -92,7 +92,7 @@ def route_table(
 
 
 def merge_play_legs(route: Sequence[Leg]) -> list[Leg]:
-    """Return a route in which successive legs of play are one leg."""
+    """Join successive stretches of play in a route, so that play and jumps alternate."""
     legs: list[Leg] = []
     for a, b, how in route:
         if legs and how != JUMP and legs[-1][2] == how:

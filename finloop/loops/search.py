@@ -33,7 +33,7 @@ RESULTANT = 0.3  # length of the mean heading vector; with less, the fish turned
 
 
 class NoLoopsError(FinloopError):
-    """The film has no loops; the message names the parameter that would give some."""
+    """The film has no loops; the message names the parameter to change."""
 
 
 LOOPS = Schema(
@@ -48,7 +48,7 @@ Rows = NDArray[np.integer]
 
 
 class SparseDistanceMap(NamedTuple):
-    """The sparse distance map: row i holds columns `j[start[i]:start[i + 1]]`, rising, all > i."""
+    """A sparse distance map: row i has columns `j[start[i]:start[i + 1]]`, ascending, all > i."""
 
     start: Ints
     j: NDArray[np.int32]
@@ -74,12 +74,11 @@ def find_video_loops(
     step_median: float,
     settings: LoopsSettings,
 ) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Return a film's video loops (§4.1, Figs. 8, 12, 13), best first, and each test's counts.
+    """Find a film's video loops (§4.1, Figs. 8, 12, 13), best first, with each test's counts.
 
-    pairs: D of the rows that may be compared (Eq. 6); step_median: the median natural step, in the
-    unit of D. The loops have the columns of `LOOPS`; the counts are those of
-    `find_loop_candidates`. NoLoopsError if there is none; its message names the parameter that
-    would give some.
+    pairs: distances D of comparable rows (Eq. 6); step_median: the film's median step, in the unit
+    of D. The loops have the columns of `LOOPS`; the counts are those of `find_loop_candidates`.
+    NoLoopsError if there is none.
     """
     loops, counts = find_loop_candidates(
         pairs, features, settings.distance_threshold * step_median, settings
@@ -102,7 +101,7 @@ def find_video_loops(
 def least_loop_frames(delta_frames: int, settings: LoopsSettings) -> int:
     """Return the least number of frames between two ends of a loop in one track.
 
-    delta_frames: Δ, the time in which motion is measured.
+    delta_frames: Δ, the time over which motion is measured.
     """
     return max(1, round(settings.min_length_deltas * delta_frames))
 
@@ -110,10 +109,11 @@ def least_loop_frames(delta_frames: int, settings: LoopsSettings) -> int:
 def find_loop_candidates(
     pairs: SparseDistanceMap, features: pd.DataFrame, most_distance: float, settings: LoopsSettings
 ) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Return all local minima of filtered D up to a distance, best first, and each test's counts.
+    """Find pairs of frames that look and move alike: local minima of filtered D, best first.
 
-    Columns: a, b (feature rows, a < b), distance, filtered, improper (Fig. 13: whether the pair is
-    no loop). Counts: pairs, pairs_below_threshold, minima, improper_dropped.
+    The table has columns a, b (feature rows, a < b), distance, filtered, improper (Fig. 13: the
+    fish travels against its heading). Counts: pairs, pairs_below_threshold, minima,
+    improper_dropped.
     """
     track = features["track_id"].to_numpy(np.int32)
     weight = binomial_weights(settings.compared_neighbour_frames)
@@ -137,7 +137,7 @@ def find_loop_candidates(
 
 
 def binomial_weights(n: int) -> Floats:
-    """Return the binomial weights (2n + 1,) of the pairs along a diagonal; their sum is 1."""
+    """Return weights (2n + 1,) for the pairs along a diagonal: binomial, with sum 1."""
     return scipy.special.comb(2 * n, np.arange(2 * n + 1)) / 4.0**n
 
 
@@ -157,7 +157,7 @@ def _find_column(j: NDArray[np.int32], low: int, high: int, least_column: int) -
 def filter_diagonals(
     pairs: SparseDistanceMap, track: NDArray[np.int32], weight: Floats, most_distance: float
 ) -> NDArray[np.float32]:
-    """Return the filtered D of every stored pair: Σ w_k D(a+k, b+k), k = −n … n (§4.1).
+    """Return the filtered distance of every stored pair: Σ w_k D(a+k, b+k), k = −n … n (§4.1).
 
     track: of every feature row; weight: w, (2 n + 1,). The value is inf where it exceeds
     `most_distance`, where one of the pairs along the diagonal is not in the map, or where one lies
@@ -190,12 +190,12 @@ def filter_diagonals(
 
 @kernel
 def find_local_minima(pairs, filtered, track, radius_frames, least_frames):  # type: ignore[no-untyped-def]
-    """Return which pairs are local minima of their filtered D.
+    """Return which pairs (a, b) of frames are local minima of their filtered distance.
 
     filtered: from `filter_diagonals`; track: of every feature row. Each is the smallest within
-    `radius_frames` along a and along b, inside the two tracks; the first of equal ones that are as
-    near (a film that repeats). In one track b is at least `least_frames` after a; nearer pairs are
-    no loops, but they count in the comparison: a pair on a slope down to them is no minimum.
+    `radius_frames` along a and along b, inside the two tracks; of equal ones the first. In one
+    track b is at least `least_frames` after a; nearer pairs are no loops, but a pair on a slope
+    down to them is no minimum.
     """
     start, j = pairs.start, pairs.j
     minimum = np.zeros(len(j), np.bool_)
@@ -240,11 +240,11 @@ def choose_best_loops(a, b, most_per_end):  # type: ignore[no-untyped-def]
 
 
 def group_overlapping_loops(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
-    """Return the number (n,) of each loop's overlapping group (Fig. 12); 0 has the most loops.
+    """Return the group number (n,) of each loop; loops that overlap form a group (Fig. 12).
 
-    a, b (n,): the loops' ends, feature rows; track: track number of every feature row. A loop
-    within a track covers the film between its ends; one across tracks only its two ends. Loops that
-    cover the same film are of one group, and so on from loop to loop.
+    a, b (n,): the loops' ends, feature rows; track: of every feature row. A loop within a track
+    covers the film between its ends; one across tracks only its two ends. Group 0 has the most
+    loops.
     """
     n = len(a)
     within = track[a] == track[b]
@@ -313,17 +313,17 @@ def _explain_no_loops(
 
 
 def is_improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
-    """Return whether each loop (n,) is improper: it travels against the heading (Fig. 13).
+    """Return which loops (n,) are improper: the fish travels against its heading (Fig. 13).
 
     a, b (n,): the loops' ends, feature rows. Travel and heading differ by more than `most_deg` over
-    the loop, at its end a or at its end b, see `measure_travel`: there head and tail may be
-    swapped, or the fish adrift.
+    the loop, at its end a or at its end b (`measure_travel`): head and tail may be swapped there,
+    or the fish adrift.
     """
     return np.asarray((measure_travel(a, b, features).off_deg > most_deg).any(axis=-1))
 
 
 class LoopTravel(NamedTuple):
-    """Directions of travel and headings of n loops, each between its ends, at end a and at end b.
+    """Directions of travel and headings of n loops: between their ends, at end a and at end b.
 
     travel_deg, heading_deg (n, 3): anticlockwise as seen; travel is NaN where there is none.
     """
@@ -379,8 +379,8 @@ def loop_metrics(
 ) -> dict[str, float]:  # fmt: skip
     """Return the metrics of a film's loops, by their names in metrics.json.
 
-    A seam is D(a, b) of a jump in median natural steps: 1 = as smooth as the film. Shares of the
-    film are of its `compared` rows. A component counts if the film can play in it for ever. From a
+    A seam is the picture distance of a jump in median steps of the film. Shares of the film are of
+    its `compared` rows. A component of the graph counts if the film can play in it for ever. From a
     dead end every route leads to the end of a track.
     """
     track = features["track_id"].to_numpy()

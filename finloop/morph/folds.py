@@ -27,7 +27,7 @@ _SPLIT = 134217729.0  # 2^27 + 1
 
 
 def count_polygon_folds(stack: Reals, closed: bool = True) -> Ints:
-    """Count the pairs of edges that meet in each polygon, (f,), exactly; 0 = it never meets itself.
+    """Count exactly how many pairs of edges meet in each polygon, (f,); 0: it never meets itself.
 
     Neighbours count if they overlap in more than their vertex, an edge of length 0 counts as one
     more. stack: polygons (f, n, 2), or one (n, 2); n ≥ 3 (open: 2); the first vertex is not
@@ -38,7 +38,7 @@ def count_polygon_folds(stack: Reals, closed: bool = True) -> Ints:
 
 
 def is_simple(points: Reals, closed: bool = True) -> bool:
-    """Return whether no two edges of a polygon (n, 2) meet, see `count_polygon_folds`."""
+    """Return whether no two edges of a polygon (n, 2) meet (`count_polygon_folds`)."""
     return count_folds_unchecked(_check_polygons(points, closed)[0], closed, True) == 0
 
 
@@ -92,7 +92,7 @@ def _two_product(a: float, b: float) -> tuple[float, float]:
 
 @kernel
 def _exact_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
-    """Return the sign of (a − c) × (b − c), adding its six products without rounding."""
+    """Return the sign of (a − c) × (b − c), by adding its six products without rounding."""
     left = (ax, -ay, bx, -by, cx, -cy)
     right = (by, bx, cy, cx, ay, ax)
     sums = np.zeros(12)
@@ -191,10 +191,9 @@ def _boxes_overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
 
 @kernel
 def count_folds_unchecked(points: Floats, closed: bool, first_only: bool) -> int:
-    """Count the pairs of edges that meet in one polygon (n, 2), without checking its shape.
+    """Count the pairs of edges that meet in one polygon (n, 2), as `count_polygon_folds`.
 
-    This is the count of `count_polygon_folds`. first_only: stop at the first pair, so the result is
-    0 if and only if there is none.
+    Its shape is not checked. first_only: stop at the first pair, so the result is 0 or more.
     """
     n = len(points)
     edges = n if closed else n - 1

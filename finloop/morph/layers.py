@@ -109,17 +109,10 @@ def build_morph(
 ) -> Morph:
     """Build a morph from the frames of all contours: round the coordinates, then count the folds.
 
-    Parameters
-    ----------
-    a, b
-        The drawings: `a` gives the size of the picture, both give styles.
-    tau, layers
-        Share of the way to `b` (f,) of every frame, and its contours (f, n, 2) by id.
-    digits
-        Significant digits of the picture's larger side, tried in turn until no frame folds: parts
-        that are nearer to each other than the grid need a finer grid.
-    repeats
-        Whether the first frame follows the last.
+    a, b: the drawings; `a` gives the size of the picture, both give styles. tau, layers: share of
+    the way to `b` (f,) of every frame, and its contours (f, n, 2) by id. digits: significant digits
+    of the picture's larger side, tried in turn until no frame folds. repeats: whether the first
+    frame follows the last.
     """
     closed = {name: curve.closed for name, curve in a.curves.items()}
     for count in digits:
@@ -172,7 +165,7 @@ def linear_morph(
     A(τ) = (1 − τ) Aˢ + τ Aᵈ, with A the points of both curves. With a level, A are the control
     points for 1/2^level of the points, so the ends are coarse versions of the curves, and `points`
     is a power of two. FinloopError if one curve is open and the other closed, or, with a level, as
-    in `curve.wavelet.check_transform_filters`.
+    in `curve.wavelet.filters_for_transform`.
     """
     ends = np.stack(match_curves(a, b, points))
     tau = np.linspace(0, 1, frames)[:, None, None]

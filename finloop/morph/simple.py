@@ -122,10 +122,10 @@ def _find_simple_path(first: Points, second: Points, closed: bool) -> tuple[Poin
 
 
 def _candidate_starts(a: Points, b: Points) -> list[int]:
-    """Return start points of polygon b to try: 0, and those that fit polygon a best.
+    """Return the points of polygon b that may correspond to the first of a: 0, and the best fits.
 
     a, b (k, n, 2): poses of both, simplified step by step. Neighbouring start points give similar
-    paths, so only local minima count.
+    paths, so only local minima of the misfit count.
     """
     starts = [0]
     for share in (0.0, 0.5, 1.0):
@@ -274,7 +274,7 @@ def _limit_areas(stack: Points) -> Points:
 
 
 def _has_simple_motion(stack: Points, closed: bool) -> bool:
-    """Return whether the motion between simple frames (f, n, 2) is proved simple.
+    """Return whether it is proved that the motion between frames (f, n, 2) never meets itself.
 
     The motion may stray as `SimpleMorph.proved` says. An edge that turns round passes through
     length 0, where it meets its neighbours. Slight smoothing, with positive weights, lets it turn
@@ -295,7 +295,7 @@ def _has_simple_motion(stack: Points, closed: bool) -> bool:
 
 
 def _smooth_contour(points: Points, closed: bool) -> Points:
-    """Return the polygon (n, 2) with each edge replaced by a mean of the edges near it."""
+    """Smooth a polygon (n, 2): replace each edge by a mean of the edges near it."""
     longer = np.r_[points, points[:1]] if closed else np.r_[points, points[-2::-1]]
     edges = np.diff(longer, axis=0)
     if not closed:

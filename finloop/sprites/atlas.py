@@ -51,7 +51,7 @@ class AtlasPage(NamedTuple):
 
 
 def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[AtlasPage]:
-    """Return atlas pages, at most page_px wide and high, with every sprite in every orientation.
+    """Arrange every sprite in every orientation on atlas pages of at most page_px × page_px.
 
     sprites: schema `SPRITES`; index: that of sprites.arrow, with the size [px] of each sprite in
     each orientation. A sequence in one orientation stays on one page. FinloopError if a page cannot
@@ -94,9 +94,9 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
 
 
 def _pack_page(slots: list[AtlasSlot], most_width: int, most_height: int) -> AtlasPage | None:
-    """Return a page with pictures in rows, highest first; None if they do not fit.
+    """Return a page with pictures side by side in lines, highest first; None if they do not fit.
 
-    slots: in any order, which stays; most_width, most_height: px, largest sides of the page.
+    slots: the pictures' places; most_width, most_height: px, largest sides of the page.
     """
     places: dict[str, AtlasSlot] = {}
     x = y = PADDING

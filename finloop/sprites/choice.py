@@ -45,7 +45,7 @@ these fish, headed right, their mass centres in the middle, all of one length.""
 def swimmer_table(
     features: pd.DataFrame, tracks: pd.DataFrame, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Return what the choice of sprites needs to know of each fish in each frame of the film.
+    """Return a table of what the choice of sprites needs to know of each fish in each frame.
 
     The rows are those of `features` and `tracks`. tail: offset of the tail tip from the head's
     axis, body lengths, + = left; heading: degrees, unwrapped; speed: body lengths a frame; alone:
@@ -112,10 +112,10 @@ def _nearest_neighbour_px(table: pd.DataFrame) -> Floats:
 
 @dataclass(frozen=True)
 class FrameRun:
-    """Successive frames of one track, a candidate for sprites.
+    """Successive frames of one track that could become the sprites of a sequence.
 
     first, last: frame numbers, both included; rows: the same frames in the table of swimmers;
-    faults: by name.
+    faults: what is wrong with them, by name, 1 = just acceptable.
     """
 
     track_id: int
@@ -180,8 +180,8 @@ def _parse_frame_run(table: pd.DataFrame, sequence: str, text: str, hold_share: 
 def turn_phases(table: pd.DataFrame, run: FrameRun, side: int, hold_share: float) -> list[str]:
     """Return the phase of each frame of a turn: "in", "hold" or "out"; ["none"] without a bend.
 
-    side: 1 left, −1 right. The phase is hold where the bend is at least the share `hold_share` of
-    its largest value.
+    side: 1 left, −1 right. The phase is "hold" while the fish is bent by at least the share
+    `hold_share` of the largest bend, "in" before and "out" after.
     """
     bend = side * table["bend"].to_numpy()[run.rows]
     peak = int(bend.argmax())
@@ -195,10 +195,10 @@ def turn_phases(table: pd.DataFrame, run: FrameRun, side: int, hold_share: float
 
 
 def cycle_headings(table: pd.DataFrame, first_row: int, frames: int) -> Floats:
-    """Return headings [°] on a line for some straight frames and the one after them, (frames + 1,).
+    """Return headings [°] that change evenly over straight frames and the next one, (frames + 1,).
 
-    The slope is the drift from the first frame to that after the last. Both show the same phase of
-    the tail beat, so the head's yaw, which a least-squares line would follow, cancels.
+    They run from the first frame's heading to that after the last. Both show the same phase of the
+    tail beat, so the head's yaw, which a least-squares line would follow, cancels.
     """
     heading = table["heading"].to_numpy()[first_row : first_row + frames + 1]
     slope = (heading[-1] - heading[0]) / frames
@@ -213,9 +213,9 @@ def cycle_headings(table: pd.DataFrame, first_row: int, frames: int) -> Floats:
 def find_tail_beats(
     table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Return the film's runs of one tail beat in straight swimming, with their faults.
+    """Find runs of frames with one tail beat in straight swimming, with their faults.
 
-    table: of swimmers; the runs are a table of candidates (start, length, one column per fault).
+    table: of swimmers; the result is a table of candidates (start, length, one column per fault).
     """
     least = max(settings.beat_frames, round(settings.beat_least * delta_frames))
     parts = []
@@ -243,9 +243,9 @@ def find_tail_beats(
 
 
 def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSettings) -> pd.DataFrame:
-    """Return the film's runs of straight gliding with a still tail, with their faults.
+    """Find runs of frames of straight gliding with a still tail, with their faults.
 
-    table: of swimmers; the runs are a table of candidates (start, length, one column per fault).
+    table: of swimmers; the result is a table of candidates (start, length, one column per fault).
     Runs shorter than `slide_least` are included only if there are no longer ones, and those whose
     tail moves more than `still` only if no tail is still.
     """
@@ -274,7 +274,7 @@ def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSetting
 def _find_substitute_tail_beats(
     table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Return glides in place of a tail beat: of straight frames, else of usable, else of any."""
+    """Find glides that replace a missing tail beat: straight frames, else usable ones, else any."""
     as_straight = table.assign(type=np.int8(STRAIGHT))
     for rows in (table, as_straight, as_straight.assign(usable=True)):
         if not (glides := find_glides(rows, delta_frames, settings)).empty:
@@ -285,7 +285,7 @@ def _find_substitute_tail_beats(
 def _find_straight_runs(
     table: pd.DataFrame, least_frames: int, most_frames: int
 ) -> Iterator[tuple[pd.DataFrame, int, Rows, Rows]]:
-    """Yield runs of usable straight frames of each length, followed by another such frame.
+    """Yield runs of usable frames of straight swimming that another such frame follows.
 
     Each item is a track, a length (`least_frames` … `most_frames`), and the first rows of all runs
     of that length, in that track and in `table`.
@@ -308,9 +308,9 @@ def _unbroken_row_slices(table: pd.DataFrame) -> Iterator[slice]:
 def _common_faults(
     track: pd.DataFrame, first_rows: Rows, frames: int, settings: SpritesSettings
 ) -> dict[str, Floats]:
-    """Return the faults that tail beats and glides share, for runs of equal length in one track.
+    """Return the faults that count for tail beats and glides alike, for runs of equal length.
 
-    first_rows: of the runs, in the track; frames: their length.
+    track: rows of one track; first_rows: of the runs, in the track; frames: their length.
     """
     heading = track["heading"].to_numpy()
     speed = sliding_window_view(track["speed"].to_numpy(), frames)[first_rows]
@@ -327,7 +327,7 @@ def _common_faults(
 
 
 def _crowding_fault(alone: Reals, settings: SpritesSettings) -> Floats:
-    """Return 1 where another fish is just far enough away, 0 from twice that distance.
+    """Return how near another fish is: 1 at the least distance allowed, 0 from twice that on.
 
     alone: body lengths to the nearest other fish.
     """
@@ -338,7 +338,7 @@ def _crowding_fault(alone: Reals, settings: SpritesSettings) -> Floats:
 
 
 def find_turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.DataFrame:
-    """Return the film's strongest whole turns to one side, with their faults.
+    """Find the film's strongest whole turns to one side, with their faults.
 
     side: 1 left, −1 right. A turn is whole if all its frames are usable, it has frames before and
     after the largest bend, and the heading changes. Weaker turns are included only if there are no
@@ -365,10 +365,10 @@ def find_turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.
 
 
 def _find_substitute_turns(table: pd.DataFrame, side: int) -> pd.DataFrame:
-    """Return bends to one side in place of a whole turn, from a minimum of bending to the next.
+    """Find bends to one side that replace a missing whole turn, from a least bend to the next.
 
-    side: 1 left, −1 right. Their one fault, weaker, is the share of the strongest bend that they
-    lack.
+    side: 1 left, −1 right. Their one fault, weaker, is how much weaker they are than the strongest
+    bend, as a share.
     """
     bends = []
     for span in _unbroken_row_slices(table):
@@ -387,7 +387,7 @@ def _measure_turn(
     track: pd.DataFrame, bend: Floats, side: int, peak_row: int, strongest_bend: float,
     settings: SpritesSettings,
 ) -> dict[str, float] | None:  # fmt: skip
-    """Return start, length and faults of the turn around a row; None if the turn is not whole.
+    """Measure the turn around a row: start, length and faults; None if the turn is not whole.
 
     track: rows of the table of swimmers; bend: to the side, of each row; side: 1 left, −1 right;
     peak_row: where the bend is largest; strongest_bend: of the film.
@@ -453,7 +453,7 @@ def _find_straightest_row(
 
 @dataclass(frozen=True)
 class ChosenFrames:
-    """The film's frames for one sequence of sprites.
+    """The film's frames that become the sprites of one sequence.
 
     mirrored: the frames show a turn to the other side, and the sprites are their mirror images.
     stands_in: the film has no tail beat, or no whole turn, and these frames are the best
@@ -468,11 +468,11 @@ class ChosenFrames:
 def choose_frames(
     table: pd.DataFrame, draw_pictures: DrawPictures, delta_frames: int, settings: SpritesSettings
 ) -> dict[str, ChosenFrames]:
-    """Choose the film's frames for each sequence of `WORDS`: those of the settings, else the best.
+    """Choose the film's frames for each sequence of sprites: those of the settings, else the best.
 
-    table: of swimmers. A side without a turn gets the opposite turn, mirrored. A film without a
-    tail beat or a whole turn gets the best substitute. FinloopError if the settings name frames
-    that do not exist, or the fish never bends.
+    The sequences are those of `WORDS`. table: of swimmers. A side without a turn gets the opposite
+    turn, mirrored. A film without a tail beat or a whole turn gets the best substitute.
+    FinloopError if the settings name frames that do not exist, or the fish never bends.
     """
     usable = np.flatnonzero(table["usable"])
     usable = usable if usable.size else np.arange(len(table))
@@ -536,10 +536,11 @@ def best_runs_of_tracks(
     table: pd.DataFrame, candidates: pd.DataFrame, draw_pictures: DrawPictures,
     typical_sharpness: float, settings: SpritesSettings, *, is_cycle: bool,
 ) -> list[FrameRun]:  # fmt: skip
-    """Return each track's best candidate, with the faults of its pictures; the best track first.
+    """Return the best run of frames of each track, judged by its pictures too; the best first.
 
-    typical_sharpness: the median of `measure_sharpness` over the film; is_cycle: whether the frame
-    after the last should be like the first, within a natural step.
+    candidates: from `find_tail_beats` and the like; typical_sharpness: the median of
+    `measure_sharpness` over the film; is_cycle: whether the frame after the last should look like
+    the first.
     """
     if candidates.empty:
         return []
@@ -568,10 +569,10 @@ def best_runs_of_tracks(
 
 
 def loop_closure(pictures: Reals) -> float:
-    """Return the picture distance from a loop's end to its start, over its median step.
+    """Return how visible the jump from a loop's end to its start is; 1: like any other step.
 
-    pictures (n + 1, size, size, channels): the n frames of the loop and the frame after them. At 1
-    the loop closes as smoothly as the film plays on.
+    It is the picture distance of the jump, over the loop's median step. pictures (n + 1, size,
+    size, channels): the n frames of the loop and the frame after them.
     """
     return float(paired_distances(pictures[-1], pictures[0])) / max(
         float(np.median(successive_distances(pictures))), 1e-9
@@ -590,7 +591,7 @@ def measure_sharpness(pictures: Reals) -> Floats:
 def choose_run_combination(
     table: pd.DataFrame, runs: dict[str, Sequence[FrameRun]], settings: SpritesSettings
 ) -> dict[str, FrameRun]:
-    """Choose one run for each sequence: least faults together, and few changes of the animal.
+    """Choose one run of frames for each sequence: few faults, and few changes of the animal.
 
     runs: the candidates of each sequence. A sequence of another track than the first one costs
     `track_change_cost`. A relative difference of `size_off` in length, contrast and area, on

@@ -14,8 +14,8 @@ from finloop.sprites.settings import SpritesSettings
 def sprite_orientation_table(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
     """Return the fish paper's Table 1 for the sprites: a row for each of their orientations.
 
-    sprites: schema `SPRITES`; features: the film's. Largest motion areas are shares of the film's
-    largest one in turns to that side.
+    sprites: schema `SPRITES`; features: the film's. Motion areas are relative to the film's largest
+    in turns to that side.
     """
     count = count_orientations(sprites)
     types = [SIDES.get(word, STRAIGHT) for word in sprites["sequence"]]
@@ -83,7 +83,7 @@ def sprite_metrics(
 def cycle_metrics(
     sequence: str, choice: ChosenFrames, table: pd.DataFrame, draw_pictures: DrawPictures
 ) -> dict[str, float]:
-    """Return how far the tail swings [body lengths] in a cycle, and how well the cycle closes.
+    """Return how far the tail swings [body lengths] in a cycle of sprites, and how well it closes.
 
     sequence: straight or slide. Closure is the picture distance of the last frame, and of the one
     after it, from the first, over the cycle's median step. It is missing if the track ends there.
@@ -106,7 +106,8 @@ def is_still_slide(
 ) -> bool:
     """Return whether the frames chosen for gliding are long enough, and their tail is still.
 
-    They are at least `slide_least` Δ long, and the tail moves at most `still` body lengths.
+    They last at least `slide_least` Δ (the time over which motion is measured), and the tail moves
+    at most `still` body lengths.
     """
     tail = table["tail"].to_numpy()[slide.stretch.rows]
     long = len(tail) >= round(settings.slide_least * delta_frames)

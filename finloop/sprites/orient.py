@@ -94,9 +94,10 @@ def _sequence_rows(
 
 
 def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
-    """Yield the cut-out of every sprite in every orientation, in the order of `sprite_store_row`.
+    """Yield the pixels (with alpha) of every sprite in every orientation, for the store of sprites.
 
-    sprites: schema `SPRITES`; film: the cut-outs of all rows.
+    Their order is that of `sprite_store_row`. sprites: schema `SPRITES`; film: the cut-outs of all
+    rows.
     """
     for row in sprites.itertuples():
         cutout = film[row.row]
@@ -138,7 +139,7 @@ def reflection_matrix(axis_deg: float) -> Floats:
 def turn_cutout(
     source: Cutout, x_px: float, y_px: float, angle_deg: float, mirror_axis_deg: float | None = None
 ) -> Cutout:
-    """Turn a cut-out about the point (x_px, y_px) of the film, which stays in place.
+    """Turn a cut-out, the pixels of a fish with alpha, about the point (x_px, y_px) of the film.
 
     With `mirror_axis_deg` it is first mirrored about the line of that direction through the same
     point. Both are one resampling (Lanczos, four lobes), trimmed to the visible pixels. A turn by

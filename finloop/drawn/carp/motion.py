@@ -35,7 +35,7 @@ Rectangle = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class CarpMotion:
-    """Poses of all drawn carp in all frames; arrays are (frames, fish)."""
+    """The poses of all drawn carp in all frames; arrays are (frames, fish)."""
 
     # x, y: mass centre of the midline, body lengths from the picture's upper left pixel centre
     x: Floats
@@ -122,7 +122,7 @@ def _smoothstep(x: float) -> float:
 
 
 def bend_in_turn(tau: float) -> float:
-    """Return the body's relative bend, 0 to 1 to 0, after a share `tau` (0-1) of a C-turn."""
+    """Return how bent the body is after a share `tau` (0-1) of a C-turn: from 0 to 1 to 0."""
     return _smoothstep(tau / 0.36) - _smoothstep((tau - 0.50) / 0.46)
 
 
