@@ -205,7 +205,7 @@ def _compare_swimming(
     )
     verdicts = classify_all(sides, p, pool)
     with whole_folder(OUT) as folder:
-        windows, curves = examples.WindowPool(sample, works, measured).example_tables(
+        windows, curves = examples.ExampleFinder(sample, works, measured).example_tables(
             sides, verdicts
         )
         save_table(folder / "examples.parquet", windows, examples.EXAMPLES)

@@ -14,7 +14,7 @@ from finloop.base.parallel import Threads, ordered_map
 from finloop.base.settings import WORDS
 from finloop.edit.modes import MODES
 from finloop.io.atomic import save_bytes
-from finloop.io.movie import load_small_film
+from finloop.io.movie import load_film_below_size
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
@@ -124,10 +124,10 @@ def main() -> None:
     mode, source = values["render"]["mode"], values["clip"]["source"]
     marked_film = RENDER / f"{mode}_marked.mp4"
     film_path = marked_film if marked_film.is_file() else RENDER / f"{mode}.mp4"
-    film, poster = load_small_film(film_path, round(p.max_film_mb * 1e6))
+    film, poster = load_film_below_size(film_path, round(p.max_film_mb * 1e6))
     beside: dict[str, Any] = {"beside": "", "modes": list(MODES.values())}
     if (RENDER / "modes.mp4").is_file():
-        panels, first = load_small_film(RENDER / "modes.mp4", round(p.max_film_mb * 1e6 / 2))
+        panels, first = load_film_below_size(RENDER / "modes.mp4", round(p.max_film_mb * 1e6 / 2))
         beside |= {
             "beside": data_uri("video/mp4", panels),
             "beside_poster": encode_webp(first, p.max_picture_width_px, p.picture_quality),

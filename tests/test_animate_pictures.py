@@ -312,8 +312,8 @@ def test_a_mirrored_picture_is_mirrored_about_its_heading(pictures):
 
 
 def test_what_joins_help_is_seen_in_the_pictures(pictures):
-    assert not pictures.bending_helps(0, 0, False, False)
-    assert pictures.bending_helps is pictures.bending_helps
+    assert not pictures.bending_improves_match(0, 0, False, False)
+    assert pictures.bending_improves_match is pictures.bending_improves_match
 
 
 # --- ghosts

@@ -99,7 +99,7 @@ def test_a_spring_has_five_per_cent_left_when_its_time_is_over():
 
 def test_a_posture_that_says_little_is_left_as_it_is():
     shown = frames((10, 30), (310, 40))
-    found = inertialize_shown(shown, replace(FREE, bending_helps=lambda *_: False))
+    found = inertialize_shown(shown, replace(FREE, bending_improves_match=lambda *_: False))
     assert found.posed.any()
     assert np.allclose(found.codes, BODIES.codes(shown_bodies(shown)), atol=1e-6)
     assert np.allclose(found.turn_deg, inertialize_shown(shown, FREE).turn_deg)
@@ -222,7 +222,7 @@ def test_the_time_of_a_join_is_measured_or_said(monkeypatch):
     def decay(memory, **changes):
         film = replace(BODIES, poses=replace(BODIES.poses, memory_frames=memory * RATE))
         p = settings("animate", **changes)
-        return resolve_join_rules(p, INERTIAL, film, DELTA, HOW.bending_helps).decay / RATE
+        return resolve_join_rules(p, INERTIAL, film, DELTA, HOW.bending_improves_match).decay / RATE
 
     assert decay(0.25) == pytest.approx(0.25)
     monkeypatch.setattr(AnimateSettings, "join_frames", 3)
@@ -232,7 +232,10 @@ def test_the_time_of_a_join_is_measured_or_said(monkeypatch):
     assert decay(0.01) == pytest.approx(6 / RATE)
     assert decay(9.0) == pytest.approx(0.4)
     assert decay(0.25, join_time_deltas=4.0) == pytest.approx(0.8)
-    assert resolve_join_rules(settings("animate"), CUT, BODIES, DELTA, HOW.bending_helps).fade == 0
+    assert (
+        resolve_join_rules(settings("animate"), CUT, BODIES, DELTA, HOW.bending_improves_match).fade
+        == 0
+    )
 
 
 def test_what_is_left_of_jumps_is_what_a_filter_leaves():

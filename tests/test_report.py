@@ -16,7 +16,7 @@ from scratch import content, prepare, put_clip
 import stages.report
 from finloop.base.errors import FinloopError
 from finloop.edit.modes import MODES
-from finloop.io.movie import Mp4Writer, load_small_film
+from finloop.io.movie import Mp4Writer, load_film_below_size
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import save_picture
 from finloop.report.figures import CHAPTERS
@@ -150,13 +150,13 @@ def test_a_film_is_made_smaller_only_if_it_must(tmp_path: Path):
     noise = [rng.integers(0, 255, (540, 1200), np.uint8) for _ in range(2)]
     write_film(path, noise)
     size = path.stat().st_size
-    film, poster = load_small_film(path, size)
+    film, poster = load_film_below_size(path, size)
     assert film == path.read_bytes() and poster.shape == (540, 1200, 3)
-    less, _ = load_small_film(path, size // 2)
+    less, _ = load_film_below_size(path, size // 2)
     assert len(less) <= size // 2
-    assert load_small_film(path, size // 2)[0] == less  # the same bytes each time
+    assert load_film_below_size(path, size // 2)[0] == less  # the same bytes each time
     with pytest.raises(FinloopError, match="max_film_mb"):
-        load_small_film(path, 1000)
+        load_film_below_size(path, 1000)
 
 
 # --- the stage

@@ -193,7 +193,7 @@ def test_steps_that_are_alike_are_drawn():
 
 def test_a_pull_adds_to_the_own_turn():
     own = steps()
-    turned = own.add_pull_to_turns(np.array([1 + 0j, 0j]), np.array([2j, 0j]))
+    turned = own.add_pulls(np.array([1 + 0j, 0j]), np.array([2j, 0j]))
     assert turned[0] == pytest.approx((1 + 1j) / np.sqrt(2))
     assert abs(turned[1]) == 1
 

@@ -33,7 +33,7 @@ def _sources_digest() -> str:
 
 
 class _AllSources:
-    """Part of a numba cache locator: machine code is valid until a file with a kernel changes."""
+    """Makes numba compile a kernel again when any file with a kernel has changed."""
 
     _lineno: int
 
@@ -50,14 +50,11 @@ class _AllSources:
 
 
 class InTree(_AllSources, InTreeCacheLocator):
-    """A cache locator that keeps a kernel's machine code beside its source file."""
+    """Keeps a kernel's machine code beside its source file."""
 
 
 class UserWide(_AllSources, UserWideCacheLocator):
-    """A cache locator that keeps machine code in the user's cache.
-
-    It serves where the source's folder is read-only.
-    """
+    """Keeps machine code in the user's cache, where the source's folder is read-only."""
 
 
 numba.config.CACHE_LOCATOR_CLASSES = ",".join(  # type: ignore[attr-defined]

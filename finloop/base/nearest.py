@@ -81,10 +81,10 @@ class Nearest:
     def choose(
         self, queries: Floats | Vectors, count: int, choice: Choice, most: int | None = None
     ) -> tuple[NDArray[Any], ...]:
-        """Apply a rule to the `count` nearest vectors of each query (k, d); return its arrays.
+        """Apply a rule to the `count` nearest vectors of each query (k, d), or to more.
 
-        Where these vectors are not enough for the rule, it gets more: until they are enough, or
-        until `most` vectors or all vectors of the searched cells are used.
+        If these vectors are not enough for the rule, it gets more, at most `most`, or all of the
+        searched cells.
         """
         last = min(self.index.ntotal, self.index.ntotal if most is None else most)
         count = min(count, last)
@@ -102,7 +102,7 @@ class Nearest:
 
 
 def _may_have_more(near: Ints) -> Mask:
-    """Return for which queries (k,) a search may find more than the given vectors (k, l)."""
+    """Return for which queries (k,) a search may find more vectors than those given (k, l)."""
     return near[:, -1] >= 0 if near.shape[1] else np.zeros(len(near), bool)
 
 

@@ -101,7 +101,7 @@ def simulate_point_fish(
         inside = walls.is_inside(place + ways)
         which = inside.argmax(axis=0)  # the first move inside the tank; without one a fish stays
         to = np.where(inside.any(axis=0), place + ways[which, every_fish], place)
-        heading = heading * steps.add_pull_to_turns(turns[every_fish, which], pulls)
+        heading = heading * steps.add_pulls(turns[every_fish, which], pulls)
         last, place = to - place, to
         if number >= first:
             places[number - first], headings[number - first] = place, heading

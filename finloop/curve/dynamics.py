@@ -281,7 +281,7 @@ def _mean_of_decay(x: Floats) -> Floats:
 
 
 def _force_response(total: Floats, product: Floats, slow: Floats, place: Floats) -> Floats:
-    """Return how far a constant force of 1 moves oscillators: (1 − place) / product, exact at 0 too.
+    """Return how far a constant force of 1 moves oscillators: (1 − place) / product.
 
     −x, −y are the roots in steps of t, `total` = x + y, `product` = xy, `slow` the x nearer 0. With
     D = `_mean_of_decay` the value is (D(x) − D(y)) / (y − x), or a power series if both are small.

@@ -17,9 +17,9 @@ from scipy.sparse import csr_array
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.curve.wavelet import (
-    filters_for_transform,
     count_halvings,
     filter_bank,
+    filters_for_transform,
     inverse_transform,
     scale_slices,
     wavelet_transform,

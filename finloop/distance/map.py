@@ -223,7 +223,7 @@ def _have_similar_areas(a: Reals, b: Reals, threshold: float) -> Mask:
 
 
 def sort_by_kind_and_area(kind: Ints, area: Reals) -> Ints:
-    """Return row numbers (n,) sorted by kind, then motion area: comparable rows become neighbours."""
+    """Return row numbers (n,) sorted by kind, then motion area, so comparable rows are near."""
     return np.lexsort((area, kind))
 
 

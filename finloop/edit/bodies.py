@@ -25,7 +25,7 @@ _LOT = 10_000  # rows whose movement is measured at a time
 
 
 class Body(NamedTuple):
-    """Bodies (…) of the film as drawn: row, mirrored or not, heading on screen in degrees."""
+    """Filmed bodies (…) as they are drawn: row, mirrored or not, heading on screen in degrees."""
 
     row: Rows
     mirrored: Mask
@@ -37,7 +37,7 @@ class Body(NamedTuple):
 
 
 class Movement(NamedTuple):
-    """How far (n − 1,) an animal turns and bends from each row to the next, in body lengths.
+    """How far (n − 1,) an animal's body moves in turning and bending from row to row, body lengths.
 
     Both are root mean squares over the points of the backbone. whole: turning and bending; bends:
     bending alone, with the heading kept.
@@ -65,7 +65,7 @@ def measure_movement(pose: Pose) -> Movement:
 
 @dataclass(frozen=True)
 class Bodies:
-    """The film's postures, which of its rows continue a track, and the rows behind the sprites.
+    """The filmed posture behind every picture, whether a film row or a sprite.
 
     poses: of n rows; goes_on (n,): whether the next row is the next frame of the same track;
     sprites (s rows): columns row, mirrored, heading_deg, turn_deg, orientations, or an empty table.
@@ -87,7 +87,7 @@ class Bodies:
 
     @cached_property
     def _sprite_bodies(self) -> tuple[Rows, Mask, Floats, Floats]:
-        """Row, mirror flag, filmed direction and turn to the next frame of each sprite."""
+        """For each sprite: film row, whether mirrored, filmed direction, turn to its next frame."""
         if not len(self.sprites):
             return np.zeros(1, np.intp), np.zeros(1, bool), np.zeros(1), np.zeros(1)
         row = self.sprites["row"].to_numpy(np.intp)
@@ -104,7 +104,7 @@ class Bodies:
         return (codes[after] - codes[before]) / np.maximum(after - before, 1)[:, None]
 
     def sprite_direction_deg(self, orientation: int, rotation_deg: float) -> Floats:
-        """Return the direction [°] in which a sprite swims, in an orientation and turned."""
+        """Return the direction [°] in which a sprite swims in an orientation, turned further."""
         return orientation_heading_deg(orientation, count_orientations(self.sprites)) + rotation_deg
 
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
@@ -139,23 +139,20 @@ class Bodies:
         return Body(row, body.mirrored, body.heading_deg + turn)
 
     def sprite_turn_deg(self, frame: Mask, number: Rows) -> Floats:
-        """Return by how much [°] each of some sprites (…) turns to its next frame; 0 for frames.
+        """Return by how much [°] sprites (…) turn until the film's next frame; 0 for frames.
 
         frame (…): whether each picture is a frame; number (…): its row or sprite number.
         """
         return np.where(frame, 0.0, self._sprite_bodies[3][np.where(frame, 0, number)])
 
     def are_near_in_film(self, one: Body, other: Body, frames: int) -> Mask:
-        """Return a mask (…) of the pairs of bodies that are near each other in a track.
-
-        Near means at most `frames` apart and mirrored alike.
-        """
+        """Return which pairs (…) of bodies are at most `frames` apart in a track, equally flipped."""
         track = np.append(0, np.cumsum(~self.goes_on[:-1]))
         near = np.abs(one.row - other.row) <= frames
         return near & (track[one.row] == track[other.row]) & (one.mirrored == other.mirrored)
 
     def codes(self, body: Body) -> Floats:
-        """Return the pose codes (…, c) of bodies as drawn, after mirroring."""
+        """Return the pose codes (…, c), principal-component scores, of bodies as drawn."""
         return self._mirror_codes(self.poses.codes[body.row], body.mirrored)
 
     def speed(self, body: Body) -> Floats:
@@ -163,17 +160,16 @@ class Bodies:
         return self._mirror_codes(self._code_speeds[body.row], body.mirrored)
 
     def _mirror_codes(self, codes: Floats, mirrored: Mask) -> Floats:
-        """Return pose codes (…, c) with those in a mask (…) mirrored."""
+        """Mirror those pose codes (…, c) that are in a mask (…)."""
         return np.where(mirrored[..., None], codes @ self.poses.shapes.mirror_matrix, codes)
 
 
 def resting_rows(bodies: Bodies, share: float) -> Mask:
     """Return a mask (n,) of the rows at which the animal keeps its place and posture.
 
-    It rests where it moves, since the row before, less than `share` of the film's root mean square
-    movement, of its centre and of the body about it. A camera sees a resting animal as one picture
-    again and again, as does a codec that leaves out small changes. Nothing may move the fish there:
-    a picture that stays the same and drifts looks false.
+    It rests where its centre and its body about it move, since the row before, less than `share` of
+    the film's root mean square movement. Nothing may move the fish there: a picture that stays the
+    same and drifts looks false.
     """
     pose, same_track = bodies.poses.pose, bodies.goes_on[:-1]
     step = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) / pose.size_px[1:]

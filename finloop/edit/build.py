@@ -19,7 +19,7 @@ _NO_COSTS = (np.nan,) * len(TERMS)
 
 @dataclass(frozen=True)
 class EditInputs:
-    """The pictures that an edit list can show, n rows of the film and s sprites, and their joins.
+    """All pictures that an edit list can show, n rows of the film and s sprites, and how they join.
 
     body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,), sprite_scale (s,): drawn size
     / filmed size; goes_on (n,): whether a row is followed by the next one; sprite_after (s,): the
@@ -68,7 +68,7 @@ def build_edit_lists(swims: Sequence[Swim], ticks: int, sources: EditInputs) -> 
 
 
 def _decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]:
-    """Return the columns `WHY` (ticks,) by name: why each stretch was chosen.
+    """Return the columns `WHY` (ticks,) by name: why each stretch of ticks was chosen.
 
     They are filled on the first tick of each stretch.
     """
@@ -101,8 +101,8 @@ def edit_columns(
 ) -> dict[str, NDArray[Any]]:
     """Return the columns (ticks,) of `EDIT` that say what is drawn, as arrays without nulls.
 
-    names: the goal of each stretch; sources: what can be shown. The partner's columns have a
-    meaning where `weight` > 0.
+    names: the goal of each stretch; sources: what can be shown. The columns of the cross-fade
+    partner have a meaning where `weight` > 0.
     """
     lengths = np.array([len(s.way) for s in stretches])
     owner = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
@@ -144,7 +144,7 @@ def edit_columns(
 def resolve_mirror_images(
     frame: Mask, number: Ints, rot: Floats, heading_deg: Reals
 ) -> PictureSequence:
-    """Return pictures (ticks,) in which each number n + i became row i, mirrored.
+    """Replace each number n + i, the mirror image of row i, by row i with a mark: (ticks,).
 
     frame: whether each picture is a frame; number: its row i, n + i for row i upside down, or a
     sprite; rot: a frame's rotation, degrees; heading_deg (n,): of the rows as filmed. Row i is
@@ -162,7 +162,7 @@ def resolve_mirror_images(
 def _join_columns(
     pictures: PictureSequence, heading: Floats, new: Ints, sources: EditInputs
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns (ticks,) of pictures, cross-fade partners and poses.
+    """Return the columns (ticks,) of pictures, their poses, and the pictures that fade out.
 
     heading (ticks,): of the fish, degrees; new: ticks whose picture does not continue the one
     before. For inertialization the joins are found in the pictures themselves.

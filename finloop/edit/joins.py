@@ -68,23 +68,23 @@ class JoinTimes(Protocol):
 
 @dataclass(frozen=True)
 class JoinRules:
-    """How pictures that do not follow each other are joined.
+    """How pictures that do not follow each other in the film are joined.
 
     kind: INERTIAL, FADE or CUT; fade: ticks of a cross-fade; decay: ticks after which 5 % of an
-    offset are left; bodies: the film's; bending_helps: see `BendingTest`; rests (n,): whether the
-    animal rests at each row of the film.
+    offset are left; bodies: the film's; bending_improves_match: see `BendingTest`; rests (n,):
+    whether the animal rests at each row of the film.
     """
 
     kind: str
     fade: int
     decay: float
     bodies: Bodies
-    bending_helps: BendingTest
+    bending_improves_match: BendingTest
     rests: Mask
 
     @property
     def reach(self) -> int:
-        """Number of ticks, at which the film moves, for which a join changes later pictures."""
+        """Number of ticks, not counting those at rest, for which a join changes later pictures."""
         return max(self.fade, self._spring_ticks) + 3
 
     @property
@@ -93,17 +93,16 @@ class JoinRules:
         return int(np.ceil(_REACH * self.decay)) if self.kind == INERTIAL else 0
 
     def count_moving(self, kind: str, number: Ints) -> int:
-        """Count the pictures that are not frames at rest.
+        """Count the pictures at which the animal does not rest; only they count after a join.
 
-        Only these count as time after a join. kind: SPRITE (all count) or FRAME; number (k,): rows,
-        plus n for mirror images.
+        kind: SPRITE (all count) or FRAME; number (k,): rows, plus n for mirror images.
         """
         return len(number) if kind == SPRITE else int((~self.rests[number % len(self.rests)]).sum())
 
     def spring_response(self) -> tuple[Floats, Floats]:
-        """Return what is left, after each tick (k,), of an offset of 1 and of a velocity of 1.
+        """Return how an offset of 1 and a velocity of 1 (per tick) decay: offsets (k,) at k ticks.
 
-        Both are offsets; the velocity is 1 a tick. See x(τ) in this module's text.
+        See x(τ) in this module's text.
         """
         rate, ticks = _DECAY / self.decay, np.arange(self._spring_ticks)
         left = np.exp(-rate * ticks)
@@ -111,7 +110,7 @@ class JoinRules:
 
 
 def resolve_join_rules(
-    p: JoinTimes, kind: str, bodies: Bodies, delta: int, bending_helps: BendingTest
+    p: JoinTimes, kind: str, bodies: Bodies, delta: int, bending_improves_match: BendingTest
 ) -> JoinRules:
     """Return how pictures are joined, with the times of the parameters converted to ticks.
 
@@ -123,15 +122,17 @@ def resolve_join_rules(
     else:
         ticks = max(p.join_time_deltas * delta, 1.0)
     fade = 0 if kind == CUT else round(p.cross_fade_deltas * delta)
-    return JoinRules(kind, fade, ticks, bodies, bending_helps, resting_rows(bodies, p.rest))
+    return JoinRules(
+        kind, fade, ticks, bodies, bending_improves_match, resting_rows(bodies, p.rest)
+    )
 
 
 @dataclass(frozen=True)
 class PictureSequence:
-    """The pictures of some ticks: whether each is a frame, its number, and how a frame is turned.
+    """Which picture is shown at each tick, and how it is turned; all (ticks,).
 
-    All are (ticks,). number: the row of a frame, else the sprite; rot: degrees; mirrored: whether a
-    frame is mirrored.
+    It says whether each is a frame; number: the row of a frame, else the sprite; rot: degrees by
+    which a frame is turned; mirrored: whether a frame is mirrored.
     """
 
     frame: Mask
@@ -150,7 +151,7 @@ def sum_past_values(weights: Floats, values: Floats) -> Floats:
 
 
 class InertializedPictures(NamedTuple):
-    """What inertialization adds to pictures (ticks,): poses, rotations and cross-fades.
+    """How inertialization changes the pictures of some ticks: poses, rotations and cross-fades.
 
     begins (k,): ticks of joins between pictures of different moments, whose light may differ; codes
     (ticks, c): of the pose to draw in; posed (ticks,): whether that pose is drawn; turn_deg
@@ -166,7 +167,7 @@ class InertializedPictures(NamedTuple):
 def inertialize_pictures(
     shown: PictureSequence, line_deg: Floats, rules: JoinRules
 ) -> InertializedPictures:
-    """Return the poses and rotations that inertialization adds to pictures (ticks,), and its joins.
+    """Find the joins in pictures (ticks,), and the poses and rotations that make them smooth.
 
     line_deg (ticks,): direction for which each sprite is drawn, degrees.
     """
@@ -188,7 +189,10 @@ def inertialize_pictures(
     here = own.select(at)
     pairs = np.stack([here.row, old.row, here.mirrored, old.mirrored], -1).tolist()
     plain = at[
-        [not rules.bending_helps(one, other, bool(a), bool(b)) for one, other, a, b in pairs]
+        [
+            not rules.bending_improves_match(one, other, bool(a), bool(b))
+            for one, other, a, b in pairs
+        ]
     ]
     offset[plain, :-1] = velocity[plain, :-1] = 0
     springs = rules.spring_response()
@@ -211,7 +215,7 @@ def inertialize_pictures(
 def _join_offsets(
     own: Body, old: Body, at: Ints, before_deg: Floats, bodies: Bodies
 ) -> tuple[Floats, Floats]:
-    """Return the jumps (ticks, c + 1) of pose codes and heading at joins, and of their velocities.
+    """Return how far pose codes and heading jump at joins, (ticks, c + 1), and their velocities.
 
     own: bodies of all ticks; at: ticks of the joins; old: bodies expected there; before_deg: turn
     before each.

@@ -52,10 +52,10 @@ def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def motion_area_errors(edit: pd.DataFrame) -> dict[str, float]:
-    """Return the median error of the motion area in turns by the network (Fig. 18).
+    """Return how well sprites bend as much as the network asked for in turns (Fig. 18).
 
-    It is {} without such turns. The error is that of the most bent sprite shown against the area
-    that the network asked for, as a share of the film's largest.
+    The median error is that of the most bent sprite shown against the motion area that the network
+    asked for, as a share of the film's largest. {} without such turns.
     """
     missed = (edit["sprite_area"] - edit["motion_area"]).abs().dropna()
     return {} if missed.empty else {"turn_area_missed_median": float(missed.median())}
@@ -89,7 +89,7 @@ def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def step_measures(drawn: Floats, film: Floats) -> dict[str, float]:
-    """Return how large the steps between an animation's pictures are, compared with the film's.
+    """Return how much an animation's picture changes per tick, compared with the film's.
 
     drawn, film: distances (Eq. 5) between successive pictures. Results: median and 95th percentile
     over the film's median; percentages above the film's 95th and 99.5th percentile.
@@ -99,7 +99,7 @@ def step_measures(drawn: Floats, film: Floats) -> dict[str, float]:
 
 
 def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
-    """Return the number of joins, and how large their discontinuities are beside film steps.
+    """Return the number of joins, and how visible they are compared with the film's steps.
 
     seams: distances (Eq. 5) of joins, without cross-fade; film: those of its successive pictures.
     Results: median and 95th percentile over the film's median; percentage above the film's 95th.
@@ -157,10 +157,10 @@ def _number_pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
 def rhythm_measures(
     edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float
 ) -> dict[str, float]:
-    """Return the longest time that a picture stays, the number and the least spacing of jumps.
+    """Return the longest time [s] that a picture stays, and the number and least spacing of jumps.
 
-    jumps (k,): ticks of transitions; only those from frame to frame count. Times are seconds; the
-    spacing is NaN with fewer than two jumps.
+    jumps (k,): ticks of transitions; only those from frame to frame count. The spacing is NaN with
+    fewer than two jumps.
     """
     changes = np.diff(_number_pictures(edit)) != 0
     runs = np.diff(np.flatnonzero(np.r_[True, changes, True]))

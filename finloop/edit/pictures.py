@@ -26,7 +26,7 @@ _REMEMBERED = 100_000  # pairs of rows
 class Pictures:
     """Draws what an edit list shows: one animal, centred, as (size, size, channels), 0 … 1.
 
-    All animals come out at the size at which they are drawn. size: px.
+    size: px. The animals are as large as the edit list draws them.
     """
 
     reel: Reel
@@ -52,7 +52,7 @@ class Pictures:
         return draw_centred_cutout(cutout, centre, reel.length_px / scale, self.size, turn)
 
     def target_pose(self, body: Body, scale: float, codes: Floats, turn_deg: float = 0.0) -> Pose:
-        """Return the pose, in px of the picture, that draws a body in the posture of codes (c,).
+        """Return the pose, in px of the picture, of a body in the posture of codes (c,).
 
         scale: drawn size / filmed size; turn_deg: turns it further than its heading on screen.
         """
@@ -68,14 +68,12 @@ class Pictures:
         return draw_in_pose(cutout, pose, target, size, mirrored=bool(body.mirrored), sharp=False)
 
     @cached_property
-    def bending_helps(self) -> BendingTest:
-        """Test of whether a row looks more like another one in that one's posture."""
-        return lru_cache(_REMEMBERED)(self._check_bending_helps)
+    def bending_improves_match(self) -> BendingTest:
+        """Test of whether one film row looks more like another if it is bent into its posture."""
+        return lru_cache(_REMEMBERED)(self._test_bending)
 
-    def _check_bending_helps(
-        self, row: int, other: int, mirrored: bool, other_mirrored: bool
-    ) -> bool:
-        """Return whether a row looks more like another one in that one's posture."""
+    def _test_bending(self, row: int, other: int, mirrored: bool, other_mirrored: bool) -> bool:
+        """Return whether `row` looks more like `other` if it is bent into that one's posture."""
         middle, size = (self.size - 1) / 2, self.size / SPAN
         bodies = [
             Body(np.array(number), np.array(flip), np.zeros(()))
@@ -101,9 +99,9 @@ class Pictures:
 
     @cached_property
     def sprite_successors(self) -> Picture:
-        """Pictures of what the film shows after each sprite, as if the sprite headed right.
+        """Pictures of the film frames that follow the sprites, as if the sprites headed right.
 
-        They are (s, size, size, channels); each is turned as the next sprite would be.
+        They are (s, size, size, channels).
         """
         return self.reel.draw_after_sprites(self.size)
 
@@ -118,10 +116,10 @@ def cross_fade_distance(row: Any, pictures: Pictures) -> float:
 
 
 def remove_ghost_fades(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
-    """Return the edit list without cross-fades between pictures that are too unlike.
+    """Remove cross-fades between pictures so unlike that they look like ghosts.
 
-    most: the largest distance (Eq. 5) that stays. Two unlike fish on top of each other look like
-    ghosts. A partner once removed does not come back in the same cross-fade.
+    most: the largest distance (Eq. 5) that stays. A partner once removed does not come back in the
+    same cross-fade.
     """
     ghosts: list[int] = []
     for row in edit[edit["weight"] > 0].itertuples():
@@ -161,7 +159,7 @@ def draw_edit_list(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
 def measure_discontinuities(
     edit: pd.DataFrame, pictures: Pictures
 ) -> tuple[Floats, NDArray[np.intp]]:
-    """Return the discontinuity (k,) (Eq. 5) and the tick (k,) of every join, without cross-fades.
+    """Return how visible each join is (k,) (Eq. 5), without cross-fades, and its tick (k,).
 
     It compares what the film would show next, turned as the picture on screen, with what is drawn.
     A picture that is held for several ticks has one join, where it comes the second time. Where an
@@ -189,7 +187,7 @@ def measure_discontinuities(
 
 
 def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Picture]:
-    """Draw the pictures after and before a join, both headed right.
+    """Draw both pictures of a join headed right: the new one, and the one the film would show.
 
     They are the row `now` of an edit list, and what the film shows after the row `before`.
     """

@@ -33,7 +33,7 @@ _LEAST_S = 0.05  # a term that costs less would be shown as 0.0
 
 
 class Decision(NamedTuple):
-    """Why a stretch was chosen, as codes and numbers of `EDIT`; see `describe_decision`.
+    """Why a stretch of ticks was chosen, as codes and numbers of `EDIT`; see `describe_decision`.
 
     reason: a code of `REASONS`; exit: of `EXITS`, "" where the fish does not leave the film.
     Numbers that a reason does not have are NaN, counts and quadrant 0. taken_terms: seconds that
@@ -59,7 +59,7 @@ class Decision(NamedTuple):
 
 @dataclass(frozen=True)
 class Stretch:
-    """Some ticks (n,) that one decision gives. way (n, 3): x, y px, heading in degrees.
+    """What a fish does for some ticks (n,) after one decision; way (n, 3): x, y px, heading in °.
 
     state: index in `STATES`; kind: SPRITE or FRAME; rot (n,): by how much frames are turned,
     degrees; phase (n,): place in the cycle, in frames, where sprites of one are played; new:
@@ -118,7 +118,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Swim:
-    """An animation of one fish: its stretches, one after the other, and the goals it reaches.
+    """The animation of one fish: its stretches one after the other, and the goals it reaches.
 
     names: of the goal that each stretch heads for; reached (goals,): the tick at which each goal
     was touched, or −1.
@@ -130,7 +130,7 @@ class Swim:
 
 
 def describe_decision(decision: Decision, goal: str, motion_area: float) -> str:
-    """Return a sentence that says why a stretch was chosen.
+    """Return a sentence that says why a stretch of ticks was chosen.
 
     goal: its name or ""; motion_area: the relative one that the network asked for.
     """

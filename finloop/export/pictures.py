@@ -36,7 +36,7 @@ without a scale."""
 
 
 class FishOnlyPainter:
-    """Paints fish without their tank, over black and over white, which gives their alpha.
+    """Paints fish without their tank, over black and over white, to find their alpha.
 
     Over black a pixel is F, premultiplied by alpha a; over white it is F + 255 − a.
     """
@@ -79,9 +79,9 @@ def cut_out_fish(
 ) -> Iterator[Picture]:
     """Yield the fish of each tick without background: RGBA (h, w, 4) uint8 of the box `crop`.
 
-    Alpha is straight, not premultiplied. The array is drawn on again: take a copy to keep it.
-    frames: the fish of every tick; alone: the painter that paints them; `crop` is that of
-    `box_of_all_fish`, or a smaller one.
+    Alpha is straight, not premultiplied. The array is reused: take a copy to keep it. frames: the
+    fish of every tick; alone: the painter that paints them; `crop` is that of `box_of_all_fish`, or
+    a smaller one.
     """
     frame = np.zeros((crop.bottom - crop.top, crop.right - crop.left, 4), np.uint8)
     last = Box(0, 0, 0, 0)
@@ -118,7 +118,7 @@ def _straighten_alpha(pixels: Picture) -> Picture:
 def sprites_of_sequence(
     sprites: pd.DataFrame, sequence: str, gallery: Gallery
 ) -> tuple[list[tuple[PlacedFish]], int]:
-    """Return the sprites of a sequence, headed right and not moving, and half their canvas [px].
+    """Return a sequence's sprites, headed right and in place, and half the width of their canvas.
 
     Each step of the sequence has one fish. The mass centre is the middle pixel of a square canvas,
     2 half + 1 px wide.

@@ -213,7 +213,7 @@ def sort_into_subcycles(
 
 @dataclass(frozen=True)
 class Subcycle:
-    """A contour between two key frames, as wavelet coefficients: of the keys, and of film frames."""
+    """A contour between two key frames: wavelet coefficients of the keys and of film frames."""
 
     samples: SubcycleFrames  # the film's frames in the subcycle
     # start, end: the key frames at both ends, (n, 2)
@@ -222,7 +222,7 @@ class Subcycle:
     scales: list[slice]  # the slice of each scale in the n coefficients
 
     def gamma_fraction(self, scale: slice = slice(None)) -> tuple[float, float]:
-        """Return numerator and denominator of the gait parameter γ, for a slice of the coefficients."""
+        """Return numerator and denominator of the gait parameter γ, for a slice of coefficients."""
         frames = self.samples.coefficients[:, scale].reshape(len(self.samples.tau), -1)
         return gamma_fraction(
             self.samples.tau, frames, self.start[scale].ravel(), self.end[scale].ravel()

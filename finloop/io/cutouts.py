@@ -55,7 +55,7 @@ Write = Callable[[pd.DataFrame, Iterable[Cutout]], None]
 
 
 class CutoutWriter:
-    """Writer of a new store of cut-outs; the file appears at `path` when the `with` block succeeds.
+    """Writes a new store of cut-outs, the pixels of each fish; the file appears when complete.
 
     sprites: whether each cut-out also has a sprite number and an orientation.
     """
@@ -93,10 +93,7 @@ class CutoutWriter:
             self._append((*of_row, store.pixel_buffer(row).to_pybytes()))
 
     def _append(self, row: tuple[Any, ...]) -> None:
-        """Add one cut-out's index values and compressed pixels.
-
-        Write a batch if enough are waiting.
-        """
+        """Add one cut-out's place and compressed pixels to the rows that wait to be written."""
         self._rows.append(row)
         if len(self._rows) >= _BATCH:
             self._flush()
@@ -121,7 +118,7 @@ def compressed_size(cutout: Cutout) -> int:
 
 @dataclass(frozen=True)
 class CutoutStore:
-    """An open store of cut-outs; `store[row]` loads one of them.
+    """An open store of cut-outs, the pixels of each fish with alpha; `store[row]` loads one.
 
     index: a row per cut-out: track_id, frame, x0_px, y0_px, height_px, width_px, channels. In the
     store of `extract` it is also the cut-out's row in the tables of tracks and features.

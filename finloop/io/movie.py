@@ -339,12 +339,11 @@ class AlphaWebpWriter(FilmWriter):
         return VideoFrame.from_ndarray(cv2.cvtColor(frame, cv2.COLOR_RGBA2BGRA), format="bgra")
 
 
-def load_small_film(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
-    """Load an MP4 film for a web page; return its bytes and its first frame.
+def load_film_below_size(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
+    """Load an MP4 film of limited size for a web page; return its bytes and its first frame.
 
-    A film of more than `most_bytes` is coded again, with a smaller width. The first frame
-    (h, w, 3), RGB uint8, keeps its size. FinloopError if the film cannot be read, or is too long to
-    become so small.
+    A film of more than `most_bytes` is coded again, narrower. The first frame (h, w, 3), RGB uint8,
+    keeps its size. FinloopError if the film cannot be read, or is too long to become so small.
     """
     poster = next(iter(read_frames(path, colour=True)))
     film = path.read_bytes()

@@ -23,9 +23,9 @@ _SIZE = 8  # bytes of the size in front of a piece
 
 @dataclass(frozen=True)
 class Pieces:
-    """The stored results of the pieces of one run, a file each in `folder`.
+    """The stored results of a long run, piece by piece, so that it can continue if interrupted.
 
-    An object of this class can be sent to another process.
+    Each piece is a file in `folder`. An object of this class can be sent to another process.
     """
 
     folder: Path

@@ -28,7 +28,7 @@ _WANTED = "a folder for each limb with a PNG for each frame, or an SVG for each 
 
 
 class Regions(NamedTuple, Generic[T]):
-    """Regions of limbs in consecutive frames."""
+    """Where limbs are in consecutive frames: a mask or an outline for each limb and frame."""
 
     frames: list[dict[str, T | None]]  # a value by limb, such as its contour; None where hidden
     first: int  # the number in the first frame's file name

@@ -25,7 +25,7 @@ Frames = NDArray[np.intp]
 
 
 class FilmPart(NamedTuple):
-    """One of several films that a clip joins, and its range of frames in the clip."""
+    """One of several films that are joined to one clip, and its range of frames there."""
 
     name: str  # of its folder below films/
     path: str  # of its file

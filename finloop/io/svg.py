@@ -336,7 +336,7 @@ def _refuse_entities(path: Path, data: bytes) -> None:
 
 
 def _tag(element: ElementTree.Element) -> str:
-    """Return an element's name without the SVG namespace."""
+    """Return the name of an XML element without the SVG namespace."""
     return element.tag.removeprefix(_SVG)
 
 

@@ -149,7 +149,7 @@ def _convert_to_rgb(frame: VideoFrame) -> np.ndarray:
 
 
 def require_frame_count(path: Path, frames: int) -> None:
-    """Raise FinloopError if a clip cannot be read, or does not have `frames` frames."""
+    """Raise FinloopError if a clip cannot be read, or has not exactly `frames` frames."""
     with _open_clip(path, 1) as (_, stream, _):
         if stream.frames != frames:
             raise _clip_error(path, f"it has {stream.frames} frames, not {frames}", FinloopError)

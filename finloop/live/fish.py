@@ -34,7 +34,7 @@ _DRAG_S = 0.08  # the shortest stretch while a goal is dragged
 
 
 class Modes(NamedTuple):
-    """The modes that fish can swim in: by name the player of each, and what its edit lists need."""
+    """The ways in which live fish can move: by mode a player, and what its edit lists need."""
 
     players: Mapping[str, AnyPlayer]
     sources: Mapping[str, EditInputs]
@@ -54,9 +54,9 @@ class Modes(NamedTuple):
 
 
 class PathTask(NamedTuple):
-    """The task to follow a path.
+    """The task to follow a path; first the fish swims to its beginning.
 
-    route: the path. begun: whether the fish has reached its beginning.
+    route: the path. begun: whether the fish has reached the beginning.
     """
 
     route: Route
@@ -74,9 +74,9 @@ class RuleTask(NamedTuple):
 
 
 class Request(NamedTuple):
-    """What a fish was asked to do at a tick: its mode, and a path or a rule to follow, or None.
+    """What the user asked of a fish: its mode, and a path or a rule to follow, or None.
 
-    cut_after: ticks after which the present stretch is cut, 0 for never.
+    cut_after: ticks after which the present stretch (motion from one decision) ends, 0 for never.
     """
 
     mode: str
@@ -87,10 +87,11 @@ class Request(NamedTuple):
 
 @dataclass(frozen=True)
 class DecisionRecord:
-    """A decision of a fish, with all from which it was made.
+    """A decision of a fish, with all that it was made from.
 
-    tick: the first one of the stretch; state, draws: of the fish and of the random generator before
-    the decision; goal: a goal, path or rule, None where the fish wandered; stretch: the result.
+    tick: the first one of the stretch of motion; state, draws: of the fish and of the random
+    generator before the decision; goal: a goal, path or rule, None where the fish wandered;
+    stretch: the result.
     """
 
     tick: int
@@ -214,7 +215,7 @@ class LiveFish:
     def planned_path_from(self, tick: int) -> Floats:
         """Return the planned path (n, 4) of the fish from a tick of the tank on, n ≥ 1.
 
-        Its columns are x, y [px], heading and number of the picture, as in `Company`.
+        Its columns are x, y [px], heading [degrees] and number of the picture.
         """
         last = self._decisions[-1].stretch
         return last.remaining_path(max(0, tick - self.born - self._state.fish.tick + len(last.way)))
@@ -286,9 +287,9 @@ class LiveFish:
             self.mode, self._cut_after = mode, 1
 
     def redo_last_tick(self) -> None:
-        """Decide the last tick again, because the request has changed since it was decided.
+        """Decide the last tick again, because the user's request has changed since.
 
-        The tick before keeps its picture. The old decision stays if no new motion is clear of the
+        The tick before keeps its picture. The old decision stays if every new motion would meet
         other fish.
         """
         self._was_ghost = self._ghost_before
@@ -342,9 +343,9 @@ class LiveFish:
         return None
 
     def _end_stretch(self, last: DecisionRecord) -> None:
-        """Update goal and path at the end of a stretch: they may be reached, begun or done.
+        """Update goal and path after a decision's motion: they may be reached, begun or done.
 
-        last: the decision for this stretch.
+        last: the decision.
         """
         path_task, fish = self.path_task, self._state.fish
         if path_task is not None and path_task.begun:
@@ -377,9 +378,9 @@ class LiveFish:
             self.goal = self._make_goal(row.goal_x_px, row.goal_y_px)
 
     def _replan_stretch(self) -> None:
-        """Plan again after the played part of the last stretch, or from the stretch's beginning.
+        """Plan again from the tick on screen, or from the beginning of the last planned motion.
 
-        The old plan stays if the new one is not clear of the other fish, which rely on the old one.
+        The old plan stays if the new one would meet other fish, which rely on the old one.
         """
         last = self._decisions.pop()
         old = self._state, self._plan, self._plan_poses, self._played
@@ -400,7 +401,7 @@ class LiveFish:
             self._rng.bit_generator.state = draws
 
     def _plan_stretch(self, goal: Goal | Route | Rule | None, known: Company | None = None) -> None:
-        """Plan the next stretch towards a goal, path or rule; None: the fish wanders.
+        """Plan the next motion towards a goal, path or rule; None: the fish wanders.
 
         known: the other fish, if they are known from an earlier decision.
         """
@@ -417,7 +418,7 @@ class LiveFish:
         self._plan, self._plan_poses, self._played = *self._draw_last_stretch(), 0
 
     def _draw_last_stretch(self) -> tuple[NDArray[np.void], NDArray[Any]]:
-        """Return the rows of the last stretch as they are drawn, and their poses.
+        """Return the last planned motion as rows of an edit list, and their poses.
 
         They depend on earlier rows whose inertialization has not died away: on more of them where
         the film rests.

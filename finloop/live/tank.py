@@ -19,7 +19,7 @@ from finloop.social.rule import require_rule
 
 
 def rehearse_paths(player: AnyPlayer) -> None:
-    """Plan once along a path, so that the first drawn path need not wait for compilation.
+    """Plan once along a path in advance, so that functions are compiled before a user draws one.
 
     Do nothing if a fish has too little room: then every path counts as a goal.
     """
@@ -132,7 +132,7 @@ class LiveTank:
             fish.send_to_goal((float(x), float(y)), drag)
 
     def _refuse_in_paper(self, request: str) -> None:
-        """Raise FinloopError if the present mode is one of the paper, which cannot do a request.
+        """Raise FinloopError if the present mode, one of the paper's, cannot do a request.
 
         request: in words.
         """
@@ -262,7 +262,7 @@ class LiveTank:
 
 
 def _paper_error(request: str, mode: str) -> FinloopError:
-    """Return the error that a mode of the paper cannot do a request."""
+    """Return the error for a request that the paper's modes cannot do."""
     return FinloopError(
         f"mode {mode} cannot do {request}",
         "one fish that is sent to goals, or wanders, as in the paper",

@@ -226,7 +226,11 @@ def make_animator(
     p: the group `animate`; join: how pictures are joined, "fade", "inertial" or "cut".
     """
     how = resolve_join_rules(
-        p, join, assets.pictures.bodies, assets.world.motion.delta, assets.pictures.bending_helps
+        p,
+        join,
+        assets.pictures.bodies,
+        assets.world.motion.delta,
+        assets.pictures.bending_improves_match,
     )
     player = PaperPlayer(mode, assets.world, film, sprites, assets.cast, how)
     return PaperAnimator(player, assets.pictures, float(film_data.steps["headed"].median()), p)

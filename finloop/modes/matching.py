@@ -233,7 +233,7 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     for line in film_data.lines:
         if line is not None and line.rows is not None and not p.path_own_frames:
             barred[line.rows] = True
-    how = resolve_join_rules(p, p.join, bodies, motion.delta, pictures.bending_helps)
+    how = resolve_join_rules(p, p.join, bodies, motion.delta, pictures.bending_improves_match)
     seen = np.full(len(features), np.nan)
     seen[find_map_rows(features, film_data.steps)] = film_data.steps["as_filmed"]
     rarity = Rarity.from_movement(

@@ -25,10 +25,10 @@ def draw_in_pose(
 ) -> Premultiplied:
     """Draw a cut-out in another pose: a picture (height, width, c), premultiplied, 0 … 1.
 
-    Drawn in its own pose at its own place it is the frame itself. pose: px of the film; target: px
-    of the new picture; size: its height and width, px; mirrored: whether the animal's left is drawn
-    as its right (`target` is as visible, not mirrored); sharp: Keys' cubic filter, as in
-    `render.painter`, else a linear one, as in `distance.picture`.
+    pose: of the cut-out (pixels with alpha), px of the film; target: px of the new picture; size:
+    its height and width, px; mirrored: whether the animal's left is drawn as its right (`target` is
+    as visible, not mirrored); sharp: Keys' cubic filter, as in `render.painter`, else a linear one.
+    Drawn in its own pose at its own place it is the frame itself.
     """
     source = place_backbone(pose, cutout.x0_px, cutout.y0_px)
     strip = PosedPicture(cutout.pixels, source, place_backbone(target), mirrored, sharp)
@@ -72,15 +72,12 @@ class PosedPicture:
 
 
 def mix_pictures(first: Premultiplied, second: Premultiplied, weight: float) -> Premultiplied:
-    """Mix two pictures (h, w, c) of one pose: 1 − weight of the first, weight of the second.
-
-    Light and skin change; the shape is equal in both and stays.
-    """
+    """Cross-fade two pictures (h, w, c) of one pose; `weight` is the share of the second."""
     return cv2.addWeighted(first, 1 - weight, second, weight, 0)
 
 
 def place_backbone(pose: Pose, x0_px: float = 0.0, y0_px: float = 0.0) -> PlacedBackbone:
-    """Return the backbone of one pose in a picture whose first pixel is at (x0_px, y0_px)."""
+    """Return a pose's backbone in a picture whose first pixel is at (x0_px, y0_px) of the film."""
     x, y, heading, size = pose.x_px, pose.y_px, pose.heading_rad, pose.size_px
     return PlacedBackbone(
         float(x - x0_px), float(y - y0_px), float(heading), float(size), pose.posture

@@ -38,11 +38,12 @@ class DrawingMode(NamedTuple):
 
 
 class StripLayout(NamedTuple):
-    """Where to draw a film's picture: the strips of it and of the new picture, and their reach.
+    """Which strip of a film's picture is drawn where in a new picture.
 
-    there, here: strips of m cross-sections, in the film and in the new picture; reach: (m - 1, 2)
-    px beside each step of the new one, left and right, 0 where nothing is visible. box: rows and
-    columns of the new picture that the animal may cover, half open: top, left, bottom, right.
+    there, here: strips along the backbone, of m cross-sections, in the film and in the new picture;
+    reach: (m - 1, 2) px beside each step of the new one, left and right, 0 where nothing is
+    visible. box: rows and columns of the new picture that the animal may cover, half open: top,
+    left, bottom, right.
     """
 
     there: Strip
@@ -55,7 +56,7 @@ class StripLayout(NamedTuple):
 def plan_strips(
     film: NDArray[np.float32], source: PlacedBackbone, target: PlacedBackbone, mode: DrawingMode
 ) -> StripLayout:
-    """Plan how to draw a film's picture along another backbone: both strips, and the area to draw.
+    """Plan how to draw a film's picture along another backbone: from where, to where, how wide.
 
     film: (h, w, c) 0 … 255, alpha last; source, target: the backbone in it and in the new picture.
     """
@@ -115,9 +116,9 @@ def paint_strips(
 
 @finite_kernel
 def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
-    """Return how far [px] the animal is visible beside each step of a strip, (m - 1, 2).
+    """Return how far [px] the animal is visible beside each step of its backbone, (m - 1, 2).
 
-    film: (h, w, c), alpha last; strip: the strip in it.
+    film: (h, w, c), alpha last; strip: the cross-sections along the backbone.
     """
     height, width, channels = film.shape
     m = len(strip.points)
@@ -178,7 +179,7 @@ def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _paint_step(canvas, film, strips, part, mode, corner):  # type: ignore[no-untyped-def]
-    """Draw one step of a strip into the canvas.
+    """Draw the part of the animal along one step of its backbone into the canvas.
 
     strips: in the film and in the new picture; part: number of the step, its reach to the left and
     to the right; corner: as in `paint_strips`.
@@ -221,9 +222,9 @@ def _paint_step(canvas, film, strips, part, mode, corner):  # type: ignore[no-un
 
 @finite_kernel
 def _strip_place(x, y, front, rear, share):  # type: ignore[no-untyped-def]
-    """Return where on the strip a pixel (x, y) lies: how far beside the backbone, how far along.
+    """Return how far a pixel (x, y) lies beside the backbone and along it, in px, + = left.
 
-    Both in px, + = left, from the cross-section at `share` (0-1) between `front` and `rear`.
+    Along counts from the cross-section at `share` (0-1) between `front` and `rear`.
     """
     (ax, ay), (anx, any_), (aleft, aright) = front
     (bx, by), (bnx, bny), (bleft, bright) = rear
@@ -238,7 +239,7 @@ def _strip_place(x, y, front, rear, share):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _film_place(at, front, rear, mirrored):  # type: ignore[no-untyped-def]
-    """Return the place (u, v) [px] in the film that shows a place of the strip.
+    """Return the place (u, v) [px] in the film that a place beside the backbone shows.
 
     This undoes `_strip_place`. at: how far beside the backbone and along it, px of the film, and
     the share from the section `front` to `rear`. (HIDDEN, HIDDEN) where the film's pose does not
@@ -368,8 +369,8 @@ def nearest_in_pose(
     """Return the distances (k,) of the pairs that can be among the best of their row; −1 of others.
 
     The distances are those of `distances_in_pose`. Each row keeps its `count` cheapest pairs. A
-    pair costs its least cost plus the square of (distance / unit). rows: (k,), rising. pairs: the
-    second pictures, whether they are mirrored, and the least costs, which rise within each row;
+    pair costs its least cost plus the square of (distance / unit). rows: (k,), ascending. pairs:
+    the second pictures, whether they are mirrored, and the least costs, which rise within each row;
     (k,) each.
     """
     partner, mirrored, least = pairs

@@ -48,7 +48,7 @@ class Pose:
     def move_to(
         self, x_px: ArrayLike, y_px: ArrayLike, heading_rad: ArrayLike, size_px: ArrayLike
     ) -> "Pose":
-        """Return the postures at other places, headings and sizes; a number applies to all."""
+        """Return the same postures at other places, headings and sizes; a number applies to all."""
         place, shape = (x_px, y_px, heading_rad, size_px), self.posture.shape[:-1]
         x, y, heading, size = (np.broadcast_to(np.asarray(part, float), shape) for part in place)
         return Pose(x, y, heading, size, self.posture)

@@ -22,7 +22,7 @@ _ROUNDING = 1e-6  # relative difference of a shape's components that counts as e
 
 
 class NearestCodes(NamedTuple):
-    """Pose codes (…, c) that the film shows or almost shows, and a mask (…) of those moved."""
+    """Pose codes (…, c) moved towards those that the film shows, and a mask (…) of those moved."""
 
     codes: Floats
     clamped: Mask
@@ -30,7 +30,7 @@ class NearestCodes(NamedTuple):
 
 @dataclass(frozen=True)
 class PoseShapes:
-    """The principal shapes of a film's postures (…, d), see `puppet.pose`, and their pose codes.
+    """The principal shapes of a film's postures (…, d), see `puppet.pose`, and their codes.
 
     mean: (d,) posture. shapes: (c, d) orthonormal, of weighted postures, the most important one
     first. weights: (d,), so that bends count by their mean square along the body, steps by their
@@ -51,7 +51,7 @@ class PoseShapes:
         """Compute the principal shapes that explain a share (0 … 1) of the postures' variance.
 
         postures (k, d): of a film. gap_quantile: quantile of the distance from a posture to its
-        nearest other one; this becomes the gap. FinloopError if there are fewer than two postures,
+        nearest other one, which becomes the gap. FinloopError if there are fewer than two postures,
         or one is not finite.
         """
         broken = int((~np.isfinite(postures)).any(1).sum())
@@ -92,7 +92,7 @@ class PoseShapes:
         return (self.shapes * both) @ self.shapes.T
 
     def encode(self, postures: Floats) -> Floats:
-        """Return the pose codes (…, c) of postures (…, d)."""
+        """Return the pose codes (…, c), scores of the principal shapes, of postures (…, d)."""
         away = postures - self.mean
         away *= self.weights  # in place: a film of hours has a million postures
         return away @ self.shapes.T

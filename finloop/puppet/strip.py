@@ -115,11 +115,12 @@ def _is_nearest_to_end(points, i, end):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def squeeze_offset(t: float, limit: float) -> float:
-    """Return how far [px] from the backbone a place t ≥ 0 [px] of the strip is drawn, or HIDDEN.
+    """Return how far [px] beside a bent backbone a place t ≥ 0 [px] beside it is drawn, or HIDDEN.
 
-    limit: length [px] of the cross-section. With f = r = limit / 2: o = t up to f; beyond it o = f
-    + r (q − q²/4), q = (t − f) / r, which leaves f with slope 1 and reaches the limit, with slope
-    0, at q = 2. What lies farther out is hidden.
+    On the inner side of a bend there is less room: limit [px] is the length of the cross-section.
+    With f = r = limit / 2 the result is t up to f; beyond it f + r (q − q²/4), q = (t − f) / r,
+    which leaves f with slope 1 and reaches the limit, with slope 0, at q = 2. What lies farther out
+    is hidden.
     """
     free = _FREE * limit
     if t <= free:
@@ -131,10 +132,10 @@ def squeeze_offset(t: float, limit: float) -> float:
 
 @finite_kernel
 def unsqueeze_offset(o: float, limit: float) -> float:
-    """Return the place t ≥ 0 [px] of the strip that is drawn o [px] from the backbone, or HIDDEN.
+    """Return the place t ≥ 0 [px] that `squeeze_offset` draws at o [px], or HIDDEN.
 
-    limit: length [px] of the cross-section; f, r as in `squeeze_offset`, which this inverts: t = o
-    up to f; beyond it t = f + 2 r (1 − √(1 − (o − f) / r)).
+    limit: length [px] of the cross-section. With f = r = limit / 2 the result is o up to f; beyond
+    it f + 2 r (1 − √(1 − (o − f) / r)).
     """
     free = _FREE * limit
     if o <= free:

@@ -29,7 +29,10 @@ _INFLATION = 2.0  # of the variance, where every two blocks test each other
 
 
 class Auc(NamedTuple):
-    """The area under a ROC curve, with the lower and upper end of its 95 % interval."""
+    """How well a classifier distinguishes film and animation: the area under its ROC curve.
+
+    Also the lower and upper end of its 95 % interval.
+    """
 
     value: float
     low: float

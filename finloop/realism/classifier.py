@@ -17,7 +17,7 @@ from finloop.realism.windows import CHANNELS, Windows, join_windows
 
 
 class HeldOutScores(NamedTuple):
-    """Held-out scores of all windows, film windows first, and the scores with a channel shuffled.
+    """Scores of windows that the classifier has not learnt from; film windows come first.
 
     shuffled: channel name → the scores after that channel was shuffled among the tested windows.
     """
@@ -29,7 +29,7 @@ class HeldOutScores(NamedTuple):
 def score_held_out_windows(
     film: Windows, animation: Windows, p: RealismSettings, channels: tuple[int, ...]
 ) -> HeldOutScores:
-    """Train a classifier per block; return the scores of the windows that it did not learn from.
+    """Train a classifier per block of time; score the windows from which it did not learn.
 
     channels: indices of the CHANNELS to use. A block whose classifier would see only film or only
     animation gives NaN.

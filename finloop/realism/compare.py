@@ -39,7 +39,7 @@ class FilmSample:
 
     film: drawn and measured again, as animations are. frame_s (rows,): time in s of each row of the
     feature table. largest: greatest motion area in `film`, in squares of a body length. rate_hz:
-    frames per second. delta: Δ, the time in which motion is measured, in frames.
+    frames per second. delta: Δ, the time over which motion is measured, in frames.
     """
 
     film: Swimming
@@ -56,7 +56,7 @@ class FilmSample:
         return cut_in_frames(p.window_deltas, p.stride, p.step, self.delta)
 
     def cut_windows(self, swimming: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
-        """Cut film or animation into windows, and assign each to a block of the film's time.
+        """Cut film or animation into windows, each assigned to a block of the film's time.
 
         swimming: n measured ticks. film: the blocks. part (n,): True for the ticks to use, None for
         all.
@@ -93,9 +93,9 @@ class FilmSample:
     def half_windows(self) -> tuple[Windows, Windows]:
         """Return the windows of the film's first half and those of its second half.
 
-        Each half is divided into the same number of blocks. The halves are halves of time: each
-        shows the same fish, as an animation does. From halves by tracks, a classifier would learn
-        to distinguish the fish.
+        Each half is divided into the same number of blocks. They are halves of time, which show the
+        same fish, as an animation does. From halves by tracks, a classifier would learn to
+        distinguish the fish.
         """
         film, blocks = self.film, self.film_blocks(2)
         early = self.frame_s[film.row] < blocks.edges[self.p.cross_validation_folds]
@@ -121,7 +121,7 @@ class FilmSample:
 def build_film_sample(
     film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSettings
 ) -> FilmSample:
-    """Return what every comparison of an animation with a film needs of the film.
+    """Collect what every comparison of an animation with a film needs of the film.
 
     film: drawn and measured again. features: columns of `FEATURES`, of the whole film.
     """
@@ -131,11 +131,11 @@ def build_film_sample(
 
 @dataclass(frozen=True)
 class Verdict:
-    """The result of a comparison: how well a classifier distinguishes two sets of windows.
+    """How well a classifier distinguishes two sets of windows, such as film and animation.
 
-    whole: AUC by all channels. alone: channel → AUC by only this channel. importance: channel →
-    loss of AUC when its values are shuffled. scores: by all channels, windows of the first set
-    first.
+    whole: AUC (0.5 not at all, 1 always) by all channels. alone: channel → AUC by only this
+    channel. importance: channel → loss of AUC when its values are shuffled. scores: by all
+    channels, windows of the first set first.
     """
 
     whole: Auc

@@ -79,8 +79,8 @@ def most_false_windows(
 
 
 @dataclass(frozen=True)
-class WindowPool:
-    """The film and all animations, from which the most obviously false windows are chosen.
+class ExampleFinder:
+    """Finds the windows by which an animation is most obviously not the film.
 
     works, measured: by mode and FILM, the edit lists, and the swimming that extraction measured.
     """
@@ -184,10 +184,10 @@ def draw_strip(
     edit: pd.DataFrame, gallery: Gallery, painter: Painter, length_px: float, count: int,
     size_px: int,
 ) -> Picture:  # fmt: skip
-    """Draw one side of an example as `count` pictures of the fish, joined side by side.
+    """Draw `count` pictures of a fish side by side, spread over some ticks of an edit list.
 
-    edit: the ticks of this side. length_px: body length as filmed. size_px: width of a picture.
-    Returns (size_px, count × size_px, 3).
+    edit: the ticks. length_px: body length as filmed. size_px: width of a picture. Returns
+    (size_px, count × size_px, 3).
     """
     moments = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
     numbered = moments.assign(tick=np.arange(count))

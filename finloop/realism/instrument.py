@@ -36,7 +36,7 @@ Work = tuple[pd.DataFrame, Sequence[int]]
 
 @dataclass(frozen=True)
 class Instrument:
-    """How the film was measured, so that a drawn animation is measured in the same way.
+    """The noise, thresholds and typical fish of a film, to measure an animation in the same way.
 
     tank (h, w) or (h, w, 3) uint8: empty. arena (h, w) uint8: 255 inside. facts: noise, threshold
     and typical fish of the film. rate_hz: frames per second. size: factor by which fish are drawn
@@ -54,7 +54,7 @@ class Instrument:
     def adapt_to_animation(self, size: float) -> "Instrument":
         """Return the instrument for fish drawn `size` times as large as filmed, in still water.
 
-        It reduces fish and tank so that the fish are as large as filmed.
+        It shrinks fish and tank so that the fish are as large as filmed.
         """
         still = replace(self, features=replace(self.features, water_current_bl_s=0.0), size=size)
         if size == 1:
@@ -67,7 +67,7 @@ class Instrument:
         )
 
     def reduce_to_filmed_size(self, edit: pd.DataFrame) -> pd.DataFrame:
-        """Return an edit list with places and scales reduced as if fish were as large as filmed."""
+        """Shrink places and scales of an edit list until its fish are as large as filmed."""
         if self.size == 1:
             return edit
         places = {name: (edit[name] + 0.5) / self.size - 0.5 for name in ("x_px", "y_px")}
@@ -140,7 +140,7 @@ def _shift_detections(detections: Detections, x: int, y: int) -> Detections:
 
 @dataclass(frozen=True)
 class Swimming:
-    """What extraction measured of the fish in one or several edit lists, n rows in all.
+    """What was measured of the fish drawn in one or several edit lists, n rows in all.
 
     table: columns of FEATURES, track numbers unique. part (n,): number of the edit list. tick (n,):
     in that list. row (n,): of the film that is drawn, −1 for a sprite. time_s (n,): a clock that
@@ -178,10 +178,10 @@ def join_measurements(
 
 
 def sample_film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Work]:
-    """Return random stretches of the film as edit lists, each with the ticks at which one begins.
+    """Return random stretches of the film as edit lists, so that they are drawn like animations.
 
     tracks: track_id, x_px, y_px of every row. longest: ticks of a list, about. most: rows in all
-    lists together.
+    lists together. Each list comes with the ticks at which a stretch begins.
     """
     places = tracks[["x_px", "y_px"]].to_numpy()
     works: list[Work] = []
@@ -202,8 +202,8 @@ def measure_edit_list(
 ) -> pd.DataFrame:
     """Draw one edit list and return the feature table that extraction measures in it.
 
-    It can run in another process. open_pictures: opens the cut-outs. work: the instrument, the edit
-    list, and the ticks at which another fish begins.
+    It can run in another process. open_pictures: opens the cut-outs (pixels of the fish). work: the
+    instrument, the edit list, and the ticks at which another fish begins.
     """
     instrument, edit, cuts = work
     with open_pictures() as gallery:

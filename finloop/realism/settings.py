@@ -35,7 +35,7 @@ class RealismSettings:
 
     @property
     def stride(self) -> float:
-        """Return the time from the start of a window to the next, a quarter of a window, in Δ."""
+        """Return the time between the starts of two windows, a quarter of a window, in Δ."""
         return self.window_deltas / 4
 
     @property
@@ -45,5 +45,5 @@ class RealismSettings:
 
     @property
     def cluster(self) -> float:
-        """Return the time within which windows count as one observation, five windows, in Δ."""
+        """Return the time in which windows count as one observation, five windows, in Δ."""
         return 5 * self.window_deltas

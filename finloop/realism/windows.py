@@ -52,9 +52,9 @@ class Windows:
 
 
 class Blocks(NamedTuple):
-    """Time divided into m stretches, each of which belongs to a block.
+    """The times of blocks: m stretches, each of which belongs to a block.
 
-    edges (m + 1,): in s, rising. number (m,): the block of each stretch.
+    edges (m + 1,): in s, ascending. number (m,): the block of each stretch.
     """
 
     edges: Floats
@@ -97,7 +97,7 @@ class WindowCut(NamedTuple):
 def cut_in_frames(
     window_deltas: float, stride_deltas: float, step_deltas: float, delta: int
 ) -> WindowCut:
-    """Convert window, stride and step from units of Δ to frames; return them as `WindowCut`.
+    """Convert window, stride and step of a `WindowCut` from units of Δ to frames.
 
     A window is a whole number of steps. delta: Δ in frames.
     """
@@ -107,9 +107,10 @@ def cut_in_frames(
 
 
 def track_channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
-    """Return the CHANNELS of one track of a feature table, from tick to tick, (ticks − 1, 4).
+    """Return speeds, turning speed and relative motion area of a track: CHANNELS (ticks − 1, 4).
 
-    largest: motion area of the film's most bent fish, in squares of a body length.
+    rate_hz: ticks per second; largest: motion area of the film's most bent fish, in squares of a
+    body length.
     """
     length = float(track["body_length_px"].median())
     travel = np.diff(places_through_water(track), axis=0) * (rate_hz / length)
@@ -123,7 +124,7 @@ def track_channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Float
 
 
 class TickBlocks(NamedTuple):
-    """The block and the cluster of each of n measured ticks, and the blocks near it.
+    """The block and the cluster to which each of n measured ticks belongs, and the blocks near it.
 
     near (n, blocks): True where the block contains the tick or lies within a gap of it.
     """
@@ -136,7 +137,7 @@ class TickBlocks(NamedTuple):
 def cut_windows(
     table: pd.DataFrame, ticks: TickBlocks, cut: WindowCut, rate_hz: float, largest: float
 ) -> Windows:
-    """Cut a table of swimming into windows of channels; no window crosses from track to track.
+    """Cut measured swimming into windows of channels; no window crosses from track to track.
 
     table: columns of `FEATURES`, track by track. ticks: of the same rows. largest: motion area of
     the film's most bent fish, in squares of a body length.

@@ -34,7 +34,7 @@ _COLUMNS = [
 
 
 class CutoutShelf(NamedTuple):
-    """A store of cut-outs: n frames, or n sprites in each of `orientations` orientations.
+    """A store of fish pictures: n frames, or n sprites in each of `orientations` orientations.
 
     centres_px (n, 2): their mass centres in the film.
     """
@@ -45,7 +45,7 @@ class CutoutShelf(NamedTuple):
 
 
 class Gallery:
-    """The pictures that edit lists name; the `keep` pictures used last stay in memory.
+    """The fish pictures that edit lists name; the `keep` pictures used last stay in memory.
 
     shelves: by kind, FRAME or SPRITE; bodies: the film's postures, without which no frame can be
     drawn mirrored or in another pose.
@@ -92,7 +92,7 @@ class Gallery:
         return TurnedPicture(self.film_picture(source, mirrored), rotation_deg, scale)
 
     def place_row(self, row: Any) -> PlacedFish:
-        """Return the fish, and its partner, that a row (named tuple) of an edit list draws."""
+        """Return the fish that a row (named tuple) of an edit list draws, and its cross-fade."""
         names = [row_picture(row), row_partner(row)] if row.weight > 0 else [row_picture(row)]
         if row.pose is None:
             drawn: list[TurnedPicture] | list[BentPicture] = [
@@ -104,7 +104,7 @@ class Gallery:
         return PlacedFish(row.x_px, row.y_px, drawn[0], partner, row.weight)
 
     def _bend_bodies(self, names: Sequence[RowPicture], codes: Floats) -> list[BentPicture]:
-        """Return pictures bent into one pose, with heading and size of the first picture.
+        """Bend film pictures into one pose, with heading and size of the first picture.
 
         names: the pictures; codes (c,): of the pose.
         """

@@ -42,7 +42,10 @@ _PAD = 3  # transparent pixels around a picture: what the kernel reads beyond it
 
 
 class Box(NamedTuple):
-    """A rectangle of the canvas, px, half open; empty where bottom ≤ top or right ≤ left."""
+    """A rectangle of the canvas in px, without its right and bottom edge.
+
+    It is empty where bottom ≤ top or right ≤ left.
+    """
 
     top: int
     left: int
@@ -97,7 +100,7 @@ class PaddedPicture(NamedTuple):
 
 
 class PictureLayer(NamedTuple):
-    """A picture, see `PaddedPicture`, and how places on the canvas map to its pixels.
+    """A picture to draw, see `PaddedPicture`, and how places on the canvas map to its pixels.
 
     Its pixel (u, v) is seen at (x, y): u = m0 x + m1 y + m2, v = m3 x + m4 y + m5.
     """
@@ -208,7 +211,7 @@ NO_SHADOW = Shadow(0.0, 1.0)
 
 
 class Painter:
-    """A canvas on which fish are drawn tick after tick; only what was drawn is wiped.
+    """A canvas on which fish are drawn tick after tick; it restores only what was drawn on.
 
     floor: (H, W, 1 or 3) uint8, the canvas without fish; callers that draw on it report where with
     `mark_changed`. canvas: the floor with fish.
@@ -317,7 +320,7 @@ class Painter:
 
 @leaf_kernel
 def _sample_cubically(pixels, near, u, v):  # type: ignore[no-untyped-def]
-    """Return the colour at (u, v): red, green, blue, alpha, 0 ≤ colour ≤ alpha ≤ 255."""
+    """Return the interpolated colour at (u, v): red, green, blue, alpha; colour ≤ alpha ≤ 255."""
     channels = pixels.shape[2]
     column, row = math.floor(u), math.floor(v)
     red = green = blue = alpha = np.float32(0)
@@ -388,7 +391,7 @@ def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
 
 @kernel
 def draw_layers(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
-    """Draw the cross-fade (1 − share) fish + share partner over the canvas, which is changed.
+    """Cross-fade two pictures over the canvas, which changes: (1 − share) fish + share partner.
 
     canvas: (H, W, 1 or 3) uint8; box: top, left, bottom, right of what is drawn; fish, partner: a
     `PictureLayer` each; share: 0 … 1.

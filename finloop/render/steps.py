@@ -14,8 +14,8 @@ from finloop.render.painter import Box, Painter, TurnedPicture
 class FrameChangeMeter:
     """Measures how much the picture changes from one drawn frame to the next (Eq. 5).
 
-    ‖F_t − F_(t−1)‖₂ over the whole picture in grey levels, colours by their root mean square. It
-    grows with distance and with the change of shape. `film_frame_changes` measures the film alike.
+    ‖F_t − F_(t−1)‖₂ over the whole picture in grey levels, colours by their root mean square.
+    `film_frame_changes` measures the film alike.
     """
 
     def __init__(self, painter: Painter) -> None:

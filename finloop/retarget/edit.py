@@ -16,7 +16,7 @@ from finloop.puppet import Pose
 
 @dataclass(frozen=True)
 class RowSequence:
-    """The film rows that are shown: at each of T ticks a row (T,), and whether it is mirrored (T,).
+    """Which film row is shown at each of T ticks (T,), and whether as a mirror image (T,).
 
     switch: the ticks, from 1 on, at which another row is shown than the next one of the film.
     """
@@ -36,16 +36,15 @@ class RowSequence:
         return cls(numbers % count, numbers >= count, switch)
 
     def to_pictures(self, heading_deg: Floats, bodies: Bodies) -> PictureSequence:
-        """Return the pictures to draw, turned to headings (T,) on screen, in degrees."""
+        """Return the film's pictures to draw, turned to headings (T,) on screen, in degrees."""
         turn = wrap_deg(heading_deg - bodies.heading_deg[self.row])
         return PictureSequence(np.ones(len(self.row), bool), self.row, turn, self.mirrored)
 
 
 def shown_pose_codes(sources: RowSequence, heading_deg: Floats, joins: JoinRules) -> Floats:
-    """Return the pose codes (T, c) that the shown rows have, smoothed over transitions if they are.
+    """Return the pose codes (T, c) of the shown rows, smoothed over jumps if they are inertialized.
 
-    heading_deg (T,): on screen; joins: the kind of transitions. Only inertialized ones are
-    smoothed.
+    heading_deg (T,): on screen; joins: how jumps are drawn.
     """
     shown = sources.to_pictures(heading_deg, joins.bodies)
     codes = joins.bodies.codes(
@@ -60,10 +59,10 @@ def shown_pose_codes(sources: RowSequence, heading_deg: Floats, joins: JoinRules
 def build_edit_list(
     sources: RowSequence, pose: Pose, codes: Floats, scale: Floats, joins: JoinRules, rate_hz: float
 ) -> pd.DataFrame:
-    """Build the edit list of a retargeted track (columns of `EDIT`), one line a tick.
+    """Build the edit list of a retargeted track: what is drawn at every tick (columns of `EDIT`).
 
     sources: the shown rows; pose (T): as drawn; codes (T, c): of these poses; scale (n,): at which
-    each film row is drawn; joins: the kind of transitions; rate_hz: ticks per second.
+    each film row is drawn; joins: how jumps are drawn; rate_hz: ticks per second.
     """
     ticks, bodies = len(sources.row), joins.bodies
     heading = wrap_deg(np.degrees(pose.heading_rad))

@@ -51,7 +51,7 @@ to one that the film shows; switch: another row of the film begins."""
 
 
 class RetargetData(NamedTuple):
-    """What earlier stages know of the film whose frames are drawn.
+    """The film whose frames are drawn, as earlier stages describe it.
 
     rate_hz: frames per second; arena (h, w): where the fish can be; reel: its rows; poses: their
     postures; look: light and skin of each row, then of each mirror image, as numbers; size: px of
@@ -133,7 +133,7 @@ def retarget_track(
         others.join,
         pictures.bodies,
         infer_delta_frames(reel.features),
-        pictures.bending_helps,
+        pictures.bending_improves_match,
     )
     sources, way = _choose_rows_and_place(way, rows, how, film, p)
     drawn_scale = (reel.length_px / reel.lengths_px).astype(float)
@@ -229,7 +229,7 @@ def _scale_track(
 def _choose_rows_and_place(
     track: _PlacedTrack, rows: FilmRows, joins: JoinRules, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _PlacedTrack]:
-    """Choose the film rows for a track and place it in the tank; return both.
+    """Choose film rows that swim as a track does, and place it in the tank; return both.
 
     The film's postures are known only after the rows are; then the backbones are moved into the
     tank. A path that shrinks for them is slower, so its rows are chosen again.
@@ -249,7 +249,7 @@ def _choose_rows_and_place(
 def _choose_rows(
     track: _PlacedTrack, rows: FilmRows, film: RetargetData, p: RetargetSettings
 ) -> RowSequence:
-    """Return the film rows that follow a track at the least cost."""
+    """Return the film rows that swim most like a track."""
     pose = track.pose
     place = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
     codes = track.codes if track.has_postures else None
@@ -263,7 +263,7 @@ def _choose_rows(
 def _choose_rows_without_postures(
     track: _PlacedTrack, rows: FilmRows, joins: JoinRules, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _PlacedTrack]:
-    """Choose rows for a track without postures; return them and the track in their postures."""
+    """Choose film rows for a track without postures; return them and the track with theirs."""
     sources = _choose_rows(track, rows, film, p)
     heading = np.unwrap(track.pose.heading_rad)
     codes = shown_pose_codes(sources, np.degrees(heading), joins)

@@ -16,7 +16,7 @@ _BACKWARDS = 0.25  # of the path; below this share head first, head and tail are
 
 
 class RecordedMotion(NamedTuple):
-    """The part of a track that is used, resampled to one point of time a tick of the animation.
+    """The part of a recorded track that is used, resampled to the ticks of the animation.
 
     time_s (T,): in the track's file; points (T, m, 2): px of the file; codes (T, c): pose codes, of
     a track of the drawn film, else None; numbers: how much was filled and left out, by name.

@@ -52,7 +52,7 @@ def _round_to_pixels(points: Points) -> Ints:
 def find_placement(
     bodies: Points, arena: Mask, length_px: float, p: RetargetSettings
 ) -> tuple[Floats, float]:
-    """Return the shift (2,) px that moves a path into the tank, and the path's relative size.
+    """Find how to move a path into the tank: the shift (2,) px, and the path's relative size.
 
     bodies (T, k, 2) px: the drawn points of the animal, which keeps its size on a smaller path;
     length_px: body length. The size is 1 unless the placement is "shrink". FinloopError if the path

@@ -26,7 +26,7 @@ _HEAD = 1 / 3  # of the body: its chord is the first heading
 
 
 class FittedPostures(NamedTuple):
-    """Postures (T) as drawn: poses, pose codes (T, c), and a mask (T,) of those changed."""
+    """Postures that the film can show, for T ticks; codes (T, c), and a mask of changed ones."""
 
     pose: Pose
     codes: Floats
@@ -39,8 +39,8 @@ def fit_postures(
     """Return the film's postures nearest to recorded lines (T, m, 2) px, head first, m > 2.
 
     at (m,): where along the body the points are, 0 = head, 1 = tail; size_px: typical length of the
-    animal to draw; codes (T, c): the pose codes, where known. Postures that the film does not show
-    are changed to ones that it does.
+    animal to draw; codes (T, c): the pose codes, where known. Postures unlike all of the film are
+    changed.
     """
     rounds = _ROUNDS if codes is None else 1
     first = _head_directions(points, at)
@@ -134,9 +134,9 @@ def backbone_length_share(shapes: PoseShapes) -> float:
 
 
 def straight_distance_share(shapes: PoseShapes, at: Floats) -> float:
-    """Return the straight distance between two places on the mean posture, in sizes (`size_px`).
+    """Return the straight distance between two places of a fish in the mean posture.
 
-    at (2,): the places, 0 = head, 1 = tail.
+    Its unit is `size_px`, the typical length. at (2,): the places, 0 = head, 1 = tail.
     """
     none = np.zeros(1)
     ends = places_on_body(Pose(none, none, none, none + 1, shapes.mean[None]), at)[0]

@@ -32,9 +32,9 @@ class FilmRows:
 
     m is `count`, or twice that with mirror images; a mirror image has its row's number + count.
     values (m, d): posture, its change, and motion; motion alone for a track without postures. seen
-    (m, q): what is visible at a transition. Both are in natural steps. follows (m,): the number
-    that comes next in the film, −1 = none. scales: factors of the parts of `values`; span: rows
-    over which a change is measured.
+    (m, q): what is visible at a jump. Both are in natural steps. follows (m,): the number that
+    comes next in the film, −1 = none. scales: factors of the parts of `values`; span: rows over
+    which a change is measured.
     """
 
     count: int
@@ -82,7 +82,7 @@ class FilmRows:
         )
 
     def exclude_rows(self, rows: Ints) -> "FilmRows":
-        """Return the rows with some excluded: these and their mirror images are infinitely distant.
+        """Exclude some rows and their mirror images, by making them infinitely distant.
 
         rows: their numbers in the film. FinloopError if no row remains.
         """
@@ -98,7 +98,7 @@ class FilmRows:
         return replace(self, values=values, follows=follows)
 
     def query_vectors(self, place: Floats, heading_rad: Floats, codes: Floats | None) -> Floats:
-        """Return vectors (T, d) of the requested motion, comparable with the field `values`.
+        """Describe the requested motion by vectors (T, d) that can be compared with `values`.
 
         place (T, 2): of the mass centre, body lengths; heading_rad (T,): not wrapped; codes (T, c):
         pose codes, None for a track without postures.
@@ -120,11 +120,11 @@ def _join_and_flatten(parts: list[Floats]) -> Floats:
 def find_cheapest_rows(
     rows: FilmRows, requested: Floats, candidates: int, switch: float, delta: int
 ) -> Ints:
-    """Return the row numbers (T,) that follow the requested motion at the least cost (Viterbi).
+    """Find the film rows (T,) that follow a requested motion at the least total cost (Viterbi).
 
     requested (T, d): of `query_vectors`; candidates: nearest rows tried at a tick, besides those
-    that play on; switch: cost of a transition, in natural steps; delta: Δ in ticks. A mirror image
-    has its row's number + count.
+    that play on; switch: cost of a jump, in natural steps; delta: Δ (time over which motion is
+    measured) in ticks. A mirror image has its row's number + count.
     """
     there = np.flatnonzero(np.isfinite(rows.values).all(1))
     near = Nearest.from_vectors(rows.values[there].astype(np.float32)).search(

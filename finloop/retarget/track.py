@@ -176,9 +176,9 @@ def resample_body_lines(points: Floats, share: Floats, name: str) -> Floats:
     """Resample each frame's points to places (t, m, 2) px at shares (m,) of the curve through them.
 
     points (t, k, 2) px, in order along the body; share: 0 = first, 1 = last point; name: for
-    messages. The curve is a cubic spline through the points that are given, by the length of the
-    chords between them. NaN where an end is missing, or fewer than three points are given.
-    FinloopError if the line goes back and forth.
+    messages. The curve is a cubic spline by the length of the chords between given points. NaN
+    where an end is missing, or fewer than three points are given. FinloopError if the line goes
+    back and forth.
     """
     there = np.asarray(np.isfinite(points).all(2))
     usable = there[:, 0] & there[:, -1] & (there.sum(1) >= 3)

@@ -44,7 +44,7 @@ def leaders_by_follower(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, 
 def describe_contradiction(leader_of: Mapping[int, int], follower: int, leader: int) -> str | None:
     """Return in words why `follower` cannot follow `leader`, or None if it can.
 
-    leader_of: the leader of each follower so far. The only obstacle is a circle of followers.
+    leader_of: the leaders by follower. The only obstacle is a circle of followers.
     """
     return _find_circle({**leader_of, follower: leader}, follower)
 

@@ -75,11 +75,10 @@ def _measure_nearest_neighbours(place: Complex, heading: Complex) -> tuple[Float
 
 
 def frame_slots(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:
-    """Return numbers for the rows of a table by frame and by fish within the frame.
+    """Return where each fish of a table stands in an array (frames, m): index, slot and shape.
 
-    frame (n,): frame number of each row. Return the index (n,) of the frame, which counts only
-    frames with fish; the slot (n,), which counts the fish of a frame from 0; and the shape (frames,
-    m), m the most fish in a frame.
+    frame (n,): frame number of each fish. index (n,): the frame, counting only frames with fish;
+    slot (n,): the fish within its frame, from 0; m: the most fish in a frame.
     """
     frames, index = np.unique(frame, return_inverse=True)
     fish = pd.Series(index).groupby(index).cumcount().to_numpy()
@@ -97,7 +96,7 @@ def spread_to_slots(values: Complex, index: Ints, slot: Ints, shape: tuple[int, 
 
 
 def wasserstein_distances(one: pd.DataFrame, other: pd.DataFrame) -> dict[str, float]:
-    """Return how far two groups differ: the Wasserstein distance of each measure, in its unit.
+    """Return how far the measures of two groups differ, as Wasserstein distances in their units.
 
     one, other: columns of `SHOAL`. Polarisation counts once a frame. A measure that a group lacks
     is left out.
@@ -112,10 +111,10 @@ def wasserstein_distances(one: pd.DataFrame, other: pd.DataFrame) -> dict[str, f
 def compare_groups(
     films: Mapping[str, pd.DataFrame], shoals: Mapping[str, pd.DataFrame]
 ) -> pd.DataFrame:
-    """Compare each group with each film: one row per group, film and measure.
+    """Compare the measures of each simulated group with those of each film.
 
-    films, shoals: name → table of `SHOAL`. Columns: shoal, beside (the film), measure, median (of
-    the group), distance (`wasserstein_distances`).
+    films, shoals: name → table of `SHOAL`. The result has one row per group, film and measure:
+    shoal, beside (the film), measure, median (of the group), distance (`wasserstein_distances`).
     """
     rows = [
         (shoal, film, name, float(np.median(measure_values(table, name))), distance)

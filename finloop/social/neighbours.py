@@ -47,10 +47,10 @@ def all_neighbours(place: Complex, heading: Complex) -> Neighbours:
 def neighbours_among(
     place: Complex, heading: Complex, others: tuple[Complex, Complex]
 ) -> Neighbours:
-    """Return where fish see others, as `Neighbours` in the frame of each fish's body.
+    """Return where fish see other fish, seen from each fish's own body.
 
-    place, heading: complex, as from `complex_vectors`; others: places and headings of the others.
-    All four are broadcast against each other.
+    place, heading: complex, as from `complex_vectors`; others: places and headings of the other
+    fish. All four are broadcast against each other.
     """
     offset = (others[0] - place) * heading.conj()
     distance = np.abs(offset)

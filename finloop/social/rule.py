@@ -33,10 +33,10 @@ body."""
 
 @dataclass(frozen=True)
 class SocialSteps:
-    """The n steps of a film's fish without the pull of the others, as vectors of the body.
+    """The n steps of a film's fish without the pull of other fish, relative to their bodies.
 
-    wall, last, move, turn (n,): complex, as in `SOCIAL_STEPS`. forward: BL by which a pull of 1
-    moves a fish; onward: what a pull of 1 adds to the unit vector of its heading.
+    wall, last, move, turn (n,): complex, as in `SOCIAL_STEPS`. forward: body lengths by which a
+    pull of 1 moves a fish; onward: what a pull of 1 adds to the unit vector of its heading.
     """
 
     wall: Complex
@@ -66,11 +66,11 @@ class SocialSteps:
     def draw_similar_steps(
         self, wall: Complex, last: Complex, alike: int, rng: np.random.Generator
     ) -> tuple[Complex, Complex]:
-        """Draw displacements (BL) and turns for m fish from similar steps of the film.
+        """Draw random steps for m fish from those of the film that began alike.
 
-        Mirror images of steps count, too. Both results are (m, alike), complex, in random order;
-        fewer if the film has fewer steps. wall, last (m,): of the fish, compared with those of the
-        steps.
+        Mirror images of steps count, too. The results, moves in body lengths and turns, are (m,
+        alike), complex, in random order; fewer if the film has fewer steps. wall, last (m,): vector
+        from the wall, and last step, of the fish.
         """
         count = min(alike, 2 * len(self.move))
         which = self._tree.query(self._search_vectors(wall, last), k=[*range(1, count + 1)])[1]
@@ -78,10 +78,10 @@ class SocialSteps:
         move, turn = (np.concatenate([step, step.conj()]) for step in (self.move, self.turn))
         return move[which], turn[which]
 
-    def add_pull_to_turns(self, turns: Complex, pulls: Complex) -> Complex:
-        """Return new headings (…) as unit vectors: own turns plus the pull of the group.
+    def add_pulls(self, turns: Complex, pulls: Complex) -> Complex:
+        """Return new headings (…) as unit vectors: own turns plus the pull of the other fish.
 
-        All are complex, in the frame of the body before the step.
+        All are complex, relative to the body before the step.
         """
         to = turns + self.onward * pulls
         size = np.abs(to)
@@ -108,7 +108,7 @@ class SocialSteps:
 
 @dataclass(frozen=True)
 class SchoolRule:
-    """How fish of a school swim: by steps of the film, which the pull of zones changes.
+    """How fish of a school swim: by steps of the film's fish, changed by the pull of the others.
 
     horizon: ticks that a step lasts; alike: number of similar steps from which one is drawn.
     """
@@ -120,7 +120,7 @@ class SchoolRule:
 
 
 def require_rule(shoaling: SchoolRule | None) -> SchoolRule:
-    """Return the rule of a school unchanged; FinloopError if it is None or has no steps."""
+    """Return a school's rule unchanged; FinloopError if it is None or has no steps."""
     if shoaling is None or not len(shoaling.steps.move):
         raise FinloopError(
             "there are no zones for fish in a school"
@@ -158,9 +158,9 @@ def next_place_in_school(
 ) -> tuple[float, float] | None:
     """Return the place x, y in px to which a fish swims next; None if no other fish pulls it.
 
-    fish: the fish; rng: source of chance. The place is the end of a step of the film plus the pull
-    of the other fish. Of several steps drawn, it is the first that ends in the tank. If all end
-    outside, it is the last, and the caller must move it into the tank.
+    rng: source of chance. The place is the end of a step of the film plus the pull of the other
+    fish. Of several steps drawn, it is the first that ends in the tank. If all end outside, it is
+    the last, and the caller must move it into the tank.
     """
     place, heading = complex_vectors(
         np.array([[fish.x, fish.y]]), np.array([fish.heading_deg]), walls.length

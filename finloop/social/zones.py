@@ -77,11 +77,11 @@ NO_ZONES = Zones(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def zone_means(seen: Neighbours, radii: tuple[float, float, float], blind_deg: float) -> Complex:
-    """Return the pulls (…, 3) of repulsion, alignment and attraction, each without its weight.
+    """Return how other fish pull a fish: by repulsion, alignment and attraction, unweighted (…, 3).
 
-    Pulls are complex, in the frame of the body, at most 1 long. Alignment and attraction are 0
-    while a fish is in the zone of repulsion. seen: the others (…, n); radii: outer ones of the
-    zones in BL, rising; blind_deg: blind angle behind the fish.
+    Pulls are complex, relative to the body, at most 1 long. Alignment and attraction are 0 while a
+    fish is in the zone of repulsion. seen: the others (…, n); radii: outer ones of the zones in
+    body lengths, ascending; blind_deg: blind angle behind the fish.
     """
     inner, middle, outer = radii
     sees = seen.bearing.real >= -np.cos(np.radians(blind_deg) / 2)
@@ -106,7 +106,10 @@ def _masked_mean(vectors: Complex, which: Any) -> Complex:
 
 
 def pull_of_others(seen: Neighbours, zones: Zones) -> Complex:
-    """Return the pull (…) of the others by zones: complex, in the body's frame, 0 = none."""
+    """Return how other fish pull a fish, by weighted zones: complex (…), relative to its body.
+
+    seen: where they are (…, n). 0 = no pull.
+    """
     return weigh_zone_pulls(zone_means(seen, zones.radii, zones.blind_deg), zones.weights)
 
 

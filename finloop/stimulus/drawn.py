@@ -28,11 +28,11 @@ States = NDArray[np.float32]
 
 
 def drawn_states(rows: Sequence[Any], bodies: Bodies) -> States:
-    """Return the state (fish, F) of each fish at one tick, as the display's page draws it.
+    """Return how the display's page draws each fish at one tick: its state (fish, F).
 
     rows: one for each fish, of an edit list or of the live tank. bodies: the film's postures. A
     picture that is drawn as filmed has the film's own posture; two that are cross-faded have a
-    mixed one, too. So both have the shape of the visible fish.
+    mixed one.
     """
     mixed = np.array([row.weight > 0 for row in rows], bool)
     body = _picture_bodies(rows, bodies, np.zeros_like(mixed))

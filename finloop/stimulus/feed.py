@@ -40,7 +40,7 @@ class TankCanvas(NamedTuple):
 
 
 class Feed:
-    """Maker of the messages to a display page; it remembers which pictures the page has.
+    """Makes the messages to a display page; it remembers which pictures the page has.
 
     facts: values of the message `hello`, of which `fish` (their number) and `rate` (ticks/s) are
     required; picture: returns a picture of the film by its row. slots: how many pictures the page
@@ -79,7 +79,7 @@ class Feed:
     def tick_messages(
         self, seq: int, tick: int, due_s: float, states: States, cut: bool = False
     ) -> list[bytes]:
-        """Return the messages of one tick's states (fish, F): missing pictures, then the states.
+        """Return the messages of one tick: pictures that the page lacks, then the fish's states (fish, F).
 
         seq: number of the message. tick: of the trial. due_s: session time at which to show it.
         cut: whether states that were sent for this tick and later ones are void.

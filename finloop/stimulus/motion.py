@@ -109,7 +109,7 @@ def count_planned_ticks(change: MotionChange | None, ticks: int) -> int:
 
 
 def apply_change(states: States, change: MotionChange | None, ticks: int) -> States:
-    """Return a motion (n, fish, F) played faster, backwards or still, at most `ticks` ticks long.
+    """Play a motion (n, fish, F) faster, backwards or still, at most `ticks` ticks long.
 
     Only the first `count_planned_ticks` ticks of the motion are used, also backwards. A still
     motion holds its first state.

@@ -37,7 +37,7 @@ _NEAR = 0.2  # own half widths are kept this near to the animal's typical ones (
 
 @dataclass(frozen=True)
 class SurfaceGrid:
-    """A grid of points on a fish's surface, which can be attached to any backbone of p points.
+    """A grid of points on a fish's surface, which fits any backbone of p points.
 
     place, along (RINGS · AROUND, p): matrices; times a backbone (p, 2) they give each point's place
     on it and the direction there. s, angle (RINGS, AROUND): where along the backbone (0 head, 1
@@ -54,7 +54,7 @@ class SurfaceGrid:
 
 @lru_cache
 def surface_grid(backbone_points: int) -> SurfaceGrid:
-    """Return the surface grid for backbones of so many points, equally spaced, head first."""
+    """Return the surface grid for backbones of that many equally spaced points, head first."""
     half = np.radians(_HALF_DEG)
     return build_surface_grid(
         _ring_places(), np.concatenate([half[::-1], -half[1:]]), backbone_points
@@ -62,7 +62,7 @@ def surface_grid(backbone_points: int) -> SurfaceGrid:
 
 
 def _ring_places() -> Floats:
-    """Return where the rings lie on the body, 0-1 from head to tail: dense at both ends."""
+    """Return where the rings lie along the body, 0-1 from head to tail: dense at both ends."""
     return (1 - np.cos(np.pi * np.linspace(0, 1, RINGS))) / 2
 
 
@@ -70,7 +70,7 @@ def build_surface_grid(ring: Floats, angle: Floats, points: int) -> SurfaceGrid:
     """Build a surface grid from rings along the body and angles around it.
 
     ring (r,): place along the body, 0 head … 1 tail; angle (a,): rad, 0 = back, left > 0; points:
-    of the backbones.
+    of a backbone.
     """
     s, angle = np.meshgrid(ring, angle, indexing="ij")
     back = np.clip((s - _TAIL) / (1 - _TAIL), 0, 1)
@@ -142,7 +142,7 @@ def top_view_points(grid: SurfaceGrid, backbone: Floats, width: Floats) -> Float
 
 
 def surface_normals(points: Floats) -> Floats:
-    """Return outward unit normals of surfaces (n, RINGS, AROUND, 3); the snout's point ahead."""
+    """Return outward unit normals of surfaces (n, RINGS, AROUND, 3); the snout's points ahead."""
     down = np.gradient(points, axis=1)
     ring = np.concatenate([points[:, :, -2:-1], points, points[:, :, 1:2]], axis=2)
     around = ring[:, :, 2:] - ring[:, :, :-2]

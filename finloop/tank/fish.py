@@ -50,10 +50,7 @@ class FishSurface:
         return lru_cache(1)(self._compute_batch)
 
     def shape_at(self, tick: int) -> tuple[Floats, Floats, Picture]:
-        """Return points and normals, both (rings, around, 3), and the skin at a tick.
-
-        Points are in px of the tank.
-        """
+        """Return a tick's points [px of the tank] and normals, (rings, around, 3), and skin."""
         batch, k = divmod(tick, _BATCH)
         points, normals = self._recent_batch(batch)
         return points[k] + self.place[tick], normals[k], self.skin(tick)

@@ -120,7 +120,7 @@ class PrincipalShapes(NamedTuple):
 
 
 def principal_shapes(points: Floats, heading: Floats, modes: int = MODES) -> PrincipalShapes:
-    """Return the mean and the principal components of a fish's shapes, each headed right.
+    """Return the mean and the principal components of a fish's shapes, all headed right.
 
     points (ticks, v, 3): px about the mass centre, y up; heading (ticks,): rad; modes: largest
     number of components.
@@ -213,7 +213,7 @@ def _add_skin_material(glb: GlbDocument, skin: NDArray[np.uint8]) -> int:
 
 
 def _add_fish(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str) -> int:
-    """Add the node of a fish, whose mesh can be mixed from its shapes; return its index."""
+    """Add the node of a fish, whose mesh is a mix of principal shapes; return its index."""
     grid = (1, RINGS, AROUND, 3)
     straight = surface_normals(shape.mean.reshape(grid)).reshape(-1, 3)
     targets = []
@@ -236,7 +236,7 @@ def _add_fish(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str
 
 
 def _add_morph_node(glb: GlbDocument, name: str, primitive: dict, targets: list[dict]) -> int:
-    """Add a node whose mesh can be mixed from shapes; return its index.
+    """Add a node whose mesh is a mix of shapes; return its index.
 
     primitive: the mean shape; targets: differences that can be added to it.
     """
@@ -282,9 +282,9 @@ def _add_plain_material(
 def _add_motion(
     glb: GlbDocument, motion: AnimatedFish, nodes: Mapping[int, Floats]
 ) -> Iterator[tuple[int, str, int]]:
-    """Add the motion of a fish: yield node, property, and the index of its values over time.
+    """Add the motion of a fish; yield node, property, and the index of its values over time.
 
-    nodes: the place (ticks, 3) at which each node moves, by its index.
+    nodes: the places (ticks, 3) to which each node moves, by its index.
     """
     zero, half = np.zeros_like(motion.heading), motion.heading / 2
     tracks = {"rotation": glb.add_array(np.stack([zero, zero, np.sin(half), np.cos(half)], -1))}

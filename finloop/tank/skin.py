@@ -25,7 +25,7 @@ _PUPIL, _IRIS = 22.0, 206.0
 
 
 class FishSkins:
-    """The skins of a fish's cut-outs: `skin(row)` returns one, (AROUND, LENGTHWISE, 3) float32.
+    """The skins of a fish, made of its film pictures: `skin(row)`, (AROUND, LENGTHWISE, 3) float32.
 
     Values are 0 … 255. typical: half widths from `tank.body.typical_half_widths`; centres_px (n,
     2): mass centres, px of the film, y down; cutout: function that returns the cut-out of a row;
@@ -70,9 +70,9 @@ class FishSkins:
         return skin
 
     def mix_skins(self, row: int, partner: int, weight: float, flips: tuple[bool, bool]) -> Picture:
-        """Mix the skins of a row and of its partner: (AROUND, LENGTHWISE, 3) uint8.
+        """Cross-fade the skins of two film rows: (AROUND, LENGTHWISE, 3) uint8.
 
-        weight: share of the partner, 0 … 1; flips: whether row and partner are mirrored.
+        weight: share of the second, `partner`, 0 … 1; flips: whether each is mirrored.
         """
         skin = self.skin(row)[:: -1 if flips[0] else 1]
         if weight > 0:

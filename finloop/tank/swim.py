@@ -44,7 +44,7 @@ class FilmBodies:
 
 
 class BodyPlacement(NamedTuple):
-    """The filmed body shown at each tick, and how it is mirrored, turned and scaled; (ticks,) each.
+    """Which filmed body is shown at each tick, and how it is mirrored, turned and scaled: (ticks,).
 
     row: of the film; turn_deg: anticlockwise, after mirroring; axis_deg: direction of the line
     through the mass centre about which a mirrored body is reflected.
@@ -119,10 +119,10 @@ def poses_in_tank(
 
 
 def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
-    """Return the backbone (p, 2) of a row of an edit list that draws the fish in a pose.
+    """Return the backbone (p, 2) of a fish that a row of an edit list draws in an unfilmed pose.
 
     The film's backbone is changed by the difference between the backbones of that pose and of the
-    row's filmed posture, at equal arc lengths.
+    filmed posture, at equal arc lengths.
     """
     body = bodies.edit_row_body(row_picture(row))
     number, side = int(body.row), -1 if body.mirrored else 1
@@ -145,7 +145,7 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
 def _find_shown_bodies(
     edit: pd.DataFrame, prefix: str, number: str, film: FilmBodies, sprites: pd.DataFrame
 ) -> BodyPlacement:
-    """Return the filmed body behind the picture of every tick; any where there is no picture.
+    """Return which filmed body is in the picture of every tick; any where there is no picture.
 
     prefix, number: of the columns: "" and "source", or "partner_" and "partner".
     """
