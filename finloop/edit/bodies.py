@@ -146,7 +146,10 @@ class Bodies:
         return np.where(frame, 0.0, self._sprite_bodies[3][np.where(frame, 0, number)])
 
     def are_near_in_film(self, one: Body, other: Body, frames: int) -> Mask:
-        """Return which pairs (…) of bodies are at most `frames` apart in a track, equally flipped."""
+        """Return which pairs (…) of bodies are at most `frames` apart in one track of the film.
+
+        Both, or none, must be mirrored.
+        """
         track = np.append(0, np.cumsum(~self.goes_on[:-1]))
         near = np.abs(one.row - other.row) <= frames
         return near & (track[one.row] == track[other.row]) & (one.mirrored == other.mirrored)

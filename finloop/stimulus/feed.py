@@ -79,7 +79,7 @@ class Feed:
     def tick_messages(
         self, seq: int, tick: int, due_s: float, states: States, cut: bool = False
     ) -> list[bytes]:
-        """Return the messages of one tick: pictures that the page lacks, then the fish's states (fish, F).
+        """Return the messages of one tick: pictures that the page lacks, then states (fish, F).
 
         seq: number of the message. tick: of the trial. due_s: session time at which to show it.
         cut: whether states that were sent for this tick and later ones are void.
