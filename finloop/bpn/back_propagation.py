@@ -164,7 +164,7 @@ def train_motion_model(
 
 
 def model_from_weights(weights: Floats, low: Floats, high: Floats, delta_s: float) -> MotionModel:
-    """Return a motion model with a copy of flat weights (see `draw_first_weights`).
+    """Build a motion model from flat weights (see `draw_first_weights`), which are copied.
 
     low, high (4,): the inputs that are scaled to -1 and 1, in the units of INPUTS; delta_s: Δ [s].
     """

@@ -116,7 +116,7 @@ def round_swimming_types(swimming_type: Reals) -> NDArray[np.int8]:
 
 
 def find_input_range(inputs: Floats) -> tuple[Floats, Floats]:
-    """Return the inputs, (4,) each, that the network scales to -1 and to 1.
+    """Return the smallest and largest input, (4,) each, which the network scales to -1 and 1.
 
     inputs (n, 4): columns and units INPUTS. Motion area and swimming type have fixed ranges.
     Displacement and angle take theirs from the rows, without the extreme 1 %, so that a wild frame
@@ -145,7 +145,7 @@ class LearningRows:
 
 
 def pair_rows_with_later(features: pd.DataFrame, delta_frames: int) -> LearningRows:
-    """Pair every row of a feature table with the row of the same track Δ later.
+    """Pair every row of a feature table with the row of the same fish a time Δ later.
 
     features: track_id, frame and the columns INPUTS; delta_frames: Δ in frames. A row without a
     later one, or with a missing number, is left out.

@@ -122,9 +122,10 @@ class NeighbourSums:
         self._bearing = _sum_within(seen.bearing, within & sees[..., None])
 
     def zone_pulls(self, radii: tuple[float, float, float]) -> Complex:
-        """Return the pulls (n, 3) of the three zones with given outer radii, without weights.
+        """Return how strongly the neighbours in each of three zones pull, without weights: (n, 3).
 
-        radii: in BL, each one of the listed radii. The pulls equal those of `zone_means`.
+        radii: outer ones, in body lengths, each one of the listed radii. The pulls equal those of
+        `zone_means`.
         """
         inner, middle, outer = (self._radii[radius] for radius in radii)
         free = self._near[1][:, inner] == 0
@@ -137,7 +138,7 @@ class NeighbourSums:
 
 
 def _sum_within(vectors: Complex, within: Any) -> tuple[Complex, Ints]:
-    """Return the sum of vectors (n, m) over selected neighbours (n, m, k), and their count."""
+    """Sum vectors (n, m) over those neighbours that a mask (n, m, k) selects; also count them."""
     return (vectors[..., None] * within).sum(axis=1), within.sum(axis=1)
 
 
@@ -154,10 +155,10 @@ def _ring_mean(sums: tuple[Complex, Ints], inner: int | None, outer: int) -> Com
 
 
 class _RegressionSums(NamedTuple):
-    """Sums over n rows, from which a regression of directions on five columns is solved.
+    """Sums over n rows from which a least-squares regression is solved.
 
-    gram (5, 5): products of the columns with each other; right (5,): with the directions; square:
-    sum of the squared directions.
+    gram (5, 5): products of the five columns with each other; right (5,): with the directions;
+    square: sum of the squared directions.
     """
 
     gram: Floats
@@ -165,7 +166,7 @@ class _RegressionSums(NamedTuple):
     square: float
 
     def residual(self, solution: Floats) -> float:
-        """Return the sum of squares that a regression with given coefficients (5,) leaves."""
+        """Return the sum of squared errors that a regression with coefficients (5,) leaves."""
         return self.square + float(solution @ (self.gram @ solution - 2 * self.right))
 
 
@@ -178,10 +179,10 @@ def _sum_rows(columns: Complex, after: Complex) -> _RegressionSums:
 
 
 def _solve_regression(sums: _RegressionSums, weights: Sequence[float | None]) -> Floats:
-    """Return the coefficients (5,) of a regression; those of the three zones are 0 or more.
+    """Solve a regression on own direction, three zones and wall: return the coefficients (5,).
 
-    weights (3,): None for a zone that is fitted. A zone with a fixed weight has coefficient 0,
-    because its pull is already part of the first column.
+    Those of the zones are 0 or more. weights (3,): None for a zone that is fitted. A zone with a
+    fixed weight has coefficient 0, because its pull is already part of the first column.
     """
     free = [k for k in _ZONES if weights[k - 1] is None and sums.gram[k, k] > 0]
     solution = np.zeros(5)

@@ -65,9 +65,9 @@ def measure_own_steps(film: FilmGroup, rows: Ints, zones: Zones) -> SocialSteps:
 
 
 def _fit_own_part(vectors: Complex, references: Complex) -> float:
-    """Return the factor a ≥ 0 by which references (n,) best approximate vectors (n,).
+    """Return the factor a ≥ 0 by which n vectors best match n others, by least squares.
 
-    By least squares; 0 for n = 0.
+    vectors ≈ a · references, (n,) each; 0 for n = 0.
     """
     squares = float((np.abs(references) ** 2).sum())
     return (
@@ -82,7 +82,7 @@ def simulate_point_fish(
     settings: CalibrateSettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
-    """Simulate fish as points that swim by steps and zones; return their measures by frame.
+    """Simulate fish as points that swim by the film's steps and zones; measure them by frame.
 
     There are as many as the film shows in a frame. The table has `settings.steps` frames and the
     columns of `SHOAL`, after a time in which the fish forget their random start.

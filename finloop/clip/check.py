@@ -22,7 +22,7 @@ CHECK_NAME, TANK_NAME = "check.parquet", "tank.png"  # beside the clip
 RUNS, LENGTH = 8, 64  # number and length [frames] of the runs that are examined
 PLAIN_LEVELS = 8  # least difference between the darkest and brightest pixel of a usable film
 SAMPLES = 32  # most frames of a clip that are kept to compare them with the coded ones
-_SAMPLES = 15  # frames whose median is the still tank
+_SAMPLES = 15  # frames whose median is the empty tank
 _STRIP = 64  # rows
 _TILES = 6  # tiles of the picture in both directions; the median tile gives the noise
 _THIN = 3  # every 3rd pixel in both directions for noise and contrast
@@ -57,8 +57,8 @@ class Quality:
     doubled_pct: float  # share of pictures that repeat the one before, where that is decidable
     doubled_rate: float  # pictures a frame, if a cadence predicts them; else NaN
     field_order: float  # 0: whole pictures; interlaced: above 0 the upper field is the earlier one
-    noise_grey: float  # standard deviation of a pixel of the still tank
-    contrast_grey: float  # median difference of what moves from the still tank
+    noise_grey: float  # standard deviation of a pixel of the empty tank
+    contrast_grey: float  # median difference of what moves from the empty tank
     animal_black_pct: float  # of the pixels of what moves: nothing was recorded
     animal_white_pct: float
 
@@ -132,7 +132,7 @@ def psnr_db(pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> float:
 
 
 def choose_examined_runs(frames: int, key_frame_distance: int = 1) -> list[tuple[int, int]]:
-    """Return runs (start, stop) of successive frames, spread over a film, that are examined.
+    """Choose runs (start, stop) of successive frames, spread over a film, to be examined.
 
     A film of at most `RUNS` × `LENGTH` frames is a single run; a longer one has `RUNS` runs of
     `LENGTH` frames, which begin at key frames. frames: length of the film; stop is not included.

@@ -1,4 +1,4 @@
-"""The light of a film: the brightness of each frame against the still tank, flicker and drift.
+"""The light of a film: the brightness of each frame against the empty tank, flicker and drift.
 
 A lamp that becomes g times as bright makes every pixel g times as bright (gamma coding only changes
 the g). So one gain per channel suffices.
@@ -49,7 +49,7 @@ def _sample_pixels(picture: Picture) -> Floats:
 
 
 def undo_gain(frame: Picture, gains: Floats) -> Picture:
-    """Return a frame (h, w[, 3]) in the tank's light: each channel divided by its gain."""
+    """Make a frame (h, w[, 3]) as bright as the empty tank: divide each channel by its gain."""
     levels = np.arange(256)[:, None] / gains
     table = np.clip(np.rint(levels), 0, 255).astype(np.uint8)[None]
     return np.asarray(cv2.LUT(frame, table))

@@ -64,7 +64,7 @@ _PICTURES, _TAKING = {"deinterlace", "undouble"}, {"even_light", "steady"}
 
 @dataclass(frozen=True)
 class ClipResult:
-    """A new clip: its facts, the tally of its frames, its arena (h, w), and its quality."""
+    """What is known of a written clip: facts, tally of its frames, arena (h, w), and quality."""
 
     facts: VideoFacts
     tally: ClipTally
@@ -201,7 +201,7 @@ class _FrameCorrector:
         return undo_shift(frame, by)
 
     def common_mask(self) -> Mask:
-        """Return the mask (h, w) of the pixels that every corrected frame shows after its shift."""
+        """Return the mask (h, w) of the pixels that every corrected frame shows."""
         height, width = self.tank.shape[:2]
         mask = np.zeros((height, width), bool)
         sides = (self.up_px, self.down_px, self.left_px, self.right_px)
@@ -233,7 +233,10 @@ def _reopen_film(
 
 
 def _simplest_fraction(rate: float, frames: int) -> Fraction:
-    """Return the simplest fraction within half a frame of a rate over `frames` frames."""
+    """Return the simplest fraction that differs from a rate by less than half a frame in a film.
+
+    frames: length of the film.
+    """
     tries = (Fraction(rate).limit_denominator(most) for most in range(1, 1002))
     return next(
         (fraction for fraction in tries if abs(float(fraction) - rate) * frames < 0.5),
@@ -242,7 +245,7 @@ def _simplest_fraction(rate: float, frames: int) -> Fraction:
 
 
 def _check_clip(facts: VideoFacts, tally: ClipTally, folder: Path) -> tuple[Quality, Picture]:
-    """Write the check of a clip beside it; return the clip's quality and the still tank."""
+    """Check a clip and write the results beside it; return its quality and the empty tank."""
     read = partial(read_frames, folder / CLIP_NAME)
     quality, table, tank = check_film(read, facts.frame_rate_hz, tally, KEY_FRAME_EVERY)
     save_table(folder / CHECK_NAME, table, CHECK)

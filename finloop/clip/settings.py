@@ -95,7 +95,7 @@ class FootageSettings:
         return Path(self.path).expanduser()
 
     def settings_by_path(self) -> list[tuple[str, "FootageSettings"]]:
-        """Return a path and its parameters for each entry of `path`."""
+        """Return (path, parameters) for each film that `path` lists."""
         if isinstance(self.path, str):
             return [(self.path, self)]
         return [
@@ -105,7 +105,7 @@ class FootageSettings:
         ]  # fmt: skip
 
     def _settings_of_film(self, values: dict[str, Any]) -> tuple[Any, list[str]]:
-        """Return these parameters with the values of one film, and what is wrong with them."""
+        """Return these parameters with one film's own values, and what is wrong with them."""
         if not isinstance(values.get("path"), str):
             return None, [f"a film of the list needs a path, got {values!r}"]
         return check_values("clip", {"file": FootageSettings}, {**vars(self), **values})

@@ -1,4 +1,4 @@
-"""The shake of the camera: the shift of a frame against the still tank, in pixels.
+"""The shake of the camera: the shift of a frame against the empty tank, in pixels.
 
 A shift is (right, down): the tank at p appears in the frame at p + shift. It is the shift that
 makes the frame most like the tank at many marks, places where the tank has edges: least squares
@@ -41,7 +41,7 @@ class Landmarks(NamedTuple):
 
 
 class Shift(NamedTuple):
-    """The shift of a frame, px: the still tank lies x farther right and y farther down in it."""
+    """How far the camera has moved: the empty tank lies x px more to the right and y px lower."""
 
     x: float
     y: float
@@ -65,7 +65,7 @@ def _shrink_picture(picture: Picture) -> np.ndarray:
 
 
 def find_landmarks(tank: Picture) -> Landmarks:
-    """Return the steepest places of the still tank (h, w[, 3]), at most 60 in each of 36 tiles."""
+    """Find the steepest edges of the empty tank (h, w[, 3]), at most 60 in each of 36 tiles."""
     soft = _smooth_grey(tank)
     level = soft.astype(np.float64)
     down, right = (np.asarray(part) for part in np.gradient(level))
@@ -94,7 +94,7 @@ def find_landmarks(tank: Picture) -> Landmarks:
 
 
 def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift:
-    """Return the shift of a frame against the still tank; `UNKNOWN` if too few marks show it.
+    """Measure the shift of a frame against the empty tank; `UNKNOWN` if too few marks show it.
 
     tank: its landmarks; last: shift of the frame before, where the search begins.
     """
@@ -145,7 +145,7 @@ def _choose_start(picture: Picture, tank: Landmarks, last: Shift) -> Floats:
 
 
 def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats:
-    """Return the grey levels of a frame where the marks lie after a shift (2,), bilinear."""
+    """Return the grey levels of a frame at the landmarks, if it is shifted by (2,) px."""
     height, width = picture.shape
     x = np.clip(tank.x + shift_px[0], 0, width - 1.001)
     y = np.clip(tank.y + shift_px[1], 0, height - 1.001)
@@ -178,7 +178,7 @@ def _judge_shift(
 
 
 def undo_shift(frame: Picture, shift: Shift, stride: int = 1) -> Picture:
-    """Return a frame moved back by a shift, thinned to every `stride`-th pixel in both directions.
+    """Move a frame back by the camera's shift, and keep every `stride`-th row and column.
 
     What was not filmed repeats the border.
     """

@@ -164,7 +164,7 @@ def _judge_contrast(quality: Quality) -> Finding:
     """Return the finding on the contrast of the animals against the noise."""
     if isnan(quality.contrast_grey):
         do = "Film animals that move, before a floor of another brightness."
-        return Finding("contrast", False, "Nothing differs from the still tank.", do)
+        return Finding("contrast", False, "Nothing differs from the empty tank.", do)
     return Finding(
         "contrast", quality.contrast_grey / max(quality.noise_grey, 0.1) >= CONTRAST_NOISES,
         f"What moves differs from the tank by {quality.contrast_grey:.3g} grey levels, the noise "

@@ -76,7 +76,7 @@ def open_clip_source(p: ClipSettings, fields: Order = "") -> ClipSource:
 def write_clip(
     source: ClipSource, p: ClipSettings, folder: Path, advance: Callable[[], None] = lambda: None
 ) -> tuple[VideoFacts, ClipTally, np.ndarray]:
-    """Write clip, facts, arena, frame numbers and a carp's truth to a folder.
+    """Write a film as a clip to a folder: pictures, facts, arena, frame numbers, true carp.
 
     Return the facts, the tally of the frames, and the arena. `advance()` is called after each
     frame. FinloopError if fewer than two frames can be read, all frames are plain, or the mask does
@@ -110,7 +110,10 @@ def write_clip(
 
 
 def _open_carp(p: CarpSettings) -> ClipSource:
-    """Return the source of a drawn film of carp; FinloopError if they have no room."""
+    """Prepare a film of drawn carp; its frames are drawn when they are read.
+
+    FinloopError if the carp have no room.
+    """
     if not is_tank_large_enough(p):
         raise FinloopError(
             came=f"{p.fish} carp of {p.body_length_px:g} px have no room in a tank of "
@@ -135,9 +138,9 @@ def _open_carp(p: CarpSettings) -> ClipSource:
 
 
 def _open_films(p: ZebrafishSettings | FootageSettings, fields: Order) -> ClipSource:
-    """Return the source of the zebrafish clips, or of the user's footage.
+    """Prepare the zebrafish clips, or the user's footage; frames are decoded when they are read.
 
-    fields: which field is earlier, "" if the film is not interlaced.
+    fields: which field of interlaced film is earlier, "" if it is not interlaced.
     """
     if isinstance(p, ZebrafishSettings):
         paths = fetch_zebrafish_clips(p.parts, find_cache_folder())
@@ -265,7 +268,7 @@ def circle_arena(
 
 
 def _refuse_empty_arena(mask: np.ndarray, description: str) -> np.ndarray:
-    """Return the mask of an arena; FinloopError if no pixel lies in it.
+    """Return the mask of an arena; FinloopError if it contains no pixel.
 
     description: of the arena's shape, for the message.
     """

@@ -273,7 +273,7 @@ def find_similar_pairs(
 
 
 def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
-    """Return pairs of pictures as a table (schema `PAIRS`), sorted by i, then by j.
+    """Return pairs of similar pictures as a table (schema `PAIRS`), sorted by i, then by j.
 
     rows: the feature row of each picture.
     """
@@ -348,7 +348,7 @@ def list_map_blocks(features: pd.DataFrame, p: DistanceSettings) -> list[MapBloc
 def _choose_and_sort_rows(
     features: pd.DataFrame, p: DistanceSettings
 ) -> tuple[Ints, Ints, Ints, Reals]:
-    """Return the rows to compare, their sorted order, and the kinds and areas in that order.
+    """Choose the rows to compare; return them, their sorted order, and kinds and areas in it.
 
     The rows are all of the film, or stretches spread over a longer one.
     """

@@ -82,7 +82,7 @@ class Reel:
         return len(self.features)
 
     def scale_to(self, times_filmed: float) -> "Reel":
-        """Return this film and its sprites, drawn `times_filmed` times as large as filmed."""
+        """Return this film with fish and sprites drawn `times_filmed` times as large as filmed."""
         sprites = self.sprites
         if len(sprites):
             sprites = sprites.assign(scale=sprites["scale"] * (times_filmed / self.size))

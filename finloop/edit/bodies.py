@@ -97,7 +97,7 @@ class Bodies:
 
     @cached_property
     def _code_speeds(self) -> Floats:
-        """Change of the pose codes (n, c) per frame at every row, over the frames beside it."""
+        """How fast pose codes (n, c) change at every row, per frame, over the frames beside it."""
         codes, more = self.poses.codes, self.goes_on
         after = np.arange(len(codes)) + more
         before = np.arange(len(codes)) - np.append(False, more[:-1])
@@ -132,7 +132,7 @@ class Bodies:
         return self.picture_bodies(frame, np.array(shown.source), turn, np.array(shown.mirrored))
 
     def next_body(self, body: Body) -> Body:
-        """Return the bodies that the film shows next, or the same ones at the end of a track."""
+        """Return the bodies that the film shows a frame later; at the end of a track the same."""
         row = body.row + self.goes_on[body.row]
         side = np.where(body.mirrored, -1, 1)
         turn = side * wrap_deg(self.heading_deg[row] - self.heading_deg[body.row])

@@ -39,7 +39,7 @@ class EditInputs:
     modes: tuple[str, str]
 
     def next_number(self, kind: str, number: int) -> int:
-        """Return the number of the next sprite or row; at the end, the given number."""
+        """Return the number of the sprite or film row after another; at the end that one itself."""
         if kind == SPRITE:
             return int(self.sprite_after[number])
         return number + int(self.goes_on[number])
@@ -189,7 +189,10 @@ def _join_columns(
 def _picture_columns(
     pictures: PictureSequence, heading: Floats, sources: EditInputs
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns (ticks,) that name pictures; heading (ticks,): of the fish, degrees."""
+    """Return the columns (ticks,) of an edit list that say which picture is shown, and how turned.
+
+    heading (ticks,): of the fish, degrees.
+    """
     count, frame, number = sources.orientations, pictures.frame, pictures.number
     sector = find_orientations(heading, count)
     residual = wrap_deg(heading - orientation_heading_deg(sector, count))

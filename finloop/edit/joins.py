@@ -84,7 +84,10 @@ class JoinRules:
 
     @property
     def reach(self) -> int:
-        """Number of ticks, not counting those at rest, for which a join changes later pictures."""
+        """For how many ticks a join changes the pictures after it.
+
+        Ticks at which the animal rests do not count.
+        """
         return max(self.fade, self._spring_ticks) + 3
 
     @property
@@ -169,7 +172,7 @@ def inertialize_pictures(
 ) -> InertializedPictures:
     """Find the joins in pictures (ticks,), and the poses and rotations that make them smooth.
 
-    line_deg (ticks,): direction for which each sprite is drawn, degrees.
+    line_deg (ticks,): direction in which the fish swims, for which sprites are drawn, degrees.
     """
     bodies, frame, number = rules.bodies, shown.frame, shown.number
     own = bodies.picture_bodies(frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored)

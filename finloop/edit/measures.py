@@ -62,12 +62,12 @@ def motion_area_errors(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def average_measures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return the mean of each measure over the fish that have it."""
+    """Return the mean of each measure over those fish that have it."""
     return dict(rows[0]) if len(rows) == 1 else pd.DataFrame(rows).mean().to_dict()
 
 
 def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
-    """Return the number of turns, and percentages of good and of narrow turns.
+    """Return how many turns there are, and percentages of good ones and of narrow ones.
 
     In a good turn the heading error, the angle between heading and direction to the aim, never
     rises. A narrow one has too little room. Without turns percentages are NaN.
@@ -110,7 +110,10 @@ def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
 
 
 def _ratios_to_film(drawn: Floats, film: Floats, name: str, plural: str) -> dict[str, float]:
-    """Return distances compared with the film's: ratios to its median, share above its 95th."""
+    """Compare picture distances with the film's: ratios to its median, share above its 95 %.
+
+    drawn, film: distances; name, plural: for the names of the results.
+    """
     middle = float(np.median(film))
     return {
         f"{name}_ratio_median": float(np.median(drawn)) / middle,
@@ -149,7 +152,7 @@ def longest_repeat(edit: pd.DataFrame) -> int:
 
 
 def _number_pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
-    """Return a number (ticks,) for each picture of an edit list, equal for equal pictures."""
+    """Give each picture of an edit list a number, (ticks,), equal for equal pictures."""
     names = ["kind", "source", "orientation", "mirrored"]
     return edit.groupby(names, dropna=False, sort=False).ngroup().to_numpy()
 

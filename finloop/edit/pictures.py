@@ -212,7 +212,7 @@ def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Pict
 
 
 def _next_sprites(sprites: pd.DataFrame) -> Ints:
-    """Return for every sprite (s,) the number of the sprite of the film's next frame, or −1."""
+    """Return for every sprite (s,) the number of the one made of the film's next frame, or −1."""
     if not len(sprites):
         return np.zeros(0, np.int64)
     step = sprites["step"].to_numpy()

@@ -89,12 +89,12 @@ class Stretch:
 
     @property
     def pictures(self) -> Ints:
-        """Numbers (n,) of the pictures: a frame's row, or −1 − a sprite's number."""
+        """Which picture is shown at each tick (n,): a film row, or −1 − a sprite's number."""
         return self.number if self.kind == FRAME else -1 - self.number
 
     @cached_property
     def path_and_pictures(self) -> Floats:
-        """x, y px, heading in degrees and picture number of each tick, (n, 4)."""
+        """Columns x, y px, heading in degrees and picture number of each tick, (n, 4)."""
         return np.column_stack([self.way, self.pictures])
 
     def remaining_path(self, gone: int) -> Floats:
@@ -176,7 +176,7 @@ def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
 
 
 def _describe_costs(decision: Decision) -> str:
-    """Return in words how many ways there were, the cost of the chosen and of the next best."""
+    """Say in words how many ways to go were compared, and what the best two cost."""
     if not decision.ways:
         return "; as planned before"
     if math.isnan(decision.value_s):
@@ -197,7 +197,7 @@ def _describe_costs(decision: Decision) -> str:
 
 
 def _count_ways(decision: Decision) -> str:
-    """Return in words how many ways there were, and how many fail each test of Fig. 19."""
+    """Say in words how many ways to go were compared, and how many fail each test of Fig. 19."""
     failed = {
         "leave the tank or end": decision.ways_tank,
         "lead away": decision.ways_quadrant,

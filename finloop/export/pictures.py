@@ -64,7 +64,7 @@ class FishOnlyPainter:
 
 
 def box_of_all_fish(frames: Iterable[Sequence[PlacedFish]], alone: FishOnlyPainter) -> Box:
-    """Return the smallest box of the canvas that holds all fish of all ticks, and their rim.
+    """Return the smallest box of the canvas that holds all fish of all ticks, with a rim.
 
     frames: the fish of every tick; alone: the painter that paints them.
     """
@@ -136,10 +136,11 @@ def add_film_sources(
     edit: pd.DataFrame, tracks: pd.DataFrame, sprites: pd.DataFrame,
     mm_per_px: float | None = None, length_px: float = np.nan,
 ) -> pd.DataFrame:  # fmt: skip
-    """Add to an edit list the film's track and frame of every row, and lengths in mm (READABLE).
+    """Add to an edit list which track and frame of the film each row shows, and lengths in mm.
 
     edit: schema EDIT; tracks: track_id and frame of every cut-out; sprites: schema SPRITES;
-    mm_per_px: None where unknown; length_px: body length of the animal as drawn.
+    mm_per_px: None where unknown; length_px: body length of the animal as drawn. The result has the
+    columns READABLE.
     """
     source = _film_source_columns(edit, "", "source", tracks, sprites)
     partner = _film_source_columns(edit, "partner_", "partner", tracks, sprites)

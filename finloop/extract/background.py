@@ -51,7 +51,7 @@ class Scene:
 
     @cached_property
     def light_meter(self) -> "_LightMeter":
-        """Return the meter that compares the light of a frame with the background's."""
+        """Return what measures the brightness of a frame relative to the background's."""
         return _LightMeter(self.background)
 
 
@@ -92,7 +92,7 @@ def match_scene_to_light(scene: Scene, frame: Picture) -> Scene:
 
 
 def scale_brightness(picture: Picture, gain: float) -> Picture:
-    """Return a picture in a light `gain` times as strong; the picture itself if the gain is 1."""
+    """Return a picture made `gain` times as bright; the picture itself if the gain is 1."""
     return picture if gain == 1.0 else cv2.convertScaleAbs(picture, alpha=gain)
 
 
@@ -181,7 +181,7 @@ def background_without_ghosts(frames: Sequence[Picture], median: Picture, least:
 
 
 def _smooth_difference(picture: Picture, other: Picture) -> Picture:
-    """Return the smoothed difference (h, w) of two pictures, of RGB the strongest channel."""
+    """Return the smoothed difference (h, w) of two pictures; of RGB the largest channel counts."""
     change = cv2.absdiff(picture, other)
     grey = change if change.ndim == 2 else change.max(axis=-1)
     return np.asarray(cv2.GaussianBlur(grey, (5, 5), 1.5))

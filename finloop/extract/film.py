@@ -108,11 +108,11 @@ class Detector:
     settings: ExtractSettings
 
     def __call__(self, frame: Picture, scene: Scene) -> Detections:
-        """Return all silhouettes of a frame; the scene first gets the light of that frame."""
+        """Find all silhouettes of a frame, after making the background as bright as the frame."""
         return self.detect(frame, match_scene_to_light(scene, frame))
 
     def detect(self, frame: Picture, scene: Scene) -> Detections:
-        """Return all silhouettes of a frame in the scene's light; isolated fish are measured."""
+        """Find all silhouettes of a frame and measure isolated fish; the scene is as bright as it."""
         settings = self.settings
         least = max(settings.least_area_px, _SPECK * self.typical.area_px)
         ends = SilhouetteEdge(
@@ -299,7 +299,7 @@ def fish_cutouts(fish: Iterable[TrackedFish]) -> Iterator[Cutout]:
 
 
 def track_table_rows(fish: Sequence[TrackedFish]) -> pd.DataFrame:
-    """Return the rows of the table of tracks (`tracks_schema`) for some fish, in their order."""
+    """Return rows of the table of tracks (`tracks_schema`), one for each of some fish, in order."""
     return pd.DataFrame(
         {
             "track_id": [f.track_id for f in fish],

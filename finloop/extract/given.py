@@ -81,7 +81,7 @@ class ExternalTracks:
 
 
 class FilmSize(NamedTuple):
-    """The size of the film that was tracked: its number of frames, and the sides of its picture."""
+    """Number of frames, and sides of the picture, of the film that was tracked."""
 
     frames: int
     width_px: int
@@ -153,7 +153,7 @@ def find_keypoint(
 def _refuse_other_length(
     tracked_frames: NDArray[np.integer], clip_frames: NDArray[np.integer], film: FilmSize
 ) -> None:
-    """Raise FinloopError if places lie beyond the film's end, or in less than half of the clip.
+    """Raise FinloopError for places beyond the film's end, or in less than half of the clip.
 
     tracked_frames: (rows,) ascending; clip_frames: the film's frame that each frame of the clip
     shows.
@@ -178,7 +178,7 @@ def _refuse_other_length(
 
 
 def _refuse_other_units(points: Floats, film: FilmSize) -> None:
-    """Raise FinloopError if most places lie outside the picture, or all in its first pixels.
+    """Raise FinloopError if places are not in px: outside the picture, or all in its first pixels.
 
     points: (rows, k, 2).
     """
@@ -332,7 +332,7 @@ class ExternalTrackLinker:
         )
 
     def metrics(self, fit: "SilhouetteFit") -> dict[str, float]:
-        """Return counts and shares (0 … 1) of the places' outcomes by name, for metrics.json."""
+        """Count how another program's places matched silhouettes: numbers and shares, by name."""
         given, counts = self._given, self.outcome_counts()
         return {
             "places": counts.total(),
@@ -358,7 +358,7 @@ class ExternalTrackLinker:
 
 
 def longest_run_frames(given: ExternalTracks) -> int:
-    """Return the largest number of successive frames of the clip in which an animal has a place."""
+    """Return for how many successive frames of the clip an animal has a place, at most."""
     frame = np.repeat(np.arange(len(given.start)), given.stop - given.start)
     row = np.concatenate([np.arange(a, b) for a, b in zip(given.start, given.stop, strict=True)])
     animal = given.individual[row]
@@ -398,7 +398,7 @@ def measure_silhouette_fit(
     silhouettes: Sequence[Sequence[SilhouettePlace]],
     length_px: float,
 ) -> SilhouetteFit:
-    """Return how well another program's places agree with the silhouettes of sample frames.
+    """Measure how well another program's places agree with the silhouettes of sample frames.
 
     frames: numbers of the sample frames; silhouettes: those of each; length_px: a body length.
     """

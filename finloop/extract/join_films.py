@@ -44,7 +44,7 @@ class FishScaling(NamedTuple):
 
     @property
     def is_identity(self) -> bool:
-        """Return whether the change leaves every fish as it is filmed."""
+        """Return whether fish stay as they are filmed."""
         return self == FishScaling()
 
 
@@ -218,7 +218,7 @@ def _drop_colour(pixels: Picture) -> Picture:
 
 
 def match_cutout(cutout: Cutout, scaling: FishScaling) -> Cutout:
-    """Return a cut-out in the first film's size and light; its place is scaled about (0, 0)."""
+    """Scale a cut-out to the first film's size and light; its place is scaled about (0, 0)."""
     pixels = _drop_colour(cutout.pixels) if scaling.grey else cutout.pixels
     if scaling.gains:
         lit = pixels[..., :-1] * np.array(scaling.gains)

@@ -68,9 +68,9 @@ def load_external_tracks(clip: Path, facts: VideoFacts, p: ExtractSettings) -> E
 def check_external_tracks(
     given: ExternalTracks, clip: Path, facts: VideoFacts, scene: Scene, detector: film.Detector
 ) -> SilhouetteFit:
-    """Return how well another program's places agree with silhouettes in sample frames of the clip.
+    """Check that tracks belong to the clip, by silhouettes in sample frames; return how well.
 
-    clip: its folder. FinloopError if so few agree that the tracks are of another film.
+    clip: its folder. FinloopError if so few places agree that the tracks are of another film.
     """
     there = np.flatnonzero(given.stop > given.start)
     spread = np.linspace(0, len(there) - 1, min(detector.settings.samples, len(there)))
@@ -83,10 +83,10 @@ def check_external_tracks(
 
 
 def save_external_tracks(folder: Path, given: ExternalTracks, points: int) -> None:
-    """Write which animal each row of the table of tracks is, and where its head and tail are.
+    """Write another program's animal, head and tail for each row of the table of tracks.
 
-    given: what another program says of these. folder: holds the table of tracks, and receives
-    `GIVEN_NAME`. points: the number of points of a backbone in the table of tracks.
+    folder: holds the table of tracks, and receives `GIVEN_NAME`. points: number of points of a
+    backbone.
     """
     rows = load_table(folder / TRACKS_NAME, tracks_schema(points), ["track_id", "frame"])
     animal = rows["track_id"].to_numpy() % len(given.names)

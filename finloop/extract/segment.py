@@ -198,10 +198,10 @@ def _find_candidate_edges(change: Picture, arena: Picture, level: int) -> Iterat
 def _silhouette_inside_edge(
     edge: Edge, patch: Picture, corner: tuple[int, int], contrast: float, arena: Picture
 ) -> Silhouette:
-    """Return the silhouette that an edge encloses, without holes.
+    """Return the silhouette that a closed edge encloses, with its holes filled.
 
     edge: px of the patch; patch: part of the difference image; corner: x, y of the patch in the
-    picture; contrast: of the candidate, grey levels.
+    picture; contrast: of the patch, grey levels.
     """
     x, y, w, h = cv2.boundingRect(edge)
     at_edge = min(x + corner[0], y + corner[1]) <= 1
@@ -296,12 +296,12 @@ def measure_fish(
 
 @kernel
 def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
-    """Return the soft alpha (h, w) uint8, 0 … 255, of a silhouette.
+    """Return how opaque each pixel of a silhouette is, 0 … 255: alpha (h, w) uint8.
 
-    mask: (h, w), the silhouette; field: (h, w), the difference image. Near the outline a pixel is a
-    blend of fish and tank, so alpha is its difference divided by the largest difference within two
-    pixels inside the fish, `floor` at least. Deep inside, where patterned skin may resemble the
-    tank, alpha is 255; beyond the next pixel it is 0.
+    mask: (h, w), the silhouette; field: (h, w), the difference from the tank. Near the outline a
+    pixel is a blend of fish and tank, so alpha is its difference divided by the largest difference
+    within two pixels inside the fish, `floor` at least. Deep inside alpha is 255; beyond the next
+    pixel it is 0.
     """
     height, width = mask.shape
     alpha = np.zeros((height, width), np.uint8)
@@ -326,10 +326,10 @@ def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
 
 
 def premultiply_cutout(film: Picture, tank: Picture, alpha: Picture) -> Picture:
-    """Return the cut-out (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, premultiplied.
+    """Cut a fish out of a film frame, without the tank's colour at its edge.
 
-    It is film − (1 − alpha) · tank: laid over the same tank it gives back the film, and over any
-    other picture it has no fringe of tank colour. `film` and `tank` are (h, w) or (h, w, 3),
+    The result (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, is film − (1 − alpha) · tank:
+    laid over the same tank it gives back the film. `film` and `tank` are (h, w) or (h, w, 3),
     `alpha` (h, w).
     """
     deep = (*alpha.shape, film.size // alpha.size)

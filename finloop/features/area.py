@@ -27,7 +27,7 @@ def control_points(backbone: Reals) -> Floats:
 
 
 def interpolate_lines(lines: Reals, places: Floats) -> Floats:
-    """Return the points (rows, k, 2) of lines (rows, n, 2) at k places, linear between points.
+    """Interpolate lines (rows, n, 2) at k places between their points: (rows, k, 2).
 
     places (k,): counted in points, 0 … n − 1; 2.5 is half way between points 2 and 3.
     """

@@ -8,7 +8,7 @@ from finloop.base.line import PX, TRACK, Line, check_line
 
 
 def track_as_path(features: pd.DataFrame, name: str, parameter: str = "matching.path") -> Line:
-    """Return a track of the film as a path with times and headings.
+    """Turn a track of the film into a path that other fish can follow, with times and headings.
 
     features: the feature table; name: of the track, such as `track:8`. The path is in px, s and
     degrees. FinloopError, which mentions `parameter`, if there is no such track.

@@ -117,12 +117,12 @@ def measure_features(
     tracks: pd.DataFrame, rate_hz: float, settings: FeaturesSettings,
     given: pd.DataFrame | None = None,
 ) -> tuple[pd.DataFrame, NDArray[np.float32]]:  # fmt: skip
-    """Return the feature table of a table of tracks, row by row, and the backbones head first.
+    """Measure heading, bend, motion and turns of every fish in every frame: the feature table.
 
-    The table of tracks is in the order (track_id, frame), as `extract` writes it; else
-    FinloopError. `given`, of the same rows, holds head_x_px, head_y_px, tail_x_px, tail_y_px of
-    another program; where they are not NaN, they decide which end is the head. The feature table
-    has the columns `FEATURES`; the backbones beside it are (rows, n, 2) px.
+    tracks: the table of `extract`, in the order (track_id, frame), else FinloopError. `given`, of
+    the same rows, holds head_x_px, head_y_px, tail_x_px, tail_y_px of another program; where they
+    are not NaN, they decide which end is the head. The feature table has the columns `FEATURES`;
+    beside it backbones (rows, n, 2) px, head first, are returned.
     """
     if not pd.MultiIndex.from_frame(tracks[["track_id", "frame"]]).is_monotonic_increasing:
         raise FinloopError(

@@ -122,7 +122,7 @@ def measure_predictions(
 
 
 def _log_likelihood(error: Floats, deviation: Floats) -> float:
-    """Return the mean log density of errors (k, d) that are normal with these deviations."""
+    """Return the mean log density of normal errors (k, d) with given standard deviations."""
     return float(np.mean(-((error / deviation) ** 2) / 2 - np.log(deviation * np.sqrt(2 * np.pi))))
 
 
@@ -172,7 +172,7 @@ def measure_control_slopes(
 
 
 def posture_motion_areas(postures: Floats) -> Floats:
-    """Return the motion area (k,) [BL²] of postures (k, 2 + 2 n): between body and chord (§2.2)."""
+    """Return how bent postures (k, 2 + 2 n) are: motion areas (k,), squared body lengths (§2.2)."""
     none = np.zeros(len(postures))
     lines = Pose(none, none, none, none + 1, postures).backbone_px()
     return np.abs(measure_bend(lines, backbone_steps(postures).sum(1)))
@@ -215,10 +215,7 @@ def compare_free_swim(
 
 
 def longest_repeat_rows(values: NDArray[np.generic]) -> int:
-    """Return the length, in rows, of the longest run of `values` (n, k) that occurs twice.
-
-    The second occurrence begins after the first ends.
-    """
+    """Return the length of the longest run of rows (n, k) that occurs twice without overlap."""
     number = np.unique(values, axis=0, return_inverse=True)[1].ravel()
     longest = 0
     for lag in range(1, len(number)):

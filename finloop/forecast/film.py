@@ -73,7 +73,7 @@ class FilmStates:
 def compute_film_states(
     features: pd.DataFrame, codes: Reals, mirror: Reals | None, rate_hz: float, p: ForecastSettings
 ) -> FilmStates:
-    """Compute the states and controls of all rows of a film and of their mirror images.
+    """Compute pose, speeds and next motion of all rows of a film and of their mirror images.
 
     codes: (n, c) of the rows' postures, the most important first; mirror: from
     `posture_mirror_matrix`. FinloopError if too few rows have a past and a future, or no fish turns
@@ -148,7 +148,7 @@ def _measure_speeds(features: pd.DataFrame, rate_hz: float) -> Floats:
 
 @dataclass(frozen=True)
 class Partition:
-    """The numbers of a film's rows to learn from, (k,), and of those held out, (q,)."""
+    """Row numbers of a film: (k,) to learn from, and (q,) held out to test predictions."""
 
     train: Ints
     held_out: Ints

@@ -24,7 +24,7 @@ _STEADY = 0.3  # share of the noise that differs between lags; the rest shifts t
 
 
 class _Network(nn.Module):
-    """The network g, averaged with its mirror image; inputs in units of their scales."""
+    """The network while it learns; its output is averaged with that for the mirror image."""
 
     def __init__(self, film: FilmStates, hidden_units: int) -> None:
         """Build layers for a film's states and controls, which at first predict no change."""
@@ -97,7 +97,7 @@ Sample = tuple[Tensor, Tensor, Tensor]
 
 
 def _make_sample(film: FilmStates, rows: Ints) -> Sample:
-    """Return rows (m,) of a film as a sample for the network: pasts, controls and next states."""
+    """Return what the network learns from rows (m,) of a film: pasts, controls and next states."""
     parts = (
         film.past(rows) / film.scale, film.control[rows] / film.control_scale,
         film.states[rows + 1] / film.scale,
@@ -159,7 +159,7 @@ def _copy_weights(network: _Network) -> dict[str, Tensor]:
 
 @contextmanager
 def _torch_on_one_thread(seed: int) -> Iterator[torch.Generator]:
-    """Run torch on one thread, for reproducible sums; the seed draws the first weights."""
+    """Run torch on one thread, so that sums are reproducible; the seed draws the first weights."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -55,7 +55,7 @@ class Forecast:
     side: Floats
 
     def kernel_weights(self) -> KernelWeights:
-        """Return the weights for the kernel, which takes states and controls in their own units."""
+        """Return the weights as `predict_next_mean` takes them, with the scales folded in."""
         (first, second, third), (first_bias, second_bias, third_bias) = self.layers, self.biases
         d, lags = len(self.scale), len(self.lags)
         unit = np.concatenate([np.tile(self.scale, lags), self.control_scale])
@@ -122,7 +122,7 @@ def _silu(x: Reals) -> Reals:
 
 @finite_leaf
 def predict_next_mean(net: KernelWeights, past: Weights, out: Floats, hidden: Weights) -> None:
-    """Write the predicted mean of the next state into `out` (d,).
+    """Predict the next state of a fish, and write it into `out` (d,).
 
     past: (l d + 2,), the states at all lags, the present first, then the control, in the units of
     `FilmStates`; hidden (2, h): space for the two hidden layers.

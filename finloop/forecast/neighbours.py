@@ -157,7 +157,7 @@ def _choose_alike_pairs(
 
 
 def _visible_distances_after(pairs: Ints, film_rows: int, visible: VisibleDistance) -> Floats:
-    """Return the visible distance (k,) of the rows after each pair (k, 2).
+    """Return how different the rows after each pair of rows (k, 2) look: visible distances (k,).
 
     film_rows: how many rows the film has, without mirror images.
     """

@@ -58,7 +58,7 @@ class Sampler(NamedTuple):
 
 
 class RolloutState(NamedTuple):
-    """A simulated fish: its past states (L + 1, d), the present first, and the film row it follows.
+    """A simulated fish: its past states (L + 1, d), the present first, and its present film row.
 
     L: the longest lag.
     """
@@ -71,7 +71,7 @@ def build_sampler(
     film: FilmStates, model: Forecast, graph: tuple[Ints, Similar], p: ForecastSettings,
     mean: Floats | None = None,
 ) -> Sampler:  # fmt: skip
-    """Build the sampler, which drives a simulated fish, from a film, its network and a graph.
+    """Build a `Sampler`, all that drives a simulated fish, from a film, its network and a graph.
 
     graph: from `neighbours.build_similarity_graph`; mean: `Sampler.mean`, None to compute it.
     """
@@ -94,7 +94,7 @@ def build_sampler(
 
 
 def start_at_row(sampler: Sampler, row: int) -> RolloutState:
-    """Return a fish that swims as filmed at a row: its past is that of the film."""
+    """Return a simulated fish whose past is that of the film at a row (a fish in a frame)."""
     return RolloutState(sampler.states[row - np.arange(sampler.lags[-1] + 1)], row)
 
 
@@ -116,7 +116,7 @@ def step_fish(
 def draw_next_row(
     sampler: Sampler, row: int, control: Floats | None, rng: np.random.Generator
 ) -> int:
-    """Draw the row that a fish follows next: a row similar to `row`, or `row` itself.
+    """Draw at random the film row that a simulated fish follows next, among similar rows.
 
     control (2,): with q a row's squared difference from it, in units of `sampler.obey`, the row is
     exp(−½ (q − least q)) times as likely; None: the control does not matter.
@@ -150,7 +150,10 @@ def next_row_weights(sampler: Sampler, row: int) -> tuple[Ints, Floats]:
 
 
 def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
-    """Let a fish swim freely from a random row; return its states (ticks, d) and rows (ticks,)."""
+    """Let a simulated fish swim from a random film row; return states (ticks, d) and rows (ticks,).
+
+    It swims without control; the rows are those of the film that it follows.
+    """
     past, row = start_at_row(sampler, int(rng.choice(np.flatnonzero(sampler.usable))))
     states, rows, n = [], [], 0
     while n < ticks:

@@ -52,7 +52,7 @@ class ClockComparison:
 
 
 def choose_held_out_frames(film: GaitContours) -> tuple[str, list[Mask]]:
-    """Choose the frames to hold out of each fit: return the scheme's name and masks (frames,).
+    """Choose which frames of a film are held out of each fit: name of the scheme, masks (frames,).
 
     A film of two cycles or more holds out one cycle at a time; an incomplete last cycle has a mask
     of its own. A shorter film holds out every other frame.
@@ -68,7 +68,7 @@ def choose_held_out_frames(film: GaitContours) -> tuple[str, list[Mask]]:
 def compare_clocks(
     film: GaitContours, *, split: float = 0.25, wavelet: str = "coif2", coarse: int = 4
 ) -> ClockComparison:
-    """Fit each of the four CLOCKS to a part of the film, and measure its error in the other frames.
+    """Measure how well each of the four CLOCKS predicts frames that it was not fitted to.
 
     split: phase of key 2, in cycles; wavelet: of the descriptor; coarse: coefficients of its
     coarsest scale. Frames to hold out are skipped if the others cannot be fitted; if all are, the
@@ -159,7 +159,7 @@ def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
 def _errors_by_scale(
     film: GaitContours, table: pd.DataFrame, subcycles: dict[tuple[str, int], Subcycle]
 ) -> pd.DataFrame:
-    """Return the table `ClockComparison.by_scale` from the table of squared errors.
+    """Summarise squared errors by wavelet scale: the table `ClockComparison.by_scale`.
 
     subcycles: those fitted to all frames, by contour id and 0 for A, 1 for B.
     """

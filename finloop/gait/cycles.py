@@ -28,9 +28,9 @@ STEPS = 61
 
 
 def swimmer_gait_contours(swim: TrackContours) -> GaitContours:
-    """Return a fish's contours and phases in its steady frames, in body lengths.
+    """Return a fish's outlines in the frames with a steady tail beat, and their phases in the beat.
 
-    swim: the contours of one track. FinloopError if no motion repeats.
+    swim: the contours of one track, in body lengths. FinloopError if no motion repeats.
     """
     points, phase = join_steady_frames([swim])
     return GaitContours({OUTLINE: points}, phase, 1.0, "mirror")
@@ -43,7 +43,7 @@ def walker_gait_contours(
     split: float = 0.25,
     first: int = 0,
 ) -> tuple[GaitContours, Period, Limbs]:
-    """Return a walker's contours and phases in its steady frames, its period, and all its limbs.
+    """Return a walker's outlines and phases in frames with a steady gait, its period, its limbs.
 
     frames: contours by id for each frame, in px; n: points of a contour; split: phase of key 2, in
     cycles; first: the number of the first frame, for messages. Limbs are in the body frame, px. The
@@ -126,7 +126,7 @@ def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
 
 
 def _fit_residual(phase: Floats, foot_x: Floats, split: float) -> float:
-    """Return the squared error of four parabolas, joined at the keys, fitted to foot positions.
+    """Return how badly four parabolas, joined at the key frames, fit how feet move: squared error.
 
     phase (frames,): in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key
     2.

@@ -42,7 +42,7 @@ LEAST_MOTION = 1e-9  # body lengths: a scale that moves less between the keys ge
 
 @dataclass(frozen=True)
 class GaitContours:
-    """Contours of a film in the frame of the body, with the phase of every frame."""
+    """Outlines of an animal, relative to its body, with the phase of its gait in every frame."""
 
     # closed, (frames, n, 2) by id, n a power of two; NaN in frames without the contour. With
     # symmetry "mirror" they begin at the snout
@@ -60,7 +60,7 @@ class GaitContours:
         )
 
     def add_hidden_limbs(self) -> "GaitContours":
-        """Return the film with limbs that it never shows added as NaN; a fish is left unchanged.
+        """Return the film with NaN for limbs that it never shows; a fish is left unchanged.
 
         Later a hidden limb follows from its partner by symmetry, see `gait.model.opposite_limb`.
         """
@@ -177,7 +177,7 @@ def interpolate_key_frames(film: GaitContours, split: float) -> KeyFrames:
 
 @dataclass(frozen=True)
 class SubcycleFrames:
-    """The frames of a film that show one contour in one subcycle, s in number.
+    """The s frames of a film that show one contour in one subcycle, between two key frames.
 
     tau (s,): shares 0-1 of the subcycle; coefficients (s, n, 2): of the contour; frame (s,):
     numbers of the frames in the film.
@@ -191,7 +191,7 @@ class SubcycleFrames:
 def sort_into_subcycles(
     film: GaitContours, split: float, wavelet: str, coarse: int
 ) -> dict[str, list[SubcycleFrames]]:
-    """Sort a film's frames into subcycles: return, by contour id, those in A and those in B.
+    """Sort a film's frames into subcycles, between key frames: by contour id, those in A and in B.
 
     By symmetry they include the frames of C and D. split: phase of key 2, in cycles; wavelet: of
     the descriptor; coarse: coefficients of its coarsest scale.
@@ -410,7 +410,7 @@ def fit_gait(
 def _ground_contact_phases(
     film: GaitContours, keys: KeyFrames, gait: Gait
 ) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Return the spans of phase in which each foot is on the ground, by id, as in `Gait.support`.
+    """Return when each foot is on the ground: spans of phase by id, as in `Gait.support`.
 
     A foot is down from its foremost to its hindmost place; the animal heads for screen right. A
     foot is the lowest point of a contour that has "left" or "right" in its id.

@@ -41,10 +41,10 @@ class Ground(NamedTuple):
 
 
 def support_frames(spans: tuple[tuple[float, float], ...], frames: int) -> list[Ints]:
-    """Return the frame numbers of each span of phase (from, to) in which a foot is on the ground.
+    """Return the numbers of the frames in which a foot is on the ground, for each span of phase.
 
-    spans: in cycles, both ends included; frames: number of frames of a cycle. A returned number may
-    exceed it.
+    spans: (from, to) in cycles, both ends included; frames: number of frames of a cycle. A returned
+    number may exceed it.
     """
     room = 1e-9
     ends = [(np.ceil((a - room) * frames), np.floor((b + room) * frames)) for a, b in spans]
@@ -60,7 +60,7 @@ def measure_ground(limbs: Mapping[str, Points], support: Support) -> Ground:
 
 
 def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Points]:
-    """Return limbs sheared so that feet on the ground move with it and no foot is below it.
+    """Shear limbs so that feet on the ground do not slide on it, and no foot is below it.
 
     limbs: contours (frames, n, 2) of one cycle by id; support: spans of phase on the ground by id.
     While a foot is lifted, the correction changes smoothly from one span to the next. Ids outside
@@ -75,7 +75,7 @@ def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Point
 
 
 def foot_displacement(limb: Points) -> Points:
-    """Return how far a limb's foot (frames, n, 2) moves in x since the first frame: (frames,)."""
+    """Return how far the foot of a limb (frames, n, 2) has moved in x since the first frame."""
     return np.concatenate([[0.0], np.cumsum([_foot_shift(*pair) for pair in pairwise(limb)])])
 
 
@@ -148,7 +148,7 @@ def _shear_limb(
 
 
 def _fill_shifts(shift: Points) -> Points:
-    """Return the shifts (f, 2) of a cycle with missing ones (NaN) interpolated smoothly."""
+    """Interpolate the missing shifts (NaN) of a cycle smoothly: (f, 2)."""
     frames, present = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
     out = shift.copy()
     for start, end in zip(present, np.append(present[1:], present[0] + frames), strict=True):

@@ -79,7 +79,7 @@ def region_contour(mask: Mask, smooth_px: float = SMOOTH_PX) -> Region:
 
 
 def check_traced_contour(curve: Curve, width: float, height: float) -> Region:
-    """Return a traced contour unchanged, or BORDER if it leaves the picture (both in px)."""
+    """Return a traced contour; BORDER in its place if it leaves the picture (both in px)."""
     inside = (curve.points > 0).all() and (curve.points < [width, height]).all()
     return curve if inside else BORDER
 
@@ -193,7 +193,7 @@ def _fit_line(time: Floats, values: Floats, times: Floats) -> Floats:
 
 
 def _median_contour_width(regions: Sequence[Sequence[Region]]) -> float:
-    """Return the median width of all contours together, px, over the most complete frames."""
+    """Return the median width [px] of all limbs together, in the frames that show most limbs."""
     frames = zip(*regions, strict=True)
     contours = [[each.points for each in frame if isinstance(each, Curve)] for frame in frames]
     most = max(len(frame) for frame in contours)

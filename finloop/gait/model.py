@@ -146,7 +146,7 @@ def key_1_share(tau: Points, gamma: float | Points) -> Points:
 
 
 def gamma_fraction(tau: Points, frames: Points, start: Points, end: Points) -> tuple[float, float]:
-    """Return numerator and denominator of the gait parameter γ that fits frames of a subcycle best.
+    """Return a fraction's numerator and denominator: the gait parameter γ that fits frames best.
 
     tau (s,): shares 0-1 of the subcycle; frames (s, k): coordinates; start, end (k,): coordinates
     of the key frames at both ends.
@@ -158,7 +158,7 @@ def gamma_fraction(tau: Points, frames: Points, start: Points, end: Points) -> t
 
 
 def gamma_from_fractions(fractions: Iterable[tuple[float, float]]) -> float:
-    """Return the gait parameter γ that fits sets of frames together, from each `gamma_fraction`.
+    """Return the gait parameter γ that fits several sets of frames, from their `gamma_fraction`.
 
     Sets that move more count more. γ is 0 if nothing moves, or no frame lies between the keys.
     """
@@ -208,7 +208,7 @@ def descriptor_slices(n: int, coarse: int, closed: bool = True) -> list[slice]:
 def gamma_per_coefficient(
     gamma: tuple[float, ...], n: int, coarse: int, closed: bool = True
 ) -> Points:
-    """Return the gait parameter γ of each of n wavelet coefficients, (n,), from one per scale.
+    """Spread gait parameters γ, one per wavelet scale, over n coefficients: (n,).
 
     n, coarse, closed as in `descriptor_slices`. The last γ holds for all finer scales.
     """
@@ -369,7 +369,7 @@ def contours_half_cycle_later(
 
 
 def locate_in_subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
-    """Return the subcycle (0…3 for A…D) of each phase, and the share of it that is over, 0-1.
+    """Return in which subcycle (0…3 for A…D) each phase lies, and at which share of it, 0-1.
 
     phase: in cycles, an array of any shape, which both results share; split: phase of key 2.
     """

@@ -30,7 +30,7 @@ TAIL = 1 / 16  # share of the contour on either side of the tail end that shows 
 
 @dataclass(frozen=True)
 class TrackContours:
-    """One track's contours (frames, n, 2) in the body frame, in body lengths, and its tail beat.
+    """A fish's outlines (frames, n, 2), relative to its body, in body lengths, and its tail beat.
 
     Point 0 is the snout, n / 2 the tail end; clockwise on screen. Phase 0 is where the tail is
     farthest to the left. Without a beat, every frame is aligned by its own pose. length_px: body
@@ -180,7 +180,7 @@ def contour_asymmetry(points: Floats) -> Floats:
 
 
 def tail_sideways_positions(points: Floats) -> Floats:
-    """Return how far right the tail end is in the body frame, (frames,), from (frames, n, 2)."""
+    """Return how far to the right the tail end is, (frames,), from outlines (frames, n, 2)."""
     n = points.shape[1]
     reach = max(1, round(TAIL * n))
     return points[:, n // 2 - reach : n // 2 + reach + 1, 1].mean(axis=1)

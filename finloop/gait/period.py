@@ -126,7 +126,7 @@ def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: 
 
 
 def set_phase_zero(beat: Period, extreme: Floats) -> Period:
-    """Shift the phase so that it is 0 where the fundamental of `extreme` (frames,) is greatest."""
+    """Shift the phase so that it is 0 where the main wave of a signal (frames,) is greatest."""
     frames = beat.steady & np.isfinite(extreme)
     terms = _harmonic_terms(beat.phase[frames], 1)
     _, cos, sin = np.linalg.lstsq(terms, extreme[frames], rcond=None)[0]
@@ -182,7 +182,10 @@ def _principal_modes(signal: Floats) -> Floats:
 
 
 def _find_steady_runs(good: Mask, phase: Floats) -> Mask:
-    """Return a mask (frames,) of the good frames in runs of at least a cycle of rising phase."""
+    """Return which good frames (frames,) lie in runs of at least one whole cycle.
+
+    good (frames,): candidates; phase (frames,): ascending in a run, in cycles.
+    """
     good = good & np.r_[True, np.diff(phase) > 0]
     edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
     result = np.zeros(len(good), bool)
@@ -192,12 +195,11 @@ def _find_steady_runs(good: Mask, phase: Floats) -> Mask:
 
 
 def remove_beat(values: Floats, phase: Floats) -> Floats:
-    """Return values (frames, k) without the part that repeats with the tail beat.
+    """Remove from values (frames, k) what repeats with the tail beat; keep turns and drift.
 
     phase (frames,): of the beat, in cycles. At every frame a straight line plus a sinusoid of the
     beat is fitted over the cycle and a half about it (at both ends over the first or last such
-    window), and the line's value is kept. So a steady turn or drift remains, and the beat is
-    removed completely.
+    window), and the line's value is kept.
     """
     out = np.empty_like(values)
     span = 2 * _HALF_WINDOW
@@ -221,7 +223,7 @@ def _harmonic_terms(phase: Floats, count: int) -> Floats:
 
 
 def _cross_validated_share(modes: Floats, phase: Floats, steady: Mask) -> float:
-    """Return the share of variance, 0-1, of each steady cycle that the other cycles predict."""
+    """Return which share (0-1) of a cycle's variance the other steady cycles predict."""
     y, moment = modes[steady], phase[steady]
     terms = _harmonic_terms(moment, _HARMONICS)
     cycle = np.floor(moment - moment[0]).astype(int)
@@ -311,12 +313,12 @@ def _best_frequency_path(share: Floats, grid: Floats) -> NDArray[np.intp]:
 def _phase_of_frequency_path(
     modes: Floats, share: Floats, path: NDArray[np.intp], grid: Floats
 ) -> Floats:
-    """Return the common phase (frames,) of all modes (frames, m), in cycles, not wrapped.
+    """Return the phase (frames,) of the beat that all modes (frames, m) share, not wrapped.
 
-    share, grid as in `_best_frequency_path`, which returns `path`. The amplitudes (frames, m),
-    turned from the middle of the window to the frame, are approximated by one pattern of modes
-    times one complex number a frame. A wave runs through the modes in one direction, so the
-    number's angle always rises.
+    It is in cycles. share, grid as in `_best_frequency_path`, which returns `path`. The amplitudes
+    (frames, m), turned from the middle of the window to the frame, are approximated by one pattern
+    of modes times one complex number a frame. A wave runs through the modes in one direction, so
+    the number's angle always rises.
     """
     # The frequency of the greatest share near the ridge, interpolated.
     frame = np.arange(len(path))

@@ -45,7 +45,7 @@ class GaitSettings:
     }
 
     def __post_init__(self) -> None:
-        """Raise ValueError for contour points that are no power of two, or regions without rate."""
+        """Refuse a number of contour points that is no power of two, or regions without a rate."""
         if self.contour_points & (self.contour_points - 1):
             raise ValueError("contour_points is no power of two")
         if self.limbs == "regions" and (self.regions is None or self.regions_rate_hz is None):

@@ -162,7 +162,7 @@ def _find_lifted_feet(
 
 
 def _ground_in_widths(limbs: dict[str, Points], support: Support, width: float) -> Ground | None:
-    """Return the ground's motion in widths of the drawing, `width` px; None without feet."""
+    """Return how the ground moves, in units of the drawing's `width` px; None without feet."""
     px = measure_ground(limbs, support)
     if not px.slide:
         return None
@@ -222,7 +222,7 @@ def renumber_curve(model: Points, curve: Curve) -> Points:
 def mirrored_point_orders(
     key1: Mapping[str, Points], key2: Mapping[str, Points], closed: Mapping[str, bool]
 ) -> dict[str, Ints]:
-    """Return, by id, the order (n,) of points that makes mirrored key poses most like the others.
+    """Return, by id, the order (n,) of points in which mirrored key poses fit the others best.
 
     key1, key2: contours (n, 2) by id; closed: by id. `gait.model.four_key_frames` mirrors key 1
     into 1' and key 2 into 2' with these orders. The cycle blends 1' with 2 and 2' with 1. An id and

@@ -148,7 +148,7 @@ def _rows_of_sprites(reel: Reel) -> tuple[Ints, Ints]:
 
 
 def _count_frames_ahead(features: pd.DataFrame) -> Ints:
-    """Return how many frames of its track follow each row."""
+    """Return for each row how many frames of its track come after it."""
     return features.groupby("track_id").cumcount(ascending=False).to_numpy()
 
 

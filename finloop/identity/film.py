@@ -56,7 +56,7 @@ class IdentityEvidence:
 def collect_evidence(
     reel: Reel, tracks: pd.DataFrame, cuts: Sequence[int], p: IdentitySettings
 ) -> IdentityEvidence:
-    """Collect the evidence for the identities in a film: body measures and parts of the film.
+    """Collect what identifies the animals of a film: measures of their bodies, and its cuts.
 
     tracks: `USED` columns of the table of tracks, row by row of the reel; cuts: first frames of the
     film's further segments.

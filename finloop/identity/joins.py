@@ -21,7 +21,7 @@ Chains = list[list[int]]
 
 
 class TrackPairs(NamedTuple):
-    """Pairs of track numbers: a (e,) and b (e,); of a pair that may be joined a is the earlier."""
+    """Pairs of tracks that may be one animal: numbers a (e,) of earlier, b (e,) of later ones."""
 
     a: Tracks
     b: Tracks

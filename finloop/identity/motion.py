@@ -55,7 +55,7 @@ def measure_track_ends(frames: list[Reals], places: list[Floats], velocity_steps
 
 
 def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
-    """Return where chains of tracks begin and end: the start of the first, the end of the last."""
+    """Return where chains of joined tracks begin and end: at the first start and the last end."""
     first, last = ([chain[k] for chain in chains] for k in (0, -1))
     return TrackEnds(
         tracks.start[first], tracks.stop[last], tracks.first[first], tracks.last[last],

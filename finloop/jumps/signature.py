@@ -35,7 +35,7 @@ DrawStraight = Callable[[NDArray[np.intp]], NDArray[np.float32]]
 
 
 class RowSource(Protocol):
-    """Access to a film's rows, their postures, and the array in which their pictures are drawn.
+    """Gives workers access to a film's rows, their postures, and an array for their pictures.
 
     Each block of rows calls it again. A cluster pickles it, once for all blocks.
     """
@@ -45,7 +45,7 @@ class RowSource(Protocol):
         ...
 
     def picture_array(self) -> Pictures:
-        """Return the array, uint8 (n, s, s, c), in which the rows' pictures are drawn."""
+        """Return the array, uint8 (n, s, s, c), that holds a picture of each row."""
         ...
 
     def share_pictures(self) -> None:
@@ -154,7 +154,7 @@ def split_into_blocks(rows: int, most_rows: int) -> list[Ints]:
 def compute_signature_parts(
     source: RowSource, settings: JumpsSettings, workers: Workers
 ) -> SignatureParts:
-    """Compute the signature parts pose, change, motion, look of all rows and mirror images."""
+    """Compute the numbers by which rows are compared: pose, change, motion, look; mirrored, too."""
     reel, poses = source.load_film()
     span = max(1, round(infer_delta_frames(reel.features) / 4))
     pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
@@ -184,7 +184,7 @@ def compute_signatures(
 
 
 def standardize_part(part: Floats, each: bool = False) -> Floats:
-    """Centre and scale a part (2, n, k): the variances of its k numbers sum to 1.
+    """Centre numbers (2, n, k) and scale them, so that the variances of all k sum to 1.
 
     each: whether all k numbers get the same variance; else one factor scales them all.
     """
@@ -192,7 +192,7 @@ def standardize_part(part: Floats, each: bool = False) -> Floats:
 
 
 def part_divisors(part: Floats, each: bool = False) -> Floats:
-    """Return the divisors (k,) that `standardize_part` applies to the numbers of a part (2, n, k).
+    """Return by what (k,) `standardize_part` divides the k numbers of a part (2, n, k).
 
     Without `each` it is the root of the summed variances; with it a number's deviation times √k.
     """

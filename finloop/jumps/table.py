@@ -7,7 +7,7 @@ from finloop.base.schema import ANY, Column, Schema, columns
 
 @dataclass(frozen=True)
 class VisibleFacts:
-    """What restores a `VisibleDistance` beside its pictures and postures: its `natural`."""
+    """The unit `natural` of a `VisibleDistance`, stored beside its pictures and postures."""
 
     natural: float
 

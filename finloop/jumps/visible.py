@@ -32,7 +32,7 @@ class VisibleDistance:
 
     @classmethod
     def from_source(cls, source: RowSource, workers: Workers) -> "VisibleDistance":
-        """Draw the pictures of all rows into the source's array, and measure the natural step."""
+        """Draw the pictures of all rows into the source's array, and measure the unit."""
         reel, poses = source.load_film()
         pictures, rows = source.picture_array(), split_into_blocks(len(reel), _LOT)
         drawn = ordered_map(partial(_draw_rows, source, pictures.shape[1]), rows, workers)
@@ -48,7 +48,7 @@ class VisibleDistance:
         return cls(pictures, poses.pose.posture, max(natural, 1e-12))
 
     def __call__(self, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
-        """Return the visible distances (k,), in natural steps, from rows (k,) to rows `to` (k,).
+        """Return how different rows (k,) and rows `to` (k,) look in one pose: (k,), natural steps.
 
         The rows `to`, mirrored (k,) or not, are drawn in the poses of `rows`.
         """

@@ -41,7 +41,10 @@ class Modes(NamedTuple):
 
     @classmethod
     def from_players(cls, players: Mapping[str, AnyPlayer]) -> "Modes":
-        """Return the modes of some players by name; each can draw the sprites of all others."""
+        """Build the modes from players, which plan a fish's motion, by name.
+
+        In each mode, the sprites of all others can be drawn.
+        """
         widest = max((one.sources for one in players.values()), key=lambda s: len(s.sprite_scale))
         return cls(players, {
             mode: replace(
@@ -103,7 +106,7 @@ class DecisionRecord:
 
     @property
     def follows_plan(self) -> bool:
-        """Return whether the stretch continues the plan of an earlier decision."""
+        """Return whether the motion carries on the plan of an earlier decision."""
         moves = self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
         return bool(self.state.path.runs) and self.stretch.options is None and moves
 
@@ -116,10 +119,10 @@ class DecisionRecord:
 
 
 class TankRow(NamedTuple):
-    """What is known of a fish at one past tick: how it was drawn, and its goal.
+    """How a fish of the live tank was drawn at one past tick, and its goal then.
 
     orientation: 0 for a frame; goal_x_px, goal_y_px: NaN where there is no goal; reached: whether
-    the fish has reached its goal; decided: first tick of the stretch in force; pose: code of the
+    the fish has reached its goal; decided: first tick of the decision's motion; pose: code of the
     drawn pose, None for the picture's own.
     """
 
@@ -198,7 +201,7 @@ class LiveFish:
 
     @property
     def _player(self) -> AnyPlayer:
-        """Return the player of the present mode."""
+        """Return the player, which plans the motion, of the present mode."""
         return self._modes.players[self.mode]
 
     @property
@@ -242,17 +245,14 @@ class LiveFish:
         return max(self.born, self.last_tick - HISTORY + 1)
 
     def decision_at(self, tick: int) -> DecisionRecord | None:
-        """Return the decision in force at a tick of the tank; None if it is not known."""
+        """Return the decision that moved the fish at a tick of the tank; None if not remembered."""
         row = self.row_at(tick)
         if row is None:
             return None
         return next((one for one in reversed(self._decisions) if one.tick == row.decided), None)
 
     def planning_decision(self, decision: DecisionRecord) -> DecisionRecord:
-        """Return the decision that made the plan which another decision continues.
-
-        It is that decision itself, unless it continues an earlier plan.
-        """
+        """Return the decision whose plan another one carries on; itself if it made its own."""
         earlier = (one for one in reversed(self._decisions) if one.tick <= decision.tick)
         return next((one for one in earlier if not one.follows_plan), decision)
 
@@ -309,7 +309,7 @@ class LiveFish:
         self._record_tick()
 
     def _record_tick(self) -> None:
-        """Move to the next row of the plan, and store it together with the present request."""
+        """Move to the next tick of the plan, and remember it together with the user's request."""
         row = TankRow._make((*self._plan[self._played].item(), self._plan_poses[self._played]))
         self._played += 1
         # A hidden partner stays hidden: two unlike fish on top of each other look like ghosts.

@@ -111,7 +111,7 @@ class LiveTank:
             self.fish.append(new)
 
     def _other_paths(self, fish: LiveFish, tick: int) -> dict[str, Floats]:
-        """Return the planned paths of all fish but one from a tick on, by name."""
+        """Return where all other fish plan to swim from a tick on, by the name of each."""
         return {
             other.name: other.planned_path_from(tick) for other in self.fish if other is not fish
         }

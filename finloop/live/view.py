@@ -191,14 +191,14 @@ class TankView:
         }  # fmt: skip
 
     def _leader_number(self, rule_task: RuleTask | None) -> int | None:
-        """Return the index of a rule's leader, −1 for a group; None without a rule."""
+        """Return the index of the fish that a rule follows, −1 for a group; None without a rule."""
         if rule_task is None or rule_task.leader is None:
             return None if rule_task is None else -1
         names = [fish.name for fish in self.tank.fish]
         return names.index(rule_task.leader) if rule_task.leader in names else None
 
     def _describe_decision(self, decision: DecisionRecord) -> dict[str, Any]:
-        """Return what the page shows of a decision, with the candidates that its plan compared."""
+        """Return what the page shows of a fish's decision, with the film rows that it compared."""
         plan = self.tank.fish[self.explained].planning_decision(decision)
         fish, stretch, options = plan.state.fish, decision.stretch, plan.stretch.options
         ranked = [] if options is None else _rank_candidates(options)
@@ -213,7 +213,10 @@ class TankView:
         }  # fmt: skip
 
     def _describe_candidate(self, plan: DecisionRecord, number: int) -> dict[str, Any]:
-        """Return what the page shows of one candidate; number: its row in the plan's table."""
+        """Return what the page shows of a candidate, a film row that could be shown next.
+
+        number: its row in the plan's table.
+        """
         fish, options, player = plan.state.fish, plan.stretch.options, self.tank.players[plan.mode]
         assert options is not None and isinstance(player, Planner)
         row, cost = int(options.rows[number]), float(options.value[number])
@@ -230,7 +233,7 @@ class TankView:
     def _candidate_places(
         self, film: MotionGraph, start: tuple[float, float], row: int, turn_rad: float
     ) -> list[list[int]]:
-        """Return the places to which a fish would come along a row of the film.
+        """Return the places [px] that a fish would reach if it played the film on from a row.
 
         start: where it begins [px]. turn_rad: by how much the film's motion is turned.
         """

@@ -114,7 +114,7 @@ def renumber_groups(
 
 @kernel
 def find_endless_rows(has_next, end, start, to):  # type: ignore[no-untyped-def]
-    """Return whether the film can play for ever from each row (n,), by playing on or jumping.
+    """Return from which rows (n,) the film can play for ever, by playing on or jumping.
 
     has_next (n,): whether a row is followed by another; end (n,): the loop end at a row, −1 for
     none; from end k the film can jump to `to[start[k]:start[k + 1]]`. Rows without a successor are
@@ -146,7 +146,7 @@ def _has_endless_future(
     track_id: NDArray[np.integer], ends: NDArray[np.int32], start: NDArray[np.int32],
     to: NDArray[np.int32],
 ) -> Mask:  # fmt: skip
-    """Return whether the film can play for ever after each feature row (n,).
+    """Return after which feature rows (n,) the film can play for ever, given the graph's arrays.
 
     track_id (n,): of every row; ends, start, to: as in `LoopGraph`.
     """
@@ -157,7 +157,7 @@ def _has_endless_future(
 
 
 def can_play_for_ever(graph: LoopGraph, track_id: NDArray[np.integer]) -> Mask:
-    """Return whether the film can play for ever after each feature row (n,).
+    """Return after which feature rows (n,) the film can play for ever.
 
     track_id (n,): of every row.
     """

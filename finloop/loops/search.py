@@ -56,7 +56,7 @@ class SparseDistanceMap(NamedTuple):
 
 
 def to_sparse_map(table: pd.DataFrame, rows: int) -> SparseDistanceMap:
-    """Return a table of pairs as a sparse distance map.
+    """Convert a table of pairs of rows to a sparse distance map.
 
     table: columns i, j (feature rows), distance; sorted by i, then by j; rows: the number of
     feature rows, and of rows of the map.
@@ -143,7 +143,7 @@ def binomial_weights(n: int) -> Floats:
 
 @kernel
 def _find_column(j: NDArray[np.int32], low: int, high: int, least_column: int) -> int:
-    """Return the first place in j[low:high], rising, that holds at least `least_column`."""
+    """Return the first place in the ascending j[low:high] with a column ≥ `least_column`."""
     while low < high:
         middle = (low + high) // 2
         if j[middle] < least_column:
@@ -338,7 +338,7 @@ class LoopTravel(NamedTuple):
 
 
 def measure_travel(a: Rows, b: Rows, features: pd.DataFrame) -> LoopTravel:
-    """Return the directions of travel and the headings of n loops (Fig. 13).
+    """Measure in which direction fish travel along n loops, and where they head (Fig. 13).
 
     a, b (n,): the loops' ends, feature rows. Between its ends, a loop within one track travels from
     a to b, whatever route the fish takes; its heading is the mean over it (travel is NaN where the

@@ -104,9 +104,9 @@ def path_lengths(poses: Points) -> Points:
 
 
 def _find_simple_path(first: Points, second: Points, closed: bool) -> tuple[Points, str]:
-    """Find poses (k, n, 2) that lead from one curve to the other without folds; also name the path.
+    """Find poses (k, n, 2) between two curves (n, 2) without folds; also name the method.
 
-    first, second (n, 2): the curves. The name is one of those of `SimpleMorph.way`.
+    The name is one of those of `SimpleMorph.way`.
     """
     a, b = _simplify_curve(first, closed), _simplify_curve(second, closed)
     best: tuple[float, Points] | None = None
@@ -178,7 +178,7 @@ def _find_shortest_path(
 
 
 def _simplify_curve(points: Points, closed: bool) -> Points:
-    """Return poses (k, n, 2) that turn a curve (n, 2) into a round shape, a triangle or a line."""
+    """Simplify a curve (n, 2) step by step to a round shape, a triangle or a line: (k, n, 2)."""
     if not closed:
         poses, plain = straighten_curve(points)
     else:

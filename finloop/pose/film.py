@@ -66,7 +66,7 @@ class FilmPoses:
 
     @cached_property
     def facts(self) -> ShapeFacts:
-        """Return the facts that `restore_poses` needs beside the codes, as plain lists."""
+        """Return the principal shapes as plain lists; with codes, `restore_poses` rebuilds all."""
         shapes = self.shapes
         return ShapeFacts(
             shapes.mean.tolist(), shapes.shapes.tolist(), shapes.weights.tolist(),
@@ -75,7 +75,7 @@ class FilmPoses:
         )  # fmt: skip
 
     def pose_from_codes(self, row: int, codes: Floats) -> Pose:
-        """Return the pose of a row, with its posture replaced by that of `codes` (c,)."""
+        """Return the pose of a row, but bent as codes (c,) say."""
         return replace(self.pose[row], posture=self.shapes.decode(codes))
 
     def code_table(self, features: pd.DataFrame) -> pd.DataFrame:

@@ -26,7 +26,7 @@ _UNIT, _ONE, _ZERO = np.float32(1 / 255), np.float32(1), np.float32(0)
 
 
 class DrawingMode(NamedTuple):
-    """The way in which a picture is drawn in another pose.
+    """How a film's picture is drawn in another pose.
 
     across: px of film per px of the new picture; mirrored: whether left is drawn as right; sharp:
     Keys' cubic filter, else a linear one.
@@ -87,7 +87,7 @@ def plan_strips(
 
 @finite_leaf
 def _shortest_section(limits, i):  # type: ignore[no-untyped-def]
-    """Return the length of the shortest of the cross-sections at the two ends of step i."""
+    """Return the shorter length of the two cross-sections that bound step i of a backbone."""
     return min(limits[i, 0], limits[i, 1], limits[i + 1, 0], limits[i + 1, 1])
 
 
@@ -151,7 +151,7 @@ def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _section_numbers(strip, i):  # type: ignore[no-untyped-def]
-    """Return cross-section i of a strip: point, normal, and limits on its left and right."""
+    """Return cross-section i of a body as numbers: point, normal, and lengths to left and right."""
     return (
         (strip.points[i, 0], strip.points[i, 1]),
         (strip.normals[i, 0], strip.normals[i, 1]),
@@ -296,7 +296,7 @@ def _sample_cubically(film, u, v):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _sum_pixels(film, left, top, across, down):  # type: ignore[no-untyped-def]
-    """Return the weighted sum of a square of pixels: red (or grey), green, blue, alpha.
+    """Return the weighted mean of some pixels in a square: red (or grey), green, blue, alpha.
 
     left, top: its first pixel; across, down: weights of columns and rows. Outside, the film is
     transparent.
@@ -348,7 +348,7 @@ class PictureSet(NamedTuple):
 
 @finite_kernel
 def distances_in_pose(film: PictureSet, rows: Ints, others: Ints, mirrored: Mask) -> Floats:
-    """Return the distances (k,) between pairs of pictures, both drawn in one pose (Eq. 5).
+    """Return how different pairs of pictures look when both are drawn in one pose (k,) (Eq. 5).
 
     rows, others: (k,) each, the pictures of a pair. The distance is Euclidean, of pixels 0 … 1. The
     others are drawn in the postures of `rows`, mirrored (k,) or not. If a picture is nearer as
@@ -366,12 +366,12 @@ def distances_in_pose(film: PictureSet, rows: Ints, others: Ints, mirrored: Mask
 def nearest_in_pose(
     film: PictureSet, rows: Ints, pairs: tuple[Ints, Mask, Floats], unit: float, count: int
 ) -> Floats:
-    """Return the distances (k,) of the pairs that can be among the best of their row; −1 of others.
+    """Measure how unlike pairs of pictures look in one pose, for each row's best pairs only.
 
-    The distances are those of `distances_in_pose`. Each row keeps its `count` cheapest pairs. A
-    pair costs its least cost plus the square of (distance / unit). rows: (k,), ascending. pairs:
-    the second pictures, whether they are mirrored, and the least costs, which rise within each row;
-    (k,) each.
+    Return distances (k,) as `distances_in_pose`, −1 for pairs that cannot be among the `count`
+    cheapest of their row. A pair costs its least cost plus the square of (distance / unit). rows:
+    (k,), ascending. pairs: the second pictures, whether they are mirrored, and the least costs,
+    ascending within each row; (k,) each.
     """
     partner, mirrored, least = pairs
     apart = np.full(len(rows), -1.0)

@@ -22,10 +22,11 @@ _AHEAD, _LEFT, _STEPS = 0, 1, 2
 
 @dataclass(frozen=True)
 class Pose:
-    """The pose of one animal, or of many in arrays with the leading axes (…).
+    """Where animals are, where they head, how large they are, and how they are bent.
 
-    x_px, y_px: (…) mass centre, y down. heading_rad: (…) anticlockwise as seen, 0 = to the right.
-    size_px: (…) typical length of the animal. posture: (…, 2 + 2 n), see above.
+    All fields may be arrays with the leading axes (…). x_px, y_px: (…) mass centre, y down.
+    heading_rad: (…) anticlockwise as seen, 0 = to the right. size_px: (…) typical length of the
+    animal. posture: (…, 2 + 2 n), see the module's text.
     """
 
     x_px: Floats

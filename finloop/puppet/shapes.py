@@ -98,7 +98,7 @@ class PoseShapes:
         return away @ self.shapes.T
 
     def decode(self, codes: Floats) -> Floats:
-        """Return the postures (…, d) of pose codes (…, c)."""
+        """Return the postures (…, d) of pose codes (…, c), the scores of principal shapes."""
         postures = codes @ self.shapes
         postures /= self.weights
         postures += self.mean
@@ -106,7 +106,7 @@ class PoseShapes:
 
     @cached_property
     def _tree(self) -> scipy.spatial.cKDTree:
-        """Search tree of all pose codes of the film."""
+        """Search tree to find the film's pose codes nearest to others."""
         return scipy.spatial.cKDTree(self.codes)
 
     def is_far_from_film(self, codes: Floats) -> Mask:

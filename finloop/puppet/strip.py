@@ -37,7 +37,7 @@ class PlacedBackbone(NamedTuple):
 
 
 class Strip(NamedTuple):
-    """The cross-sections of a strip along a backbone of n steps, m = n + 1 + 2 BEYOND in number.
+    """The m = n + 1 + 2 BEYOND cross-sections of a body along its backbone of n steps.
 
     points: (m, 2) px on the backbone or beyond its ends, head first; normals: (m, 2) unit vectors
     to the animal's left; limits: (m, 2) px, how long a section is on its left and right.
@@ -50,7 +50,7 @@ class Strip(NamedTuple):
 
 @finite_kernel
 def cross_sections(line: PlacedBackbone) -> Strip:
-    """Return the cross-sections along a backbone and on straight lines beyond its ends."""
+    """Return the cross-sections of a body, along its backbone and straight on beyond its ends."""
     n = len(line.posture) // 2 - 1
     bends, steps = line.posture[2 : 2 + n], line.posture[2 + n :]
     m = n + 1 + 2 * BEYOND
@@ -75,7 +75,7 @@ def cross_sections(line: PlacedBackbone) -> Strip:
 
 @finite_kernel
 def _section_limits(points, normals):  # type: ignore[no-untyped-def]
-    """Return how long (m, 2) [px], left and right, cross-sections are before two of them meet.
+    """Return how long (m, 2) [px], left and right, cross-sections can be without meeting another.
 
     points, normals (m, 2) as in `Strip`. A limit is the radius of the largest circle that touches
     the backbone at one point. The circle that touches B(i) with its normal N(i) and passes through
@@ -104,7 +104,7 @@ def _section_limits(points, normals):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def _is_nearest_to_end(points, i, end):  # type: ignore[no-untyped-def]
-    """Return whether of all backbone points the end is nearest to point i, which lies beyond it."""
+    """Return whether an end of the backbone is the point of it nearest to point i, beyond it."""
     own = (points[end, 0] - points[i, 0]) ** 2 + (points[end, 1] - points[i, 1]) ** 2
     for j in range(BEYOND, len(points) - BEYOND):
         square = (points[j, 0] - points[i, 0]) ** 2 + (points[j, 1] - points[i, 1]) ** 2

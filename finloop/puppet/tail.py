@@ -31,7 +31,7 @@ class TailParameters(NamedTuple):
 
 
 def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
-    """Return how much the visible length of the tail varies: quantile 0.95 less 0.05 over all rows.
+    """Return how much the visible length of the tail varies: its 95 % less its 5 % quantile.
 
     The unit is the median length of the body without the tail. Arguments as in
     `align_body_and_tail`.

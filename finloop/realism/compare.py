@@ -79,7 +79,7 @@ class FilmSample:
         return replace(result, first=used[result.first])
 
     def film_blocks(self, repeats: int = 1) -> Blocks:
-        """Divide the film's time into blocks that contain equally many rows.
+        """Divide the film's time into blocks that contain equally many rows (a fish in a frame).
 
         repeats: how often the sequence of blocks is repeated.
         """
@@ -102,7 +102,7 @@ class FilmSample:
         return self.cut_windows(film, blocks, early), self.cut_windows(film, blocks, ~early)
 
     def comparison_windows(self, measured: Mapping[str, Swimming], features: pd.DataFrame) -> Sides:
-        """Return the two sets of windows of every comparison, by the comparison's name.
+        """Return the two sets of windows that each comparison distinguishes, by its name.
 
         The names are the modes, each beside the film; HALVES, the film's halves; AGAIN, the film as
         filmed beside the film drawn and measured again. measured: each mode's animation. features:

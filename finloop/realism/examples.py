@@ -60,7 +60,7 @@ class WindowPair(NamedTuple):
 def most_false_windows(
     film: Windows, animation: Windows, score: Floats, count: int, length: int
 ) -> list[WindowPair]:
-    """Return the animation windows with the highest scores, with the most similar film windows.
+    """Choose the animation windows with the highest scores, and for each the most similar of film.
 
     No two of them touch. score (n,): held-out, of the animation windows, NaN where there is none.
     count: most pairs. length: rows of a window. Similar is the least sum of squared differences of
@@ -90,7 +90,7 @@ class ExampleFinder:
     measured: Mapping[str, Swimming]
 
     def _window_edit_list(self, name: str, windows: Windows, number: int) -> pd.DataFrame:
-        """Return the rows of the edit list that a window shows, with the heading at its start.
+        """Return what a window shows as rows of an edit list, with the heading at its start.
 
         name: mode or FILM. number: index of the window.
         """
@@ -102,9 +102,9 @@ class ExampleFinder:
     def _mode_examples(
         self, mode: str, pair: tuple[Windows, Windows], verdict: Verdict
     ) -> Iterator[Tables]:
-        """Yield the examples of a mode: both windows as edit lists, and their channels.
+        """Yield the most obviously false windows of a mode, each with the film window most like it.
 
-        pair: the windows of the film and of the mode.
+        Both are edit lists, with their channels. pair: the windows of the film and of the mode.
         """
         (film, animation), cut = pair, self.sample.window_cut
         score, most = verdict.scores.score[len(film.x) :], self.sample.p.examples
@@ -123,9 +123,10 @@ class ExampleFinder:
             )
 
     def example_tables(self, sides: Sides, verdicts: Mapping[str, Verdict]) -> Tables:
-        """Return the examples of all modes as two tables: EXAMPLES and their channels, CURVES.
+        """Return the most obviously false windows of all modes as two tables: EXAMPLES, and CURVES.
 
-        sides, verdicts: by the name of the comparison; only modes give examples.
+        CURVES has their channels over time. sides, verdicts: by the name of the comparison; only
+        modes give examples.
         """
         edits, curves = list[pd.DataFrame](), list[pd.DataFrame]()
         for mode in filter(self.measured.__contains__, verdicts):
@@ -161,7 +162,7 @@ class CameraView(NamedTuple):
 
 
 def _fixed_views(example: pd.DataFrame, length_px: float) -> dict[str, CameraView]:
-    """Return a fixed view of the tank for each side of an example, by SIDES.
+    """Return a view of the tank for each half of an example, animation and film, by SIDES.
 
     Both show as many body lengths. length_px: body length as filmed.
     """

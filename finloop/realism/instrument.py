@@ -82,7 +82,7 @@ class Instrument:
         return TypicalFish(*size, fins="none", thin=facts.thin)
 
     def detect_fish(self, fish: Iterable[PlacedFish]) -> Iterator[Detections]:
-        """Yield what extraction detects in each frame, which shows the tank with one drawn fish.
+        """Draw each fish on the empty tank, and yield what extraction detects in that frame.
 
         fish: the drawn fish, one per frame. Places in the result are px of the tank.
         """

@@ -33,11 +33,11 @@ the film drawn and measured again."""
 
 @dataclass(frozen=True)
 class Windows:
-    """n windows of swimming, the input of the classifier.
+    """n windows of swimming (stretches of one fish), the input of the classifier.
 
-    x (n, steps, 4): CHANNELS. first (n,): the row with which each begins. block (n,): the block in
-    which each is tested. near (n, blocks): True where the block's classifier must not learn from
-    it. cluster (n,): windows with the same number are not independent.
+    x (n, steps, 4): CHANNELS. first (n,): the row with which each begins. block (n,): the block of
+    time in which each is tested. near (n, blocks): True where the block's classifier must not learn
+    from it. cluster (n,): windows with the same number are not independent.
     """
 
     x: NDArray[np.float32]
@@ -66,7 +66,7 @@ class Blocks(NamedTuple):
         return self.number[np.clip(place, 0, len(self.number) - 1)]
 
     def are_near(self, time_s: Floats, gap_s: float) -> Mask:
-        """Return whether each of n times is in a block or within a gap of it, as (n, blocks).
+        """Return which of n times lie in each block, or within a gap of it: (n, blocks).
 
         time_s (n,), gap_s: in s.
         """

@@ -126,7 +126,7 @@ class Gallery:
 def build_shelves(
     stores: Mapping[str, Cutouts], tracks: pd.DataFrame, table: pd.DataFrame | None
 ) -> dict[str, CutoutShelf]:
-    """Return the stores of cut-outs with their mass centres, by kind: FRAME, and SPRITE if any.
+    """Return the stores of fish pictures with their mass centres, by kind: FRAME, perhaps SPRITE.
 
     stores: by kind; tracks: x_px, y_px of every cut-out; table: these and orientations of every
     sprite, None without sprites. FinloopError if a table belongs to another store.

@@ -40,7 +40,7 @@ _SHIFT = 4  # cv2 takes sixteenths of a pixel
 
 
 def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
-    """Return the name of what each tick of an edit list shows, (ticks,), and each name's colour.
+    """Name what each tick of an edit list shows, (ticks,), and give each name a colour.
 
     Colours are "#RRGGBB". Where all ticks show the same kind of picture, the names are their
     states.
@@ -53,7 +53,7 @@ def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
 
 
 def goal_stretches(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
-    """Return the stretches of ticks to each goal: name ("" = wandering), first tick, end."""
+    """Return when a fish swims to which goal: name ("" = wandering), first tick, end tick."""
     goal = edit["goal"].to_numpy()
     edges = [0, *np.flatnonzero(goal[1:] != goal[:-1]) + 1, len(goal)]
     return [(goal[a], int(a), int(b)) for a, b in pairwise(edges)]
@@ -209,7 +209,7 @@ class MarkPainter:
         return int(cv2.getTextSize((10_000, 100), text, (0, 0), _FONT, self._size, _BOLD)[2])
 
     def _mark_floor_changed(self, points: NDArray[np.float64], reach: float) -> None:
-        """Report to the painter that the floor changed within `reach` px of points (n, 2)."""
+        """Tell the painter that the floor changed within `reach` px of points (n, 2)."""
         left, top = np.floor(points.min(axis=0) - reach).astype(int)
         right, bottom = np.ceil(points.max(axis=0) + reach).astype(int) + 1
         box = Box(int(top), int(left), int(bottom), int(right))

@@ -232,7 +232,7 @@ class Painter:
         return self.canvas if self.canvas.shape[2] == 3 else self.canvas[..., 0]
 
     def mark_changed(self, box: Box) -> None:
-        """Mark a box of the canvas as changed, now or soon, so that `wipe` restores it."""
+        """Note that a box of the canvas changes, so that `wipe` restores it."""
         if not box.is_empty:
             self._touched.append(box)
 
@@ -253,7 +253,7 @@ class Painter:
         return Box.enclose([box for box in boxes if not box.is_empty] or boxes)
 
     def _draw_shadow(self, upper: PlacedFish, lower: Sequence[PlacedFish]) -> None:
-        """Draw the shadow of one fish on those below it, as the module's text says."""
+        """Draw the shadow of one fish on the fish below it, fading in as the upper covers more."""
         own, (share, blur_px) = upper.box, self._shadow
         lower = [one for one in lower if not one.box.intersect(own).is_empty]
         box = own.grow(math.ceil(3 * blur_px)).clip_to(self.canvas.shape)
@@ -272,7 +272,7 @@ class Painter:
         self.canvas[box.slices] = np.rint(self.canvas[box.slices] * light).astype(np.uint8)
 
     def _coverage(self, fish: PlacedFish, box: Box) -> NDArray[np.float32]:
-        """Return the share, 0-1, of each pixel of a box (h, w) that a fish covers."""
+        """Return which share (0-1) of each pixel of a box (h, w) a fish covers."""
         shape = box.bottom - box.top, box.right - box.left, self.canvas.shape[2]
         black, white = (Painter(np.full(shape, level, np.uint8)) for level in (0, 255))
         moved = fish._replace(x_px=fish.x_px - box.left, y_px=fish.y_px - box.top)
@@ -360,7 +360,7 @@ def _sample_cubically(pixels, near, u, v):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def _readable_span(m, y, shape, ends):  # type: ignore[no-untyped-def]
-    """Return the range of x, half open, where a picture can be sampled for row y of the canvas.
+    """Return for which x, from … to, row y of the canvas shows a place inside a picture.
 
     m: as in `PictureLayer`; shape: height and width of the picture; ends: largest range.
     """

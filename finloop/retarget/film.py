@@ -99,7 +99,7 @@ class JoinParameters(NamedTuple):
 
 
 def track_from_film_rows(film: RetargetData, rows: Ints, name: str) -> Track:
-    """Return a track made of rows of the drawn film, with their postures.
+    """Make a track to copy from rows of the film itself, with their postures.
 
     rows (t,): rows of the film; name: for messages.
     """
@@ -159,7 +159,7 @@ def retarget_track(
 
 
 class _PlacedTrack(NamedTuple):
-    """A track in this tank: points (T, m, 2) px at shares (m,) of the body, and their poses (T).
+    """A recorded track in this film's tank: points (T, m, 2) px along the body, poses (T).
 
     codes (T, c): of the postures; clamped (T,): which of them were changed; size: of the path,
     relative to its size at the track's scale.
@@ -178,7 +178,7 @@ class _PlacedTrack(NamedTuple):
         return len(self.at) > 2
 
     def offsets_into_tank(self, film: RetargetData, p: RetargetSettings) -> tuple[Points, float]:
-        """Return offsets (T, 2) px that move backbones into the tank, and the path's size."""
+        """Return how far (T, 2) px the bodies must move to lie in the tank, and the path's size."""
         bodies = self.pose.backbone_px()
         shift, size = find_placement(bodies, film.arena, film.reel.length_px, p)
         centre = bodies.mean(1)
@@ -290,7 +290,7 @@ def _travel_headings(place: Points, span: int, still_px: float) -> Floats:
 def _requested_motion_table(
     motion: RecordedMotion, track: _PlacedTrack, sources: RowSequence
 ) -> pd.DataFrame:
-    """Return the table of every tick as requested and as drawn, with the columns of `ASKED`."""
+    """Return the motion of every tick, as requested and as drawn: a table (columns of `ASKED`)."""
     points, pose, at = track.points, track.pose, track.at
     backbone = pose.backbone_px()
     apart = np.full(len(points), np.nan)

@@ -14,7 +14,7 @@ _ROUNDS = 12  # of halving, to find how much smaller a path has to be
 
 
 def track_scale(track: Track, length_px: float, p: RetargetSettings) -> float:
-    """Return how many px of the tank one px of a track's file becomes.
+    """Return how many px of the tank one px of a recorded track becomes.
 
     length_px: on this film's fish, the length of what `track.length_px` measures. FinloopError if
     the track has no length.
@@ -119,7 +119,7 @@ def find_shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | N
 
 
 def _find_shift_by_cells(pixels: Ints, arena: Mask, wall: Floats, cell: int) -> Floats | None:
-    """Return the best shift (2,) of pixels (n, 2) into the arena by whole cells, or None.
+    """Return the best shift (2,) of pixels (n, 2) into the arena, in steps of a cell; or None.
 
     cell: side of a cell, px; wall (h, w): cost of a pixel. Two correlations try all shifts at once:
     one counts the points outside, the other sums the cost. A cell that is partly outside counts as

@@ -31,7 +31,7 @@ _PAIRS = 1 << 18  # of fish at a time, about 90 bytes each
 
 
 def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -> pd.DataFrame:
-    """Measure a group: return a table with the columns of `SHOAL`, one row per fish and frame.
+    """Measure how fish swim together: a table with the columns of `SHOAL`, a row per fish a frame.
 
     frame (n,): of each fish; places (n, 2): px, y down; headings_deg (n,): anticlockwise; walls: of
     the tank. Rows keep their order; the fish of a frame are numbered in that order.
@@ -140,7 +140,7 @@ def middle_frame(frame: Ints) -> float:
 
 
 def measure_values(table: pd.DataFrame, name: str) -> Floats:
-    """Return the values (k,) of one measure without missing ones; polarisation once a frame.
+    """Return the values (k,) of one measure that exist; polarisation counts once a frame.
 
     table: columns of `SHOAL`; name: one of MEASURES.
     """

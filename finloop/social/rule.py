@@ -48,13 +48,13 @@ class SocialSteps:
 
     @cached_property
     def _step_scales(self) -> tuple[float, float]:
-        """Root mean squares of `wall` and `last`, at least 1e-9."""
+        """Units to compare steps in: root mean squares of `wall` and `last`, at least 1e-9."""
         wall, last = (float(np.sqrt(np.mean(np.abs(v) ** 2))) for v in (self.wall, self.last))
         return max(wall, 1e-9), max(last, 1e-9)
 
     @cached_property
     def _tree(self) -> scipy.spatial.KDTree:
-        """Search tree of the steps and their mirror images."""
+        """Search tree to find steps, and mirror images, that began alike."""
         own = self._search_vectors(self.wall, self.last)
         return scipy.spatial.KDTree(np.concatenate([own, own * (1, -1, 1, -1)]))
 

@@ -55,7 +55,10 @@ class Walls:
         return on & self._values_at_places(self.arena, place)
 
     def _values_at_places(self, values: np.ndarray, place: Complex) -> np.ndarray:
-        """Return values (h, w) at places; outside the arena, those of the nearest pixel."""
+        """Look up the values (h, w) of pixels at places.
+
+        Places outside the arena get those of the nearest pixel inside.
+        """
         row, column = (
             np.clip(np.rint(at * self.length), 0, size - 1).astype(int)
             for at, size in zip((-place.imag, place.real), values.shape, strict=True)

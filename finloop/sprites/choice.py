@@ -130,7 +130,7 @@ class FrameRun:
 
     @property
     def cost(self) -> float:
-        """Return the sum of the faults; about 1 for each that is just acceptable."""
+        """Return the sum of these frames' faults; about 1 for each that is just acceptable."""
         return sum(self.faults.values())
 
 

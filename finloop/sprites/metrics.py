@@ -115,7 +115,10 @@ def is_still_slide(
 
 
 def fault_table(choices: dict[str, ChosenFrames]) -> pd.DataFrame:
-    """Return every fault of each choice: sequence, frames, fault, value (1 is acceptable)."""
+    """Return what is wrong with the chosen frames: sequence, frames, fault, value (1 is just right)."""
+
+    A value of 1 is just acceptable.
+    """
     rows = []
     for word, choice in choices.items():
         run = choice.stretch

@@ -59,7 +59,7 @@ def sprite_table(
 def _sequence_rows(
     table: pd.DataFrame, sequence: str, choice: ChosenFrames, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Return the sprites of one sequence, columns of `SPRITES` without their numbers."""
+    """Return a table of one sequence's sprites: columns of `SPRITES`, without their numbers."""
     run, sign = choice.stretch, -1 if choice.mirrored else 1
     here = table.iloc[run.rows]
     n, start, after = len(here), run.rows.start, run.rows.stop

@@ -58,7 +58,7 @@ def drawn_states(rows: Sequence[Any], bodies: Bodies) -> States:
 
 
 def _picture_bodies(rows: Sequence[Any], bodies: Bodies, of_partner: NDArray[np.bool_]) -> Body:
-    """Return the bodies of the animals in the rows' pictures.
+    """Return the filmed bodies in the pictures of edit-list rows.
 
     of_partner (n,): where true, the picture to cross-fade with is meant.
     """

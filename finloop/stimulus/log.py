@@ -142,7 +142,7 @@ class Log:
         )]  # fmt: skip
 
     def _build_batch(self, rows: int, kind: str, **values: Any) -> pa.RecordBatch:
-        """Return a record batch of entries of one kind; columns without values are empty.
+        """Return log entries of one kind as a record batch; columns without values are empty.
 
         rows: how many entries. values: of each column, by name.
         """

@@ -373,7 +373,7 @@ class Session:
         return "abort" if self._abort else "skip" if self._skip else "end"
 
     def _lead_time_s(self, known: bool) -> float:
-        """Return how many seconds before it is due a tick is planned, or sent if it is known."""
+        """Return how many seconds early a tick is planned, or sent if it is known beforehand."""
         tick_s = 1 / self.scene.rate_hz  # the page interpolates from the tick before
         return EARLY_S if known else tick_s + min(_AHEAD_S, _AHEAD * tick_s)
 

@@ -96,10 +96,11 @@ def arc_lengths(backbone: Floats) -> Floats:
 def fish_surfaces(
     backbone: Floats, half_width: Floats, typical: Floats, length_px: float
 ) -> tuple[Floats, Floats]:
-    """Return points (px) and unit normals of n fish, (n, RINGS, AROUND, 3); backbones at z = 0.
+    """Return the surfaces of n fish: points (px) and unit normals, (n, RINGS, AROUND, 3).
 
-    backbone, half_width: (n, p, 2) and (n, p), px; y up. typical: (p,) half widths in body lengths,
-    see `typical_half_widths`. length_px: the animal's body length, for its height.
+    backbone, half_width: (n, p, 2) and (n, p), px; y up; backbones lie at z = 0. typical: (p,) half
+    widths in body lengths, see `typical_half_widths`. length_px: the animal's body length, for its
+    height.
     """
     grid = surface_grid(half_width.shape[1])
 
@@ -126,7 +127,7 @@ def limit_half_widths(half_width: Floats, backbone: Floats, typical: Floats) -> 
 
 
 def top_view_points(grid: SurfaceGrid, backbone: Floats, width: Floats) -> Floats:
-    """Return the points of a surface grid on n backbones as seen from above, (n, r, a, 2) px.
+    """Return a surface grid's points on n backbones as seen from above, (n, r, a, 2) px.
 
     backbone, width: (n, p, 2) and half widths (n, p), px; r, a: rings, and points around.
     """

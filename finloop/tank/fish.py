@@ -46,7 +46,7 @@ class FishSurface:
 
     @cached_property
     def _recent_batch(self) -> Callable[[int], tuple[Floats, Floats]]:
-        """Function that returns a batch by number and remembers the latest one."""
+        """Function that returns the points of a batch of ticks, and remembers the latest batch."""
         return lru_cache(1)(self._compute_batch)
 
     def shape_at(self, tick: int) -> tuple[Floats, Floats, Picture]:
@@ -71,7 +71,10 @@ class FishSurface:
         return np.concatenate(surfaces).reshape(len(self), -1, 3)
 
     def typical_skin(self, most: int = 25) -> Picture:
-        """Return the median skin of at most `most` ticks, (around, lengthwise, 3) uint8."""
+        """Return the median of the skin's colours over some ticks, (around, lengthwise, 3) uint8.
+
+        most: how many ticks at most.
+        """
         ticks = np.unique(np.linspace(0, len(self) - 1, most).astype(int))
         return np.rint(np.median([self.skin(int(tick)) for tick in ticks], axis=0)).astype(np.uint8)
 

@@ -86,7 +86,7 @@ class LitFloor:
         return cv2.multiply(self.plain, light, scale=_BRIGHTEST / 255)
 
     def _light_pattern(self, time_s: float) -> NDArray[np.uint8]:
-        """Return the light on the floor, bright in lines where two families of waves crest."""
+        """Return the moving light on the floor, bright in lines where two sets of waves crest."""
         x, y, deep = self._x, self._y, self._room.depth
         _, bend_x, bend_y = wave_heights_and_slopes(x, y, deep, 0.7 * time_s)
         reach = 2.2 * deep

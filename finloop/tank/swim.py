@@ -33,9 +33,9 @@ USED = ("x_px", "y_px", "backbone_x_px", "backbone_y_px", "half_width_px")
 
 @dataclass(frozen=True)
 class FilmBodies:
-    """Backbones and half widths of the film's n cut-outs, head first, about the mass centre, y up.
+    """Backbones and half widths of all fish of a film, n rows, about their mass centres, y up.
 
-    backbone: (n, p, 2) px; half_width: (n, p) px; heading_deg: (n,).
+    backbone: (n, p, 2) px, head first; half_width: (n, p) px; heading_deg: (n,).
     """
 
     backbone: Floats
@@ -80,9 +80,9 @@ class TankPoses:
 
 
 def film_body_shapes(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
-    """Return the film's backbones and half widths, head first, about the mass centre, y up.
+    """Collect the backbones and half widths of all fish of a film, about their mass centres.
 
-    tracks: columns `USED`; features: head and heading_deg of each of its rows.
+    Head first, y up. tracks: columns `USED`; features: head and heading_deg of each of its rows.
     """
     line = lists_to_points(tracks, "backbone").astype(float)
     half_width = lists_to_array(tracks["half_width_px"]).astype(float)

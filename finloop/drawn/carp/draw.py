@@ -22,7 +22,7 @@ PELVIC = (0.50, 0.70, 0.095, 0.90, 0.05, 0.72)
 
 @dataclass(frozen=True)
 class CarpPicture:
-    """A sharp picture of one carp; pixel (0, 0) of its arrays is (x0, y0) of the film's picture."""
+    """A sharp picture of one carp; its first pixel is at (x0, y0) of the film's picture."""
 
     x0: int
     y0: int

@@ -178,7 +178,7 @@ class Swimmer:
         self._begin_straight(str(rng.choice(STRAIGHT[:2])))
 
     def _begin_straight(self, mode: str) -> None:
-        """Begin a mode of straight swimming: "cruise", "glide" or "burst"."""
+        """Begin a kind of straight swimming: "cruise", "glide" or "burst"."""
         low, high, rates, amplitudes = {
             "cruise": (1.2, 3.2, (1.3, 2.1), (0.7, 1.0)),
             "glide": (0.8, 2.0, (0.7, 1.0), (0.05, 0.16)),
@@ -225,7 +225,7 @@ class Swimmer:
         return best_angle
 
     def _decide(self, others: Sequence["Swimmer"], dt: float) -> None:
-        """Begin another mode if the present mode ends, or if a wall or a fish is near.
+        """Begin another kind of motion if the present one ends, or if a wall or a fish is near.
 
         others: the other fish; dt: time step, s.
         """
@@ -387,7 +387,7 @@ def _reach_in_direction(fish: Swimmer, ux: float, uy: float) -> float:
 
 
 def _gap_between(fish: Swimmer, other: Swimmer, own: float | None = None) -> float:
-    """Return the gap between two fish, less FISH_GAP; `own` replaces the reach of the first."""
+    """Return the gap between two fish, less the least allowed; `own` replaces the first's reach."""
     dx, dy = other.x - fish.x, other.y - fish.y
     far = math.hypot(dx, dy)
     ux, uy = dx / far, dy / far

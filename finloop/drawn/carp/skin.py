@@ -109,7 +109,7 @@ _COATS = (
 def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
     """Paint one carp, with random spots; return the pictures of its skin and fin.
 
-    columns: width of the skin picture, px; coat: number of its colours.
+    columns: width of the skin picture, px; coat: which of the colourings.
     """
     back, flank, dark, patch = _COATS[coat % len(_COATS)]
     full = SKIN_PER_LENGTH

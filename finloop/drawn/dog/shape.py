@@ -112,7 +112,7 @@ def _skin_and_bone_weights(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
 
 
 def limb_reaches(shape: LimbShape, foot: Floats, top: Floats) -> Mask:
-    """Return a mask (…) of the places of foot and top that a limb is long enough to reach.
+    """Return whether a limb is long enough for given places of foot and top: a mask (…).
 
     foot, top (…, 2): how far both are moved from rest, in trunks.
     """

@@ -126,7 +126,7 @@ def is_swinging(name: str, phase: Floats) -> Mask:
 
 
 def half_cycle_progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
-    """Return the share, 0-1, of a limb's swing or support that is over at each phase.
+    """Return which share (0-1) of a limb's swing, or time on the ground, is over at each phase.
 
     name: one of NAMES; phase: in cycles, an array of any shape. γ makes the progress uneven.
     """
