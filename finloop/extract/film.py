@@ -112,7 +112,7 @@ class Detector:
         return self.detect(frame, match_scene_to_light(scene, frame))
 
     def detect(self, frame: Picture, scene: Scene) -> Detections:
-        """Find all silhouettes of a frame and measure isolated fish; the scene is as bright as it."""
+        """Find all silhouettes of a frame as bright as the scene, and measure isolated fish."""
         settings = self.settings
         least = max(settings.least_area_px, _SPECK * self.typical.area_px)
         ends = SilhouetteEdge(

@@ -115,7 +115,7 @@ def is_still_slide(
 
 
 def fault_table(choices: dict[str, ChosenFrames]) -> pd.DataFrame:
-    """Return what is wrong with the chosen frames: sequence, frames, fault, value (1 is just right)."""
+    """Return what is wrong with the chosen frames: sequence, frames, fault, value.
 
     A value of 1 is just acceptable.
     """
