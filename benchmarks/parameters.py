@@ -24,11 +24,11 @@ import pandas as pd
 import yaml
 
 from benchmarks.pipeline import ROOT, written_paths
+from finloop.base.override import format_override
 from finloop.base.settings import WORDS, variants
 from finloop.edit.modes import MODES
 from stages.code import stage_module
 from stages.compose import compose_params
-from stages.settings import format_override
 
 FILM = [
     "clip=carp", "clip.frames=300", "clip.width_px=320", "clip.height_px=240",

@@ -3,11 +3,11 @@
 While `dvc exp run` or `make params` composes conf/, this registers
 
 - a schema `schema/<word>/<option>` per parameter dataclass, which conf/<word>/<option>.yaml names
-  in its defaults list: Hydra refuses wrong types by it;
+  in its defaults list;
 - the schema `hydra/sweeper/finloop` of the sweeps in conf/experiment/;
 - the resolver `${conf_sha256:}`, which stamps the result with a digest of conf/. It sees the whole
-  composed config before anything is written, and refuses unknown keys (with a suggestion), values
-  out of range, missing groups, and what cannot work together (`stages.conflicts`);
+  composed config before anything is written, and refuses unknown keys and wrong values (each with
+  what to type), missing groups, and what cannot work together (`stages.conflicts`);
 - the resolvers `${film_stamp:}`, `${tracks_stamp:}`, `${path_stamp:}` and `${retarget_stamp:}`, of
   the files that the parameters name.
 
@@ -37,7 +37,8 @@ CONF = Path(__file__).resolve().parents[1] / "conf"
 def omegaconf_schema(option: type) -> type:
     """Convert a settings dataclass to one for OmegaConf: not frozen, without ranges and defaults.
 
-    Types that OmegaConf lacks are simplified; `finloop.base.settings` checks them in full.
+    What may be a number is `Any`: `finloop.base.settings` checks it, whole numbers are numbers
+    there, and its message says what to type.
     """
     hints = get_type_hints(option)  # drops Annotated
     types = [(field.name, _simplify_type(hints[field.name])) for field in fields(option)]
@@ -45,17 +46,23 @@ def omegaconf_schema(option: type) -> type:
 
 
 def _simplify_type(hint: Any) -> Any:
-    """Return the nearest type annotation that OmegaConf understands."""
+    """Return the nearest type annotation that OmegaConf understands: of texts, or any."""
+    parts = get_args(hint)
     if get_origin(hint) is Literal:
-        return type(get_args(hint)[0])
+        return type(parts[0])
+    if not {int, float, bool}.isdisjoint(_leaf_types(hint)):
+        return Any
     if get_origin(hint) in (Union, UnionType):
-        parts = tuple(_simplify_type(part) for part in get_args(hint))
-        if float in parts:  # OmegaConf takes 25 for a float, but not for one type of several
-            parts = (*parts, int)
-        return Any if any(get_origin(part) for part in parts) else Union[parts]  # noqa: UP007
-    if get_origin(hint) is tuple and get_origin(get_args(hint)[0]) is Literal:
+        return Any if any(map(get_origin, parts)) else hint
+    if get_origin(hint) is tuple and get_origin(parts[0]) is Literal:
         return tuple[str, ...]
     return hint
+
+
+def _leaf_types(hint: Any) -> set[Any]:
+    """Return the types inside a type annotation that have no parts themselves."""
+    parts = () if get_origin(hint) is Literal else get_args(hint)
+    return set().union(*map(_leaf_types, parts)) if parts else {hint}
 
 
 def check_and_stamp(*, _root_: DictConfig) -> str:

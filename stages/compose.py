@@ -26,7 +26,8 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from finloop.base.errors import FinloopError
-from finloop.base.settings import GROUPS, check_values
+from finloop.base.override import quote_override
+from finloop.base.settings import GROUPS, check_values, full_names, variants
 from finloop.io.atomic import save_bytes
 from finloop.io.parameters import refusal_error
 from stages.experiment import FOLDER, Experiment
@@ -47,7 +48,7 @@ def compose_params(overrides: list[str]) -> str:
         try:
             compose_and_dump(str(output), str(root / CONF), None, "config", str(root), overrides)
         except (HydraException, OmegaConfBaseException) as error:
-            raise _as_user_error(error) from error
+            raise _as_user_error(error, overrides) from error
         return output.read_text(encoding="utf-8")
 
 
@@ -65,13 +66,15 @@ def quoting_error(overrides: list[str]) -> FinloopError | None:
     wrong = [text for text in overrides if not _is_override(text)]
     if not wrong:
         return None
-    keys = "|".join((*GROUPS, FOLDER))
-    whole = re.split(rf" (?=[+~]?(?:{keys})[.\w]*=)", " ".join(overrides))  # as before the shell
+    key = rf"[+~]?(?:{'|'.join((*GROUPS, FOLDER))})[.:\w]*"
+    text = re.sub(rf"(?<!\S)({key}) *= *", r"\1=", " ".join(overrides))  # as before the shell
+    text = re.sub(rf"(?<!\S)({'|'.join(GROUPS)}):(?=\w+=)", r"\1.", text)
+    whole = re.split(rf"[ ,](?={key}=)", text)
     typed = [f"'{text if _is_override(text) else _quote_value(text)}'" for text in whole]
     in_make = " ".join(typed).replace('"', '\\"')
     return FinloopError(
         f"{' '.join(wrong)} is no `key=value`: the shell ends it at a space, Hydra at one of "
-        "= , : ( ) [ ] { }",
+        "= , : ~ ( ) [ ] { }",
         "a text with such a character in double quotes, and all of it in single quotes",
         f"dvc exp run {' '.join(f'-S {text}' for text in typed)}\n"
         f'          or, after make: S="{in_make}"',
@@ -87,20 +90,33 @@ def _is_override(text: str) -> bool:
         override = OverridesParser.create().parse_override(text)
     except HydraException:
         return False
+    name = override.key_or_group.partition(".")[0]
     if override.is_sweep_override():
+        key, _, values = text.partition("=")
+        point = re.fullmatch(r"(\d+),(\d+)", values)
         raise FinloopError(
             f"{text} has several values",
             "one value; a list stands in brackets: key=[1,2]",
-            f'for a run with each value: make sweep S="{text}"',
+            f'for a run with each value: make sweep S="{text}"'
+            + (f"; for a decimal point: {key}={point[1]}.{point[2]}" if point else ""),
         )
-    name = override.key_or_group.partition(".")[0]
+    if not name:
+        return False  # `key =5`, which the shell has split
     if "/" in name and not name.startswith("hydra"):
         return False  # the rest of a path after a space
+    if override.key_or_group in GROUPS and not isinstance(override.value(), str):
+        raise FinloopError(
+            f"{text} names no parameter of the group {name}",
+            f"{name}.NAME=VALUE",
+            f"`make params S=help={name}` prints the names",
+        )
     known = [*GROUPS, FOLDER, LOCAL.parent.name, "hydra", *STAMPS]
     if not (override.is_add() or override.is_delete()) and name.partition("/")[0] not in known:
         near = get_close_matches(name, known, 1)
+        meant = full_names(name, GROUPS) if name == override.key_or_group else ""
+        meant = meant or (near[0] if near else "")
         raise FinloopError(
-            f"{text}: there is no group {name}" + (f"; did you mean {near[0]}?" if near else ""),
+            f"{text}: there is no group {name}" + (f"; did you mean {meant}?" if meant else ""),
             f"one of {', '.join(GROUPS)}",
             "correct the name; `make params S=help=bpn` prints the parameters of a group",
         )
@@ -139,13 +155,18 @@ def load_experiment(name: str) -> Experiment:
     return sweep
 
 
-def _as_user_error(error: BaseException) -> FinloopError:
-    """Return the FinloopError that Hydra has wrapped in its error, or one with Hydra's message."""
+def _as_user_error(error: BaseException, overrides: list[str]) -> FinloopError:
+    """Return the FinloopError that Hydra has wrapped in its error, or one with Hydra's message.
+
+    overrides: those that were composed.
+    """
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, FinloopError):
             return cause
         cause = cause.__cause__ or cause.__context__
+    if found := re.search(r"Could not find '(\w+)/(.+)'", str(error)):
+        return _no_option_error(*found.groups(), overrides)
     lines_of = f"{error}\n{error.__cause__ or ''}".partition("Config search path")[0].splitlines()
     # Hydra advises `+key`, which is refused as well.
     lines = [line.strip() for line in lines_of if line.strip() and not line.startswith("To append")]
@@ -153,6 +174,29 @@ def _as_user_error(error: BaseException) -> FinloopError:
         "\n    ".join(lines),
         f"keys and values of the groups in {CONF}/",
         f"correct {CONF}/, or the overrides",
+    )
+
+
+def _no_option_error(word: str, option: str, overrides: list[str]) -> FinloopError:
+    """Return the error that a group has no such option, with the override that was probably meant.
+
+    word, option: as in `word=option`. overrides: those that were composed.
+    """
+    options = list(variants(word)) if word in GROUPS else []
+    options += sorted(path.stem for path in (CONF / word).glob("*.yaml") if not options)
+    if word in GROUPS and not (CONF / word / "default.yaml").is_file():
+        near = get_close_matches(option, options, 1, 0.5)
+        do = "type " + " or ".join(f"{word}={one}" for one in near or options)
+        if word == "clip" and re.search(r"[/.~]", option):
+            do = f"type clip=file {quote_override('clip.path', option)}"
+    elif word in GROUPS:
+        do = f"type {word}.NAME=VALUE; `make params S=help={word}` prints the names"
+    else:
+        do = "take one of these"
+    return FinloopError(
+        f"{' '.join(overrides)}: there is no {CONF}/{word}/{option}.yaml",
+        f"for {word} one of: {', '.join(options)}",
+        do,
     )
 
 
@@ -184,7 +228,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="make params", description=__doc__)
     parser.add_argument("--check", action="store_true")
     parser.add_argument("overrides", nargs="*", metavar="key=value")
-    arguments = parser.parse_args()
+    arguments, dashed = parser.parse_known_args()
+    if dashed:
+        given = [text.lstrip("-") for text in (*dashed, *arguments.overrides) if text != "-S"]
+        raise FinloopError(
+            f"{' '.join(dashed)} is no option of make params",
+            "key=value, without -S or dashes",
+            f'make params S="{" ".join(given)}"',
+        )
     words = [text.removeprefix("help=") for text in arguments.overrides if text[:5] == "help="]
     if arguments.check:
         require_composed_params(arguments.overrides)

@@ -4,6 +4,7 @@ The schema checks each value alone. This checks values against each other, and a
 that they name: a missing film, more leaders than fish, a film shorter than a track.
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,13 @@ def find_conflicts(values: Groups) -> list[str]:
 
     values: content of params.yaml, in which each value alone is right.
     """
-    parts = _film_conflicts(values), _missing_files(values), _mode_conflicts(values)
-    return [*parts[0], *parts[1], *_fish_conflicts(values["matching"]), *parts[2]]
+    return [
+        *_film_conflicts(values),
+        *_missing_files(values),
+        *_fish_conflicts(values["matching"]),
+        *_mode_conflicts(values),
+        *_goal_conflicts(values["animate"]),
+    ]
 
 
 def _film_conflicts(values: Groups) -> Iterator[str]:
@@ -34,35 +40,52 @@ def _film_conflicts(values: Groups) -> Iterator[str]:
 
     listed = clip["path"] if isinstance(clip["path"], list) else [clip["path"]]
     for item in listed:
-        path = item if isinstance(item, str) else item["path"]
+        own = {"path": item} if isinstance(item, str) else item
         try:
-            for film in list_films(path):
-                yield from _film_file_conflicts(film, shortest)
+            for film in list_films(own["path"]):
+                yield from _film_file_conflicts(film, {**clip, **own}, shortest)
         except FinloopError as error:
             yield f"clip.path: {error.came}; {error.do}"
 
 
-def _film_file_conflicts(film: Path, shortest: int) -> Iterator[str]:
+def _film_file_conflicts(film: Path, clip: Mapping[str, Any], shortest: int) -> Iterator[str]:
     """Yield a sentence if a film is missing or too short; its pictures are not decoded.
 
-    shortest: least number of frames.
+    clip: the parameters of this film. shortest: least number of frames.
     """
     from finloop.io.footage.film import open_stream
     from finloop.io.footage.pictures import SUFFIXES
 
+    rate = clip["frame_rate_hz"]
     if not film.exists():
         yield f"clip.path: there is nothing at {film.absolute()}"
-    elif film.is_file() and film.suffix.lower() not in SUFFIXES:
+        return
+    if film.is_dir() or film.suffix.lower() in SUFFIXES:
+        pictures = [path for path in film.glob("*") if path.suffix.lower() in SUFFIXES]
+        frames = len(pictures)
+        if frames and rate is None:
+            yield (
+                f"clip.frame_rate_hz: {film} does not state how fast it was shot; give it: "
+                "clip.frame_rate_hz=25"
+            )
+    else:
         with open_stream(film) as (_, stream):
-            if 0 < stream.frames < shortest:
-                yield _too_short_text(f"clip.path: {film}", stream.frames, shortest)
+            frames, rate = stream.frames, rate or stream.average_rate
+    if frames and rate:  # as the file says; the stage counts
+        end = frames / float(rate)
+        if clip["start_s"] >= end:
+            yield f"clip.start_s: {clip['start_s']:g} s, and {film} ends at {end:.4g} s"
+            return
+        frames = round((min(clip["end_s"] or end, end) - clip["start_s"]) * float(rate))
+    if 0 < frames < shortest:
+        yield _too_short_text(f"clip.path: {film}", frames, shortest)
 
 
 def _too_short_text(what: str, frames: int, shortest: int) -> str:
     """Return the sentence that a film is too short; what: the parameter that names it."""
     return (
-        f"{what}: {frames} frames, and a track has at least {shortest}; take a longer film, or "
-        "lower extract.min_track_frames"
+        f"{what}: {frames} frames, and a track has at least {shortest}; take more film, "
+        f"or type extract.min_track_frames={max(2, frames // 2)}"
     )
 
 
@@ -74,6 +97,7 @@ def _missing_files(values: Groups) -> Iterator[str]:
     limbs = values["gait"]["limbs"] == "regions"
     named = {
         "clip.arena": values["clip"].get("arena"),
+        "extract.tracks_path": values["extract"]["tracks_path"],
         "matching.path": values["matching"]["path"],
         "retarget.tracks": values["retarget"]["tracks"],
         "gait.regions": values["gait"]["regions"] if limbs else None,
@@ -88,7 +112,8 @@ def _missing_files(values: Groups) -> Iterator[str]:
         if paths == read_conf_values(word, "default").get(key):
             continue
         for path in paths if isinstance(paths, list) else [paths]:
-            if isinstance(path, str) and not path.startswith("track:"):
+            # A pattern names a file for each of several films.
+            if isinstance(path, str) and not re.search(r"^track:|[*{]", path):
                 file = Path(path).expanduser()
                 if not file.exists():
                     yield f"{name}: there is nothing at {file.absolute()}"
@@ -116,3 +141,20 @@ def _mode_conflicts(values: Groups) -> Iterator[str]:
     for stage in ("render", "tank", "export"):
         if values[stage]["mode"] == "retarget" and values["retarget"]["tracks"] is None:
             yield f"{stage}.mode: retarget shows retarget.tracks, which names none"
+
+
+def _goal_conflicts(animate: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a sentence for each goal that is no place in the tank.
+
+    animate: the parameters of all modes.
+    """
+    if not animate["goals"]:
+        yield "animate.goals: there are none; such as animate.goals=[[0.2,0.3],[0.8,0.7]]"
+    for goal in animate["goals"]:
+        if len(goal) != 2:
+            yield f"animate.goals: {goal} is not [x, y]; such as animate.goals=[[0.2,0.3]]"
+        elif animate["goal_unit"] == "tank" and not 0 <= min(goal) <= max(goal) <= 1:
+            yield (
+                f"animate.goals: {goal} is not in the tank, whose width and height are 1; for px, "
+                "type animate.goal_unit=px"
+            )

@@ -5,13 +5,13 @@ nothing. So params.yaml is stamped with a digest of conf/, and refused where con
 """
 
 import hashlib
-import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from finloop.base.errors import FinloopError
+from finloop.base.override import format_override
 from finloop.base.settings import GROUPS, check_values, default_variants, read_conf_values, variants
 from finloop.io.parameters import build_settings, read_parameters
 
@@ -105,15 +105,3 @@ def list_overrides(values: Mapping[str, Any]) -> list[str]:
             if in_conf[key] != value
         ]
     return changes
-
-
-def format_override(value: Any) -> str:
-    """Return a value in the syntax of Hydra's overrides: JSON, but with keys without quotes.
-
-    Letters beyond ASCII stay, and `${` does not refer to another value.
-    """
-    if isinstance(value, Mapping):
-        return "{" + ",".join(f"{key}:{format_override(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ",".join(map(format_override, value)) + "]"
-    return json.dumps(value, ensure_ascii=False).replace("${", "\\${")

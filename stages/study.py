@@ -31,13 +31,14 @@ import pandas as pd
 import yaml
 
 from finloop.base.errors import FinloopError
+from finloop.base.override import format_override
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.footage import list_films, unique_film_names
 from finloop.io.table import save_csv
 from finloop.report.study import COLUMNS, FilmResult, study_page, study_table
 from stages.compare import list_experiments, load_numbers
 from stages.film import parse_film_paths
-from stages.settings import LOCAL, format_override
+from stages.settings import LOCAL
 from stages.sweep import make_runs
 
 PAGE, TABLE, REPORTS = Path("reports/study.html"), Path("reports/study.csv"), Path("reports/study")

@@ -34,7 +34,7 @@ def composed_once(overrides: Sequence[str]) -> str:
     return _compose(tuple(overrides))
 
 
-A_FILM = ROOT / "docs/pictures"  # a folder of pictures: what composing takes for a film
+A_FILM = ROOT / "docs/equations"  # a folder: what composing takes for a film
 
 
 @cache

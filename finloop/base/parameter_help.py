@@ -45,7 +45,7 @@ def parameter_help(word: str) -> Iterator[ParameterHelp]:
             yield ParameterHelp(
                 word, option, field.name, values.get(field.name, "???"),
                 _BRACKET.sub("", text), brackets[1] if brackets else "",
-                _range_text(hints[field.name]),
+                range_text(hints[field.name]),
             )  # fmt: skip
 
 
@@ -65,7 +65,7 @@ def _read_comments(word: str, option: str) -> dict[str, str]:
     return found
 
 
-def _range_text(hint: Any) -> str:
+def range_text(hint: Any) -> str:
     """Return in words which values a type annotation allows, such as "whole, ≥ 1"."""
     if hint is None or hint is type(None):
         return "null"
@@ -73,15 +73,15 @@ def _range_text(hint: Any) -> str:
     if origin is Annotated:
         return _limit_text(parts[0], parts[1:])
     if origin in (Union, types.UnionType):
-        return " or ".join(map(_range_text, parts))
+        return " or ".join(map(range_text, parts))
     if origin is Literal:
         *names, last = map(str, parts)
         return f"{', '.join(names)} or {last}" if names else last
     if origin in (tuple, list):
         inside = [part for part in parts if part is not Ellipsis]
         if origin is tuple and Ellipsis not in parts:
-            return "(" + ", ".join(map(_range_text, inside)) + ")"
-        return f"list of {_range_text(inside[0])}"
+            return "(" + ", ".join(map(range_text, inside)) + ")"
+        return f"list of {range_text(inside[0])}"
     if origin in (dict, Mapping):
         return "settings by name"
     plain = {bool: "true or false", str: "text", float: "any number", int: "any whole number"}
@@ -95,7 +95,7 @@ def _limit_text(base: Any, marks: tuple[Any, ...]) -> str:
     """
     if texts := [mark for mark in marks if isinstance(mark, str)]:
         return texts[0]
-    words = ["whole"] if base is int else [] if base is float else [_range_text(base)]
+    words = ["whole"] if base is int else [] if base is float else [range_text(base)]
     for mark in marks:
         for limit in getattr(mark, "metadata", [mark]):
             words += [

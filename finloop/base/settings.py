@@ -11,6 +11,7 @@ Types are strict (3.0 is no int, "3" no number, true no 1); NaN and infinity are
 """
 
 import json
+import re
 import sys
 from collections.abc import Mapping
 from dataclasses import fields
@@ -26,6 +27,7 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked
 
 from finloop.base.errors import FinloopError
+from finloop.base.override import quote_override, suggest_override
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -191,8 +193,14 @@ def check_values(
     try:  # as JSON, where strict still lets a list be a tuple and a name an Enum
         group = _strict_check(option).validate_json(json.dumps(values, default=str))
     except ValidationError as error:
+        found = [dict(detail) for detail in error.errors()]
+        parts = {detail["loc"][:1]: None for detail in found}
         return None, [
-            _describe_problem(word, option, names, dict(detail)) for detail in error.errors()
+            sentence
+            for part in parts
+            for sentence in _describe_problems(
+                word, options, option, values, [one for one in found if one["loc"][:1] == part]
+            )
         ]
     # The dataclass itself, not pydantic's copy of the class, which cannot be pickled.
     return option(**{name: getattr(group, name) for name in names}), []
@@ -205,17 +213,67 @@ def _strict_check(option: type) -> TypeAdapter[Any]:
     return TypeAdapter(checked(option, frozen=True, config=strict))
 
 
-def _describe_problem(word: str, option: type, names: list[str], detail: dict[str, Any]) -> str:
+def _describe_problems(
+    word: str,
+    options: Mapping[str, type],
+    option: type,
+    values: Mapping[str, Any],
+    details: list[dict[str, Any]],
+) -> list[str]:
+    """Return sentences on what pydantic found in one parameter, with what to type instead.
+
+    word, options, option: the group, its dataclasses, and the one of its variant. values: by name.
+    details: the problems of one parameter, or of the group as a whole, as pydantic reports them.
+    """
+    from finloop.base.parameter_help import range_text  # which imports this module
+
+    key = str(details[0]["loc"][0]) if details[0]["loc"] else ""
+    hint = get_type_hints(option, include_extras=True).get(key)
+    # Of several types that a value may have, the one that it comes nearest to.
+    depth = max(len(detail["loc"]) for detail in details)
+    deepest = [detail for detail in details if len(detail["loc"]) == depth]
+    if hint is None or (len(deepest) > 1 and depth > 2):
+        return [_describe_problem(word, options, option, detail) for detail in deepest]
+    if len(deepest) == 1:
+        text = _describe_problem(word, options, option, deepest[0])
+    else:
+        text = f"{word}.{key}: should be {range_text(hint)}, got {values[key]!r}"
+    if key not in values:  # missing
+        return [text]
+
+    def accepts(value: Any) -> bool:
+        try:
+            _strict_check(option).validate_json(json.dumps({**values, key: value}, default=str))
+        except ValidationError as error:
+            return all(detail["loc"][:1] != (key,) for detail in error.errors())
+        return True
+
+    choices = re.findall(r"[a-z]+", range_text(hint))
+    return [text + suggest_override(f"{word}.{key}", values[key], choices, accepts)]
+
+
+def _describe_problem(
+    word: str, options: Mapping[str, type], option: type, detail: dict[str, Any]
+) -> str:
     """Return a sentence on one problem that pydantic found in a group's values.
 
-    word, option: the group, and the dataclass of its variant. names: its parameters. detail: the
+    word, options, option: the group, its dataclasses, and the one of its variant. detail: the
     problem, as pydantic reports it.
     """
     name = ".".join(map(str, (word, *detail["loc"])))
     if detail["type"] == "missing":
         return f"{name}: has no value"
     if detail["type"] == "unexpected_keyword_argument":
-        return f"{name}: unknown; {_suggest(word, option, str(detail['loc'][0]), names)}"
+        key = str(detail["loc"][0])
+        others = [
+            other
+            for other, kind in options.items()
+            if key in [field.name for field in fields(kind)]
+        ]
+        if others:
+            line = f"{word}={others[0]} {quote_override(name, detail['input'])}"
+            return f"{name}: unknown; {' and '.join(others)} of {word} have it; type {line}"
+        return f"{name}: unknown; {_suggest(word, option, key)}"
     message = detail["msg"].removeprefix("Value error, ").removeprefix("Input ")
     got = f", got {detail['input']!r}" if detail["loc"] else ""
     if detail["type"] == "literal_error" and (renamed := RENAMED.get(str(detail["input"]))):
@@ -223,12 +281,12 @@ def _describe_problem(word: str, option: type, names: list[str], detail: dict[st
     return f"{name}: {message}{got}"
 
 
-def _suggest(word: str, option: type, key: str, names: list[str]) -> str:
+def _suggest(word: str, option: type, key: str) -> str:
     """Return, for an unknown parameter, its new name, its new place or a similar name.
 
-    word, option: the group, and the dataclass of its variant. key: the unknown name. names: the
-    group's parameters.
+    word, option: the group, and the dataclass of its variant. key: the unknown name.
     """
+    names = [field.name for field in fields(option)]
     if renamed := getattr(option, "RENAMED", {}).get(key):
         return f"it is {word}.{renamed} now"
     for kind in option.__mro__:
@@ -237,16 +295,16 @@ def _suggest(word: str, option: type, key: str, names: list[str]) -> str:
     if word in OF_MODES:
         if key in GONE:
             return GONE[key]
-        if moved := _full_names(key, OF_MODES):
+        if moved := full_names(key, OF_MODES):
             return f"it is {moved} now"
     if near := get_close_matches(key, names, 1):
         return f"did you mean {word}.{near[0]}?"
-    if other := _full_names(key, GROUPS):
+    if other := full_names(key, GROUPS):
         return f"did you mean {other}?"
     return f"{word} has {', '.join(names)}"
 
 
-def _full_names(key: str, words: tuple[str, ...]) -> str:
+def full_names(key: str, words: tuple[str, ...]) -> str:
     """Return the dotted names of all parameters called `key`, now or formerly, as "a.key or b.key".
 
     words: the groups to search.

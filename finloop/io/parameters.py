@@ -1,5 +1,6 @@
 """params.yaml: the parameters of a run, checked and converted to dataclasses."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import yaml
 
 from finloop.base.errors import FinloopError
-from finloop.base.settings import check_values, variants
+from finloop.base.settings import GROUPS, check_values, variants
 
 
 def read_parameters(path: Path) -> dict[str, Any]:
@@ -37,8 +38,11 @@ def build_settings(word: str, values: Mapping[str, Any]) -> Any:
 def refusal_error(problems: list[str]) -> FinloopError:
     """Return the error that lists all refused parameters; problems: a sentence about each."""
     count = "a parameter is" if len(problems) == 1 else f"{len(problems)} parameters are"
+    named = dict.fromkeys(re.split(r"[.:]", problem)[0] for problem in problems)
+    words = " ".join(f"help={word}" for word in named if word in GROUPS) or "help=clip"
     return FinloopError(
         f"{count} refused:\n    " + "\n    ".join(problems),
-        "the names, types and ranges in finloop/<word>/settings.py",
-        "correct conf/ and run `make params`, or override: dvc exp run -S name=value",
+        f'names, types and ranges as make params S="{words}" prints them',
+        "correct what you typed: make params S=\"name=value\", dvc exp run -S 'name=value'; or "
+        "correct conf/, and run `make params`",
     )

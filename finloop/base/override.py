@@ -1,0 +1,95 @@
+"""Overrides `group.key=value` in Hydra's syntax: of values, and of what was probably meant."""
+
+import json
+import re
+import shlex
+from collections.abc import Callable, Iterator, Mapping
+from difflib import get_close_matches
+from typing import Any
+
+_WITH_UNIT = re.compile(r"([-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?)\s*([^\W\d]*|%|°)")
+_MINUTES = re.compile(r"(\d+):(\d\d(?:\.\d+)?)")
+_UNITS = {
+    "s": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 0.001, "min": 60.0},
+    "seconds": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 0.001, "min": 60.0},
+    "deg": {"deg": 1.0, "degrees": 1.0, "°": 1.0},
+    "px": {"px": 1.0, "pixels": 1.0},
+    "hz": {"hz": 1.0, "fps": 1.0},
+    "mm": {"mm": 1.0, "cm": 10.0},
+    "bl": {"bl": 1.0},
+    "ratio": {"%": 0.01},
+    "pct": {"%": 1.0},
+}
+"""The last word of a parameter's name → units that a user may write behind a number, in its own."""
+_LARGEST = 1e15
+_WORDS = {
+    "none": None, "null": None, "nil": None, "yes": True, "on": True, "true": True,
+    "no": False, "off": False, "false": False,
+}  # fmt: skip
+
+
+def format_override(value: Any) -> str:
+    """Return a value in the syntax of Hydra's overrides: JSON, but with keys without quotes.
+
+    Letters beyond ASCII stay, and `${` does not refer to another value.
+    """
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{key}:{format_override(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(map(format_override, value)) + "]"
+    return json.dumps(value, ensure_ascii=False).replace("${", "\\${")
+
+
+def quote_override(name: str, value: Any) -> str:
+    """Return `name=value` as it is typed in a shell; a plain word stands without quotes."""
+    plain = isinstance(value, str) and re.fullmatch(r"[\w./-]*[^\W\d_][\w./-]*", value)
+    return shlex.quote(f"{name}={value if plain else format_override(value)}")
+
+
+def suggest_override(
+    name: str, value: Any, choices: list[str], accepts: Callable[[Any], bool]
+) -> str:
+    """Return `; type name=value` with the value that was probably meant; "" if none is allowed.
+
+    name: dotted name of the parameter. value: as it was given and refused. choices: the words that
+    the parameter allows. accepts: whether the parameter allows a value.
+    """
+    for meant in _read_anew(name, value, choices):
+        if accepts(meant):
+            return f"; type {quote_override(name, meant)}"
+    return ""
+
+
+def _read_anew(name: str, value: Any, choices: list[str]) -> Iterator[Any]:
+    """Yield other values that a refused value may stand for, the most probable first."""
+    unit = re.split(r"[._]", name)[-1]
+    if isinstance(value, str):
+        text = value.strip()
+        if text.lower() in _WORDS:
+            yield _WORDS[text.lower()]
+        yield from get_close_matches(text.lower(), choices, 1)
+        if found := _MINUTES.fullmatch(text):
+            if unit in ("s", "seconds"):
+                yield _shorten(60 * int(found[1]) + float(found[2]))
+        elif found := _WITH_UNIT.fullmatch(text):
+            factors = {"": 1.0} | _UNITS.get(unit, {})
+            if (factor := factors.get(found[2].lower())) is not None:
+                yield _shorten(float(found[1].replace(",", ".")) * factor)
+        yield [text]
+    elif isinstance(value, list):
+        yield [value]
+        if len(value) == 1:
+            yield value[0]
+    elif isinstance(value, bool):
+        yield from ("always", "never")[:: -1 if value is False else 1]
+    elif isinstance(value, int | float) and abs(value) < _LARGEST:  # no NaN
+        yield _shorten(value)
+        if unit == "ratio":
+            yield value / 100
+        yield str(value)
+        yield [value]
+
+
+def _shorten(number: float) -> float | int:
+    """Return a number without a decimal point if it is whole, and without errors of rounding."""
+    return int(number) if number % 1 == 0 else round(number, 9)
