@@ -104,7 +104,8 @@ def _is_override(text: str) -> bool:
         return False  # `key =5`, which the shell has split
     if "/" in name and not name.startswith("hydra"):
         return False  # the rest of a path after a space
-    if override.key_or_group in GROUPS and not isinstance(override.value(), str):
+    is_group = override.key_or_group in GROUPS and not override.is_delete()
+    if is_group and not isinstance(override.value(), str):
         raise FinloopError(
             f"{text} names no parameter of the group {name}",
             f"{name}.NAME=VALUE",

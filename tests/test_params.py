@@ -3,29 +3,34 @@
 import ast
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 from dataclasses import dataclass, fields, is_dataclass
+from fractions import Fraction
 from functools import cache
 from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_type_hints
 
+import numpy as np
 import pytest
 import yaml
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from pydantic import Field
-from scratch import A_FILM
+from scratch import A_FILM, write_frames
 
 import stages.stamps
 from finloop.base.errors import FinloopError
 from finloop.base.parameter_help import find_comment_problems, list_parameters
 from finloop.base.settings import GONE, GROUPS, check_values, read_conf_values, settings, variants
 from finloop.edit.modes import MODES
+from finloop.io.movie import VideoWriter
 from finloop.io.parameters import refusal_error
 from finloop.report.headlines import HEADLINES
 from stages import settings as door
-from stages.compose import compose_params, require_composed_params
+from stages.compose import compose_params, quoting_error, require_composed_params
 from stages.experiment import FOLDER
 from stages.parameters import parameters_page, terminal_table
 from stages.settings import LOCAL, STAMP, conf_stamp, list_problems, load_settings
@@ -579,6 +584,9 @@ def test_where_the_file_is_not_its_values_are_checked(own_folder, capsys):
             "matching.fish=2 matching.follow_pairs=[[2,1],[1,2]]",
             "fish 2 follows fish 1 follows fish 2",
         ),
+        ("animate.goals=[[20,30]]", "type animate.goal_unit=px"),
+        ("animate.goals=[[0,1,0]]", "animate.goals: [0, 1, 0] is not [x, y]"),
+        ("extract.tracks_path=gone.h5", "extract.tracks_path: there is nothing at"),
         ("morph.last_drawing=gone.svg", "morph.last_drawing: there is nothing"),
         (
             "gait.limbs=regions gait.regions=gone gait.regions_rate_hz=30",
@@ -594,6 +602,20 @@ def test_what_cannot_work_is_refused_before_a_stage_runs(override, named, monkey
     assert named in refusal.value.came
 
 
+def test_a_range_of_time_is_in_the_film_and_pictures_have_a_rate(tmp_path):
+    film, pictures = tmp_path / "film.avi", tmp_path / "pictures"
+    write_frames(VideoWriter(film, 32, 32, Fraction(10)), np.zeros((30, 32, 32), np.uint8))
+    shutil.copytree(ROOT / "docs/pictures", pictures)
+    for typed, named in {
+        f"clip.path={film} clip.start_s=5": "clip.start_s: 5 s, and",
+        f"clip.path={film} clip.end_s=0.5": "5 frames, and a track has at least 10",
+        f"clip.path={pictures}": "give it: clip.frame_rate_hz=25",
+    }.items():
+        with pytest.raises(FinloopError) as refusal:
+            compose_params(["~local", "clip=file", *typed.split()])
+        assert named in refusal.value.came
+
+
 @pytest.mark.parametrize(
     ("typed", "said"),
     [
@@ -603,6 +625,12 @@ def test_what_cannot_work_is_refused_before_a_stage_runs(override, named, monkey
         (["clip=file", "clip.path=/my", "film.mp4", "bpn.epochs=3"],
          "-S 'clip=file' -S 'clip.path=/my film.mp4' -S 'bpn.epochs=3'"),
         (["bpn.hidden_units=5,10"], 'make sweep S="bpn.hidden_units=5,10"'),
+        (["bpn.learning_rate=0,5"], "for a decimal point: bpn.learning_rate=0.5"),
+        (["bpn.epochs", "=", "3"], "-S 'bpn.epochs=3'"),
+        (["bpn:epochs=3"], "-S 'bpn.epochs=3'"),
+        (["bpn=3"], "`make params S=help=bpn` prints"),
+        (["clip=my.mp4"], "type clip=file clip.path=my.mp4"),
+        (["clip=crap"], "type clip=carp"),
         (["bp.epochs=3"], "make params S=help=bpn"),
     ],
 )  # fmt: skip
@@ -610,6 +638,39 @@ def test_the_line_to_type_is_named_where_quotes_are_missing(typed, said):
     with pytest.raises(FinloopError) as refusal:
         compose_params(typed)
     assert said in refusal.value.do
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("features.turn_threshold_deg=25deg", "type features.turn_threshold_deg=25"),
+        ("features.turn_threshold_deg=None", "type features.turn_threshold_deg=auto"),
+        ("animate.seconds=2min", "type animate.seconds=120"),
+        ("animate.seconds=1:30", "type animate.seconds=90"),
+        ("animate.goals=[0.2,0.3]", "type 'animate.goals=[[0.2,0.3]]'"),
+        ("extract.min_contrast_ratio=30%", "type extract.min_contrast_ratio=0.3"),
+        ("extract.min_contrast_ratio=30", "type extract.min_contrast_ratio=0.3"),
+        ("matching.fish=3.0", "type matching.fish=3"),
+        ("render.mode=Hybrid", "type render.mode=hybrid"),
+        ("distance.max_distance_steps=none", "type distance.max_distance_steps=null"),
+        ("clip=carp clip.colour=yes", "type clip.colour=true"),
+        ("clip.path=/a.mp4", "type clip=file clip.path=/a.mp4"),
+    ],
+)
+def test_a_mistyped_value_is_answered_by_the_line_to_type(typed, said):
+    """One test of many: each is one composition of conf/, as by `make params`."""
+    values = dict(made_values("clip=carp") if "clip=carp" in typed else made_values())
+    for override in typed.split()[typed.startswith("clip=") :]:
+        parsed = OverridesParser.create().parse_override(override)
+        word, _, key = parsed.key_or_group.partition(".")
+        values[word] = {**values[word], key: parsed.value()}
+    (problem,) = list_problems(values)
+    assert problem.endswith(said) and compose_is_right(said.removeprefix("type "))
+
+
+def compose_is_right(line: str) -> bool:
+    """Whether a line to type is `key=value` in each of its words."""
+    return quoting_error(shlex.split(line)) is None
 
 
 @pytest.mark.parametrize(

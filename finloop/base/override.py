@@ -66,8 +66,9 @@ def _read_anew(name: str, value: Any, choices: list[str]) -> Iterator[Any]:
     if isinstance(value, str):
         text = value.strip()
         if text.lower() in _WORDS:
-            yield _WORDS[text.lower()]
-        yield from get_close_matches(text.lower(), choices, 1)
+            word = _WORDS[text.lower()]
+            yield from (word, {True: "always", False: "never", None: "auto"}[word])
+        yield from get_close_matches(text.lower(), choices)
         if found := _MINUTES.fullmatch(text):
             if unit in ("s", "seconds"):
                 yield _shorten(60 * int(found[1]) + float(found[2]))
@@ -82,7 +83,7 @@ def _read_anew(name: str, value: Any, choices: list[str]) -> Iterator[Any]:
             yield value[0]
     elif isinstance(value, bool):
         yield from ("always", "never")[:: -1 if value is False else 1]
-    elif isinstance(value, int | float) and abs(value) < _LARGEST:  # no NaN
+    elif isinstance(value, int | float) and abs(value) < _LARGEST:  # so no NaN
         yield _shorten(value)
         if unit == "ratio":
             yield value / 100

@@ -248,7 +248,7 @@ def _describe_problems(
             return all(detail["loc"][:1] != (key,) for detail in error.errors())
         return True
 
-    choices = re.findall(r"[a-z]+", range_text(hint))
+    choices = re.findall(r"[a-z]+", f"{range_text(hint)} {text}")
     return [text + suggest_override(f"{word}.{key}", values[key], choices, accepts)]
 
 
