@@ -167,7 +167,7 @@ def _as_user_error(error: BaseException, overrides: list[str]) -> FinloopError:
             return cause
         cause = cause.__cause__ or cause.__context__
     if found := re.search(r"Could not find '(\w+)/(.+)'", str(error)):
-        return _no_option_error(*found.groups(), overrides)
+        return _no_option_error(found[1], found[2], overrides)
     lines_of = f"{error}\n{error.__cause__ or ''}".partition("Config search path")[0].splitlines()
     # Hydra advises `+key`, which is refused as well.
     lines = [line.strip() for line in lines_of if line.strip() and not line.startswith("To append")]

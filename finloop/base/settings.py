@@ -193,8 +193,8 @@ def check_values(
     try:  # as JSON, where strict still lets a list be a tuple and a name an Enum
         group = _strict_check(option).validate_json(json.dumps(values, default=str))
     except ValidationError as error:
-        found = [dict(detail) for detail in error.errors()]
-        parts = {detail["loc"][:1]: None for detail in found}
+        found: list[dict[str, Any]] = [dict(detail) for detail in error.errors()]
+        parts = dict.fromkeys(detail["loc"][:1] for detail in found)
         return None, [
             sentence
             for part in parts
