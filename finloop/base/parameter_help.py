@@ -30,7 +30,7 @@ class ParameterHelp(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit that the comment states; "" for a count, a choice or a text."""
+        """Return the parameter's unit, from its comment; "" for a count, a choice or a text."""
         return self.brackets.removesuffix(self.range).rstrip(", ")
 
 

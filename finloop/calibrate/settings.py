@@ -58,5 +58,5 @@ class CalibrateSettings:
 
     @property
     def zone_radii(self) -> tuple[Fitted, Fitted, Fitted]:
-        """Return the radii of repulsion, alignment and attraction in BL, or "auto"."""
+        """Return the radii of repulsion, alignment and attraction in body lengths, or "auto"."""
         return self.repulsion_radius_bl, self.alignment_radius_bl, self.attraction_radius_bl

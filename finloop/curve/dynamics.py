@@ -58,7 +58,7 @@ class Problem:
     """A curve of n points, a power of two, that is bent and released at times[0].
 
     rest (n, d): its shape without force; displacement (n, d) from it at times[0], and velocity (n,
-    d), None = 0. times (t,): rising, at which the motion is wanted. force: (n, d); (d,) for the
+    d), None = 0. times (t,): ascending, at which the motion is wanted. force: (n, d); (d,) for the
     same force at every point; a function of time and places; or None.
     """
 

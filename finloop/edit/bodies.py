@@ -108,7 +108,7 @@ class Bodies:
         return orientation_heading_deg(orientation, count_orientations(self.sprites)) + rotation_deg
 
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
-        """Return the filmed bodies behind pictures (…), frames or sprites.
+        """Return which filmed body, mirrored or turned, is in each picture (…), frame or sprite.
 
         frame: whether each is a frame, else a sprite; number: its row or sprite number; turn_deg:
         by how much a frame is turned, or the direction in which a sprite swims; mirrored: whether a
@@ -123,7 +123,7 @@ class Bodies:
         return Body(row, mirror, turn_deg + np.where(frame, heading, sway))
 
     def edit_row_body(self, shown: RowPicture) -> Body:
-        """Return the filmed body behind a picture that an edit list names."""
+        """Return which filmed body, mirrored or turned, is in a picture that an edit list names."""
         frame, turn = np.array(shown.kind == FRAME), np.asarray(shown.rotation_deg, float)
         if not frame:
             turn = np.asarray(
@@ -163,7 +163,7 @@ class Bodies:
         return self._mirror_codes(self._code_speeds[body.row], body.mirrored)
 
     def _mirror_codes(self, codes: Floats, mirrored: Mask) -> Floats:
-        """Mirror those pose codes (…, c) that are in a mask (…)."""
+        """Mirror those pose codes (principal-component scores) (…, c) that are in a mask (…)."""
         return np.where(mirrored[..., None], codes @ self.poses.shapes.mirror_matrix, codes)
 
 

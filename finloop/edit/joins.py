@@ -43,7 +43,7 @@ class JoinTimes(Protocol):
 
     @property
     def join_time_deltas(self) -> Literal["auto"] | float:
-        """Time of a join, Δ, or "auto"."""
+        """Time of a join, in Δ (the time over which motion is measured), or "auto"."""
 
     @property
     def join_frames(self) -> int:
@@ -51,11 +51,11 @@ class JoinTimes(Protocol):
 
     @property
     def join_least(self) -> float:
-        """Shortest time of a join that is "auto", Δ."""
+        """Shortest time of a join that is "auto", in units of Δ."""
 
     @property
     def join_most(self) -> float:
-        """Longest time of a join that is "auto", Δ."""
+        """Longest time of a join that is "auto", in units of Δ."""
 
     @property
     def rest(self) -> float:
@@ -63,7 +63,7 @@ class JoinTimes(Protocol):
 
     @property
     def cross_fade_deltas(self) -> float:
-        """Time of a cross-fade, Δ."""
+        """Time of a cross-fade, in Δ (the time over which motion is measured)."""
 
 
 @dataclass(frozen=True)

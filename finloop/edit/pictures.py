@@ -109,7 +109,7 @@ class Pictures:
 def cross_fade_distance(row: Any, pictures: Pictures) -> float:
     """Return the distance (Eq. 5) between the two pictures of a cross-fade.
 
-    row: a row of an edit list as a named tuple, with `weight` > 0.
+    row: a row of an edit list (what is drawn at every tick) as a named tuple, with `weight` > 0.
     """
     own, partner = (pictures(*name(row)) for name in (row_picture, row_partner))
     return float(paired_distances(own, partner))

@@ -138,9 +138,9 @@ def add_film_sources(
 ) -> pd.DataFrame:  # fmt: skip
     """Add to an edit list which track and frame of the film each row shows, and lengths in mm.
 
-    edit: schema EDIT; tracks: track_id and frame of every cut-out; sprites: schema SPRITES;
-    mm_per_px: None where unknown; length_px: body length of the animal as drawn. The result has the
-    columns READABLE.
+    edit: schema EDIT; tracks: track_id and frame of every cut-out (pixels of a fish with alpha);
+    sprites: schema SPRITES; mm_per_px: None where unknown; length_px: body length of the animal as
+    drawn. The result has the columns READABLE.
     """
     source = _film_source_columns(edit, "", "source", tracks, sprites)
     partner = _film_source_columns(edit, "partner_", "partner", tracks, sprites)

@@ -130,7 +130,7 @@ def _measure_with_background(
     workers: Threads,
     background: Picture,
 ) -> _BackgroundTrial:
-    """Measure the scene and a typical fish on sample frames, with one background.
+    """Measure noise, polarity and a typical fish on sample frames, against a given background.
 
     FinloopError as in `measure_scene_and_fish`.
     """

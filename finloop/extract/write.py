@@ -169,7 +169,7 @@ def _refuse_small_disk(
     """Raise FinloopError if a disk has too little space for all results of a film.
 
     frames: length of the film; sample: detections in some of its frames. While rows are put in
-    order, table and cut-outs exist twice, beside the pieces.
+    order, table and cut-outs (pixels of fish with alpha) exist twice, beside the pieces.
     """
     isolated = [one for detections in sample for one in detections.fish if one is not None]
     fish = [film.TrackedFish(0, number, one) for number, one in enumerate(isolated)]

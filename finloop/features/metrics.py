@@ -77,8 +77,8 @@ def metrics_in_mm(
 ) -> dict[str, float]:
     """Return body length, median speed and tank size in millimetres by name, for metrics.json.
 
-    tank_px: width and height; rate_hz: frames per second. The speed is the displacement over Δ; NaN
-    where no track is as long as Δ.
+    tank_px: width and height; rate_hz: frames per second. The speed is the displacement over the
+    time Δ; NaN where no track is as long as Δ.
     """
     speed = features["displacement"] * features["body_length_px"]
     return {
@@ -97,7 +97,8 @@ def measure_heading_agreement(features: pd.DataFrame) -> dict[str, float]:
 
     Only rows (a fish in one frame) that move count: their number, the share headed within 90° of
     their motion, and the median angle. Swapped heads and tails lower the share. The motion is
-    measured over Δ, the heading in the middle of it. In a current the film shows no such motion.
+    measured over the time Δ, the heading in the middle of it. In a current the film shows no such
+    motion.
     """
     delta = infer_delta_frames(features)
     start = np.flatnonzero(features["displacement"] > _MOVING)

@@ -26,7 +26,7 @@ _TURNS_DEG = 45.0
 
 
 class TurnThresholds(NamedTuple):
-    """How far the heading changes over Δ [°], and how bent [body length²], in a turn."""
+    """How far the heading changes over the time Δ [°], and how bent [body length²], in a turn."""
 
     turn_deg: float
     bend: float
@@ -64,7 +64,7 @@ def turn_score(turn_deg: Reals, bend: Reals, thresholds: TurnThresholds) -> Floa
     """Return the turn score of frames (n,): a turn to the left from 1 on, to the right from −1.
 
     It is the mean of two ratios: change of heading to its threshold, and bend to its threshold.
-    turn_deg (n,): over Δ; bend (n,): signed, body length².
+    turn_deg (n,): over the time Δ; bend (n,): signed, body length².
     """
     return 0.5 * (turn_deg / thresholds.turn_deg + bend / thresholds.bend)
 
@@ -88,8 +88,8 @@ def classify_swimming_types(
 ) -> NDArray[np.int8]:
     """Return the swimming types (frames,) int8 of consecutive frames: 0 straight, 1 left, −1 right.
 
-    turn_deg (frames,): change of heading over Δ; bend (frames,): signed, body length². A turn lasts
-    while its `turn_score` exceeds `end_score`, and reaches 1 somewhere.
+    turn_deg (frames,): change of heading over the time Δ; bend (frames,): signed, body length². A
+    turn lasts while its `turn_score` exceeds `end_score`, and reaches 1 somewhere.
     """
     scores = turn_score(turn_deg, bend, thresholds)
     left = skimage.filters.apply_hysteresis_threshold(scores, end_score, 1.0)

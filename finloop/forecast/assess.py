@@ -127,7 +127,7 @@ def _log_likelihood(error: Floats, deviation: Floats) -> float:
 
 
 def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
-    """Predict the states (k, d) Δ frames after rows (k,): each prediction is the next input.
+    """Predict states (k, d) a time Δ after rows (k,): each prediction is the next input.
 
     The controls (displacement and turn) are those of the film.
     """

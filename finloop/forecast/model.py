@@ -75,7 +75,7 @@ class Forecast:
         """Predict the means (k, d) of the next states, in the units of `FilmStates`.
 
         past: (k, l, d), the present state first; control: (k, 2), displacement [body lengths] and
-        included angle [rad] over the next Δ.
+        included angle [rad] over the next time Δ.
         """
         net = self.kernel_weights()
         x = np.concatenate([past.reshape(len(past), -1), control], 1)

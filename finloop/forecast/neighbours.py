@@ -85,7 +85,7 @@ def _make_symmetric(
 def _embed_pasts(film: FilmStates, rows: Ints, fade_deltas: float) -> NDArray[np.float32]:
     """Return vectors (m, l d) of rows whose Euclidean distance is how unlike their pasts are.
 
-    fade_deltas: age, in units of Δ, at which a past state counts half.
+    fade_deltas: age, in units of the time Δ, at which a past state counts half.
     """
     unit = film.scale.copy()
     unit[:-MOTION] = np.sqrt((film.scale[:-MOTION] ** 2).sum())  # codes share one unit
@@ -170,12 +170,12 @@ def _choose_passages(
     rows: Ints, lot: Ints, alike: tuple[NDArray[np.float32], float], limits: tuple[int, int, int],
     queries: Ints, near: Ints,
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
-    """Return the nearest rows (k, count) that look alike, one of each passage; −1: none.
+    """Choose for each query the nearest rows that look alike, at most one of each passage of film.
 
-    They are chosen for rows[lot[queries]] from near (k, l): numbers into `rows`, the nearest first.
-    alike: looks (m, c), and their largest distance. limits: how many alike rows are examined, how
-    far passages are apart, count. The mask (k,) is True where `count` passages, or all the rows to
-    be examined, are there.
+    Return rows (k, count), −1 for none, for the rows rows[lot[queries]], and a mask (k,): True
+    where `count` passages, or all the rows to be examined, are there. near (k, l): candidates as
+    numbers into `rows`, the nearest first. alike: looks (m, c), and their largest distance. limits:
+    how many alike rows are examined, how far passages are apart, count.
     """
     looks, most_apart = alike
     looked_at, apart, count = limits

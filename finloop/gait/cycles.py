@@ -46,9 +46,9 @@ def walker_gait_contours(
     """Return a walker's outlines and phases in frames with a steady gait, its period, its limbs.
 
     frames: contours by id for each frame, in px; n: points of a contour; split: phase of key 2, in
-    cycles; first: the number of the first frame, for messages. Limbs are in the body frame, px. The
-    period is computed twice, because the body's track is smoothed over a cycle. FinloopError as in
-    `gait.limbs.limb_contours`, or if no motion repeats.
+    cycles; first: the number of the first frame, for messages. Limbs are relative to the body, px.
+    The period is computed twice, because the body's track is smoothed over a cycle. FinloopError as
+    in `gait.limbs.limb_contours`, or if no motion repeats.
     """
     contours = limb_contours(frames, n, None, first)
     beat = _find_limb_period(contours, frame_rate_hz)

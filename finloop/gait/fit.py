@@ -222,7 +222,10 @@ class Subcycle:
     scales: list[slice]  # the slice of each scale in the n coefficients
 
     def gamma_fraction(self, scale: slice = slice(None)) -> tuple[float, float]:
-        """Return numerator and denominator of the gait parameter γ, for a slice of coefficients."""
+        """Return the gait parameter γ of some coefficients as a fraction: numerator and denominator.
+
+        Fractions of several sets can be summed, see `gamma_from_fractions`. scale: the slice.
+        """
         frames = self.samples.coefficients[:, scale].reshape(len(self.samples.tau), -1)
         return gamma_fraction(
             self.samples.tau, frames, self.start[scale].ravel(), self.end[scale].ravel()

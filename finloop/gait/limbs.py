@@ -42,7 +42,7 @@ Region = Curve | str  # a contour, or why a frame has none: MISSING, EMPTY or BO
 
 @dataclass(frozen=True)
 class Limbs:
-    """Contours of an animal's limbs in the body frame, px: x right, y down, the body at 0."""
+    """Contours of an animal's limbs relative to the body, px: x right, y down, the body at 0."""
 
     points: dict[str, Floats]  # by id, (frames, n, 2); NaN in frames that lack the limb
     course: Floats  # smoothed place of the body in the picture, (frames, 2)
@@ -90,7 +90,7 @@ def limb_contours(
     smooth_frames: float | None = None,
     first: int = 0,
 ) -> Limbs:
-    """Return the contours of all limbs in all frames, n points each, in the body frame.
+    """Return the contours of all limbs in all frames, n points each, relative to the body.
 
     frames: contours by id for each frame, None where missing; the id "body" gives the place of the
     body, without it the mean of the limbs does. smooth_frames: frames of a cycle, over which the

@@ -61,7 +61,7 @@ def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats,
 def swim_contours(
     outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int = POINTS
 ) -> TrackContours:
-    """Return a fish's contours in the body frame and its tail beat, from consecutive frames.
+    """Return a fish's contours relative to the body and its tail beat, from consecutive frames.
 
     outline_px (frames, m, 2) in either direction; backbone_px (frames, k, 2) head first; n: points
     of a contour, even.
@@ -171,7 +171,7 @@ def move_to_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
 
 
 def contour_asymmetry(points: Floats) -> Floats:
-    """Return how far contours (frames, n, 2) in the body frame differ from their mirror images.
+    """Return how far contours (frames, n, 2) relative to the body differ from their mirror images.
 
     It is half the RMS distance of points of the contour and its mirror image, in their unit.
     """

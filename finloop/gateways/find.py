@@ -82,9 +82,9 @@ def measure_sprite_distances(
 ) -> SpriteDistances:
     """Measure the picture distances (Eq. 5) between all sprites and some rows of the film.
 
-    rows (n,): rising; size_px: side of the pictures; pose: BODY, the measured heading points right,
-    or FILM, each row as filmed and the sprites in its orientation as they are drawn. advance(k):
-    called when k more rows are done. At most `_BLOCK` pictures are held at once.
+    rows (n,): ascending; size_px: side of the pictures; pose: BODY, the measured heading points
+    right, or FILM, each row as filmed and the sprites in its orientation as they are drawn.
+    advance(k): called when k more rows are done. At most `_BLOCK` pictures are held at once.
     """
     features, sprites = reel.features, reel.sprites
     row, after = _rows_of_sprites(reel)

@@ -74,7 +74,7 @@ class CutoutWriter:
         return self
 
     def write(self, cutout: Cutout) -> None:
-        """Append one cut-out to the store."""
+        """Append one cut-out (pixels of a fish with alpha) to the store."""
         pixels = np.ascontiguousarray(cutout.pixels)
         packed = _CODEC.compress(pixels, asbytes=True)
         key = cutout[5:] if self._schema is _SPRITES else ()
@@ -156,7 +156,8 @@ class CutoutStore:
 def open_cutouts(path: Path) -> Iterator[CutoutStore]:
     """Open a store of cut-outs for reading; close it when the block ends.
 
-    FinloopError if the file is missing, damaged, or not a store of cut-outs.
+    FinloopError if the file is missing, damaged, or not a store of cut-outs (pixels of fish with
+    alpha).
     """
     with ExitStack() as stack:
         try:

@@ -117,7 +117,7 @@ def choose_best_jumps(
 
     The column seam is how visible a jump is: `far` plus the square of the visible distance. That
     square is small below a natural step, where the motion hides it. neighbours: from `JumpSearch`,
-    k jumps; visible_distance: (k,) natural steps.
+    k jumps; visible_distance: (k,) natural steps (median steps of the film).
     """
     table = neighbours.assign(seam=neighbours["far"] + np.square(visible_distance))
     table = table.sort_values(["row", "seam", "to"]).groupby("row").head(count)

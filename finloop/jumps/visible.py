@@ -64,8 +64,8 @@ class VisibleDistance:
         """Return the visible distances (k,) of jumps that can be among the best of their rows.
 
         The others, for which `count` jumps of the row certainly cost less, are not measured and get
-        infinity. A jump costs its `far` plus the square of its visible distance, in natural steps.
-        neighbours: from `JumpSearch`.
+        infinity. A jump costs its `far` plus the square of its visible distance, in natural steps
+        (median steps of the film). neighbours: from `JumpSearch`.
         """
         rows, to = (neighbours[name].to_numpy(np.int64) for name in ("row", "to"))
         mirrored, far = neighbours["mirrored"].to_numpy(bool), neighbours["far"].to_numpy(float)

@@ -31,7 +31,10 @@ def find_quadrants(dx: Any, dy: Any) -> NDArray[np.int8]:
 
 @kernel
 def quadrant_of_displacement(dx, dy):  # type: ignore[no-untyped-def]
-    """Return the quadrant, 1 … 4, of one displacement (y up), as `find_quadrants`, in a kernel."""
+    """Return the quadrant, 1 … 4, of one displacement (y up); compiled, for use in kernels.
+
+    It counts as `find_quadrants` does.
+    """
     if (dx > 0 and dy >= 0) or (dx == 0 and dy == 0):
         return 1
     if dx <= 0 and dy > 0:

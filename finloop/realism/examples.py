@@ -104,7 +104,8 @@ class ExampleFinder:
     ) -> Iterator[Tables]:
         """Yield the most obviously false windows of a mode, each with the film window most like it.
 
-        Both are edit lists, with their channels. pair: the windows of the film and of the mode.
+        Both are edit lists (what is drawn at every tick), with their channels. pair: the windows of
+        the film and of the mode.
         """
         (film, animation), cut = pair, self.sample.window_cut
         score, most = verdict.scores.score[len(film.x) :], self.sample.p.examples

@@ -203,7 +203,8 @@ def measure_edit_list(
     """Draw one edit list and return the feature table that extraction measures in it.
 
     It can run in another process. open_pictures: opens the cut-outs (pixels of the fish). work: the
-    instrument, the edit list, and the ticks at which another fish begins.
+    instrument, the edit list (what is drawn at every tick), and the ticks at which another fish
+    begins.
     """
     instrument, edit, cuts = work
     with open_pictures() as gallery:

@@ -97,7 +97,7 @@ class WindowCut(NamedTuple):
 def cut_in_frames(
     window_deltas: float, stride_deltas: float, step_deltas: float, delta: int
 ) -> WindowCut:
-    """Convert window, stride and step of a `WindowCut` from units of Δ to frames.
+    """Convert window, stride and step of a `WindowCut` from units of the time Δ to frames.
 
     A window is a whole number of steps. delta: Δ in frames.
     """

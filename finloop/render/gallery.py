@@ -128,8 +128,9 @@ def build_shelves(
 ) -> dict[str, CutoutShelf]:
     """Return the stores of fish pictures with their mass centres, by kind: FRAME, perhaps SPRITE.
 
-    stores: by kind; tracks: x_px, y_px of every cut-out; table: these and orientations of every
-    sprite, None without sprites. FinloopError if a table belongs to another store.
+    stores: by kind; tracks: x_px, y_px of every cut-out (pixels of a fish with alpha); table: these
+    and orientations of every sprite, None without sprites. FinloopError if a table belongs to
+    another store.
     """
     made = {FRAME: CutoutShelf(stores[FRAME], tracks[PLACE].to_numpy())}
     if table is not None:

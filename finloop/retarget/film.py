@@ -72,7 +72,7 @@ class RetargetData(NamedTuple):
 
     @property
     def pictures(self) -> Pictures:
-        """The film's pictures, as an edit list names them."""
+        """The film's pictures, as an edit list (what is drawn at every tick) names them."""
         return Pictures(self.reel, self.size, self.bodies)
 
 

@@ -39,8 +39,8 @@ def fit_postures(
     """Return the film's postures nearest to recorded lines (T, m, 2) px, head first, m > 2.
 
     at (m,): where along the body the points are, 0 = head, 1 = tail; size_px: typical length of the
-    animal to draw; codes (T, c): the pose codes, where known. Postures unlike all of the film are
-    changed.
+    animal to draw; codes (T, c): the pose codes (principal-component scores), where known. Postures
+    unlike all of the film are changed.
     """
     rounds = _ROUNDS if codes is None else 1
     first = _head_directions(points, at)

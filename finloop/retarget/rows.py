@@ -101,7 +101,7 @@ class FilmRows:
         """Describe the requested motion by vectors (T, d) that can be compared with `values`.
 
         place (T, 2): of the mass centre, body lengths; heading_rad (T,): not wrapped; codes (T, c):
-        pose codes, None for a track without postures.
+        pose codes (principal-component scores), None for a track without postures.
         """
         goes_on = np.arange(len(place)) < len(place) - 1
         parts = [measure_motion(place, np.degrees(heading_rad), goes_on, self.span)]
@@ -123,8 +123,8 @@ def find_cheapest_rows(
     """Find the film rows (T,) that follow a requested motion at the least total cost (Viterbi).
 
     requested (T, d): of `query_vectors`; candidates: nearest rows tried at a tick, besides those
-    that play on; switch: cost of a jump, in natural steps; delta: Δ (time over which motion is
-    measured) in ticks. A mirror image has its row's number + count.
+    that play on; switch: cost of a jump, in natural steps (median steps of the film); delta: Δ
+    (time over which motion is measured) in ticks. A mirror image has its row's number + count.
     """
     there = np.flatnonzero(np.isfinite(rows.values).all(1))
     near = Nearest.from_vectors(rows.values[there].astype(np.float32)).search(

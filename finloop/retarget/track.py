@@ -24,10 +24,10 @@ _ZIGZAG = 1.5  # times the distance from head to tail; a longer line has its poi
 class Track(NamedTuple):
     """A recorded track: points of one animal along its body, head first, in the px of its file.
 
-    frame (t,): numbers in the file, rising; points (t, m, 2), NaN where not given; at (m,): where
-    along the body they are, 0 = head, 1 = tail, NaN = the middle of the animal; length_px: of its
-    body, None for a single point. A track of the drawn film also has pose codes (t, c) and its rows
-    (t,).
+    frame (t,): numbers in the file, ascending; points (t, m, 2), NaN where not given; at (m,):
+    where along the body they are, 0 = head, 1 = tail, NaN = the middle of the animal; length_px: of
+    its body, None for a single point. A track of the drawn film also has pose codes (t, c) and its
+    rows (t,).
     """
 
     name: str

@@ -14,8 +14,9 @@ from finloop.base.arrays import Complex, Floats, Reals
 class Neighbours(NamedTuple):
     """Where fish (…) see the n others, (…, n) each, in the frame of the observer's body.
 
-    distance: BL, inf for an absent fish; bearing: unit vectors to the others; heading: unit vectors
-    of the others' headings. Both are complex, 1 = ahead, i = left, 0 for an absent fish.
+    distance: body lengths, inf for an absent fish; bearing: unit vectors to the others; heading:
+    unit vectors of the others' headings. Both are complex, 1 = ahead, i = left, 0 for an absent
+    fish.
     """
 
     distance: Floats
@@ -26,8 +27,8 @@ class Neighbours(NamedTuple):
 def complex_vectors(places: Reals, headings_deg: Reals, length: float) -> tuple[Complex, Complex]:
     """Convert places to complex numbers in BL (y up), and headings to complex unit vectors.
 
-    places (…, m, 2): px, y down; headings_deg (…, m): anticlockwise; length: BL in px. Both results
-    are (…, m).
+    places (…, m, 2): px, y down; headings_deg (…, m): anticlockwise; length: a body length in px.
+    Both results are (…, m).
     """
     places = np.asarray(places, float) / length
     return places[..., 0] - 1j * places[..., 1], np.exp(1j * np.radians(headings_deg))

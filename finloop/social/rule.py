@@ -141,7 +141,7 @@ class OtherFish(NamedTuple):
 
 
 class DecidingFish(NamedTuple):
-    """The fish that decides: place x, y in px, heading in degrees, last step in BL."""
+    """The fish that decides: place x, y in px, heading in degrees, last step in body lengths."""
 
     x: float
     y: float

@@ -13,8 +13,8 @@ from finloop.base.arrays import Complex, Floats, Mask
 class Walls:
     """The wall of a tank: how far places are from it, and which direction leads away from it.
 
-    arena (h, w): True where animals can be; length: BL in px. Places are complex, in BL, y up, as
-    from `finloop.social.neighbours.complex_vectors`.
+    arena (h, w): True where animals can be; length: a body length in px. Places are complex, in body
+    lengths, y up, as from `finloop.social.neighbours.complex_vectors`.
     """
 
     arena: Mask
@@ -40,9 +40,9 @@ class Walls:
         return self._values_at_places(self.depth, place)
 
     def vectors_from_wall(self, place: Complex, heading: Complex) -> Complex:
-        """Return vectors (…) away from the wall, of length 1 / (1 + distance in BL).
+        """Return vectors (…) away from the wall, of length 1 / (1 + distance in body lengths).
 
-        They are complex, in the frame of the body. place, heading (…): complex.
+        They are complex, relative to the body. place, heading (…): complex.
         """
         away = self._values_at_places(self._directions_from_wall, place) * heading.conj()
         return away / (1 + self._values_at_places(self.depth, place))

@@ -23,7 +23,7 @@ from finloop.social.neighbours import Neighbours
 
 @dataclass(frozen=True)
 class Zones:
-    """Three zones around a fish: outer radii in BL, blind angle in degrees, and weights.
+    """Three zones around a fish: outer radii in body lengths, blind angle in degrees, and weights.
 
     A zone lies outside the one before it. A radius that is not larger than the one before leaves no
     zone. FinloopError if a number is negative or the blind angle is above 360°.
@@ -51,12 +51,12 @@ class Zones:
 
     @property
     def radii(self) -> tuple[float, float, float]:
-        """Outer radii of repulsion, alignment and attraction, in BL."""
+        """Outer radii of repulsion, alignment and attraction, in body lengths."""
         return self.repulsion, self.alignment, self.attraction
 
     @property
     def widths(self) -> tuple[float, float, float]:
-        """Widths of repulsion, alignment and attraction, in BL; 0 for a missing zone."""
+        """Widths of repulsion, alignment and attraction, in body lengths; 0 for a missing zone."""
         inner, middle, outer = self.radii
         middle = max(inner, middle)
         return inner, middle - inner, max(middle, outer) - middle

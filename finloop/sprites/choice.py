@@ -215,7 +215,8 @@ def find_tail_beats(
 ) -> pd.DataFrame:
     """Find runs of frames with one tail beat in straight swimming, with their faults.
 
-    table: of swimmers; the result is a table of candidates (start, length, one column per fault).
+    table: from `swimmer_table`; the result is a table of candidates (start, length, one column per
+    fault).
     """
     least = max(settings.beat_frames, round(settings.beat_least * delta_frames))
     parts = []
@@ -245,9 +246,9 @@ def find_tail_beats(
 def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSettings) -> pd.DataFrame:
     """Find runs of frames of straight gliding with a still tail, with their faults.
 
-    table: of swimmers; the result is a table of candidates (start, length, one column per fault).
-    Runs shorter than `slide_least` are included only if there are no longer ones, and those whose
-    tail moves more than `still` only if no tail is still.
+    table: from `swimmer_table`; the result is a table of candidates (start, length, one column per
+    fault). Runs shorter than `slide_least` are included only if there are no longer ones, and those
+    whose tail moves more than `still` only if no tail is still.
     """
     least = max(3, round(settings.slide_least * delta_frames))
     most = max(3, round(settings.slide_most * delta_frames))
@@ -470,8 +471,8 @@ def choose_frames(
 ) -> dict[str, ChosenFrames]:
     """Choose the film's frames for each sequence of sprites: those of the settings, else the best.
 
-    The sequences are those of `WORDS`. table: of swimmers. A side without a turn gets the opposite
-    turn, mirrored. A film without a tail beat or a whole turn gets the best substitute.
+    The sequences are those of `WORDS`. table: from `swimmer_table`. A side without a turn gets the
+    opposite turn, mirrored. A film without a tail beat or a whole turn gets the best substitute.
     FinloopError if the settings name frames that do not exist, or the fish never bends.
     """
     usable = np.flatnonzero(table["usable"])

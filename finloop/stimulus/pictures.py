@@ -30,7 +30,7 @@ class PagePicture(NamedTuple):
 
 
 def list_named_pictures(states: States) -> list[int]:
-    """Return the rows of the film whose pictures states (…, F) name, each once, in order."""
+    """Return the film rows whose pictures the states (…, F) of fish need, each once, in order."""
     numbers = np.unique(states[..., [PICTURE, PARTNER]]).astype(int).tolist()
     return [number for number in numbers if number >= 0]
 

@@ -154,7 +154,7 @@ def body_displacements(dog: DogFilm, phase: Floats) -> Floats:
 
 
 def limb_contours_at(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
-    """Return contours (…, n, 2) of a limb at phases (…), in the body frame, px, clockwise.
+    """Return contours (…, n, 2) of a limb at phases (…), relative to the body, px, clockwise.
 
     name: one of NAMES. Point i is a fixed point of the skin; at rest the points have equal arc
     lengths.
@@ -172,7 +172,7 @@ def limb_contours_at(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
 def part_contour(
     dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int
 ) -> Floats:
-    """Return the contour (n, 2) px of BODY, HEAD, EAR or TAIL (`nodes`) in the body frame."""
+    """Return the contour (n, 2) px of BODY, HEAD, EAR or TAIL (`nodes`) relative to the body."""
     return dog.trunk_px * (
         _rotate_part(nodes, points_on_smooth_curve(nodes, n), phase)
         + body_displacements(dog, np.array(phase))
@@ -219,5 +219,5 @@ def camera_offsets_px(dog: DogFilm) -> Floats:
 
 
 def true_limb_contours(dog: DogFilm, n: int) -> dict[str, Floats]:
-    """Return the exact contours (frames, n, 2) px of all limbs by id, in the body frame."""
+    """Return the exact contours (frames, n, 2) px of all limbs by id, relative to the body."""
     return {name: limb_contours_at(dog, name, frame_phases(dog), n) for name in NAMES}
