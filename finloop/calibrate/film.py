@@ -92,13 +92,6 @@ class FilmGroup:
         others = places, self.headings[own]
         return neighbours_among(self.place[rows, None], self.heading[rows, None], others)
 
-    def relative_moves(self, rows: Ints) -> Complex:
-        """Return how far k fish (rows) move in the time `horizon`: complex (k,), body lengths.
-
-        The directions are those of the fish's body: 1 = a body length ahead, i = one to the left.
-        """
-        return (self.place[self.later[rows]] - self.place[rows]) * self.heading[rows].conj()
-
     def relative_headings(self, rows: Ints) -> Complex:
         """Return how k fish (rows) turn in the time `horizon`: complex unit vectors (k,).
 

@@ -55,8 +55,9 @@ def measure_own_steps(film: FilmGroup, rows: Ints, zones: Zones) -> SocialSteps:
     how much a pull of 1 moves and turns a fish: as much as its own direction does.
     """
     pulls, own = pull_of_others(film.visible_neighbours(rows), zones), film.heading[rows]
-    move, turn = film.relative_moves(rows), film.relative_headings(rows)
+    move = (film.place[film.later[rows]] - film.place[rows]) * own.conj()
     before = (film.place[rows] - film.place[film.earlier[rows]]) * own.conj()
+    turn = film.relative_headings(rows)
     forward, onward = (_fit_own_part(vector, 1 + pulls) for vector in (move, turn))
     return SocialSteps(
         film.walls.vectors_from_wall(film.place[rows], own), before, move - forward * pulls,

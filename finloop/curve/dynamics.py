@@ -602,11 +602,3 @@ def total_energy(problem: Problem, motion: Trajectory) -> Floats:
     elastic = np.einsum("tmd,m->t", modes, twice * k) / n**2
     kinetic = problem.material.density * (motion.velocity**2).sum(axis=(1, 2)) / n
     return (elastic + kinetic) / 2
-
-
-def total_momentum(problem: Problem, motion: Trajectory) -> Floats:
-    """Return the momentum (t, d) at every time, ρ ∫ u̇; without force it decays as e^(−s₁ t).
-
-    u̇ is the velocity, ρ the density, s₁ the material's `mass_damping`.
-    """
-    return problem.material.density * motion.velocity.mean(axis=1)

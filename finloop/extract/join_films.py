@@ -42,11 +42,6 @@ class FishScaling(NamedTuple):
     gains: tuple[float, ...] = ()  # factor on each channel's light; none: as filmed
     grey: bool = False  # whether colours are dropped
 
-    @property
-    def is_identity(self) -> bool:
-        """Return whether fish stay as they are filmed."""
-        return self == FishScaling()
-
 
 class FilmContribution(NamedTuple):
     """How many rows and tracks one of several films adds, and how its fish are scaled.
@@ -118,9 +113,10 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[F
                 light = film_levels if light is None else light
                 length = film.scene.typical_length_px
                 like = find_fish_scaling(length, scene.typical_length_px, film_levels, light, grey)
-                table = _scale_and_number_tracks(
-                    film, like, sum(earlier.tracks for earlier in contributions)
-                )
+                table = _scale_measures(film.table, like)
+                number = np.unique(table["track_id"], return_inverse=True)[1]
+                number += sum(earlier.tracks for earlier in contributions)
+                table = table.assign(track_id=number.astype("int32"))
                 write(table)
                 if write_given:
                     write_given(_external_rows(film, table, like))
@@ -128,18 +124,6 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[F
             tracks = table["track_id"].nunique()
             contributions.append(FilmContribution(part.name, len(film.rows), tracks, like))
     return contributions
-
-
-def _scale_and_number_tracks(
-    film: _FilmTracks, scaling: FishScaling, earlier_tracks: int
-) -> pd.DataFrame:
-    """Return a film's tracks, scaled to the first film's fish and numbered after earlier tracks.
-
-    earlier_tracks: how many tracks the films before this one have.
-    """
-    table = _scale_measures(film.table, scaling)
-    number = np.unique(table["track_id"], return_inverse=True)[1]
-    return table.assign(track_id=(number + earlier_tracks).astype("int32"))
 
 
 def _external_rows(film: _FilmTracks, table: pd.DataFrame, scaling: FishScaling) -> pd.DataFrame:
@@ -178,7 +162,7 @@ def _copy_cutouts(
     table.
     """
     keys = table[["track_id", "frame"]].to_numpy()
-    if scaling.is_identity:
+    if scaling == FishScaling():
         writer.copy_cutouts(store, rows, keys)
         return
     for row, (track_id, frame) in zip(rows.tolist(), keys.tolist(), strict=True):
@@ -252,7 +236,7 @@ def _resize_cutout(cutout: Cutout, scale: float) -> Cutout:
 
 def _scale_measures(tracks: pd.DataFrame, scaling: FishScaling) -> pd.DataFrame:
     """Scale the lengths and the contrast in a table of tracks to those of the first film."""
-    if scaling.is_identity:
+    if scaling == FishScaling():
         return tracks
     made = tracks.copy()
     for name in tracks.columns[tracks.columns.str.endswith("_px")]:

@@ -83,8 +83,9 @@ class TrackLinker:
             if not spot.isolated:
                 continue
             track = owner.get(i)
-            if track is not None and _has_swallowed(track, spot, alone):
-                continue
+            grown = track is not None and spot.area_px > _GREW * track.spot.area_px
+            if grown and _box_contains_any(spot.box, (other.next_place for other in alone)):
+                continue  # it hides a lost track
             if track is not None and self._has_split(track.spot, i, silhouettes, owner):
                 track = None
             if track is None:
@@ -144,12 +145,6 @@ class TrackLinker:
             and not any(_box_contains_any(b.box, [(s.x_px, s.y_px)]) for b in others)
         )  # fmt: skip
         return _box_contains_any(before.box, born)
-
-
-def _has_swallowed(track: _Track, silhouette: SilhouettePlace, lost_tracks: list[_Track]) -> bool:
-    """Return whether a silhouette has grown over the expected place of a lost track."""
-    grown = silhouette.area_px > _GREW * track.spot.area_px
-    return grown and _box_contains_any(silhouette.box, (other.next_place for other in lost_tracks))
 
 
 def _least_other_costs(cost: Floats) -> Floats:

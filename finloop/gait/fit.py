@@ -222,7 +222,7 @@ class Subcycle:
     scales: list[slice]  # the slice of each scale in the n coefficients
 
     def gamma_fraction(self, scale: slice = slice(None)) -> tuple[float, float]:
-        """Return the gait parameter γ of some coefficients as a fraction: numerator and denominator.
+        """Return the gait parameter γ of some coefficients as numerator and denominator.
 
         Fractions of several sets can be summed, see `gamma_from_fractions`. scale: the slice.
         """

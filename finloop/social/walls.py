@@ -13,7 +13,7 @@ from finloop.base.arrays import Complex, Floats, Mask
 class Walls:
     """The wall of a tank: how far places are from it, and which direction leads away from it.
 
-    arena (h, w): True where animals can be; length: a body length in px. Places are complex, in body
+    arena (h, w): True where animals can be; length: of a body, px. Places are complex, in body
     lengths, y up, as from `finloop.social.neighbours.complex_vectors`.
     """
 

@@ -13,6 +13,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import partial
 from typing import Any
 
 from finloop.stimulus.animals import TAKEN, LiveAnimals
@@ -49,11 +50,6 @@ class RealClock:
             await asyncio.sleep(left - 0.0015 if left > 0.002 else 0)
 
 
-def _empty_latencies() -> deque[float]:
-    """Return an empty list of latencies that keeps only the last ones."""
-    return deque(maxlen=_RECENT)
-
-
 @dataclass
 class SessionCounts:
     """The last latencies of a running session [ms], and its counts of frames and messages.
@@ -63,9 +59,9 @@ class SessionCounts:
     and drawn too late; bad: invalid messages of pages; verdicts: on messages of trackers.
     """
 
-    planned_ms: deque[float] = field(default_factory=_empty_latencies)
-    drawn_ms: deque[float] = field(default_factory=_empty_latencies)
-    tick_ms: deque[float] = field(default_factory=_empty_latencies)
+    planned_ms: deque[float] = field(default_factory=partial(deque, maxlen=_RECENT))
+    drawn_ms: deque[float] = field(default_factory=partial(deque, maxlen=_RECENT))
+    tick_ms: deque[float] = field(default_factory=partial(deque, maxlen=_RECENT))
     frames: int = 0
     dropped: int = 0
     late: int = 0

@@ -83,13 +83,10 @@ def _films_in_folder(folder: Path) -> list[Path]:
     films = [path for path in inside if path.is_file() and path.suffix.lower() in FILMS]
     if not films and any(path.suffix.lower() in SUFFIXES for path in inside):
         return []
-    films += [path for path in inside if path.is_dir() and _holds_pictures(path)]
+    for folder in filter(Path.is_dir, inside):
+        if any(path.suffix.lower() in SUFFIXES for path in folder.iterdir()):
+            films.append(folder)
     return sorted(films, key=natural_sort_key)
-
-
-def _holds_pictures(folder: Path) -> bool:
-    """Return whether a folder holds a picture."""
-    return any(path.suffix.lower() in SUFFIXES for path in folder.iterdir())
 
 
 def unique_film_names(paths: Iterable[Path]) -> list[str]:
