@@ -1,107 +1,23 @@
-"""Typed config groups for Hydra; DVC finds them because this folder is in the repository's root.
+"""Let Hydra find finloop's schemas; `stages.schemas` registers them.
 
-While `dvc exp run` or `make params` composes conf/, this registers
-
-- a schema `schema/<word>/<option>` per parameter dataclass, which conf/<word>/<option>.yaml names
-  in its defaults list;
-- the schema `hydra/sweeper/finloop` of the sweeps in conf/experiment/;
-- the resolver `${conf_sha256:}`, which stamps the result with a digest of conf/. It sees the whole
-  composed config before anything is written, and refuses unknown keys and wrong values (each with
-  what to type), missing groups, and what cannot work together (`stages.conflicts`);
-- the resolvers `${film_stamp:}`, `${tracks_stamp:}`, `${path_stamp:}` and `${retarget_stamp:}`, of
-  the files that the parameters name.
+Hydra imports this in every process that composes. DVC looks in the repository's root last, after
+the installed packages. So that a working copy of finloop composes by its own sources even where
+another version is installed, the copy around the present folder goes first.
 
 There is no `__init__.py`: `hydra_plugins` is a namespace that installed plugins share.
 """
 
-from collections.abc import Iterable
-from dataclasses import fields, make_dataclass
-from functools import partial
+import sys
+from importlib import import_module
 from pathlib import Path
-from types import UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from hydra.core.config_store import ConfigStore
-from omegaconf import DictConfig, OmegaConf
-
-from finloop.base.settings import GROUPS, variants
-from finloop.io.parameters import refusal_error
-from stages.conflicts import find_conflicts
-from stages.experiment import Experiment
-from stages.settings import FILES, STAMP, STAMPS, conf_stamp, list_problems
-from stages.stamps import file_stamp
-
-CONF = Path(__file__).resolve().parents[1] / "conf"
-
-
-def omegaconf_schema(option: type) -> type:
-    """Convert a settings dataclass to one for OmegaConf: not frozen, without ranges and defaults.
-
-    What may be a number is `Any`: `finloop.base.settings` checks it, whole numbers are numbers
-    there, and its message says what to type.
-    """
-    hints = get_type_hints(option)  # drops Annotated
-    types = [(field.name, _simplify_type(hints[field.name])) for field in fields(option)]
-    return make_dataclass(option.__name__, types)
-
-
-def _simplify_type(hint: Any) -> Any:
-    """Return the nearest type annotation that OmegaConf understands: of texts, or any."""
-    parts = get_args(hint)
-    if get_origin(hint) is Literal:
-        return type(parts[0])
-    if not {int, float, bool}.isdisjoint(_leaf_types(hint)):
-        return Any
-    if get_origin(hint) in (Union, UnionType):
-        return Any if any(map(get_origin, parts)) else hint
-    if get_origin(hint) is tuple and get_origin(parts[0]) is Literal:
-        return tuple[str, ...]
-    return hint
-
-
-def _leaf_types(hint: Any) -> set[Any]:
-    """Return the types inside a type annotation that have no parts themselves."""
-    parts = () if get_origin(hint) is Literal else get_args(hint)
-    return set().union(*map(_leaf_types, parts)) if parts else {hint}
-
-
-def check_and_stamp(*, _root_: DictConfig) -> str:
-    """Return the stamp of conf/; raise FinloopError unless every parameter is right.
-
-    _root_: the whole composed config.
-    """
-    values = _plain_groups(_root_, {*map(str, _root_)} - {*STAMPS})
-    if problems := list_problems(values) or find_conflicts(values):
-        raise refusal_error(problems)
-    return conf_stamp(CONF)
-
-
-def _stamp_files(name: str, *, _root_: DictConfig) -> str | None:
-    """Return the stamp of the files that a composed config names.
-
-    name: which files, one of `FILES`. _root_: the whole config.
-    """
-    return file_stamp(name, _plain_groups(_root_, ("clip", "extract", "matching", "retarget")))
-
-
-def _plain_groups(root: DictConfig, words: Iterable[str]) -> dict[str, Any]:
-    """Return groups of a composed config as plain values, by name; {} for a missing one."""
-    # Node by node, because to resolve the root would resolve the stamps themselves again.
-    nodes = {word: root._get_node(word) for word in words}
-    return {
-        word: OmegaConf.to_container(node, resolve=True)
-        if OmegaConf.is_config(node)
-        else node or {}
-        for word, node in nodes.items()
-    }
-
-
-for word in GROUPS:
-    for name, option in variants(word).items():
-        node = OmegaConf.structured(omegaconf_schema(option), flags={"struct": False})
-        ConfigStore.instance().store(group=f"schema/{word}", name=name, node=node)
-sweeper = omegaconf_schema(Experiment)
-ConfigStore.instance().store(group="hydra/sweeper", name="finloop", node=sweeper)
-OmegaConf.register_new_resolver(STAMP, check_and_stamp, replace=True)
-for name in FILES:
-    OmegaConf.register_new_resolver(name, partial(_stamp_files, name), replace=True)
+for folder in (Path.cwd(), *Path.cwd().parents):
+    if all((folder / name).is_file() for name in ("dvc.yaml", "finloop/__init__.py")):
+        sys.path.insert(0, str(folder))
+        try:
+            import_module("stages.schemas")
+        finally:
+            sys.path.remove(str(folder))
+        break
+else:
+    import_module("stages.schemas")

@@ -4,6 +4,9 @@ DVC does not see imports. This stage follows them from the module of each stage 
 data/code/<stage>.txt: every file of the program that the stage may run, with a digest. A stage
 depends on its list. It runs again when one of these files changes, and not when another file of the
 program does.
+
+In a lab's own repository the program is installed elsewhere. There DVC runs this stage every time:
+another version gives other lists, and so the stages whose files differ run again.
 """
 
 from stages.run import run  # isort: skip
@@ -17,10 +20,11 @@ from typing import Any
 
 import yaml
 
+from finloop.base.program import HOME, describe_program, shipped_folder
 from finloop.base.settings import GROUPS, settings_file
 from finloop.io.atomic import whole_folder
 
-ROOT = Path(__file__).parents[1]
+ROOT = HOME  # relative paths in this module are below it: the same where finloop is installed
 OUT = Path("data/code")
 OURS = re.compile(r"(finloop|stages)(\.\w+)+")
 LAZY = "finloop/__init__.py"  # imports lazily
@@ -33,6 +37,12 @@ BY_NAME = {"stages/params.py": {*DECLARATIONS, "finloop/edit/modes.py"}}
 def stage_module(stage: str) -> str:
     """Return the module of a stage of dvc.yaml: "plots-film" gives "stages.plots.film"."""
     return f"stages.{stage.replace('-', '.')}"
+
+
+def file_lists() -> dict[str, str]:
+    """Return the list of each stage of finloop's dvc.yaml, by the name of its file."""
+    text = (shipped_folder() / "dvc.yaml").read_text(encoding="utf-8")
+    return {f"{stage}.txt": file_list_text(stage) for stage in yaml.safe_load(text)["stages"]}
 
 
 def file_list_text(stage: str) -> str:
@@ -170,11 +180,11 @@ def _members_of(tree: ast.AST, owner: str) -> set[str]:
 
 
 def main() -> None:
-    """Write data/code/<stage>.txt for every stage of dvc.yaml."""
-    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+    """Write data/code/<stage>.txt for every stage of finloop's dvc.yaml; say which finloop runs."""
+    print(f"code: {describe_program()}")
     with whole_folder(OUT) as folder:
-        for stage in stages:
-            (folder / f"{stage}.txt").write_text(file_list_text(stage), encoding="utf-8")
+        for name, text in file_lists().items():
+            (folder / name).write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

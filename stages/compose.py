@@ -241,7 +241,8 @@ def main() -> None:
     if arguments.check:
         require_composed_params(arguments.overrides)
     elif words:
-        print("\n\n".join(terminal_table(word, get_terminal_size().columns) for word in words))
+        columns = get_terminal_size().columns
+        print("\n\n".join(terminal_table(word, columns, CONF) for word in words))
     else:
         write_params(arguments.overrides)
 

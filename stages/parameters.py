@@ -13,7 +13,7 @@ import yaml
 
 from finloop.base.errors import FinloopError
 from finloop.base.parameter_help import ParameterHelp, list_parameters, parameter_help
-from finloop.base.settings import GROUPS, variants
+from finloop.base.settings import CONF, GROUPS, variants
 from finloop.io.atomic import save_bytes
 
 PAGE = Path("docs/parameters.md")
@@ -25,17 +25,18 @@ print a group with `make params S="help=sprites"`.
 """
 
 
-def terminal_table(word: str, width: int) -> str:
+def terminal_table(word: str, width: int, conf: Path = CONF) -> str:
     """Return the parameters of a group as text, `width` characters wide.
 
-    word: name of the group. The text has value, range and meaning of each parameter.
+    word: name of the group. conf: the folder conf/. The text has value, range and meaning of each
+    parameter.
     """
     if word not in GROUPS:
         raise FinloopError(
             f"no group of parameters {word}", f"one of {', '.join(GROUPS)}", "take one of these"
         )
     lines, several = list[str](), len(variants(word)) > 1
-    for entry in parameter_help(word):
+    for entry in parameter_help(word, conf):
         if several and entry.group not in lines:
             lines.append(entry.group)
         lines.append(f"{word}.{entry.name}={_format_value(entry)}  [{entry.brackets}]")

@@ -44,6 +44,7 @@ from typing import NoReturn
 from finloop.base.digits import round_significant
 from finloop.base.errors import FinloopError
 from finloop.base.process import die_with_parent
+from finloop.base.program import HOME, describe_program, holds_sources
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -106,6 +107,19 @@ if "DVC_STAGE" in os.environ:  # started by DVC, not by hand or in a test
 _require_packages()
 
 
+def _require_own_program() -> None:
+    """Raise FinloopError if the present folder is a working copy, and another finloop runs.
+
+    `python -m` looks there first, unless Python is told not to.
+    """
+    if holds_sources(Path.cwd()) and Path.cwd().resolve() != HOME:
+        raise FinloopError(
+            f"{describe_program()}, runs in the working copy {Path.cwd()}",
+            "the finloop of this working copy",
+            "unset PYTHONSAFEPATH, and call python without -P and -I",
+        )
+
+
 def run(main: Callable[[], None]) -> NoReturn:
     """Run a stage and end the process: status 0, or one message on stderr and status 1 (130).
 
@@ -116,6 +130,7 @@ def run(main: Callable[[], None]) -> NoReturn:
     gc.freeze()  # imported objects stay: the collector never examines them
     gc.enable()
     try:
+        _require_own_program()
         main()
     except KeyboardInterrupt:
         print("\nfinloop: interrupted; `dvc repro` starts again from here", file=sys.stderr)

@@ -90,7 +90,8 @@ def list_overrides(values: Mapping[str, Any]) -> list[str]:
     values: content of params.yaml. Groups come in its order, a variant before the keys that differ
     from it.
     """
-    usual = default_variants()
+    conf = CONF.absolute()
+    usual = default_variants(conf)
     changes = []
     for word, group in values.items():
         if word in STAMPS:
@@ -98,7 +99,7 @@ def list_overrides(values: Mapping[str, Any]) -> list[str]:
         option = group.get("source", usual[word])
         if option != usual[word]:
             changes.append(f"{word}={option}")
-        in_conf = read_conf_values(word, option)
+        in_conf = read_conf_values(word, option, conf)
         changes += [
             f"{word}.{key}={format_override(value)}"
             for key, value in group.items()

@@ -20,6 +20,9 @@ from tempfile import TemporaryDirectory
 import yaml
 
 from finloop.base.errors import FinloopError
+from finloop.base.program import holds_sources
+from stages.code import OUT as CODE
+from stages.code import file_lists
 from stages.compare import OUT, list_experiments, run_git, write_comparison
 from stages.compose import compose_params, load_experiment
 from stages.settings import LOCAL, PARAMS, list_overrides, read_params
@@ -53,7 +56,8 @@ def _clone(root: Path, folder: Path, cache: str) -> None:
         else:
             (folder / name).unlink(missing_ok=True)
     # With the machine code in __pycache__, which takes half a minute to compile.
-    shutil.copytree(root / "finloop", folder / "finloop", dirs_exist_ok=True)
+    if (root / "finloop").is_dir():  # else it is installed
+        shutil.copytree(root / "finloop", folder / "finloop", dirs_exist_ok=True)
     settings = f"[cache]\n    dir = {cache}\n"
     (folder / ".dvc/config.local").write_text(settings, encoding="utf-8")
 
@@ -75,7 +79,23 @@ def _is_same(commit: str, params: str) -> bool:
     """
     excludes = [f":(exclude){name}" for name in RESULTS]
     changed = subprocess.run(["git", "diff", "--quiet", commit, "--", ".", *excludes], check=False)
-    return not changed.returncode and run_git("show", f"{commit}:{PARAMS}") == params
+    if changed.returncode or run_git("show", f"{commit}:{PARAMS}") != params:
+        return False
+    return holds_sources(Path.cwd()) or _has_run_same_program(commit)
+
+
+def _has_run_same_program(commit: str) -> bool:
+    """Return whether an experiment has run the program that is installed now."""
+    from dvc.api import DVCFileSystem  # not at the top: the import takes half a second
+
+    files = DVCFileSystem(rev=commit)
+    try:
+        return all(
+            files.cat_file((CODE / name).as_posix()) == text.encode()
+            for name, text in file_lists().items()
+        )
+    except OSError:  # it has not listed what it ran, or its lists are not in the cache
+        return False
 
 
 def _make_run(name: str, changes: list[str], stages: list[str], clone: Path) -> str:

@@ -4,6 +4,7 @@ import re
 import types
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
+from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 from finloop.base.settings import CONF, GROUPS, read_conf_values, variants
@@ -34,10 +35,14 @@ class ParameterHelp(NamedTuple):
         return self.brackets.removesuffix(self.range).rstrip(", ")
 
 
-def parameter_help(word: str) -> Iterator[ParameterHelp]:
-    """Yield the explanation of each parameter of a group such as "extract", variant by variant."""
+def parameter_help(word: str, conf: Path = CONF) -> Iterator[ParameterHelp]:
+    """Yield the explanation of each parameter of a group such as "extract", variant by variant.
+
+    conf: the folder conf/, with the comments and values.
+    """
     for option, declared in variants(word).items():
-        texts, values = _read_comments(word, option), read_conf_values(word, option)
+        texts = _read_comments(conf / word / f"{option}.yaml")
+        values = read_conf_values(word, option, conf)
         hints = get_type_hints(declared, include_extras=True)
         for field in fields(declared):
             text = texts.get(field.name, "")
@@ -49,12 +54,12 @@ def parameter_help(word: str) -> Iterator[ParameterHelp]:
             )  # fmt: skip
 
 
-def _read_comments(word: str, option: str) -> dict[str, str]:
-    """Return the comment of each parameter in conf/<word>/<option>.yaml, by the parameter's name.
+def _read_comments(path: Path) -> dict[str, str]:
+    """Return the comment of each parameter in a file of conf/, by the parameter's name.
 
     The comment stands above the parameter and beside it.
     """
-    path, above, found = CONF / word / f"{option}.yaml", [], {}
+    above, found = list[str](), dict[str, str]()
     for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
         if line.startswith("#"):
             above.append(line[1:].strip())

@@ -28,6 +28,7 @@ from pydantic.dataclasses import dataclass as checked
 
 from finloop.base.errors import FinloopError
 from finloop.base.override import quote_override, suggest_override
+from finloop.base.program import shipped_folder
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -37,13 +38,17 @@ Seed = Annotated[int, Field(ge=0)]
 Crf = Annotated[int, Field(ge=0, le=51)]  # quality of H.264: 0 = lossless or best, 51 = worst
 Quality = Annotated[int, Field(ge=0, le=100)]  # of WebP: 0 = worst, 100 = best
 
-CONF = Path(__file__).parents[2] / "conf"
+CONF = shipped_folder() / "conf"
+"""The values of this version; a lab's own repository has a conf/ of its own."""
 
 
 @cache
-def default_variants() -> dict[str, str]:
-    """Return the default variant of every group of parameters, in the order of conf/config.yaml."""
-    listed = _load_yaml(CONF / "config.yaml")["defaults"]
+def default_variants(conf: Path = CONF) -> dict[str, str]:
+    """Return the default variant of every group of parameters, in the order of conf/config.yaml.
+
+    conf: the folder conf/, absolute.
+    """
+    listed = _load_yaml(conf / "config.yaml")["defaults"]
     return {
         word: option
         for entry in listed
@@ -162,12 +167,12 @@ def _load_declaration(word: str) -> ModuleType:
     return sys.modules[name]
 
 
-def read_conf_values(word: str, option: str) -> dict[str, Any]:
+def read_conf_values(word: str, option: str, conf: Path = CONF) -> dict[str, Any]:
     """Return the values in conf/<word>/<option>.yaml by name; empty if there is no such file.
 
-    word, option: a group of parameters, and a variant of it.
+    word, option: a group of parameters, and a variant of it. conf: the folder conf/.
     """
-    path = CONF / word / f"{option}.yaml"
+    path = conf / word / f"{option}.yaml"
     values = _load_yaml(path) if path.is_file() else {}
     return {key: value for key, value in values.items() if key != "defaults"}
 

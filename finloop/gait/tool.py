@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from finloop.base.errors import FinloopError
+from finloop.base.program import shipped_folder
 from finloop.base.tool import format_frame_counts, parse_frame_rate, run_tool
 from finloop.gait.model import DO, WANTED, Gait, gait_from_record
 from finloop.gait.transfer import LEAST_FRAMES, Transfer, animate_drawing, repeat_cycle
@@ -18,14 +19,17 @@ from finloop.io.record import load_json
 from finloop.io.svg import load_svg
 from finloop.morph.layers import MOST_FRAMES
 
-SHIPPED = Path(__file__).parents[2] / "data/gaits"
+SHIPPED = shipped_folder() / "data/gaits"
 RATE = Fraction(30)
 MOST_BYTES = 1_000_000  # of a gait's file
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Read two key poses and a gait, write the cycle, print a summary; return the exit status."""
-    options = _build_parser().parse_args(arguments)
+def main(arguments: list[str] | None = None, program: str = "python -m finloop.gait") -> int:
+    """Read two key poses and a gait, write the cycle, print a summary; return the exit status.
+
+    program: how the command was called, for its help.
+    """
+    options = _build_parser(program).parse_args(arguments)
     return run_tool(options.output, lambda: _write_cycle(options))
 
 
@@ -130,10 +134,10 @@ class _ListGaits(argparse.Action):
         parser.exit()
 
 
-def _build_parser() -> argparse.ArgumentParser:
+def _build_parser(program: str) -> argparse.ArgumentParser:
     """Return the parser of the command line's options."""
     parser = argparse.ArgumentParser(
-        prog="python -m finloop.gait",
+        prog=program,
         description="Animate a drawing: two key poses and a gait give a cycle that repeats."
         " Contours of the same id form a pair; limbs are fore_left, fore_right, hind_left,"
         " hind_right.",

@@ -21,9 +21,12 @@ from finloop.morph.layers import (
 )
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Read two drawings, write the morph, print its summary; return the exit status."""
-    options = _build_parser().parse_args(arguments)
+def main(arguments: list[str] | None = None, program: str = "python -m finloop.morph") -> int:
+    """Read two drawings, write the morph, print its summary; return the exit status.
+
+    program: how the command was called, for its help.
+    """
+    options = _build_parser(program).parse_args(arguments)
     return run_tool(options.output, lambda: _write_morph(options))
 
 
@@ -57,10 +60,10 @@ def _summarise_morph(result: Morph) -> str:
     return text + f"no folds in a frame; between frames not proved for {unproved}"
 
 
-def _build_parser() -> argparse.ArgumentParser:
+def _build_parser(program: str) -> argparse.ArgumentParser:
     """Return the parser of the command line's options."""
     parser = argparse.ArgumentParser(
-        prog="python -m finloop.morph",
+        prog=program,
         description="Morph one drawing into another; contours of the same id form a pair.",
     )
     parser.add_argument("a", type=Path, help="the first drawing, SVG")

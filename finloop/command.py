@@ -1,0 +1,73 @@
+"""The command `finloop`: morph, gait, new, version."""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from finloop.base.errors import FinloopError
+from finloop.base.program import HOME, describe_program, holds_sources, shipped_folder
+
+HELP = """\
+finloop morph A.svg B.svg -o OUT.svg     turn one drawing into another
+finloop gait 1.svg 2.svg --gait NAME …   make a drawing walk or swim
+finloop new FOLDER                       make a repository for your own films
+finloop version                          say which finloop runs, and where it is
+
+`finloop morph --help` and `finloop gait --help` list their options."""
+WORDS = "morph", "gait", "version", "new"
+NEXT = """\
+{folder} is a repository with a pipeline of its own. Next:
+  cd {folder}
+  make film FILM=/path/of/film.mp4   from film to report
+README.md there says more."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command `finloop` with some arguments; return the exit status."""
+    given = sys.argv[1:] if arguments is None else arguments
+    here = Path.cwd()
+    if holds_sources(here) and here.resolve() != HOME and not sys.flags.safe_path:
+        # Beside a working copy of finloop, that copy is meant.
+        os.execv(sys.executable, [sys.executable, "-m", "finloop.command", *given])
+    if given[:1] == ["morph"]:
+        from finloop.morph.tool import main as morph
+
+        return morph(given[1:], "finloop morph")
+    if given[:1] == ["gait"]:
+        from finloop.gait.tool import main as gait
+
+        return gait(given[1:], "finloop gait")
+    parser = argparse.ArgumentParser(
+        prog="finloop", description=HELP, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--version", action="version", version=describe_program())
+    commands = parser.add_subparsers(dest="word", required=True, metavar=" | ".join(WORDS))
+    for word in WORDS[:-1]:
+        commands.add_parser(word)
+    new = commands.add_parser("new", description="Make a lab's own repository.")
+    new.add_argument("folder", type=Path, help="a new folder, or an empty one")
+    options = parser.parse_args(given)
+    if options.word == "version":
+        print(describe_program())
+        return 0
+    return _make_new(options.folder)
+
+
+def _make_new(folder: Path) -> int:
+    """Make a lab's own repository and say what comes next; return the exit status."""
+    from finloop.lab.new import make_repository
+
+    try:
+        made = make_repository(folder)
+    except FinloopError as error:
+        print(f"finloop: {error}", file=sys.stderr)
+        return 1
+    print(NEXT.format(folder=made))
+    if shipped_folder() == HOME:
+        print(f"This finloop is not installed: `pip install {HOME}` lets that folder find it.")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
