@@ -35,7 +35,14 @@ from finloop.animate import measures
 from finloop.animate.arena import is_legal_point, make_tank
 from finloop.animate.company import Discs
 from finloop.animate.kinematics import rotate
-from finloop.animate.memory import NEVER, last_on_screen, remember_rows
+from finloop.animate.memory import (
+    NEVER,
+    find_last_on_screen,
+    index_memory,
+    last_on_screen,
+    mark_rows,
+    remember_rows,
+)
 from finloop.animate.places import random_goals
 from finloop.animate.size import frame_hulls, measure_reach
 from finloop.animate.state import Fish, State
@@ -462,13 +469,41 @@ def test_a_memory_is_what_an_array_of_all_rows_would_remember():
         last[first : first + ticks] = tick + np.arange(ticks)
         assert (np.diff(recent[:, :2].ravel()) >= np.tile([0, 1], len(recent))[:-1]).all()
         mine = np.array([last_on_screen(recent, row, row) for row in range(40)])
+        index = index_memory(recent)
+        assert mine.tolist() == [find_last_on_screen(recent, index, r, r) for r in range(40)]
         assert (mine == last)[last > tick - 90].all() and (
             mine[last <= tick - 90] < tick - 89
         ).all()
         a, b = sorted(rng.integers(0, 40, 2))
         assert last_on_screen(recent, a, b) == mine[a : b + 1].max()
+        assert find_last_on_screen(recent, index, a, b) == mine[a : b + 1].max()
         cut += len(recent) > before + 1
     assert cut  # a stretch of which the middle is shown again becomes two
+
+
+def test_the_index_of_a_memory_finds_rows_far_apart_and_none_in_an_empty_one():
+    rng = np.random.default_rng(1)
+    empty = np.zeros((0, 3), np.int64)
+    assert find_last_on_screen(empty, index_memory(empty), 3, 9) == NEVER
+    firsts = np.sort(rng.choice(10**7, 60, replace=False)) * 10
+    memory = np.column_stack([firsts, firsts + rng.integers(0, 9, 60), rng.integers(0, 900, 60)])
+    index = index_memory(memory)
+    assert len(index.starts) <= 3 * len(memory)
+    near = (firsts[:, None] + np.arange(-3, 12)).ravel()
+    for first, length in zip(near.tolist(), rng.integers(0, 99, len(near)).tolist(), strict=True):
+        expected = last_on_screen(memory, first, first + length)
+        assert find_last_on_screen(memory, index, first, first + length) == expected
+
+
+def test_a_row_that_was_added_is_marked_and_few_others_are():
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        first, length = int(rng.integers(10**6)), int(rng.integers(1, 200))
+        marks = mark_rows(mark_rows(0, first, first + length - 1), 7, 7)
+        shown = [7, *range(first, first + length)]
+        assert all(mark_rows(0, row, row) & marks for row in shown)
+        others = rng.integers(0, 10**6, 400).tolist()
+        assert np.mean([bool(mark_rows(0, row, row) & marks) for row in others]) < 0.3
 
 
 def test_film_that_plays_on_is_remembered_as_one_stretch():

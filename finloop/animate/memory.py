@@ -2,8 +2,10 @@
 
 A memory holds stretches of film (m, 3), sorted by row and without overlaps: the first row, the last
 row, and the tick at which the first was last on screen. So it grows with the jumps of the last
-seconds, not with the film, and a binary search finds a row.
+seconds, not with the film, and an index finds a row.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,14 +16,67 @@ NEVER = -(10**9)
 """The tick of a row that was never on screen."""
 
 
+_BLOCK_BITS = 5  # of 32 rows
+
+
+class MemoryIndex(NamedTuple):
+    """Where in a memory to look for a row: its rows in blocks of equal size, a power of 2.
+
+    first_row: of the first block; block_bits: binary digits of a row's number within its block;
+    starts (b + 1,): for each block the first stretch that ends in it or after it, and m.
+    """
+
+    first_row: int
+    block_bits: int
+    starts: Ints
+
+
+@kernel
+def index_memory(memory: Ints) -> MemoryIndex:
+    """Return the index of a memory (m, 3), with about two blocks for each stretch of film."""
+    count = len(memory)
+    if count == 0:
+        return MemoryIndex(0, 0, np.zeros(1, np.int64))
+    first_row, block_bits = memory[0, 0], 0
+    while (memory[count - 1, 1] - first_row) >> block_bits > 2 * count:
+        block_bits += 1
+    starts = np.empty(((memory[count - 1, 1] - first_row) >> block_bits) + 2, np.int64)
+    stretch = 0
+    for block in range(len(starts) - 1):
+        while memory[stretch, 1] < first_row + (block << block_bits):
+            stretch += 1
+        starts[block] = stretch
+    starts[-1] = count
+    return MemoryIndex(first_row, block_bits, starts)
+
+
 @leaf_kernel
 def last_on_screen(memory: Ints, first: int, last: int) -> int:
     """Return the last tick at which any of the rows first … last was on screen; NEVER for none.
 
     memory (m, 3): stretches of film that were on screen.
     """
-    low, high = 0, len(memory)
-    while low < high:  # the first stretch that ends at `first` or later
+    return _last_tick_of_rows(memory, (0, len(memory)), first, last)
+
+
+@leaf_kernel
+def find_last_on_screen(memory: Ints, index: MemoryIndex, first: int, last: int) -> int:
+    """Return what `last_on_screen` returns, sooner: `index` comes from `index_memory`."""
+    block = max(first - index.first_row, 0) >> index.block_bits
+    if block + 1 >= len(index.starts):
+        return NEVER
+    return _last_tick_of_rows(memory, (index.starts[block], index.starts[block + 1]), first, last)
+
+
+@leaf_kernel
+def _last_tick_of_rows(memory: Ints, between: tuple[int, int], first: int, last: int) -> int:
+    """Return the last tick at which any of the rows first … last was on screen; NEVER for none.
+
+    between: numbers of two stretches of the memory; that of the first one that ends at `first` or
+    later is one of them, or lies between them.
+    """
+    low, high = between
+    while low < high:
         middle = (low + high) // 2
         if memory[middle, 1] < first:
             low = middle + 1
@@ -32,6 +87,18 @@ def last_on_screen(memory: Ints, first: int, last: int) -> int:
         tick = max(tick, memory[low, 2] + min(memory[low, 1], last) - memory[low, 0])
         low += 1
     return tick
+
+
+@leaf_kernel
+def mark_rows(marks: int, first: int, last: int) -> int:
+    """Return the marks of some rows, with those of rows first … last added.
+
+    marks: 64 bits. A bit stands for every 64th block of rows: a row without a mark is none of those
+    that were added; a row with a mark may be one.
+    """
+    for block in range(first >> _BLOCK_BITS, (last >> _BLOCK_BITS) + 1):
+        marks |= 1 << (block & 63)
+    return marks
 
 
 @kernel

@@ -6,6 +6,7 @@ import numpy as np
 
 from finloop.animate.company import is_clear_in_search
 from finloop.animate.kinematics import offset_point, rotate, rotate_by_cos_sin, touches_target, wrap
+from finloop.animate.memory import mark_rows
 from finloop.animate.route import (
     Route,
     due_along,
@@ -18,7 +19,7 @@ from finloop.base.arrays import Floats, Ints
 from finloop.base.kernel import finite_leaf, kernel, leaf_kernel
 from finloop.plan.cost import LAG, PATH, RARITY, Steering, path_tick_cost
 from finloop.plan.graph import jump_range
-from finloop.plan.objectives import is_objective_done
+from finloop.plan.objectives import heading_vector, is_objective_done
 from finloop.plan.search_graph import SearchGraph
 from finloop.plan.walls import fits_in_tank
 
@@ -168,6 +169,15 @@ def set_way_rotation(way, rotation_deg):  # type: ignore[no-untyped-def]
     way.rot, way.cos, way.sin = rotation_deg, np.cos(angle), np.sin(angle)
 
 
+@leaf_kernel
+def turn_way_to_row(graph, way, row):  # type: ignore[no-untyped-def]
+    """Turn a way of the search (dtype `WAY`) so that it keeps its heading when it shows `row`."""
+    rows, to = graph.film.rows, graph.leads[row]
+    cos, sin = heading_vector(graph.leads[way.row], way)
+    way.rot += rows[way.row].heading - rows[row].heading
+    way.cos, way.sin = cos * to.cos + sin * to.sin, sin * to.cos - cos * to.sin
+
+
 @finite_leaf
 def _advance_way(graph, way, ticks, start, objective, weights):  # type: ignore[no-untyped-def]
     """Advance a way of the search by some ticks; return whether its end is free.
@@ -181,7 +191,7 @@ def _advance_way(graph, way, ticks, start, objective, weights):  # type: ignore[
     speed = (at.speed + after.speed) / 2
     if route.x.size:
         lead = graph.leads[row]
-        leads = rotate(lead.dx, lead.dy, way.rot)
+        leads = rotate_by_cos_sin(lead.dx, lead.dy, way.cos, way.sin)
         most = largest_steering_turn(speed, steering)
         turn = steering_turn(route, (way.x, way.y, along), leads, lead.ticks, most, steering)
     dx, dy = rotate_by_cos_sin(after.x - at.x, after.y - at.y, way.cos, way.sin)
@@ -199,7 +209,9 @@ def _advance_way(graph, way, ticks, start, objective, weights):  # type: ignore[
         return False
     if not is_clear_in_search(start.company, row + ticks, x, y, heading, tick):
         return False
-    way.x, way.y, way.along, way.rot = x, y, along, rot
+    way.x, way.y, way.along = x, y, along
+    if route.x.size:
+        set_way_rotation(way, rot)
     way.terms[PATH] += cost
     way.row, way.ticks = row + ticks, way.ticks + ticks
     return True
@@ -209,7 +221,7 @@ def _advance_way(graph, way, ticks, start, objective, weights):  # type: ignore[
 def advance_way_by_leg(graph, way, most_ticks, start, objective, weights):  # type: ignore[no-untyped-def]
     """Advance a way of the search by a leg: to the first row with jumps after a stride.
 
-    way: of dtype `WAY`; its place, row, ticks, and terms rarity, lag and path are changed.
+    way: of dtype `WAY`; its place, rows, ticks, and terms rarity, lag and path are changed.
     most_ticks: longest leg; start: `SearchStart`. Returns whether the way can go on (not where a
     wall or a fish blocks it, or the film ends), and whether its objective is done.
     """
@@ -222,6 +234,7 @@ def advance_way_by_leg(graph, way, most_ticks, start, objective, weights):  # ty
             return False, False
         left -= ticks
         ends = is_objective_done(graph, way, objective)
+    way.shown = mark_rows(way.shown, begun, way.row)
     way.terms[RARITY] += rows[way.row].rarity_sum - rows[begun].rarity_sum
     if not objective.route.x.size:
         way.terms[LAG] += start.lag * (rows[way.row].lag_sum - rows[begun].lag_sum)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from finloop.animate.memory import MemoryIndex
 from finloop.animate.route import Route, due_along, heading_at, point_along
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import finite_leaf, for_kernels, kernel
@@ -34,6 +35,18 @@ class CostWeights(NamedTuple):
     seam: float
     repeat: float
     memory: float
+
+
+class SearchCosts(NamedTuple):
+    """What the costs of one search depend on, besides its ways.
+
+    due_points (t, 2): x, y px due on a route with times, at each tick from the first one; memory:
+    the index of the rows that were on screen before.
+    """
+
+    weights: CostWeights
+    due_points: Floats
+    memory: MemoryIndex
 
 
 @for_kernels

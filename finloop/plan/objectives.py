@@ -60,14 +60,14 @@ def estimate_cost_to_come(lead, way, direction, objective, costs):  # type: igno
     """Estimate the cost to come, in ticks, of a way of the search that plays a film row on.
 
     lead (dtype `LEAD`): where the film leads from the row; way: of dtype `WAY`; direction: cosine
-    and sine of the heading; costs: `CostWeights`, and the output of `timed_targets`.
+    and sine of the heading; costs: `SearchCosts`.
     """
     if objective.route.x.size:
-        soon = costs[1], objective.steering
+        soon = costs.due_points, objective.steering
         return estimate_path_cost(lead, way, direction, objective.route, soon)
     if objective.aim.free:
         return 0.0
-    return estimate_ticks_to_target(way.x, way.y, direction, objective.aim, costs[0])
+    return estimate_ticks_to_target(way.x, way.y, direction, objective.aim, costs.weights)
 
 
 @leaf_kernel
@@ -77,7 +77,7 @@ def estimate_ticks_to_target(x, y, direction, target, weights):  # type: ignore[
     direction: cosine and sine of the heading; weights: `CostWeights`.
     """
     dx, dy = target.x - x, y - target.y
-    far = np.hypot(dx, dy)
+    far = np.sqrt(dx * dx + dy * dy)
     ahead = (dx * direction[0] + dy * direction[1]) / max(far, 1e-9)
     error = np.degrees(np.arccos(min(max(ahead, -1.0), 1.0)))
     return far / weights.pace + error / weights.turning
@@ -119,13 +119,12 @@ def timed_targets(route, tick, most_ticks):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def heading_vector(film_row, way):  # type: ignore[no-untyped-def]
+def heading_vector(lead, way):  # type: ignore[no-untyped-def]
     """Return cosine and sine of the heading of a way of the search that shows a film row.
 
-    way: of dtype `WAY`; film_row: of dtype `ROW`.
+    way: of dtype `WAY`; lead: of the film row, of dtype `LEAD`.
     """
-    angle = np.radians(film_row.heading + way.rot)
-    return np.cos(angle), np.sin(angle)
+    return lead.cos * way.cos - lead.sin * way.sin, lead.sin * way.cos + lead.cos * way.sin
 
 
 @finite_leaf

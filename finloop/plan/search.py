@@ -12,17 +12,24 @@ from numpy.typing import NDArray
 
 from finloop.animate.company import ALONE, Company, is_clear_in_search
 from finloop.animate.kinematics import wrap
-from finloop.animate.memory import NEVER, last_on_screen
+from finloop.animate.memory import (
+    NEVER,
+    find_last_on_screen,
+    index_memory,
+    last_on_screen,
+    mark_rows,
+)
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, kernel_part, leaf_kernel
 from finloop.edit.schema import TERMS, VERDICTS
-from finloop.plan.advance import advance_way_by_leg, set_way_rotation
+from finloop.plan.advance import advance_way_by_leg, set_way_rotation, turn_way_to_row
 from finloop.plan.cost import (
     REPEAT,
     SEAM,
     TIME,
     TO_COME,
     CostWeights,
+    SearchCosts,
     repeat_cost,
 )
 from finloop.plan.graph import MotionGraph, jump_range
@@ -40,13 +47,15 @@ WAY = np.dtype(
     [
         ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cos", "f8"), ("sin", "f8"), ("along", "f8"),
         ("total", "f8"), ("terms", "f8", (len(TERMS),)),
-        ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("run", "i8"), ("leads", "?"),
+        ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("run", "i8"), ("shown", "i8"),
+        ("leads", "?"),
     ],
     align=True,
 )  # fmt: skip
 """A way that is followed: where it has come to (x, y px, px along a path, row, rot, and before any
 steering the cosine and sine of rot); its cost in ticks (total), and of that each of `TERMS`; the
-candidate that it began with (first); its ticks; its last run; whether it goes on after its leg."""
+candidate that it began with (first); its ticks; its last run; marks of the rows that it has shown,
+from `mark_rows`; whether it goes on after its leg."""
 
 RUN = np.dtype([("row", "i8"), ("tick", "i8"), ("before", "i8")])
 """A run of film that a way shows: its first row, the tick of that, and the number of the run before
@@ -219,7 +228,8 @@ def beam_search(
     farthest.
     """
     route, most = objective.route, horizon_ticks
-    asked = timed_targets(route, start.tick, horizon_ticks + objective.steering.reach)
+    due_points = timed_targets(route, start.tick, horizon_ticks + objective.steering.reach)
+    costs = SearchCosts(weights, due_points, index_memory(start.recent))
     if route.when.size:  # not beyond its times
         most = max(min(most, route.begins + route.when.size - 1 - start.tick), 1)
     legs = most + 1  # each has a tick at least; only legs that begin use memory
@@ -227,7 +237,7 @@ def beam_search(
     best, leg = BestWay(np.inf, 0, 0), np.int64(0)
     while n and leg < legs:
         state = beam, n, found, best
-        m, best = _follow_ways(graph, state, start, (leg, most), objective, (weights, asked))
+        m, best = _follow_ways(graph, state, start, (leg, most), objective, costs)
         leg += 1
         if m == 0 and best.legs == 0:
             way = np.argmin(beam.ways["total"][:n])
@@ -265,7 +275,7 @@ def _start_beam(graph, candidates, start, sizes):  # type: ignore[no-untyped-def
         if first.recurrent and free:
             way, run = beam.ways[n], beam.runs[n]
             way.x, way.y, way.along, way.first, way.run = x, y, start.along, c, n
-            way.row, way.ticks = row, 0
+            way.row, way.ticks, way.shown = row, 0, 0
             set_way_rotation(way, candidates.rots[c])
             for t in range(terms.size):
                 way.terms[t] = terms[t]
@@ -276,17 +286,13 @@ def _start_beam(graph, candidates, start, sizes):  # type: ignore[no-untyped-def
 
 
 @leaf_kernel
-def _follow_ways(graph, state, start, leg_and_horizon, objective, weights_and_targets):  # type: ignore[no-untyped-def]
+def _follow_ways(graph, state, start, leg_and_horizon, objective, costs):  # type: ignore[no-untyped-def]
     """Follow all ways of the beam for a leg; return the number of branches, and the `BestWay`.
 
     state: the beam, its number of ways, `Outcomes`, `BestWay` so far; leg_and_horizon: number of
-    the leg, ticks of the horizon; weights_and_targets: `CostWeights`, output of `timed_targets`.
+    the leg, ticks of the horizon; costs: `SearchCosts`.
     """
-    (beam, n, found, best), (leg, most), (weights, asked) = (
-        state,
-        leg_and_horizon,
-        weights_and_targets,
-    )
+    (beam, n, found, best), (leg, most), weights = state, leg_and_horizon, costs.weights
     rows, m = graph.film.rows, np.int64(0)
     for s in range(n):
         way = beam.ways[s]
@@ -296,10 +302,9 @@ def _follow_ways(graph, state, start, leg_and_horizon, objective, weights_and_ta
         way.terms[TIME] = cost_of_time(way, start, objective, weights)
         way.terms[TO_COME] = 0.0
         if way.leads and not ends:
-            turned, lead = heading_vector(rows[way.row], way), graph.leads[way.row]
-            way.terms[TO_COME] = estimate_cost_to_come(
-                lead, way, turned, objective, (weights, asked)
-            )
+            lead = graph.leads[way.row]
+            turned = heading_vector(lead, way)
+            way.terms[TO_COME] = estimate_cost_to_come(lead, way, turned, objective, costs)
         way.total = 0.0
         for t in range(way.terms.size):
             way.total += way.terms[t]
@@ -318,22 +323,22 @@ def _follow_ways(graph, state, start, leg_and_horizon, objective, weights_and_ta
         elif rows[way.row].has_next and rows[way.row + 1].recurrent:
             repeat = 0.0  # on a path it would cost more than to leave the path
             if not objective.route.x.size:
-                repeat = _repetition_cost(beam, way, way.row, start, weights)
+                repeat = _repetition_cost(beam, way, way.row, start, costs)
             branch = Branch(way.total + repeat, way.first, s, -1, repeat)
             m = insert_branch(beam, m, branch, found.over)
     for s in range(n):  # by now most jumps cost more than the best branches
         if beam.ways[s].leads:
-            m = _insert_jumps(graph, s, (beam, m, found), start, objective, (weights, asked))
+            m = _insert_jumps(graph, s, (beam, m, found), start, objective, costs)
     return m, best
 
 
 @leaf_kernel
-def _insert_jumps(graph, way_number, kept, start, objective, weights_and_targets):  # type: ignore[no-untyped-def]
+def _insert_jumps(graph, way_number, kept, start, objective, costs):  # type: ignore[no-untyped-def]
     """Add the jumps of a way after a leg to the branches, if among the best; return their number.
 
-    kept: the beam, its number of branches, `Outcomes`; weights_and_targets: as in `_follow_ways`.
+    kept: the beam, its number of branches, `Outcomes`; costs: `SearchCosts`.
     """
-    (beam, n, found), (weights, _), film = kept, weights_and_targets, graph.film
+    (beam, n, found), film = kept, graph.film
     way = beam.ways[way_number]
     first, last = jump_range(film, way.row)
     if first == last:
@@ -343,7 +348,7 @@ def _insert_jumps(graph, way_number, kept, start, objective, weights_and_targets
     same = film.body and not objective.route.x.size
     turned, to_come = (1.0, 0.0), way.terms[TO_COME]
     if film.body and not same:
-        turned = heading_vector(film.rows[way.row], way)
+        turned = heading_vector(graph.leads[way.row], way)
     so_far, least = way.total - to_come, to_come if same else 0.0
     for e in range(first, last):
         jump, worst = graph.jumps[e], np.inf
@@ -354,15 +359,15 @@ def _insert_jumps(graph, way_number, kept, start, objective, weights_and_targets
             found.over[way.first] = True
             break  # those that follow cost as much, or more
         if not same:
-            if not film.body:
-                turned = heading_vector(film.rows[jump.to], way)
             lead = graph.leads[jump.to]
-            to_come = estimate_cost_to_come(lead, way, turned, objective, weights_and_targets)
+            if not film.body:
+                turned = heading_vector(lead, way)
+            to_come = estimate_cost_to_come(lead, way, turned, objective, costs)
         total += to_come
         if total >= worst:
             found.over[way.first] = True
             continue
-        repeat = _repetition_cost(beam, way, jump.to, start, weights)
+        repeat = _repetition_cost(beam, way, jump.to, start, costs)
         n = insert_branch(
             beam, n, Branch(total + repeat, way.first, way_number, e, repeat), found.over
         )
@@ -370,15 +375,16 @@ def _insert_jumps(graph, way_number, kept, start, objective, weights_and_targets
 
 
 @leaf_kernel
-def _repetition_cost(beam, way, row, start, weights):  # type: ignore[no-untyped-def]
+def _repetition_cost(beam, way, row, start, costs):  # type: ignore[no-untyped-def]
     """Return the cost, in ticks, of a row shown next by a way, if it was on screen not long ago.
 
     Before the search any row of its first stride counts; within the way its last one.
     """
-    tick, last = start.tick + way.ticks, row + weights.stride - 1
-    shown = last_on_screen(start.recent, row, last)
-    shown = max(shown, tick_row_shown(beam.runs, way.run, last, tick))
-    return repeat_cost(float(tick - shown), weights)
+    tick, last = start.tick + way.ticks, row + costs.weights.stride - 1
+    shown = find_last_on_screen(start.recent, costs.memory, row, last)
+    if way.shown & mark_rows(0, last, last):
+        shown = max(shown, tick_row_shown(beam.runs, way.run, last, tick))
+    return repeat_cost(float(tick - shown), costs.weights)
 
 
 @leaf_kernel
@@ -432,8 +438,7 @@ def start_next_leg(graph, beam: Beam, branch_count: int, leg: int, start_tick: i
         if branch.jump >= 0:
             jump, run = graph.jumps[branch.jump], beam.runs[runs + k]
             if film.body:
-                turned = film.rows[way.row].heading + way.rot - film.rows[jump.to].heading
-                set_way_rotation(way, wrap(turned))
+                turn_way_to_row(graph, way, jump.to)
             run.row, run.tick, run.before = jump.to, start_tick + way.ticks, way.run
             way.row, way.run = jump.to, runs + k
             way.terms[SEAM] += jump.cost

@@ -18,10 +18,11 @@ LEAD = np.dtype(
     [
         ("dx", "f8"), ("dy", "f8"), ("ahead", "f8"), ("left", "f8"), ("far", "f8"),
         ("half_ahead", "f8"), ("half_left", "f8"), ("half_far", "f8"), ("ticks", "i8"),
+        ("cos", "f8"), ("sin", "f8"),
     ]
 )  # fmt: skip
 """Where the film leads from a row in some ticks, as filmed: px on the screen (dx, dy), px ahead and
-to the left, px as the crow flies; and in half as many ticks."""
+to the left, px as the crow flies; and in half as many ticks; cosine and sine of its heading."""
 
 
 class SearchGraph(NamedTuple):
@@ -54,16 +55,15 @@ def search_graph(
     here, run = np.arange(len(rows)), ticks_to_film_end(rows["has_next"])
     ends = np.append(np.flatnonzero(rows["jump_slot"] >= 0), 2 * len(rows))
     leg = np.minimum(run, ends[np.searchsorted(ends, here + weights.stride)] - here)
-    leads = np.zeros(len(rows), LEAD)
+    leads, headings = np.zeros(len(rows), LEAD), np.radians(rows["heading"])
     leads["ticks"] = np.minimum(run, lead_ticks)
     for part, ticks in (("", leads["ticks"]), ("half_", leads["ticks"] // 2)):
         offset = np.column_stack([rows[axis][here + ticks] - rows[axis] for axis in "xy"])
-        leads[part + "ahead"], leads[part + "left"] = to_body_axes(
-            offset, np.radians(rows["heading"])
-        ).T
+        leads[part + "ahead"], leads[part + "left"] = to_body_axes(offset, headings).T
         leads[part + "far"] = np.hypot(*offset.T)
         if not part:
             leads["dx"], leads["dy"] = offset.T
+    leads["cos"], leads["sin"] = np.cos(headings), np.sin(headings)
     return SearchGraph(film, jumps, bounds, run, leg, leads)
 
 
