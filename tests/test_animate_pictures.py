@@ -144,7 +144,7 @@ def test_what_follows_a_sprite_is_turned_as_the_sprite_that_shows_it(tmp_path):
     table = film_of(tmp_path, [(20.0 * i, 1 / 3) for i in range(4)])
     sprites = sprites_of(tmp_path, table, [0, 1, 2])
     with open_reel(tmp_path, table, sprites) as reel:
-        after, drawn = reel.draw_after_sprites(SIZE), reel.draw_sprites(SIZE)
+        after, drawn = reel.draw_frames_after_sprites(SIZE), reel.draw_sprites(SIZE)
     assert drawn.shape == (3, SIZE, SIZE, 2)
     one_wedge = 0.12 * np.linalg.norm(drawn[0])  # in any frame
     assert (all_distances(after, drawn) < one_wedge).all()

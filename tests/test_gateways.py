@@ -227,7 +227,7 @@ def test_turned_by_turn_deg_the_film_fits_the_sprite_as_drawn(name, direction, r
     assert len(ways) > 20
     with of.open() as (store, film):
         if direction == IN:  # drawn in that orientation after the sprite has turned on
-            shown = of.reel(store, film).draw_after_sprites(SIZE, number)
+            shown = of.reel(store, film).draw_frames_after_sprites(SIZE, number)
             drawn_deg = drawn_deg - of.sprites["turn_deg"].to_numpy()
         else:
             shown = of.reel(store, film).draw_sprites(SIZE, number)

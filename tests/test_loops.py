@@ -52,11 +52,11 @@ from finloop.loops.search import (
     binomial_weights,
     choose_best_loops,
     filter_diagonals,
+    find_improper_loops,
     find_local_minima,
     find_loop_candidates,
     find_video_loops,
     group_overlapping_loops,
-    is_improper,
     measure_travel,
     to_sparse_map,
 )
@@ -242,13 +242,15 @@ LINE = np.arange(40) * 3.0
 def test_a_loop_is_improper_if_it_travels_against_the_heading(heading, bad):
     """The fish drifts to the right; each end does too, so look at each test alone."""
     table = features_at(LINE, np.zeros(40), heading)
-    assert is_improper(np.array([5]), np.array([30]), table, 90.0)[0] == bad
+    assert find_improper_loops(np.array([5]), np.array([30]), table, 90.0)[0] == bad
     across = features_at(np.r_[LINE[:20], LINE[:20]], np.zeros(40), heading, np.repeat([0, 1], 20))
-    assert is_improper(np.array([5]), np.array([30]), across, 90.0)[0] == bad  # by its ends alone
+    assert (
+        find_improper_loops(np.array([5]), np.array([30]), across, 90.0)[0] == bad
+    )  # by its ends alone
     # ... and by its whole way alone: at its ends the fish stays where it is.
     held = np.r_[np.zeros(10), np.arange(20) * 3.0, np.full(10, 57.0)]
     table = features_at(held, np.zeros(40), heading)
-    assert is_improper(np.array([5]), np.array([35]), table, 90.0)[0] == bad
+    assert find_improper_loops(np.array([5]), np.array([35]), table, 90.0)[0] == bad
 
 
 def test_a_fish_that_turned_round_or_stayed_is_not_tested():
@@ -257,9 +259,9 @@ def test_a_fish_that_turned_round_or_stayed_is_not_tested():
     circle = features_at(
         100 * np.sin(angle) + 3 * np.arange(60), -100 * np.cos(angle), wrap_deg(np.degrees(angle))
     )
-    assert not is_improper(np.array([2]), np.array([57]), circle, 90.0)[0]
+    assert not find_improper_loops(np.array([2]), np.array([57]), circle, 90.0)[0]
     stays = features_at(np.arange(40) * -0.01, np.zeros(40))  # it drifts back by almost nothing
-    assert not is_improper(np.array([5]), np.array([30]), stays, 90.0)[0]
+    assert not find_improper_loops(np.array([5]), np.array([30]), stays, 90.0)[0]
 
 
 def test_improper_loops_are_dropped_and_counted():
@@ -686,7 +688,7 @@ def test_the_improper_loop_that_is_drawn_goes_farthest_against_its_heading():
     x = np.r_[np.zeros(30), -LINE[:30], np.zeros(10)]  # it drifts backwards in the middle
     table = features_at(x, np.zeros(70))
     pairs = [(2, 25), (10, 55), (30, 50)]
-    bad = is_improper(*np.array(pairs).T, table, 90.0)
+    bad = find_improper_loops(*np.array(pairs).T, table, 90.0)
     assert bad.tolist() == [False, True, True]
     every = table_of(*pairs).assign(filtered=0.5, improper=bad)
     loop = find_most_improper_loop(every, table, 90.0)

@@ -115,7 +115,7 @@ def test_a_row_s_picture_does_not_depend_on_what_else_is_asked():
 
 def test_what_comes_after_a_sprite_is_the_film_s_next_frame_turned_on():
     one = reel()
-    after = one.draw_after_sprites(SIZE)
+    after = one.draw_frames_after_sprites(SIZE)
     own = one.draw_row(1, SIZE, one.length_px, -30.0)  # nothing follows: itself, headed right
     assert np.array_equal(after[0], own)
     ahead = one.draw_row(1, SIZE, one.length_px, 7.0)[::-1]  # mirrored

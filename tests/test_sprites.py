@@ -46,7 +46,7 @@ from finloop.sprites.choice import (
     find_glides,
     find_tail_beats,
     find_turns,
-    loop_closure,
+    measure_loop_closure,
     measure_sharpness,
     smooth_series,
     swimmer_table,
@@ -549,8 +549,8 @@ def test_the_head_s_yaw_does_not_tilt_the_line():
 
 def test_closure_counts_natural_steps():
     wheel = np.stack([[[[np.cos(a), np.sin(a)]]] for a in 2 * np.pi * np.arange(9) / 8])
-    assert loop_closure(wheel) == pytest.approx(0, abs=1e-9)
-    assert loop_closure(wheel[:-1]) == pytest.approx(1)
+    assert measure_loop_closure(wheel) == pytest.approx(0, abs=1e-9)
+    assert measure_loop_closure(wheel[:-1]) == pytest.approx(1)
 
 
 def test_a_loop_that_closes_is_preferred(toy):

@@ -268,7 +268,7 @@ def _weighted_zones(
     """Return zones with fitted weights; outermost fitted zones of weight 0 are left out.
 
     blind_deg: angle behind the fish in which it sees nothing. weights: fitted; fixed: given
-    weights, None for fitted ones.
+    weights, None for fitted ones. radii: outer ones, body lengths.
     """
     inner, middle, outer = radii
     own = [

@@ -136,6 +136,7 @@ def choose_examined_runs(frames: int, key_frame_distance: int = 1) -> list[tuple
 
     A film of at most `RUNS` × `LENGTH` frames is a single run; a longer one has `RUNS` runs of
     `LENGTH` frames, which begin at key frames. frames: length of the film; stop is not included.
+    key_frame_distance: frames from one key frame to the next.
     """
     if frames <= RUNS * LENGTH:
         return [(0, frames)]
@@ -185,7 +186,7 @@ def check_film(
 
     read_frames(start=, stop=): yields grey frames (h, w) uint8. rate_hz: frames per second. tally:
     the brightness of all frames. The table has the columns `CHECK`; the tank is a picture (h, w[,
-    3]).
+    3]). key_frame_distance: frames from one key frame to the next.
     """
     whole = _still_tank(list(tally.samples.values()))
     tank, landmarks, last = to_grey(whole), find_landmarks(whole), STILL

@@ -164,7 +164,8 @@ def wavelet_transform(points: Floats, wavelet: str, levels: int) -> Floats:
     """Return the wavelet coefficients (…, n, k) of curves of points (…, n, k) (Eq. 2.8).
 
     The transform runs along n; k is 2 for plane curves. The approximation comes first, then the
-    details from coarse to fine. FinloopError as in `filters_for_transform`.
+    details from coarse to fine. FinloopError as in `filters_for_transform`. levels: how often the
+    points are halved.
     """
     bank = filters_for_transform(points.shape[-2], wavelet, levels)
     out = np.array(points, np.float64, order="C")
@@ -240,7 +241,10 @@ def _transform_in_place(curves, filters, levels):  # type: ignore[no-untyped-def
 
 @kernel
 def _invert_in_place(curves, filters, levels):  # type: ignore[no-untyped-def]
-    """Replace wavelet coefficients (b, n, k) by their curves, with filters (2, taps)."""
+    """Replace wavelet coefficients (b, n, k) by their curves, with filters (2, taps).
+
+    levels: how often the points were halved.
+    """
     count, n, k = curves.shape
     taps = filters.shape[1]
     before = taps // 2 - 1

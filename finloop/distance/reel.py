@@ -214,7 +214,7 @@ class Reel:
         numbers = range(len(self.sprites))
         return np.stack([self.draw_sprite(number, size_px, orientation) for number in numbers])
 
-    def draw_after_sprites(self, size_px: int, orientation: int = 1) -> Pictures:
+    def draw_frames_after_sprites(self, size_px: int, orientation: int = 1) -> Pictures:
         """Draw the film frame that follows each sprite's own: (s, size_px, size_px, channels).
 
         They are turned, and mirrored, as the next sprite would be in this orientation. At the end

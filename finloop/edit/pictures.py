@@ -103,7 +103,7 @@ class Pictures:
 
         They are (s, size, size, channels).
         """
-        return self.reel.draw_after_sprites(self.size)
+        return self.reel.draw_frames_after_sprites(self.size)
 
 
 def cross_fade_distance(row: Any, pictures: Pictures) -> float:

@@ -53,7 +53,7 @@ def choose_sample_frames(
 
     They are an odd number, at most `most_samples`, fewer of a short clip or large frames. frames:
     length of the clip; frame_shape: (h, w[, channels]). The numbers are those of key frames where
-    the clip is long enough.
+    the clip is long enough. key_frame_distance: frames between these.
     """
     most = max(1, min(most_samples, frames, _SAMPLE_BYTES // int(np.prod(frame_shape))))
     count = most - (most + 1) % 2

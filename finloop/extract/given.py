@@ -350,7 +350,11 @@ class ExternalTrackLinker:
     def _end_runs(
         self, seen: set[int], waiting: dict[int, list[TrackedFish]], running: dict[int, int]
     ) -> None:
-        """End the runs of all animals that are not in `seen`; count those that are too short."""
+        """End the runs of all animals that are not in `seen`; count those that are too short.
+
+        waiting: fish of runs that are too short; running: number of the track of long ones; both by
+        animal.
+        """
         for animal in [animal for animal in waiting if animal not in seen]:
             self.short += len(waiting.pop(animal))
         for animal in [animal for animal in running if animal not in seen]:

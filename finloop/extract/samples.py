@@ -132,7 +132,7 @@ def _measure_with_background(
 ) -> _BackgroundTrial:
     """Measure noise, polarity and a typical fish on sample frames, against a given background.
 
-    FinloopError as in `measure_scene_and_fish`.
+    FinloopError as in `measure_scene_and_fish`. arena: (h, w) uint8, 255 inside.
     """
     sigmas, least = settings.noise_sigmas, settings.least_contrast
     scene = measure_scene(sample_frames, background, settings.polarity, sigmas, least, workers)

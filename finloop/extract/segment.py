@@ -201,7 +201,7 @@ def _silhouette_inside_edge(
     """Return the silhouette that a closed edge encloses, with its holes filled.
 
     edge: px of the patch; patch: part of the difference image; corner: x, y of the patch in the
-    picture; contrast: of the patch, grey levels.
+    picture; contrast: of the patch, grey levels. arena: (h, w) uint8, 255 inside.
     """
     x, y, w, h = cv2.boundingRect(edge)
     at_edge = min(x + corner[0], y + corner[1]) <= 1

@@ -180,7 +180,8 @@ def _count_halvings(n: int, coarse: int, closed: bool) -> int:
 def wavelet_descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -> Points:
     """Return the wavelet coefficients of contours (…, n, 2): closed (…, n, 2), open (…, 2n, 2).
 
-    coarse: number of coefficients of the coarsest scale, a power of two.
+    coarse: number of coefficients of the coarsest scale, a power of two. closed: whether the
+    contours are closed.
     """
     points = points if closed else close_by_mirroring(points)
     return wavelet_transform(points, wavelet, _count_halvings(points.shape[-2], coarse, closed))

@@ -121,7 +121,7 @@ def draw_sprites_and_next(
     measured heading points right.
     """
     if pose != BODY:
-        return reel.draw_after_sprites(size_px, orientation), reel.draw_sprites(
+        return reel.draw_frames_after_sprites(size_px, orientation), reel.draw_sprites(
             size_px, orientation
         )
     row, after = _rows_of_sprites(reel)
@@ -182,7 +182,10 @@ def _find_ways_in(
     most_distance: float,
     settings: GatewaysSettings,
 ) -> pd.DataFrame:
-    """Return the film rows nearest to each sprite, by orientation: sprite, row, rank, distance."""
+    """Return the film rows nearest to each sprite, by orientation: sprite, row, rank, distance.
+
+    most_distance: of a gateway, in the unit of the distances.
+    """
     track, frame = (features[name].to_numpy()[distances.rows] for name in ("track_id", "frame"))
     delta = infer_delta_frames(features)
     lasts = _count_frames_ahead(features)[distances.rows] >= settings.least * delta
@@ -211,7 +214,10 @@ def _find_ways_out(
     most_distance: float,
     most_sprites: int,
 ) -> pd.DataFrame:
-    """Return the sprites nearest to each film row, by sequence: sprite, row, rank, distance."""
+    """Return the sprites nearest to each film row, by sequence: sprite, row, rank, distance.
+
+    most_distance: of a gateway, in the unit of the distances; most_sprites: for a row.
+    """
     # Rows whose next frame is among `near.rows`, and its place there.
     follows = np.append(False, _count_frames_ahead(features) > 0)[distances.rows]
     row, after = distances.rows[follows] - 1, np.flatnonzero(follows)

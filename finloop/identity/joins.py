@@ -43,7 +43,8 @@ def successor_pairs(
     """Pair every track with those that begin soonest after its end, in the same part of the film.
 
     start, stop (n,): first and last frame of each track; segment (n,): its part of the film between
-    cuts, ascending with the frames. In a pair, `a` is the earlier track.
+    cuts, ascending with the frames. In a pair, `a` is the earlier track. most_successors: for each
+    track.
     """
     order = np.argsort(start, kind="stable")
     low = np.searchsorted(start[order], stop, side="right")

@@ -113,7 +113,7 @@ def find_loop_candidates(
 
     The table has columns a, b (feature rows, a < b), distance, filtered, improper (Fig. 13: the
     fish travels against its heading). Counts: pairs, pairs_below_threshold, minima,
-    improper_dropped.
+    improper_dropped. most_distance: of filtered D, in its unit.
     """
     track = features["track_id"].to_numpy(np.int32)
     weight = binomial_weights(settings.compared_neighbour_frames)
@@ -123,7 +123,7 @@ def find_loop_candidates(
     at = np.flatnonzero(find_local_minima(pairs, value, track, radius, least))
     a = (np.searchsorted(pairs.start, at, side="right") - 1).astype(np.int32)
     b = pairs.j[at]
-    bad = is_improper(a, b, features, settings.improper_angle_deg)
+    bad = find_improper_loops(a, b, features, settings.improper_angle_deg)
     table = pd.DataFrame(
         {"a": a, "b": b, "distance": pairs.distance[at], "filtered": value[at], "improper": bad}
     )
@@ -312,7 +312,7 @@ def _explain_no_loops(
 # --- Fig. 13
 
 
-def is_improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
+def find_improper_loops(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
     """Return which loops (n,) are improper: the fish travels against its heading (Fig. 13).
 
     a, b (n,): the loops' ends, feature rows. Travel and heading differ by more than `most_deg` over

@@ -34,7 +34,7 @@ def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> 
     """Return how much the visible length of the tail varies: its 95 % less its 5 % quantile.
 
     The unit is the median length of the body without the tail. Arguments as in
-    `align_body_and_tail`.
+    `align_body_and_tail`. thin: as in `TailParameters`.
     """
     end = _find_body_ends(_half_widths_head_first(tracks, backbones), thin)
     step, last = _mean_step_lengths(backbones.astype(float)), backbones.shape[1] - 1

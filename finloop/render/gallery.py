@@ -61,7 +61,10 @@ class Gallery:
     def _load_picture(
         self, kind: str, source: int, orientation: int, mirrored: bool
     ) -> PaddedPicture:
-        """Return a stored cut-out as a picture to draw; mirrored: left and right exchanged."""
+        """Return a stored cut-out as a picture to draw; mirrored: left and right exchanged.
+
+        source: film row, or number of the sprite; orientation: of a sprite.
+        """
         shelf = self.shelves[kind]
         cutout = shelf.store[sprite_store_row(source, orientation, shelf.orientations)]
         x_px, y_px = shelf.centres_px[source]

@@ -56,7 +56,7 @@ def find_placement(
 
     bodies (T, k, 2) px: the drawn points of the animal, which keeps its size on a smaller path;
     length_px: body length. The size is 1 unless the placement is "shrink". FinloopError if the path
-    fits nowhere.
+    fits nowhere. arena (h, w): True inside.
     """
     if p.placement == "given":
         return np.zeros(2), 1.0

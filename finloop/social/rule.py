@@ -98,7 +98,11 @@ class SocialSteps:
 
     @classmethod
     def from_table(cls, table: pd.DataFrame, forward: float, onward: float) -> "SocialSteps":
-        """Restore the steps from a table of `to_table` and the two pull factors."""
+        """Restore the steps from a table of `to_table` and the two pull factors.
+
+        forward: body lengths by which a pull of 1 moves a fish; onward: what it adds to the
+        heading.
+        """
         wall, last, move, turn = (
             table[f"{name}_ahead"].to_numpy(float) + 1j * table[f"{name}_left"].to_numpy(float)
             for name in ("wall", "last", "move", "turn")

@@ -116,6 +116,7 @@ def pull_of_others(seen: Neighbours, zones: Zones) -> Complex:
 def weigh_zone_pulls(means: Complex, weights: Sequence[float] | Floats) -> Complex:
     """Return the weighted sum (…) of the pulls (…, 3) of the three zones.
 
-    Unlike `@` it rounds the same on every processor and for any number of rows.
+    Unlike `@` it rounds the same on every processor and for any number of rows. means: the pulls;
+    weights (3,).
     """
     return np.asarray((means * np.asarray(weights, float)).sum(axis=-1))

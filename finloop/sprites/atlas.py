@@ -165,7 +165,7 @@ def atlas_page_json(
     """Return the JSON of an atlas page: its sprites' rectangles, sequences, and each step's motion.
 
     sprites, index: as for `lay_out_pages`. All sprites have the same untrimmed size; its middle is
-    within a pixel of the mass centre.
+    within a pixel of the mass centre. page_number: of the page in `atlas`, from 0.
     """
     page = atlas[page_number]
     centres = sprites[["x_px", "y_px"]].to_numpy()

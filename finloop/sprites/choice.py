@@ -198,7 +198,8 @@ def cycle_headings(table: pd.DataFrame, first_row: int, frames: int) -> Floats:
     """Return headings [°] that change evenly over straight frames and the next one, (frames + 1,).
 
     They run from the first frame's heading to that after the last. Both show the same phase of the
-    tail beat, so the head's yaw, which a least-squares line would follow, cancels.
+    tail beat, so the head's yaw, which a least-squares line would follow, cancels. first_row: of
+    the frames, in `table`.
     """
     heading = table["heading"].to_numpy()[first_row : first_row + frames + 1]
     slope = (heading[-1] - heading[0]) / frames
@@ -474,6 +475,7 @@ def choose_frames(
     The sequences are those of `WORDS`. table: from `swimmer_table`. A side without a turn gets the
     opposite turn, mirrored. A film without a tail beat or a whole turn gets the best substitute.
     FinloopError if the settings name frames that do not exist, or the fish never bends.
+    draw_pictures: draws the fish of rows, turned by headings [°], as (n, size, size, channels).
     """
     usable = np.flatnonzero(table["usable"])
     usable = usable if usable.size else np.arange(len(table))
@@ -541,7 +543,7 @@ def best_runs_of_tracks(
 
     candidates: from `find_tail_beats` and the like; typical_sharpness: the median of
     `measure_sharpness` over the film; is_cycle: whether the frame after the last should look like
-    the first.
+    the first. draw_pictures: draws the fish of rows, turned by headings [°], as (n, size, size, channels).
     """
     if candidates.empty:
         return []
@@ -556,7 +558,7 @@ def best_runs_of_tracks(
         rows = np.arange(start, start + n + 1)
         heading = cycle_headings(table, start, n) if is_cycle else table["heading"].to_numpy()[rows]
         pictures = draw_pictures(rows, heading)
-        more = {"does not close": loop_closure(pictures)} if is_cycle else {}
+        more = {"does not close": measure_loop_closure(pictures)} if is_cycle else {}
         soft = 1 - float(np.median(measure_sharpness(pictures))) / typical_sharpness
         more["soft"] = max(0.0, soft) / settings.soft
         track = int(table["track_id"].iat[start])
@@ -569,7 +571,7 @@ def best_runs_of_tracks(
     return sorted(best.values(), key=lambda run: run.cost)
 
 
-def loop_closure(pictures: Reals) -> float:
+def measure_loop_closure(pictures: Reals) -> float:
     """Return how visible the jump from a loop's end to its start is; 1: like any other step.
 
     It is the picture distance of the jump, over the loop's median step. pictures (n + 1, size,

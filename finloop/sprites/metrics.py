@@ -7,7 +7,13 @@ from finloop.distance.picture import paired_distances, successive_distances
 from finloop.features.metrics import orientation_table
 from finloop.features.swimming_type import STRAIGHT
 from finloop.features.table import count_orientations
-from finloop.sprites.choice import SIDES, ChosenFrames, DrawPictures, cycle_headings, loop_closure
+from finloop.sprites.choice import (
+    SIDES,
+    ChosenFrames,
+    DrawPictures,
+    cycle_headings,
+    measure_loop_closure,
+)
 from finloop.sprites.settings import SpritesSettings
 
 
@@ -87,6 +93,7 @@ def cycle_metrics(
 
     sequence: straight or slide. Closure is the picture distance of the last frame, and of the one
     after it, from the first, over the cycle's median step. It is missing if the track ends there.
+    draw_pictures: draws the fish of rows, turned by headings [°], as (n, size, size, channels).
     """
     start, stop = choice.stretch.rows.start, choice.stretch.rows.stop
     tail = table["tail"].to_numpy()[start:stop]
@@ -97,7 +104,7 @@ def cycle_metrics(
         median = max(float(np.median(successive_distances(pictures))), 1e-9)
         last = float(paired_distances(pictures[-2], pictures[0]))
         result[f"{sequence}_closure_last_to_first"] = last / median
-        result[f"{sequence}_closure_after_last_to_first"] = loop_closure(pictures)
+        result[f"{sequence}_closure_after_last_to_first"] = measure_loop_closure(pictures)
     return result
 
 

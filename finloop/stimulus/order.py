@@ -83,7 +83,10 @@ def _draw_below(bits: PCG64, most: int) -> int:
 
 
 def _predecessors(protocol: Protocol, repeats: int) -> dict[Node, Node | None]:
-    """Return for every trial the trial that must come before it, or None."""
+    """Return for every trial the trial that must come before it, or None.
+
+    repeats: of each condition.
+    """
     before: dict[Node, Node | None] = {}
     for name, condition in protocol.conditions.items():
         again = condition.motion.again

@@ -213,7 +213,10 @@ def _add_skin_material(glb: GlbDocument, skin: NDArray[np.uint8]) -> int:
 
 
 def _add_fish(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str) -> int:
-    """Add the node of a fish, whose mesh is a mix of principal shapes; return its index."""
+    """Add the node of a fish, whose mesh is a mix of principal shapes; return its index.
+
+    material: index of its skin's material.
+    """
     grid = (1, RINGS, AROUND, 3)
     straight = surface_normals(shape.mean.reshape(grid)).reshape(-1, 3)
     targets = []
@@ -248,7 +251,10 @@ def _add_morph_node(glb: GlbDocument, name: str, primitive: dict, targets: list[
 
 
 def _add_shadow(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str) -> int:
-    """Add the node of a fish's shadow on the floor, a strip between the body's sides."""
+    """Add the node of a fish's shadow on the floor, a strip between the body's sides.
+
+    material: index of the shadow's material.
+    """
 
     def strip(points: Floats) -> Floats:
         sides = points.reshape(RINGS, AROUND, 3)[:, [_SIDE, AROUND - 1 - _SIDE]]
@@ -268,7 +274,10 @@ def _add_shadow(glb: GlbDocument, shape: PrincipalShapes, material: int, name: s
 def _add_plain_material(
     glb: GlbDocument, name: str, colour: tuple[float, ...], texture: int | None = None
 ) -> int:
-    """Add an unlit material, visible from both sides; return its index."""
+    """Add an unlit material, visible from both sides; return its index.
+
+    colour: RGBA, 0 … 1; texture: index, None without.
+    """
     base: dict = {"baseColorFactor": list(colour), "metallicFactor": 0.0, "roughnessFactor": 1.0}
     if texture is not None:
         base["baseColorTexture"] = {"index": texture}
@@ -297,7 +306,10 @@ def _add_motion(
 
 
 def _add_still_parts(glb: GlbDocument, room: TankRoom, background: NDArray[np.uint8]) -> list[int]:
-    """Add floor, edges, water and glass; return their nodes' indices in drawing order."""
+    """Add floor, edges, water and glass; return their nodes' indices in drawing order.
+
+    background: (h, w) or (h, w, 3), the floor's picture.
+    """
     left, top = -0.5, 0.5
     right, bottom, high = left + room.width, top - room.height, room.depth
     base = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
