@@ -543,7 +543,8 @@ def best_runs_of_tracks(
 
     candidates: from `find_tail_beats` and the like; typical_sharpness: the median of
     `measure_sharpness` over the film; is_cycle: whether the frame after the last should look like
-    the first. draw_pictures: draws the fish of rows, turned by headings [°], as (n, size, size, channels).
+    the first. draw_pictures: draws the fish of rows, turned by headings [°], as (n, size, size,
+    channels).
     """
     if candidates.empty:
         return []
