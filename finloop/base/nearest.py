@@ -117,5 +117,8 @@ def assign_parts(n: int, stretch: int, most: int = MOST) -> Ints:
 
 
 def _unpickle(index: NDArray[np.uint8], recall: float) -> Nearest:
-    """Return the index of another process from its serialized form."""
+    """Restore an index of nearest neighbours in another process, from its bytes.
+
+    index: as FAISS writes it; recall: as in `Nearest`.
+    """
     return Nearest(faiss.deserialize_index(index), recall)

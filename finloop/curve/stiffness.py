@@ -93,12 +93,12 @@ def _refinement_matrix(alpha: Floats, size: int) -> Floats:
 
 
 def _sobolev_smoothness(alpha: Floats) -> float:
-    """Return how smooth the scaling function φ is: the largest s, at most 2, with φ in H^s.
+    """Return how smooth a wavelet's scaling function φ is: its Sobolev exponent s, at most 2.
 
-    alpha: as in `ConnectionCoefficients.autocorrelation`. The method is Villemoes's (1992): if the
-    shifts of φ sum to every line, the transfer operator keeps the moments 0 … 3 of a sequence at 0,
-    and shrinks it by at most 4^−s a step. If they do not, φ has a jump or worse, and the result is
-    0.5.
+    That is the largest s with φ in H^s. alpha: as in `ConnectionCoefficients.autocorrelation`. The
+    method is Villemoes's (1992): if the shifts of φ sum to every line, the transfer operator keeps
+    the moments 0 … 3 of a sequence at 0, and shrinks it by at most 4^−s a step. If they do not, φ
+    has a jump or worse, and the result is 0.5.
     """
     size = len(alpha) + 1  # even the shortest filter needs room for four moments
     index = np.arange(1 - size, size) / size

@@ -23,9 +23,10 @@ _NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary path to write to; rename it to `path` when the block succeeds.
+    """Let a block write a file completely or not at all: yield a temporary path, then rename it.
 
-    So the file is complete or does not change. FinloopError if the disk is full.
+    It becomes `path` when the block succeeds; else `path` does not change. FinloopError if the disk
+    is full.
     """
     with _temporary_path(path, f".{path.stem}.{_process_tag()}.part{path.suffix}") as part:
         yield part
@@ -36,9 +37,10 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Yield a temporary folder to fill; it replaces the folder `path` when the block succeeds.
+    """Let a block fill a folder completely or not at all: yield a temporary one, then rename it.
 
-    After an exception `path` is unchanged. FinloopError if the disk is full.
+    It replaces the folder `path` when the block succeeds; after an exception `path` is unchanged.
+    FinloopError if the disk is full.
     """
     with _temporary_path(path, f".{path.name}.{_process_tag()}.part") as part:
         shutil.rmtree(part, ignore_errors=True)

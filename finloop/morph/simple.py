@@ -276,9 +276,8 @@ def _limit_areas(stack: Points) -> Points:
 def _has_simple_motion(stack: Points, closed: bool) -> bool:
     """Return whether it is proved that the motion between frames (f, n, 2) never meets itself.
 
-    The motion may stray as `SimpleMorph.proved` says. An edge that turns round passes through
-    length 0, where it meets its neighbours. Slight smoothing, with positive weights, lets it turn
-    at a positive length.
+    An edge that turns round passes through length 0, where it meets its neighbours. So the motion
+    may stray slightly, as `SimpleMorph.proved` says, and the edge turns at a positive length.
     """
     for k in range(len(stack) - 1):
         pair = stack[k : k + 2]

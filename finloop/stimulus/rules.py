@@ -55,9 +55,11 @@ def mirror_place(place: PlacePx, axis: str, tank: TankGeometry) -> PlacePx:
 
 
 def _side_of_animal(rule: str, fish: Pose, animal: Animal) -> Direction:
-    """Return the direction from an animal to where keep distance, follow or lead send the fish.
+    """Return on which side of an animal a fish shall swim: the unit direction from the animal.
 
-    The heading of an animal that has not moved yet is unknown: the fish keeps its distance then.
+    The rule decides: "keep distance" where the fish is, "lead" ahead of the animal, "follow"
+    behind. The heading of an animal that has not moved yet is unknown: the fish keeps its distance
+    then.
     """
     if rule == "keep distance" or animal.heading_rad is None:
         return _direction_to_fish((animal.x, animal.y), fish)
