@@ -146,7 +146,7 @@ def choose_examined_runs(frames: int, key_frame_distance: int = 1) -> list[tuple
     return [(int(start), int(start) + LENGTH) for start in starts]
 
 
-def _still_tank(frames: Sequence[Picture]) -> Picture:
+def _empty_tank(frames: Sequence[Picture]) -> Picture:
     """Return the empty tank (h, w[, 3]): the median of frames, after light and shake are undone."""
     few = frames[:: -(-len(frames) // _SAMPLES)]
     gains = [measure_gain(frame, few[0]) for frame in few]
@@ -188,7 +188,7 @@ def check_film(
     the brightness of all frames. The table has the columns `CHECK`; the tank is a picture (h, w[,
     3]). key_frame_distance: frames from one key frame to the next.
     """
-    whole = _still_tank(list(tally.samples.values()))
+    whole = _empty_tank(list(tally.samples.values()))
     tank, landmarks, last = to_grey(whole), find_landmarks(whole), STILL
     rows: list[dict[str, float]] = []
     movers: list[tuple[float, float, float, float]] = []

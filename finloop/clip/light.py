@@ -49,7 +49,10 @@ def _sample_pixels(picture: Picture) -> Floats:
 
 
 def undo_gain(frame: Picture, gains: Floats) -> Picture:
-    """Make a frame (h, w[, 3]) as bright as the empty tank: divide each channel by its gain."""
+    """Make a frame (h, w[, 3]) as bright as the empty tank: divide each channel by its gain.
+
+    gains: (1,) or (3,), from `measure_gain`.
+    """
     levels = np.arange(256)[:, None] / gains
     table = np.clip(np.rint(levels), 0, 255).astype(np.uint8)[None]
     return np.asarray(cv2.LUT(frame, table))

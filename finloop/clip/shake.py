@@ -145,7 +145,10 @@ def _choose_start(picture: Picture, tank: Landmarks, last: Shift) -> Floats:
 
 
 def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats:
-    """Return the grey levels of a frame at the landmarks, if it is shifted by (2,) px."""
+    """Return the grey levels of a frame at the landmarks, if it is shifted by (2,) px.
+
+    tank: its landmarks; interpolation is bilinear.
+    """
     height, width = picture.shape
     x = np.clip(tank.x + shift_px[0], 0, width - 1.001)
     y = np.clip(tank.y + shift_px[1], 0, height - 1.001)

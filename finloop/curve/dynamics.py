@@ -357,7 +357,10 @@ def _solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
 
 
 def _solve_in_basis(basis: Basis, problem: Problem, options: SolverOptions) -> Solution:
-    """Return the motion of one independent oscillator for each coefficient of the basis."""
+    """Return the motion of one independent oscillator for each coefficient of the basis.
+
+    A constant force has exact factors, any other is integrated.
+    """
     material, (u, v) = problem.material, problem.state_at_start()
     c = material.mass_damping * (material.density or 1.0) + material.stiffness_damping * basis.k
     modes = Oscillators(material.density, c, basis.k)

@@ -104,7 +104,10 @@ class Bodies:
         return (codes[after] - codes[before]) / np.maximum(after - before, 1)[:, None]
 
     def sprite_direction_deg(self, orientation: int, rotation_deg: float) -> Floats:
-        """Return the direction [°] in which a sprite swims in an orientation, turned further."""
+        """Return the direction [°] in which a sprite swims in an orientation, turned further.
+
+        orientation: 1 …; rotation_deg: by how much it is turned further.
+        """
         return orientation_heading_deg(orientation, count_orientations(self.sprites)) + rotation_deg
 
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:

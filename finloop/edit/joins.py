@@ -218,10 +218,11 @@ def inertialize_pictures(
 def _join_offsets(
     own: Body, old: Body, at: Ints, before_deg: Floats, bodies: Bodies
 ) -> tuple[Floats, Floats]:
-    """Return how far pose codes and heading jump at joins, (ticks, c + 1), and their velocities.
+    """Return how far pose and heading jump at each join, and how far their velocities do.
 
-    own: bodies of all ticks; at: ticks of the joins; old: bodies expected there; before_deg: turn
-    before each.
+    Both are (ticks, c + 1), 0 at other ticks: c pose codes (principal-component scores), then
+    degrees. own: bodies of all ticks; at: ticks of the joins; old: bodies expected there;
+    before_deg: turn before each.
     """
     here, ticks = own.select(at), len(own.row)
     ahead = np.minimum(at + 1, ticks - 1)

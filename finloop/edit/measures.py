@@ -123,7 +123,10 @@ def _ratios_to_film(drawn: Floats, film: Floats, name: str, plural: str) -> dict
 
 
 def pose_measures(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
-    """Return the percentage of ticks in an unfilmed pose, and in a pose the film hardly shows."""
+    """Return the percentage of ticks in an unfilmed pose, and in a pose the film hardly shows.
+
+    shapes: principal shapes, which tell what the film shows.
+    """
     codes = [pose for pose in edit["pose"] if pose is not None]
     far = int(shapes.is_far_from_film(np.stack(codes).astype(float)).sum()) if codes else 0
     return {
@@ -133,7 +136,7 @@ def pose_measures(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
 
 
 def state_measures(edit: pd.DataFrame) -> dict[str, float]:
-    """Return the percentage of ticks in each of `STATES`."""
+    """Return in how many % of the ticks the fish is in each of `STATES`, such as "turn"."""
     share = 100 * edit["state"].value_counts(normalize=True)
     return {f"{state}_pct": float(share.get(state, 0.0)) for state in STATES}
 

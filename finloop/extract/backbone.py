@@ -78,7 +78,10 @@ def close_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
 
 
 def _close_gaps(picture: Picture, kernel_disc: Picture) -> Picture:
-    """Fill the gaps of a picture (h, w) that are narrower than a disc; outside of it is nothing."""
+    """Fill the gaps of a picture (h, w) that are narrower than a disc; outside of it is nothing.
+
+    kernel_disc: the disc as a picture of 0 and 1.
+    """
     (h, w), rim = picture.shape, len(kernel_disc) // 2
     closed = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_CLOSE, kernel_disc)
     return closed[rim : rim + h, rim : rim + w].copy()

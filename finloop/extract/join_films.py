@@ -170,7 +170,10 @@ def _copy_cutouts(
 
 
 def _median_levels(cutouts: Iterable[Cutout], drop_colour: bool) -> Floats:
-    """Return the median levels (channels,), 0 … 255, of the opaque pixels in cut-outs."""
+    """Return the median levels (channels,), 0 … 255, of the opaque pixels in cut-outs.
+
+    drop_colour: whether RGB counts as grey.
+    """
     opaque = []
     for one in cutouts:
         pixels = _drop_colour(one.pixels) if drop_colour else one.pixels

@@ -129,7 +129,10 @@ def extract_tracks(
 
 
 def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:
-    """Return a sentence that says which frames (`lost`, ascending) cannot be decoded, and when."""
+    """Return a sentence that says which frames (`lost`, ascending) cannot be decoded, and when.
+
+    facts: about the clip.
+    """
     runs = np.split(np.array(lost), np.flatnonzero(np.diff(lost) > 1) + 1)
     named = ", ".join(f"{run[0]}-{run[-1]} ({run[0] / facts.frame_rate_hz:.2f} s)" for run in runs)
     return f"{len(lost)} of {facts.frames} frames cannot be decoded, and are left out: {named}"

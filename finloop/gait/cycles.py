@@ -61,7 +61,10 @@ def walker_gait_contours(
 
 
 def _find_limb_period(contours: Limbs, frame_rate_hz: float) -> Period:
-    """Return the common period of all limbs; FinloopError if their motion does not repeat."""
+    """Return the common period of an animal's limbs; FinloopError if their motion does not repeat.
+
+    contours: of all limbs.
+    """
     points = contours.points
     signal = np.concatenate([of.reshape(len(of), -1) for of in points.values()], axis=1)
     beat = find_period(fill_gaps(signal), frame_rate_hz, _key_1_signal(points))

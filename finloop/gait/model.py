@@ -246,7 +246,10 @@ def interpolate_contours(
 def _reduce_control_points(
     points: Points, control: int, wavelet: str, closed: bool = True
 ) -> Points:
-    """Rebuild contours (…, n, 2) from only `control` control points each (Fig. 14)."""
+    """Rebuild contours (…, n, 2) from only `control` control points each (Fig. 14).
+
+    wavelet: of the transform; closed: whether the contours are closed.
+    """
     if control < 1 or control & (control - 1):
         raise FinloopError(
             f"{control} control points", "a power of two", "set 4, 16 or 64 control points"

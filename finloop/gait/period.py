@@ -126,7 +126,10 @@ def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: 
 
 
 def set_phase_zero(beat: Period, extreme: Floats) -> Period:
-    """Shift the phase so that it is 0 where the main wave of a signal (frames,) is greatest."""
+    """Shift the phase so that it is 0 where the main wave of a signal (frames,) is greatest.
+
+    beat: whose phase is shifted; extreme (frames,): the signal.
+    """
     frames = beat.steady & np.isfinite(extreme)
     terms = _harmonic_terms(beat.phase[frames], 1)
     _, cos, sin = np.linalg.lstsq(terms, extreme[frames], rcond=None)[0]
@@ -223,7 +226,11 @@ def _harmonic_terms(phase: Floats, count: int) -> Floats:
 
 
 def _cross_validated_share(modes: Floats, phase: Floats, steady: Mask) -> float:
-    """Return which share (0-1) of a cycle's variance the other steady cycles predict."""
+    """Return which share (0-1) of a cycle's variance the other steady cycles predict.
+
+    modes (frames, m): scores of the principal components; phase (frames,): in cycles; steady
+    (frames,): which frames count.
+    """
     y, moment = modes[steady], phase[steady]
     terms = _harmonic_terms(moment, _HARMONICS)
     cycle = np.floor(moment - moment[0]).astype(int)

@@ -162,7 +162,10 @@ def _find_lifted_feet(
 
 
 def _ground_in_widths(limbs: dict[str, Points], support: Support, width: float) -> Ground | None:
-    """Return how the ground moves, in units of the drawing's `width` px; None without feet."""
+    """Return how the ground moves, in units of the drawing's `width` px; None without feet.
+
+    limbs: contours (frames, n, 2) by id; support: spans of phase on the ground by id.
+    """
     px = measure_ground(limbs, support)
     if not px.slide:
         return None

@@ -136,7 +136,10 @@ def draw_sprites_and_next(
 
 
 def _headings_relative_to_sprites(sprites: pd.DataFrame, filmed_deg: Floats) -> Floats:
-    """Return the film's headings (s,) [°] relative to the sprites', mirrored with the sprite."""
+    """Return the film's headings (s,) [°] relative to the sprites', mirrored with the sprite.
+
+    filmed_deg (s,): of the film frames that follow the sprites.
+    """
     off = wrap_deg(filmed_deg - sprites["heading_deg"].to_numpy(float))
     return np.where(sprites["mirrored"], -off, off)
 

@@ -61,22 +61,12 @@ def morph_drawings(
 ) -> Morph:
     """Morph drawing `a` into drawing `b`, which is fitted into the picture of `a`.
 
-    FinloopError if the drawings do not match, a number is out of range, or the method cannot morph
-    a contour; the message names it.
-
-    Parameters
-    ----------
-    a, b
-        Drawings with the same ids, each contour closed in both or open in both.
-    method
-        One of METHODS; `simple` keeps every contour free of folds.
-    frames
-        Number of frames, at least 2, both ends included.
-    points
-        Points of every contour, at least 8; a power of two for `physical`, and for `linear` with a
-        level.
-    scales, physics
-        Settings of the linear and the physical morph.
+    a, b: with the same ids, each contour closed in both or open in both. method: one of METHODS;
+    `simple` keeps every contour free of folds. frames: their number, at least 2, both ends
+    included. points: of every contour, at least 8; a power of two for `physical`, and for `linear`
+    with a level. scales, physics: settings of the linear and the physical morph. FinloopError if
+    the drawings do not match, a number is out of range, or the method cannot morph a contour; the
+    message names it.
     """
     if method not in METHODS:
         raise FinloopError(

@@ -151,7 +151,10 @@ def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _section_numbers(strip, i):  # type: ignore[no-untyped-def]
-    """Return cross-section i of a body as numbers: point, normal, and lengths to left and right."""
+    """Return cross-section i of a body as numbers: point, normal, and lengths to left and right.
+
+    strip: the cross-sections, as in `Strip`.
+    """
     return (
         (strip.points[i, 0], strip.points[i, 1]),
         (strip.normals[i, 0], strip.normals[i, 1]),

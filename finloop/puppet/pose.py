@@ -109,7 +109,7 @@ def mirror_posture(posture: Floats) -> Floats:
 
 
 def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:
-    """Return the poses (k) of an animal in the k rows of a feature table.
+    """Return the poses (k) of the fish in the k rows of a feature table.
 
     backbones: (k, n + 1, 2) px, head first, from `features.table.measure_features`, or from
     `puppet.tail.align_body_and_tail` for an animal with a thin tail.

@@ -183,7 +183,10 @@ class MarkPainter:
         self._painter.mark_changed(box)
 
     def _draw_goal(self, name: str, colour: tuple[int, int, int], reached: bool = False) -> None:
-        """Draw a goal on the floor: a ring with its name beside it, on a dark edge."""
+        """Draw a goal on the floor: a ring with its name beside it, on a dark edge.
+
+        colour: RGB, 0 … 255; reached: whether a dot is drawn in the ring.
+        """
         goal, line = self._goals[name], self._line
         radius = max(0.7 * self._size, goal.radius_px)
         floor, at = self._painter.floor, (goal.x_px, goal.y_px)

@@ -320,7 +320,10 @@ class Painter:
 
 @leaf_kernel
 def _sample_cubically(pixels, near, u, v):  # type: ignore[no-untyped-def]
-    """Return the interpolated colour at (u, v): red, green, blue, alpha; colour ≤ alpha ≤ 255."""
+    """Return the interpolated colour at (u, v): red, green, blue, alpha; colour ≤ alpha ≤ 255.
+
+    pixels, near: as in `PaddedPicture`.
+    """
     channels = pixels.shape[2]
     column, row = math.floor(u), math.floor(v)
     red = green = blue = alpha = np.float32(0)

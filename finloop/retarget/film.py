@@ -249,7 +249,10 @@ def _choose_rows_and_place(
 def _choose_rows(
     track: _PlacedTrack, rows: FilmRows, film: RetargetData, p: RetargetSettings
 ) -> RowSequence:
-    """Return the film rows that swim most like a track."""
+    """Return the film rows that swim most like a track.
+
+    rows: those that can be shown; film: the film whose frames are drawn.
+    """
     pose = track.pose
     place = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
     codes = track.codes if track.has_postures else None

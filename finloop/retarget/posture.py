@@ -57,7 +57,10 @@ def fit_postures(
 
 
 def _head_directions(points: Points, at: Floats) -> Floats:
-    """Return the direction (T,) of the head, in radians, from a third of the body to point 0."""
+    """Return the direction (T,) of the head, in radians, from a third of the body to point 0.
+
+    points (T, m, 2) px; at (m,): where along the body they are, 0 = head.
+    """
     third = max(1, int(np.argmin(np.abs(at - _HEAD))))
     head = points[:, 0] - points[:, third]
     return np.arctan2(-head[:, 1], head[:, 0])

@@ -88,7 +88,10 @@ class TrialSetup:
         return cls(condition, protocol.fish, trial.seed, look, protocol.fade_s)
 
     def apply_look_and_fade(self, states: States, rate_hz: float) -> States:
-        """Return a motion (ticks, fish, F) with the trial's look, faded in and out."""
+        """Return a motion (ticks, fish, F) with the trial's look, faded in and out.
+
+        states: the motion; rate_hz: ticks per second.
+        """
         shown = states.copy()
         shown[..., LOOK] = self.look
         shown[..., ALPHA] *= fade_opacities(len(states), round(self.fade_s * rate_hz))[:, None]
@@ -249,7 +252,10 @@ def _trial_tank(scene: TrialContext, setup: TrialSetup) -> LiveTank:
 
 
 def _current_states(tank: LiveTank, scene: TrialContext) -> States:
-    """Return the states (fish, F) of all fish in a live tank at its present tick."""
+    """Return the states (fish, F) of all fish in a live tank at its present tick.
+
+    A state holds the F numbers from which the display's page draws a fish.
+    """
     rows = [row for fish in tank.fish if (row := fish.row_at(tank.tick)) is not None]
     return drawn_states(rows, scene.bodies)
 

@@ -182,7 +182,10 @@ class Look(StrictModel):
 
     @property
     def message(self) -> dict[str, Any]:
-        """Return the look for the display's page, ready for JSON: as, contrast, size, colour."""
+        """Return how a fish is drawn, for the display's page, ready for JSON.
+
+        The keys are as, contrast, size, colour.
+        """
         return self.model_dump(mode="json", by_alias=True)
 
 

@@ -142,7 +142,10 @@ def _sensor_noise(params: CarpFilm, rng: np.random.Generator) -> Image:
 
 
 def _shade_floor(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tuple[slice, slice]:
-    """Darken the floor under a fish in a picture; return the changed window."""
+    """Darken the floor under a fish in a picture; return the changed window.
+
+    picture (h, w, 3 or 1): changes; drawing: the fish's picture, at its place.
+    """
     sigma = SHADOW_BLUR * params.body_length_px
     pad = int(np.ceil(3 * sigma))
     soft = cv2.copyMakeBorder(drawing.coverage, pad, pad, pad, pad, cv2.BORDER_CONSTANT)
@@ -173,12 +176,9 @@ def film_frames(
 ) -> Iterator[tuple[Picture, list[Row]]]:
     """Yield the frames of the film, each with the true features of its fish.
 
-    poses: of all fish, by default those of `carp_motion`; later fish cover earlier fish.
-
-    Yields
-    ------
-    frame : (height, width, 3) RGB or (height, width) grey, uint8; a new array each time
-    rows : one dictionary per fish, keys as in `finloop.drawn.truth.TRUTH`, sorted by fish_id
+    poses: of all fish, by default those of `carp_motion`; later fish cover earlier fish. A frame is
+    (height, width, 3) RGB or (height, width) grey, uint8, a new array each time. The features are
+    one dictionary per fish, keys as in `finloop.drawn.truth.TRUTH`, sorted by fish_id.
     """
     poses = carp_motion(params) if poses is None else poses
     skins, lamp = fish_colours(params), light_levels(params)

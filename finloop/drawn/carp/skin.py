@@ -187,7 +187,10 @@ def _paint_fin_picture(
     rng: np.random.Generator, columns: int, back: tuple[float, ...], flank: tuple[float, ...],
     dark: tuple[float, ...],
 ) -> Image:  # fmt: skip
-    """Paint a spread paired fin: a fan of rays in a clear membrane, root at the left edge."""
+    """Paint a spread paired fin: a fan of rays in a clear membrane, root at the left edge.
+
+    columns: its width, px; back, flank, dark: RGB colours of the fish, 0-255.
+    """
     size = 256
     along = ((np.arange(size) + 0.5) / size).astype(np.float32)[None, :]
     across = (((np.arange(size) + 0.5) / size * 2 - 1) * FIN_HALF).astype(np.float32)[:, None]

@@ -172,7 +172,10 @@ def limb_contours_at(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
 def part_contour(
     dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int
 ) -> Floats:
-    """Return the contour (n, 2) px of BODY, HEAD, EAR or TAIL (`nodes`) relative to the body."""
+    """Return the contour (n, 2) px of BODY, HEAD, EAR or TAIL (`nodes`) relative to the body.
+
+    phase: of the gait, in cycles; n: points of the contour.
+    """
     return dog.trunk_px * (
         _rotate_part(nodes, points_on_smooth_curve(nodes, n), phase)
         + body_displacements(dog, np.array(phase))

@@ -164,7 +164,10 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
 
 
 def _sample_frames(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
-    """Yield decoded frames spread over a film; its first frames if the film cannot be sought."""
+    """Yield decoded frames spread over a film; its first frames if the film cannot be sought.
+
+    stamps: times of all frames [s], ascending.
+    """
 
     def take_good(count: int) -> Iterator[VideoFrame]:
         """Yield the next undamaged frames, at most `count`."""
