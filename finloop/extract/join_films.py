@@ -119,22 +119,15 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[F
                 table = table.assign(track_id=number.astype("int32"))
                 write(table)
                 if write_given:
-                    write_given(_external_rows(film, table, like))
+                    rows = load_table(film.home / GIVEN_NAME, GIVEN).iloc[film.rows]
+                    rows = _scale_measures(rows.reset_index(drop=True), FishScaling(like.scale))
+                    animal = film.part.name + "-" + rows["animal"].astype(str)  # each has a "1"
+                    keys = table[["track_id", "frame"]]
+                    write_given(rows.assign(**keys, animal=animal))
                 _copy_cutouts(cutouts, store, film.rows, table, like)
             tracks = table["track_id"].nunique()
             contributions.append(FilmContribution(part.name, len(film.rows), tracks, like))
     return contributions
-
-
-def _external_rows(film: _FilmTracks, table: pd.DataFrame, scaling: FishScaling) -> pd.DataFrame:
-    """Return one film's rows of another program's tracks, in the order of the joint table.
-
-    An animal's name begins with that of its film, for every film has an animal number 1.
-    """
-    rows = load_table(film.home / GIVEN_NAME, GIVEN).iloc[film.rows]
-    rows = _scale_measures(rows.reset_index(drop=True), FishScaling(scaling.scale))
-    names = film.part.name + "-" + rows["animal"].astype(str)
-    return rows.assign(track_id=table["track_id"], frame=table["frame"], animal=names)
 
 
 def _load_film_tracks(part: FilmPart, clip: Path, folder: Path, whole: VideoFacts) -> _FilmTracks:

@@ -43,8 +43,14 @@ def fit_postures(
     unlike all of the film are changed.
     """
     rounds = _ROUNDS if codes is None else 1
-    first = _head_directions(points, at)
-    directions = _step_directions(points, first)
+    # Directions of the head, from a third of the body, and of the body's steps against it.
+    third = max(1, int(np.argmin(np.abs(at - _HEAD))))
+    head = points[:, 0] - points[:, third]
+    first = np.arctan2(-head[:, 1], head[:, 0])
+    step = points[:, :-1] - points[:, 1:]
+    angles = np.arctan2(-step[..., 1], step[..., 0]) - first[:, None]
+    angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the others follow from the head on
+    directions = np.unwrap(angles, axis=1)
     turned = np.zeros(len(points))
     for _ in range(rounds):
         likely = (
@@ -54,27 +60,6 @@ def fit_postures(
         pose = align_postures(shapes.decode(near), points, at, size_px)
         turned = np.angle(np.exp(1j * (pose.heading_rad - first)))
     return FittedPostures(pose, near, clamped)
-
-
-def _head_directions(points: Points, at: Floats) -> Floats:
-    """Return the direction (T,) of the head, in radians, from a third of the body to point 0.
-
-    points (T, m, 2) px; at (m,): where along the body they are, 0 = head.
-    """
-    third = max(1, int(np.argmin(np.abs(at - _HEAD))))
-    head = points[:, 0] - points[:, third]
-    return np.arctan2(-head[:, 1], head[:, 0])
-
-
-def _step_directions(points: Points, head_rad: Floats) -> Floats:
-    """Return directions (T, m − 1) of the body's steps, in radians against the head's (T,).
-
-    points (T, m, 2) px, head first; the steps point towards the head.
-    """
-    step = points[:, :-1] - points[:, 1:]
-    angles = np.arctan2(-step[..., 1], step[..., 0]) - head_rad[:, None]
-    angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the others follow from the head on
-    return np.unwrap(angles, axis=1)
 
 
 def most_likely_codes(directions: Floats, at: Floats, shapes: PoseShapes) -> Floats:

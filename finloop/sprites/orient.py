@@ -131,11 +131,6 @@ def rotation_matrix(angle_deg: float) -> Floats:
     return np.array([[c, s], [-s, c]])
 
 
-def reflection_matrix(axis_deg: float) -> Floats:
-    """Return the matrix (2, 2) that mirrors points about a line through 0 in this direction."""
-    return rotation_matrix(axis_deg) @ np.diag([1.0, -1.0]) @ rotation_matrix(-axis_deg)
-
-
 def turn_cutout(
     source: Cutout, x_px: float, y_px: float, angle_deg: float, mirror_axis_deg: float | None = None
 ) -> Cutout:
@@ -150,7 +145,8 @@ def turn_cutout(
         return source
     linear = rotation_matrix(angle_deg)
     if mirror_axis_deg is not None:
-        linear = linear @ reflection_matrix(mirror_axis_deg)
+        back = rotation_matrix(-mirror_axis_deg)
+        linear = linear @ (rotation_matrix(mirror_axis_deg) @ np.diag([1.0, -1.0]) @ back)
     pivot, origin = np.array([x_px, y_px]), np.array([source.x0_px, source.y0_px])
     h, w = source.pixels.shape[:2]
     corners = np.array([[0, 0], [w - 1, 0], [0, h - 1], [w - 1, h - 1]]) + origin
