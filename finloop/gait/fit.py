@@ -87,13 +87,6 @@ class KeyFrames:
     second: dict[str, Points]
     first_later: dict[str, Points]
 
-    def subcycle_ends(self, name: str, subcycle_number: int) -> tuple[Points, Points]:
-        """Return a contour (n, 2) at the start and at the end of subcycle A (number 0) or B (1)."""
-        start, end = (
-            (self.first, self.second) if subcycle_number == 0 else (self.second, self.first_later)
-        )
-        return start[name], end[name]
-
 
 def check_phases(film: GaitContours) -> None:
     """Raise FinloopError if the film covers less than half a cycle, or its phase does not rise."""
@@ -260,10 +253,11 @@ def build_subcycles(
     `sort_into_subcycles`.
     """
     out = {}
+    ends = keys.first, keys.second, keys.first_later
     for name, pair in samples.items():
         for sub, frames in enumerate(pair):
             start, end = (
-                wavelet_descriptor(key, wavelet, coarse) for key in keys.subcycle_ends(name, sub)
+                wavelet_descriptor(key[name], wavelet, coarse) for key in ends[sub : sub + 2]
             )
             out[name, sub] = Subcycle(frames, start, end, descriptor_slices(len(start), coarse))
     return out
