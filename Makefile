@@ -79,7 +79,7 @@ $(VENV):
 	@command -v git >/dev/null || { echo "finloop: git is missing; install it (apt-get install git)"; exit 1; }
 	@test -n "$(PYTHON)" || { echo "finloop: Python 3.11 or newer is wanted; install one, or: make PYTHON=/path/to/python3 setup"; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "finloop: $(PYTHON) lacks the venv module; install it (apt-get install python3-venv)"; exit 1; }
-	@echo "Creating $(VENV) with $$($(PYTHON) --version); about 175 packages, PyTorch among them, some minutes ..."
+	@echo "Creating $(VENV) with $$($(PYTHON) --version); about 180 packages, PyTorch among them, some minutes ..."
 	@rm -f $(VENV)/origin
 	@$(PYTHON) -m venv --clear $(VENV)
 # Two at once, in two thirds of the time of one; then what another system wants beside the lock.
@@ -113,14 +113,7 @@ stimulus: setup ## a stimulus for animals, see docs/stimulus.md:  make stimulus 
 	@python -m stages.stimulus $(S)
 
 sweep: setup ## make sweep experiment=learning_rate (conf/experiment/), or S="bpn.hidden_units=10,20 bpn.momentum=0.3,0.5"
-	@test -n "$(experiment)$(S)" || { echo 'finloop: nothing to sweep; wanted: make sweep experiment=learning_rate, or S="group.key=1,2,3 other.key=4,5"'; exit 1; }
-ifdef experiment
-	@python -m stages.sweep $(experiment) $(S)
-else
-	@dvc exp run --queue $(foreach s,$(S),-S '$(s)')
-	@dvc exp run --run-all
-	@dvc exp show --only-changed --sort-by date
-endif
+	@SWEEP='$(subst ','\'',$(value S))' python -m stages.sweep $(experiment)
 
 lint: setup ## style, types, and which room may import which
 	@ruff check

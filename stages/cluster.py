@@ -20,6 +20,8 @@ from finloop.base.parallel import Processes, Threads, Workers, warm_up
 from finloop.cluster.settings import ClusterSettings, DefaultWorkers
 from stages.settings import load_settings
 
+PROCESSES = "FINLOOP_PROCESSES"  # how many processes a stage works on, where that is not THREADS
+
 
 @contextmanager
 def open_workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
@@ -29,9 +31,12 @@ def open_workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers
     """
     p: ClusterSettings = load_settings("cluster")
     if isinstance(p, DefaultWorkers) and p.scheduler_address is None:
-        if THREADS > 1 and not threads:
+        # Where a sweep makes a run on each processor, two processes of a run gain nothing, and take
+        # time to start.
+        count = int(os.environ.get(PROCESSES, THREADS))
+        if count > 1 and not threads:
             warm_up(need)
-        yield Threads(THREADS) if threads else Processes(THREADS)
+        yield Threads(THREADS) if threads else Processes(count)
         return
     from finloop.cluster.workers import WorkerHome, connect_dask_workers  # loads a compiler
 

@@ -8,52 +8,28 @@ from stages.run import run  # isort: skip  (before numpy)
 
 import argparse
 import json
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import yaml
 
-from finloop.base.errors import FinloopError
 from finloop.io.atomic import save_bytes
 from finloop.io.numbers import NUMBERS_NAME, parse_numbers
 from finloop.report.compare import OBJECTIVES, compare_experiments, comparison_page
+from stages.previews import choose_mode, load_previews
+from stages.repository import (
+    describe_commit,
+    find_experiments,
+    list_experiments,
+    run_git,
+    tell_differing_code,
+)
 from stages.settings import PARAMS, STAMPS
 
 OUT = Path("reports/compare.html")
 BASE = "present commit"
 LINE = 160  # characters of the printed table; runs that do not fit stand below the others
-
-
-def run_git(*arguments: str, folder: Path | None = None) -> str:
-    """Run a git command; return its output, or raise FinloopError with git's message.
-
-    folder: in which it runs, None for the present one.
-    """
-    process = subprocess.run(
-        ["git", *arguments], cwd=folder, capture_output=True, text=True, check=False
-    )
-    if process.returncode:
-        raise FinloopError(
-            f"git {arguments[0]} failed: {process.stderr.strip()}",
-            "a git repository with a commit, and room",
-            "git add --all; git commit",
-        )
-    return process.stdout
-
-
-def list_experiments() -> dict[str, str]:
-    """Return the DVC experiments on the present commit, name → commit of the experiment.
-
-    FinloopError if there is no commit.
-    """
-    head = run_git("rev-parse", "HEAD").strip()
-    refs = run_git(
-        "for-each-ref", "--format=%(refname) %(objectname)", f"refs/exps/{head[:2]}/{head[2:]}"
-    )
-    lines = (line.split() for line in refs.splitlines())
-    return {ref.rpartition("/")[2]: commit for ref, commit in lines}
 
 
 def _load_parameters(commit: str) -> dict[str, Any]:
@@ -95,28 +71,29 @@ def write_comparison(names: list[str], measures: list[str], title: str, why: str
     """Write reports/compare.html, which compares experiments; return its table as text.
 
     names: of experiments; none for all of them and the present commit. measures: further
-    `<stage>.<number>`. title, why: heading and text of the page. FinloopError if a name is unknown.
+    `<stage>.<number>`; with names, only their stages have run, and no other number is shown. title,
+    why: heading and text of the page. FinloopError if a name is unknown.
     """
-    commits_of = list_experiments()
-    if missing := [name for name in names if name not in commits_of]:
-        raise FinloopError(
-            f"no experiment {', '.join(missing)} on the present commit",
-            f"names from: {', '.join(commits_of) or 'none yet'}",
-            "correct the name, or run its sweep first: `make sweep experiment=…`",
-        )
-    commits = {name: commits_of[name] for name in names} if names else commits_of | {BASE: "HEAD"}
+    listed = find_experiments(names) if names else list_experiments() | {BASE: "HEAD"}
+    commits = {name: run_git("rev-parse", rev).strip() for name, rev in listed.items()}
     keys = [*measures, *(objective.key for objective in OBJECTIVES)]
-    stages = sorted({key.partition(".")[0] for key in keys})
+    stages = {key.partition(".")[0] for key in (measures if names and measures else keys)}
     parameters = {name: _load_parameters(commit) for name, commit in commits.items()}
-    found = load_numbers([*{*commits.values()}], stages)
+    found = load_numbers([*{*commits.values()}], sorted(stages))
     values = {name: found.get(commit, {}) for name, commit in commits.items()}
     table = compare_experiments(pd.DataFrame(parameters).T, pd.DataFrame(values).T, measures)
-    save_bytes(OUT, comparison_page(table, title, why).encode())
+    shown = {run: commits[run] for run in table.first_runs}
+    previews = load_previews(shown, choose_mode(measures)) if "animate" in stages else {}
+    notes = [f"On commit {describe_commit('HEAD')}.", tell_differing_code(commits)]
+    page = comparison_page(table, title, [why, *notes], commits, previews)
+    save_bytes(OUT, page.encode())
     rows = pd.concat([table.parameters, table.measures.map("{:.4g}".format)], axis=1).T
+    short = {name: commits[run][:8] for name, run in zip(rows, table.first_runs, strict=True)}
+    rows = pd.concat([pd.DataFrame([short], ["commit"]), rows])
     lines = [
         f"{effect.parameter} → {effect.measure}: {effect.verdict}." for effect in table.effects
     ]
-    return "\n".join([rows.to_string(line_width=LINE), "", *lines])
+    return "\n".join([*filter(None, notes), rows.to_string(line_width=LINE), "", *lines])
 
 
 def main() -> None:

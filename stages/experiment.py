@@ -1,11 +1,12 @@
 """A sweep as conf/experiment/ declares it, and its runs."""
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from itertools import product
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -38,8 +39,8 @@ class Experiment:
     title: str
     why: str
     seen: str  # text; what was seen when it was run, in a sentence, on which film
-    # parameter → values in Hydra's notation, "0.1, 0.2" or "range(1, 4)". What varies; every
-    # combination is a run
+    # parameter → values in Hydra's notation: "0.1, 0.2" or "range(1, 4)", for Optuna also
+    # "interval(0.01, 2)" or "tag(log, interval(0.01, 2))". What varies; every combination is a run
     params: Annotated[dict[Name, Annotated[str, Field(min_length=1)]], Field(min_length=1)]
     # <stage>.<number> of its metrics. What is compared, beside the measures that every comparison
     # has; a run makes these stages, and what they need
@@ -47,6 +48,12 @@ class Experiment:
 
     # runs of each value, that differ in their seeds; a sweep that nothing random measures has one
     seeds: Count = 3
+    # grid or optuna. Every combination of the values, or Optuna's choice of them: its TPE sampler
+    # proposes values that may improve `goal`, and drops those that are bad at the first seeds
+    sweeper: Literal["grid", "optuna"] = "grid"
+    trials: Count = 20  # combinations of values that Optuna tries
+    # <stage>.<number>, or "" for the first measure with a good direction. What Optuna improves
+    goal: str = ""
 
     def __post_init__(self) -> None:
         """Raise ValueError if a name is unknown, or a parameter has no two different values."""
@@ -62,6 +69,12 @@ class Experiment:
                     f"there is no parameter {name}"
                     + (f"; did you mean {word}.{near[0]}?" if near else "")
                 )
+            if parse_interval(text):
+                if self.sweeper == "grid":
+                    raise ValueError(
+                        f"{name} has an interval, {text}; give values, or take sweeper: optuna"
+                    )
+                continue
             values = list(parse_values(text))
             twice = [value for value, count in Counter(values).items() if count > 1]
             if twice:
@@ -94,16 +107,41 @@ class Experiment:
         one value find in the cache what no seed changes. Names end in `-seed0`, `-seed1` … if there
         are several seeds.
         """
-        seeds = range(self.seeds if present else 1)
-        runs = {}
-        for seed in seeds:
+        runs = dict[str, list[str]]()
+        for seed in range(self.seeds if present else 1):
             for values in product(*map(parse_values, self.params.values())):
-                ending = [f"seed{seed}"] if len(seeds) > 1 else []
                 pairs = dict(zip(self.params, values, strict=True))
-                runs["-".join((name, *values, *ending))] = [
-                    f"{key}={value}" for key, value in pairs.items()
-                ] + [f"{key}={value + seed}" for key, value in present.items() if seed]
+                runs |= self.list_run(name, pairs, present, seed)
         return runs
+
+    def list_run(
+        self, name: str, pairs: Mapping[str, str], present: Mapping[str, int], seed: int
+    ) -> dict[str, list[str]]:
+        """Return one run of this sweep, as `list_runs` returns all: its name → its overrides.
+
+        pairs: parameter → value. seed: which of the seeds, from 0.
+        """
+        ending = [f"seed{seed}"] if present and self.seeds > 1 else []
+        # Git allows few other letters in the name of an experiment.
+        words = [re.sub(r"[^\w.+-]+", "_", word) for word in (name, *pairs.values(), *ending)]
+        changes = [f"{key}={value}" for key, value in pairs.items()]
+        return {
+            "-".join(words): changes
+            + [f"{key}={value + seed}" for key, value in present.items() if seed]
+        }
+
+
+def parse_sweep(values: str) -> Any:
+    """Return a text such as "0.1, 0.2" or "interval(1, 2)", in Hydra's notation, as an override."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    return OverridesParser.create().parse_override(f"swept={values}")
+
+
+def parse_interval(values: str) -> Any:
+    """Return an interval in Hydra's notation, with `start`, `end` and `tags`; None for values."""
+    override = parse_sweep(values)
+    return override.value() if override.is_interval_sweep() else None
 
 
 def parse_values(values: str) -> Iterator[str]:
@@ -111,9 +149,7 @@ def parse_values(values: str) -> Iterator[str]:
 
     The values are texts.
     """
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-
-    override = OverridesParser.create().parse_override(f"swept={values}")
+    override = parse_sweep(values)
     if override.is_sweep_override():
         yield from override.sweep_string_iterator()
     else:

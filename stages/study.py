@@ -36,8 +36,9 @@ from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.footage import list_films, unique_film_names
 from finloop.io.table import save_csv
 from finloop.report.study import COLUMNS, FilmResult, study_page, study_table
-from stages.compare import list_experiments, load_numbers
+from stages.compare import load_numbers
 from stages.film import parse_film_paths
+from stages.repository import list_experiments
 from stages.settings import LOCAL
 from stages.sweep import make_runs
 

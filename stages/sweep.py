@@ -1,5 +1,6 @@
-"""Run a sweep: `python -m stages.sweep learning_rate [key=value …]`, or `make sweep experiment=…`.
+"""Run a sweep: `python -m stages.sweep learning_rate`, or `python -m stages.sweep bpn.epochs=5,50`.
 
+`make sweep experiment=learning_rate S="…"` calls it, with the text of S in the variable SWEEP.
 Every run is a `dvc exp run` on the present commit, with the present params.yaml. The runs are made
 in copies of the workspace that share its cache, one copy per processor. The workspace does not
 change, and a stage with a cached result is not run again. An existing experiment with the same code
@@ -9,23 +10,36 @@ and parameters is reused.
 from stages.run import THREADS, report_progress, run  # isort: skip  (before numpy)
 
 import argparse
+import os
+import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import ExitStack, suppress
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any, Self
 
 import yaml
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
 
 from finloop.base.errors import FinloopError
 from finloop.base.program import holds_sources
+from finloop.base.settings import check_values
+from finloop.report.headlines import HEADLINES
+from stages.cluster import PROCESSES
 from stages.code import OUT as CODE
 from stages.code import file_lists
-from stages.compare import OUT, list_experiments, run_git, write_comparison
-from stages.compose import compose_params, load_experiment
-from stages.settings import LOCAL, PARAMS, list_overrides, read_params
+from stages.compare import OUT, load_numbers, write_comparison
+from stages.compose import compose_params, load_experiment, quoting_error
+from stages.experiment import FOLDER, Experiment
+from stages.repository import list_experiments, read_git_user, run_git
+from stages.settings import CONF, LOCAL, PARAMS, list_overrides, read_params
+from stages.trials import make_trials
 
 # The command `dvc`, in a process that ends with this one. It is short and makes many small objects,
 # of which garbage collection would take a sixth of its time.
@@ -39,6 +53,7 @@ sys.exit(main())
 """
 RESULTS = (PARAMS.name, "dvc.lock", "reports")  # what git has and a run changes
 LAST_LINES = 12  # of the output of a failed run
+AFTER_ANIMATE = {"retarget", "render", "realism", "tank", "export", "morph", "gait", "report"}
 
 
 def _clone(root: Path, folder: Path, cache: str) -> None:
@@ -58,15 +73,20 @@ def _clone(root: Path, folder: Path, cache: str) -> None:
     # With the machine code in __pycache__, which takes half a minute to compile.
     if (root / "finloop").is_dir():  # else it is installed
         shutil.copytree(root / "finloop", folder / "finloop", dirs_exist_ok=True)
+    for key, value in zip(("user.name", "user.email"), read_git_user(), strict=True):
+        run_git("config", key, value, folder=folder)
     settings = f"[cache]\n    dir = {cache}\n"
     (folder / ".dvc/config.local").write_text(settings, encoding="utf-8")
 
 
-def _run_dvc(*arguments: str, folder: Path) -> tuple[bool, str]:
-    """Run a DVC command in a folder; return whether it succeeds, and its output."""
+def _run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bool, str]:
+    """Run a DVC command in a folder; return whether it succeeds, and its output.
+
+    processes: on how many a stage works.
+    """
     process = subprocess.run(
         [sys.executable, "-c", DVC, *arguments],
-        cwd=folder, text=True, check=False,
+        cwd=folder, text=True, check=False, env=os.environ | {PROCESSES: str(processes)},
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
     return not process.returncode, process.stdout
@@ -98,13 +118,14 @@ def _has_run_same_program(commit: str) -> bool:
         return False
 
 
-def _make_run(name: str, changes: list[str], stages: list[str], clone: Path) -> str:
+def _make_run(name: str, changes: list[str], stages: list[str], clone: Path, processes: int) -> str:
     """Make one run in a clone, and fetch its experiment; return "", or its last lines if it failed.
 
-    changes: overrides. stages: to run, all if empty.
+    changes: overrides. stages: to run, all if empty. processes: on how many a stage works.
     """
     values = [word for change in changes for word in ("-S", change)]
-    succeeds, text = _run_dvc("exp", "run", "--name", name, *values, *stages, folder=clone)
+    command = "exp", "run", "--name", name, *values, *stages
+    succeeds, text = _run_dvc(*command, folder=clone, processes=processes)
     if not succeeds:
         return "\n    ".join(failure_lines(text))
     refs = run_git("for-each-ref", "--format=%(refname)", "refs/exps", folder=clone).split()
@@ -127,88 +148,218 @@ def failure_lines(text: str) -> list[str]:
     return lines[begin:end]
 
 
-def make_runs(
-    runs: dict[str, list[str]], stages: list[str], jobs: int, shared: bool = True
-) -> dict[str, str]:
-    """Make the runs of a sweep; return the failed ones, name → cause.
+class RunMaker:
+    """Makes runs in clones of the workspace, as many at once as there are clones.
 
-    runs: name → overrides. stages: to run, all if empty. jobs: runs at a time. shared: whether the
-    runs have stages in common, which the first run makes for all.
+    stages: to run, all if empty. jobs: runs at a time. shared: whether the runs have stages in
+    common, which the first run makes for all. As a context manager it removes its clones.
     """
-    root, failures, todo = Path.cwd(), dict[str, str](), list[str]()
-    there = list_experiments()
-    for name, changes in runs.items():
-        try:
-            params = compose_params(changes)
-        except FinloopError as error:
-            failures[name] = str(error)
-            continue
-        if not (name in there and _is_same(there[name], params)):
-            todo.append(name)
-    if not todo:
-        return failures
-    _, cache = _run_dvc("cache", "dir", folder=root)
-    status = _run_dvc("status", *stages, folder=root)[1] if shared else "up to date"
-    (root / ".dvc/tmp").mkdir(exist_ok=True)
-    with (
-        TemporaryDirectory(dir=root / ".dvc/tmp", prefix="sweep-") as apart,
-        report_progress("runs", len(todo), "runs") as advance,
-    ):
-        clones = [Path(apart) / str(number) for number in range(min(jobs, len(todo)))]
-        for clone in clones:
-            _clone(root, clone, cache.strip())
 
-        def make_next(clone: Path) -> bool:
-            name = todo.pop(0)
-            if why := _make_run(name, runs[name], stages, clone):
-                failures[name] = why
-            advance()
-            return not why
+    def __init__(self, stages: list[str], jobs: int, shared: bool = True) -> None:
+        """Clone nothing yet: that needs a run to make."""
+        self.stages, self.jobs, self.shared = stages, max(1, jobs), shared
+        self.there = list_experiments()  # raises if there is no commit for them
+        read_git_user()  # raises if there is none
+        self._stack, self._clones = ExitStack(), list[Path]()
 
-        def make_all(clone: Path) -> None:
-            with suppress(IndexError):  # nothing is left
-                while True:
-                    make_next(clone)
+    def __enter__(self) -> Self:
+        """Return this maker."""
+        return self
 
-        # The first alone if a stage that all need has not run, so that it runs once.
-        while "up to date" not in status and todo and not make_next(clones[0]):
-            pass
-        with ThreadPoolExecutor(len(clones)) as threads:
+    def __exit__(self, *_: object) -> None:
+        """Remove the clones."""
+        self._stack.close()
+
+    def make(self, runs: Mapping[str, list[str]]) -> dict[str, str]:
+        """Make runs, name → overrides, but for existing ones; return the failed ones with causes.
+
+        An existing experiment is taken if it has the present code and the same parameters.
+        """
+        failures, todo = dict[str, str](), list[str]()
+        for name, changes in runs.items():
             try:
-                list(threads.map(make_all, clones))
-            finally:
-                todo.clear()  # an interrupted sweep starts no further runs
-    return failures
+                params = compose_params(changes)
+            except FinloopError as error:
+                failures[name] = str(error)
+                continue
+            if not (name in self.there and _is_same(self.there[name], params)):
+                todo.append(name)
+        if not todo:
+            return failures
+        self._open_clones(min(self.jobs, len(todo)))
+        with report_progress("runs", len(todo), "runs") as advance:
+
+            def make_next(clone: Path, at_once: int) -> bool:
+                name, processes = todo.pop(0), max(1, THREADS // at_once)
+                if why := _make_run(name, runs[name], self.stages, clone, processes):
+                    failures[name] = why
+                advance()
+                return not why
+
+            def make_all(clone: Path) -> None:
+                with suppress(IndexError):  # nothing is left
+                    while True:
+                        make_next(clone, len(self._clones))
+
+            # The first alone if a stage that all need has not run, so that it runs once.
+            while self.shared and todo:
+                if make_next(self._clones[0], 1):
+                    self.shared = False
+            with ThreadPoolExecutor(len(self._clones)) as threads:
+                try:
+                    list(threads.map(make_all, self._clones))
+                finally:
+                    todo.clear()  # an interrupted sweep starts no further runs
+        return failures
+
+    def _open_clones(self, count: int) -> None:
+        """Make clones until there are `count`; find out whether a first run goes alone."""
+        root = Path.cwd()
+        (root / ".dvc/tmp").mkdir(exist_ok=True)
+        if not self._clones:
+            _, self._cache = _run_dvc("cache", "dir", folder=root)
+            if self.shared:
+                self.shared = "up to date" not in _run_dvc("status", *self.stages, folder=root)[1]
+            apart = TemporaryDirectory(dir=root / ".dvc/tmp", prefix="sweep-")
+            self._folder = Path(self._stack.enter_context(apart))
+        for number in range(len(self._clones), count):
+            self._clones.append(self._folder / str(number))
+            _clone(root, self._clones[-1], self._cache.strip())
+
+
+def make_runs(
+    runs: Mapping[str, list[str]], stages: list[str], jobs: int, shared: bool = True
+) -> dict[str, str]:
+    """Make runs, name → overrides; return the failed ones, name → cause.
+
+    stages, jobs, shared: as `RunMaker` takes them.
+    """
+    with RunMaker(stages, jobs, shared) as maker:
+        return maker.make(runs)
+
+
+def plan_sweep(
+    words: Sequence[str], measures: Sequence[str], changes: Mapping[str, Any]
+) -> tuple[str, Experiment, list[str]]:
+    """Return the name of a sweep, what it varies and measures, and the overrides of all its runs.
+
+    words: a name in conf/experiment/, `key=1,2` to vary and `key=3` for every run; without a name
+    the headline numbers of the varied stages and of `animate` are measured. measures: others,
+    instead. changes: fields of the experiment. FinloopError if there is nothing to vary, or a name
+    is unknown.
+    """
+    names = [word for word in words if "=" not in word]
+    varied, fixed = dict[str, str](), list[str]()
+    for word in (word for word in words if "=" in word):
+        try:
+            override = OverridesParser.create().parse_override(word)
+        except HydraException as error:
+            raise quoting_error([word]) or error from error
+        if override.is_sweep_override():
+            varied[override.get_key_element()] = word.partition("=")[2]
+        else:
+            fixed.append(word)
+    if len(names) > 1 or not (names or varied):
+        given = " ".join(fixed)
+        raise FinloopError(
+            f"more than one sweep: {', '.join(names)}"
+            if names
+            else f"nothing to sweep{f': {given} has one value' if given else ''}",
+            'make sweep experiment=learning_rate, or S="group.key=1,2,3 other.key=4,5"',
+            f"name one of {', '.join(list_sweeps())}, or give a parameter several values",
+        )
+    values: dict[str, Any] = {"title": " and ".join(varied), "why": "", "seen": ""}
+    if names:
+        values = asdict(load_experiment(names[0]))
+    values |= {"params": values.get("params", {}) | varied}
+    values |= {key: value for key, value in changes.items() if value is not None}
+    groups = dict.fromkeys(key.partition(".")[0] for key in values["params"])
+    if measures or not names:
+        values["measures"] = list(measures) or _headline_measures(groups)
+    name = names[0] if names else "-".join(key.partition(".")[2] for key in varied)
+    plan, problems = check_values(FOLDER, {name: Experiment}, values)
+    if plan is None:
+        raise FinloopError(
+            "\n    ".join(problem.removeprefix(f"{FOLDER}: ") for problem in problems),
+            "parameters of conf/, each with two or more values, and numbers of stages",
+            f"correct it; `make params S=help={next(iter(groups))}` prints the parameters",
+        )
+    return name, plan, fixed
+
+
+def list_sweeps() -> list[str]:
+    """Return the names in conf/experiment/."""
+    return sorted(path.stem for path in (CONF / FOLDER).glob("*.yaml"))
+
+
+def _headline_measures(groups: Iterable[str]) -> list[str]:
+    """Return the headline numbers of stages, and those of `animate` if it comes after one."""
+    words = dict.fromkeys(word for word in groups if word in HEADLINES)
+    if not {*groups} <= AFTER_ANIMATE:
+        words["animate"] = None
+    return [f"{word}.{headline.name}" for word in words for headline in HEADLINES[word]]
+
+
+def make_sweep(
+    name: str, plan: Experiment, overrides: list[str], jobs: int
+) -> tuple[list[str], dict[str, str], str]:
+    """Make the runs of a sweep; return the finished ones, the failed ones (name → cause), a text.
+
+    name: of the sweep. overrides: of every run. jobs: runs at a time. The text says what Optuna
+    found, "" for a grid.
+    """
+    params = yaml.safe_load(compose_params(overrides))
+    present = {key: params[key.partition(".")[0]]["seed"] for key in plan.list_seeds()}
+    with RunMaker(plan.stages, jobs) as maker:
+
+        def make(runs: Mapping[str, list[str]]) -> dict[str, str]:
+            return maker.make({key: overrides + changes for key, changes in runs.items()})
+
+        if plan.sweeper == "optuna":
+            runs, failures, text = make_trials(plan, name, present, jobs, make, read_measure)
+        else:
+            runs, text = plan.list_runs(name, present), ""
+            failures = make(runs)
+    return [run for run in runs if run not in failures], failures, text
+
+
+def read_measure(name: str, measure: str) -> float | None:
+    """Return a measure `<stage>.<number>` of an experiment; None if it has none."""
+    commit = list_experiments()[name]
+    return load_numbers([commit], [measure.partition(".")[0]])[commit].get(measure)
 
 
 def main() -> None:
     """Run a sweep; print the comparison of its runs and write reports/compare.html."""
-    parser = argparse.ArgumentParser(prog="make sweep experiment=", description=__doc__)
-    parser.add_argument("experiment", help="a name in conf/experiment/")
-    parser.add_argument("overrides", nargs="*", metavar="key=value", help="for every run")
-    parser.add_argument("--jobs", type=int, default=THREADS, help="runs at a time")
-    arguments = parser.parse_args()
-    plan = load_experiment(arguments.experiment)
-    chosen = [f"+experiment={arguments.experiment}", *list_overrides(read_params())]
-    params = yaml.safe_load(compose_params(chosen + arguments.overrides))
-    names = [name.partition(".")[0] for name in plan.list_seeds()]
-    listed = plan.list_runs(
-        arguments.experiment, {f"{word}.seed": params[word]["seed"] for word in names}
+    parser = argparse.ArgumentParser(prog="make sweep", description=__doc__)
+    parser.add_argument("words", nargs="*", metavar="NAME or key=value[,value]")
+    parser.add_argument("--seeds", type=int, help="runs of each value")
+    parser.add_argument("--sweeper", choices=["grid", "optuna"], help="who chooses the values")
+    parser.add_argument("--trials", type=int, help="combinations of values that Optuna tries")
+    parser.add_argument("--goal", metavar="stage.number", help="what Optuna improves")
+    parser.add_argument(
+        "--measure", action="append", default=[], metavar="stage.number", help="what is compared"
     )
-    runs = {name: chosen + arguments.overrides + changes for name, changes in listed.items()}
-    failures = make_runs(runs, plan.stages, max(1, arguments.jobs))
-    finished = [name for name in runs if name not in failures]
+    parser.add_argument("--jobs", type=int, default=THREADS, help="runs at a time")
+    # A word of the variable may have parentheses, at which the shell of make would stumble.
+    given = vars(parser.parse_args(sys.argv[1:] + shlex.split(os.environ.get("SWEEP", ""))))
+    words, measures, jobs = given.pop("words"), given.pop("measure"), given.pop("jobs")
+    name, plan, fixed = plan_sweep(words, measures, given)
+    chosen = [f"+{FOLDER}={name}"] if name in list_sweeps() else []
+    overrides = [*chosen, *list_overrides(read_params()), *fixed]
+    finished, failures, found = make_sweep(name, plan, overrides, max(1, jobs))
     if finished:
-        text = f"{plan.why} {plan.seen}"
+        text = " ".join(filter(None, (plan.why, plan.seen, found)))
         print(write_comparison(finished, list(plan.measures), plan.title, text))
         print(f"\n{OUT} compares them.")
     if failures:
-        for name, why in failures.items():
-            print(f"\n{name} failed:\n    {why}", file=sys.stderr)
+        for run_name, why in failures.items():
+            print(f"\n{run_name} failed:\n    {why}", file=sys.stderr)
         raise FinloopError(
-            f"{len(failures)} of {len(runs)} runs failed: {', '.join(failures)}",
+            f"{len(failures)} of {len(finished) + len(failures)} runs failed: "
+            f"{', '.join(failures)}",
             "values that the film allows",
-            f"see above; the values are in conf/experiment/{arguments.experiment}.yaml",
+            "see above, and correct the values",
         )
 
 

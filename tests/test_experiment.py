@@ -1,35 +1,46 @@
 """Sweeps and their comparison, what params.yaml says beyond conf/; test_pipeline.py runs one."""
 
+import os
+import re
 import shutil
+import subprocess
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
 from browser import chromium, visit
 from conftest import ROOT, TINY_CARP
-from scratch import A_FILM
+from scratch import A_FILM, write_frames
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import check_values, settings
 from finloop.edit.modes import MODES
+from finloop.io.movie import Mp4Writer
 from finloop.io.numbers import load_numbers
 from finloop.realism.windows import HALVES
 from finloop.report.compare import (
     OBJECTIVES,
+    Preview,
     compare_experiments,
     comparison_page,
     draw_parallel_axes,
     draw_parameter_effects,
     pareto_front,
 )
+from finloop.report.effects import rank_importance
 from stages import compose
 from stages.compose import compose_params
 from stages.experiment import Experiment, parse_values
+from stages.repository import find_experiments, list_experiments, read_git_user, run_git
 from stages.settings import list_overrides as overrides_of
+from stages.sweep import plan_sweep
+from stages.trials import make_trials
 
 SWEEPS = sorted(path.stem for path in (ROOT / "conf/experiment").glob("*.yaml"))
 
@@ -261,28 +272,214 @@ def test_without_seeds_a_sentence_says_that_it_may_be_chance():
     assert verdicts["animate.flat"] == "the same in every run"
 
 
+def test_a_run_with_the_same_seed_is_no_further_seed():
+    parameters, numbers = sweep_with_seeds()
+    again = pd.concat([parameters[::3], parameters[::3].rename(lambda name: f"{name}-again")])
+    values = pd.concat([numbers[::3]] * 2).set_axis(again.index)
+    found = compare_experiments(again, values, list(numbers))
+    assert len(found.parameters) == 10 and found.spreads.isna().all(axis=None)
+    assert all(np.isnan(effect.spread) for effect in found.effects)
+
+
 def test_a_parameter_has_a_panel_for_every_measure_with_its_spread():
     parameters, numbers = sweep_with_seeds()
     found = compare_experiments(parameters, numbers, list(numbers))
     figure = draw_parameter_effects(found, "bpn.learning_rate")
     runs, means = figure.data[::2], figure.data[1::2]
-    assert len(runs) == len(means) == 5
-    for point, line, effect in zip(runs, means, found.effects, strict=True):
+    shown = [effect for effect in found.effects if effect.measure != "animate.flat"]
+    assert len(runs) == len(means) == 4
+    for point, line, effect in zip(runs, means, shown, strict=True):
         assert line.x == (0, 1, 2, 3, 4) and line.y == tuple(effect.means)
         assert set(line.error_y.array) == {effect.spread}
         assert sorted(point.y) == sorted(numbers[effect.measure])
 
 
-def test_the_page_draws_its_charts_without_a_network(tmp_path: Path):
-    path = tmp_path / "compare.html"
-    path.write_text(
-        comparison_page(compare_experiments(*random_runs(5), ["bpn.error"]), "Of <several>", "why"),
-        encoding="utf-8",
+def two_parameters() -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Two parameters with two seeds: `error` depends on the first, `noise` on none."""
+    rng = np.random.default_rng(1)
+    grid = [(rate, units, seed) for rate in (1, 2, 3) for units in (5, 10) for seed in (0, 1)]
+    names = [f"two-{rate}-{units}-seed{seed}" for rate, units, seed in grid]
+    parameters = pd.DataFrame(grid, names, ["bpn.learning_rate", "bpn.hidden_units", "bpn.seed"])
+    noise = rng.normal(0, 0.01, 12)
+    error = parameters["bpn.learning_rate"] + noise
+    return parameters, pd.DataFrame(
+        {"bpn.held_out_area_rmse": error, "animate.flat": 3.0, OBJECTIVES[0].key: error}, names
     )
+
+
+def test_of_several_parameters_the_one_that_matters_is_named():
+    parameters, numbers = two_parameters()
+    given = parameters.drop(columns="bpn.seed")
+    shares = rank_importance(given, numbers)
+    assert set(shares.index) == {"bpn.held_out_area_rmse", OBJECTIVES[0].key}
+    assert (shares["bpn.learning_rate"] > 0.9).all()
+    assert shares.sum(axis=1).to_numpy() == pytest.approx(1)
+
+
+NAMES = (
+    "[...document.querySelectorAll('%s')].filter(one => !one.hidden).map(one => one.dataset.name)"
+)
+
+
+def test_the_page_sorts_filters_and_plays_without_a_network(tmp_path: Path):
+    found = compare_experiments(*two_parameters(), ["bpn.held_out_area_rmse", "animate.flat"])
+    frames = [np.full((40, 60), 90 + 10 * tick, np.uint8) for tick in range(3)]
+    write_frames(Mp4Writer(tmp_path / "film.mp4", (40, 60), Fraction(25), 30), frames)
+    picture = cv2.imencode(".webp", frames[0])[1].tobytes()
+    preview = Preview(picture, (tmp_path / "film.mp4").read_bytes())
+    commits = dict.fromkeys(found.run_parameters.index, "0123456789")
+    path = tmp_path / "compare.html"
+    page = comparison_page(
+        found,
+        "Of <several>",
+        ["why", ""],
+        commits,
+        {"two-1-5-seed0": preview, "two-2-5-seed0": preview},
+    )
+    path.write_text(page, encoding="utf-8")
     with chromium() as browser:
         seen = visit(browser, path)
-        assert seen.page.locator(".chart .main-svg").count() >= 3
-        assert seen.page.locator(".y-axis").count() == 6  # of the parallel coordinates
-        assert seen.page.locator(".scatterlayer .point").count() >= 10
-        assert seen.page.locator("table").nth(1).locator("tbody tr").count() == 5
+        shown = seen.page
+        assert shown.locator(".chart .main-svg").count() >= 3
+        assert shown.locator("#axes .y-axis").count() == 5  # of the parallel coordinates
+        assert shown.locator("#experiments tbody tr").count() == 6
+        assert "commit 01234567" in shown.inner_text("#experiments")
+        assert "The same in every run: flat." in shown.inner_text("main")
+        assert "best at 1" in shown.inner_text(".words")
+        assert "two-1-10" in shown.evaluate(NAMES % "#experiments tbody tr")
+        shown.click("#experiments thead th:nth-child(4) button")
+        shown.click(
+            "#experiments thead th:nth-child(4) button"
+        )  # of the seam ratio, the greatest first
+        assert shown.evaluate(NAMES % "#experiments tbody tr")[0].startswith("two-3-")
+        assert shown.evaluate(NAMES % "figure") == ["two-2-5", "two-1-5"]
+        shown.evaluate("Plotly.restyle('axes', {'dimensions[0].constraintrange': [[[0.5, 1.5]]]})")
+        assert set(shown.evaluate(NAMES % "#experiments tbody tr")) == {"two-1-5", "two-1-10"}
+        assert shown.evaluate(NAMES % "figure") == ["two-1-5"]
+        shown.fill("#filter", "-10")
+        assert shown.evaluate(NAMES % "#experiments tbody tr") == ["two-1-10"]
+        assert "1 of 6" in shown.inner_text("#count")
+        shown.click("#play")
+        assert shown.inner_text("#play") == "Stop all"
         assert seen.bad == []
+
+
+# --- planning a sweep
+
+
+NO_CHANGES: dict[str, Any] = {}
+
+
+def test_values_given_on_the_line_are_a_sweep_of_the_headline_numbers():
+    name, plan, fixed = plan_sweep(
+        ["bpn.hidden_units=10,20", "bpn.epochs=range(1,3)", "bpn.momentum=0.3"], [], {"seeds": 2}
+    )
+    assert name == "hidden_units-epochs" and fixed == ["bpn.momentum=0.3"] and plan.seeds == 2
+    assert plan.params == {"bpn.hidden_units": "10,20", "bpn.epochs": "range(1,3)"}
+    assert plan.stages == ["bpn", "animate"]
+    runs = plan.list_runs(name, {"bpn.seed": 0})
+    assert "hidden_units-epochs-10-1-seed0" in runs and len(runs) == 8
+    assert plan_sweep(["render.crf=20,30"], [], NO_CHANGES)[1].stages == ["render"]
+    _, plan, _ = plan_sweep(["animate.goals=[[0.1,0.2]],[[0.3,0.4]]"], ["animate.frames"], {})
+    assert list(plan.list_runs("g", {})) == ["g-_0.1_0.2_", "g-_0.3_0.4_"]
+
+
+def test_a_named_sweep_takes_other_values_and_measures():
+    _, plan, _ = plan_sweep(
+        ["learning_rate", "bpn.learning_rate=0.1,0.3"], ["bpn.held_out_area_rmse"], NO_CHANGES
+    )
+    assert plan.params == {"bpn.learning_rate": "0.1,0.3"} and plan.title
+    assert plan.stages == ["bpn"]
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        ([], "nothing to sweep"),
+        (["bpn.hidden_units=10"], "bpn.hidden_units=10 has one value"),
+        (["bpn.hiden_units=10,20"], "did you mean bpn.hidden_units"),
+        (["bpm.hidden_units=10,20"], "bpm is no stage"),
+        (["learning_rate", "momentum"], "more than one sweep"),
+        (["nosuch"], "nosuch"),
+        (["bpn.learning_rate=interval(0.1,1)"], "sweeper: optuna"),
+        (["clip.path=a b.mp4,c=d"], "is no `key=value`"),
+    ],
+)
+def test_what_cannot_be_swept_is_refused(words, problem):
+    with pytest.raises(FinloopError, match=re.escape(problem)):
+        plan_sweep(words, [], NO_CHANGES)
+
+
+# --- Optuna
+
+
+def bowl(runs: dict[str, list[str]], values: dict[str, float]) -> dict[str, str]:
+    """Note what each run would measure: least at a learning rate of 0.1; one rate fails."""
+    for name, changes in runs.items():
+        given = dict(change.split("=") for change in changes)
+        rate, seed = float(given["bpn.learning_rate"]), int(given.get("bpn.seed", 0))
+        values[name] = np.log(rate / 0.1) ** 2 + 0.001 * seed
+    return {}
+
+
+def test_optuna_finds_the_best_value_and_drops_bad_ones_early():
+    pytest.importorskip("optuna")
+    plan = Experiment(
+        "t", "w", "s", {"bpn.learning_rate": "tag(log, interval(0.001, 10))"},
+        ["bpn.train_rows", "bpn.held_out_area_rmse"], sweeper="optuna", trials=16,
+    )  # fmt: skip
+    values: dict[str, float] = {}
+    made = [
+        make_trials(
+            plan, "one", {"bpn.seed": 0}, 2,
+            lambda runs: bowl(runs, values), lambda name, goal: values[name],
+        )
+        for _ in range(2)
+    ]  # fmt: skip
+    runs, failures, text = made[0]
+    assert made[0] == made[1] and not failures  # what was made is found again
+    assert 16 < len(runs) < 48 and "16 trials" in text and "bpn.held_out_area_rmse" in text
+    best = min(runs, key=lambda name: values[name])
+    assert 0.05 < float(best.split("-")[1]) < 0.2
+    _, failures, text = make_trials(
+        plan, "one", {"bpn.seed": 0}, 2, lambda runs: dict.fromkeys(runs, "bad"), lambda *_: 0.0
+    )
+    assert len(failures) == 16 and "none of 16 trials" in text
+
+
+def test_optuna_needs_a_measure_with_a_good_direction():
+    plan = Experiment("t", "w", "s", {"bpn.epochs": "1, 2"}, ["bpn.train_rows"])
+    with pytest.raises(FinloopError, match="neither more nor less"):
+        make_trials(plan, "one", {}, 2, lambda _: {}, lambda *_: None)
+
+
+# --- git
+
+
+def git(folder: Path, *arguments: str) -> None:
+    subprocess.run(["git", *arguments], cwd=folder, check=True, capture_output=True)
+
+
+def test_each_lack_of_git_has_its_own_advice(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("GIT_CONFIG_GLOBAL", "GIT_CONFIG_SYSTEM"):
+        monkeypatch.setenv(name, os.devnull)
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
+    with pytest.raises(FinloopError, match="git init"):
+        list_experiments()
+    git(tmp_path, "init", "--quiet", ".")
+    with pytest.raises(FinloopError, match="git commit --message"):
+        list_experiments()
+    with pytest.raises(FinloopError, match=r"git config user\.name"):
+        read_git_user()
+    git(tmp_path, "config", "user.name", "A Name")
+    git(tmp_path, "config", "user.email", "a@example.org")
+    assert read_git_user() == ("A Name", "a@example.org")
+    git(tmp_path, "commit", "--quiet", "--allow-empty", "--message", "first version")
+    head = run_git("rev-parse", "HEAD").strip()
+    git(tmp_path, "update-ref", f"refs/exps/{head[:2]}/{head[2:]}/old", head)
+    assert find_experiments(["old"]) == {"old": head}
+    git(tmp_path, "commit", "--quiet", "--allow-empty", "--message", "second version")
+    with pytest.raises(FinloopError, match=r"old is of another version.*first version") as caught:
+        find_experiments(["old", "new"])
+    assert "no experiment new" in str(caught.value)

@@ -35,7 +35,7 @@ def values(text: str) -> list[tuple[str, str]]:
     ] + [
         (key, one)
         for key, value in VALUE.findall(text)
-        if "…" not in value
+        if "…" not in value and "interval(" not in value  # which Optuna takes values from
         for one in (value.split(",") if value[0].isdigit() else [value])  # those of a sweep
     ]
 

@@ -22,6 +22,7 @@ from conftest import TINY_CARP, Copy, alive, wait_for
 from finloop.base.settings import GROUPS, WORDS
 from finloop.edit.modes import MODES
 from stages import code
+from stages.previews import choose_mode, load_previews
 from stages.settings import FILES
 
 ROOT = Path(__file__).parents[1]
@@ -513,6 +514,16 @@ def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(front: Copy):
     again = front.run("python", "-m", "stages.sweep", "quick", fails=True)
     assert "runs: " in text and "runs: " not in again  # both experiments are there already
     assert "quick-0.4" in again and "quick-7.0 failed" in again
+
+
+def test_an_animation_is_drawn_from_the_cache(first_run: Copy, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(first_run.root)
+    commits = {"present": "HEAD", "again": "start", "before": "start~1"}  # that has no dvc.lock
+    found = load_previews(commits, "network")
+    assert set(found) == {"present", "again"} and found["present"] is found["again"]
+    assert found["present"].picture[8:12] == b"WEBP" and b"ftyp" in found["present"].film[:16]
+    assert choose_mode(["bpn.train_rows", "animate.loops_film_pct"]) == "loops"
+    assert choose_mode(["bpn.train_rows"]) == "hybrid"
 
 
 def test_a_pull_request_shows_what_the_numbers_were_and_are(front: Copy, tmp_path: Path):

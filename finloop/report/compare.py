@@ -1,7 +1,8 @@
 """Compare experiments on one self-contained page: what differs, and which are best."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,13 +13,16 @@ from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
 from finloop.report.effects import (
+    NO_EFFECT,
+    SAME,
     SIGNIFICANCE,
     Effect,
     is_word,
     measure_effects,
+    rank_importance,
     rank_values,
 )
-from finloop.report.page import render_template
+from finloop.report.page import data_uri, render_template
 from finloop.report.tables import Table, format_number
 
 
@@ -39,7 +43,7 @@ OBJECTIVES = (
     ReportMetric("animate.hybrid_longest_exact_repeat_s", "longest exact repeat (s)", more=False),
 )
 """Smooth, steerable, varied: a long exact repeat means little variety."""
-_PANELS = 3  # per row
+_PANELS, _TITLE_LETTERS = 3, 46  # panels per row, letters in a line above one
 _INK, _BEST, _OTHER = "#16232b", "#0b7285", "#9aa8af"
 _LAYOUT: dict[str, Any] = {
     "paper_bgcolor": "white",
@@ -57,8 +61,8 @@ class Comparison:
     Runs that differ in their seeds alone are one experiment. parameters: only those that differ.
     measures: their numbers, means over seeds. spreads: their standard deviations over seeds, NaN
     for a single run. objectives: those OBJECTIVES that some experiment has. best (rows,): True on
-    the Pareto front. effects: of every parameter on every measure. run_parameters, run_measures:
-    the same tables with a row per run.
+    the Pareto front. effects: of every parameter on every measure. first_runs (rows,): name of the
+    first run of each experiment. run_parameters, run_measures: the same tables with a row per run.
     """
 
     parameters: pd.DataFrame
@@ -67,8 +71,16 @@ class Comparison:
     objectives: Sequence[ReportMetric]
     best: NDArray[np.bool_]
     effects: Sequence[Effect]
+    first_runs: Sequence[str]
     run_parameters: pd.DataFrame
     run_measures: pd.DataFrame
+
+
+class Preview(NamedTuple):
+    """What the animation of an experiment looks like: WebP of its route, MP4 of some seconds."""
+
+    picture: bytes
+    film: bytes
 
 
 def pareto_front(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -106,25 +118,28 @@ def compare_experiments(
     if differ:
         runs = runs.sort_values(differ, kind="stable", key=column_ranks)
     values = numbers.reindex(index=runs.index, columns=list(columns)).astype(float)
-    cells = _name_cells(runs)
+    repeats = parameters.loc[runs.index].astype(str).duplicated()
+    cells = _name_cells(runs, repeats)
     rows = runs.groupby(cells, sort=False).first() if differ else runs
     means = values.groupby(cells, sort=False).mean()
     spreads = values.groupby(cells, sort=False).std()
     sign = np.array([-1.0 if objective.more else 1.0 for objective in objectives])
     best = pareto_front(means[keys].to_numpy() * sign) & bool(objectives)
-    effects = measure_effects(runs, values) if differ else []
-    return Comparison(rows, means, spreads, objectives, best, effects, runs, values)
+    effects = measure_effects(runs[~repeats], values[~repeats]) if differ else []
+    first = cells.index[~cells.duplicated()].astype(str).tolist()
+    return Comparison(rows, means, spreads, objectives, best, effects, first, runs, values)
 
 
-def _name_cells(runs: pd.DataFrame) -> "pd.Series[str]":
+def _name_cells(runs: pd.DataFrame, repeats: "pd.Series[bool]") -> "pd.Series[str]":
     """Return for each run the name of its experiment; runs of one differ in their seeds alone.
 
-    runs: parameters without seeds, a row per run. The name is that of the first run, without its
-    seed if there are several.
+    runs: parameters without seeds, a row per run. repeats: which runs have all parameters of an
+    earlier one, its seeds too; each is an experiment of its own. The name is that of the first run,
+    without its seed if there are several.
     """
     if runs.columns.empty:
         return pd.Series(runs.index.astype(str), runs.index)
-    texts = runs.astype(str).agg("\t".join, axis=1)
+    texts = runs.astype(str).agg("\t".join, axis=1).mask(repeats, runs.index.astype(str))
     first = pd.Series(runs.index.astype(str), runs.index).groupby(texts).transform("first")
     counts = texts.groupby(texts).transform("size")
     return first.where(counts == 1, first.str.replace(r"-seed\d+$", "", regex=True))
@@ -134,6 +149,11 @@ def _metric_label(key: str) -> str:
     """Return the page's name of a metric or parameter from its key `<stage>.<name>`."""
     names = {objective.key: objective.words for objective in OBJECTIVES}
     return names.get(key, key.partition(".")[2].replace("_", " "))
+
+
+def _measure_name(key: str) -> str:
+    """Return a measure `<stage>.<name>` as words, with its stage unless that is `animate`."""
+    return key.removeprefix("animate.").replace(".", ": ").replace("_", " ")
 
 
 def draw_parallel_axes(comparison: Comparison) -> go.Figure:
@@ -156,7 +176,8 @@ def draw_parallel_axes(comparison: Comparison) -> go.Figure:
     best = comparison.best[whole.to_numpy()].astype(int).tolist()
     line = {"color": best, "colorscale": [[0, _OTHER], [1, _BEST]], "cmin": 0, "cmax": 1}
     figure = go.Figure(go.Parcoords(dimensions=axes, line=line, labelside="top", labelangle=-12))
-    margin = {"l": 80, "r": 80, "t": 110, "b": 40}
+    figure.update_layout(meta=list(map(str, measures.index[whole])))  # names, for the page's filter
+    margin = {"l": 80, "r": 170, "t": 130, "b": 40}
     return figure.update_layout(**_LAYOUT | {"height": 430, "margin": margin})
 
 
@@ -165,10 +186,17 @@ def draw_parameter_effects(comparison: Comparison, parameter: str) -> go.Figure:
 
     The bars are as long as the spread over the seeds, one standard deviation to each side.
     """
-    effects = [effect for effect in comparison.effects if effect.parameter == parameter]
+    effects = [
+        effect
+        for effect in comparison.effects
+        if effect.parameter == parameter and effect.verdict != SAME
+    ]
     rows = -(-len(effects) // _PANELS)
     titles = [
-        f"{effect.measure.replace('.', ': ').replace('_', ' ')}<br>{effect.verdict}"
+        "<br>".join(
+            [f"<b>{line}</b>" for line in wrap(_measure_name(effect.measure), _TITLE_LETTERS)]
+            + wrap(effect.verdict, _TITLE_LETTERS)
+        )
         for effect in effects
     ]
     figure = make_subplots(rows, _PANELS, subplot_titles=titles, vertical_spacing=0.4 / rows)
@@ -221,70 +249,121 @@ def _draw_scatter(comparison: Comparison, x: ReportMetric, y: ReportMetric) -> g
     return figure.update_layout(**_LAYOUT, height=430, legend=legend)
 
 
-def _comparison_table(comparison: Comparison) -> Table:
-    """Return the comparison as a table of texts: a row per experiment, the best marked."""
-    columns = [
-        "experiment",
-        *comparison.parameters,
-        *map(_metric_label, comparison.measures),
-        "best",
-    ]
-    rows = [
-        [
-            str(name),
-            *map(str, comparison.parameters.loc[name]),
-            *(
-                format_number(mean, 4) + ("" if np.isnan(spread) else f" ± {spread:.2g}")
-                for mean, spread in zip(
-                    comparison.measures.loc[name], comparison.spreads.loc[name], strict=True
-                )
-            ),
-            "best" if best else "",
+def _draw_importance(comparison: Comparison) -> go.Figure | None:
+    """Draw the share of each parameter in what is predictable of each measure, as stacked bars.
+
+    None if fewer than two parameters differ, or they predict no measure.
+    """
+    if len(comparison.parameters.columns) < 2:
+        return None
+    shares = rank_importance(comparison.run_parameters, comparison.run_measures)[::-1]
+    if shares.empty:
+        return None
+    figure = go.Figure()
+    for parameter, column in (100 * shares).items():
+        figure.add_bar(
+            x=column.tolist(), y=list(map(_measure_name, shares.index)), orientation="h",
+            name=_metric_label(str(parameter)), hovertemplate="%{x:.0f} %",
+        )  # fmt: skip
+    figure.update_xaxes(title="share of what the parameters predict (%)", range=[0, 100], **_AXIS)
+    figure.update_yaxes(automargin=True)
+    legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "traceorder": "normal"}
+    height = 130 + 28 * len(shares)
+    return figure.update_layout(**_LAYOUT, barmode="stack", height=height, legend=legend)
+
+
+class _Row(NamedTuple):
+    """An experiment on the page: its name, its cells with texts and values, whether it is best.
+
+    commit: short name of its commit. values: of the cells, "" for none; the page sorts by them.
+    """
+
+    name: str
+    commit: str
+    texts: Sequence[str]
+    values: Sequence[Any]
+    best: bool
+
+
+def _list_rows(comparison: Comparison, commits: Mapping[str, str]) -> list[_Row]:
+    """Return a row for each experiment: its parameters, then its measures with their spread.
+
+    commits: run → its commit.
+    """
+    rows = []
+    for number, name in enumerate(comparison.parameters.index):
+        given = comparison.parameters.iloc[number].tolist()
+        means = comparison.measures.iloc[number].tolist()
+        spreads = comparison.spreads.iloc[number]
+        texts = [
+            format_number(mean, 4) + ("" if np.isnan(spread) else f" ± {spread:.2g}")
+            for mean, spread in zip(means, spreads, strict=True)
         ]
-        for name, best in zip(comparison.parameters.index, comparison.best, strict=True)
-    ]
-    return Table("Experiments; the best are on the Pareto front", columns, rows)
+        values = ["" if value != value else value for value in (*given, *means)]
+        commit = commits.get(comparison.first_runs[number], "")[:8]
+        best = bool(comparison.best[number])
+        rows.append(_Row(str(name), commit, [*map(str, given), *texts], values, best))
+    return rows
 
 
-def effects_table(effects: Sequence[Effect]) -> Table:
+def _effects_table(effects: Sequence[Effect]) -> Table:
     """Return the effects as a table of texts: a row per measure and parameter, with its verdict."""
     rows = [
         [
-            effect.measure.replace(".", ": ").replace("_", " "),
+            _measure_name(effect.measure),
             _metric_label(effect.parameter),
             effect.verdict,
             *map(format_number, (effect.means.min(), effect.means.max())),
             format_number(effect.spread, 2),
-            "all, at every seed" if np.isinf(effect.size) else format_number(effect.size, 2),
+            "∞" if np.isinf(effect.size) else format_number(effect.size, 2),
         ]
         for effect in effects
+        if effect.verdict != SAME
     ]
     columns = ["measure", "parameter", "verdict", "least mean", "greatest mean",
                "spread over seeds", "effect, in spreads"]  # fmt: skip
-    return Table("What each parameter does", columns, rows)
+    return Table("Effects", columns, rows)
 
 
-def comparison_page(comparison: Comparison, title: str, why: str) -> str:
+def comparison_page(
+    comparison: Comparison, title: str, texts: Sequence[str],
+    commits: Mapping[str, str] | None = None, previews: Mapping[str, Preview] | None = None,
+) -> str:  # fmt: skip
     """Return the comparison as an HTML page, with its charts and the program that draws them.
 
-    title: heading of the page. why: the text below it.
+    title: heading of the page. texts: the paragraphs below it. commits: run → its commit. previews:
+    run → what its animation looks like, of the first run of each experiment.
     """
-    charts = {
-        f"Effect of {_metric_label(name)}, one panel per measure": draw_parameter_effects(
-            comparison, name
+    drawn = [effect for effect in comparison.effects if effect.verdict != SAME]
+    charts: dict[str, go.Figure | None] = {
+        f"Effect of {_metric_label(name)}": draw_parameter_effects(comparison, name)
+        for name in dict.fromkeys(effect.parameter for effect in drawn)
+    }
+    charts["Which parameter matters"] = _draw_importance(comparison)
+    fronts = {
+        f"{y.words.capitalize()} against {x.words}": _draw_scatter(comparison, x, y)
+        for x in comparison.objectives[:1]
+        for y in comparison.objectives[1:]
+    }
+    same = dict.fromkeys(effect.measure for effect in comparison.effects if effect.verdict == SAME)
+    same_everywhere = [name for name in same if name not in {effect.measure for effect in drawn}]
+    uris = {
+        str(name): (
+            data_uri("image/webp", previews[run].picture), data_uri("video/mp4", previews[run].film)
         )
-        for name in dict.fromkeys(effect.parameter for effect in comparison.effects)
-    }
-    charts |= {
-        "Parameters and measures, one line per complete experiment": draw_parallel_axes(comparison),
-    }
-    for x in comparison.objectives[:1]:
-        for y in comparison.objectives[1:]:
-            charts[f"{y.words.capitalize()} against {x.words}"] = _draw_scatter(comparison, x, y)
+        for name, run in zip(comparison.parameters.index, comparison.first_runs, strict=True)
+        if previews and run in previews
+    }  # fmt: skip
     values = {
-        "title": title, "why": why, "chance": f"{SIGNIFICANCE:.0%}",
-        "effects": effects_table(comparison.effects), "table": _comparison_table(comparison),
-        "charts": [(name, figure.to_json()) for name, figure in charts.items()],
-        "plotly": get_plotlyjs(),
+        "title": title, "texts": list(filter(None, texts)), "chance": f"{SIGNIFICANCE:.0%}",
+        "seeds": bool(comparison.spreads.notna().any(axis=None)), "no_effect": NO_EFFECT,
+        "effects": _effects_table(comparison.effects),
+        "same": list(map(_measure_name, same_everywhere)),
+        "parameters": list(map(str, comparison.parameters)),
+        "measures": list(map(_metric_label, comparison.measures)),
+        "rows": _list_rows(comparison, commits or {}), "previews": uris,
+        "charts": [(name, figure.to_json()) for name, figure in charts.items() if figure],
+        "fronts": [(name, figure.to_json()) for name, figure in fronts.items()],
+        "axes": draw_parallel_axes(comparison).to_json(), "plotly": get_plotlyjs(),
     }  # fmt: skip
     return render_template("compare.html.j2", values)

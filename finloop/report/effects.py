@@ -2,7 +2,8 @@
 
 Runs that differ in their seeds alone are a cell. The spread is the standard deviation within cells.
 The effect is the greatest difference between the means of a parameter's values, in spreads. Tukey's
-test says which values differ by more than the seeds do.
+test says which values differ by more than the seeds do. The importance of several parameters is
+that of a random forest: how much worse it predicts a measure if a parameter's values are permuted.
 """
 
 from collections.abc import Sequence
@@ -18,6 +19,9 @@ from finloop.report.headlines import HEADLINES, HIGHER, LOWER
 from finloop.report.tables import MEASURES, format_number
 
 SIGNIFICANCE = 0.05  # how often chance alone may seem to be an effect of a parameter on a measure
+SAME = "the same in every run"
+NO_EFFECT = "no effect beyond the seeds"
+_TREES, _PERMUTATIONS = 100, 10
 _EQUAL = 1e-9  # relative: a smaller difference is one of rounding
 _TARGETS = {"100": HIGHER, "≥": HIGHER, "0": LOWER, "≤": LOWER}
 _GOOD = {
@@ -130,14 +134,14 @@ def _measure_effect(
     number_count = len({value for value in given if not is_word(value)})
     effect = Effect(parameter, str(column.name), values, means, spread, size, best, "")
     same = float(np.ptp(column)) <= near_zero
-    verdict = "the same in every run" if same else _tell_effect(effect, good, number_count)
+    verdict = SAME if same else _tell_effect(effect, good, number_count)
     return effect._replace(verdict=verdict)
 
 
 def _tell_effect(effect: Effect, good: str, number_count: int) -> str:
     """Return the verdict on an effect; number_count: how many values are numbers, the first."""
     if effect.best.all():
-        return "no effect beyond the seeds"
+        return NO_EFFECT
     known = "" if np.isfinite(effect.spread) else "; one seed: it may be chance"
     if good:
         return f"best {_tell_values(effect.values, effect.best, number_count)}{known}"
@@ -167,3 +171,27 @@ def _tell_values(values: Sequence[str], chosen: Flags, number_count: int) -> str
         return f"{text}, and at {' and '.join(words)}" if words else text
     *others, last = (values[int(place)] for place in places)
     return f"at {', '.join(others)} and {last}" if others else f"at {last}"
+
+
+def rank_importance(parameters: pd.DataFrame, measures: pd.DataFrame) -> pd.DataFrame:
+    """Return the share of each parameter in what is predictable of each measure, 0 … 1.
+
+    parameters, measures: a row per run, with the same index. A row of the result is a measure, a
+    column a parameter. Measures that no parameter predicts, or that do not vary, are left out.
+    """
+    from sklearn.ensemble import RandomForestRegressor  # not at the top: the import takes a second
+    from sklearn.inspection import permutation_importance
+
+    ranks = parameters.apply(lambda column: rank_values(column)[0])
+    shares = dict[str, Floats]()
+    for measure in measures.columns[measures.nunique() > 1]:
+        column = measures[measure].dropna()
+        inputs = ranks.loc[column.index].to_numpy(float)
+        forest = RandomForestRegressor(_TREES, random_state=0).fit(inputs, column)
+        found = permutation_importance(
+            forest, inputs, column, n_repeats=_PERMUTATIONS, random_state=0
+        )
+        importance = np.maximum(found.importances_mean, 0)
+        if importance.sum() > 0:
+            shares[str(measure)] = importance / importance.sum()
+    return pd.DataFrame.from_dict(shares, "index", columns=list(parameters))

@@ -1,0 +1,158 @@
+"""Draw a picture and a short film of the animation of each experiment, for the comparison.
+
+What an experiment has made is taken from DVC's cache: no stage runs, and the workspace stays as it
+is. Experiments with the same animation share one drawing.
+"""
+
+from stages.run import THREADS, report_progress  # isort: skip  (before numpy)
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import cv2
+import numpy as np
+import pandas as pd
+import yaml
+
+from finloop.base.errors import FinloopError
+from finloop.base.parallel import Processes, ordered_map
+from finloop.edit.modes import MODES
+from finloop.io.movie import Mp4Writer
+from finloop.plots.render import draw_trajectory
+from finloop.project import Project
+from finloop.render.gallery import place_ticks
+from finloop.render.painter import Painter
+from finloop.report.compare import Preview
+from stages.repository import run_git
+
+SECONDS, WIDTH_PX, CRF = 3.0, 320, 28  # of the film
+MARGIN = 1.5  # around the route in the film, in lengths of the fish as it is drawn
+SHRINK, DPI = 0.5, 96  # of the figure: small, so that its words stay legible
+FOLDERS = ("clip", "extract", "features", "pose", "sprites")
+Digests = tuple[tuple[str, str], ...]  # path, digest of its content in DVC's cache
+
+
+def choose_mode(measures: Sequence[str]) -> str:
+    """Return the mode that most measures `<stage>.<mode>_…` are of; hybrid if none is of a mode."""
+    counts = {
+        mode: sum(name.partition(".")[2].startswith(f"{mode}_") for name in measures)
+        for mode in MODES
+    }
+    return max(counts, key=lambda mode: counts[mode]) if any(counts.values()) else "hybrid"
+
+
+def load_previews(commits: Mapping[str, str], mode: str) -> dict[str, Preview]:
+    """Return picture and film of the animation of each experiment that the cache has.
+
+    commits: experiment → its commit. mode: of the animation.
+    """
+    from dvc.repo import Repo  # not at the top: the import takes half a second
+
+    wanted = {name: _list_digests(commit, mode) for name, commit in commits.items()}
+    several = list(dict.fromkeys(filter(None, wanted.values())))
+    with Repo() as repo:
+        cache = Path(repo.cache.local.path)
+    draw = partial(_draw_from_cache, cache=cache, mode=mode)
+    with report_progress("films", len(several), "films") as advance:
+        drawn: dict[Digests, Preview | None] = {}
+        workers = Processes(THREADS)
+        for digests, preview in zip(several, ordered_map(draw, several, workers), strict=True):
+            drawn[digests] = preview
+            advance()
+    found = {name: drawn.get(digests) for name, digests in wanted.items()}
+    return {name: preview for name, preview in found.items() if preview is not None}
+
+
+def _list_digests(commit: str, mode: str) -> Digests:
+    """Return path and digest of all that drawing an animation needs; () if a stage has not run.
+
+    They stand in dvc.lock of the experiment's commit.
+    """
+    lock = yaml.load(run_git("show", f"{commit}:dvc.lock"), yaml.CSafeLoader)
+    digests = {
+        out["path"]: str(out["md5"])
+        for stage in lock["stages"].values()
+        for out in stage.get("outs", ())
+        if "md5" in out
+    }
+    paths = [f"data/{name}" for name in (*FOLDERS, f"animate/{mode}", f"animate/{mode}.parquet")]
+    if not digests.keys() >= {*paths}:
+        return ()
+    return tuple((path, digests[path]) for path in paths)
+
+
+def _draw_from_cache(digests: Digests, cache: Path, mode: str) -> Preview | None:
+    """Return the preview of an animation; None if the cache lacks a file, or it shows nothing.
+
+    digests: of all that drawing needs. cache: folder of DVC's cache. mode: of the animation.
+    """
+    with TemporaryDirectory() as folder:
+        try:
+            for path, digest in digests:
+                _link_from_cache(cache, digest, Path(folder) / path)
+            return draw_preview(Path(folder), mode)
+        except (FileNotFoundError, FinloopError):
+            return None
+
+
+def _link_from_cache(cache: Path, digest: str, target: Path) -> None:
+    """Make `target` a link to a file in DVC's cache, or a folder of such links."""
+    kept = (cache / digest[:2] / digest[2:]).resolve(strict=True)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if not digest.endswith(".dir"):
+        target.symlink_to(kept)
+        return
+    for file in json.loads(kept.read_text(encoding="utf-8")):
+        _link_from_cache(cache, file["md5"], target / file["relpath"])
+
+
+def draw_preview(root: Path, mode: str) -> Preview:
+    """Return the route of an animation as WebP, and its first seconds as MP4.
+
+    root: folder with data/ of a run. mode: of the animation.
+    """
+    with Project(root) as project:
+        drawn = project.edit_with_sources(mode, "render")
+        painter, rate = Painter(project.background), project.facts.frame_rate
+        shown = drawn.edit[drawn.edit["tick"] < max(1, round(SECONDS * rate))]
+        margin_px = MARGIN * project.drawn_scale(mode) * drawn.scene.typical_length_px
+        part = _frame_route(shown, margin_px, painter.frame.shape)
+        height, width = painter.frame[part].shape[:2]
+        wide = 2 * (min(WIDTH_PX, width) // 2)
+        size = wide, 2 * max(1, round(height * wide / width / 2))
+        path = root / "preview.mp4"
+        shape = size[1], size[0], *painter.frame.shape[2:]
+        with Mp4Writer(path, shape, rate, CRF) as writer:
+            for fish in place_ticks(shown, project.gallery(drawn)):
+                painter.show(*fish)
+                writer.write(cv2.resize(painter.frame[part], size, interpolation=cv2.INTER_AREA))
+        figure = draw_trajectory(drawn.edit, project.goals(mode), project.background)
+        figure.legends.clear()  # too wide; the full picture is in the experiment's report
+        for axes in figure.axes:
+            axes.set_axis_off()
+        figure.set_size_inches(*(SHRINK * figure.get_size_inches()))
+        picture = BytesIO()
+        figure.savefig(picture, format="webp", dpi=DPI)
+        return Preview(picture.getvalue(), path.read_bytes())
+
+
+def _frame_route(
+    edit: pd.DataFrame, margin_px: float, shape: tuple[int, ...]
+) -> tuple[slice, slice]:
+    """Return the rows and columns of a picture that show the whole route, with a margin.
+
+    edit: the edit list. shape: (h, w) of the picture, whose proportions the part has.
+    """
+    place = edit[["y_px", "x_px"]].to_numpy(float)
+    low, high = place.min(axis=0) - margin_px, place.max(axis=0) + margin_px
+    whole = np.array(shape[:2])
+    size = np.ceil(whole * min(1.0, float(((high - low) / whole).max()))).astype(int)
+    start = np.clip(np.round((low + high - size) / 2).astype(int), 0, whole - size)
+    rows, columns = (
+        slice(first, first + length) for first, length in zip(start, size, strict=True)
+    )
+    return rows, columns

@@ -1,0 +1,104 @@
+"""Git as sweeps, studies and comparisons need it: commands, the user, experiments on commits."""
+
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from finloop.base.errors import FinloopError
+
+_FIRST_COMMIT = 'git add --all; git commit --message "first state"'
+_GIT_ADVICE = (  # what git says, what is wanted, what to do
+    ("not a git repository", "the folder of a git repository", f"git init; {_FIRST_COMMIT}"),
+    ("ambiguous argument 'HEAD'", "a git repository with a commit", _FIRST_COMMIT),
+    (
+        "auto-detection is disabled",
+        "your name and e-mail, with which git commits each run",
+        'git config user.name "Your Name"; git config user.email you@example.org',
+    ),
+)
+
+
+def run_git(*arguments: str, folder: Path | None = None) -> str:
+    """Run a git command; return its output, or raise FinloopError with git's message.
+
+    folder: in which it runs, None for the present one.
+    """
+    process = subprocess.run(
+        ["git", *arguments], cwd=folder, capture_output=True, text=True, check=False
+    )
+    if process.returncode:
+        message = process.stderr.strip()
+        advice = "a repository that git can read and write", "correct what git names"
+        for text, *known in _GIT_ADVICE:
+            if text in message:
+                message = next(line for line in message.splitlines() if text in line)
+                advice = known[0], known[1]
+        raise FinloopError(f"git {arguments[0]} failed: {message}", *advice)
+    return process.stdout
+
+
+def read_git_user() -> tuple[str, str]:
+    """Return the name and the e-mail with which git commits; raise FinloopError if it has none."""
+    identity = run_git("-c", "user.useConfigOnly=true", "var", "GIT_COMMITTER_IDENT")
+    name, _, rest = identity.partition(" <")
+    return name, rest.partition(">")[0]
+
+
+def list_experiments() -> dict[str, str]:
+    """Return the DVC experiments on the present commit, name → commit of the experiment.
+
+    FinloopError if there is no commit.
+    """
+    head = run_git("rev-parse", "HEAD").strip()
+    refs = run_git(
+        "for-each-ref", "--format=%(refname) %(objectname)", f"refs/exps/{head[:2]}/{head[2:]}"
+    )
+    lines = (line.split() for line in refs.splitlines())
+    return {ref.rpartition("/")[2]: commit for ref, commit in lines}
+
+
+def find_experiments(names: Sequence[str]) -> dict[str, str]:
+    """Return named DVC experiments on the present commit, name → commit of the experiment.
+
+    FinloopError says of each other name on which commit there is such an experiment, if on any.
+    """
+    known = list_experiments()
+    missing = [name for name in names if name not in known]
+    if not missing:
+        return {name: known[name] for name in names}
+    refs = run_git("for-each-ref", "--format=%(refname)", "refs/exps").split()
+    places = [ref.split("/") for ref in refs if ref.count("/") == 4]
+    elsewhere = {name: first + rest for *_, first, rest, name in places if name in missing}
+    reasons = [
+        f"experiment {name} is of another version, commit {describe_commit(elsewhere[name])}"
+        if name in elsewhere
+        else f"no experiment {name} on the present commit"
+        for name in missing
+    ]
+    raise FinloopError(
+        "\n    ".join(reasons),
+        f"names from: {', '.join(known) or 'none yet'}",
+        "correct the name, run its sweep on this commit (`make sweep experiment=…`), or go to the "
+        "other commit: git switch --detach COMMIT",
+    )
+
+
+def describe_commit(commit: str) -> str:
+    """Return the short name of a commit and the first line of its message."""
+    return run_git("log", "-1", "--format=%h (%s)", commit).strip()
+
+
+def tell_differing_code(commits: Mapping[str, str]) -> str:
+    """Return a sentence that names experiments whose program is not the first one's, or "".
+
+    commits: experiment → its commit.
+    """
+    trees = {
+        name: run_git("ls-tree", commit, "finloop", "stages", "dvc.yaml")
+        for name, commit in commits.items()
+    }
+    first, *_ = trees
+    others = [name for name in trees if trees[name] != trees[first]]
+    if not others:
+        return ""
+    return f"The program of {first} is not that of {', '.join(others)}: that alone can be a cause."

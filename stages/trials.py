@@ -1,0 +1,127 @@
+"""Let Optuna choose the values of a sweep: its TPE sampler, and its pruning by the seeds.
+
+A trial is a combination of values. It runs with one seed after the other; the mean of the goal over
+the seeds so far is reported to Optuna after each, and a trial that is worse than the median of the
+others gets no further seed. Trials come in pairs, one for each clone. All is drawn from one seed,
+and existing experiments are reused: a sweep that was interrupted goes on.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from finloop.base.errors import FinloopError
+from finloop.report.effects import good_direction
+from finloop.report.headlines import HIGHER
+from stages.experiment import Experiment, parse_interval, parse_values
+
+DIGITS = 3  # of a proposed value: its name stays short, and no result depends on more
+UNPRUNED = 5  # trials before one may be dropped
+Overrides = dict[str, list[str]]  # run → overrides
+
+
+def choose_goal(plan: Experiment) -> tuple[str, str]:
+    """Return the measure that Optuna improves, and its good direction; FinloopError for none."""
+    names = [plan.goal] if plan.goal else plan.measures
+    for name in names:
+        if direction := good_direction(name):
+            return name, direction
+    raise FinloopError(
+        f"{', '.join(names)}: neither more nor less of it is better",
+        "goal: a measure with a good direction, such as bpn.held_out_area_rmse",
+        "name it: `goal` in the file of the sweep, or --goal",
+    )
+
+
+def distribution(values: str) -> Any:
+    """Return values in Hydra's notation as a distribution of Optuna.
+
+    An interval is continuous, or whole (`int(interval(1, 9))`); other values are categories.
+    """
+    from optuna.distributions import (
+        CategoricalDistribution,
+        FloatDistribution,
+        IntDistribution,
+    )
+
+    interval = parse_interval(values)
+    if interval is None:
+        return CategoricalDistribution(list(parse_values(values)))
+    kind = IntDistribution if isinstance(interval.start, int) else FloatDistribution
+    return kind(interval.start, interval.end, log="log" in interval.tags)
+
+
+def make_trials(
+    plan: Experiment, name: str, present: Mapping[str, int], pairs: int,
+    make: Callable[[Overrides], dict[str, str]],
+    measure: Callable[[str, str], float | None],
+) -> tuple[Overrides, dict[str, str], str]:  # fmt: skip
+    """Run the trials of a sweep; return its runs, the failed ones (name → cause), and a sentence.
+
+    name: of the sweep. present: value of each of its seeds. pairs: trials at a time. make: makes
+    runs, and returns those that failed. measure: returns a measure of a run. FinloopError if Optuna
+    is missing, or the goal has no direction.
+    """
+    goal, direction = choose_goal(plan)
+    try:
+        import optuna
+    except ImportError as error:
+        raise FinloopError(
+            "Optuna is not installed", "the environment of requirements.lock", "make setup"
+        ) from error
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    study = optuna.create_study(
+        direction="maximize" if direction == HIGHER else "minimize",
+        sampler=optuna.samplers.TPESampler(seed=0, constant_liar=True),
+        pruner=optuna.pruners.MedianPruner(n_startup_trials=UNPRUNED),
+    )
+    space = {key: distribution(values) for key, values in plan.params.items()}
+    seeds = range(plan.seeds if present else 1)
+    runs, failures = Overrides(), dict[str, str]()
+    for first in range(0, plan.trials, pairs):
+        asked = [study.ask(space) for _ in range(min(pairs, plan.trials - first))]
+        results: dict[Any, list[float]] = {trial: [] for trial in asked}
+        for seed in seeds:
+            batch, keys = Overrides(), dict[Any, str]()
+            for trial in results:
+                values = dict(map(_format_value, trial.params.items()))
+                batch |= plan.list_run(name, values, present, seed)
+                *_, keys[trial] = batch
+            runs |= batch
+            failures |= make(batch)
+            for trial, key in keys.items():
+                value = None if key in failures else measure(key, goal)
+                if value is None:
+                    study.tell(trial, state=optuna.trial.TrialState.FAIL)
+                    del results[trial]
+                    continue
+                results[trial].append(value)
+                trial.report(float(np.mean(results[trial])), seed)
+                if seed < seeds[-1] and trial.should_prune():
+                    study.tell(trial, state=optuna.trial.TrialState.PRUNED)
+                    del results[trial]
+        for trial, reported in results.items():
+            study.tell(trial, float(np.mean(reported)))
+    return runs, failures, _describe_study(study, goal)
+
+
+def _format_value(item: tuple[str, Any]) -> tuple[str, str]:
+    """Return a parameter and its value as texts, numbers with few digits."""
+    key, value = item
+    return key, f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
+
+
+def _describe_study(study: Any, goal: str) -> str:
+    """Return a sentence on the best trial of a study."""
+    states = [trial.state.name for trial in study.trials]
+    if "COMPLETE" not in states:
+        return f"Optuna: none of {len(states)} trials has {goal}."
+    best = ", ".join(
+        f"{key} = {value}" for key, value in map(_format_value, study.best_params.items())
+    )
+    dropped = states.count("PRUNED")
+    return (
+        f"Optuna's best of {len(states)} trials, {dropped} of them dropped early: {best} "
+        f"({goal} {study.best_value:.4g})."
+    )
