@@ -72,7 +72,10 @@ def _list_digests(commit: str, mode: str) -> Digests:
 
     They stand in dvc.lock of the experiment's commit.
     """
-    lock = yaml.load(run_git("show", f"{commit}:dvc.lock"), yaml.CSafeLoader)
+    try:
+        lock = yaml.load(run_git("show", f"{commit}:dvc.lock"), yaml.CSafeLoader)
+    except FinloopError:  # no stage had run
+        return ()
     digests = {
         out["path"]: str(out["md5"])
         for stage in lock["stages"].values()
