@@ -342,15 +342,21 @@ def main() -> None:
     )
     parser.add_argument("--jobs", type=int, default=THREADS, help="runs at a time")
     # A word of the variable may have parentheses, at which the shell of make would stumble.
-    given = vars(parser.parse_args(sys.argv[1:] + shlex.split(os.environ.get("SWEEP", ""))))
+    text = os.environ.get("SWEEP", "")
+    try:
+        given = vars(parser.parse_args(sys.argv[1:] + shlex.split(text)))
+    except ValueError as error:
+        raise FinloopError(
+            f'S="{text}" cannot be read: {error}', 'S="group.key=1,2,3"', "close the quotes"
+        ) from error
     words, measures, jobs = given.pop("words"), given.pop("measure"), given.pop("jobs")
     name, plan, fixed = plan_sweep(words, measures, given)
     chosen = [f"+{FOLDER}={name}"] if name in list_sweeps() else []
     overrides = [*chosen, *list_overrides(read_params()), *fixed]
     finished, failures, found = make_sweep(name, plan, overrides, max(1, jobs))
     if finished:
-        text = " ".join(filter(None, (plan.why, plan.seen, found)))
-        print(write_comparison(finished, list(plan.measures), plan.title, text))
+        why = " ".join(filter(None, (plan.why, plan.seen, found)))
+        print(write_comparison(finished, list(plan.measures), plan.title, why))
         print(f"\n{OUT} compares them.")
     if failures:
         for run_name, why in failures.items():
