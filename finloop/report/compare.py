@@ -45,6 +45,7 @@ OBJECTIVES = (
 """Smooth, steerable, varied: a long exact repeat means little variety."""
 _PANELS, _TITLE_LETTERS = 3, 46  # panels per row, letters in a line above one
 _INK, _BEST, _OTHER = "#16232b", "#0b7285", "#9aa8af"
+_BARS = [_BEST, "#e69f00", "#56b4e9", "#cc79a7", "#009e73", "#d55e00"]
 _LAYOUT: dict[str, Any] = {
     "paper_bgcolor": "white",
     "plot_bgcolor": "white",
@@ -252,11 +253,16 @@ def _draw_scatter(comparison: Comparison, x: ReportMetric, y: ReportMetric) -> g
 def _draw_importance(comparison: Comparison) -> go.Figure | None:
     """Draw the share of each parameter in what is predictable of each measure, as stacked bars.
 
-    None if fewer than two parameters differ, or they predict no measure.
+    A measure that no parameter changes beyond the seeds is left out: its bar would be of chance.
+    None if fewer than two parameters differ, or no measure is left.
     """
     if len(comparison.parameters.columns) < 2:
         return None
-    shares = rank_importance(comparison.run_parameters, comparison.run_measures)[::-1]
+    changed = {
+        effect.measure for effect in comparison.effects if effect.verdict not in (SAME, NO_EFFECT)
+    }
+    measures = comparison.run_measures.filter(sorted(changed))
+    shares = rank_importance(comparison.run_parameters, measures)[::-1]
     if shares.empty:
         return None
     figure = go.Figure()
@@ -269,7 +275,8 @@ def _draw_importance(comparison: Comparison) -> go.Figure | None:
     figure.update_yaxes(automargin=True)
     legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "traceorder": "normal"}
     height = 130 + 28 * len(shares)
-    return figure.update_layout(**_LAYOUT, barmode="stack", height=height, legend=legend)
+    layout = _LAYOUT | {"colorway": _BARS}
+    return figure.update_layout(**layout, barmode="stack", height=height, legend=legend)
 
 
 class _Row(NamedTuple):
