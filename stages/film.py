@@ -24,30 +24,34 @@ from stages.compose import write_params
 from stages.settings import LOCAL
 
 REPORT = Path("reports/index.html")
-WANTED = 'make film FILM=/path/of/film.mp4; several: FILM="a.mp4 b.mp4", quoted where a space is'
+COMMAND = "make film FILM"
 
 
-def parse_film_paths(text: str) -> list[str]:
-    """Return the absolute paths in the text of the variable FILM.
+def parse_film_paths(text: str, command: str = COMMAND) -> list[str]:
+    """Return the absolute paths in the text of a variable such as FILM.
 
-    Paths are separated by spaces, unless the whole text is one path. FinloopError if it names none,
-    or a file is missing.
+    command: that has the variable, as it is typed up to the `=`. Paths are separated by spaces,
+    unless the whole text is one path. FinloopError if it names none, or a file is missing.
     """
+    variable = command.rpartition(" ")[2]
+    wanted = (
+        f'{command}=/path/of/film.mp4; several: {variable}="a.mp4 b.mp4", quoted where a space is'
+    )
     if not text.strip():
-        raise FinloopError("FILM names no film", WANTED, "give the path of your film")
+        raise FinloopError(f"{variable} names no film", wanted, "give the path of your film")
     try:
         names = [text] if Path(text).expanduser().exists() else shlex.split(text)
     except ValueError as error:
         raise FinloopError(
-            f"FILM={text} cannot be read: {error}",
-            WANTED,
+            f"{variable}={text} cannot be read: {error}",
+            wanted,
             "give the path as it is, or close quotes",
         ) from error
     missing = [film for name in names for film in list_films(name) if not film.exists()]
     if missing:
         raise FinloopError(
             f"there is nothing at {', '.join(str(film.absolute()) for film in missing)}",
-            WANTED,
+            wanted,
             "correct the path",
         )
     return [str(Path(name).expanduser().absolute()) for name in names]

@@ -133,7 +133,7 @@ def run(main: Callable[[], None]) -> NoReturn:
         _require_own_program()
         main()
     except KeyboardInterrupt:
-        print("\nfinloop: interrupted; `dvc repro` starts again from here", file=sys.stderr)
+        print("\nfinloop: interrupted; the same command goes on from here", file=sys.stderr)
         sys.exit(130)
     except Exception as error:
         foreseen = _as_user_error(error)

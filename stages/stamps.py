@@ -75,11 +75,10 @@ def _track_files(groups: Groups) -> list[Path]:
 
 
 def _path_files(groups: Groups) -> list[Path]:
-    """Return the files with paths to swim; a path that is named without a file has none."""
+    """Return the files with paths to swim; a track of the film has none."""
     paths = groups.get("matching", {}).get("path")
     several = [paths] if isinstance(paths, str) else paths or []
-    files = [Path(path).expanduser() for path in several if path]
-    return [file for file in files if file.exists()]
+    return [Path(path).expanduser() for path in several if path and path[:6] != "track:"]
 
 
 def _retarget_files(groups: Groups) -> list[Path]:
@@ -99,11 +98,24 @@ _LISTS: dict[str, Callable[[Groups], list[Path]]] = dict(
 
 
 def main() -> None:
-    """Renew the stamps in params.yaml where films, tracks or paths have changed."""
+    """Renew the stamps in params.yaml where films, tracks or paths have changed.
+
+    FinloopError if one was there before and is missing: a stage that ran would remove what was made
+    of it.
+    """
     values = read_params()
     text = old = PARAMS.read_text(encoding="utf-8")
     for name in FILES:
-        line = yaml.safe_dump({name: file_stamp(name, values)}).strip()
+        stamp = file_stamp(name, values)
+        if values.get(name) and not stamp:
+            paths = ", ".join(str(file) for file in _LISTS[name](values) if not file.exists())
+            raise FinloopError(
+                f"there is nothing at {paths or PARAMS.name + ': ' + name} any more",
+                "the files that were there when params.yaml was composed",
+                "bring them back and call `make repro` again; or go on with what was made of them: "
+                "dvc repro",
+            )
+        line = yaml.safe_dump({name: stamp}).strip()
         text = re.sub(rf"^{name}:.*$", line, text, flags=re.MULTILINE)
     if text != old:
         save_bytes(PARAMS, text.encode())

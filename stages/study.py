@@ -18,27 +18,32 @@ FILMS names films, or a YAML file::
 from stages.run import THREADS, run  # isort: skip  (before numpy)
 
 import argparse
+import hashlib
 import os
 import re
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from functools import cache
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import yaml
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from finloop.base.errors import FinloopError
 from finloop.base.override import format_override
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.footage import list_films, unique_film_names
+from finloop.io.numbers import NUMBERS_NAME, parse_numbers
 from finloop.io.table import save_csv
 from finloop.report.study import COLUMNS, FilmResult, study_page, study_table
-from stages.compare import load_numbers
+from stages.clones import require_git_user, require_only_one
 from stages.film import parse_film_paths
-from stages.repository import list_experiments
+from stages.repository import list_experiments, run_git
 from stages.settings import LOCAL
 from stages.sweep import make_runs
 
@@ -49,6 +54,7 @@ PICTURES = {
     "the route of mode hybrid": "reports/render/hybrid.png",
 }
 REPORT, FINDINGS = "reports/index.html", "data/clip/findings.csv"
+STAGES = sorted({column.key.partition(".")[0] for column in COLUMNS})  # whose numbers are shown
 NAME = re.compile(r"[\w-]+")
 EXAMPLE = "films: {mouse: /films/mouse.mp4, carp: {clip: carp, clip.frames: 600}}"
 Overrides = list[str]
@@ -58,26 +64,65 @@ def parse_study(text: str) -> tuple[dict[str, Overrides], Overrides]:
     """Return the films of a study, name → overrides, and the overrides that all films share.
 
     text: paths of films, separated by spaces, or the path of one YAML file. FinloopError if a film
-    is missing or stands twice, or the file is not a study.
+    of the line is missing, a film stands twice, or the file is not a study.
     """
     path, common = Path(text.strip()).expanduser(), list[str]()
     if path.suffix.lower() in (".yaml", ".yml"):
         films, common = read_study_file(path)
     else:
-        paths = [film for name in parse_film_paths(text) for film in list_films(name)]
+        paths = [
+            film for name in parse_film_paths(text, "make study FILMS") for film in list_films(name)
+        ]
         names = unique_film_names(paths)
         films = {
             name: clip_path_overrides(str(film.absolute()))
             for name, film in zip(names, paths, strict=True)
         }
-    twice = [name for name in films if Counter(map(str, films.values()))[str(films[name])] > 1]
-    if twice:
-        raise FinloopError(
-            f"{' and '.join(twice)} are one film with the same settings",
-            "each film once, or with settings of its own",
-            "take one of them out",
-        )
+    require_different_films(films)
     return films, common
+
+
+def require_different_films(films: Mapping[str, Overrides]) -> None:
+    """Raise FinloopError if two films of a study are one film with the same settings.
+
+    films: name → overrides. A link to a film and a copy of it are that film.
+    """
+    copies = Counter(map(_file_size, films.values()))
+    first: dict[str, str] = {}  # what is run → name
+    for name, settings in films.items():
+        path = _film_path(settings)
+        known: list[str] = settings
+        if path and path.exists():
+            same_size = path.is_file() and copies[_file_size(settings)] > 1
+            content = file_digest(path) if same_size else str(path.resolve())
+            known = [content, *(one for one in settings if not one.startswith("clip.path="))]
+        other = first.setdefault(str(known), name)
+        if other != name:
+            paths = {str(_film_path(films[one]) or "") for one in (other, name)}
+            one_content = f" ({' and '.join(sorted(paths))})" if len(paths) > 1 else ""
+            raise FinloopError(
+                f"{other} and {name} are one film with the same settings{one_content}",
+                "each film once, or with settings of its own",
+                "take one of them out",
+            )
+
+
+def _film_path(settings: Overrides) -> Path | None:
+    """Return the path of the film that overrides name; None if they name none."""
+    paths = [one.partition("=")[2] for one in settings if one.startswith("clip.path=")]
+    return Path(yaml.safe_load(paths[-1].replace("\\${", "${"))) if paths else None
+
+
+def file_digest(path: Path) -> str:
+    """Return a digest of a file's content."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _file_size(settings: Overrides) -> int | None:
+    """Return the size of the film that overrides name, in bytes; None if it is no file."""
+    path = _film_path(settings)
+    return path.stat().st_size if path and path.is_file() else None
 
 
 def read_study_file(path: Path) -> tuple[dict[str, Overrides], Overrides]:
@@ -86,15 +131,18 @@ def read_study_file(path: Path) -> tuple[dict[str, Overrides], Overrides]:
     FinloopError if it is not a study.
     """
     try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        # Not PyYAML alone, which takes the second of two films of one name, without a word.
+        values: Any = OmegaConf.to_container(OmegaConf.load(path))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, OmegaConfBaseException) as error:
         raise FinloopError(f"{path} cannot be read: {error}", EXAMPLE, "correct it") from error
     films = values.get("films") if isinstance(values, Mapping) else None
     problems = []
     if not isinstance(films, Mapping) or not films:
         problems.append("it has no films")
     elif set(values) - {"films", "settings"}:
-        problems.append(f"it has {', '.join(sorted(set(values) - {'films', 'settings'}))}")
+        problems.append(
+            f"it has {', '.join(sorted(map(str, set(values) - {'films', 'settings'})))}"
+        )
     common = (values.get("settings") or {}) if isinstance(values, Mapping) else {}
     if not isinstance(common, Mapping):
         problems.append("its settings are no `parameter: value`")
@@ -135,32 +183,75 @@ def load_results(
 
     failures: experiment → why it failed. folder: where each film's report is written.
     """
-    from dvc.api import DVCFileSystem  # not at the top: the import takes half a second
-
-    commits = list_experiments()
-    there = {name: commits[PREFIX + name] for name in films if PREFIX + name not in failures}
-    stages = sorted({column.key.partition(".")[0] for column in COLUMNS})
-    found = load_numbers([*{*there.values()}], stages)
-    made = []
+    commits, made = list_experiments(), list[FilmResult]()
     for name, settings in films.items():
-        if name not in there:
+        if PREFIX + name in failures:
             made.append(FilmResult(name, settings, error=failures[PREFIX + name]))
             continue
-        files = DVCFileSystem(rev=there[name])
-        values = dict(found[there[name]]) | {"clip.findings": count_findings(files)}
-        (folder / f"{name}.html").write_bytes(files.cat_file(REPORT))
-        pictures = {text: files.cat_file(path) for text, path in PICTURES.items()}
-        made.append(FilmResult(name, settings, values, pictures, f"{REPORTS.name}/{name}.html"))
+        files = open_experiment(commits[PREFIX + name])
+        pictures = {text: files[path] for text, path in PICTURES.items() if path in files}
+        report = f"{REPORTS.name}/{name}.html" if REPORT in files else ""
+        if report:
+            (folder / f"{name}.html").write_bytes(files[REPORT])
+        made.append(FilmResult(name, settings, read_numbers(files), pictures, report))
     return made
 
 
-def count_findings(files: Any) -> int:
-    """Return how many checks of the film found a fault.
+@cache  # two are asked for: before the runs, and after them
+def open_experiment(commit: str) -> dict[str, bytes]:
+    """Return the files of an experiment that a study shows, path → content.
 
-    files: the file system of an experiment.
+    commit: that of the experiment. A file that its pipeline does not make is left out. FinloopError
+    if one is neither in DVC's cache nor on the remote.
     """
-    table = pd.read_csv(StringIO(files.cat_file(FINDINGS).decode()))
-    return int((table["verdict"] != "good").sum())
+    from dvc.api import DVCFileSystem  # not at the top: the import takes half a second
+
+    files = DVCFileSystem(rev=commit)
+    numbers = [f"reports/{stage}/{NUMBERS_NAME}" for stage in STAGES]
+    try:
+        return {
+            path: files.cat_file(path)
+            for path in (*numbers, FINDINGS, REPORT, *PICTURES.values())
+            if files.exists(path)
+        }
+    except OSError as error:
+        raise FinloopError(
+            f"the results of an experiment are not in DVC's cache: {error}",
+            "what `make study` has made of each film",
+            "dvc exp remove its name, and `make study` again",
+        ) from error
+
+
+def read_numbers(files: Mapping[str, bytes]) -> dict[str, float]:
+    """Return the numbers in an experiment's files, `<stage>.<number>` → value.
+
+    `clip.findings` is how many checks of the film found a fault.
+    """
+    values = {
+        f"{Path(path).parent.name}.{key}": value
+        for path, content in files.items()
+        if Path(path).name == NUMBERS_NAME
+        for key, value in parse_numbers(content.decode()).items()
+    }
+    if FINDINGS in files:
+        table = pd.read_csv(StringIO(files[FINDINGS].decode()))
+        values["clip.findings"] = int((table["verdict"] != "good").sum())
+    return values
+
+
+def forget_lost_results(names: Iterable[str]) -> None:
+    """Remove experiments whose results are no longer in DVC's cache, so that they are made again.
+
+    names: of experiments. `dvc gc` takes the results and leaves the experiment.
+    """
+    commits = list_experiments()
+    for name in commits.keys() & {*names}:
+        try:
+            open_experiment(commits[name])
+        except FinloopError:
+            print(f"finloop: the results of {name} are lost, and made again", file=sys.stderr)
+            head = run_git("rev-parse", "HEAD").strip()
+            run_git("update-ref", "-d", f"refs/exps/{head[:2]}/{head[2:]}/{name}")
 
 
 def main() -> None:
@@ -172,6 +263,9 @@ def main() -> None:
     films, common = parse_study(os.environ.get("FILMS", ""))
     common += arguments.overrides
     list_experiments()  # raises if there is no commit for them
+    require_git_user()
+    require_only_one("stages.study")
+    forget_lost_results(PREFIX + name for name in films)
     if LOCAL.is_file():
         print(f"finloop: a study does not use {LOCAL}", file=sys.stderr)
     runs = {PREFIX + name: ["~local", *common, *settings] for name, settings in films.items()}

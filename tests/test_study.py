@@ -57,6 +57,10 @@ def test_any_name_of_a_film_composes_as_it_is(tmp_path):
         ("films: {}", "has no films"),
         ("- a", "has no films"),
         ("films: [", "cannot be read"),
+        ("films: {a: x.mp4, a: y.mp4}", "duplicate key a"),
+        ("films: {a: x.mp4}\nfilms: {b: x.mp4}", "duplicate key films"),
+        ("films:\n  a: x.mp4\n b: y.mp4", "line 3"),
+        ("films: {a: '${'}", "cannot be read"),
         ("films: {a/b: x.mp4}", "more than letters"),
         ("films: {a: 3}", "neither a path nor settings"),
         ("films: {a: {path: [x.mp4]}}", "neither a path nor settings"),
@@ -67,6 +71,21 @@ def test_any_name_of_a_film_composes_as_it_is(tmp_path):
 def test_what_is_no_study_is_refused(tmp_path, text, said):
     with pytest.raises(FinloopError, match=said):
         parse_study(write(tmp_path, text))
+
+
+def test_one_film_by_another_name_is_one_film_unless_its_settings_differ(tmp_path):
+    film, link, copy, other = (tmp_path / name for name in ("a.mp4", "b.mp4", "c.mp4", "d.mp4"))
+    film.write_bytes(b"film")
+    link.symlink_to(film)
+    copy.write_bytes(b"film")
+    other.write_bytes(b"mlif")
+    for again in (film, link, copy):
+        with pytest.raises(FinloopError, match="are one film") as refusal:
+            parse_study(f"{film} {again}")
+        assert refusal.value.do == "take one of them out"
+    assert len(parse_study(f"{film} {other}")[0]) == 2
+    files = f"films: {{a: {film}, b: {{path: {copy}, bpn.epochs: 3}}}}"
+    assert len(parse_study(write(tmp_path, files))[0]) == 2
 
 
 def test_a_missing_film_or_file_is_refused(tmp_path):
