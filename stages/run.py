@@ -164,6 +164,12 @@ def _as_user_error(error: Exception) -> FinloopError | None:
             "room for this stage's output; incomplete files are removed",
             "make room (`dvc gc --workspace` drops unused results), then: dvc repro",
         )
+    if isinstance(error, OSError) and error.errno in (errno.EROFS, errno.EACCES, errno.EPERM):
+        return FinloopError(
+            f"{error.filename or 'a file'}: {error.strerror}",
+            "a folder that can be read and written",
+            "give yourself the right to (ls -ld, chmod), or work in a clone on another disk",
+        )
     return None
 
 

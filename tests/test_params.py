@@ -487,6 +487,11 @@ def test_the_stamp_in_params_yaml_is_renewed_and_nothing_else(elsewhere):
     film.write_bytes(b"22")
     stages.stamps.main()
     assert yaml.safe_load(params.read_text())["film_stamp"] not in (None, once["film_stamp"])
+    before = params.read_text()
+    film.unlink()
+    with pytest.raises(FinloopError, match=f"nothing at {film}") as refusal:
+        stages.stamps.main()
+    assert "dvc repro" in refusal.value.do and params.read_text() == before
 
 
 # --- conf/local/: one's own film and settings

@@ -526,6 +526,26 @@ def test_an_animation_is_drawn_from_the_cache(first_run: Copy, monkeypatch: pyte
     assert choose_mode(["bpn.train_rows"]) == "hybrid"
 
 
+def test_adding_and_removing_a_film_of_a_study_touches_no_other_film(front: Copy):
+    carp = {key: yaml.safe_load(value) for key, value in (one.split("=") for one in TINY_CARP)}
+    film = {"one": carp, "two": carp | {"features.turn_end_threshold": 0.4}}
+
+    def study(**films: Any) -> dict[str, str]:
+        """Make a study; return its experiments, name and commit."""
+        (front.root.parent / "study.yaml").write_text(yaml.safe_dump({"films": films}))
+        text = front.run("env", "FILMS=../study.yaml", "python", "-m", "stages.study")
+        assert "Done: reports/study.html" in text
+        assert pd.read_csv(front.root / "reports/study.csv")["film"].tolist() == list(films)
+        refs = "--format=%(refname:lstrip=-1) %(objectname)", "refs/exps/**/study-*"
+        return dict(line.split() for line in front.git("for-each-ref", *refs).splitlines())
+
+    before = front.git("status", "--porcelain"), front.text("params.yaml")
+    first = study(one=film["one"])
+    assert study(**film).items() > first.items()
+    assert len(study(two=film["two"])) == 2  # what was made of a removed film is kept
+    assert before == (front.git("status", "--porcelain"), front.text("params.yaml"))
+
+
 def test_a_pull_request_shows_what_the_numbers_were_and_are(front: Copy, tmp_path: Path):
     steps = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())["jobs"]["test"]["steps"]
     (step,) = [one for one in steps if "BASE" in one.get("env", {})]

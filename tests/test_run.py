@@ -51,6 +51,8 @@ def test_a_stage_that_returns_ends_well(capsys):
         (MemoryError(), "out of memory\n"),
         (OSError(errno.ENOSPC, "No space left", "data/clip/clip.mp4"), "disk is full (data/clip/"),
         (OSError(errno.EDQUOT, "Quota exceeded"), "disk is full"),
+        (OSError(errno.EROFS, "Read-only file system", "params.yaml"), "params.yaml: Read-only"),
+        (OSError(errno.EACCES, "Permission denied", "data"), "data: Permission denied"),
     ],
 )
 def test_a_foreseen_error_is_one_message(error, said, capsys):

@@ -1,5 +1,9 @@
 """A study: films named on the line or in a file, and the page with a row for each."""
 
+import os
+import subprocess
+import sys
+
 import cv2
 import numpy as np
 import pytest
@@ -8,6 +12,7 @@ from browser import chromium, visit
 
 from finloop.base.errors import FinloopError
 from finloop.report.study import COLUMNS, FilmResult, study_page, study_table
+from stages.clones import require_git_user, require_only_one
 from stages.compose import compose_params
 from stages.study import clip_path_overrides, parse_study
 
@@ -92,6 +97,29 @@ def test_a_missing_film_or_file_is_refused(tmp_path):
     for text in (str(tmp_path / "gone.mp4"), str(tmp_path / "gone.yaml"), ""):
         with pytest.raises(FinloopError):
             parse_study(text)
+
+
+def test_a_study_wants_a_git_user_and_the_folder_for_itself(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("GIT_COMMITTER_NAME", "GIT_COMMITTER_EMAIL"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("GIT_CONFIG_GLOBAL", os.devnull)
+    monkeypatch.setenv("GIT_CONFIG_SYSTEM", os.devnull)
+    for part, value in (("name", "Ada"), ("email", "ada@example.org")):
+        with pytest.raises(FinloopError, match=f"does not know your {part}") as refusal:
+            require_git_user()
+        assert refusal.value.do.startswith(f"git config user.{part}")
+        monkeypatch.setenv(f"GIT_COMMITTER_{part.upper()}", value)
+    require_git_user()
+    left = tmp_path / ".dvc/tmp/sweep-1/0"  # of a study that was killed
+    left.mkdir(parents=True)
+    other = [sys.executable, "-c", "input()", "stages.sweep"]
+    with subprocess.Popen(other, stdin=subprocess.PIPE) as process:
+        with pytest.raises(FinloopError, match=f"stages.sweep .process {process.pid}"):
+            require_only_one("stages.study")
+        assert left.exists()
+    require_only_one("stages.study")
+    assert not left.exists()
 
 
 def test_the_table_has_a_row_for_each_film_also_for_one_that_failed():
