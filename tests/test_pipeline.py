@@ -526,23 +526,24 @@ def test_an_animation_is_drawn_from_the_cache(first_run: Copy, monkeypatch: pyte
     assert choose_mode(["bpn.train_rows"]) == "hybrid"
 
 
-def test_adding_and_removing_a_film_of_a_study_touches_no_other_film(front: Copy):
+def test_a_film_that_is_added_or_missing_touches_no_other_film_of_a_study(front: Copy):
     carp = {key: yaml.safe_load(value) for key, value in (one.split("=") for one in TINY_CARP)}
-    film = {"one": carp, "two": carp | {"features.turn_end_threshold": 0.4}}
-
-    def study(**films: Any) -> dict[str, str]:
-        """Make a study; return its experiments, name and commit."""
-        (front.root.parent / "study.yaml").write_text(yaml.safe_dump({"films": films}))
-        text = front.run("env", "FILMS=../study.yaml", "python", "-m", "stages.study")
-        assert "Done: reports/study.html" in text
-        assert pd.read_csv(front.root / "reports/study.csv")["film"].tolist() == list(films)
-        refs = "--format=%(refname:lstrip=-1) %(objectname)", "refs/exps/**/study-*"
-        return dict(line.split() for line in front.git("for-each-ref", *refs).splitlines())
-
+    films = {"one": carp, "two": carp | {"features.turn_end_threshold": 0.4}, "gone": "gone.mp4"}
+    (front.root.parent / "study.yaml").write_text(yaml.safe_dump({"films": films}, sort_keys=False))
+    head = front.git("rev-parse", "HEAD").strip()
+    folder = f"refs/exps/{head[:2]}/{head[2:]}"
+    for name in ("one", "removed"):  # what has been run of this film is the commit itself
+        front.git("update-ref", f"{folder}/study-{name}", head)
     before = front.git("status", "--porcelain"), front.text("params.yaml")
-    first = study(one=film["one"])
-    assert study(**film).items() > first.items()
-    assert len(study(two=film["two"])) == 2  # what was made of a removed film is kept
+    text = front.run("env", "FILMS=../study.yaml", "python", "-m", "stages.study", fails=True)
+    assert "nothing at" in text and "gone.mp4" in text and "runs: 1 of 1" in text
+    table = pd.read_csv(front.root / "reports/study.csv").set_index("film")
+    assert [*table.index] == ["one", "two", "gone"]
+    assert table["extract.tracks"].notna().tolist() == [True, True, False]
+    listed = front.git("for-each-ref", "--format=%(refname:lstrip=-1) %(objectname)", folder)
+    made = dict(line.split() for line in listed.splitlines() if line.startswith("study-"))
+    assert made.keys() == {"study-one", "study-two", "study-removed"}
+    assert made["study-one"] == made["study-removed"] == head != made["study-two"]
     assert before == (front.git("status", "--porcelain"), front.text("params.yaml"))
 
 
