@@ -1,8 +1,7 @@
-"""What must be so before experiments are made in copies of the workspace, by a study or a sweep."""
+"""One study or sweep at a time in a folder, and none of what killed ones have left."""
 
 import os
 import shutil
-import subprocess
 from pathlib import Path
 
 import psutil
@@ -11,20 +10,6 @@ from finloop.base.errors import FinloopError
 
 PROGRAMS = ("stages.study", "stages.sweep")
 CLONES = ".dvc/tmp/sweep-*"
-
-
-def require_git_user() -> None:
-    """Raise FinloopError if Git does not know who the user is: an experiment is a commit."""
-    for key, example in (("name", "Your Name"), ("email", "you@example.org")):
-        if f"GIT_COMMITTER_{key.upper()}" in os.environ:
-            continue
-        done = subprocess.run(["git", "config", f"user.{key}"], capture_output=True, check=False)
-        if not done.stdout.strip():
-            raise FinloopError(
-                f"Git does not know your {key}",
-                "a name and an e-mail for the experiments, which are commits",
-                f'git config user.{key} "{example}"',
-            )
 
 
 def require_only_one(program: str) -> None:

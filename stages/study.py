@@ -41,9 +41,9 @@ from finloop.io.footage import list_films, unique_film_names
 from finloop.io.numbers import NUMBERS_NAME, parse_numbers
 from finloop.io.table import save_csv
 from finloop.report.study import COLUMNS, FilmResult, study_page, study_table
-from stages.clones import require_git_user, require_only_one
+from stages.clones import require_only_one
 from stages.film import parse_film_paths
-from stages.repository import list_experiments, run_git
+from stages.repository import list_experiments, read_git_user, run_git
 from stages.settings import LOCAL
 from stages.sweep import make_runs
 
@@ -263,7 +263,7 @@ def main() -> None:
     films, common = parse_study(os.environ.get("FILMS", ""))
     common += arguments.overrides
     list_experiments()  # raises if there is no commit for them
-    require_git_user()
+    read_git_user()  # raises if there is none
     require_only_one("stages.study")
     forget_lost_results(PREFIX + name for name in films)
     if LOCAL.is_file():
