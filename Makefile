@@ -13,7 +13,7 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-TARGETS := help demo film study test test-kernel setup tracks cluster params repro play sweep lint params-check bench docs pictures clean
+TARGETS := help demo film study ci-fixture test test-kernel setup tracks cluster params repro play sweep lint params-check bench docs pictures clean
 .PHONY: $(TARGETS)
 
 # A second film beside FILM, or half of a path with a space, is a target to make: it would be left out in silence.
@@ -52,6 +52,9 @@ film: display setup ## your own film, from file to report:  make film FILM=/path
 
 study: display setup ## several films, a row each:  make study FILMS="a.mp4 b.mp4", or FILMS=study.yaml
 	@FILMS='$(subst ','\'',$(value FILMS))' python -m stages.study $(S)
+
+ci-fixture: display setup ## the pipeline on a tiny drawn film, its numbers against kept ones, in a minute
+	@python -m stages.fixture $(S)
 
 test: setup ## run the tests
 	@python -m pytest -n 2 --dist loadfile --no-loadscope-reorder

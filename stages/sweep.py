@@ -79,7 +79,7 @@ def _clone(root: Path, folder: Path, cache: str) -> None:
     (folder / ".dvc/config.local").write_text(settings, encoding="utf-8")
 
 
-def _run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bool, str]:
+def run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bool, str]:
     """Run a DVC command in a folder; return whether it succeeds, and its output.
 
     processes: on how many a stage works.
@@ -125,7 +125,7 @@ def _make_run(name: str, changes: list[str], stages: list[str], clone: Path, pro
     """
     values = [word for change in changes for word in ("-S", change)]
     command = "exp", "run", "--name", name, *values, *stages
-    succeeds, text = _run_dvc(*command, folder=clone, processes=processes)
+    succeeds, text = run_dvc(*command, folder=clone, processes=processes)
     if not succeeds:
         return "\n    ".join(failure_lines(text))
     refs = run_git("for-each-ref", "--format=%(refname)", "refs/exps", folder=clone).split()
@@ -217,9 +217,9 @@ class RunMaker:
         root = Path.cwd()
         (root / ".dvc/tmp").mkdir(exist_ok=True)
         if not self._clones:
-            _, self._cache = _run_dvc("cache", "dir", folder=root)
+            _, self._cache = run_dvc("cache", "dir", folder=root)
             if self.shared:
-                self.shared = "up to date" not in _run_dvc("status", *self.stages, folder=root)[1]
+                self.shared = "up to date" not in run_dvc("status", *self.stages, folder=root)[1]
             apart = TemporaryDirectory(dir=root / ".dvc/tmp", prefix="sweep-")
             self._folder = Path(self._stack.enter_context(apart))
         for number in range(len(self._clones), count):

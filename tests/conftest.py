@@ -1,6 +1,7 @@
 """Fixtures that several tests share: a copy of the repository whose pipeline runs a tiny carp."""
 
 import gc
+import json
 import os
 import shutil
 import subprocess
@@ -16,6 +17,7 @@ import stages.run  # isort: skip  # noqa: F401  (sets the threads of all librari
 
 import psutil
 import pytest
+import yaml
 from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
 
@@ -30,35 +32,8 @@ os.environ["PYTHONPATH"] = os.pathsep.join(
 )
 FRONT = ("plots-film",)  # and what these wait for
 TINY_CARP = [
-    "clip=carp",
-    "clip.frames=100",
-    "clip.width_px=320",
-    "clip.height_px=240",
-    "clip.body_length_px=70",
-    "clip.colour=false",
-    "clip.seed=4",  # a film with a turn
-    "features.orientations=20",
-    "bpn.epochs=5",
-    "bpn.held_out_block_deltas=3",
-    "forecast.epochs=2",
-    "forecast.held_out_block_deltas=3",
-    "animate.seconds=2",
-    "animate.trials=2",
-    "render.webp_seconds=1",
-    "render.comparison_seconds=0.4",
-    "realism.seconds=4",
-    "realism.window_deltas=1",
-    "realism.cross_validation_folds=2",
-    "realism.classifier_trees=5",
-    "realism.examples=1",
-    "tank.seconds=0.3",
-    "tank.width_px=160",
-    "tank.height_px=96",
-    "export.webp_seconds=0.5",
-    "morph.frames=6",
-    "morph.contour_points=64",
-    "gait.contour_points=64",
-    "report.max_picture_width_px=200",
+    f"{key}={value if isinstance(value, str) else json.dumps(value)}"
+    for key, value in yaml.safe_load((ROOT / ".ci/fixture/film.yaml").read_text("utf-8")).items()
 ]
 SMALL_GAIT = {
     "dog_frames": 32, "dog_cycles": 2.0, "dog_width_px": 160, "frame_rate_hz": 8.0, "size_px": 64,

@@ -19,7 +19,6 @@ PLACES = {
     "Makefile": "Makefile",
     "requirements.txt": "requirements.txt",
     "ci.yml": ".github/workflows/ci.yml",
-    "tiny.yaml": "conf/experiment/tiny.yaml",
 }
 """Where each file of `TEMPLATE` goes."""
 _SOURCES = "deps: [finloop, stages]"  # of the stage `code`

@@ -1,0 +1,178 @@
+"""Run the pipeline on a tiny drawn film, and compare its numbers with kept ones.
+
+`make ci-fixture` calls `python -m stages.fixture`. The film and its settings are in
+.ci/fixture/film.yaml, the kept numbers in .ci/fixture/numbers.csv. The run is made in copies of the
+workspace, without conf/local/, and from an empty cache: the workspace does not change.
+reports/fixture/ gets the report, all numbers, the comparison, and what DVC has printed. The exit
+status is 1 where a number is not the kept one. `--keep` keeps the present numbers instead.
+"""
+
+from stages.run import report_progress, run  # isort: skip
+
+import argparse
+import math
+import shutil
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import chdir
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import yaml
+
+from finloop.base.errors import FinloopError
+from finloop.io.atomic import save_bytes
+from finloop.io.numbers import NUMBERS_NAME, load_numbers, save_numbers
+from stages.compose import write_params
+from stages.repository import run_git
+from stages.settings import PARAMS, format_override
+from stages.sweep import failure_lines, run_dvc
+
+FILM, KEPT = Path(".ci/fixture/film.yaml"), Path(".ci/fixture/numbers.csv")
+OUT = Path("reports/fixture")
+BESIDE = ("morph", "gait")  # stages that run beside the others: no other stage needs them
+LEAST = 1e-3  # the relative difference, and half the absolute one, that counts as another number
+
+
+def read_fixture(path: Path) -> list[str]:
+    """Return the settings of the tiny film, a line of film.yaml each, as overrides."""
+    try:
+        values = dict(yaml.safe_load(path.read_text(encoding="utf-8")))
+    except (OSError, TypeError, ValueError, yaml.YAMLError) as error:
+        raise FinloopError(
+            f"{path} cannot be read: {error}",
+            "the tiny film, as `clip: carp` and lines such as `clip.frames: 100`",
+            "git checkout it; `finloop new` makes one, too",
+        ) from error
+    return [
+        f"{key}={format_override(value) if '.' in key else value}" for key, value in values.items()
+    ]
+
+
+def compare_numbers(kept: Mapping[str, float], now: Mapping[str, float]) -> list[str]:
+    """Return the rows of a Markdown table of the numbers that differ; empty if none does.
+
+    kept, now: by name. Whole numbers are compared as they are, others to about three digits, which
+    are the same on every processor.
+    """
+    return [
+        f"| {name} | {kept.get(name, 'none')} | {now.get(name, 'none')} |"
+        for name in sorted({*kept, *now})
+        if name not in kept or name not in now or not _is_same(kept[name], now[name])
+    ]
+
+
+def _is_same(first: float, second: float) -> bool:
+    """Return whether two numbers are the same, but for digits that depend on the processor."""
+    if isinstance(first, int) and isinstance(second, int):
+        return first == second
+    return math.isclose(first, second, rel_tol=LEAST, abs_tol=LEAST / 2)
+
+
+def load_comparable_numbers(folder: Path) -> dict[str, float]:
+    """Return the numbers of a run that git would keep, `stage.number` → value.
+
+    folder: the workspace of the run. Other numbers differ between processors; DVC caches them.
+    """
+    stages: dict[str, Any] = yaml.safe_load((folder / "dvc.yaml").read_text("utf-8"))["stages"]
+    return {
+        f"{path.parent.name}.{name}": value
+        for path in _kept_plots(stages)
+        if path.name == NUMBERS_NAME
+        for name, value in load_numbers(folder / path.parent).items()
+    }
+
+
+def _kept_plots(stages: Mapping[str, Any]) -> Iterator[Path]:
+    """Yield the plots that git keeps; stages: those of a dvc.yaml."""
+    for stage in stages.values():
+        for plot in stage.get("plots", []):
+            for path, options in plot.items() if isinstance(plot, dict) else ():
+                if not options.get("cache", True):
+                    yield Path(path)
+
+
+def _copy_workspace(folder: Path, cache: Path) -> None:
+    """Copy what git has or would take into a new repository.
+
+    folder: of the copy. cache: the folder of the copy's DVC cache.
+    """
+    listed = run_git("ls-files", "-z", "--cached", "--others", "--exclude-standard")
+    for name in filter(None, listed.split("\0")):
+        if Path(name).is_file() and not name.startswith(("reports/", "dvc.lock")):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(name, folder / name)
+    for package in (path.parent for path in Path("finloop").glob("**/__init__.py")):
+        compiled = package / "__pycache__"  # machine code takes half a minute to compile: shared
+        compiled.mkdir(exist_ok=True)
+        (folder / compiled).symlink_to(compiled.absolute())
+    run_git("init", "--quiet", folder=folder)
+    settings = f"[cache]\n    dir = {cache}\n"
+    (folder / ".dvc/config.local").write_text(settings, encoding="utf-8")
+
+
+def run_fixture(overrides: list[str]) -> dict[str, float]:
+    """Run the pipeline on the tiny film; return its numbers, and fill the folder `OUT`.
+
+    overrides: the film and its settings. FinloopError, with the failed stage's message, if a stage
+    fails.
+    """
+    apart = Path(".dvc/tmp")
+    apart.mkdir(exist_ok=True)
+    with (
+        TemporaryDirectory(dir=apart.absolute(), prefix="fixture-") as folder,
+        report_progress("fixture", 1, "runs") as advance,
+        ThreadPoolExecutor() as pool,
+    ):
+        first, second = Path(folder) / "first", Path(folder) / "second"
+        for clone in (first, second):
+            _copy_workspace(clone, Path(folder) / "cache")
+        with chdir(first):
+            write_params(["~local", *overrides])
+        shutil.copyfile(first / PARAMS, second / PARAMS)
+        # What one has made, the other one takes from the cache.
+        beside = pool.submit(run_dvc, "repro", *BESIDE, folder=second)
+        succeeds, text = run_dvc("repro", folder=first)
+        beside.result()
+        save_bytes(OUT / "dvc.log", text.encode())
+        if not succeeds:
+            raise FinloopError(
+                "\n    ".join(["the pipeline fails on the tiny film:", *failure_lines(text)]),
+                "a run of all stages",
+                f"see above; {OUT}/dvc.log has all that DVC has printed",
+            )
+        shutil.copyfile(first / "reports/index.html", OUT / "index.html")
+        advance()
+        return load_comparable_numbers(first)
+
+
+def main() -> None:
+    """Run the tiny film; keep its numbers, or compare them and write the comparison."""
+    parser = argparse.ArgumentParser(prog="make ci-fixture", description=__doc__)
+    parser.add_argument("--keep", action="store_true", help=f"write the numbers to {KEPT}")
+    keeps = parser.parse_args().keep
+    if not keeps and not KEPT.is_file():
+        raise FinloopError(
+            f"{KEPT} is missing", "the kept numbers", "make ci-fixture S=--keep, and commit it"
+        )
+    now = run_fixture(read_fixture(FILM))
+    save_numbers(OUT, now)
+    if keeps:
+        save_numbers(KEPT.parent, now)
+        print(f"fixture: {KEPT} has {len(now)} numbers")
+    rows = compare_numbers(load_numbers(KEPT.parent), now)
+    head = f"{len(now)} numbers of the tiny film, {len(rows)} of them not as kept in {KEPT}"
+    table = ["", "| number | kept | now |", "|---|---|---|", *rows] if rows else []
+    save_bytes(OUT / "comparison.md", "\n".join([head, *table, ""]).encode())
+    print(f"fixture: {head}\n{OUT}/index.html is the report.")
+    if rows:
+        raise FinloopError(
+            "\n    ".join(["numbers differ (kept, now):", *rows[:20]]),
+            f"the numbers in {KEPT}",
+            "if the change is meant: make ci-fixture S=--keep, and commit the file",
+        )
+
+
+if __name__ == "__main__":
+    run(main)
