@@ -13,7 +13,7 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-TARGETS := help demo film study ci-fixture test test-kernel setup tracks cluster params repro play sweep lint params-check bench docs pictures clean
+TARGETS := help demo film study ci-fixture test test-kernel setup tracks cluster params repro play runs sweep lint params-check bench docs pictures clean
 .PHONY: $(TARGETS)
 
 # A second film beside FILM, or half of a path with a space, is a target to make: it would be left out in silence.
@@ -35,12 +35,12 @@ demo: display setup ## fetch the zebrafish clip, run the pipeline on it, say wha
 	@echo "  data/render/hybrid_marked.mp4        mode hybrid on its way to A, B and C"
 	@echo "  reports/render/                      network.png, loops.png, hybrid.png, matching.png: the route of"
 	@echo "                                       each mode, in colours by what is shown"
-	@echo "  reports/render/switches.png          mode hybrid between film and sprites, tick by tick"
-	@echo "  reports/loops/fig11.png              the position table of the video loops"
+	@echo "  reports/modes/render/switches.png          mode hybrid between film and sprites, tick by tick"
+	@echo "  reports/motion/loops/fig11.png              the position table of the video loops"
 	@echo "  data/animate/beside/measures.csv         the measures of all modes, beside the film's own"
-	@echo "  reports/sprites/contact_sheet.png    the frames that network and hybrid show"
-	@echo "  reports/features/contact_sheet.png   the fish, with what was found in them"
-	@echo "  reports/features/metrics.json        the numbers (dvc metrics show)"
+	@echo "  reports/motion/sprites/contact_sheet.png    the frames that network and hybrid show"
+	@echo "  reports/film/features/contact_sheet.png   the fish, with what was found in them"
+	@echo "  reports/features/numbers.csv         the numbers (of others: dvc metrics show)"
 	@echo "  dvc_plots/index.html                 every chart and picture"
 	@echo "Then: make play                        send the fish by hand"
 	@dvc plots show >/dev/null
@@ -117,6 +117,13 @@ stimulus: setup ## a stimulus for animals, see docs/stimulus.md:  make stimulus 
 
 sweep: setup ## make sweep experiment=learning_rate (conf/experiment/), or S="bpn.hidden_units=10,20 bpn.momentum=0.3,0.5"
 	@SWEEP='$(subst ','\'',$(value S))' python -m stages.sweep $(experiment)
+
+# By name: of each mode how real it looks and the goals that it reaches; hybrid's seams; the network's error.
+TEN := $(foreach mode,network loops hybrid matching,$(mode)_auc $(mode)_trials_goals_reached_pct) hybrid_seam_ratio_p95 held_out_area_rmse
+NONE :=
+
+runs: setup ## experiments, a row each: changed parameters, the ten numbers that matter;  make runs S="--sort-by hybrid_auc"
+	@COLUMNS=300 dvc exp show --only-changed --drop '^[^.]*$$|/|^params' --keep '^(Experiment|Created|$(subst $(NONE) $(NONE),|,$(TEN)))$$' $(S)
 
 lint: setup ## style, types, and which room may import which
 	@ruff check

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from setuptools import find_packages, setup
 
 SHIPPED = Path("finloop/lab/files.txt").read_text(encoding="utf-8").split()
-DATA = ["*.html", "*.j2", "*.js", "*.txt", "page/*", "template/*"]
+DATA = ["*.html", "*.j2", "*.js", "*.txt", "*.yaml", "page/*", "template/*"]
 
 with TemporaryDirectory() as folder:
     setup(

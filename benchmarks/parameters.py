@@ -126,7 +126,7 @@ def reading_stages(group: str) -> list[str]:
     return [
         word
         for word, stage in pipeline_stages().items()
-        if any(one.partition(".")[0] == group for one in stage.get("params", []))
+        if any(one.partition(".")[0] == group for one in stage.get("meta", {}).get("params", []))
         and (word != "realism" or group == "realism")
     ]
 

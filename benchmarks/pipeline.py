@@ -15,6 +15,7 @@ import yaml
 
 from finloop.base.settings import read_conf_values
 from finloop.io.numbers import load_numbers
+from stages.origins import output_paths
 
 ROOT = Path(__file__).parents[1]
 STAGES = ("clip", "extract", "features")
@@ -57,8 +58,7 @@ def run_stage(folder: Path, stage_name: str) -> dict[str, Any]:
 
 def written_paths(stage: dict[str, Any]) -> set[str]:
     """Return the paths that a stage of dvc.yaml writes."""
-    every = [*stage.get("outs", []), *stage.get("metrics", []), *stage.get("plots", [])]
-    return {next(iter(one)) if isinstance(one, dict) else one for one in every}
+    return set(output_paths(stage))
 
 
 def does_read(dep: str, out: str) -> bool:

@@ -227,14 +227,14 @@ class Project:
         """Return how the distance map was made: pose, picture size, thresholds, natural step."""
         from finloop.distance.map import MapFacts
 
-        return load_record(self.data / "distance/facts.json", MapFacts, "distance")
+        return load_record(self.data / "distance/steps/facts.json", MapFacts, "distance")
 
     @cached_property
     def step_distances(self) -> pd.DataFrame:
         """Return the distances from rows to later frames of their tracks, columns of `STEPS`."""
         from finloop.distance.map import STEPS
 
-        return load_table(self.data / "distance/steps.parquet", STEPS)
+        return load_table(self.data / "distance/steps/steps.parquet", STEPS)
 
     @cached_property
     def similar_pairs(self) -> pd.DataFrame:

@@ -1,9 +1,12 @@
 """Stage `code`, the first: list the files of the program that each stage runs.
 
 DVC does not see imports. This stage follows them from the module of each stage and writes
-data/code/<stage>.txt: every file of the program that the stage may run, with a digest. A stage
-depends on its list. It runs again when one of these files changes, and not when another file of the
-program does.
+data/code/<stage>.txt: every file of the program that the stage may run, with a digest. The stage
+`params` puts a digest of this list into data/params/<stage>.yaml, on which the stage depends. So a
+stage runs again when one of these files changes, and not when another file of the program does.
+
+DVC does not let a stage depend on dvc.yaml. So what dvc.yaml declares in `meta` is copied to
+data/code/declared.yaml; stages/pipeline.yaml is a link to dvc.yaml, so that DVC sees it change.
 
 In a lab's own repository the program is installed elsewhere. There DVC runs this stage every time:
 another version gives other lists, and so the stages whose files differ run again.
@@ -20,9 +23,10 @@ from typing import Any
 
 import yaml
 
-from finloop.base.program import HOME, describe_program, shipped_folder
+from finloop.base.program import HOME, describe_program
 from finloop.base.settings import GROUPS, settings_file
 from finloop.io.atomic import whole_folder
+from stages.origins import DECLARED, note_paths, read_stages
 
 ROOT = HOME  # relative paths in this module are below it: the same where finloop is installed
 OUT = Path("data/code")
@@ -41,8 +45,7 @@ def stage_module(stage: str) -> str:
 
 def file_lists() -> dict[str, str]:
     """Return the list of each stage of finloop's dvc.yaml, by the name of its file."""
-    text = (shipped_folder() / "dvc.yaml").read_text(encoding="utf-8")
-    return {f"{stage}.txt": file_list_text(stage) for stage in yaml.safe_load(text)["stages"]}
+    return {f"{stage}.txt": file_list_text(stage) for stage in read_stages()}
 
 
 def file_list_text(stage: str) -> str:
@@ -185,6 +188,11 @@ def main() -> None:
     with whole_folder(OUT) as folder:
         for name, text in file_lists().items():
             (folder / name).write_text(text, encoding="utf-8")
+        declared = {
+            name: {"params": stage["meta"]["params"], "noted": note_paths(stage)}
+            for name, stage in read_stages().items() if "meta" in stage
+        }  # fmt: skip
+        (folder / DECLARED.name).write_text(yaml.safe_dump(declared), encoding="utf-8")
 
 
 if __name__ == "__main__":

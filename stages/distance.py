@@ -48,8 +48,9 @@ def main() -> None:
 
     with whole_folder(FOLDER) as folder:
         save_table(folder / "pairs.parquet", pairs, PAIRS)
-        save_table(folder / "steps.parquet", steps, STEPS)
-        save_record(folder / "facts.json", facts)
+        (folder / "steps").mkdir()  # apart from the pairs: most stages read these alone
+        save_table(folder / "steps/steps.parquet", steps, STEPS)
+        save_record(folder / "steps/facts.json", facts)
 
     frames = len(steps)
     count, pairs_computed = frames * (frames - 1) // 2, count_pairs(todo)

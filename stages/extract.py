@@ -28,7 +28,8 @@ from finloop.io.several import FILMS, FilmPart, load_parts, load_readable_parts
 from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
 from stages.cluster import open_workers
-from stages.reuse import code_digest, folder_digest, key_digest, reuse_or_make
+from stages.origins import path_digest
+from stages.reuse import code_digest, key_digest, reuse_or_make
 from stages.settings import load_settings
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
@@ -68,7 +69,7 @@ def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:
     """Return everything from which the tracks of a clip are made, as plain values by name."""
     tracks = Path(p.tracks_path or "").expanduser()
     return {
-        "extract": asdict(p), "code": code_digest("extract"), "clip": folder_digest(clip),
+        "extract": asdict(p), "code": code_digest("extract"), "clip": path_digest(clip),
         "tracks": read_file_stamps(tracks) if p.tracks_path and tracks.exists() else None,
     }  # fmt: skip
 

@@ -47,6 +47,7 @@ from stages.settings import load_settings
 
 TRACKS = ("track_id", "frame", "outline_x_px", "outline_y_px", "backbone_x_px", "backbone_y_px")
 OUT, REPORT = Path("data/gait"), Path("reports/gait")
+FIGURES = REPORT / "figures"
 LEAST_FRAMES, SECONDS = 8, 4  # of a drawn cycle; of a drawing's MP4
 ENDINGS = (".svg", ".webp", ".mp4", ".lottie.json")
 CRF = 18
@@ -278,12 +279,12 @@ def main() -> None:
             facts = {name: getattr(fit.gait, name) for name in names} | fit.rms()
             numbers |= {f"{film}_{name}": value for name, value in facts.items()}
             save_json(folder / f"{film}.json", gait_to_record(fit.gait), indent=1)
-            with whole_folder(REPORT / film) as figures_of_film:
+            with whole_folder(FIGURES / film) as figures_of_film:
                 _draw_figures(fit, figures_of_film, pictures if film == "limbs" else None)
         if swimmer is None:
             why = "no track of the clip has an outline that repeats: see tracks.csv"
             print(f"gait: {why}")
-            with whole_folder(REPORT / "outline") as empty:
+            with whole_folder(FIGURES / "outline") as empty:
                 (empty / "none.txt").write_text(why + "\n", encoding="utf-8")
         with report_progress("gait", 2, "drawings") as advance:
             numbers |= _animate_drawing("dog", p.walker_drawings, walker.gait, p, folder)

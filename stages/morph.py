@@ -33,6 +33,7 @@ from finloop.plots.morph import draw_morphs
 from stages.settings import load_settings
 
 OUT, REPORT = Path("data/morph"), Path("reports/morph")
+FIGURES = REPORT / "figures"
 TABLES = ("db4", "coif2")  # of the paper's Tables 1 and 2
 DECIMALS = 10  # of connection coefficients
 GLYPH_POINTS, HOOP_POINTS = 1024, 256
@@ -84,13 +85,15 @@ def _release_hoop(p: MorphSettings) -> dict[str, float]:
     numbers["hoop_largest_rise_of_energy_share"] = float(np.diff(total).max() / total[0])
     ticks = np.arange(0, 72, 4)
     frames = exact.displacement + rest
-    save_figure(REPORT / "fig6.png", figure6(frames[ticks], times[ticks], rest, "a hoop let go"))
+    save_figure(FIGURES / "fig6.png", figure6(frames[ticks], times[ticks], rest, "a hoop let go"))
     few = ticks[::2]
     coarse = [
         (count, drop_details(frames[few], p.wavelet, int(np.log2(HOOP_POINTS // count))))
         for count in CONTROL
     ]
-    save_figure(REPORT / "fig7.png", figure7(coarse, times[few], "the same, of few control points"))
+    save_figure(
+        FIGURES / "fig7.png", figure7(coarse, times[few], "the same, of few control points")
+    )
     return numbers
 
 
@@ -99,10 +102,10 @@ def _draw_curves(p: MorphSettings) -> dict[str, float]:
     outline = max(glyph_outlines(p.glyph), key=lambda letter: len(letter.points))
     letter: Curve = resample_curve(outline, GLYPH_POINTS)
     save_figure(
-        REPORT / "fig2.png", figure2(letter, [(CUBIC, "cubic B-spline"), ("db4", "Daubechies")])
+        FIGURES / "fig2.png", figure2(letter, [(CUBIC, "cubic B-spline"), ("db4", "Daubechies")])
     )
     k = stiffness_matrix(p.wavelet, 64, 2)
-    save_figure(REPORT / "fig3.png", figure3(k, 2, f"stiffness, {p.wavelet}, two scales"))
+    save_figure(FIGURES / "fig3.png", figure3(k, 2, f"stiffness, {p.wavelet}, two scales"))
     return {
         f"off_diagonal_energy_{wavelet}_{levels}_levels_pct": 100
         * off_diagonal_share(stiffness_matrix(wavelet, 256, levels))
@@ -144,12 +147,12 @@ def main() -> None:
             tables = _connection_tables()
             save_csv(folder / "connection.csv", tables, decimals=DECIMALS, exact=True)
             save_csv(folder / "folds.csv", _fold_table(morphs), decimals=0)
-    save_picture(REPORT / "fig4.png", draw_morphs(morphs))
+    save_picture(FIGURES / "fig4.png", draw_morphs(morphs))
     swings = {
         name: morph_drawings(*drawings, "physical", p.frames, p.contour_points, physics=physics)
         for name, physics in SETTINGS.items()
     }
-    save_picture(REPORT / "fig5.png", draw_morphs({"linear": morphs["linear"]} | swings))
+    save_picture(FIGURES / "fig5.png", draw_morphs({"linear": morphs["linear"]} | swings))
     for method, result in morphs.items():
         folded = sum(bool(count.any()) for count in result.folds.values())
         numbers[f"{method}_contours_that_fold"] = folded

@@ -39,12 +39,17 @@ from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import AGAIN, Windows
 from finloop.render.gallery import Gallery
 from stages.cluster import open_workers
+from stages.kept import KeptResults, load_frames, load_values, open_kept, save_frames, save_values
+from stages.origins import path_digest
 from stages.settings import load_settings
 
 ANIMATE = Path("data/animate")
 OUT, REPORT = Path("data/realism"), Path("reports/realism")
 WORKERS_NEED = ["finloop.realism.instrument", "finloop.realism.compare", "finloop.project"]
 LEAST_SHARE = 0.8  # of the ticks that extraction follows; below it a note is printed
+INPUTS = [Path("data") / word for word in ("clip", "extract", "features", "pose", "sprites")]
+"""What all measurements are made from, beside the edit list of a mode."""
+NOTHING_KEPT = KeptResults(None, "", {})
 PANEL_PX, CRF = 320, 20  # of the film of examples
 
 
@@ -69,24 +74,31 @@ def _followed_share(followed_ticks: Sized, work: list[Work]) -> float:
 
 def measure_swimming(
     works: dict[str, list[Work]], pictures: GalleryOpener, instruments: dict[str, Instrument],
-    pool: Workers,
+    pool: Workers, kept: KeptResults = NOTHING_KEPT,
 ) -> dict[str, Swimming]:  # fmt: skip
     """Draw the edit lists of film and modes, and measure the fish in them by extraction.
 
-    works, instruments: by mode or FILM. Returns the measured swimming by the same names; a name
-    without a followed fish is left out.
+    works, instruments: by mode or FILM. kept: feature tables that an earlier run has measured in
+    the same edit lists. Returns the measured swimming by the same names; a name without a followed
+    fish is left out.
     """
-    jobs = [(instruments[name], *job) for name, work in works.items() for job in work]
-    tables = []
+    tables = {
+        name: kept.load(name, "parquet", partial(load_frames, count=len(work)))
+        for name, work in works.items()
+    }
+    new = [name for name, measured_before in tables.items() if measured_before is None]
+    jobs = [(instruments[name], *job) for name in new for job in works[name]]
     with report_progress("realism", sum(len(edit) for _, edit, _ in jobs), "ticks") as advance:
         results = ordered_map(partial(measure_edit_list, pictures), jobs, pool)
-        for (_, edit, _), table in zip(jobs, results, strict=True):
-            tables.append(table)
-            advance(len(edit))
+        for name in new:
+            tables[name] = []
+            for edit, _ in works[name]:
+                tables[name].append(next(results))
+                advance(len(edit))
+            kept.save(name, "parquet", partial(save_frames, frames=tables[name]))
     measured: dict[str, Swimming] = {}
     for name, work in works.items():
-        followed, tables = tables[: len(work)], tables[len(work) :]
-        share = 0.0
+        followed, share = tables[name], 0.0
         if any(map(len, followed)):
             edits, rate_hz = [edit for edit, _ in work], instruments[name].rate_hz
             measured[name] = join_measurements(edits, followed, rate_hz)
@@ -111,19 +123,24 @@ def _classify_or_error(
         return error
 
 
-def classify_all(sides: Sides, p: RealismSettings, pool: Workers) -> dict[str, Verdict]:
+def classify_all(
+    sides: Sides, p: RealismSettings, pool: Workers, kept: KeptResults = NOTHING_KEPT
+) -> dict[str, Verdict]:
     """Return the verdict on each comparison that has enough windows; print a note on the others.
 
-    sides: the two sets of windows of each comparison.
+    sides: the two sets of windows of each comparison. kept: verdicts of an earlier run.
     """
-    verdicts: dict[str, Verdict] = {}
-    results = ordered_map(partial(_classify_or_error, p), sides.items(), pool)
-    for name, result in zip(sides, results, strict=True):
+    found = {name: kept.load(name, "json", load_values) for name in sides}
+    verdicts = {name: Verdict.from_values(one) for name, one in found.items() if one}
+    new = {name: windows for name, windows in sides.items() if name not in verdicts}
+    results = ordered_map(partial(_classify_or_error, p), new.items(), pool)
+    for name, result in zip(new, results, strict=True):
         if isinstance(result, Verdict):
             verdicts[name] = result
+            kept.save(name, "json", partial(save_values, values=result.to_values()))
         else:
             print(f"realism: no numbers for {name}: {result}", file=sys.stderr)
-    return verdicts
+    return {name: verdicts[name] for name in sides if name in verdicts}
 
 
 def _save_film(path: Path, windows: pd.DataFrame, project: Project, slower: int) -> None:
@@ -141,18 +158,18 @@ def _save_film(path: Path, windows: pd.DataFrame, project: Project, slower: int)
 
 
 def _save_report(
-    verdicts: dict[str, Verdict], sample: FilmSample, works: dict[str, list[Work]],
+    folder: Path, verdicts: dict[str, Verdict], sample: FilmSample, works: dict[str, list[Work]],
     measured: dict[str, Swimming],
 ) -> None:  # fmt: skip
-    """Write auc.csv, roc.csv and the metrics to reports/realism/.
+    """Write auc.csv and roc.csv to `folder`, and the metrics to reports/realism/.
 
     works, measured: the edit lists and the measured swimming, by mode or FILM.
     """
-    save_csv(REPORT / "auc.csv", compare.verdict_table(verdicts), decimals=4)
+    save_csv(folder / "auc.csv", compare.verdict_table(verdicts), decimals=4)
     curves = [compute_roc(result.scores).assign(compared=name) for name, result in verdicts.items()]
     columns = ["compared", "false_alarms", "hits"]
     table = pd.concat(curves, ignore_index=True) if curves else pd.DataFrame()
-    save_csv(REPORT / "roc.csv", table.reindex(columns=columns), decimals=4)
+    save_csv(folder / "roc.csv", table.reindex(columns=columns), decimals=4)
     numbers = compare.auc_metrics(verdicts)
     for name, result in measured.items():
         numbers |= {
@@ -192,18 +209,23 @@ def _compare_swimming(
         if path.exists():
             works[mode] = [(edit, ()) for edit in split_by_fish(load_table(path, EDIT))]
             instruments[mode] = instrument.adapt_to_animation(project.drawn_scale(mode))
-    measured = measure_swimming(works, GalleryOpener(project), instruments, pool)
+    own = {
+        mode: [path_digest(ANIMATE / mode / "samples.parquet"), project.drawn_scale(mode)]
+        for mode in works.keys() - {FILM}
+    }
+    kept = open_kept("realism", INPUTS, own)
+    measured = measure_swimming(works, GalleryOpener(project), instruments, pool, kept)
     if FILM not in measured:
         raise FinloopError(
             "extraction follows no fish in the film drawn again",
             "cut-outs that look like the filmed fish",
-            "look at reports/extract/detections.png",
+            "look at reports/film/extract/detections.png",
         )
     sample = compare.build_film_sample(measured[FILM], features, rate, p)
     sides = sample.comparison_windows(
         {mode: measured[mode] for mode in measured if mode != FILM}, features
     )
-    verdicts = classify_all(sides, p, pool)
+    verdicts = classify_all(sides, p, pool, kept)
     with whole_folder(OUT) as folder:
         windows, curves = examples.ExampleFinder(sample, works, measured).example_tables(
             sides, verdicts
@@ -212,7 +234,7 @@ def _compare_swimming(
         save_table(folder / "curves.parquet", curves, examples.CURVES)
         if len(windows):
             _save_film(folder / "examples.mp4", windows, project, p.slower)
-    _save_report(verdicts, sample, works, measured)
+        _save_report(folder, verdicts, sample, works, measured)
 
 
 if __name__ == "__main__":

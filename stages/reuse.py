@@ -74,14 +74,3 @@ def key_digest(key: Mapping[str, Any]) -> str:
 def code_digest(stage: str) -> str:
     """Return a digest of all files of the program that a stage may run."""
     return hashlib.sha256(file_list_text(stage).encode()).hexdigest()
-
-
-def folder_digest(folder: Path) -> str:
-    """Return a digest of the names and contents of all files in a folder."""
-    whole = hashlib.sha256()
-    for path in sorted(folder.rglob("*")):
-        if path.is_file():
-            with path.open("rb") as file:
-                content = hashlib.file_digest(file, "sha256").hexdigest()
-            whole.update(f"{path.relative_to(folder).as_posix()} {content}\n".encode())
-    return whole.hexdigest()

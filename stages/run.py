@@ -132,6 +132,7 @@ def run(main: Callable[[], None]) -> NoReturn:
     try:
         _require_own_program()
         main()
+        _note_origins()
     except KeyboardInterrupt:
         print("\nfinloop: interrupted; the same command goes on from here", file=sys.stderr)
         sys.exit(130)
@@ -146,6 +147,15 @@ def run(main: Callable[[], None]) -> NoReturn:
             )
         sys.exit(f"finloop: {foreseen}")
     sys.exit(0)
+
+
+def _note_origins() -> None:
+    """Note what the folder of a stage was made from; of a program that is no stage, nothing."""
+    module = sys.modules["__main__"].__spec__
+    if module is not None:
+        from stages.origins import note_origins  # not at the top: it needs the right Python
+
+        note_origins(module.name.removeprefix("stages.").replace(".", "-"))
 
 
 def _as_user_error(error: Exception) -> FinloopError | None:
@@ -236,7 +246,7 @@ def _progress_lines(stage: str, total: int | None, unit: str) -> Iterator[Callab
 
 
 def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
-    """Write a stage's headline numbers to metrics.json at `path`, and all numbers to numbers.csv.
+    """Write a stage's `METRICS` to metrics.json at `path`, and all its numbers to numbers.csv.
 
     Both are in one folder, sorted, and rounded to DIGITS digits. None, NaN and infinity are left
     out: such a number does not exist for this clip (no truth, no fish long enough).
@@ -244,7 +254,7 @@ def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
     # Not at the top: they need the right Python.
     from finloop.io.atomic import save_bytes
     from finloop.io.numbers import save_numbers
-    from finloop.report.headlines import HEADLINES
+    from finloop.report.headlines import METRICS
 
     values: dict[str, float | int] = {}
     for name, value in sorted(numbers.items()):
@@ -255,6 +265,6 @@ def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
         elif not (value is None or isinstance(value, Real)):
             raise TypeError(f"metric {name} must be a number, got {value!r}")
     save_numbers(path.parent, values)
-    shown = {headline.name for headline in HEADLINES.get(path.parent.name, [])}
-    headlines = {name: value for name, value in values.items() if name in shown}
-    save_bytes(path, (json.dumps(headlines, indent=2) + "\n").encode())
+    shown = METRICS.get(path.parent.name, [])
+    metrics = {name: value for name, value in values.items() if name in shown}
+    save_bytes(path, (json.dumps(metrics, indent=2) + "\n").encode())

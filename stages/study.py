@@ -50,8 +50,8 @@ from stages.sweep import make_runs
 PAGE, TABLE, REPORTS = Path("reports/study.html"), Path("reports/study.csv"), Path("reports/study")
 PREFIX = "study-"  # of the experiments' names
 PICTURES = {
-    "what was found in the film": "reports/extract/detections.png",
-    "the route of mode hybrid": "reports/render/hybrid.png",
+    "what was found in the film": "reports/film/extract/detections.png",
+    "the route of mode hybrid": "reports/modes/render/hybrid.png",
 }
 REPORT, FINDINGS = "reports/index.html", "data/clip/findings.csv"
 STAGES = sorted({column.key.partition(".")[0] for column in COLUMNS})  # whose numbers are shown

@@ -1,5 +1,6 @@
 """Fixtures that several tests share: a copy of the repository whose pipeline runs a tiny carp."""
 
+import contextlib
 import gc
 import json
 import os
@@ -198,6 +199,10 @@ def run_copy(make: pytest.TempPathFactory, tiny_run: "TinyRun", words: Collectio
     from scratch import composed_once
     from tiny_run import STAGES, pipeline_of
 
+    import stages.params
+    from benchmarks.pipeline import with_dependencies
+    from stages.origins import note_origins
+
     root = make.mktemp("finloop")
     listed = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     for name in subprocess.check_output(listed, cwd=ROOT, text=True).split("\0"):
@@ -231,6 +236,10 @@ def run_copy(make: pytest.TempPathFactory, tiny_run: "TinyRun", words: Collectio
     copy.git("add", "--all")
     copy.git("commit", "--quiet", "--message", "before the first run")
     tiny_run.bring(root, words)
+    with contextlib.chdir(root):
+        stages.params.main()  # of the params.yaml that Hydra has composed
+        for word in with_dependencies(words):  # as `stages.run.run` does after each
+            note_origins(word)
     copy.dvc("commit", "--force", "--quiet")
     copy.git("add", "--all")
     copy.git("commit", "--quiet", "--message", "the first run")

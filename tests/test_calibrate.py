@@ -286,7 +286,7 @@ def run(tmp_path, monkeypatch, table, *overrides, parts=(), steps=50):
     save_table(tmp_path / "data/features/features.parquet", table, FEATURES)
     stages.calibrate.main()
     stages.plots.calibrate.main()
-    assert (tmp_path / "reports/calibrate/distributions.png").stat().st_size > 0
+    assert (tmp_path / "reports/film/calibrate/distributions.png").stat().st_size > 0
     return load_numbers(tmp_path / "reports/calibrate")
 
 

@@ -224,8 +224,8 @@ def run_stage(folder, *overrides):
     at = folder / "data/distance"
     return (
         load_table(at / "pairs.parquet", PAIRS),
-        load_table(at / "steps.parquet", STEPS),
-        load_record(at / "facts.json", MapFacts, "distance"),
+        load_table(at / "steps/steps.parquet", STEPS),
+        load_record(at / "steps/facts.json", MapFacts, "distance"),
         load_numbers(folder / "reports/distance"),
     )
 

@@ -115,7 +115,7 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(gait_run, folder):
         "limbs.json",
     }
     for number in range(8, 15):
-        assert load_picture(folder / f"reports/gait/limbs/fig{number}.png").std() > 5
+        assert load_picture(folder / f"reports/gait/figures/limbs/fig{number}.png").std() > 5
     numbers = load_numbers(folder / "reports/gait")
     assert numbers["dog_gamma_error_exact_pct"] < 2
     assert numbers["dog_gamma_error_film_pct"] < 20  # a quarter of the usual picture
@@ -142,7 +142,7 @@ def test_of_two_fish_the_one_that_beats_its_tail_has_a_gait(folder, monkeypatch)
         "limbs.json",
         "outline.json",
     }
-    figures_here = {path.name for path in (folder / "reports/gait/outline").iterdir()}
+    figures_here = {path.name for path in (folder / "reports/gait/figures/outline").iterdir()}
     assert figures_here == {f"fig{number}.png" for number in range(8, 15)}
     numbers = load_numbers(folder / "reports/gait")
     assert (numbers["tracks"], numbers["tracks_that_repeat"]) == (2, 1)
@@ -167,7 +167,9 @@ def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
     said = capsys.readouterr().out
     assert "fore_right is left out of frames 6: empty" in said  # as its file is called
     assert "no track of the clip has an outline that repeats" in said
-    assert [path.name for path in (folder / "reports/gait/outline").iterdir()] == ["none.txt"]
+    assert [path.name for path in (folder / "reports/gait/figures/outline").iterdir()] == [
+        "none.txt"
+    ]
     assert not (folder / "data/gait/outline.json").exists()
     gait = load_gait(folder / "data/gait/limbs.json")
     assert gait.name == "own" and gait.frequency_hz == pytest.approx(dog.frequency_hz, rel=0.03)

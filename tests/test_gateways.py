@@ -470,10 +470,10 @@ def work(tmp_path, monkeypatch, world, film):
             (world.folder / f"{name}.arrow").read_bytes()
         )
     facts = MapFacts(BODY, SIZE, 0.1, 1.5, world.step, 2 * world.step)
-    save_record(tmp_path / "data/distance/facts.json", facts)
+    save_record(tmp_path / "data/distance/steps/facts.json", facts)
     same = dict.fromkeys(("step", "headed", "as_filmed"), world.step)
     steps = features[["track_id", "frame"]].assign(**same)
-    save_table(tmp_path / "data/distance/steps.parquet", steps, STEPS)
+    save_table(tmp_path / "data/distance/steps/steps.parquet", steps, STEPS)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -488,7 +488,7 @@ def test_stage_writes_table_sheet_and_metrics_the_same_each_time(work, world, ca
     np.testing.assert_allclose(table["distance"], want["distance"], rtol=1e-5)
     metrics = load_numbers(work / "reports/gateways")
     assert metrics["ways_in"] + metrics["ways_out"] == len(table)
-    assert load_picture(work / "reports/gateways/contact_sheet.png").ndim == 3
+    assert load_picture(work / "reports/motion/gateways/contact_sheet.png").ndim == 3
     assert "no way" not in capsys.readouterr().err
     first = content(work / "data/gateways"), content(work / "reports/gateways")
     stages.gateways.main()

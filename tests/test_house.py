@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-MODULE_LINES, FUNCTION_LINES, KERNEL_ARGUMENTS, PIPELINE_LINES = 900, 80, 6, 400
+MODULE_LINES, FUNCTION_LINES, KERNEL_ARGUMENTS, PIPELINE_LINES = 900, 80, 6, 250
 
 
 def above(path: str, text: str) -> Iterator[str]:

@@ -283,4 +283,4 @@ def test_fish_that_cross_keep_their_identities(tmp_path, monkeypatch):
     numbers = load_numbers(tmp_path / "reports/identity")
     assert numbers["identities"] == 2
     assert numbers["joins"] >= 2
-    assert (tmp_path / "reports/identity/timeline.png").stat().st_size > 0
+    assert (tmp_path / "reports/film/identity/timeline.png").stat().st_size > 0

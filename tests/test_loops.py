@@ -748,8 +748,8 @@ def put_film(folder, n=N, period=16, tracks=2, keep=2.5, backwards=False):
     save_table(distance / "pairs.parquet", pairs, PAIRS)
     step = np.r_[step, np.nan]
     table = table[["track_id", "frame"]].assign(step=step, headed=step, as_filmed=np.nan)
-    save_table(distance / "steps.parquet", table, STEPS)
-    save_record(distance / "facts.json", MapFacts(BODY, 24, 0.1, keep, median, p95))
+    save_table(distance / "steps/steps.parquet", table, STEPS)
+    save_record(distance / "steps/facts.json", MapFacts(BODY, 24, 0.1, keep, median, p95))
 
 
 @pytest.fixture(scope="module")
@@ -768,16 +768,17 @@ def test_stage_writes_loops_tables_and_pictures(toy, monkeypatch, request):
     beat = (frame + np.repeat([0, 5], N)) % 16
     assert (beat[loops["a"]] == beat[loops["b"]]).all()  # whole beats of the tail
     assert loops["length_s"].isna().any() and loops["length_s"].notna().any()
-    reports = toy / "reports/loops"
-    assert sorted(p.name for p in reports.iterdir()) == [
-        "best_and_worst.png", "fig10.png", "fig11.png", "fig13.png", "metrics.json", "numbers.csv", "over_tank.png", "over_time.png",
+    reports, drawn = toy / "reports/loops", toy / "reports/motion/loops"
+    assert sorted(p.name for p in reports.iterdir()) == ["metrics.json", "numbers.csv"]
+    assert sorted(p.name for p in drawn.iterdir()) == [
+        "best_and_worst.png", "fig10.png", "fig11.png", "fig13.png", "over_tank.png", "over_time.png",
     ]  # fmt: skip
     table = pd.read_csv(toy / "data/loops/position_table.csv", index_col=0)
     assert (
         list(table.columns) == list(table.index) == list("ABCDEFGHIJKLMNOPQRSTUVWXYZ")[: len(table)]
     )
     assert set(table.stack().dropna()) == {1}
-    assert all(load_picture(picture).ndim == 3 for picture in reports.glob("*.png"))
+    assert all(load_picture(picture).ndim == 3 for picture in drawn.glob("*.png"))
     metrics = load_numbers(reports)
     assert metrics["loops"] == len(loops) and metrics["components"] == metrics["groups"] == 1
     assert metrics["seam_median_steps"] < 0.7 and metrics["loops_per_end_max"] <= 6
@@ -884,7 +885,7 @@ def test_stage_on_one_track_of_ten_frames(tmp_path, monkeypatch, capsys):
     stages.loops.main()
     assert "one track of 10 frames" in capsys.readouterr().err
     stages.plots.loops.main()
-    assert len(list((tmp_path / "reports/loops").glob("*.png"))) == 6
+    assert len(list((tmp_path / "reports/motion/loops").glob("*.png"))) == 6
     assert load_table(tmp_path / "data/loops/loops.parquet", LOOPS).empty
 
 

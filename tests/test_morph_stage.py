@@ -42,7 +42,7 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(morph_run, folder):
         f"simple{ending}" for ending in (".svg", ".json", ".lottie.json", ".webp", ".mp4")
     } | {"connection.csv", "folds.csv"}
     for number in range(2, 8):
-        assert load_picture(folder / f"reports/morph/fig{number}.png").std() > 5
+        assert load_picture(folder / f"reports/morph/figures/fig{number}.png").std() > 5
     numbers = load_numbers(folder / "reports/morph")
     assert numbers["hoop_error_runge_kutta"] < 1e-4
     assert numbers["hoop_error_decoupled"] > 0.37  # dropping off-diagonals is no small error

@@ -19,9 +19,12 @@ import pytest
 import yaml
 from conftest import TINY_CARP, Copy, alive, wait_for
 
+from benchmarks.pipeline import does_read
 from finloop.base.settings import GROUPS, WORDS
 from finloop.edit.modes import MODES
+from finloop.report.figures import CHAPTERS
 from stages import code
+from stages.origins import note_origins, note_paths, output_paths
 from stages.previews import choose_mode, load_previews
 from stages.settings import FILES
 
@@ -62,10 +65,80 @@ DRAWN = {stage: import_module(code.stage_module(stage)).MODULES for stage in PLO
 @pytest.mark.parametrize("word", STAGES)
 def test_a_stage_depends_on_the_files_that_it_runs(word):
     deps = STAGES[word]["deps"]
-    listed = [dep for dep in deps if dep.startswith(("finloop", "stages", "data/code"))]
-    assert listed == (["finloop", "stages"] if word == "code" else [f"data/code/{word}.txt"])
+    first = {"code": ["finloop", "stages"], "params": ["data/code"]}
+    first_of_word = first.get(word, [f"data/params/{word}.yaml"])
+    assert deps[: len(first_of_word)] == first_of_word
     assert len(deps) == len(set(deps)), "twice under deps"
     assert {"stages/run.py", f"stages/{word.replace('-', '/')}.py"} <= files(word)
+
+
+def waited_for(word: str) -> set[str]:
+    """The paths that a stage's `deps` stand for: with all that is noted in them."""
+    first = {output_paths(stage)[0]: stage for stage in STAGES.values()}
+    todo, found = [*STAGES[word]["deps"]], set[str]()
+    while todo:
+        found.add(path := todo.pop())
+        inside = [out for out in first if does_read(path, out) and out.startswith(path)]
+        found |= {*inside}
+        todo += {one for out in inside for one in note_paths(first[out])} - found
+    return found
+
+
+def loaded_words(word: str) -> set[str]:
+    """The stages whose folders a stage loads, by the members of `Project` that it uses."""
+    members, mine = code.project_members(), files(word)
+    trees = [ast.parse((ROOT / file).read_text()) for file in mine if file.endswith(".py")]
+    todo = set().union(*(code._members_of(tree, "project") for tree in trees)) & members.keys()
+    used = set[str]()
+    while todo:
+        used.add(name := todo.pop())
+        todo |= (code._members_of(members[name], "self") & members.keys()) - used
+    texts = {
+        node.value for name in used for node in ast.walk(members[name])
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    }  # fmt: skip
+    return {text.partition("/")[0] for text in texts if text.partition("/")[0] in WORDS}
+
+
+@pytest.mark.parametrize("word", [word for word in STAGES if word not in FIRST])
+def test_a_stage_reads_only_what_it_waits_for(word):
+    waits = waited_for(word)
+    own = {Path(out).parts[1] for out in outputs(word)} | {word}
+    for other in loaded_words(word) - own - {"animate", *MODES}:
+        assert any(path.startswith(f"data/{other}") for path in waits), other
+
+
+def test_what_a_folder_was_made_from_is_noted_in_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    notes = []
+    for number in (1, 2):
+        for path in ("data/features/a.txt", "data/pose/b.txt", "reports/pose/numbers.csv"):
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            Path(path).write_text(str(number * path.startswith("data/features")))
+        note_origins("pose")
+        notes.append(Path("data/pose/made_from.yaml").read_text())
+    first, second = map(yaml.safe_load, notes)
+    assert {name for name in first if first[name] != second[name]} == {"data/features"}
+    assert {"data/features", "reports/pose/metrics.json", "reports/pose/numbers.csv"} == {*first}
+    note_origins("no stage")  # a program beside the pipeline notes nothing
+
+
+def test_dvc_lock_stays_short():
+    assert len((ROOT / "dvc.lock").read_text(encoding="utf-8").splitlines()) <= 1100
+
+
+def test_a_stage_has_six_places_and_a_mode_three():
+    """Those that docs/new-stage.md and docs/new-mode.md list."""
+
+    def places(page: str, begin: str, end: str) -> list[str]:
+        part = (ROOT / "docs" / page).read_text().partition(begin)[2].partition(end)[0]
+        return re.findall(r"^\| `([\w./-]+)` \|", part, re.MULTILINE)
+
+    of_stage = places("new-stage.md", "## The six places", "```yml")
+    assert len(of_stage) == 6
+    assert all(re.search(r"\bgateways\b", (ROOT / one).read_text()) for one in of_stage)
+    of_mode = places("new-mode.md", "## 4. Add the mode", "```yml")
+    assert len(of_mode) == 3 and all("matching" in (ROOT / one).read_text() for one in of_mode)
 
 
 def test_files_of_a_stage_are_those_that_it_imports_by_imports_inside_functions_and_by_name():
@@ -170,8 +243,11 @@ def test_a_changed_picture_computes_nothing_anew_and_is_drawn_by_one_stage():
     draws = ("finloop/plots/parts.py", "finloop/plots/bpn.py", "stages/plots/bpn.py")
     assert {word for word in STAGES if files(word) & {*draws}} == {*PLOTS}
     for stage in PLOTS:
+        (folder,) = outputs(stage)
         words = {module.rpartition(".")[2] for module in DRAWN[stage]}
-        assert words == {Path(out).parts[1] for out in outputs(stage)}
+        shown = [Path(one.path).parts for chapter in CHAPTERS for one in chapter.figures]
+        drawn = {parts[1] for parts in shown if parts[0] == Path(folder).name}
+        assert drawn == words
     drawn = [module.rpartition(".")[2] for stage in PLOTS for module in DRAWN[stage]]
     modules = {path.stem for path in (ROOT / "stages/plots").glob("*.py")}
     others = {"__init__", "draw", *(stage.removeprefix("plots-") for stage in PLOTS)}
@@ -184,7 +260,7 @@ def test_a_stage_is_one_word_everywhere(word):
     assert stage["cmd"] == f"exec python -m {code.stage_module(word)}"  # exec: see stages/run.py
     if word in (*PLOTS, *FIRST):
         return
-    groups = [group.partition(".")[0] for group in stage["params"]]
+    groups = [group.partition(".")[0] for group in stage["meta"]["params"]]
     own, *others = groups  # others: of stages whose work it does again, or it works for
     if word in PLAYED:
         mode = word.removeprefix("modes-")
@@ -213,19 +289,16 @@ def test_a_stage_enters_and_leaves_by_the_door(word):
 def test_every_group_belongs_to_a_stage_every_mode_has_one_and_the_cluster_none():
     assert set(WORDS) == set(STAGES) - {*FIRST, *PLOTS, *PLAYED} | set(MODES)
     assert {*PLAYED} == {stage for stage in STAGES if stage.startswith("modes-")}
-    listed = {group for stage in STAGES.values() for group in stage.get("params", [])}
+    listed = {
+        group for stage in STAGES.values() for group in stage.get("meta", {}).get("params", [])
+    }
     assert {*GROUPS} - {*WORDS} == {"cluster"} and "cluster" not in listed
 
 
 def test_nothing_runs_before_the_parameters_are_checked():
     (checked,) = outputs("params")
-    made = {out: word for word in STAGES for out in outputs(word)}
-
-    def waits(word: str) -> bool:
-        deps = STAGES[word]["deps"]
-        return checked in deps or any(dep in made and waits(made[dep]) for dep in deps)
-
-    assert [word for word in STAGES if word not in FIRST and not waits(word)] == []
+    own = {word: f"{checked}/{word}.yaml" for word in STAGES if word not in FIRST}
+    assert all(path in STAGES[word]["deps"] for word, path in own.items())
 
 
 @pytest.mark.parametrize("word", STAGES)
@@ -241,7 +314,7 @@ def test_numbers_go_to_git_and_footage_to_the_cache(word):
 def test_metrics_and_plots_show_what_stages_make():
     made = {out for word in STAGES for out in outputs(word)}
     reports = {out for out in made if out.endswith("metrics.json")}
-    assert set(PIPELINE["metrics"]) == reports
+    assert reports == {one for word in STAGES for one in names(STAGES[word].get("metrics", []))}
     for plot in PIPELINE["plots"]:
         for name, shape in plot.items() if isinstance(plot, dict) else [(plot, None)]:
             sources = shape["y"] if shape and "y" in shape else [name]
@@ -342,9 +415,8 @@ def test_an_experiment_runs_apart_is_applied_compared_and_charted_offline(front:
     changes = overrides("features.turn_end_threshold=1")
     text = front.dvc("exp", "run", "--temp", "--name", "shorter", *changes, "features")
     assert "Ran experiment(s): shorter" in text
-    assert re.findall(r"Running stage '([\w-]+)'", text) == [
-        "features"
-    ]  # DVC's run cache has the rest
+    ran = re.findall(r"Running stage '([\w-]+)'", text)
+    assert ran == ["params", "features"]  # DVC's run cache has the rest
     assert front.text("params.yaml") == before
     assert front.git("status", "--porcelain") == ""
     front.dvc("exp", "apply", "shorter")
@@ -354,6 +426,12 @@ def test_an_experiment_runs_apart_is_applied_compared_and_charted_offline(front:
     (diff,) = json.loads(front.dvc("metrics", "diff", "--json")).items()
     assert diff[0] == "reports/features/metrics.json"
     assert diff[1]["straight_pct"]["diff"] > 0  # turns are shorter
+    runs = next(
+        line for line in front.run("make", "-n", "runs").splitlines() if " exp show" in line
+    )
+    shown = front.run("sh", "-c", runs)
+    assert "shorter" in shown and "features.turn_end_threshold" in shown
+    assert "held_out_area_rmse" not in shown and "straight_pct" not in shown  # none; not of the ten
     front.dvc("plots", "diff")
     page = front.text("dvc_plots/index.html")
     assert "vegaEmbed('" in page

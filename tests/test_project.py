@@ -48,7 +48,10 @@ def test_a_file_is_loaded_once(project, monkeypatch):
         )
     assert len(loaded) > 8 and set(loaded.values()) == {1}
     project.forget("step_distances")
-    assert len(project.step_distances) and loaded.pop(project.data / "distance/steps.parquet") == 2
+    assert (
+        len(project.step_distances)
+        and loaded.pop(project.data / "distance/steps/steps.parquet") == 2
+    )
     assert set(loaded.values()) == {1}
 
 

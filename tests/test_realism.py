@@ -433,13 +433,13 @@ def test_the_stage_writes_numbers_curves_and_examples(carp):
     numbers = load_numbers(carp / "reports/realism")
     names = {"network_auc", "network_auc_low", "matching_auc_high", "halves_auc", "again_auc"}
     assert names <= set(numbers)
-    table = pd.read_csv(carp / "reports/realism/auc.csv")
+    table = pd.read_csv(carp / "data/realism/auc.csv")
     assert table["auc"].between(0, 1).all() and (table["low"] <= table["high"]).all()
     shown = load_table(carp / "data/realism/examples.parquet", examples.EXAMPLES)
     assert set(shown["side"]) == set(examples.SIDES)
     assert (carp / "data/realism/examples.mp4").stat().st_size > 0
     for name in ("auc.png", "contact_sheet.png"):
-        assert load_picture(carp / "reports/realism" / name).std() > 5
+        assert load_picture(carp / "reports/modes/realism" / name).std() > 5
 
 
 def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, capsys):

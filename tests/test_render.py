@@ -1033,6 +1033,6 @@ def test_the_sheet_of_switches_has_a_row_for_each(folder):
     prepare(folder, *NETWORK, "render.marked_film=false", "render.webp_seconds=0.0")
     stages.render.main()
     stages.plots.render.main()
-    sheet = load_picture(Path("reports/render/switches.png"))
-    one = load_picture(Path("reports/render/contact_sheet.png")).shape[0] / (TICKS / 8)
+    sheet = load_picture(Path("reports/modes/render/switches.png"))
+    one = load_picture(Path("reports/modes/render/contact_sheet.png")).shape[0] / (TICKS / 8)
     assert sheet.shape[0] == 3 * one

@@ -527,7 +527,7 @@ def test_without_a_track_the_stage_writes_empty_results_and_says_nothing(
     monkeypatch.chdir(tmp_path)
     assert run(tmp_path) == {"ticks": 0}
     assert load_table(tmp_path / "data/animate/retarget.parquet", EDIT).empty
-    assert not list((tmp_path / "reports/retarget/pictures").iterdir())
+    assert not list((tmp_path / "reports/modes/retarget").iterdir())
     assert capfd.readouterr().err == ""
     with pytest.raises(FinloopError, match=r"no track is retargeted[\s\S]*retarget.tracks"):
         stages.render.main()
@@ -542,7 +542,7 @@ def test_a_track_of_another_film_is_swum_and_drawn(folder, tmp_path, monkeypatch
     assert {"step_ratio_median", "jumps"} <= set(told)
     stages.render.main()
     assert (tmp_path / "data/render/retarget_marked.mp4").stat().st_size > 0
-    assert (tmp_path / "reports/retarget/pictures/backbones.png").stat().st_size > 0
+    assert (tmp_path / "reports/modes/retarget/backbones.png").stat().st_size > 0
     # the film itself by way of its files: only what the bends alone say is lost
     features = pd.read_parquet(folder / "data/features/features.parquet")
     track = features[features["track_id"] == features["track_id"].mode()[0]]

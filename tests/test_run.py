@@ -18,7 +18,7 @@ from conftest import alive, wait_for
 from finloop.base.errors import FinloopError
 from finloop.base.settings import WORDS
 from finloop.io.numbers import load_numbers
-from finloop.report.headlines import HEADLINES
+from finloop.report.headlines import HEADLINES, METRICS
 from stages import run as door
 
 ROOT = Path(__file__).parents[1]
@@ -117,7 +117,7 @@ def test_progress_on_a_terminal_is_a_bar():
     assert "━━━" in shown
 
 
-def test_metrics_are_flat_sorted_and_short_and_metrics_json_has_the_headlines(tmp_path):
+def test_metrics_are_flat_sorted_and_short_and_metrics_json_has_those_to_compare(tmp_path):
     path = tmp_path / "reports/report/metrics.json"
     numbers = {"tracks": np.int64(8), "figures": 1 / 3, "a_deg": np.float32(2.5)}
     door.save_metrics(path, numbers | {"no_truth": None, "no_fish": math.nan, "none": math.inf})
@@ -134,6 +134,13 @@ def test_headlines_are_few_and_in_words():
         ), word
         assert all(one.meaning and len(one.meaning) <= 80 for one in headlines)
     assert set(HEADLINES) | {"network", "loops", "hybrid", "matching", "cluster"} >= set(WORDS)
+
+
+def test_what_dvc_compares_are_headlines_and_fits_one_screen():
+    assert set(METRICS) == set(HEADLINES)
+    for word, compared in METRICS.items():
+        assert set(compared) <= {headline.name for headline in HEADLINES[word]}
+    assert sum(map(len, METRICS.values())) <= 60
 
 
 def test_a_metric_is_a_number(tmp_path):

@@ -213,7 +213,7 @@ def test_the_frames_of_all_films_are_one_count_at_the_lowest_rate(joined_run):
         "1-first",
         "2-fine",
     ]
-    picture = cv2.imread(str(joined_run / "reports/extract/detections.png"))
+    picture = cv2.imread(str(joined_run / "reports/film/extract/detections.png"))
     assert picture.shape[0] > 2 * SIZE[0]  # it shows both
 
 

@@ -871,7 +871,7 @@ def test_stage_writes_sprites_atlas_and_reports(work, sprites, pictures, capsys)
     metrics = load_numbers(work / "reports/sprites")
     assert metrics["orientations_with_all_types_after"] == ORIENTATIONS
     assert metrics["mirrored_turns"] == metrics["slide_stands_in"] == 0
-    assert load_picture(work / "reports/sprites/contact_sheet.png").ndim == 3
+    assert load_picture(work / "reports/motion/sprites/contact_sheet.png").ndim == 3
     assert len(pd.read_csv(work / "data/sprites/table1_after.csv")) == ORIENTATIONS
     said = capsys.readouterr().err
     assert "mirrored" not in said and "glide" not in said

@@ -77,7 +77,10 @@ def stages_that_follow(group: str, measures: list[str]) -> list[str]:
     wanted = [*with_dependencies(ends), *(word for word in LAST if word in measured)]
     found: list[str] = []
     for word in wanted:
-        reads = any(str(one).partition(".")[0] == group for one in STAGES[word].get("params", []))
+        reads = any(
+            str(one).partition(".")[0] == group
+            for one in STAGES[word].get("meta", {}).get("params", [])
+        )
         if reads or any(one in with_dependencies([word]) for one in found):
             found.append(word)
     return found

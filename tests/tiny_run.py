@@ -30,8 +30,7 @@ def pipeline_of(words: Iterable[str]) -> str:
         plot for plot in PIPELINE["plots"]
         if set([plot] if isinstance(plot, str) else next(iter(plot.values()))["y"]) <= made
     ]  # fmt: skip
-    metrics = [one for one in PIPELINE["metrics"] if one in made]
-    return yaml.safe_dump({"stages": stages, "metrics": metrics, "plots": shown}, sort_keys=False)
+    return yaml.safe_dump({"stages": stages, "plots": shown}, sort_keys=False)
 
 
 def link_given(folder: Path) -> None:

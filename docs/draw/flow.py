@@ -7,15 +7,17 @@ from xml.sax.saxutils import escape
 import networkx as nx
 import yaml
 
-from benchmarks.pipeline import does_make_data, does_read, written_paths
+from benchmarks.pipeline import does_make_data, does_read
+from finloop.edit.modes import MODES, RETARGET
+from stages.origins import output_paths
 
 BOX, GAP, MARGIN = (92, 34), (36, 18), 4  # px: of a box, between boxes, around all
-MODES = "modes-…"  # the stages of all modes, in one box
+ALL_MODES = "modes-…"  # the stages of all modes, in one box
 PLACES = {  # column and row of every box
     "clip": (0, 1), "extract": (1, 1), "features": (2, 1),
     "bpn": (3, 0), "distance": (3, 1), "sprites": (3, 2), "pose": (3, 3), "calibrate": (3, 4),
     "identity": (3, 5), "gait": (3, 6), "morph": (3, 7),
-    "loops": (4, 1), "gateways": (4, 2), "jumps": (4, 3), "forecast": (5, 3), MODES: (6, 2),
+    "loops": (4, 1), "gateways": (4, 2), "jumps": (4, 3), "forecast": (5, 3), ALL_MODES: (6, 2),
     "retarget": (6, 4),
     "animate": (7, 0), "render": (7, 1), "realism": (7, 2), "tank": (7, 3), "export": (7, 5),
     "report": (8, 2),
@@ -39,18 +41,16 @@ marker path { fill: #51636c; stroke: none; marker-end: none; }
 
 def _box(stage: str) -> str:
     """Return the box of a stage."""
-    return MODES if stage.startswith("modes-") else stage
+    return ALL_MODES if stage.startswith("modes-") else stage
 
 
 def _reads(dep: str, out: str) -> bool:
     """Return whether a stage with dependency `dep` reads an output `out`.
 
-    A parameter in the path matches any name: `data/animate/${render.mode}.parquet`. A folder named
-    by a parameter duplicates the table beside it, and never matches.
+    A parameter in the path matches the name of any mode: `data/animate/${render.mode}`.
     """
     if "${" in dep:
-        pattern = r"[^/.]+".join(map(re.escape, re.split(r"\$\{[^}]*\}", dep)))
-        return not dep.endswith("}") and bool(re.fullmatch(pattern, out))
+        return any(re.sub(r"\$\{[^}]*\}", mode, dep) == out for mode in (*MODES, RETARGET))
     return does_read(dep, out)
 
 
@@ -58,18 +58,20 @@ def flow(dvc_yaml: str) -> nx.DiGraph:
     """Return the reduced graph of boxes, with edges from each box to those that depend on it.
 
     A box is a stage, or the stages of all modes. The stages `code` and `params`, which only check,
-    and the stages `plots-…`, which only draw, have no box.
+    and the stages `plots-…`, which only draw, have no box; what waits for drawings waits for what
+    is drawn.
     """
     stages = yaml.safe_load(dvc_yaml)["stages"]
-    stages = {name: stage for name, stage in stages.items() if does_make_data(name)}
     graph = nx.DiGraph()
     graph.add_nodes_from(map(_box, stages))
-    homes = {out: _box(name) for name, stage in stages.items() for out in written_paths(stage)}
+    homes = {out: _box(name) for name, stage in stages.items() for out in output_paths(stage)}
     for name, stage in stages.items():
         for dep in stage.get("deps", []):
             for out, home in homes.items():
                 if home != _box(name) and _reads(dep, out):
                     graph.add_edge(home, _box(name))
+    graph = nx.transitive_closure(graph)
+    graph.remove_nodes_from([name for name in stages if not does_make_data(name)])
     return nx.transitive_reduction(graph)
 
 

@@ -58,8 +58,12 @@ def draw_guides(folder: Path, scratch: Path, pictures: Path) -> None:
     save_still(pictures / "export.webp", sequences)
     three = scratch / "three"
     run(three, THREE, ("clip", "extract", "plots-extract", "features", "plots-features"))
-    sheet = load(three / "reports/features/contact_sheet.png")
+    sheet = load(three / "reports/film/features/contact_sheet.png")
     save_still(pictures / "doubtful.webp", resize_picture(sheet[: sheet.shape[0] // 4], WIDE))
-    save_still(pictures / "detections.webp", lower(load(three / "reports/extract/detections.png")))
+    save_still(
+        pictures / "detections.webp", lower(load(three / "reports/film/extract/detections.png"))
+    )
     run(three, [*THREE, *TOO_STRICT], ("extract", "plots-extract"))
-    save_still(pictures / "refused.webp", lower(load(three / "reports/extract/detections.png")))
+    save_still(
+        pictures / "refused.webp", lower(load(three / "reports/film/extract/detections.png"))
+    )

@@ -182,7 +182,7 @@ def too_little_error(swimming: str) -> FinloopError:
     return FinloopError(
         f"the film shows no {swimming} to learn from",
         "tracks of some seconds in which a fish swims straight, and turns",
-        "take a longer film, or change features.turn_threshold_deg (reports/features/fig7.png "
+        "take a longer film, or change features.turn_threshold_deg (reports/film/features/fig7.png "
         "shows the types)",
     )
 

@@ -40,7 +40,7 @@ or the silhouette is no isolated fish (at the border, too large, too small, too 
 
 SHOWN_ALONE = (
     "see what is found without the file: extract.tracks_path=null, then "
-    "reports/extract/detections.png"
+    "reports/film/extract/detections.png"
 )
 """Advice where a film and its tracks disagree: a run that fails draws no picture."""
 

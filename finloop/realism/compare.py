@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -142,6 +143,22 @@ class Verdict:
     alone: dict[str, Auc]
     importance: dict[str, float]
     scores: Scores
+
+    def to_values(self) -> dict[str, Any]:
+        """Return the verdict as plain values; `from_values` makes the same verdict of them."""
+        return {
+            "whole": list(self.whole),
+            "alone": {name: list(area) for name, area in self.alone.items()},
+            "importance": self.importance,
+            "scores": [column.tolist() for column in self.scores],
+        }
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any]) -> "Verdict":
+        """Return the verdict that `to_values` made plain values of."""
+        alone = {name: Auc(*area) for name, area in values["alone"].items()}
+        scores = Scores(*map(np.array, values["scores"]))
+        return cls(Auc(*values["whole"]), alone, values["importance"], scores)
 
 
 def classify_windows(

@@ -1,7 +1,7 @@
 """The headline numbers of each stage: at most twelve, each with its meaning and direction.
 
-`reports/<stage>/metrics.json` has these, and `dvc metrics show` prints them. All numbers of a stage
-are in `reports/<stage>/numbers.csv`.
+The report shows them. Those of `METRICS` are in `reports/<stage>/metrics.json`, which DVC compares.
+All numbers of a stage are in `reports/<stage>/numbers.csv`.
 """
 
 from typing import NamedTuple
@@ -286,3 +286,35 @@ HEADLINES = {
     "report": [Headline("figures", "figures on the page")],
 }  # fmt: skip
 """By stage."""
+
+METRICS = {
+    "clip": ["contrast_grey", "shake_px"],
+    "extract": ["fish_frames", "tracks"],
+    "features": [
+        "body_length_median_px", "head_confidence_below_0_9_pct", "headed_along_travel_pct",
+        "straight_pct",
+    ],
+    "identity": ["identities", "longest_identity_pct"],
+    "calibrate": ["fitted"],
+    "pose": ["explained_pct", "shapes"],
+    "jumps": ["recall_pct", "seam_median_steps"],
+    "bpn": ["held_out_area_rmse", "held_out_type_accuracy_pct"],
+    "forecast": [
+        "motion_skill_against_persistence", "pose_skill_against_persistence",
+        "truth_in_inner_80_pct",
+    ],
+    "sprites": ["sprites", "tail_beat_hz"],
+    "distance": ["pairs_kept_pct", "step_median"],
+    "loops": ["endless_film_pct", "loops", "seam_median_steps"],
+    "gateways": ["ways_in", "ways_out"],
+    "animate": [headline.name for headline in HEADLINES["animate"]],
+    "retarget": ["ticks"],
+    "render": ["picture_step_ratio"],
+    "realism": [headline.name for headline in HEADLINES["realism"]],
+    "tank": ["gltf_error_pct_of_length"],
+    "export": ["track_rows_share"],
+    "morph": ["simple_contours_that_fold"],
+    "gait": ["limbs_rms_gamma_pct", "tracks_that_repeat"],
+    "report": ["figures"],
+}  # fmt: skip
+"""The headline numbers that `dvc metrics diff` compares, by stage: together they fit one screen."""

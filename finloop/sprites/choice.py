@@ -152,7 +152,7 @@ def _parse_frame_run(table: pd.DataFrame, sequence: str, text: str, hold_share: 
         raise FinloopError(
             f"{name}: there is no track {number}",
             "one of " + ", ".join(map(str, ids[:40])) + (", …" if len(ids) > 40 else ""),
-            "see reports/features/trajectories.png and data/features/features.parquet",
+            "see reports/film/features/trajectories.png and data/features/features.parquet",
         )
     frames = table["frame"].to_numpy()[track]
     least = 3 if sequence in SIDES else 2
@@ -172,7 +172,7 @@ def _parse_frame_run(table: pd.DataFrame, sequence: str, text: str, hold_share: 
         raise FinloopError(
             f"{name}: the fish does not bend to the {sequence} between its first and last frame",
             f"frames before, during and after a bend to the {sequence}",
-            "list frames of a turn to that side (reports/features/fig7.png shows where they are)",
+            "list frames of a turn to that side (see reports/film/features/fig7.png)",
         )
     return run
 
@@ -521,7 +521,7 @@ def choose_frames(
         raise FinloopError(
             f"the film does not show {' nor '.join(lacks)}",
             "a fish that swims, some seconds of it",
-            "take a longer film (reports/features/trajectories.png shows what was followed)",
+            "take a longer film (reports/film/features/trajectories.png shows what was followed)",
         )
     choices = {
         word: ChosenFrames(run, stands_in=word in stands_in)

@@ -16,7 +16,7 @@ from finloop.plots.animate import draw_kinematics
 from finloop.plots.path import draw_path
 from finloop.project import Project
 
-DATA, REPORT = Path("data/animate"), Path("reports/animate")
+DATA, REPORT = Path("data/animate"), Path("reports/modes/animate")
 LEFT = DATA / "beside/left.csv"
 PATH = DATA / "matching/path.parquet"
 
@@ -24,10 +24,10 @@ PATH = DATA / "matching/path.parquet"
 def main() -> None:
     """Draw speeds, turn rates and states of all modes, and paths and errors of fish with a path.
 
-    The files are kinematics.png and path/path.png, path/path-2.png … in reports/animate/.
+    The files are kinematics.png and path/path.png, path/path-2.png … in reports/modes/animate/.
     """
     table = load_table(DATA / "beside/kinematics.parquet", KINEMATICS)
-    numbers = load_numbers(REPORT)
+    numbers = load_numbers(Path("reports/animate"))
     save_figure(REPORT / "kinematics.png", draw_kinematics(table, numbers))
     with whole_folder(REPORT / "path") as folder:
         if (PATH).exists():

@@ -11,13 +11,13 @@ from finloop.io.picture import save_figure
 from finloop.io.table import load_table
 from finloop.plots.bpn import draw_held_out_predictions, figure15
 
-REPORT = Path("reports/bpn")
+REPORT = Path("reports/motion/bpn")
 
 
 def main() -> None:
-    """Draw the network's errors per epoch and its held-out predictions in reports/bpn/."""
+    """Draw the network's errors per epoch and its held-out predictions in reports/motion/bpn/."""
     held_out = load_table(Path("data/bpn/held_out.parquet"), HELD_OUT).to_numpy()
-    save_figure(REPORT / "fig15.png", figure15(pd.read_csv(REPORT / "curve.csv")))
+    save_figure(REPORT / "fig15.png", figure15(pd.read_csv("reports/bpn/curve.csv")))
     save_figure(
         REPORT / "held_out.png", draw_held_out_predictions(held_out[:, :2], held_out[:, 2:])
     )

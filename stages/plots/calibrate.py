@@ -14,7 +14,7 @@ NAMES = {"zones": "points that swim by the zones", "alone": "points without othe
 
 
 def main() -> None:
-    """Draw how distances and headings between fish are distributed, in reports/calibrate/."""
+    """Draw how distances and headings between fish are distributed, in reports/film/calibrate/."""
     film = load_table(FOLDER / "film.parquet", SHOAL)
     shoals = dict(
         zip(("film, first half", "film, second half"), split_in_halves(film), strict=True)
@@ -22,7 +22,7 @@ def main() -> None:
     for name, words in NAMES.items():
         if (path := FOLDER / f"{name}.parquet").exists():
             shoals[words] = load_table(path, SHOAL)
-    save_figure(Path("reports/calibrate/distributions.png"), draw_school_measures(shoals))
+    save_figure(Path("reports/film/calibrate/distributions.png"), draw_school_measures(shoals))
 
 
 if __name__ == "__main__":

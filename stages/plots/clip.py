@@ -20,9 +20,9 @@ CLIP = Path("data/clip")
 
 
 def main() -> None:
-    """Draw the check of the film, reports/clip/check.png; several films one below another."""
+    """Draw the check of the film, reports/film/clip/check.png; several films one below another."""
     pictures = [_draw_film(name, CLIP / home) for name, home in list_film_folders(CLIP)]
-    save_picture(Path("reports/clip/check.png"), stack_pictures(pictures))
+    save_picture(Path("reports/film/clip/check.png"), stack_pictures(pictures))
 
 
 def _draw_film(name: str, clip: Path) -> Picture:

@@ -18,7 +18,7 @@ from stages.settings import load_settings
 
 
 def main() -> None:
-    """Draw the distance maps (Fig. 9), reports/distance/fig9.png."""
+    """Draw the distance maps (Fig. 9), reports/motion/distance/fig9.png."""
     p: DistanceSettings = load_settings("distance")
     with Project() as project:
         facts, features = project.map_facts, project.features
@@ -29,7 +29,7 @@ def main() -> None:
     kinds, area = find_frame_kinds(features, facts.pose), features["motion_area_rel"].to_numpy()
     compared = find_comparable_pairs(kinds, area, p.motion_area_threshold)
     figure = figure9(distance, compared, features["track_id"].to_numpy(), facts.step_median)
-    save_figure(Path("reports/distance/fig9.png"), figure)
+    save_figure(Path("reports/motion/distance/fig9.png"), figure)
 
 
 if __name__ == "__main__":

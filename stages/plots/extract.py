@@ -31,7 +31,7 @@ from finloop.plots.extract import draw_detections
 from finloop.plots.parts import stack_pictures
 from stages.settings import load_settings
 
-CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
+CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/film/extract")
 FRAMES = 4
 THINNED = 50  # frames whose fish are thinned, to choose two for Figs. 3, 4
 
@@ -56,7 +56,7 @@ class ExtractedFilm(NamedTuple):
 
 
 def main() -> None:
-    """Draw the detections in some frames, and Figs. 3 and 4, in reports/extract/."""
+    """Draw the detections in some frames, and Figs. 3 and 4, in reports/film/extract/."""
     settings: ExtractSettings = load_settings("extract")
     films = [
         _load_film(name, home)

@@ -10,13 +10,13 @@ from finloop.plots.parts import draw_message
 from finloop.plots.turn import figure5, find_strongest_turn
 from finloop.project import Project
 
-REPORT = Path("reports/features")
+REPORT = Path("reports/film/features")
 COLUMNS = ("backbone_x_px", "backbone_y_px")
 FISH = 48  # on the contact sheet
 
 
 def main() -> None:
-    """Draw contact sheet, Figs. 5 and 7, tracks and orientations in reports/features/."""
+    """Draw contact sheet, Figs. 5 and 7, tracks and orientations in reports/film/features/."""
     with Project() as project:
         table, background = project.features, project.background
         tracks, rows = project.tracks(COLUMNS), draw.choose_rows_to_check(table, FISH)

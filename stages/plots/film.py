@@ -15,7 +15,7 @@ MODULES = (
 
 
 def main() -> None:
-    """Draw the pictures of clip, extract, features, identity, calibrate and pose in reports/."""
+    """Draw what clip, extract, features, identity, calibrate and pose made, in reports/film/."""
     draw_all(MODULES)
 
 

@@ -13,11 +13,11 @@ from finloop.io.table import load_table
 from finloop.plots.forecast import draw_free_swimming, draw_learning
 from finloop.project import Project
 
-REPORT = Path("reports/forecast")
+REPORT = Path("reports/motion/forecast")
 
 
 def main() -> None:
-    """Draw the forecast's learning and a fish that it moves alone, in reports/forecast/.
+    """Draw the forecast's learning and a fish that it moves alone, in reports/motion/forecast/.
 
     Without a model the pictures are empty.
     """
@@ -26,7 +26,7 @@ def main() -> None:
         for name in ("learning", "free"):
             save_figure(REPORT / f"{name}.png", Figure(figsize=(2, 1)))
         return
-    folder, curve = project.data / "forecast", pd.read_csv(REPORT / "curve.csv")
+    folder, curve = project.data / "forecast", pd.read_csv("reports/forecast/curve.csv")
     held_out = load_table(folder / "held_out.parquet", HELD_OUT)
     free = draw_free_swimming(project.forecast_states, load_table(folder / "free.parquet", FREE))
     save_figure(REPORT / "learning.png", draw_learning(curve, held_out))

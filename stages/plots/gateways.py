@@ -14,7 +14,7 @@ PAIRS = 12  # of each direction
 
 
 def main() -> None:
-    """Draw gateways, reports/gateways/contact_sheet.png; without any, the nearest refused pairs."""
+    """Draw gateways in reports/motion/gateways/; without any, the nearest refused pairs."""
     with Project() as project:
         ways, reel, sheet = project.gateways, project.reel, {}
         nearest = load_table(project.data / "gateways/nearest.parquet", GATEWAYS)
@@ -22,7 +22,7 @@ def main() -> None:
             table = ways if direction in set(ways["direction"]) else nearest
             some = choose_gateways_to_draw(table[table["direction"] == direction], PAIRS)
             sheet[direction] = list(gateway_pictures(some, reel, project.map_facts))
-    save_picture(Path("reports/gateways/contact_sheet.png"), draw_gateways(sheet))
+    save_picture(Path("reports/motion/gateways/contact_sheet.png"), draw_gateways(sheet))
 
 
 if __name__ == "__main__":

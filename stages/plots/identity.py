@@ -10,10 +10,10 @@ from finloop.project import Project
 
 
 def main() -> None:
-    """Draw the tracks of each animal over time, reports/identity/timeline.png."""
+    """Draw the tracks of each animal over time, reports/film/identity/timeline.png."""
     project = Project()
     figure = draw_timeline(project.identities, project.features, project.rate_hz)
-    save_figure(Path("reports/identity/timeline.png"), figure)
+    save_figure(Path("reports/film/identity/timeline.png"), figure)
 
 
 if __name__ == "__main__":

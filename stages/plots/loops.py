@@ -21,7 +21,7 @@ from finloop.plots.parts import draw_message
 from finloop.project import Project
 from stages.settings import load_settings
 
-REPORT = Path("reports/loops")
+REPORT = Path("reports/motion/loops")
 NAMES = ("over_time", "over_tank", "fig10", "fig11", "best_and_worst")
 BEST = 6  # loops drawn, and as many of the worst
 
@@ -29,7 +29,7 @@ BEST = 6  # loops drawn, and as many of the worst
 def main() -> None:
     """Draw the loops over time and tank, the best and worst, and Figs. 10, 11 and 13.
 
-    The files are NAMES and fig13, as .png, in reports/loops/.
+    The files are NAMES and fig13, as .png, in reports/motion/loops/.
     """
     p: LoopsSettings = load_settings("loops")
     with Project() as project:

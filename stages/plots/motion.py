@@ -15,7 +15,7 @@ MODULES = (
 
 
 def main() -> None:
-    """Draw the pictures of bpn, forecast, sprites, distance, loops and gateways in reports/."""
+    """Draw bpn, forecast, sprites, distance, loops and gateways in reports/motion/."""
     draw_all(MODULES)
 
 

@@ -13,13 +13,13 @@ from finloop.project import Project
 from finloop.realism.examples import CURVES, EXAMPLES, SIDES, draw_strip
 from finloop.render.painter import Painter
 
-OUT, REPORT = Path("data/realism"), Path("reports/realism")
+OUT, REPORT = Path("data/realism"), Path("reports/modes/realism")
 STRIP = 10, 130  # pictures, px
 
 
 def main() -> None:
-    """Draw ROC curves and the most obviously false windows in reports/realism/."""
-    auc, roc = (pd.read_csv(REPORT / name) for name in ("auc.csv", "roc.csv"))
+    """Draw ROC curves and the most obviously false windows in reports/modes/realism/."""
+    auc, roc = (pd.read_csv(OUT / name) for name in ("auc.csv", "roc.csv"))
     save_figure(REPORT / "auc.png", draw_roc(auc, roc))
 
     table = load_table(OUT / "examples.parquet", EXAMPLES)

@@ -14,11 +14,11 @@ from finloop.render.painter import Painter
 from finloop.render.settings import RenderSettings
 from stages.settings import load_settings
 
-REPORT = Path("reports/render")
+REPORT = Path("reports/modes/render")
 
 
 def main() -> None:
-    """Draw each mode's path, and contact sheets of ticks and of switches, in reports/render/."""
+    """Draw each mode's path, and sheets of ticks and of switches, in reports/modes/render/."""
     p: RenderSettings = load_settings("render")
     with Project() as project:
         background, drawn = project.background, project.edit_with_sources(p.mode, "render")

@@ -14,14 +14,14 @@ from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
 from finloop.retarget import ASKED
 
-REPORT = Path("reports/retarget")
+REPORT = Path("reports/modes/retarget")
 _SPAN = 1.6  # body lengths across a tile
 
 
 def main() -> None:
-    """Draw requested and drawn backbones in reports/retarget/pictures/ if a track is retargeted."""
+    """Draw requested and drawn backbones in reports/modes/retarget/, if a track is retargeted."""
     asked = load_table(Path("data/retarget/asked.parquet"), ASKED)
-    with whole_folder(REPORT / "pictures") as folder:
+    with whole_folder(REPORT) as folder:
         if asked.empty:
             return
         ticks = choose_ticks_to_draw(asked)

@@ -12,12 +12,12 @@ from finloop.project import Project
 
 
 def main() -> None:
-    """Draw the contact sheet of the sprites, reports/sprites/contact_sheet.png."""
+    """Draw the contact sheet of the sprites, reports/motion/sprites/contact_sheet.png."""
     with Project() as project:
         sprites, store = project.sprites, project.sprite_cutouts
         count = count_orientations(sprites)
         sheet = draw_sprites(sprites, lambda s, o: store[sprite_store_row(s, o, count)])
-    save_picture(Path("reports/sprites/contact_sheet.png"), sheet)
+    save_picture(Path("reports/motion/sprites/contact_sheet.png"), sheet)
 
 
 if __name__ == "__main__":

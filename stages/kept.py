@@ -1,0 +1,103 @@
+"""Results of parts of a stage, kept for its next run: only what differs is made again.
+
+A stage that works on every mode would work on all of them again when one mode changes. So it keeps
+the result for each in a hidden folder beside its output, in a file whose name is a digest of
+everything that the result is made from. DVC does not remove that folder; temporary experiments use
+that of the repository.
+"""
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from finloop.io.atomic import whole_file
+from stages.origins import path_digest
+from stages.reuse import key_digest
+
+MOST = 100  # files that are kept, those that were used last
+
+
+@dataclass(frozen=True)
+class KeptResults:
+    """Results of earlier runs, by name.
+
+    folder: where they are; None keeps nothing and has nothing. made_from: digest of what all
+    results are made from. own: name → what that result is made from beside it.
+    """
+
+    folder: Path | None
+    made_from: str
+    own: Mapping[str, Any]
+
+    def load(self, name: str, kind: str, read: Callable[[Path], Any]) -> Any:
+        """Return a kept result, or None if it is not kept or cannot be read.
+
+        kind: the ending of its file, which distinguishes results of one name.
+        """
+        if self.folder is None:
+            return None
+        try:
+            result = read(path := self._path(name, kind))
+            os.utime(path)  # it is in use: not among the oldest
+            return result
+        except (OSError, ValueError, KeyError):
+            return None
+
+    def save(self, name: str, kind: str, write: Callable[[Path], Any]) -> None:
+        """Keep a result, as `write` writes it to a file; drop those that were not used for long."""
+        if self.folder is None:
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with whole_file(self._path(name, kind)) as part:
+            write(part)
+        found = sorted(self.folder.iterdir(), key=lambda path: path.stat().st_mtime)
+        for path in found[:-MOST]:
+            path.unlink(missing_ok=True)
+
+    def _path(self, name: str, kind: str) -> Path:
+        """Return the file of a result."""
+        assert self.folder is not None
+        key = {"all": self.made_from, "name": name, "own": self.own.get(name)}
+        return self.folder / f"{key_digest(key)}.{kind}"
+
+
+def open_kept(stage: str, inputs: list[Path], own: Mapping[str, Any]) -> KeptResults:
+    """Return the kept results of a stage that are made from the present inputs.
+
+    inputs: files and folders that every result is made from, beside the stage's parameters and
+    program. own: name → what that result is made from beside them. A stage that was not started by
+    DVC may have no data/params/<stage>.yaml; it keeps nothing.
+    """
+    settings = Path(f"data/params/{stage}.yaml")
+    if not settings.exists():
+        return KeptResults(None, "", own)
+    digests = {str(path): path_digest(path) for path in (settings, *inputs)}
+    root = Path(os.environ.get("DVC_ROOT", "."))
+    return KeptResults(root / f"data/.{stage}.kept", key_digest(digests), own)
+
+
+def save_frames(path: Path, frames: list[pd.DataFrame]) -> None:
+    """Write data frames of the same columns to one Parquet file, with their exact numbers."""
+    pd.concat(frames, keys=range(len(frames))).to_parquet(path)
+
+
+def load_frames(path: Path, count: int) -> list[pd.DataFrame]:
+    """Read `count` data frames that `save_frames` wrote."""
+    whole = pd.read_parquet(path)
+    number = whole.index.get_level_values(0)
+    return [whole[number == place].droplevel(0) for place in range(count)]
+
+
+def save_values(path: Path, values: Any) -> None:
+    """Write plain values as JSON, with their exact numbers."""
+    path.write_text(json.dumps(values), encoding="utf-8")
+
+
+def load_values(path: Path) -> Any:
+    """Read plain values that `save_values` wrote."""
+    return json.loads(path.read_text(encoding="utf-8"))
