@@ -4,7 +4,8 @@
 .ci/fixture/film.yaml, the kept numbers in .ci/fixture/numbers.csv. The run is made in copies of the
 workspace, without conf/local/, and from an empty cache: the workspace does not change.
 reports/fixture/ gets the report, all numbers, the comparison, and what DVC has printed. The exit
-status is 1 where a number is not the kept one. `--keep` keeps the present numbers instead.
+status is 1 where a number is not the kept one. `--keep` keeps the present values instead.
+Numbers that differ between processors are not in the file, and not compared.
 """
 
 from stages.run import report_progress, run  # isort: skip
@@ -51,15 +52,14 @@ def read_fixture(path: Path) -> list[str]:
 
 
 def compare_numbers(kept: Mapping[str, float], now: Mapping[str, float]) -> list[str]:
-    """Return the rows of a Markdown table of the numbers that differ; empty if none does.
+    """Return the rows of a Markdown table of the kept numbers that differ; empty if none does.
 
-    kept, now: by name. Whole numbers are compared as they are, others to about three digits, which
-    are the same on every processor.
+    kept, now: by name. Whole numbers are compared as they are, others to about three digits.
     """
     return [
-        f"| {name} | {kept.get(name, 'none')} | {now.get(name, 'none')} |"
-        for name in sorted({*kept, *now})
-        if name not in kept or name not in now or not _is_same(kept[name], now[name])
+        f"| {name} | {value} | {now.get(name, 'none')} |"
+        for name, value in sorted(kept.items())
+        if name not in now or not _is_same(value, now[name])
     ]
 
 
@@ -150,7 +150,7 @@ def run_fixture(overrides: list[str]) -> dict[str, float]:
 def main() -> None:
     """Run the tiny film; keep its numbers, or compare them and write the comparison."""
     parser = argparse.ArgumentParser(prog="make ci-fixture", description=__doc__)
-    parser.add_argument("--keep", action="store_true", help=f"write the numbers to {KEPT}")
+    parser.add_argument("--keep", action="store_true", help=f"renew the values in {KEPT}")
     keeps = parser.parse_args().keep
     if not keeps and not KEPT.is_file():
         raise FinloopError(
@@ -159,10 +159,11 @@ def main() -> None:
     now = run_fixture(read_fixture(FILM))
     save_numbers(OUT, now)
     if keeps:
-        save_numbers(KEPT.parent, now)
-        print(f"fixture: {KEPT} has {len(now)} numbers")
-    rows = compare_numbers(load_numbers(KEPT.parent), now)
-    head = f"{len(now)} numbers of the tiny film, {len(rows)} of them not as kept in {KEPT}"
+        names = load_numbers(KEPT.parent) or now  # all, if no numbers were kept
+        save_numbers(KEPT.parent, {name: now[name] for name in names if name in now})
+    kept = load_numbers(KEPT.parent)
+    rows = compare_numbers(kept, now)
+    head = f"{len(kept)} numbers of the tiny film, {len(rows)} of them not as kept in {KEPT}"
     table = ["", "| number | kept | now |", "|---|---|---|", *rows] if rows else []
     save_bytes(OUT / "comparison.md", "\n".join([head, *table, ""]).encode())
     print(f"fixture: {head}\n{OUT}/index.html is the report.")
