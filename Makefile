@@ -53,7 +53,7 @@ film: display setup ## your own film, from file to report:  make film FILM=/path
 study: display setup ## several films, a row each:  make study FILMS="a.mp4 b.mp4", or FILMS=study.yaml
 	@FILMS='$(subst ','\'',$(value FILMS))' python -m stages.study $(S)
 
-ci-fixture: display setup ## the pipeline on a tiny drawn film, its numbers against kept ones, in a minute
+ci-fixture: display setup ## the pipeline on a tiny drawn film, its numbers against kept ones
 	@python -m stages.fixture $(S)
 
 test: setup ## run the tests
