@@ -282,10 +282,7 @@ def main() -> None:
             with whole_folder(FIGURES / film) as figures_of_film:
                 _draw_figures(fit, figures_of_film, pictures if film == "limbs" else None)
         if swimmer is None:
-            why = "no track of the clip has an outline that repeats: see tracks.csv"
-            print(f"gait: {why}")
-            with whole_folder(FIGURES / "outline") as empty:
-                (empty / "none.txt").write_text(why + "\n", encoding="utf-8")
+            print("gait: no track of the clip has an outline that repeats: see tracks.csv")
         with report_progress("gait", 2, "drawings") as advance:
             numbers |= _animate_drawing("dog", p.walker_drawings, walker.gait, p, folder)
             advance()

@@ -167,9 +167,7 @@ def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
     said = capsys.readouterr().out
     assert "fore_right is left out of frames 6: empty" in said  # as its file is called
     assert "no track of the clip has an outline that repeats" in said
-    assert [path.name for path in (folder / "reports/gait/figures/outline").iterdir()] == [
-        "none.txt"
-    ]
+    assert not (folder / "reports/gait/figures/outline").exists()
     assert not (folder / "data/gait/outline.json").exists()
     gait = load_gait(folder / "data/gait/limbs.json")
     assert gait.name == "own" and gait.frequency_hz == pytest.approx(dog.frequency_hz, rel=0.03)
