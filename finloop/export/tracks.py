@@ -11,7 +11,6 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from finloop.base.errors import FinloopError
 from finloop.base.poses import BLOCK, Poses, iterate_blocks
 from finloop.base.schema import lists_to_points
 from finloop.features.area import interpolate_lines
@@ -29,8 +28,8 @@ def keypoints_of_tracks(
 ) -> Poses:  # fmt: skip
     """Return head, equidistant body points, tail and mass centre (px) of the longest tracks.
 
-    The confidence of head, body and tail is `head_confidence`; that of the mass centre is 1.
-    FinloopError if no track is long enough.
+    The confidence of head, body and tail is `head_confidence`; that of the mass centre is 1. If all
+    tracks are too short, only the longest is returned.
 
     tracks: the columns `USED` of the table of tracks; features: head_x_px, head_y_px,
     head_confidence of the feature table, whose rows are the same; frames: number of frames of the
@@ -40,13 +39,7 @@ def keypoints_of_tracks(
     """
     individual = tracks["track_id"] if animals is None else animals
     length = individual.value_counts(sort=False).sort_index()
-    long = length[length >= least_frames]
-    if long.empty:
-        raise FinloopError(
-            f"no track has {least_frames} frames; the longest has {max(length, default=0)}",
-            "at least one track to export",
-            "lower export.tracks_min_s",
-        )
+    long = length[length >= min(least_frames, length.max())]
     ids = np.sort(long.sort_values(ascending=False, kind="stable").index[:most])
     rows = pd.concat([tracks, features], axis=1).assign(individual=individual)[individual.isin(ids)]
     rows = rows.sort_values(["frame", "individual"], ignore_index=True)
