@@ -29,20 +29,20 @@ demo: display setup ## fetch the zebrafish clip, run the pipeline on it, say wha
 	@dvc repro
 	@echo
 	@echo "Done. Open:"
-	@echo "  reports/index.html                   everything on one page"
-	@echo "  data/tank/tank.html                  the tank in three dimensions, to turn"
-	@echo "  data/render/modes.mp4                the film and all modes, side by side"
-	@echo "  data/render/hybrid_marked.mp4        mode hybrid on its way to A, B and C"
-	@echo "  reports/render/                      network.png, loops.png, hybrid.png, matching.png: the route of"
-	@echo "                                       each mode, in colours by what is shown"
-	@echo "  reports/modes/render/switches.png          mode hybrid between film and sprites, tick by tick"
-	@echo "  reports/motion/loops/fig11.png              the position table of the video loops"
-	@echo "  data/animate/beside/measures.csv         the measures of all modes, beside the film's own"
-	@echo "  reports/motion/sprites/contact_sheet.png    the frames that network and hybrid show"
+	@echo "  reports/index.html                        everything on one page"
+	@echo "  data/tank/tank.html                       the tank in three dimensions, to turn"
+	@echo "  data/render/modes.mp4                     the film and all modes, side by side"
+	@echo "  data/render/hybrid_marked.mp4             mode hybrid on its way to A, B and C"
+	@echo "  reports/modes/render/                     network.png, loops.png, hybrid.png, matching.png: the"
+	@echo "                                            route of each mode, in colours by what is shown"
+	@echo "  reports/modes/render/switches.png         mode hybrid between film and sprites, tick by tick"
+	@echo "  reports/motion/loops/fig11.png            the position table of the video loops"
+	@echo "  data/animate/beside/measures.csv          the measures of all modes, beside the film's own"
+	@echo "  reports/motion/sprites/contact_sheet.png  the frames that network and hybrid show"
 	@echo "  reports/film/features/contact_sheet.png   the fish, with what was found in them"
-	@echo "  reports/features/numbers.csv         the numbers (of others: dvc metrics show)"
-	@echo "  dvc_plots/index.html                 every chart and picture"
-	@echo "Then: make play                        send the fish by hand"
+	@echo "  reports/features/numbers.csv              the numbers (of others: dvc metrics show)"
+	@echo "  dvc_plots/index.html                      every chart and picture"
+	@echo "Then: make play                             send the fish by hand"
 	@dvc plots show >/dev/null
 
 film: display setup ## your own film, from file to report:  make film FILM=/path/of/film.mp4

@@ -837,7 +837,7 @@ def test_a_film_that_drifts_backwards_has_no_loops_but_an_improper_one(tmp_path,
     stages.loops.main()
     stages.plots.loops.main()
     assert load_table(tmp_path / "data/loops/loops.parquet", LOOPS).empty
-    reports = tmp_path / "reports/loops"
+    reports = tmp_path / "reports/motion/loops"
     words, drawn = (load_picture(reports / f"{name}.png") for name in ("fig10", "fig13"))
     assert drawn.shape[0] > 2 * words.shape[0]
     table, opened = toy_reel(tmp_path)

@@ -335,7 +335,10 @@ def test_a_run_leaves_only_numbers_to_git(first_run: Copy):
     assert repo.git("status", "--porcelain") == ""
     assert repo.git("ls-files", ".dvc/plots_page.html")  # a temporary experiment has it too
     for word in {*WORDS} & {*STAGES}:
-        assert json.loads(repo.text(f"reports/{word}/metrics.json"))
+        headlines = json.loads(repo.text(f"reports/{word}/metrics.json"))
+        numbers = pd.read_csv(repo.root / f"reports/{word}/numbers.csv")
+        assert headlines or word == "forecast"  # it is not assessed in a film as short as this
+        assert {*headlines} <= {*numbers["number"]} and len(numbers)
 
 
 def test_another_number_of_orientations_goes_all_the_way(first_run: Copy):

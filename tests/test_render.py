@@ -863,7 +863,7 @@ def test_a_replay_of_the_film_is_the_film(folder):
     assert set(content(Path("data/render"))) == made
     stages.plots.render.main()
     for name in ("hybrid.png", "contact_sheet.png"):
-        assert load_picture(Path("reports/render") / name).std() > 10
+        assert load_picture(Path("reports/modes/render") / name).std() > 10
 
 
 @pytest.mark.usefixtures("no_drawing")

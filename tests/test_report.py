@@ -128,13 +128,15 @@ def test_the_headline_leaves_out_what_was_not_measured():
 
 
 def test_values_are_escaped(tmp_path: Path):
-    table = {"caption": "<script>", "columns": ["<b>"], "rows": [["<i>", "&"]]}
+    effects = {"caption": "<script>", "columns": ["<b>"], "rows": [["<i>", "&", ""]]}
+    row = {"name": "<u>", "best": False, "commit": "", "values": [0.5], "texts": ["<s>"]}
     text = render_template(
         "compare.html.j2",
-        {"title": "</title>", "why": "", "table": table, "charts": [("</script>", '{"a":"</script>"}')],
-         "plotly": ""},
+        {"title": "</title>", "texts": ["<q>"], "effects": effects, "charts": [("</script>", '{"a":"</script>"}')],
+         "rows": [row], "parameters": ["<ins>"], "measures": [], "same": ["<del>"], "fronts": [], "previews": {},
+         "seeds": False, "chance": "5%", "no_effect": "", "axes": "{}", "plotly": ""},
     )  # fmt: skip
-    for raw in ("<b>", "<i>", "</title>:"):
+    for raw in ("<b>", "<i>", "<u>", "<s>", "<q>", "<ins>", "<del>", "</title>:"):
         assert raw not in text
     assert text.count("</script>") == 2  # the page's own
 
