@@ -117,11 +117,9 @@ def touches_target(x: float, y: float, heading: float, target: Target) -> bool:
     reach = 1.001 * (target.touch_px + target.head_px)
     if dx * dx + dy * dy > reach * reach:
         return False  # too far for the head, too; most calls end here, without sines
-    head_x, head_y = offset_point(x, y, heading, target.head_px, 0.0)
-    return (
-        np.hypot(dx, dy) <= target.touch_px
-        or np.hypot(head_x - target.x, head_y - target.y) <= target.touch_px
-    )
+    head_x, head_y = offset_point(dx, dy, heading, target.head_px, 0.0)
+    square_px2 = min(dx * dx + dy * dy, head_x * head_x + head_y * head_y)
+    return square_px2 <= target.touch_px * target.touch_px
 
 
 @kernel

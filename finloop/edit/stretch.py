@@ -95,7 +95,9 @@ class Stretch:
     @cached_property
     def path_and_pictures(self) -> Floats:
         """Columns x, y px, heading in degrees and picture number of each tick, (n, 4)."""
-        return np.column_stack([self.way, self.pictures])
+        ticks = np.empty((len(self.way), 4))
+        ticks[:, :3], ticks[:, 3] = self.way, self.pictures
+        return ticks
 
     def remaining_path(self, gone: int) -> Floats:
         """Return x, y px, heading and picture number (k, 4) after the first `gone` ticks.

@@ -79,8 +79,19 @@ def estimate_ticks_to_target(x, y, direction, target, weights):  # type: ignore[
     dx, dy = target.x - x, y - target.y
     far = np.sqrt(dx * dx + dy * dy)
     ahead = (dx * direction[0] + dy * direction[1]) / max(far, 1e-9)
-    error = np.degrees(np.arccos(min(max(ahead, -1.0), 1.0)))
-    return far / weights.pace + error / weights.turning
+    return far / weights.pace + estimate_angle_deg(ahead) / weights.turning
+
+
+@leaf_kernel
+def estimate_angle_deg(cosine: float) -> float:
+    """Estimate the angle, 0 … 180°, that has a cosine, to 0.004° (Abramowitz and Stegun, 4.4.45).
+
+    It takes a fifth of the time of the exact one, in the busiest line of the search.
+    """
+    size = min(abs(cosine), 1.0)
+    series = 1.5707288 + size * (-0.2121144 + size * (0.0742610 - 0.0187293 * size))
+    angle = np.degrees(np.sqrt(1.0 - size) * series)
+    return angle if cosine >= 0.0 else 180.0 - angle
 
 
 @leaf_kernel
