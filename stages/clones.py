@@ -9,7 +9,8 @@ import psutil
 from finloop.base.errors import FinloopError
 
 PROGRAMS = ("stages.study", "stages.sweep")
-CLONES = ".dvc/tmp/sweep-*"
+APART, PREFIX = Path(".dvc/tmp"), "sweep-"
+"""Where sweeps and studies clone the workspace, and how the names of those folders begin."""
 
 
 def require_only_one(program: str) -> None:
@@ -23,7 +24,7 @@ def require_only_one(program: str) -> None:
             f"one study or sweep at a time, and not {program} beside it",
             "wait until it ends, or stop it; what it has made is kept",
         )
-    for left in Path().glob(CLONES):
+    for left in APART.glob(f"{PREFIX}*"):
         shutil.rmtree(left, ignore_errors=True)
 
 

@@ -25,6 +25,7 @@ import yaml
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import save_bytes
 from finloop.io.numbers import NUMBERS_NAME, load_numbers, save_numbers
+from stages.clones import APART
 from stages.compose import write_params
 from stages.repository import run_git
 from stages.settings import PARAMS, format_override
@@ -118,10 +119,9 @@ def run_fixture(overrides: list[str]) -> dict[str, float]:
     overrides: the film and its settings. FinloopError, with the failed stage's message, if a stage
     fails.
     """
-    apart = Path(".dvc/tmp")
-    apart.mkdir(exist_ok=True)
+    APART.mkdir(exist_ok=True)
     with (
-        TemporaryDirectory(dir=apart.absolute(), prefix="fixture-") as folder,
+        TemporaryDirectory(dir=APART.absolute(), prefix="fixture-") as folder,
         report_progress("fixture", 1, "runs") as advance,
         ThreadPoolExecutor() as pool,
     ):

@@ -18,7 +18,6 @@ FILMS names films, or a YAML file::
 from stages.run import THREADS, run  # isort: skip  (before numpy)
 
 import argparse
-import hashlib
 import os
 import re
 import sys
@@ -43,6 +42,7 @@ from finloop.io.table import save_csv
 from finloop.report.study import COLUMNS, FilmResult, study_page, study_table
 from stages.clones import require_only_one
 from stages.film import parse_film_paths
+from stages.origins import path_digest
 from stages.repository import list_experiments, read_git_user, run_git
 from stages.settings import LOCAL
 from stages.sweep import make_runs
@@ -94,7 +94,7 @@ def require_different_films(films: Mapping[str, Overrides]) -> None:
         known: list[str] = settings
         if path and path.exists():
             same_size = path.is_file() and copies[_file_size(settings)] > 1
-            content = file_digest(path) if same_size else str(path.resolve())
+            content = path_digest(path) if same_size else str(path.resolve())
             known = [content, *(one for one in settings if not one.startswith("clip.path="))]
         other = first.setdefault(str(known), name)
         if other != name:
@@ -111,12 +111,6 @@ def _film_path(settings: Overrides) -> Path | None:
     """Return the path of the film that overrides name; None if they name none."""
     paths = [one.partition("=")[2] for one in settings if one.startswith("clip.path=")]
     return Path(yaml.safe_load(paths[-1].replace("\\${", "${"))) if paths else None
-
-
-def file_digest(path: Path) -> str:
-    """Return a digest of a file's content."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _file_size(settings: Overrides) -> int | None:

@@ -31,6 +31,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.program import holds_sources
 from finloop.base.settings import check_values
 from finloop.report.headlines import HEADLINES
+from stages.clones import APART, PREFIX
 from stages.cluster import PROCESSES
 from stages.code import OUT as CODE
 from stages.code import file_lists
@@ -215,12 +216,12 @@ class RunMaker:
     def _open_clones(self, count: int) -> None:
         """Make clones until there are `count`; find out whether a first run goes alone."""
         root = Path.cwd()
-        (root / ".dvc/tmp").mkdir(exist_ok=True)
+        (root / APART).mkdir(exist_ok=True)
         if not self._clones:
             _, self._cache = run_dvc("cache", "dir", folder=root)
             if self.shared:
                 self.shared = "up to date" not in run_dvc("status", *self.stages, folder=root)[1]
-            apart = TemporaryDirectory(dir=root / ".dvc/tmp", prefix="sweep-")
+            apart = TemporaryDirectory(dir=root / APART, prefix=PREFIX)
             self._folder = Path(self._stack.enter_context(apart))
         for number in range(len(self._clones), count):
             self._clones.append(self._folder / str(number))

@@ -14,9 +14,7 @@ from finloop.base.kernel import kernel, leaf_kernel
 
 NEVER = -(10**9)
 """The tick of a row that was never on screen."""
-
-
-_BLOCK_BITS = 5  # of 32 rows
+_MARK_BITS = 5  # a mark of `mark_rows` stands for 2 to this power of rows in a row
 
 
 class MemoryIndex(NamedTuple):
@@ -93,11 +91,11 @@ def _last_tick_of_rows(memory: Ints, between: tuple[int, int], first: int, last:
 def mark_rows(marks: int, first: int, last: int) -> int:
     """Return the marks of some rows, with those of rows first … last added.
 
-    marks: 64 bits. A bit stands for every 64th block of rows: a row without a mark is none of those
-    that were added; a row with a mark may be one.
+    marks: 64 bits. A bit stands for 32 rows, and for those 2048, 4096 … rows farther on: a row
+    without a mark is none of those that were added; a row with a mark may be one.
     """
-    for block in range(first >> _BLOCK_BITS, (last >> _BLOCK_BITS) + 1):
-        marks |= 1 << (block & 63)
+    for group in range(first >> _MARK_BITS, (last >> _MARK_BITS) + 1):
+        marks |= 1 << (group & 63)
     return marks
 
 

@@ -194,9 +194,9 @@ def _advance_way(graph, way, ticks, start, objective, weights):  # type: ignore[
         leads = rotate_by_cos_sin(lead.dx, lead.dy, way.cos, way.sin)
         most = largest_steering_turn(speed, steering)
         turn = steering_turn(route, (way.x, way.y, along), leads, lead.ticks, most, steering)
-    dx, dy = rotate_by_cos_sin(after.x - at.x, after.y - at.y, way.cos, way.sin)
-    if route.x.size:
         dx, dy = rotate(after.x - at.x, after.y - at.y, way.rot + turn * ticks / 2)
+    else:
+        dx, dy = rotate_by_cos_sin(after.x - at.x, after.y - at.y, way.cos, way.sin)
     x, y, rot = way.x + dx, way.y + dy, way.rot + turn * ticks
     heading = after.heading + rot
     if route.x.size:

@@ -52,10 +52,10 @@ WAY = np.dtype(
     ],
     align=True,
 )  # fmt: skip
-"""A way that is followed: where it has come to (x, y px, px along a path, row, rot, and before any
-steering the cosine and sine of rot); its cost in ticks (total), and of that each of `TERMS`; the
-candidate that it began with (first); its ticks; its last run; marks of the rows that it has shown,
-from `mark_rows`; whether it goes on after its leg."""
+"""A way that is followed: where it has come to (x, y px, px along a path, row, rot in degrees, and
+the cosine and sine of rot); its cost in ticks (total), and of that each of `TERMS`; the candidate
+that it began with (first); its ticks; its last run; marks of the rows that it has shown, from
+`mark_rows`; whether it goes on after its leg."""
 
 RUN = np.dtype([("row", "i8"), ("tick", "i8"), ("before", "i8")])
 """A run of film that a way shows: its first row, the tick of that, and the number of the run before
