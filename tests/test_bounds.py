@@ -107,7 +107,7 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
     ahead = replace(ahead, way=np.repeat([[300.0, 150.0, 0.0]], len(ahead.way), axis=0))
     places = []
     while fish.tick < 500:
-        fish = player._fish_after(fish, keeper.keep_clear(fish, ahead, rng))
+        fish = player._fish_after(fish, keeper.keep_clear(fish, ahead))
         places.append((fish.x, fish.y, fish.heading))
         assert fits_in_tank(own_world.bounds, fish.row, *places[-1])
     steps = -np.diff(np.array(places)[:, 0])

@@ -59,7 +59,8 @@ from finloop.base.settings import settings
 from finloop.edit.build import build_edit_lists
 from finloop.edit.measures import average_measures
 from finloop.edit.modes import MODES
-from finloop.edit.schema import EDIT, PATH, Goal, split_by_fish
+from finloop.edit.schema import EDIT, PATH, PLAY, Goal, split_by_fish
+from finloop.edit.stretch import Decision
 from finloop.io.numbers import load_numbers
 from finloop.io.parameters import build_settings, read_parameters
 from finloop.io.table import load_table, save_table
@@ -177,9 +178,10 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
     for directions in (fallback._ASIDE_DEG, (0.0,)):  # and back to back alone
         monkeypatch.setattr(fallback, "_ASIDE_DEG", directions)
         fish = with_neighbours(first, gap)
-        ahead = player._plan_to_target(fish, Target(x + 100, y, 0, 0), np.random.default_rng(1))
-        blocked = replace(ahead, way=np.repeat([[x + gap, y, 90.0]], len(ahead.way), axis=0))
-        way = avoider.keep_clear(fish, blocked, np.random.default_rng(2)).way
+        ahead = avoider.stay(fish, Target(x + 100, y, 0, 0))
+        way = np.repeat([[x + gap, y, 90.0]], len(ahead.way), axis=0)
+        blocked = replace(ahead, way=way, decision=Decision(PLAY))
+        way = avoider.keep_clear(fish, blocked).way
         ways.append(way[-1, :2] - (x, y))
     drift_px = fallback._DRIFT * LENGTH / DELTA
     assert ways[0][1] > 0.9 * drift_px and abs(ways[0][0]) < 0.5

@@ -4,7 +4,7 @@ The ladder, from the first to the last: swim the free part of a stretch; stay an
 drift away from the fish in the way, or more and more aside; stay with the same picture.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -27,23 +27,16 @@ _DRIFT = 0.05  # body lengths in a Δ, of a fish that has no way
 class Fallback:
     """Finds what a fish does whose plan leads nowhere or is blocked by a wall or another fish.
 
-    world: its tank and film; plan_to_target: plans a stretch of a fish to a target.
+    world: its tank and film.
     """
 
-    def __init__(
-        self,
-        world: FilmWorld,
-        plan_to_target: Callable[[Fish, Target, np.random.Generator], Stretch],
-    ) -> None:
-        """Keep the world, and the function that plans a stretch of a fish to a target."""
-        self._world, self._plan_to_target = world, plan_to_target
+    def __init__(self, world: FilmWorld) -> None:
+        """Keep the world."""
+        self._world = world
         self._drift_px = _DRIFT * world.motion.body_length_px / world.motion.delta  # in a tick
 
-    def stay(self, fish: Fish, target: Target, turning: bool = True) -> Stretch:
-        """Return a stretch in which the film plays on while the fish stays in its place.
-
-        turning: whether the fish turns towards the target meanwhile.
-        """
+    def stay(self, fish: Fish, target: Target) -> Stretch:
+        """Return a stretch in place: the film plays on, and the fish turns towards the target."""
         film, most_deg = self._world.film, self._world.brisk.turn_deg
         last, begin, rot = len(film.has_next) - 1, fish.row, fish.rot
         if film.has_next[fish.row] and len(rows := film_candidates(film, fish.row + 1, rot).rows):
@@ -60,8 +53,7 @@ class Fallback:
         there = bearing(fish.x, fish.y, target.x, target.y)
         before = heading = fish.heading
         for k, own in enumerate(filmed):
-            if turning:
-                heading += turn_towards_aim(wrap(own - before), there - heading, most_deg)
+            heading += turn_towards_aim(wrap(own - before), there - heading, most_deg)
             way[k, 2], before = heading, own
         rots = way[:, 2] - film.heading[rows]
         state = FORECAST if fish.state == FORECAST else FILM
@@ -69,7 +61,7 @@ class Fallback:
             state, way, rows, begin != fish.row + 1, target, False, Decision(SPOT), FRAME, rots
         )  # fmt: skip
 
-    def keep_clear(self, fish: Fish, stretch: Stretch, rng: np.random.Generator) -> Stretch:
+    def keep_clear(self, fish: Fish, stretch: Stretch) -> Stretch:
         """Return a stretch cut to its free ticks; if it has none, the fish stays or gives way.
 
         Free is inside the tank and clear of other fish. At a wall the fish stays. A fish that
@@ -89,7 +81,7 @@ class Fallback:
         if ticks and not stuck:
             return stretch.cut(ticks)
         x, y = others[far.argmin(), :2].tolist()
-        for way in self._ways_to_give_way(fish, x, y, rng):
+        for way in self._ways_to_give_way(fish, x, y):
             other = self._part_inside_tank(way)
             if other is not None and (ticks := self.count_free_ticks(fish, other)):
                 return other.cut(ticks)
@@ -122,21 +114,11 @@ class Fallback:
                 return inside
         return stays
 
-    def _ways_to_give_way(
-        self, fish: Fish, x: float, y: float, rng: np.random.Generator
-    ) -> Iterator[Stretch]:
+    def _ways_to_give_way(self, fish: Fish, x: float, y: float) -> Iterator[Stretch]:
         """Yield stretches by which a fish gives way to another at x, y px, the best first.
 
-        It swims away, if that is quicker than a drift; drifts away, or more and more aside: turning
-        there, not turning, with the same picture; stays with the same picture.
+        It drifts away, or more and more aside; the last way is to stay with the present picture.
         """
-        away = self._place_away_from(fish, x, y, 0.0)
-        leaves = self._plan_to_target(fish, away, rng)
-        # A fish blocked all round may swim, too, and gain nothing: a drift is quicker.
-        gains = np.hypot(*(leaves.way[:, :2] - (x, y)).T) - np.hypot(fish.x - x, fish.y - y)
-        ticks = self.count_free_ticks(fish, leaves)
-        if ticks and gains[ticks - 1] > ticks * self._drift_px:
-            yield replace(leaves, touched=False)
         for aside_deg in _ASIDE_DEG:
             there = self._place_away_from(fish, x, y, aside_deg)
             for stays in self._ways_to_stay(fish, there):
@@ -153,27 +135,13 @@ class Fallback:
         return Target(*self._world.tank.nearest_legal_point(float(to_x), float(to_y)), 0.0, 0.0)
 
     def _ways_to_stay(self, fish: Fish, target: Target) -> Iterator[Stretch]:
-        """Yield stretches in place: turning to a target, not turning, with the same picture."""
-        yield self.stay(fish, target)
-        stays = self.stay(fish, target, turning=False)
+        """Yield stretches in place: turning to a target, then with the present picture."""
+        stays = self.stay(fish, target)
         yield stays
-        rot = stays.way[:, 2] - self._world.film.heading[fish.row]
-        same = np.full(len(rot), fish.row)
-        frozen = replace(stays, number=same, rot=rot, new=False)
-        yield self._turn_in_place(frozen, target)
-        yield frozen
-
-    def _turn_in_place(self, stretch: Stretch, target: Target) -> Stretch:
-        """Return a stretch of one picture in one place, turned tick by tick towards a target."""
-        (x, y, heading), ticks = stretch.way[0], np.arange(1, len(stretch.way) + 1)
-        error = float(wrap(bearing(x, y, target.x, target.y) - heading))
-        # So slowly that its ends swim no faster than a brisk fish does.
-        slowly = np.degrees(self._world.cost_weights.pace / self._world.motion.body_length_px)
-        most = min(self._world.brisk.turn_deg, slowly) * ticks
-        turn = np.sign(error) * np.minimum(most, abs(error))
-        way = stretch.way + np.outer(turn, (0.0, 0.0, 1.0))
-        rot = None if stretch.rot is None else stretch.rot + turn
-        return replace(stretch, way=way, rot=rot)
+        n = len(stays.way)
+        way = np.tile((fish.x, fish.y, fish.heading), (n, 1))
+        same, rot = np.full(n, fish.row), np.full(n, fish.rot)
+        yield replace(stays, way=way, number=same, rot=rot, new=False)
 
     def _drift(self, fish: Fish, stretch: Stretch, target: Target) -> Floats:
         """Return the trajectory (n, 3) of a stretch in place with a drift towards a target."""

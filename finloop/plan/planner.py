@@ -196,7 +196,7 @@ class Planner:
         task = ANYWHERE if spot.free else spot
         stretch, path = self._plan_or_stay(fish, aimed.path, objective, task, rng)
         whole = stretch
-        stretch = self._fallback.keep_clear(fish, stretch, rng)
+        stretch = self._fallback.keep_clear(fish, stretch)
         if stretch is not whole:
             path = Progress()
         keeps = not isinstance(goal, Goal) and not stretch.touched
@@ -246,7 +246,7 @@ class Planner:
         path = path._replace(along=float(find_foot(route, fish.x, fish.y, since)[0]))
         objective = path_objective(route, self.world.steering)
         whole, on = self._plan_or_stay(fish, path, objective, route, rng)
-        stretch = self._fallback.keep_clear(fish, whole, rng)
+        stretch = self._fallback.keep_clear(fish, whole)
         # The next step finds from where it was how far along a path a shorter one leads.
         on = on if stretch is whole else Progress(state.path.along)
         return replace(stretch, touched=False), state._replace(
@@ -433,13 +433,7 @@ class Planner:
     @cached_property
     def _fallback(self) -> Fallback:
         """Return what decides where no plan leads on, or another fish is in the way."""
-        return Fallback(self.world, self._plan_to_target)
-
-    def _plan_to_target(self, fish: Fish, target: Target, rng: np.random.Generator) -> Stretch:
-        """Return the stretch by which a fish without a plan begins to swim to a target."""
-        return self._plan_or_stay(
-            fish, Progress(), target_objective(self._next_waypoint(fish, target)), target, rng
-        )[0]
+        return Fallback(self.world)
 
     def _fish_in_film(self, fish: Fish) -> Fish:
         """Return a fish that a sprite shows as a fish in the film, at the row behind the sprite."""
