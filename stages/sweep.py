@@ -31,7 +31,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.program import holds_sources
 from finloop.base.settings import check_values
 from finloop.report.headlines import HEADLINES
-from stages.clones import APART, PREFIX
+from stages.clones import APART, PREFIX, require_only_one
 from stages.cluster import PROCESSES
 from stages.code import OUT as CODE
 from stages.code import file_lists
@@ -354,6 +354,7 @@ def main() -> None:
     name, plan, fixed = plan_sweep(words, measures, given)
     chosen = [f"+{FOLDER}={name}"] if name in list_sweeps() else []
     overrides = [*chosen, *list_overrides(read_params()), *fixed]
+    require_only_one("stages.sweep")
     finished, failures, found = make_sweep(name, plan, overrides, max(1, jobs))
     if finished:
         why = " ".join(filter(None, (plan.why, plan.seen, found)))
