@@ -11,6 +11,7 @@ from stages.run import THREADS, report_progress, run  # isort: skip  (before num
 
 import argparse
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -78,6 +79,20 @@ def _clone(root: Path, folder: Path, cache: str) -> None:
         run_git("config", key, value, folder=folder)
     settings = f"[cache]\n    dir = {cache}\n"
     (folder / ".dvc/config.local").write_text(settings, encoding="utf-8")
+    drop_lock_without_results(folder / "dvc.lock", Path(cache))
+
+
+def drop_lock_without_results(lock: Path, cache: Path) -> None:
+    """Remove a dvc.lock that names a folder of results which is not in DVC's cache.
+
+    lock: the file; cache: folder of the cache. `dvc exp run` stops at such a lock as soon as it
+    takes a stage from the cache: it looks up the folders that the lock names.
+    """
+    if not lock.is_file():
+        return
+    folders = re.findall(r"md5: (\w\w)(\w+\.dir)", lock.read_text("utf-8"))
+    if not all((cache / "files/md5" / head / rest).is_file() for head, rest in folders):
+        lock.unlink()
 
 
 def run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bool, str]:

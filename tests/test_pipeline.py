@@ -595,6 +595,13 @@ def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(front: Copy):
     again = front.run("python", "-m", "stages.sweep", "quick", fails=True)
     assert "runs: " in text and "runs: " not in again  # both experiments are there already
     assert "quick-0.4" in again and "quick-7.0 failed" in again
+    # A lock of results that nobody has here, as in a new clone, and all stages from the run cache.
+    (parameters,) = re.findall(r"path: data/params\n.*\n +md5: (\w+)\.dir", front.text("dvc.lock"))
+    strange = front.text("dvc.lock").replace(parameters, "0" * 32)
+    (front.root / "dvc.lock").write_text(strange)
+    front.dvc("exp", "remove", "quick-0.4")
+    assert "quick-0.4 failed" not in front.run("python", "-m", "stages.sweep", "quick", fails=True)
+    assert front.text("dvc.lock") == strange
 
 
 def test_an_animation_is_drawn_from_the_cache(first_run: Copy, monkeypatch: pytest.MonkeyPatch):

@@ -91,8 +91,8 @@ class Plan(NamedTuple):
     def first_runs(self, most_ticks: int) -> tuple[Run, ...]:
         """Return the runs of film of the plan's first ticks: about `most_ticks`, at least a leg.
 
-        Legs that play the film on are one run. Of a plan that leads nowhere at most half is swum,
-        so that the next search begins before its end.
+        Legs that play the film on are one run. The fish swims at most half of a plan that leads
+        nowhere, so that the next search begins before its end.
         """
         runs: list[Run] = []
         half = int(self.ticks.sum()) // 2
