@@ -25,15 +25,17 @@ class Cutout(NamedTuple):
     orientation: int | None = None
 
     def blend_over(self, background: Picture) -> Picture:
-        """Lay the cut-out over its place in the tank; return these pixels, (h, w[, 3]) uint8.
+        """Return the pixels of its rectangle of the frame, cut-out over background, (h, w[, 3]).
 
-        background (H, W) or (H, W, 3) uint8: the whole tank, in which the cut-out must lie.
+        background (H, W) or (H, W, 3) uint8: the empty tank as a whole frame, in which the cut-out
+        must lie; it does not change. The result is uint8.
         """
         h, w = self.pixels.shape[:2]
-        tank = background[self.y0_px : self.y0_px + h, self.x0_px : self.x0_px + w]
-        through = (255 - self.pixels[..., -1:].astype(np.uint16)) * tank.reshape(h, w, -1)
-        film = self.pixels[..., :-1] + (through + 127) // 255
-        return film.reshape(tank.shape).astype(np.uint8)
+        behind = background[self.y0_px : self.y0_px + h, self.x0_px : self.x0_px + w]
+        transparency = 255 - self.pixels[..., -1:].astype(np.uint16)
+        seen_behind = (transparency * behind.reshape(h, w, -1) + 127) // 255  # rounded
+        blended = self.pixels[..., :-1] + seen_behind
+        return blended.reshape(behind.shape).astype(np.uint8)
 
 
 class Cutouts(Protocol):
@@ -41,7 +43,10 @@ class Cutouts(Protocol):
 
     @property
     def index(self) -> pd.DataFrame:
-        """Return a row per cut-out: track_id, frame, place and size; of sprites also their key."""
+        """Return a table, a row per cut-out: track_id, frame, place, size; of sprites their number.
+
+        See the schemas of `finloop.io.cutouts`.
+        """
         ...
 
     def __len__(self) -> int:
@@ -49,5 +54,5 @@ class Cutouts(Protocol):
         ...
 
     def __getitem__(self, row: int) -> Cutout:
-        """Return the cut-out of a row."""
+        """Return the cut-out of a row of `index`, counted from 0."""
         ...

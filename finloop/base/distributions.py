@@ -8,8 +8,8 @@ from finloop.base.arrays import Floats
 def wasserstein_distance(a: Floats, b: Floats) -> float:
     """Return the Wasserstein distance of samples a (n,) and b (m,), ∫ |F_a(x) − F_b(x)| dx.
 
-    F is the cumulative distribution of a sample. This replaces `scipy.stats`, which takes 0.6 s to
-    import.
+    F(x) is the share of a sample that is at most x. The result has the unit of the samples. This
+    replaces `scipy.stats`, which takes 0.6 s to import.
     """
     values = np.sort(np.concatenate([a, b]), kind="stable")
     share_a = np.searchsorted(np.sort(a), values[:-1], side="right") / len(a)

@@ -13,7 +13,10 @@ LARGEST = 1e100
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve through points (n, 2); a closed one returns to its first point, which stands once."""
+    """A curve through points (n, 2), x right and y down.
+
+    A closed curve returns from its last point to its first, which is not repeated at the end.
+    """
 
     points: Points
     closed: bool
@@ -30,10 +33,11 @@ class Drawing:
 
 
 def clean_curve(curve: Curve, name: str) -> Curve:
-    """Return a curve without those points that repeat the previous point.
+    """Return a curve without points that repeat the previous one.
 
-    FinloopError, which names the curve, if a coordinate is not finite or is beyond LARGEST, or if
-    fewer than 3 points of a closed curve (2 of an open one) lie apart.
+    name: of the curve, for messages. FinloopError if `points` is no array (n, 2), if a coordinate
+    is NaN or beyond ±LARGEST, or if fewer than 3 points of a closed curve (2 of an open one) are
+    left.
     """
     points = np.asarray(curve.points, np.float64)
     if points.ndim != 2 or points.shape[1] != 2:
@@ -52,8 +56,8 @@ def clean_curve(curve: Curve, name: str) -> Curve:
         )
     count = len(points)
     if count:
-        apart = (np.diff(points, axis=0) != 0).any(axis=1)
-        points = points[np.r_[True, apart]]
+        differs = (np.diff(points, axis=0) != 0).any(axis=1)
+        points = points[np.r_[True, differs]]
         if curve.closed and len(points) > 1 and (points[0] == points[-1]).all():
             points = points[:-1]
     kind, least = ("closed", 3) if curve.closed else ("open", 2)
@@ -69,10 +73,10 @@ def clean_curve(curve: Curve, name: str) -> Curve:
 
 @dataclass(frozen=True)
 class Morph:
-    """A drawing that changes into another: its contours in each of f frames."""
+    """A drawing that changes into another: its contours, n points each, in f frames."""
 
     tau: Points  # (f,), 0 = the first drawing, 1 = the second
-    # (f, n, 2) by id, in drawing order; in units of the first drawing, multiples of 10^-decimals
+    # (f, n, 2) by id, in drawing order; in units of the first drawing, rounded to `decimals`
     layers: dict[str, Points]
     closed: dict[str, bool]  # by id
     folds: dict[str, Ints]  # (f,) by id: pairs of edges that cross; 0 = the contour is simple
@@ -85,7 +89,7 @@ class Morph:
     decimals: int  # digits after the point that coordinates have
 
     def take_frames(self, frames: Ints) -> "Morph":
-        """Return a morph of only the given frames (g,), numbers from 0, in this order."""
+        """Return a morph of only the given frames (g,), numbers from 0, in the given order."""
         return replace(
             self,
             tau=self.tau[frames],
@@ -94,5 +98,5 @@ class Morph:
         )
 
     def count_fold_frames(self) -> dict[str, int]:
-        """Count the frames in which each contour crosses itself, by contour id; leave out zeros."""
+        """Return in how many frames a contour crosses itself, by contour id; zeros are left out."""
         return {name: int((count > 0).sum()) for name, count in self.folds.items() if any(count)}

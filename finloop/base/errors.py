@@ -8,7 +8,7 @@ class FinloopError(Exception):
     """
 
     def __init__(self, came: str, wanted: str, do: str) -> None:
-        """Keep the three parts of the message: what came, what was wanted, what to do."""
+        """Keep the parts of the message: what came, what was wanted, what the user can do."""
         super().__init__(came, wanted, do)
         self.came, self.wanted, self.do = came, wanted, do
 

@@ -20,9 +20,9 @@ _MENTION = Path(__file__).stem.encode()
 
 @cache
 def _sources_digest() -> str:
-    """Return a SHA-256 digest (hex) of all files with compiled functions.
+    """Return a SHA-256 digest (hex) of finloop's files with compiled functions.
 
-    They are the files that mention `kernel`.
+    They are taken to be the files whose text contains the word `kernel`.
     """
     digest = hashlib.sha256()
     for path in sorted(_PACKAGE.rglob("*.py")):
@@ -33,28 +33,31 @@ def _sources_digest() -> str:
 
 
 class _AllSources:
-    """Makes numba compile a kernel again when any file with a kernel has changed."""
+    """Makes numba compile a kernel again when any file with a kernel has changed.
 
-    _lineno: int
+    It replaces two methods of numba's cache locators, which look at the kernel's own file only.
+    """
+
+    _lineno: int  # of the kernel in its file; set by numba
 
     def get_source_stamp(self) -> str:
-        """Return the stamp of the sources; numba compiles again when it changes."""
+        """Return a digest of all kernels' files; numba compiles again when it changes."""
         return _sources_digest()
 
     def get_disambiguator(self) -> str:
-        """Return the part of a cache file's name that tells functions and source versions apart.
+        """Return a part of the cache file's name: the kernel's line, and digits of the digest.
 
-        Without the version, numba would load an older file, which may name removed types and fail.
+        Without the digest, numba would load an older file, which may name removed types and fail.
         """
         return f"{self._lineno}-{_sources_digest()[:8]}"
 
 
 class InTree(_AllSources, InTreeCacheLocator):
-    """Keeps a kernel's machine code beside its source file."""
+    """Tells numba to keep a kernel's machine code beside its source file."""
 
 
 class UserWide(_AllSources, UserWideCacheLocator):
-    """Keeps machine code in the user's cache, where the source's folder is read-only."""
+    """Tells numba to keep machine code in the user's cache where the source folder is read-only."""
 
 
 numba.config.CACHE_LOCATOR_CLASSES = ",".join(  # type: ignore[attr-defined]

@@ -16,28 +16,31 @@ TRACK = "track:"
 
 
 class Line(NamedTuple):
-    """A path for a fish to swim: places x, y (n,), and optionally a time and a heading of each."""
+    """A path for a fish to swim: n places, and optionally a time and a heading of each, (n,)."""
 
-    name: str  # the source, for messages
+    name: str  # of the file or track it comes from, for messages
     x: Floats
     y: Floats
     unit: str  # of x and y: PX, TANK or MM
     time_s: Floats | None = None
-    heading_deg: Floats | None = None
+    heading_deg: Floats | None = None  # anticlockwise, 0 = to the right
     closed: bool = False  # whether the last place leads back to the first
-    rows: Ints | None = None  # (n,) of the film, if the path is a track
+    rows: Ints | None = None  # (n,) row numbers in the feature table, if the path is a track
 
 
 def check_line(line: Line) -> Line:
     """Return a path unchanged if a fish can swim it; else raise FinloopError.
 
-    The error lists everything that is wrong with its places and times.
+    The error lists all problems: numbers that are not finite, fewer than two different places, and
+    times that decrease.
     """
     problems = []
     columns = {"x": line.x, "y": line.y, "time": line.time_s, "heading": line.heading_deg}
     for name, values in columns.items():
-        bad = np.flatnonzero(~np.isfinite(line.x if values is None else values))
-        if values is not None and len(bad):
+        if values is None:
+            continue
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
             problems.append(f"{len(bad)} of {len(line.x)} rows have no {name}, row {bad[0]} first")
     places = np.column_stack([line.x, line.y])
     if not problems and not (places != places[:1]).any():

@@ -5,6 +5,7 @@ al., Product quantization for nearest neighbor search, 2011), and so many nearby
 that the recall is `RECALL`.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -24,8 +25,8 @@ _ROUNDS = 4  # of k-means; ten rounds find less than 1 % more neighbours in as m
 _MORE = 4  # factor on the number of examined vectors where they are not enough
 Vectors = NDArray[np.float32]
 Choice = Callable[[Ints, Ints], tuple[tuple[NDArray[Any], ...], Mask]]
-"""A rule: numbers of queries (k,) and their nearest vectors (k, l), −1 for none → arrays (k, …) of
-chosen values, and a mask (k,): True where the vectors were enough."""
+"""A function of the numbers of queries (k,) and of their nearest vectors (k, l), −1 for none. It
+returns arrays (k, …) of chosen values, and a mask (k,): True where the l vectors were enough."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,11 @@ class Nearest:
 
     @classmethod
     def from_vectors(cls, vectors: Floats | Vectors, exact_limit: int = MOST) -> "Nearest":
-        """Return an index of vectors (m, d), which is exact for at most `exact_limit` vectors."""
+        """Return an index of vectors (m, d), which is exact for at most `exact_limit` vectors.
+
+        For more, the share of cells that a search examines is raised until a sample of the vectors
+        finds `RECALL` of its true nearest neighbours.
+        """
         vectors = np.ascontiguousarray(vectors, np.float32)
         m, d = vectors.shape
         if m <= exact_limit:
@@ -52,12 +57,12 @@ class Nearest:
         index.cp.max_points_per_centroid, index.cp.niter = _PER_CELL, _ROUNDS
         index.train(vectors)
         index.add(vectors)
-        some = vectors[spread_rows(np.arange(m), _SAMPLE)]
-        true = faiss.knn(some, vectors, _NEAREST + 1)[1]
-        recall, index.nprobe = 0.0, 4
+        sample = vectors[spread_rows(np.arange(m), _SAMPLE)]
+        true = faiss.knn(sample, vectors, _NEAREST + 1)[1]
+        recall, index.nprobe = 0.0, 4  # nprobe: number of cells that a search examines
         while recall < RECALL and index.nprobe < cells:
             index.nprobe = min(3 * index.nprobe // 2, cells)
-            near = index.search(some, _NEAREST + 1)[1]
+            near = index.search(sample, _NEAREST + 1)[1]
             # Each vector's first neighbour is itself.
             shares = [
                 np.isin(exact[1:], hits).mean() for exact, hits in zip(true, near, strict=True)
@@ -66,13 +71,13 @@ class Nearest:
         return cls(index, recall)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how to restore the index in another process, for pickle."""
+        """Return a function and its arguments that restore the index elsewhere, as pickle asks."""
         return _unpickle, (faiss.serialize_index(self.index), self.recall)
 
     def search(self, queries: Floats | Vectors, count: int) -> Ints:
         """Return the numbers (k, count) of the vectors nearest to each query (k, d), nearest first.
 
-        −1 stands where the index finds no further one.
+        The number is −1 where the index finds no further vector.
         """
         if count == 0:
             return np.empty((len(queries), 0), np.int64)
@@ -81,44 +86,49 @@ class Nearest:
     def choose(
         self, queries: Floats | Vectors, count: int, choice: Choice, most: int | None = None
     ) -> tuple[NDArray[Any], ...]:
-        """Apply a rule to the `count` nearest vectors of each query (k, d), or to more.
+        """Return the arrays (k, …) that a rule chooses from the nearest vectors of queries (k, d).
 
-        If these vectors are not enough for the rule, it gets more, at most `most`, or all of the
-        searched cells.
+        The rule `choice` first gets the `count` nearest vectors. Queries for which it says that
+        these are not enough get four times as many, again and again, up to `most` (None: all
+        vectors of the searched cells).
         """
-        last = min(self.index.ntotal, self.index.ntotal if most is None else most)
-        count = min(count, last)
+        limit = min(self.index.ntotal, self.index.ntotal if most is None else most)
+        count = min(count, limit)
         near = self.search(queries, count)
         values, enough = choice(np.arange(len(queries)), near)
         pending = np.flatnonzero(~enough & _may_have_more(near))
-        while len(pending) and count < last:
-            count = min(_MORE * count, last)
+        while len(pending) and count < limit:
+            count = min(_MORE * count, limit)
             near = self.search(queries[pending], count)
-            more, enough = choice(pending, near)
-            for array, update in zip(values, more, strict=True):
+            updates, enough = choice(pending, near)
+            for array, update in zip(values, updates, strict=True):
                 array[pending] = update
             pending = pending[~enough & _may_have_more(near)]
         return values
 
 
 def _may_have_more(near: Ints) -> Mask:
-    """Return for which queries (k,) a search may find more vectors than those given (k, l)."""
+    """Return a mask (k,) of the queries for which a wider search may find more vectors.
+
+    near (k, l): the vectors found; the last one is −1 where the index found fewer than l.
+    """
     return near[:, -1] >= 0 if near.shape[1] else np.zeros(len(near), bool)
 
 
 def assign_parts(n: int, stretch: int, most: int = MOST) -> Ints:
-    """Divide a long film of n rows into parts of about `most` rows; return each row's part (n,).
+    """Divide a film of n rows into parts of about `most` rows; return each row's part (n,), from 0.
 
     Stretches of `stretch` rows go to the parts in turn, so each part is spread over the film. In a
     film of hours a row's nearest rows are so near that all continue alike; within a part they
     continue in different ways, as in a short film.
     """
-    return np.arange(n) // stretch % max(1, -(-n // most))
+    parts = max(1, math.ceil(n / most))
+    return np.arange(n) // stretch % parts
 
 
 def _unpickle(index: NDArray[np.uint8], recall: float) -> Nearest:
-    """Restore an index of nearest neighbours in another process, from its bytes.
+    """Return the index of nearest neighbours that was pickled.
 
-    index: as FAISS writes it; recall: as in `Nearest`.
+    index: its bytes, as FAISS writes them; recall: share of true neighbours that it finds.
     """
     return Nearest(faiss.deserialize_index(index), recall)

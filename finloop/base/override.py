@@ -49,40 +49,44 @@ def quote_override(name: str, value: Any) -> str:
 def suggest_override(
     name: str, value: Any, choices: list[str], accepts: Callable[[Any], bool]
 ) -> str:
-    """Return `; type name=value` with the value that was probably meant; "" if none is allowed.
+    """Return the advice "; type name=value" with the value that was probably meant, or "".
 
     name: dotted name of the parameter. value: as it was given and refused. choices: the words that
-    the parameter allows. accepts: whether the parameter allows a value.
+    the parameter allows. accepts: a function that says whether the parameter allows a value.
     """
-    for meant in _read_anew(name, value, choices):
+    for meant in _guess_meant_values(name, value, choices):
         if accepts(meant):
             return f"; type {quote_override(name, meant)}"
     return ""
 
 
-def _read_anew(name: str, value: Any, choices: list[str]) -> Iterator[Any]:
-    """Yield other values that a refused value may stand for, the most probable first."""
+def _guess_meant_values(name: str, value: Any, choices: list[str]) -> Iterator[Any]:
+    """Yield other values that the user may have meant by a refused one, the most probable first.
+
+    name: of the parameter; its last word is its unit, such as s or px. choices: the words that it
+    allows.
+    """
     unit = re.split(r"[._]", name)[-1]
     if isinstance(value, str):
-        text = value.strip()
-        if text.lower() in _WORDS:
-            word = _WORDS[text.lower()]
+        stripped = value.strip()
+        if stripped.lower() in _WORDS:
+            word = _WORDS[stripped.lower()]
             yield from (word, {True: "always", False: "never", None: "auto"}[word])
-        yield from get_close_matches(text.lower(), choices)
-        if found := _MINUTES.fullmatch(text):
+        yield from get_close_matches(stripped.lower(), choices)
+        if minutes := _MINUTES.fullmatch(stripped):
             if unit in ("s", "seconds"):
-                yield _shorten(60 * int(found[1]) + float(found[2]))
-        elif found := _WITH_UNIT.fullmatch(text):
+                yield _shorten(60 * int(minutes[1]) + float(minutes[2]))
+        elif number := _WITH_UNIT.fullmatch(stripped):
             factors = {"": 1.0} | _UNITS.get(unit, {})
-            if (factor := factors.get(found[2].lower())) is not None:
-                yield _shorten(float(found[1].replace(",", ".")) * factor)
-        yield [text]
+            if (factor := factors.get(number[2].lower())) is not None:
+                yield _shorten(float(number[1].replace(",", ".")) * factor)
+        yield [stripped]
     elif isinstance(value, list):
         yield [value]
         if len(value) == 1:
             yield value[0]
     elif isinstance(value, bool):
-        yield from ("always", "never")[:: -1 if value is False else 1]
+        yield from ("always", "never") if value else ("never", "always")
     elif isinstance(value, int | float) and abs(value) < _LARGEST:  # so no NaN
         yield _shorten(value)
         if unit == "ratio":
@@ -92,5 +96,5 @@ def _read_anew(name: str, value: Any, choices: list[str]) -> Iterator[Any]:
 
 
 def _shorten(number: float) -> float | int:
-    """Return a number without a decimal point if it is whole, and without errors of rounding."""
+    """Return a number as an int if it is whole, else rounded to 9 decimals."""
     return int(number) if number % 1 == 0 else round(number, 9)

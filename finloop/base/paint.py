@@ -49,13 +49,14 @@ class Shape:
 
 
 def parse_style(style: str, side: float) -> Paint:
-    """Return fill and stroke of an SVG style such as "fill:red;stroke:none".
+    """Return how a shape is painted, from an SVG style such as "fill:red;stroke:none".
 
-    A style with neither gives a black line of width `side` / 200; side: the longer side of the
-    drawing. FinloopError if a colour or number cannot be read.
+    A style with neither fill nor stroke gives a black line of width `side` / 200; side: the longer
+    side of the drawing. FinloopError if a colour or number cannot be read.
     """
 
     def parse_colour(key: str) -> Colour | None:
+        """Return the colour of the key `fill` or `stroke`; None if it is none or missing."""
         text = values.get(key, "none")
         return None if text == "none" else ImageColor.getrgb(text)[:3]
 
@@ -64,7 +65,9 @@ def parse_style(style: str, side: float) -> Paint:
     try:
         fill, stroke = parse_colour("fill"), parse_colour("stroke")
         if fill is None and stroke is None:
-            return Paint(None, (0, 0, 0), 1.0, 1.0, side / 200)
+            return Paint(
+                fill=None, stroke=(0, 0, 0), fill_opacity=1.0, stroke_opacity=1.0, width=side / 200
+            )
         numbers = ("fill-opacity", "stroke-opacity", "stroke-width")
         return Paint(fill, stroke, *(float(values.get(key, 1)) for key in numbers))
     except ValueError as error:
@@ -80,38 +83,40 @@ def group_contours(
 ) -> list[Shape]:
     """Group contours into shapes in drawing order: `d`, `d#2` and `d#3` become the shape `d`.
 
-    closed, styles: by contour id; `styles` may lack some. side: the longer side of the drawing.
+    closed: whether each contour is closed, by its id. styles: SVG styles by id; a shape has the
+    style of its first contour, "" if it is missing. side: the longer side of the drawing.
     """
-    together = dict[str, list[str]]()
-    for name in closed:
-        together.setdefault(name.partition(PART)[0], []).append(name)
+    layers_of_shape = dict[str, list[str]]()
+    for layer in closed:
+        layers_of_shape.setdefault(layer.partition(PART)[0], []).append(layer)
     shapes = []
-    for name, layers in together.items():
-        rings = tuple(closed[layer] for layer in layers)
+    for name, layers in layers_of_shape.items():
+        layers_closed = tuple(closed[layer] for layer in layers)
         paint = parse_style(styles.get(layers[0], ""), side)
-        shapes.append(Shape(name, tuple(layers), rings, paint))
+        shapes.append(Shape(name, tuple(layers), layers_closed, paint))
     return shapes
 
 
 def paint_layers(
     shapes: list[tuple[Shape, list[Points]]], size_px: tuple[int, int], scale: float
 ) -> Picture:
-    """Paint shapes with their contours (n, 2) in order on white; return an RGB picture.
+    """Paint shapes on white, each over the ones before; return an RGB picture (h, w, 3).
 
-    size_px: height and width of the picture. scale: px per unit of the drawing. Pixel (0, 0)
-    reaches from 0 to 1 / scale, as in SVG.
+    shapes: each with its contours, (n, 2) in units of the drawing. size_px: height and width of the
+    picture. scale: px per unit of the drawing. Pixel (0, 0) reaches from 0 to 1 / scale, as in SVG.
     """
     picture = np.full((*size_px, 3), 255.0, np.float32)
     for shape, contours in shapes:
         paint = shape.paint
+        contours_px = [points * scale for points in contours]
         if paint.fill is not None:
             _paint_colour(
-                picture, contours, shape.closed, scale, paint.fill, paint.fill_opacity, None
+                picture, contours_px, shape.closed, paint.fill, paint.fill_opacity, width_px=None
             )
         if paint.stroke is not None:
-            width = paint.width * scale
+            width_px = paint.width * scale
             _paint_colour(
-                picture, contours, shape.closed, scale, paint.stroke, paint.stroke_opacity, width
+                picture, contours_px, shape.closed, paint.stroke, paint.stroke_opacity, width_px
             )
     return np.round(picture).astype(np.uint8)
 
@@ -120,35 +125,35 @@ def _paint_colour(
     picture: NDArray[np.float32],
     contours: list[Points],
     closed: tuple[bool, ...],
-    scale: float,
     colour: Colour,
     opacity: float,
-    width: float | None,
+    width_px: float | None,
 ) -> None:
     """Paint contours in one colour onto a picture: their area, or lines along them.
 
-    picture (h, w, 3): changes. closed: whether each contour is closed. scale: px per unit of the
-    drawing. opacity: 0 … 1. width: of the lines in px, None for the area.
+    picture (h, w, 3): is changed in place. contours: (n, 2) px of the picture. closed: whether each
+    contour is closed. opacity: 0 … 1. width_px: width of the lines; None paints the area.
     """
-    height, wide = picture.shape[:2]
-    reach = 1 if width is None else width / 2 + 1
-    every = np.concatenate(contours) * scale
-    low = np.clip(np.floor(every.min(axis=0) - reach), 0, (wide, height)).astype(int)
-    high = np.clip(np.ceil(every.max(axis=0) + reach), 0, (wide, height)).astype(int)
+    picture_size = picture.shape[1::-1]  # width, height
+    margin = 1 if width_px is None else width_px / 2 + 1
+    points = np.concatenate(contours)
+    low = np.clip(np.floor(points.min(axis=0) - margin), 0, picture_size).astype(int)
+    high = np.clip(np.ceil(points.max(axis=0) + margin), 0, picture_size).astype(int)
     if (low >= high).any():
-        return  # outside
+        return  # outside the picture
+    # Paint a mask with FINE² pixels for each pixel; averaging them gives smooth edges.
     mask = np.zeros(tuple((high - low)[::-1] * FINE), np.uint8)
     # OpenCV counts from the middle of the first pixel.
-    fine = [(points * scale - low) * FINE - 0.5 for points in contours]
-    lines = [np.round(points * 2**_SHIFT).astype(np.int32) for points in fine]
-    if width is None:
+    fine = [(contour - low) * FINE - 0.5 for contour in contours]
+    lines = [np.round(contour * 2**_SHIFT).astype(np.int32) for contour in fine]
+    if width_px is None:
         cv2.fillPoly(mask, lines, 255, cv2.LINE_8, _SHIFT)
     else:
-        thick = max(1, round(width * FINE))
-        for line, ring in zip(lines, closed, strict=True):
-            cv2.polylines(mask, [line], ring, 255, thick, cv2.LINE_8, _SHIFT)
-    size = (int(high[0] - low[0]), int(high[1] - low[1]))
-    share = cv2.resize(mask, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        thickness = max(1, round(width_px * FINE))
+        for line, is_closed in zip(lines, closed, strict=True):
+            cv2.polylines(mask, [line], is_closed, 255, thickness, cv2.LINE_8, _SHIFT)
+    window_size = (int(high[0] - low[0]), int(high[1] - low[1]))
+    share = cv2.resize(mask, window_size, interpolation=cv2.INTER_AREA).astype(np.float32)
     share *= opacity / 255
-    part = picture[low[1] : high[1], low[0] : high[0]]
-    part += share[..., None] * (np.array(colour, np.float32) - part)
+    window = picture[low[1] : high[1], low[0] : high[0]]
+    window += share[..., None] * (np.array(colour, np.float32) - window)

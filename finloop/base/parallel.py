@@ -32,7 +32,10 @@ _PAUSE_S = 0.2  # before the next try after an OSError
 
 
 def warm_up(modules: Sequence[str]) -> None:
-    """Start the server that forks worker processes; it imports `modules` in the background."""
+    """Start the server that forks worker processes, on systems that have one.
+
+    modules: names of modules that it imports in the background, so that workers start at once.
+    """
     if _FORKSERVER:
         multiprocessing.get_context("forkserver").set_forkserver_preload(list(modules))
         forkserver.ensure_running()
@@ -65,9 +68,10 @@ class Workers(Protocol):
     def open_submitter(
         self, work: Callable[[A], B]
     ) -> AbstractContextManager[Callable[[A], PendingResult[B]]]:
-        """Yield a function that submits one item to `work` and returns a `PendingResult` at once.
+        """Return a context that starts the workers and yields a function `submit`.
 
-        The function and the result raise BrokenProcessPool where all submitted items are lost.
+        submit(item) lets a worker compute work(item) and returns a `PendingResult` at once. Both
+        raise BrokenProcessPool if a worker was killed: then all submitted items are lost.
         """
         ...
 
@@ -91,11 +95,12 @@ class Processes:
             stack.callback(pool.shutdown, wait=True, cancel_futures=True)
 
             def submit(item: A) -> Future[B]:
+                """Let a process compute `work(item)`; return the future result at once."""
                 try:
                     return pool.submit(work, item)
                 except OSError as error:
-                    # Where a worker is killed while another one starts, the pool's own thread
-                    # closes its pipes: "handle is closed", an OSError without a number.
+                    # If a worker is killed while another one starts, the pool's own thread closes
+                    # its pipes: "handle is closed", an OSError without a number.
                     if error.errno is not None:
                         raise
                     raise BrokenProcessPool("a worker was killed as another started") from error
@@ -113,6 +118,7 @@ def _set_up_worker() -> None:
     main = multiprocessing.parent_process()
 
     def end_after_main() -> None:
+        """Wait until the main process ends, then end this one."""
         if main is not None:
             main.join()
             os._exit(1)
@@ -122,7 +128,7 @@ def _set_up_worker() -> None:
 
 @dataclass(frozen=True)
 class Threads:
-    """Threads of this process, for compiled work; they start at once, and nothing is pickled."""
+    """Threads of this process, for compiled work; they start quickly, and nothing is pickled."""
 
     count: int = 1
 
@@ -159,7 +165,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
         yield from map(work, todo)
         return
     pending: deque[A] = deque()  # submitted, result not taken yet
-    killed = 0
+    killed = 0  # times that processes were killed at the first pending item
     while todo or pending:
         with workers.open_submitter(work) as submit:
             results: deque[PendingResult[B]] = deque()
@@ -173,7 +179,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
                     killed += 1
                     if killed == TRIES:
                         raise worker_loss_error(workers.count) from error
-                    break
+                    break  # start new processes, which repeat all pending items
                 results.popleft()
                 pending.popleft()
                 killed = 0
@@ -185,17 +191,21 @@ def prefetch(items: Iterable[A], most: int = 4) -> Iterator[A]:
     source = iter(items)
 
     def next_item() -> list[A]:
+        """Return the next item in a list, which is empty after the last one."""
         return list(islice(source, 1))
 
     with ThreadPoolExecutor(1) as pool:
         waiting = deque(pool.submit(next_item) for _ in range(most))
-        while made := waiting.popleft().result():
+        while item := waiting.popleft().result():
             waiting.append(pool.submit(next_item))
-            yield made[0]
+            yield item[0]
 
 
 def _retry(work: Callable[[A], B], item: A) -> B:
-    """Return `work(item)`, and repeat it after an OSError, up to `TRIES` times in all."""
+    """Return `work(item)`; after an OSError pause and repeat it, up to `TRIES` times in all.
+
+    The OSError of the last try is raised.
+    """
     for _ in range(TRIES - 1):
         with suppress(OSError):
             return work(item)

@@ -16,12 +16,12 @@ _BRACKET = re.compile(r"\s*\[([^\[\]]*)\]$")
 class ParameterHelp(NamedTuple):
     """The explanation of one parameter: its comment in conf/<word>/<option>.yaml, and its range."""
 
-    word: str  # its group
-    option: str  # the variant of the group
+    word: str  # its group, such as "clip"
+    option: str  # the variant of the group, such as "carp"; mostly "default"
     name: str
     value: Any  # in that file
     meaning: str  # the comment without its last brackets
-    brackets: str  # their text, "unit, range"
+    brackets: str  # text in these brackets, "unit, range"
     range: str  # the values that its dataclass allows, in words
 
     @property
@@ -38,7 +38,8 @@ class ParameterHelp(NamedTuple):
 def parameter_help(word: str, conf: Path = CONF) -> Iterator[ParameterHelp]:
     """Yield the explanation of each parameter of a group such as "extract", variant by variant.
 
-    conf: the folder conf/, with the comments and values.
+    conf: the folder conf/, with the comments and values. A parameter without a comment has an empty
+    meaning, one without a value has the value "???".
     """
     for option, declared in variants(word).items():
         texts = _read_comments(conf / word / f"{option}.yaml")
@@ -57,21 +58,21 @@ def parameter_help(word: str, conf: Path = CONF) -> Iterator[ParameterHelp]:
 def _read_comments(path: Path) -> dict[str, str]:
     """Return the comment of each parameter in a file of conf/, by the parameter's name.
 
-    The comment stands above the parameter and beside it.
+    The lines above the parameter and the text beside it are joined. No file gives no comments.
     """
-    above, found = list[str](), dict[str, str]()
+    above, comments = list[str](), dict[str, str]()
     for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
         if line.startswith("#"):
             above.append(line[1:].strip())
             continue
         if key := _KEY.match(line):
-            found[key[1]] = " ".join(filter(None, [*above, key[2]]))
+            comments[key[1]] = " ".join(filter(None, [*above, key[2]]))
         above = []
-    return found
+    return comments
 
 
 def range_text(hint: Any) -> str:
-    """Return in words which values a type annotation allows, such as "whole, ≥ 1"."""
+    """Return in words which values the type annotation `hint` allows, such as "whole, ≥ 1"."""
     if hint is None or hint is type(None):
         return "null"
     origin, parts = get_origin(hint), get_args(hint)
@@ -94,9 +95,10 @@ def range_text(hint: Any) -> str:
 
 
 def _limit_text(base: Any, marks: tuple[Any, ...]) -> str:
-    """Return in words which values a type with limits allows, such as "whole, ≥ 1".
+    """Return in words which values an `Annotated` type allows, such as "whole, ≥ 1".
 
-    marks: the metadata of `Annotated`; a text among them is returned as it is.
+    base, marks: the type and its metadata, pydantic's limits. If there is a text among these, it is
+    the result.
     """
     if texts := [mark for mark in marks if isinstance(mark, str)]:
         return texts[0]
@@ -120,11 +122,11 @@ def list_parameters() -> list[ParameterHelp]:
 
 def find_comment_problems() -> list[str]:
     """Return a sentence for each parameter whose comment in conf/ lacks meaning or range."""
-    found = []
+    problems = []
     for entry in list_parameters():
         name = f"conf/{entry.word}/{entry.option}.yaml: {entry.name}"
         if not entry.meaning:
-            found.append(f"{name} has no meaning; write a sentence above it")
+            problems.append(f"{name} has no meaning; write a sentence above it")
         if not entry.brackets.endswith(entry.range):
-            found.append(f"{name} should end with [unit, {entry.range}], has [{entry.brackets}]")
-    return found
+            problems.append(f"{name} should end with [unit, {entry.range}], has [{entry.brackets}]")
+    return problems

@@ -36,10 +36,10 @@ BLOCK = 1024  # frames in memory at a time
 
 
 def iterate_blocks(poses: Poses, block: int = BLOCK) -> Iterator[tuple[int, Floats]]:
-    """Yield successive blocks of frames: the number of the block's first frame, and its points.
+    """Yield blocks of frames: the number of the block's first frame, and the points in the block.
 
-    The points (frames of the block, individuals, keypoints, 3) are x [px], y [px], confidence; NaN
-    where missing. block: frames per block.
+    The points are an array (frames of the block, individuals, keypoints, 3) of x [px], y [px] and
+    confidence, NaN where missing. block: frames per block; the last one may have fewer.
     """
     values = np.concatenate([poses.places, poses.confidence[..., None]], axis=2)
     for start in range(0, poses.frames, block):
@@ -57,17 +57,17 @@ def poses_from_arrays(
     places: Floats,
     confidence: Floats | None = None,
 ) -> Poses:
-    """Convert arrays with a cell for every animal and frame to `Poses`, without the empty cells.
+    """Convert arrays with a cell for every animal and frame to `Poses`; leave out empty cells.
 
     frame (times,): numbers of the frames, all different. places (times, individuals, keypoints, 2):
     px, infinite or NaN where missing. confidence (times, individuals, keypoints): 0 … 1, None =
     unknown.
     """
     order = np.argsort(frame, kind="stable")
-    there: Mask = np.all(np.isfinite(places), axis=-1)
+    seen: Mask = np.all(np.isfinite(places), axis=-1)
     if confidence is None:
-        confidence = np.full(there.shape, np.nan)
-    row, individual = np.nonzero(there[order].any(-1))
+        confidence = np.full(seen.shape, np.nan)
+    row, individual = np.nonzero(seen[order].any(-1))
     time = order[row]
     return Poses(
         individuals,
@@ -75,6 +75,6 @@ def poses_from_arrays(
         int(frame.max()) + 1 if len(frame) else 0,
         individual.astype(np.int64),
         np.asarray(frame, np.int64)[time],
-        np.where(there[time, individual][..., None], places[time, individual], np.nan),
+        np.where(seen[time, individual][..., None], places[time, individual], np.nan),
         confidence[time, individual].astype(float),
     )

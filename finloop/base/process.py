@@ -11,5 +11,5 @@ def die_with_parent() -> None:
     It is killed even if its parent ends by kill -9.
     """
     if sys.platform == "linux":
-        pr_set_pdeathsig = 1
+        pr_set_pdeathsig = 1  # PR_SET_PDEATHSIG of <sys/prctl.h>
         ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)

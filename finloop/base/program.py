@@ -13,7 +13,10 @@ _OF_A_COPY = ("dvc.yaml", "finloop/__init__.py", "stages/run.py")
 
 
 def shipped_folder() -> Path:
-    """Return the folder with conf/, dvc.yaml, data/drawings/ and data/gaits/ of this version."""
+    """Return the folder with conf/, dvc.yaml, data/drawings/ and data/gaits/ of this version.
+
+    It is finloop/shipped/ of an installed wheel, else the working copy.
+    """
     packed = HOME / "finloop/shipped"
     return packed if packed.is_dir() else HOME
 

@@ -7,9 +7,9 @@ from finloop.base.kernel import kernel
 
 @kernel
 def keys_cubic_weights(t):  # type: ignore[no-untyped-def]
-    """Return the weights of pixels −1, 0, 1 and 2 in Keys' cubic interpolation (a = −1/2).
+    """Return the weights of pixels −1, 0, 1 and 2 in Keys' cubic interpolation, four float32.
 
-    They are float32. t: place in [0, 1) between pixel 0 and pixel 1.
+    t: place in [0, 1) between pixel 0 and pixel 1. Keys' parameter a is −1/2.
     """
     return (
         np.float32(((2 - t) * t - 1) * t / 2),

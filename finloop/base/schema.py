@@ -17,7 +17,7 @@ class Column:
     dtype: str  # a NumPy name ("int32", "float32", "bool", …) or "string"
     unit: str  # free text ("px", "deg", "s", "1")
     nullable: bool = False  # else it holds neither nulls nor NaN
-    length: int = 0  # > 0: every cell is a list of so many numbers; ANY: of any number of them
+    length: int = 0  # 0: cells are single values; > 0: lists of so many numbers; ANY: lists
 
     @property
     def kind(self) -> str:
@@ -30,10 +30,10 @@ class Column:
 
 
 class Schema:
-    """The columns of a table in order, their names, and the pandas dtype (kind) of each by name."""
+    """The columns of a table in order (`columns`, `names`), and pandas dtypes by name (`kinds`)."""
 
     def __init__(self, *columns: Column) -> None:
-        """Keep the columns, their names, and the pandas dtype of each by name."""
+        """Keep the columns, and read off their names and pandas dtypes."""
         self.columns, self.names = columns, [column.name for column in columns]
         self.kinds = {column.name: column.kind for column in columns}
 
@@ -47,7 +47,7 @@ def columns(
 ) -> list[Column]:
     """Return a column for each name, all of one dtype and unit.
 
-    nullable, length: as in `Column`.
+    nullable: whether values may be missing; length: of each cell's list, 0 for single values.
     """
     return [Column(name, dtype, unit, nullable, length) for name in names]
 

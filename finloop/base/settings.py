@@ -44,18 +44,17 @@ CONF = shipped_folder() / "conf"
 
 @cache
 def default_variants(conf: Path = CONF) -> dict[str, str]:
-    """Return the default variant of every group of parameters, in the order of conf/config.yaml.
+    """Return the default variant of every group of parameters by name, in config.yaml's order.
 
-    conf: the folder conf/, absolute.
+    conf: the folder conf/, absolute. Optional entries and those without a variant are left out.
     """
-    listed = _load_yaml(conf / "config.yaml")["defaults"]
-    return {
-        word: option
-        for entry in listed
-        if isinstance(entry, dict)
-        for word, option in entry.items()
-        if not word.startswith("optional ")
-    }
+    options = dict[str, str]()
+    for entry in _load_yaml(conf / "config.yaml")["defaults"]:
+        if isinstance(entry, dict):
+            for word, option in entry.items():
+                if not word.startswith("optional "):
+                    options[word] = option
+    return options
 
 
 def _load_yaml(path: Path) -> dict[str, Any]:
@@ -115,9 +114,9 @@ RENAMED = {"nn": "network"}
 
 
 def settings(word: str, **values: Any) -> Any:
-    """Return the parameters of a stage as its settings dataclass: those of conf/, some replaced.
+    """Return a group of parameters as its settings dataclass: the values of conf/, some replaced.
 
-    word: name of a group of parameters, mostly a stage. values: parameters to replace, by name.
+    word: name of the group, mostly that of a stage. values: parameters to replace, by name.
     `settings("extract", noise_sigmas=6.0)` is a `finloop.extract.settings.ExtractSettings`;
     `settings("clip", source="carp", frames=50)` is a `finloop.clip.settings.CarpSettings`.
     FinloopError lists all names that are unknown, and values of a wrong type or out of range.
@@ -134,9 +133,9 @@ def settings(word: str, **values: Any) -> Any:
 
 
 def variants(word: str) -> dict[str, type]:
-    """Return the settings dataclasses of a group by variant, which is a file in conf/<word>/.
+    """Return the settings dataclasses of a group by variant; each is a file in conf/<word>/.
 
-    Most groups have the variant "default" alone.
+    word: name of the group. Most groups have the variant "default" alone.
     """
     declared = getattr(_load_declaration(word), f"{word.capitalize()}Settings")
     union = get_args(declared)
@@ -146,9 +145,9 @@ def variants(word: str) -> dict[str, type]:
 
 
 def settings_file(word: str) -> str:
-    """Return the path below finloop/ of the file that declares a group: `<word>/settings.py`.
+    """Return the path below finloop/ of the file that declares the parameters of a group.
 
-    In another package it is named `<word>_settings.py`.
+    It is `<word>/settings.py`, or `<word>_settings.py` in any package.
     """
     package = Path(__file__).parents[1]
     path = next(package.glob(f"*/{word}_settings.py"), package / word / "settings.py")
@@ -156,7 +155,10 @@ def settings_file(word: str) -> str:
 
 
 def _load_declaration(word: str) -> ModuleType:
-    """Import the module that declares a group, without its package, which imports torch."""
+    """Return the module that declares the parameters of a group.
+
+    It is loaded without its package, some of which import torch.
+    """
     path = settings_file(word)
     name = "finloop." + path.removesuffix(".py").replace("/", ".")
     if name not in sys.modules:
@@ -180,40 +182,37 @@ def read_conf_values(word: str, option: str, conf: Path = CONF) -> dict[str, Any
 def check_values(
     word: str, options: Mapping[str, type], values: Any
 ) -> tuple[Any, list[str]] | tuple[None, list[str]]:
-    """Check the values of a group; return its settings dataclass, or None and a list of problems.
+    """Check the values of a group; return its settings and [], or None and a list of problems.
 
-    word: name of the group. options: its dataclasses, from `variants`. values: by name. A problem
-    is a sentence that begins with the parameter's dotted name.
+    word: name of the group. options: its settings dataclasses by variant. values: by name. A
+    problem is a sentence that begins with the parameter's dotted name.
     """
     if not isinstance(values, Mapping):
         return None, [f"{word}: should be a group of parameters, got {values!r}"]
     values = {key: value for key, value in values.items() if value != "???"}  # not given (Hydra)
-    option, *more = options.values()
-    if more:
+    option, *others = options.values()
+    if others:
         name = values.get("source")
         if name not in options:
             return None, [f"{word}.source: should be one of {', '.join(options)}, got {name!r}"]
         option = options[name]
-    names = [field.name for field in fields(option)]
     try:  # as JSON, where strict still lets a list be a tuple and a name an Enum
         group = _strict_check(option).validate_json(json.dumps(values, default=str))
     except ValidationError as error:
-        found: list[dict[str, Any]] = [dict(detail) for detail in error.errors()]
-        parts = dict.fromkeys(detail["loc"][:1] for detail in found)
-        return None, [
-            sentence
-            for part in parts
-            for sentence in _describe_problems(
-                word, options, option, values, [one for one in found if one["loc"][:1] == part]
-            )
-        ]
+        details_of_parameter = dict[Any, list[dict[str, Any]]]()
+        for detail in error.errors():
+            details_of_parameter.setdefault(detail["loc"][:1], []).append(dict(detail))
+        sentences = list[str]()
+        for details in details_of_parameter.values():
+            sentences += _describe_problems(word, options, option, values, details)
+        return None, sentences
     # The dataclass itself, not pydantic's copy of the class, which cannot be pickled.
-    return option(**{name: getattr(group, name) for name in names}), []
+    return option(**{field.name: getattr(group, field.name) for field in fields(option)}), []
 
 
 @cache
 def _strict_check(option: type) -> TypeAdapter[Any]:
-    """Return pydantic's check of a settings dataclass: no unknown names, no other types, no NaN."""
+    """Return pydantic's check of a settings dataclass, for unknown names, wrong types and NaN."""
     strict = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
     return TypeAdapter(checked(option, frozen=True, config=strict))
 
@@ -227,14 +226,14 @@ def _describe_problems(
 ) -> list[str]:
     """Return sentences on what pydantic found in one parameter, with what to type instead.
 
-    word, options, option: the group, its dataclasses, and the one of its variant. values: by name.
-    details: the problems of one parameter, or of the group as a whole, as pydantic reports them.
+    word: name of the group. options: its settings dataclasses by variant. option: the one that was
+    checked. values: by name. details: pydantic's problems of one parameter, or of the whole group.
     """
     from finloop.base.parameter_help import range_text  # which imports this module
 
     key = str(details[0]["loc"][0]) if details[0]["loc"] else ""
     hint = get_type_hints(option, include_extras=True).get(key)
-    # Of several types that a value may have, the one that it comes nearest to.
+    # A value may have one of several types; keep the problems of the type it comes nearest to.
     depth = max(len(detail["loc"]) for detail in details)
     deepest = [detail for detail in details if len(detail["loc"]) == depth]
     if hint is None or (len(deepest) > 1 and depth > 2):
@@ -247,6 +246,7 @@ def _describe_problems(
         return [text]
 
     def accepts(value: Any) -> bool:
+        """Return whether the parameter allows a value."""
         try:
             _strict_check(option).validate_json(json.dumps({**values, key: value}, default=str))
         except ValidationError as error:
@@ -262,8 +262,8 @@ def _describe_problem(
 ) -> str:
     """Return a sentence on one problem that pydantic found in a group's values.
 
-    word, options, option: the group, its dataclasses, and the one of its variant. detail: the
-    problem, as pydantic reports it.
+    word: name of the group. options: its settings dataclasses by variant. option: the one that was
+    checked. detail: the problem, as pydantic reports it.
     """
     name = ".".join(map(str, (word, *detail["loc"])))
     if detail["type"] == "missing":
@@ -272,13 +272,13 @@ def _describe_problem(
         key = str(detail["loc"][0])
         others = [
             other
-            for other, kind in options.items()
-            if key in [field.name for field in fields(kind)]
+            for other, declared in options.items()
+            if key in [field.name for field in fields(declared)]
         ]
         if others:
             line = f"{word}={others[0]} {quote_override(name, detail['input'])}"
             return f"{name}: unknown; {' and '.join(others)} of {word} have it; type {line}"
-        return f"{name}: unknown; {_suggest(word, option, key)}"
+        return f"{name}: unknown; {_suggest_name(word, option, key)}"
     message = detail["msg"].removeprefix("Value error, ").removeprefix("Input ")
     got = f", got {detail['input']!r}" if detail["loc"] else ""
     if detail["type"] == "literal_error" and (renamed := RENAMED.get(str(detail["input"]))):
@@ -286,17 +286,17 @@ def _describe_problem(
     return f"{name}: {message}{got}"
 
 
-def _suggest(word: str, option: type, key: str) -> str:
-    """Return, for an unknown parameter, its new name, its new place or a similar name.
+def _suggest_name(word: str, option: type, key: str) -> str:
+    """Return a phrase with the new name or place of an unknown parameter, or with similar names.
 
-    word, option: the group, and the dataclass of its variant. key: the unknown name.
+    word: name of the group. option: its settings dataclass. key: the unknown name.
     """
     names = [field.name for field in fields(option)]
     if renamed := getattr(option, "RENAMED", {}).get(key):
         return f"it is {word}.{renamed} now"
-    for kind in option.__mro__:
-        if key in vars(kind).get("__annotations__", {}):
-            return f"it is a constant now, {kind.__name__}.{key}"
+    for base in option.__mro__:
+        if key in vars(base).get("__annotations__", {}):
+            return f"it is a constant now, {base.__name__}.{key}"
     if word in OF_MODES:
         if key in GONE:
             return GONE[key]
@@ -312,9 +312,9 @@ def _suggest(word: str, option: type, key: str) -> str:
 def full_names(key: str, words: tuple[str, ...]) -> str:
     """Return the dotted names of all parameters called `key`, now or formerly, as "a.key or b.key".
 
-    words: the groups to search.
+    words: names of the groups to search. "" if there is none.
     """
-    found = dict[str, None]()
+    found = dict[str, None]()  # a set that keeps its order
     for word in words:
         for option in variants(word).values():
             name = getattr(option, "RENAMED", {}).get(key, key)

@@ -1,5 +1,6 @@
 """Samples of a long film: rows and stretches of rows spread over it."""
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -8,23 +9,27 @@ from numpy.typing import NDArray
 
 
 def spread_rows(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """Return at most `most` of the given row numbers (n,), evenly spaced and in their order."""
+    """Choose at most `most` of the given row numbers (n,), evenly spaced and in their order."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
 
 
-def sample_stretches(track_ids: Sequence[int], longest: int, most: int, seed: int) -> list[slice]:
-    """Draw tracks at random until they have `most` rows; return their rows as ascending slices.
+def sample_stretches(
+    track_ids: Sequence[int], longest: int, enough_rows: int, seed: int
+) -> list[slice]:
+    """Draw stretches of tracks at random until they have enough rows; return ascending slices.
 
-    track_ids (rows,): the track of every row, in order. A track longer than `longest` rows is first
-    cut into stretches of equal length, so that all of a long film can be sampled.
+    track_ids (rows,): the track of every row, in order. A track is one stretch; a track of more
+    than `longest` rows is cut into several of equal length. All are returned if they have fewer
+    than `enough_rows` rows.
     """
     stretches = []
     for start, stop in pairwise(np.flatnonzero(np.diff(track_ids, prepend=-1, append=-1))):
-        cuts = np.linspace(start, stop, -(-(stop - start) // longest) + 1).round().astype(int)
+        parts = math.ceil((stop - start) / longest)
+        cuts = np.linspace(start, stop, parts + 1).round().astype(int)
         stretches += [slice(int(a), int(b)) for a, b in pairwise(cuts)]
     sample, rows = [], 0
     for number in np.random.default_rng(seed).permutation(len(stretches)):
-        if rows >= most:
+        if rows >= enough_rows:
             break
         sample.append(stretches[number])
         rows += stretches[number].stop - stretches[number].start

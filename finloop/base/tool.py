@@ -27,17 +27,19 @@ def run_tool(output: Path, work: Callable[[], str]) -> int:
 
 
 def format_frame_counts(counts: Mapping[str, int], frames: int) -> str:
-    """Return counts of frames by id as text, such as "eye in 3, tail in 1 of 20 frames".
+    """Return counts of frames by contour id as text, such as "eye in 3, tail in 1 of 20 frames".
 
     frames: number of all frames.
     """
-    return (
-        ", ".join(f"{name} in {count}" for name, count in counts.items()) + f" of {frames} frames"
-    )
+    listed = ", ".join(f"{name} in {count}" for name, count in counts.items())
+    return f"{listed} of {frames} frames"
 
 
 def parse_frame_rate(text: str) -> Fraction:
-    """Parse a command-line argument as frames per second above 0; else raise ArgumentTypeError."""
+    """Parse a command-line argument, such as "25" or "30000/1001", as frames per second above 0.
+
+    ArgumentTypeError if it is anything else.
+    """
     try:
         rate = Fraction(text)
     except (ValueError, ZeroDivisionError) as error:

@@ -22,18 +22,21 @@ _G = np.array([245, 56, 1]) / 360  # gₖ for k = 1, 2, 3
 
 
 def control_points(backbone: Reals) -> Floats:
-    """Return six points (rows, 6, 2) evenly along backbones (rows, n, 2), from head to tail."""
+    """Return the six control points (rows, 6, 2) of backbones (rows, n, 2), from head to tail.
+
+    They lie at the shares `CONTROL_ARCS` of the length; the n points must be evenly spaced.
+    """
     return interpolate_lines(backbone, CONTROL_ARCS * (backbone.shape[1] - 1))
 
 
 def interpolate_lines(lines: Reals, places: Floats) -> Floats:
-    """Interpolate lines (rows, n, 2) at k places between their points: (rows, k, 2).
+    """Return points (rows, k, 2) at k places along each line (rows, n, 2), interpolated linearly.
 
     places (k,): counted in points, 0 … n − 1; 2.5 is half way between points 2 and 3.
     """
-    low = np.minimum(places.astype(int), lines.shape[1] - 2)
-    share = (places - low)[:, None]
-    return (1 - share) * lines[:, low] + share * lines[:, low + 1]
+    before = np.minimum(places.astype(int), lines.shape[1] - 2)
+    share = (places - before)[:, None]
+    return (1 - share) * lines[:, before] + share * lines[:, before + 1]
 
 
 def signed_spline_area(control: Reals) -> Floats:
@@ -45,15 +48,15 @@ def signed_spline_area(control: Reals) -> Floats:
     """
     x, y = control[..., 0], control[..., 1]
     total = np.zeros(control.shape[:-2])
-    for k, g in enumerate(_G, start=1):
+    for k, g in enumerate(_G, start=1):  # the sum of the module's docstring; B-spline weights gₖ
         total += g * (x * np.roll(y, -k, -1) - y * np.roll(x, -k, -1)).sum(-1)
     return -0.5 * total
 
 
 def closed_spline_points(control: Reals, points_per_knot: int = 16) -> Floats:
-    """Return points (m · points_per_knot, 2) along the closed cubic B-spline of m control points.
+    """Return points (m · points_per_knot, 2) along a closed cubic B-spline.
 
-    control: (m, 2).
+    control (m, 2): its control points, in the unit of the result.
     """
     m = len(control)
     spline = scipy.interpolate.BSpline(np.arange(m + 7.0), np.vstack([control, control[:3]]), 3)
@@ -63,8 +66,8 @@ def closed_spline_points(control: Reals, points_per_knot: int = 16) -> Floats:
 def measure_bend(backbone: Reals, length_px: Reals) -> Floats:
     """Return how much each fish is bent (rows,), in squared body lengths, + = to its left.
 
-    It is the signed motion area: the area enclosed by a spline through the backbone; `motion_area`
-    of the feature table is its absolute value. backbone: (rows, n, 2) px, from head to tail;
-    length_px: (rows,).
+    This is the signed motion area: the area enclosed by the spline of six points on the backbone;
+    `motion_area` of the feature table is its absolute value. backbone: (rows, n, 2) px, from head
+    to tail; length_px: (rows,), body lengths.
     """
     return -signed_spline_area(control_points(backbone)) / length_px**2

@@ -28,28 +28,31 @@ def measure_current(
 ) -> float:  # fmt: skip
     """Return the speed [body lengths/s] of animals that swim on the spot against a current; else 0.
 
-    It is their speed through the water, from how fast and how far the tail beats: fish cruise at a
-    Strouhal number of 0.3. places (n, 2): body lengths; tail (n,): offset of the tail's tip from
-    the head's axis, body lengths; bend (n,): signed motion area; tracks: the rows of each track;
-    rate_hz: frames per second.
+    This is their speed through the water, from how fast and how far the tail beats: fish cruise at
+    a Strouhal number of 0.3. They swim on the spot if they stay within a body length, keep their
+    heading, and beat their tails. places (n, 2): of the mass centre, body lengths; tail (n,):
+    offset of the tail's tip from the head's axis, body lengths; bend (n,): signed motion area;
+    tracks: the rows of each track; rate_hz: frames per second.
     """
-    if max(float(np.hypot(*np.ptp(places[one], axis=0))) for one in tracks) >= _STAYS:
+    if max(float(np.hypot(*np.ptp(places[rows], axis=0))) for rows in tracks) >= _STAYS:
         return 0.0
     if abs(np.exp(1j * np.radians(heading_deg)).mean()) < _STEADY:
         return 0.0
-    wide = 2 * np.sqrt(2) * float(np.std(tail))  # width of a sine, from side to side
-    if wide < _LEAST_BEAT:
+    beat_width = 2 * np.sqrt(2) * float(np.std(tail))  # of a sine, from side to side
+    if beat_width < _LEAST_BEAT:
         return 0.0
-    track = np.repeat(np.arange(len(tracks)), [one.stop - one.start for one in tracks])
-    beats = rate_hz / (_MEMORIES * measure_memory_frames(np.asarray(bend)[:, None], track))
-    return beats * min(wide / _STROUHAL, _MOST_STRIDE)
+    track = np.repeat(np.arange(len(tracks)), [rows.stop - rows.start for rows in tracks])
+    memory_frames = measure_memory_frames(np.asarray(bend)[:, None], track)
+    beats_per_s = rate_hz / (_MEMORIES * memory_frames)
+    return beats_per_s * min(beat_width / _STROUHAL, _MOST_STRIDE)
 
 
 def places_through_water(features: pd.DataFrame) -> Floats:
-    """Return each fish's places (n, 2) [px] as if it had been filmed in still water.
+    """Return the places (n, 2) [px] of a feature table's rows as if filmed in still water.
 
     With a current (column `current`, body lengths/s), a fish that stays in place is moved ahead by
-    the distance that it swims through the water. Only differences within a track have a meaning.
+    the distance that it swims through the water; then only differences within a track have a
+    meaning. Without one, the places are those of the table.
     """
     place = features[["x_px", "y_px"]].to_numpy(float)
     current = features["current"].to_numpy(float)
@@ -58,7 +61,7 @@ def places_through_water(features: pd.DataFrame) -> Floats:
     length = features.groupby("track_id")["body_length_px"].transform("median").to_numpy(float)
     heading = np.radians(features["heading_deg"].to_numpy(float))
     time_s = features["time_s"].to_numpy(float)
-    far = current * length * np.diff(time_s, append=time_s[-1:])
-    steps = far[:, None] * np.column_stack([np.cos(heading), -np.sin(heading)])
-    before = np.cumsum(steps, axis=0) - steps
-    return np.asarray(place + before)
+    distance = current * length * np.diff(time_s, append=time_s[-1:])  # until the next row
+    steps = distance[:, None] * np.column_stack([np.cos(heading), -np.sin(heading)])
+    sum_of_earlier_steps = np.cumsum(steps, axis=0) - steps
+    return np.asarray(place + sum_of_earlier_steps)

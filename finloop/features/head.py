@@ -39,17 +39,16 @@ def match_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8
     """Return which end of each backbone (rows, n, 2) px another tracking program calls the head.
 
     The result (rows,) is 1 for the first point, −1 for the last, 0 for unknown. head, tail: the
-    program's points, (rows, 2) px, NaN where unknown.
+    program's points, (rows, 2) px, NaN where unknown; the nearer end of the backbone is meant.
     """
-    ends = backbone[:, [0, -1]].astype(float)
-    same, swapped = (
-        sum(
-            np.nan_to_num(np.linalg.norm(ends[:, end] - place, axis=1))
-            for end, place in ((index, head), (1 - index, tail))
-        )
-        for index in (0, 1)
-    )
-    return np.sign(swapped - same).astype(np.int8)
+
+    def distance(end: int, place: Reals) -> Floats:
+        """Return distances (rows,) of an end of the backbones from places; 0 where unknown."""
+        return np.nan_to_num(np.linalg.norm(backbone[:, end].astype(float) - place, axis=1))
+
+    head_first = distance(0, head) + distance(-1, tail)
+    head_last = distance(-1, head) + distance(0, tail)
+    return np.sign(head_last - head_first).astype(np.int8)
 
 
 def decide_head_end(
@@ -57,54 +56,57 @@ def decide_head_end(
 ) -> tuple[Mask, Floats]:
     """Decide for each frame of a track whether the first backbone point is the head.
 
-    Return the decisions (frames,) and their probabilities (frames,); below 0.5, the frame by itself
-    speaks against the decision. backbone: (frames, n, 2) px, consecutive frames; half_width:
-    (frames, n) px; rate_hz: frames per second; given_head: (frames,) from `match_head_end`, which
-    decides where it is not 0.
+    Return the decisions (frames,) and their probabilities (frames,), from the film alone; below
+    0.5, it speaks against the decision. backbone: (frames, n, 2) px, consecutive frames;
+    half_width: (frames, n) px, of the body along the backbone; rate_hz: frames per second;
+    given_head (frames,): which end another program calls the head, 1 the first, −1 the last, 0
+    unknown; it decides where it is known.
     """
     length = np.median(np.hypot(*np.diff(backbone, axis=1).transpose(2, 0, 1)).sum(1))
     evidence = _width_evidence(half_width) + _travel_evidence(backbone, length)
     evidence /= max(1.0, _MEMORY_S * rate_hz)
-    stay = _stay_odds(backbone, length).tolist()
-    total = evidence if given_head is None else evidence + 2 * _CERTAIN * given_head
-    first = _most_probable_states(total.tolist(), stay)
-    probability = _state_probabilities(evidence.tolist(), stay)
-    return first, np.where(first, probability, 1 - probability)
+    stay_odds = _stay_odds(backbone, length).tolist()
+    all_evidence = evidence if given_head is None else evidence + 2 * _CERTAIN * given_head
+    head_first = _most_probable_states(all_evidence.tolist(), stay_odds)
+    probability = _state_probabilities(evidence.tolist(), stay_odds)
+    return head_first, np.where(head_first, probability, 1 - probability)
 
 
 def _width_evidence(half_width: Reals) -> Floats:
     """Return log odds (frames,) that the first point is the head: the head is the wider end.
 
-    half_width: (frames, n) px, along the backbone.
+    half_width: (frames, n) px, along the backbone. Each end's 3/8 of the body are compared.
     """
     part = half_width.shape[1] * 3 // 8
     first, last = half_width[:, 1:part].mean(1), half_width[:, -part:-1].mean(1)
-    return np.clip((first - last) / np.maximum(first + last, 1e-9) / _BLUNT, -_MOST, _MOST)
+    difference = (first - last) / np.maximum(first + last, 1e-9)
+    return np.clip(difference / _BLUNT, -_MOST, _MOST)
 
 
 def _travel_evidence(backbone: Reals, length_px: float) -> Floats:
     """Return log odds (frames,) that the first point is the head: fish swim head first.
 
-    backbone: (frames, n, 2) px; length_px: body length.
+    backbone: (frames, n, 2) px; length_px: body length. A single frame gives 0.
     """
     if len(backbone) < 2:
         return np.zeros(len(backbone))
-    middle = backbone.mean(1)
-    travel = np.gradient(middle, axis=0)
+    travel_px = np.gradient(backbone.mean(1), axis=0)  # per frame, of the backbone's middle
     axis = backbone[:, 0] - backbone[:, -1]
     axis /= np.maximum(np.hypot(*axis.T), 1e-9)[:, None]
-    return np.clip((travel * axis).sum(1) / length_px / _FORWARD, -_MOST, _MOST)
+    travel_to_first_px = (travel_px * axis).sum(1)
+    return np.clip(travel_to_first_px / length_px / _FORWARD, -_MOST, _MOST)
 
 
 def _stay_odds(backbone: Reals, length_px: float) -> Floats:
-    """Return log odds (frames − 1,) that both ends stay near their places rather than swap.
+    """Return log odds (frames − 1,) that first and last point do not swap from frame to frame.
 
-    backbone: (frames, n, 2) px; length_px: body length.
+    The ends of the body move little in a frame, so small moves speak for it. backbone: (frames, n,
+    2) px; length_px: body length.
     """
     ends = backbone[:, [0, -1]]
-    same = ((ends[1:] - ends[:-1]) ** 2).sum((1, 2))
-    exchanged = ((ends[1:, ::-1] - ends[:-1]) ** 2).sum((1, 2))
-    return (exchanged - same) / (2 * (_WANDER * length_px) ** 2)
+    square_if_same = ((ends[1:] - ends[:-1]) ** 2).sum((1, 2))
+    square_if_swapped = ((ends[1:, ::-1] - ends[:-1]) ** 2).sum((1, 2))
+    return (square_if_swapped - square_if_same) / (2 * (_WANDER * length_px) ** 2)
 
 
 def _most_probable_states(evidence: list[float], stay_odds: list[float]) -> Mask:
@@ -113,28 +115,31 @@ def _most_probable_states(evidence: list[float], stay_odds: list[float]) -> Mask
     evidence: (frames,) log odds of each frame by itself; stay_odds: (frames − 1,) log odds that the
     ends do not swap in a step. Plain numbers are twenty times as fast here as arrays of two states.
     """
-    from_first = []  # of each step, for state 0 and 1: whether state 0 is the better one before
+    # For each step, whether the first point was the head before it, if it is the head after it,
+    # and if it is not.
+    first_before = []
     odds = evidence[0]
-    for own, stay in zip(evidence[1:], stay_odds, strict=True):
-        from_first.append((odds + stay >= 0, odds - stay >= 0))
-        odds = own + 0.5 * (abs(odds + stay) - abs(odds - stay))
+    for frame_odds, stay in zip(evidence[1:], stay_odds, strict=True):
+        first_before.append((odds + stay >= 0, odds - stay >= 0))
+        odds = frame_odds + 0.5 * (abs(odds + stay) - abs(odds - stay))
     states = [odds >= 0]
-    for to_first, to_last in reversed(from_first):
-        states.append(to_first if states[-1] else to_last)
+    for before_first, before_last in reversed(first_before):
+        states.append(before_first if states[-1] else before_last)
     return np.array(states[::-1])
 
 
 def _state_probabilities(evidence: list[float], stay_odds: list[float]) -> Floats:
     """Return the probability (frames,) that the first point is the head, given the whole track.
 
-    evidence, stay_odds: as in `_most_probable_states`. It is the forward-backward algorithm.
+    This is the forward-backward algorithm. evidence: (frames,) log odds of each frame by itself;
+    stay_odds: (frames − 1,) log odds that the ends do not swap in a step.
     """
-    ahead, behind = evidence[:1], [0.0]
-    for own, stay in zip(evidence[1:], stay_odds, strict=True):
-        ahead.append(own + _odds_from_neighbour(ahead[-1], stay))
-    for own, stay in zip(evidence[:0:-1], reversed(stay_odds), strict=True):
-        behind.append(_odds_from_neighbour(behind[-1] + own, stay))
-    odds = np.array(ahead) + behind[::-1]
+    from_past, from_future = evidence[:1], [0.0]  # log odds, the frame's own in the first
+    for frame_odds, stay in zip(evidence[1:], stay_odds, strict=True):
+        from_past.append(frame_odds + _odds_from_neighbour(from_past[-1], stay))
+    for frame_odds, stay in zip(evidence[:0:-1], reversed(stay_odds), strict=True):
+        from_future.append(_odds_from_neighbour(from_future[-1] + frame_odds, stay))
+    odds = np.array(from_past) + from_future[::-1]
     return 1 / (1 + np.exp(np.clip(-odds, -_MOST_ODDS, _MOST_ODDS)))
 
 
@@ -144,5 +149,6 @@ def _odds_from_neighbour(odds: float, stay: float) -> float:
     odds: log odds of that frame; stay: log odds that the ends do not swap in between. The result is
     log((e^(odds + stay) + 1) / (e^odds + e^stay)), written so that nothing overflows.
     """
-    both, either = abs(odds + stay), abs(odds - stay)
-    return 0.5 * (both - either) + math.log1p(math.exp(-both)) - math.log1p(math.exp(-either))
+    total, difference = abs(odds + stay), abs(odds - stay)
+    rest = math.log1p(math.exp(-total)) - math.log1p(math.exp(-difference))
+    return 0.5 * (total - difference) + rest

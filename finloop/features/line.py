@@ -10,17 +10,18 @@ from finloop.base.line import PX, TRACK, Line, check_line
 def track_as_path(features: pd.DataFrame, name: str, parameter: str = "matching.path") -> Line:
     """Turn a track of the film into a path that other fish can follow, with times and headings.
 
-    features: the feature table; name: of the track, such as `track:8`. The path is in px, s and
-    degrees. FinloopError, which mentions `parameter`, if there is no such track.
+    features: the feature table; name: of the track, such as `track:8`; parameter: name of the
+    setting that gave it, for the message. The path is in px, s and degrees. FinloopError if there
+    is no such track.
     """
-    numbers = features["track_id"]
-    text = name.removeprefix(TRACK).strip()
-    rows = np.flatnonzero(numbers == int(text)) if text.isdecimal() else np.zeros(0, int)
+    track_ids = features["track_id"]
+    number = name.removeprefix(TRACK).strip()
+    rows = np.flatnonzero(track_ids == int(number)) if number.isdecimal() else np.zeros(0, int)
     if not len(rows):
-        longest = numbers.value_counts().index[:8].tolist()
+        longest = track_ids.value_counts().index[:8].tolist()
         raise FinloopError(
             f"{name} is no track of the film",
-            f"one of its {numbers.nunique()} tracks; the longest: {', '.join(map(str, longest))}",
+            f"one of its {track_ids.nunique()} tracks; the longest: {', '.join(map(str, longest))}",
             f"correct {parameter} (data/features/features.parquet has all tracks)",
         )
     columns = ("x_px", "y_px", "time_s", "heading_deg")

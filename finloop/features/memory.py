@@ -18,22 +18,24 @@ _PARTS = 4  # least Δ in the longest track: the last one has no motion, and blo
 
 
 def measure_memory_frames(postures: Reals, track: Ints) -> float:
-    """Return after how many frames an animal's posture is half forgotten.
+    """Return the memory of an animal's posture: the lag [frames] after which it is half forgotten.
 
-    That is the lag τ at which the mean square of posture(t + τ) − posture(t) is half of that
-    between any two postures, linear between whole frames; the longest track's length if it never
-    is. postures: (n, k), any numbers; track (n,): the track of each row, in the order of frames.
+    At this lag τ, the mean square of posture(t + τ) − posture(t) is half of that between any two
+    postures. Whole frames are interpolated linearly. If it stays below half, the result is the
+    longest track's length. postures (n, k): k numbers that describe a posture; track (n,): the
+    track of each row, in the order of frames.
     """
     values = np.asarray(postures, float)
-    most = int(np.bincount(np.unique(track, return_inverse=True)[1]).max())
-    half, before = _HALF * 2 * float(values.var(0).sum()), 0.0
-    for lag in range(1, most if half > 0 else 1):
-        same = track[lag:] == track[:-lag]
-        square = float(((values[lag:] - values[:-lag]) ** 2).sum(1)[same].mean())
-        if square >= half:
-            return lag - 1 + (half - before) / max(square - before, 1e-12)
-        before = square
-    return float(most)
+    longest = int(np.bincount(np.unique(track, return_inverse=True)[1]).max())
+    half_square = _HALF * 2 * float(values.var(0).sum())  # two values differ by 2 variances
+    previous = 0.0
+    for lag in range(1, longest if half_square > 0 else 1):
+        same_track = track[lag:] == track[:-lag]
+        square = float(((values[lag:] - values[:-lag]) ** 2).sum(1)[same_track].mean())
+        if square >= half_square:
+            return lag - 1 + (half_square - previous) / max(square - previous, 1e-12)
+        previous = square
+    return float(longest)
 
 
 def held_out_block_frames(
@@ -41,24 +43,24 @@ def held_out_block_frames(
 ) -> int:
     """Return the length [frames] of the blocks of time that are held out to test a prediction.
 
-    It is `block_deltas` times Δ (the time over which motion is measured, delta_frames), but at most
-    the share `held_out_share` of the film, or `least_frames` if that is more. frames (n,): frame
-    numbers of the rows.
+    It is `block_deltas` times `delta_frames` (Δ, the time over which motion is measured), but at
+    most the share `held_out_share` of the film, or `least_frames` if that is more. frames (n,):
+    frame numbers of the rows.
     """
-    film = int(np.ptp(frames)) + 1 if len(frames) else 1
-    return min(
-        max(1, round(block_deltas * delta_frames)), max(least_frames, int(held_out_share * film))
-    )
+    film_frames = int(np.ptp(frames)) + 1 if len(frames) else 1
+    wanted = max(1, round(block_deltas * delta_frames))
+    return min(wanted, max(least_frames, int(held_out_share * film_frames)))
 
 
 def measure_delta_s(bends: Sequence[Reals], rate_hz: float) -> float:
     """Return Δ, the time [s] over which motion is measured, chosen for a film.
 
-    Δ is the paper's, but at most three memories (`measure_memory_frames`), half a tail beat, so
-    that quick motion is not smoothed away, and at most a quarter of the longest track. bends: the
-    signed motion areas (n,) of each track; rate_hz: frames per second.
+    It is the paper's 0.2 s, but at most half a tail beat (three memories, the times after which a
+    posture is half forgotten), and at most a quarter of the longest track. bends: the signed motion
+    areas (n,) of each track; rate_hz: frames per second.
     """
-    longest = max(len(bend) for bend in bends)
-    track = np.repeat(np.arange(len(bends)), [len(bend) for bend in bends])
-    memory = measure_memory_frames(np.concatenate(bends)[:, None], track)
-    return min(_PAPER_DELTA_S, min(_MEMORIES * memory, longest / _PARTS) / rate_hz)
+    lengths = [len(bend) for bend in bends]
+    track = np.repeat(np.arange(len(bends)), lengths)
+    memory_frames = measure_memory_frames(np.concatenate(bends)[:, None], track)
+    most_frames = min(_MEMORIES * memory_frames, max(lengths) / _PARTS)
+    return min(_PAPER_DELTA_S, most_frames / rate_hz)

@@ -18,38 +18,41 @@ _MOVING = 0.1  # body lengths in Δ from which a fish has a direction of travel
 
 
 def orientation_table(features: pd.DataFrame) -> pd.DataFrame:
-    """Return Table 1 of the fish paper: a row per orientation, its frames by swimming type in %.
+    """Return Table 1 of the fish paper: a row per orientation, with its shares of swimming types.
 
-    `max_area_…` is the largest motion area relative to the clip's largest of that type of turn;
-    `amount_pct` is the orientation's share of all frames. Straight + right + left is 100 in a row,
-    and the amounts sum to 100 (the paper's own do not: 101.45 in row 23, 99.87). Shares and areas
-    of an orientation without frames are empty.
+    Columns: `orientation`; `straight_pct`, `right_pct`, `left_pct`: percent of the orientation's
+    frames; `max_area_right`, `max_area_left`: its largest motion area in such turns, relative to
+    the film's; `amount_pct`: percent of all frames. The amounts sum to 100 (the paper's own do not:
+    99.87). An orientation without frames has the amount 0 and else NaN.
     """
     rows = []
     for number in range(1, count_orientations(features) + 1):
-        here = features[features["orientation"] == number]
+        members = features[features["orientation"] == number]
         row: dict[str, float] = {"orientation": number}
-        for word, kind in (("straight", STRAIGHT), ("right", RIGHT), ("left", LEFT)):
-            of_kind = here["swimming_type"] == kind
-            row[f"{word}_pct"] = 100 * of_kind.mean() if len(here) else np.nan
-            if kind != STRAIGHT:
-                largest = features.loc[features["swimming_type"] == kind, "motion_area"].max()
-                area = here.loc[of_kind, "motion_area"].max() / largest
-                row[f"max_area_{word}"] = (0.0 if np.isnan(area) else area) if len(here) else np.nan
-        row["amount_pct"] = 100 * len(here) / len(features)
+        for word, swimming_type in (("straight", STRAIGHT), ("right", RIGHT), ("left", LEFT)):
+            in_type = members["swimming_type"] == swimming_type
+            row[f"{word}_pct"] = 100 * in_type.mean() if len(members) else np.nan
+            if swimming_type != STRAIGHT:
+                in_film = features["swimming_type"] == swimming_type
+                film_area = features.loc[in_film, "motion_area"].max()
+                area = members.loc[in_type, "motion_area"].max() / film_area
+                if len(members) and np.isnan(area):  # it has no such turn
+                    area = 0.0
+                row[f"max_area_{word}"] = area
+        row["amount_pct"] = 100 * len(members) / len(features)
         rows.append(row)
     return pd.DataFrame(rows)
 
 
 def rows_of_longest_track(features: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of the track with the most frames."""
+    """Return the rows of the track with the most frames; of equal ones, that of lowest number."""
     return features[features["track_id"] == features["track_id"].mode()[0]]
 
 
 def summarize_features(features: pd.DataFrame, long_frames: int = 60) -> dict[str, float]:
     """Return counts, medians and shares of a feature table by name, for metrics.json.
 
-    long_frames: frames from which a track counts as a long one.
+    long_frames: least length of a track that counts as a long one, in frames.
     """
     lengths = features.groupby("track_id").size()
     kinds = features["swimming_type"]
@@ -80,13 +83,11 @@ def metrics_in_mm(
     tank_px: width and height; rate_hz: frames per second. The speed is the displacement over the
     time Δ; NaN where no track is as long as Δ.
     """
-    speed = features["displacement"] * features["body_length_px"]
+    distance_px = float((features["displacement"] * features["body_length_px"]).median())
+    speed = distance_px * mm_per_px * rate_hz / infer_delta_frames(features)
     return {
         "body_length_median_mm": float(features["body_length_px"].median()) * mm_per_px,
-        "speed_median_mm_s": float(speed.median())
-        * mm_per_px
-        * rate_hz
-        / infer_delta_frames(features),
+        "speed_median_mm_s": speed,
         "tank_width_mm": tank_px[0] * mm_per_px,
         "tank_height_mm": tank_px[1] * mm_per_px,
     }
@@ -95,22 +96,23 @@ def metrics_in_mm(
 def measure_heading_agreement(features: pd.DataFrame) -> dict[str, float]:
     """Return how well headings agree with the direction of motion, by name, for metrics.json.
 
-    Only rows (a fish in one frame) that move count: their number, the share headed within 90° of
-    their motion, and the median angle. Swapped heads and tails lower the share. The motion is
-    measured over the time Δ, the heading in the middle of it. In a current the film shows no such
-    motion.
+    Only rows (a fish in one frame) that move by 0.1 body lengths in the time Δ count: their number,
+    the percentage headed within 90° of their motion, and the median angle between both, the heading
+    taken in the middle of Δ. Swapped heads and tails lower the percentage. If no row moves, or the
+    fish swim against a current, there is only the number, 0.
     """
     delta = infer_delta_frames(features)
     start = np.flatnonzero(features["displacement"] > _MOVING)
     if start.size == 0 or features["current"].any():
         return {"moving_fish_frames": 0}
     x, y = features["x_px"].to_numpy(), features["y_px"].to_numpy()
-    way = np.degrees(np.arctan2(-(y[start + delta] - y[start]), x[start + delta] - x[start]))
-    off = np.abs(wrap_deg(features["heading_deg"].to_numpy()[start + delta // 2] - way))
+    travel_deg = np.degrees(np.arctan2(-(y[start + delta] - y[start]), x[start + delta] - x[start]))
+    heading_deg = features["heading_deg"].to_numpy()[start + delta // 2]
+    difference_deg = np.abs(wrap_deg(heading_deg - travel_deg))
     return {
         "moving_fish_frames": int(start.size),
-        "headed_along_travel_pct": float(100 * (off <= 90).mean()),
-        "heading_off_travel_median_deg": float(np.median(off)),
+        "headed_along_travel_pct": float(100 * (difference_deg <= 90).mean()),
+        "heading_off_travel_median_deg": float(np.median(difference_deg)),
     }
 
 
@@ -121,40 +123,43 @@ def compare_with_truth(
 
     backbones (rows, n, 2): px, head first, in the table's order; truth: a row per carp per frame.
     Each measured fish is compared with the nearest carp of its frame. A backbone's error is the
-    mean distance of its points from the true points at the same shares of the length.
+    mean distance of its points from the true points at the same shares of the length, after head
+    and tail are exchanged where that makes it smaller; such swaps are counted.
     """
-    found, nearest = _pair_with_truth(features, truth)
-    fish, true = features.iloc[found], truth.iloc[nearest]
+    fish_rows, true_rows = _pair_with_truth(features, truth)
+    fish, true = features.iloc[fish_rows], truth.iloc[true_rows]
     length = true["body_length_px"].to_numpy(float)
     lines = lists_to_points(true, "backbone")
     lines = interpolate_lines(lines, np.linspace(0, lines.shape[1] - 1, backbones.shape[1]))
-    own = backbones[found]
-    as_it_is, exchanged = _mean_line_distance(own, lines), _mean_line_distance(own[:, ::-1], lines)
-    swapped, apart = as_it_is > exchanged, np.minimum(as_it_is, exchanged) / length
+    measured = backbones[fish_rows]
+    distance = _mean_line_distance(measured, lines)
+    swapped_distance = _mean_line_distance(measured[:, ::-1], lines)
+    swapped = distance > swapped_distance
+    backbone_error = np.minimum(distance, swapped_distance) / length
     fish, true = fish.reset_index(drop=True), true.reset_index(drop=True)
     centre = np.hypot(fish["x_px"] - true["x_px"], fish["y_px"] - true["y_px"])
-    off = np.abs(wrap_deg(fish["heading_deg"] - true["heading_deg"]))
+    heading_error = np.abs(wrap_deg(fish["heading_deg"] - true["heading_deg"]))
     fish_length = fish["body_length_px"].to_numpy(float)
     agree = fish["swimming_type"] == true["swimming_type"]
     same_track = np.diff(fish["track_id"]) == 0
     area = fish["motion_area"].rank()
     return {
         "truth_fish_frames": len(truth),
-        "truth_found_pct": float(100 * len(found) / len(truth)),
+        "truth_found_pct": float(100 * len(fish) / len(truth)),
         "truth_centre_error_median_px": float(np.median(centre)),
         "truth_centre_error_p95_px": float(np.quantile(centre, 0.95)),
-        "truth_backbone_error_mean_pct": float(100 * apart.mean()),
-        "truth_backbone_error_p95_pct": float(100 * np.quantile(apart, 0.95)),
+        "truth_backbone_error_mean_pct": float(100 * backbone_error.mean()),
+        "truth_backbone_error_p95_pct": float(100 * np.quantile(backbone_error, 0.95)),
         "truth_body_length_bias_pct": float(100 * (fish_length / length - 1).mean()),
-        "truth_heading_error_median_deg": float(np.median(off)),
-        "truth_heading_error_p95_deg": float(np.quantile(off, 0.95)),
+        "truth_heading_error_median_deg": float(np.median(heading_error)),
+        "truth_heading_error_p95_deg": float(np.quantile(heading_error, 0.95)),
         "truth_head_tail_swaps": int(swapped.sum()),
         "truth_identity_changes": int((same_track & (np.diff(true["fish_id"]) != 0)).sum()),
         "truth_swimming_type_agreement_pct": float(100 * agree.mean()),
         **{
-            f"truth_{word}_recall_pct": float(100 * agree[true["swimming_type"] == kind].mean())
-            for word, kind in (("straight", STRAIGHT), ("left", LEFT), ("right", RIGHT))
-            if (true["swimming_type"] == kind).any()
+            f"truth_{word}_recall_pct": float(100 * agree[true["swimming_type"] == number].mean())
+            for word, number in (("straight", STRAIGHT), ("left", LEFT), ("right", RIGHT))
+            if (true["swimming_type"] == number).any()
         },
         **{
             f"truth_motion_area_{word}_rank_correlation": float(
@@ -170,15 +175,16 @@ def compare_heads_with_external(
 ) -> dict[str, float]:
     """Return how well another program's heads agree with ours, by name, for metrics.json.
 
-    The metrics are the share of rows in which the program gives a head, the share in which it calls
-    our tail the head, and the median angle between the two directions from tail to head. Where it
+    `head_told_share`: the share of rows in which the program gives a head; if there are any,
+    `head_disagreement_share`: in which it calls our tail the head, and
+    `head_disagreement_median_deg`: the angle between the two directions from tail to head. If it
     gives no tail, the middle of the backbone is used. tracks: the columns
-    `finloop.features.table.USED`; given: schema GIVEN, the same rows.
+    `finloop.features.table.USED`; given: places of heads and tails, the same rows.
     """
-    own, _ = orient_backbones(tracks, rate_hz)
+    backbones, _ = orient_backbones(tracks, rate_hz)
     head, tail = read_head_and_tail(given)
-    tail = np.where(np.isfinite(tail), tail, own[:, own.shape[1] // 2])
-    ours, theirs = own[:, 0] - own[:, -1], head - tail
+    tail = np.where(np.isfinite(tail), tail, backbones[:, backbones.shape[1] // 2])
+    ours, theirs = backbones[:, 0] - backbones[:, -1], head - tail
     comparable = np.isfinite(theirs).all(axis=1)
     if not comparable.any():
         return {"head_told_share": 0.0}
@@ -192,15 +198,20 @@ def compare_heads_with_external(
 
 
 def _mean_line_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the mean distance (rows,) of corresponding points of lines a and b (rows, n, 2)."""
+    """Return the mean distance (rows,) between the points of lines a and b, both (rows, n, 2)."""
     return np.hypot(*(a - b).transpose(2, 0, 1)).mean(1)
 
 
 def _pair_with_truth(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:
-    """Return pairs (2, k) of row numbers: measured fish, and nearest true fish of the frame."""
+    """Return row numbers (2, k): of measured fish, and of the nearest true fish of the same frame.
+
+    Measured fish in frames without a true fish are left out.
+    """
     fish = features[["frame", "x_px", "y_px"]].assign(fish=np.arange(len(features)))
     true = truth[["frame", "x_px", "y_px"]].assign(true=np.arange(len(truth)))
-    both = fish.merge(true, on="frame", suffixes=("", "_true"))
-    both["apart"] = np.hypot(both["x_px"] - both["x_px_true"], both["y_px"] - both["y_px_true"])
-    best = both.loc[both.groupby("fish")["apart"].idxmin()]
-    return best[["fish", "true"]].to_numpy().T
+    pairs = fish.merge(true, on="frame", suffixes=("", "_true"))
+    pairs["distance"] = np.hypot(
+        pairs["x_px"] - pairs["x_px_true"], pairs["y_px"] - pairs["y_px_true"]
+    )
+    nearest = pairs.loc[pairs.groupby("fish")["distance"].idxmin()]
+    return nearest[["fish", "true"]].to_numpy().T

@@ -26,10 +26,10 @@ _TURNS_DEG = 45.0
 
 
 class TurnThresholds(NamedTuple):
-    """How far the heading changes over the time Δ [°], and how bent [body length²], in a turn."""
+    """The change of heading and the bend that make a turn; `turn_score` combines them."""
 
-    turn_deg: float
-    bend: float
+    turn_deg: float  # change of heading over Δ, the time over which motion is measured
+    bend: float  # signed motion area, body length²
 
 
 BRISK = TurnThresholds(16.0, 0.04)
@@ -41,22 +41,25 @@ def measure_turn_thresholds(
 ) -> TurnThresholds:
     """Return the change of heading and the bend from which on a motion is a turn, for a film.
 
-    headings_deg, bends: of each track (n,), degrees and signed body length². For a brisk fish they
-    are constants. For a slower or stiffer one they are lowered until a tenth of the frames count as
-    turns. If no track turns by 45° in all, they stay, or tail beats would count as turns.
+    headings_deg, bends: of each track (n,), degrees and signed body length²; delta_frames: time Δ
+    over which headings change. The thresholds are `BRISK`, lowered for a slower or stiffer fish
+    until a tenth of the frames count as turns. If no track turns by 45° in all, they are not
+    lowered, or tail beats would count as turns.
     """
-    ranges = [np.ptp(np.unwrap(one, period=360)) for one in map(np.asarray, headings_deg)]
+    ranges = [np.ptp(np.unwrap(np.asarray(heading), period=360)) for heading in headings_deg]
     if max(ranges) < _TURNS_DEG:
         return BRISK
-    turns = np.concatenate([heading_change(one, delta_frames) for one in headings_deg])
-    bent = np.concatenate(list(bends))
-    limits = TurnThresholds(*map(min, BRISK, (_upper_tenth(turns), _upper_tenth(bent))))
-    lower = min(1.0, _upper_tenth(turn_score(turns, bent, limits)))
-    return TurnThresholds(lower * limits.turn_deg, lower * limits.bend)
+    turns = np.concatenate([heading_change(heading, delta_frames) for heading in headings_deg])
+    bend = np.concatenate(list(bends))
+    limits = TurnThresholds(
+        min(BRISK.turn_deg, _upper_tenth(turns)), min(BRISK.bend, _upper_tenth(bend))
+    )
+    factor = min(1.0, _upper_tenth(turn_score(turns, bend, limits)))
+    return TurnThresholds(factor * limits.turn_deg, factor * limits.bend)
 
 
 def _upper_tenth(values: Reals) -> float:
-    """Return the absolute value that a tenth of the values (n,) exceed, always above 0."""
+    """Return the limit that a tenth of the values (n,) exceed in absolute value, at least 1e-9."""
     return max(float(np.quantile(np.abs(values), _SELDOM)), 1e-9)
 
 
@@ -64,7 +67,7 @@ def turn_score(turn_deg: Reals, bend: Reals, thresholds: TurnThresholds) -> Floa
     """Return the turn score of frames (n,): a turn to the left from 1 on, to the right from −1.
 
     It is the mean of two ratios: change of heading to its threshold, and bend to its threshold.
-    turn_deg (n,): over the time Δ; bend (n,): signed, body length².
+    turn_deg (n,): change of heading over the time Δ; bend (n,): signed, body length².
     """
     return 0.5 * (turn_deg / thresholds.turn_deg + bend / thresholds.bend)
 
@@ -72,8 +75,8 @@ def turn_score(turn_deg: Reals, bend: Reals, thresholds: TurnThresholds) -> Floa
 def heading_change(heading_deg: Reals, span_frames: int) -> Floats:
     """Return the change of heading (frames,) [°] over a span of time around each frame, + = left.
 
-    heading_deg: (frames,); span_frames: length of the span. At the ends of a track the span is
-    shorter, and the change is scaled up.
+    heading_deg: (frames,) of one track; span_frames: length of the span. At the ends of the track
+    the span is shorter, and the change is scaled up.
     """
     heading = np.unwrap(np.asarray(heading_deg, float), period=360)
     last = len(heading) - 1
@@ -89,7 +92,7 @@ def classify_swimming_types(
     """Return the swimming types (frames,) int8 of consecutive frames: 0 straight, 1 left, −1 right.
 
     turn_deg (frames,): change of heading over the time Δ; bend (frames,): signed, body length². A
-    turn lasts while its `turn_score` exceeds `end_score`, and reaches 1 somewhere.
+    turn is a run of frames whose `turn_score` exceeds `end_score` and somewhere reaches 1.
     """
     scores = turn_score(turn_deg, bend, thresholds)
     left = skimage.filters.apply_hysteresis_threshold(scores, end_score, 1.0)

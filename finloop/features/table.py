@@ -56,24 +56,24 @@ FEATURES = Schema(
 
 
 def delta_in_frames(delta_s: float, rate_hz: float) -> int:
-    """Return Δ, the time over which motion is measured, in whole frames, at least 1."""
+    """Convert Δ, the time over which motion is measured, from s to whole frames, at least 1."""
     return max(1, round(delta_s * rate_hz))
 
 
 def infer_delta_frames(features: pd.DataFrame) -> int:
     """Return Δ, the time [frames] over which the displacements of a feature table were measured.
 
-    A displacement needs a frame Δ later, so the empty ones at the end of the longest track are
-    counted.
+    A displacement needs a frame Δ later, so the last Δ rows of a track have none: the result is the
+    largest number of rows without one in a track.
     """
     return int(features["displacement"].isna().groupby(features["track_id"]).sum().max())
 
 
 def natural_step_frames(features: pd.DataFrame) -> int:
-    """Return the frames of a natural step, the unit in which picture distances are given.
+    """Return the length in frames of a natural step, which is Δ / 5, at least 1.
 
-    It is Δ / 5, at least 1: one frame of the paper's film (25 Hz, Δ of 5 frames). The step from
-    frame to frame would shrink with a faster camera.
+    The typical difference of pictures so far apart is the unit of picture distances. In the paper's
+    film (25 Hz, Δ of 5 frames) it is one frame; with a faster camera, a frame would be too short.
     """
     return max(1, round(infer_delta_frames(features) / _STEPS))
 
@@ -84,29 +84,29 @@ def wrap_deg(angle_deg: Reals) -> Floats:
 
 
 def find_orientations(heading_deg: Reals, orientations: int) -> NDArray[np.int8]:
-    """Return the numbers, 1 … `orientations`, of the sectors in which headings [°] lie (§3.3).
+    """Return the numbers of the sectors in which headings [°] lie, 1 … `orientations` (§3.3).
 
-    Sector 1 is centred on 0°, to the right; numbers rise anticlockwise. The paper has 24 (Table 1).
+    The sectors divide 360° equally, 24 in the paper. Sector 1 is centred on 0°, to the right;
+    numbers rise anticlockwise. The result has the shape of the headings.
     """
     sector = 360 / orientations
     return (np.floor(np.asarray(heading_deg) / sector + 0.5) % orientations + 1).astype(np.int8)
 
 
 def orientation_heading_deg(orientation: NDArray[np.integer] | int, orientations: int) -> Floats:
-    """Return the heading [°], in [0, 360), at the centre of an orientation, 1 … `orientations`."""
+    """Return the heading [°], in [0, 360), at the middle of a sector, 1 … `orientations`."""
     return (np.asarray(orientation, float) - 1) * (360 / orientations)
 
 
 def count_orientations(table: pd.DataFrame) -> int:
-    """Return the number of orientations in a table of features or of sprites."""
+    """Return into how many orientations a table of features or of sprites divides 360°."""
     return int(table["orientations"].iloc[0])
 
 
 def measure_headings(backbone: Reals) -> Floats:
     """Return the heading (rows,) [°] of backbones (rows, n, 2) px, which run from head to tail.
 
-    It is the direction of the chord from one third of the body to the head end: that part does not
-    bend.
+    This is the direction from a third of the body to the head end: that part does not bend.
     """
     third = interpolate_lines(backbone, np.array([_HEAD_SHARE * (backbone.shape[1] - 1)]))[:, 0]
     dx, dy = (backbone[:, 0] - third).T
@@ -117,12 +117,12 @@ def measure_features(
     tracks: pd.DataFrame, rate_hz: float, settings: FeaturesSettings,
     given: pd.DataFrame | None = None,
 ) -> tuple[pd.DataFrame, NDArray[np.float32]]:  # fmt: skip
-    """Measure heading, bend, motion and turns of every fish in every frame: the feature table.
+    """Return the feature table of tracked fish, and their backbones (rows, n, 2) px, head first.
 
     tracks: the table of `extract`, in the order (track_id, frame), else FinloopError. `given`, of
     the same rows, holds head_x_px, head_y_px, tail_x_px, tail_y_px of another program; where they
-    are not NaN, they decide which end is the head. The feature table has the columns `FEATURES`;
-    beside it backbones (rows, n, 2) px, head first, are returned.
+    are not NaN, they decide which end is the head. The feature table has the columns `FEATURES`:
+    place, heading, bend, motion and swimming type.
     """
     if not pd.MultiIndex.from_frame(tracks[["track_id", "frame"]]).is_monotonic_increasing:
         raise FinloopError(
@@ -130,64 +130,74 @@ def measure_features(
             "the table that the stage `extract` writes, whose rows are those of the cut-outs",
             "make it again: `dvc repro --force extract`",
         )
-    every = track_slices(tracks)
+    rows_of_tracks = track_slices(tracks)
     backbone, confidence = orient_backbones(tracks, rate_hz, given)
-    place, length = (tracks[name].to_numpy(float) for name in (["x_px", "y_px"], "length_px"))
-    bent, direction = measure_bend(backbone, length), measure_headings(backbone)
+    place = tracks[["x_px", "y_px"]].to_numpy(float)
+    length = tracks["length_px"].to_numpy(float)
+    bend, heading = measure_bend(backbone, length), measure_headings(backbone)
     delta_s = settings.delta_s
     if delta_s == "auto":
-        delta_s = measure_delta_s([bent[one] for one in every], rate_hz)
+        delta_s = measure_delta_s([bend[rows] for rows in rows_of_tracks], rate_hz)
     delta = delta_in_frames(delta_s, rate_hz)
-    limits = choose_turn_thresholds(direction, bent, every, delta, settings)
-    types = [
-        classify_swimming_types(
-            heading_change(direction[one], delta), bent[one], limits, settings.turn_end_threshold
+    limits = choose_turn_thresholds(heading, bend, rows_of_tracks, delta, settings)
+    types = []
+    for rows in rows_of_tracks:
+        turn_deg = heading_change(heading[rows], delta)
+        types.append(
+            classify_swimming_types(turn_deg, bend[rows], limits, settings.turn_end_threshold)
         )
-        for one in every
-    ]
     current = settings.water_current_bl_s
     if current == "auto":
         dx, dy = (backbone[:, -1] - backbone[:, 0]).T
-        back = np.radians(direction)
-        tail = (-dx * np.sin(back) - dy * np.cos(back)) / length
-        current = measure_current(place / length[:, None], direction, tail, bent, every, rate_hz)
-    area = np.abs(bent)
-    ends = {"": place, "head_": backbone[:, 0], "tail_": backbone[:, -1]}
-    values = {
-        "track_id": tracks["track_id"].to_numpy(),
-        "frame": tracks["frame"].to_numpy(),
-        "time_s": tracks["frame"].to_numpy() / rate_hz,
-        **{f"{end}{axis}_px": at[:, k] for end, at in ends.items() for k, axis in enumerate("xy")},
-        "heading_deg": direction,
-        "orientation": find_orientations(direction, settings.orientations),
-        "orientations": settings.orientations,
-        "body_length_px": length,
-        "motion_area": area,
-        "motion_area_rel": area / (area.max() or 1.0),
-        "bend": bent,
-        "current": current,
-        "swimming_type": np.concatenate(types),
-        "head_confidence": confidence,
-    }
-    table = pd.DataFrame(values)
-    moved, turned = _measure_motion_over_delta(table, every, delta)
-    table = table.assign(displacement=moved, included_angle_deg=turned)
+        axis = np.radians(heading)
+        tail = (-dx * np.sin(axis) - dy * np.cos(axis)) / length  # its offset from the axis
+        places_bl = place / length[:, None]
+        current = measure_current(places_bl, heading, tail, bend, rows_of_tracks, rate_hz)
+    area = np.abs(bend)
+    table = pd.DataFrame(
+        {
+            "track_id": tracks["track_id"].to_numpy(),
+            "frame": tracks["frame"].to_numpy(),
+            "time_s": tracks["frame"].to_numpy() / rate_hz,
+            "x_px": place[:, 0],
+            "y_px": place[:, 1],
+            "head_x_px": backbone[:, 0, 0],
+            "head_y_px": backbone[:, 0, 1],
+            "tail_x_px": backbone[:, -1, 0],
+            "tail_y_px": backbone[:, -1, 1],
+            "heading_deg": heading,
+            "orientation": find_orientations(heading, settings.orientations),
+            "orientations": settings.orientations,
+            "body_length_px": length,
+            "motion_area": area,
+            "motion_area_rel": area / (area.max() or 1.0),
+            "bend": bend,
+            "current": current,
+            "swimming_type": np.concatenate(types),
+            "head_confidence": confidence,
+        }
+    )
+    displacement, turn = _measure_motion_over_delta(table, rows_of_tracks, delta)
+    table = table.assign(displacement=displacement, included_angle_deg=turn)
     return table[FEATURES.names], backbone.astype(np.float32)
 
 
 def _measure_motion_over_delta(
     table: pd.DataFrame, tracks: Sequence[slice], delta_frames: int
 ) -> tuple[Floats, Floats]:
-    """Return rows' displacement [body lengths] and change of heading [°] over the next Δ, (n,)."""
-    way = places_through_water(table)
-    direction, length = (table[name].to_numpy(float) for name in ("heading_deg", "body_length_px"))
-    moved, turned = np.full((2, len(table)), np.nan)
-    for one in tracks:
-        last = max(one.stop - delta_frames, one.start)
-        now, then = slice(one.start, last), slice(one.start + delta_frames, last + delta_frames)
-        moved[now] = np.hypot(*(way[then] - way[now]).T) / np.median(length[one])
-        turned[now] = wrap_deg(direction[then] - direction[now])
-    return moved, turned
+    """Return displacements (n,) [body lengths] and changes of heading (n,) [°] over the next Δ.
+
+    table: the feature table; tracks: the rows of each track. The last Δ rows of a track have NaN.
+    """
+    place = places_through_water(table)
+    heading, length = (table[name].to_numpy(float) for name in ("heading_deg", "body_length_px"))
+    displacement, turn = np.full((2, len(table)), np.nan)
+    for rows in tracks:
+        last = max(rows.stop - delta_frames, rows.start)
+        start, end = slice(rows.start, last), slice(rows.start + delta_frames, last + delta_frames)
+        displacement[start] = np.hypot(*(place[end] - place[start]).T) / np.median(length[rows])
+        turn[start] = wrap_deg(heading[end] - heading[start])
+    return displacement, turn
 
 
 def choose_turn_thresholds(
@@ -199,41 +209,47 @@ def choose_turn_thresholds(
 ) -> TurnThresholds:
     """Return the thresholds of a turn: those of the settings, or, for `auto`, measured in the film.
 
-    heading_deg, bend (n,): of all rows; tracks: the rows of each track.
+    heading_deg, bend (n,): of all rows; tracks: the rows of each track; delta_frames: time Δ over
+    which headings change.
     """
-    given = settings.turn_threshold_deg, settings.bend_threshold
-    measured = measure_turn_thresholds(
-        [heading_deg[one] for one in tracks], [bend[one] for one in tracks], delta_frames
-    )
-    pairs = zip(given, measured, strict=True)
-    return TurnThresholds(*(own if value == "auto" else value for value, own in pairs))
+    headings, bends = [heading_deg[rows] for rows in tracks], [bend[rows] for rows in tracks]
+    limits = measure_turn_thresholds(headings, bends, delta_frames)
+    if settings.turn_threshold_deg != "auto":
+        limits = limits._replace(turn_deg=settings.turn_threshold_deg)
+    if settings.bend_threshold != "auto":
+        limits = limits._replace(bend=settings.bend_threshold)
+    return limits
 
 
 def track_slices(tracks: pd.DataFrame) -> list[slice]:
     """Return a slice of rows for each track of a table that is sorted by `track_id`."""
     first = np.flatnonzero(np.diff(tracks["track_id"].to_numpy(), prepend=np.nan))
-    return [slice(*one) for one in pairwise([*first.tolist(), len(tracks)])]
+    return [slice(start, stop) for start, stop in pairwise([*first.tolist(), len(tracks)])]
 
 
 def orient_backbones(
     tracks: pd.DataFrame, rate_hz: float, given: pd.DataFrame | None = None
 ) -> tuple[Floats, Floats]:
-    """Return backbones (rows, n, 2) px turned head first, and how probable that is (rows,).
+    """Return backbones (rows, n, 2) px with the head first, and how probable that is (rows,).
 
     tracks: the columns `USED`, sorted by track and frame; rate_hz: frames per second; given:
     another program's heads and tails, same rows, which decide where they are not NaN.
     """
     backbone = lists_to_points(tracks, "backbone").astype(float)
     width = lists_to_array(tracks["half_width_px"])
-    ends = None if given is None else match_head_end(backbone, *read_head_and_tail(given))
-    first, confidence = np.empty(len(tracks), bool), np.empty(len(tracks))
-    for one in track_slices(tracks):
-        end = None if ends is None else ends[one]
-        first[one], confidence[one] = decide_head_end(backbone[one], width[one], rate_hz, end)
-    return np.where(first[:, None, None], backbone, backbone[:, ::-1]), confidence
+    given_head = None if given is None else match_head_end(backbone, *read_head_and_tail(given))
+    head_first, confidence = np.empty(len(tracks), bool), np.empty(len(tracks))
+    for rows in track_slices(tracks):
+        head_first[rows], confidence[rows] = decide_head_end(
+            backbone[rows], width[rows], rate_hz, None if given_head is None else given_head[rows]
+        )
+    return np.where(head_first[:, None, None], backbone, backbone[:, ::-1]), confidence
 
 
 def read_head_and_tail(given: pd.DataFrame) -> tuple[Floats, Floats]:
-    """Return head and tail, (rows, 2) px each, of another program; NaN where unknown."""
+    """Return another program's heads and tails, (rows, 2) px each, NaN where unknown.
+
+    given: a table with head_x_px, head_y_px, tail_x_px and tail_y_px.
+    """
     head, tail = (given[[f"{end}_x_px", f"{end}_y_px"]].to_numpy(float) for end in ("head", "tail"))
     return head, tail
