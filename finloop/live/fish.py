@@ -41,18 +41,20 @@ class Modes(NamedTuple):
 
     @classmethod
     def from_players(cls, players: Mapping[str, AnyPlayer]) -> "Modes":
-        """Build the modes from players, which plan a fish's motion, by name.
+        """Build the modes from players, which plan a fish's motion, by the mode's name.
 
-        In each mode, the sprites of all others can be drawn.
+        Each mode can draw the sprites of all modes, as a fish may come from another mode.
         """
-        widest = max((one.sources for one in players.values()), key=lambda s: len(s.sprite_scale))
+        all_sources = [player.sources for player in players.values()]
+        with_most_sprites = max(all_sources, key=lambda sources: len(sources.sprite_scale))
         return cls(players, {
             mode: replace(
-                one.sources, sprite_scale=widest.sprite_scale, sprite_after=widest.sprite_after,
-                orientations=widest.orientations,
-                joins=replace(one.sources.joins, bodies=widest.joins.bodies),
+                player.sources, sprite_scale=with_most_sprites.sprite_scale,
+                sprite_after=with_most_sprites.sprite_after,
+                orientations=with_most_sprites.orientations,
+                joins=replace(player.sources.joins, bodies=with_most_sprites.joins.bodies),
             )
-            for mode, one in players.items()
+            for mode, player in players.items()
         })  # fmt: skip
 
 
@@ -106,9 +108,12 @@ class DecisionRecord:
 
     @property
     def follows_plan(self) -> bool:
-        """Return whether the motion carries on the plan of an earlier decision."""
-        moves = self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
-        return bool(self.state.path.runs) and self.stretch.options is None and moves
+        """Return whether the motion carries on the plan of an earlier decision.
+
+        Then part of a plan is left, no candidates were compared, and the fish swam on as planned.
+        """
+        is_planned = self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
+        return bool(self.state.path.runs) and self.stretch.options is None and is_planned
 
     @property
     def target_name(self) -> str:
@@ -158,37 +163,37 @@ ROW = np.dtype([
     (name, _TYPES[kind]) for name, kind in get_type_hints(TankRow).items() if name != "pose"
 ])  # fmt: skip
 """Rows in an array, without their poses."""
-_EDIT = [name for name in TankRow._fields if name not in TankRow._field_defaults]
+_EDIT_COLUMNS = [name for name in TankRow._fields if name not in TankRow._field_defaults]
 
-Ghost = Callable[[TankRow], bool]
-"""Whether the two pictures of a cross-fade, as in a row, are too unlike to be mixed."""
-Others = Callable[["LiveFish", int], dict[str, Floats]]
-"""The planned paths of the other fish of the tank, by name, from a tick on."""
+TooUnlike = Callable[[TankRow], bool]
+"""Returns whether the two pictures of a cross-fade, as in a row, are too unlike to be mixed."""
+OtherPaths = Callable[["LiveFish", int], dict[str, Floats]]
+"""Returns the planned paths of the other fish of the tank, by name, from a tick on."""
 
 
 class LiveFish:
     """One fish of the live tank, which remembers its past and can be set back to it.
 
-    born: the tank's tick that is its first. name: of its goals. others: returns the planned paths
-    of the other fish, each as `LiveFish.planned_path_from` does.
+    born: the tank's tick that is its first. name: of its goals. other_paths: returns the planned
+    paths of the other fish, each as `LiveFish.planned_path_from` does.
     """
 
     def __init__(
         self, modes: Modes, mode: str, born: int, name: str,
-        rng: np.random.Generator, ghost: Ghost, others: Others,
+        rng: np.random.Generator, too_unlike: TooUnlike, other_paths: OtherPaths,
     ) -> None:  # fmt: skip
         """Put a fish into the tank, where there is room; FinloopError without room.
 
-        ghost: whether the pictures of a cross-fade are too unlike to be mixed.
+        too_unlike: returns whether the pictures of a cross-fade are too unlike to be mixed.
         """
         self.mode, self.born, self.name = mode, born, name
         self.goal: Goal | None = None
         self.path_task: PathTask | None = None
         self.rule_task: RuleTask | None = None
         self.reached = False
-        self._modes, self._rng, self._ghost, self._others = modes, rng, ghost, others
+        self._modes, self._rng, self._too_unlike, self._others = modes, rng, too_unlike, other_paths
         self._state = self._player.begin(rng, None, self._player.company(self._other_paths(0), 0))
-        self._drag = max(1, int(_DRAG_S * self._player.world.motion.rate_hz))
+        self._drag_ticks = max(1, int(_DRAG_S * self._player.world.motion.rate_hz))
         self._ring = np.zeros(HISTORY, ROW)
         self._poses = np.full(HISTORY, None, object)
         self._requests = np.full(HISTORY, None, object)
@@ -197,7 +202,8 @@ class LiveFish:
         self._plan_poses = np.zeros(0, object)
         self._played = 0
         self._cut_after = 0  # ticks of it, 0 = not at all
-        self._was_ghost = self._ghost_before = False  # at the last tick, and at the one before
+        # Whether a picture of a cross-fade was hidden at the last tick, and at the one before.
+        self._was_hidden = self._hidden_before = False
 
     @property
     def _player(self) -> AnyPlayer:
@@ -210,7 +216,7 @@ class LiveFish:
         return self.born + self._state.fish.tick - len(self._plan) + self._played - 1
 
     def row_at(self, tick: int) -> TankRow | None:
-        """Return what was drawn at a tick of the tank; None if it is not known."""
+        """Return what was drawn at a tick of the tank; None before and after what is remembered."""
         if not self._oldest_tick <= tick <= self.last_tick:
             return None
         return TankRow._make((*self._ring[tick % HISTORY].item(), self._poses[tick % HISTORY]))
@@ -220,13 +226,17 @@ class LiveFish:
 
         Its columns are x, y [px], heading [degrees] and number of the picture.
         """
-        last = self._decisions[-1].stretch
-        return last.remaining_path(max(0, tick - self.born - self._state.fish.tick + len(last.way)))
+        stretch = self._decisions[-1].stretch
+        begin = self.born + self._state.fish.tick - len(stretch.way)
+        return stretch.remaining_path(max(0, tick - begin))
 
     def _other_paths(self, tick: int) -> Floats:
-        """Return the planned paths (n, m, 4) of the m other fish from a tick of this fish on."""
-        ways = list(self._others(self, self.born + tick).values())
-        return Plans.from_paths(ways, tick).others(-1, tick)
+        """Return the planned paths (n, m, 4) of the m other fish from a tick of this fish on.
+
+        Their columns are x, y [px], heading [degrees] and number of the picture.
+        """
+        paths = list(self._others(self, self.born + tick).values())
+        return Plans.from_paths(paths, tick).others(-1, tick)
 
     def request_at(self, tick: int) -> Request:
         """Return what the fish was asked to do at a known tick of the tank."""
@@ -236,8 +246,8 @@ class LiveFish:
     def past_places(self, ticks: range) -> Floats:
         """Return where the fish was (n, 2) [px] at those of some ticks that it remembers."""
         known = np.arange(ticks.start, ticks.stop, ticks.step)
-        known = known[known >= self._oldest_tick] % HISTORY
-        return np.column_stack([self._ring["x_px"][known], self._ring["y_px"][known]])
+        slots = known[known >= self._oldest_tick] % HISTORY
+        return np.column_stack([self._ring["x_px"][slots], self._ring["y_px"][slots]])
 
     @property
     def _oldest_tick(self) -> int:
@@ -249,12 +259,14 @@ class LiveFish:
         row = self.row_at(tick)
         if row is None:
             return None
-        return next((one for one in reversed(self._decisions) if one.tick == row.decided), None)
+        return next((made for made in reversed(self._decisions) if made.tick == row.decided), None)
 
     def planning_decision(self, decision: DecisionRecord) -> DecisionRecord:
-        """Return the decision whose plan another one carries on; itself if it made its own."""
-        earlier = (one for one in reversed(self._decisions) if one.tick <= decision.tick)
-        return next((one for one in earlier if not one.follows_plan), decision)
+        """Return the decision whose plan a given decision carries on; itself if it made its own."""
+        for earlier in reversed(self._decisions):
+            if earlier.tick <= decision.tick and not earlier.follows_plan:
+                return earlier
+        return decision
 
     def send_to_goal(self, goal_px: tuple[float, float] | None, drag: bool = False) -> None:
         """Send the fish to a goal (x, y [px]) from the next tick on; None lets it wander.
@@ -263,7 +275,7 @@ class LiveFish:
         """
         self.goal = self._make_goal(*goal_px) if goal_px else None
         self.path_task, self.rule_task, self.reached = None, None, False
-        self._cut_after = self._drag if drag and self._cut_after != 1 else 1
+        self._cut_after = self._drag_ticks if drag and self._cut_after != 1 else 1
 
     def follow_path(self, route: Route) -> None:
         """Send the fish to the beginning of a path from the next tick on, and then along it."""
@@ -292,14 +304,14 @@ class LiveFish:
         The tick before keeps its picture. The old decision stays if every new motion would meet
         other fish.
         """
-        self._was_ghost = self._ghost_before
+        self._was_hidden = self._hidden_before
         self._cut_after, self._played = 0, self._played - 1
         self._replan_stretch()
         self._record_tick()
 
     def advance(self) -> None:
-        """Advance the fish by one tick."""
-        self._ghost_before = self._was_ghost
+        """Advance the fish by one tick; plan again where a request cuts the motion, or it ends."""
+        self._hidden_before = self._was_hidden
         if self._cut_after and self._played >= min(self._cut_after, len(self._plan)):
             self._cut_after = 0
             if self._played < len(self._plan):
@@ -309,11 +321,11 @@ class LiveFish:
         self._record_tick()
 
     def _record_tick(self) -> None:
-        """Move to the next tick of the plan, and remember it together with the user's request."""
+        """Go to the next tick of the plan, and remember its row and the user's request."""
         row = TankRow._make((*self._plan[self._played].item(), self._plan_poses[self._played]))
         self._played += 1
         # A hidden partner stays hidden: two unlike fish on top of each other look like ghosts.
-        self._was_ghost = row.weight > 0 and (self._was_ghost or self._ghost(row))
+        self._was_hidden = row.weight > 0 and (self._was_hidden or self._too_unlike(row))
         last = self._decisions[-1]
         if self._played == len(self._plan):
             self._end_stretch(last)
@@ -321,15 +333,19 @@ class LiveFish:
         self._poses[slot] = row.pose
         self._requests[slot] = Request(self.mode, self.path_task, self.rule_task, self._cut_after)
         self._ring[slot] = row._replace(
-            weight=0.0 if self._was_ghost else row.weight,
+            weight=0.0 if self._was_hidden else row.weight,
             goal_x_px=goal.x_px if goal else math.nan,
             goal_y_px=goal.y_px if goal else math.nan,
             reached=self.reached,
             decided=last.tick,
-        )[:-1]
+        )[:-1]  # without the pose
 
     def _next_target(self) -> Goal | Route | Rule | None:
-        """Return the goal, path or rule of the next decision; None: the fish wanders."""
+        """Return the goal, path or rule of the next decision; None: the fish wanders.
+
+        A fish swims to the beginning of a path as to a goal. It wanders if its goal is reached, its
+        leader has left the tank, or it is alone in its group.
+        """
         if self.path_task is not None and self.path_task.begun:
             return self.path_task.route
         if self.rule_task is None:
@@ -338,14 +354,14 @@ class LiveFish:
         if self.rule_task.leader in others:
             return Rule.to_follow(others[self.rule_task.leader][0])
         if self.rule_task.shoaling is not None and others:
-            here = np.stack([way[0, :3] for way in others.values()])
-            return Rule.by_zones(here, self.rule_task.shoaling)
+            present = np.stack([path[0, :3] for path in others.values()])  # x, y px, heading deg
+            return Rule.by_zones(present, self.rule_task.shoaling)
         return None
 
     def _end_stretch(self, last: DecisionRecord) -> None:
-        """Update goal and path after a decision's motion: they may be reached, begun or done.
+        """Note after the motion of the last decision whether a goal or a path's end is reached.
 
-        last: the decision.
+        If the goal is the beginning of a path, the fish now begins the path.
         """
         path_task, fish = self.path_task, self._state.fish
         if path_task is not None and path_task.begun:
@@ -358,9 +374,9 @@ class LiveFish:
                 self.goal, self.path_task = None, path_task._replace(begun=True)
 
     def go_back_to(self, tick: int) -> None:
-        """Set the fish back to a known tick of the tank; it swims on from there.
+        """Set the fish back to a tick of the tank; do nothing if it does not remember the tick.
 
-        It swims exactly as it did after that tick, unless it is sent elsewhere.
+        It swims on exactly as it did after that tick, unless it is sent elsewhere.
         """
         row, decision = self.row_at(tick), self.decision_at(tick)
         if row is None or decision is None:
@@ -371,7 +387,7 @@ class LiveFish:
         self._rng.bit_generator.state = decision.draws
         self._plan_stretch(decision.goal, decision.state.fish.company)
         self._played = tick - decision.tick + 1
-        self._was_ghost = self._plan["weight"][self._played - 1] > 0 and row.weight == 0
+        self._was_hidden = self._plan["weight"][self._played - 1] > 0 and row.weight == 0
         self.goal, self.reached = None, row.reached
         self.mode, self.path_task, self.rule_task, self._cut_after = self.request_at(tick)
         if not math.isnan(row.goal_x_px):
@@ -383,7 +399,7 @@ class LiveFish:
         The old plan stays if the new one would meet other fish, which rely on the old one.
         """
         last = self._decisions.pop()
-        old = self._state, self._plan, self._plan_poses, self._played
+        old_plan = self._state, self._plan, self._plan_poses, self._played
         draws = self._rng.bit_generator.state
         if self._played:
             player = self._modes.players[last.mode]
@@ -397,11 +413,11 @@ class LiveFish:
             while self._decisions and self._decisions[-1].tick >= last.tick:
                 self._decisions.pop()
             self._decisions.append(last)
-            self._state, self._plan, self._plan_poses, self._played = old
+            self._state, self._plan, self._plan_poses, self._played = old_plan
             self._rng.bit_generator.state = draws
 
     def _plan_stretch(self, goal: Goal | Route | Rule | None, known: Company | None = None) -> None:
-        """Plan the next motion towards a goal, path or rule; None: the fish wanders.
+        """Plan the next motion towards a goal, path or rule (None: wander) and remember it.
 
         known: the other fish, if they are known from an earlier decision.
         """
@@ -418,24 +434,26 @@ class LiveFish:
         self._plan, self._plan_poses, self._played = *self._draw_last_stretch(), 0
 
     def _draw_last_stretch(self) -> tuple[NDArray[np.void], NDArray[Any]]:
-        """Return the last planned motion as rows of an edit list, and their poses.
+        """Return the last planned motion as rows (n,) of type `ROW`, and their poses (n,).
 
-        They depend on earlier rows whose inertialization has not died away: on more of them where
-        the film rests.
+        They depend on earlier motions, as long as the inertialization of those has not died away;
+        it goes on only at ticks at which the film moves.
         """
-        ticks, moved, recent = 0, 0, deque[DecisionRecord]()
+        ticks, moving_ticks, recent = 0, 0, deque[DecisionRecord]()
         joins, last = self._player.joins, self._decisions[-1]
-        for one in reversed(self._decisions):
-            recent.appendleft(one)
-            ticks += len(one.stretch.way)
-            if one is not last:
-                moved += joins.count_moving(one.stretch.kind, one.stretch.number)
-            if moved > joins.reach:
+        for decision in reversed(self._decisions):
+            recent.appendleft(decision)
+            ticks += len(decision.stretch.way)
+            if decision is not last:
+                stretch = decision.stretch
+                moving_ticks += joins.count_moving(stretch.kind, stretch.number)
+            if moving_ticks > joins.reach:
                 break
-        stretches, names = [one.stretch for one in recent], [one.target_name for one in recent]
+        stretches = [decision.stretch for decision in recent]
+        names = [decision.target_name for decision in recent]
         columns = edit_columns(stretches, names, ticks, self._modes.sources[self.mode])
         first = ticks - len(last.stretch.way)
         rows = np.zeros(ticks - first, ROW)
-        for column in _EDIT:
+        for column in _EDIT_COLUMNS:
             rows[column] = columns[column][first:]
         return rows, columns["pose"][first:]

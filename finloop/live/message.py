@@ -15,7 +15,7 @@ SLOWEST, FASTEST = 0.1, 8.0  # times as fast as filmed
 Number = Annotated[int, Field(ge=0, lt=2**53)]
 Place = Annotated[float, Field(ge=-1e5, le=1e5)]
 Weight = Annotated[float, Field(ge=0, le=MOST_WEIGHT)]
-Which = Annotated[int, Field(ge=0, lt=MOST_FISH)] | None  # None: every fish
+FishIndex = Annotated[int, Field(ge=0, lt=MOST_FISH)] | None  # None: every fish
 
 
 class StrictModel(BaseModel):
@@ -34,7 +34,7 @@ class SetGoal(StrictModel):
     """
 
     do: Literal["goal"]
-    fish: Which
+    fish: FishIndex
     x: Place
     y: Place
     drag: bool
@@ -47,7 +47,7 @@ class SetPath(StrictModel):
     """
 
     do: Literal["path"]
-    fish: Which
+    fish: FishIndex
     places: Annotated[tuple[tuple[Place, Place], ...], Field(min_length=1, max_length=MOST_PLACES)]
 
 
@@ -58,8 +58,8 @@ class SetRule(StrictModel):
     """
 
     do: Literal["rule"]
-    fish: Which
-    leader: Which  # None: in a group
+    fish: FishIndex
+    leader: FishIndex
 
 
 class SetZoneWeights(StrictModel):
@@ -78,7 +78,7 @@ class LetWander(StrictModel):
     """Request that a fish forgets its goal, path or rule, and wanders; fish: None for all."""
 
     do: Literal["drop"]
-    fish: Which
+    fish: FishIndex
 
 
 class SetMode(StrictModel):
@@ -163,7 +163,7 @@ _REQUEST: TypeAdapter[PageRequest] = TypeAdapter(Annotated[PageRequest, Field(di
 
 
 def parse_message(text: str | bytes | None) -> PageRequest | None:
-    """Return the message in a JSON text; None if it is too long, not JSON, or not valid."""
+    """Return the request in a page's JSON text; None if it is too long, not JSON, or invalid."""
     if text is None or len(text) > LONGEST:
         return None
     try:

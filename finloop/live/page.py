@@ -12,13 +12,13 @@ def make_content_policy(page: str, sources: str) -> str:
 
     page: HTML; sources: further directives, such as "img-src data:".
     """
-    digests = {}
+    hashes: dict[str, str] = {}
     for tag in ("script", "style"):
         texts = re.findall(rf"<{tag}>(.*?)</{tag}>", page, re.DOTALL)
-        hashes = (base64.b64encode(hashlib.sha256(text.encode()).digest()) for text in texts)
-        digests[tag] = " ".join(f"'sha256-{one.decode()}'" for one in hashes)
+        digests = [base64.b64encode(hashlib.sha256(text.encode()).digest()) for text in texts]
+        hashes[tag] = " ".join(f"'sha256-{digest.decode()}'" for digest in digests)
     return (
-        f"default-src 'none'; script-src {digests['script']}; style-src {digests['style']}; "
+        f"default-src 'none'; script-src {hashes['script']}; style-src {hashes['style']}; "
         f"{sources}; base-uri 'none'; form-action 'none'"
     )
 
@@ -26,7 +26,7 @@ def make_content_policy(page: str, sources: str) -> str:
 def pack_message(facts: dict[str, Any], payload: bytes = b"") -> bytes:
     """Return a message to a page as bytes: the length of a JSON text, that text, the payload.
 
-    facts: content of the JSON text. The length takes 4 bytes.
+    facts: content of the JSON text. The length takes 4 bytes, little-endian.
     """
     text = json.dumps(facts, separators=(",", ":")).encode()
     return len(text).to_bytes(4, "little") + text + payload

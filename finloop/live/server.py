@@ -42,15 +42,18 @@ class PageClient:
         self._changed = asyncio.Event()
 
     def offer_frame(self, number: int, frame: bytes) -> bool:
-        """Store a new frame for the page; return whether the frame before had been sent."""
-        got, self._newest = self._newest is None, (number, frame)
+        """Store a new frame for the page; return whether the frame before had been sent.
+
+        number: of the frame. A frame that was not sent yet is replaced.
+        """
+        was_sent, self._newest = self._newest is None, (number, frame)
         self._changed.set()
-        return got
+        return was_sent
 
     def confirm_frame(self, number: int) -> None:
-        """Note that the page has drawn a frame and those before; ignore a frame never sent.
+        """Note that the page has drawn a frame (its number) and those before.
 
-        number: of the frame.
+        A frame that was never sent is ignored.
         """
         while number in self._unseen:
             self._unseen.popleft()
@@ -79,7 +82,10 @@ class TankHost:
         self._changed = asyncio.Event()
 
     def store_request(self, page: PageClient, text: str | bytes | None) -> None:
-        """Store the request in a page's message for the next frame; count an invalid message."""
+        """Store the request in a page's message for the next frame; count an invalid message.
+
+        Of each kind of request only the last is kept, of those to single fish the last to each.
+        """
         request = parse_message(text)
         if request is None:
             self.view.bad_messages += 1
@@ -93,38 +99,40 @@ class TankHost:
             fish = getattr(request, "fish", None) if request.do in _OF_FISH else None
             old = self.requests.pop((type(request), fish), None)
             if isinstance(old, SetGoal) and isinstance(request, SetGoal) and not old.drag:
-                request = request.model_copy(update={"drag": False})  # a first goal counts at once
+                # The goal before was not dragged: it counts at once, and so must this one.
+                request = request.model_copy(update={"drag": False})
             self.requests[type(request), fish] = request
         self._changed.set()
 
     async def run_tank(self) -> None:
         """Advance the tank in time and offer each frame to all pages, until cancelled."""
-        clock, due = time.perf_counter(), 0.0
+        last, due_ticks = time.perf_counter(), 0.0
         while True:
             if not self.pages or not (self.view.is_running or self._changed.is_set()):
                 await self._changed.wait()
-                clock, due = time.perf_counter(), 0.0
+                last, due_ticks = time.perf_counter(), 0.0
                 if not self.pages:
                     self._changed.clear()
                     continue
             self._changed.clear()
             now = time.perf_counter()
             rate = self.view.tank.world.motion.rate_hz * self.view.speed
-            due = min(due + (now - clock) * rate, float(_MOST_TICKS))
-            clock = now
-            ticks = int(due) if self.view.is_running else 0
-            due -= ticks
+            due_ticks = min(due_ticks + (now - last) * rate, float(_MOST_TICKS))
+            last = now
+            ticks = int(due_ticks) if self.view.is_running else 0
+            due_ticks -= ticks
             requests, steps = self.take_requests()
             if ticks or requests or steps or not self.view.is_running:
                 frame = await asyncio.to_thread(self.make_frame, requests, steps, ticks)
                 for page in self.pages:
                     self.view.dropped_frames += not page.offer_frame(self.view.frame, frame)
-            least = 1 / _FRAMES_HZ - (time.perf_counter() - now)
-            await asyncio.sleep(max(least, 0.0))
+            # Wait for the highest frame rate first, then for the next tick or a request.
+            frame_left_s = 1 / _FRAMES_HZ - (time.perf_counter() - now)
+            await asyncio.sleep(max(frame_left_s, 0.0))
             if self.view.is_running:
-                left = (1.0 - due) / rate - (time.perf_counter() - now)
+                tick_left_s = (1.0 - due_ticks) / rate - (time.perf_counter() - now)
                 with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(self._changed.wait(), max(left, 0.0))
+                    await asyncio.wait_for(self._changed.wait(), max(tick_left_s, 0.0))
 
     def take_requests(self) -> tuple[list[PageRequest], int]:
         """Return and forget the stored requests, and how many single ticks were requested."""
@@ -133,10 +141,10 @@ class TankHost:
         return requests, steps
 
     def make_frame(self, requests: list[PageRequest], steps: int, ticks: int) -> bytes:
-        """Carry out requests, advance the tank, and return the next frame of `TankView`.
+        """Carry out requests, advance the tank, and return the next frame, bytes for the page.
 
-        steps: single ticks, after which the tank is paused. ticks: to advance by if it is not
-        paused.
+        steps: how many single ticks were requested; after one the tank is paused. ticks: how far to
+        advance if it is not paused.
         """
         start = time.perf_counter()
         for request in [*requests, *[AdvanceTick(do="step")] * steps]:

@@ -13,7 +13,7 @@ from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.live import fish as play_fish
-from finloop.live.fish import Ghost, LiveFish, Modes, RuleTask
+from finloop.live.fish import LiveFish, Modes, RuleTask, TooUnlike
 from finloop.social.leader import describe_contradiction
 from finloop.social.rule import require_rule
 
@@ -24,7 +24,8 @@ def rehearse_paths(player: AnyPlayer) -> None:
     Do nothing if a fish has too little room: then every path counts as a goal.
     """
     rng, world = np.random.default_rng(0), player.world
-    y, x = (side[[0, -1]].astype(float) for side in np.nonzero(world.tank.legal))
+    rows, columns = np.nonzero(world.tank.legal)  # where a fish can be
+    x, y = columns[[0, -1]].astype(float), rows[[0, -1]].astype(float)
     if np.hypot(x[1] - x[0], y[1] - y[0]) > world.touch_px:
         line = Line("a rehearsal", x, y, PX)
         route = lay_path(line, world.tank, world.motion, None).route
@@ -39,12 +40,12 @@ class LiveTank:
 
     def __init__(
         self, players: Mapping[str, AnyPlayer], mode: str, fish: int, seed: int,
-        ghost: Ghost = lambda row: False,
+        too_unlike: TooUnlike = lambda row: False,
     ) -> None:  # fmt: skip
-        """Create a tank in a mode, with as many fish as asked, if there is room.
+        """Create a tank in a mode, with as many fish as asked, as far as there is room.
 
-        seed: of all random choices. ghost: whether the pictures of a cross-fade are too unlike to
-        be mixed. FinloopError if the film does not allow the mode.
+        seed: of all random choices. too_unlike: returns whether the pictures of a cross-fade are
+        too unlike to be mixed. FinloopError if the film does not allow the mode, or so many fish.
         """
         if mode not in players:
             raise FinloopError(
@@ -54,8 +55,9 @@ class LiveTank:
             )
         self.players, self.mode, self.tick = players, mode, 0
         self._modes = Modes.from_players(players)
-        self.shoaling = next((one.shoaling for one in players.values() if one.shoaling), None)
-        self._ghost, self._draws, self._born = ghost, np.random.default_rng(seed), 0
+        rules = (player.shoaling for player in players.values())
+        self.shoaling = next((rule for rule in rules if rule), None)
+        self._too_unlike, self._draws, self._born = too_unlike, np.random.default_rng(seed), 0
         self.fish: list[LiveFish] = []
         self.set_fish_count(fish)
 
@@ -90,51 +92,56 @@ class LiveTank:
             fish.redo_last_tick()
 
     def set_fish_count(self, count: int) -> None:
-        """Set the number of fish, as far as there is room; new ones come, or the last ones go.
+        """Set the number of fish, as far as there is room; new fish come, or the last ones go.
 
-        FinloopError where the mode moves fewer fish.
+        FinloopError if the mode cannot move so many fish.
         """
         if self.most_fish is not None and count > self.most_fish:
             raise _paper_error(f"{count} fish", self.mode)
         del self.fish[count:]
         while len(self.fish) < count:
+            # The first fish draws from the tank's generator, as a single fish would.
             rng = self._draws.spawn(1)[0] if self._born else self._draws
             self._born += 1
             name = goal_name(len(self.fish))
             try:
                 new = LiveFish(
-                    self._modes, self.mode, self.tick, name, rng, self._ghost, self._other_paths
-                )
-            except FinloopError:
+                    self._modes, self.mode, self.tick, name, rng, self._too_unlike,
+                    self._other_paths,
+                )  # fmt: skip
+            except FinloopError:  # no room
                 return
             new.advance()
             self.fish.append(new)
 
     def _other_paths(self, fish: LiveFish, tick: int) -> dict[str, Floats]:
-        """Return where all other fish plan to swim from a tick on, by the name of each."""
+        """Return the planned paths of all other fish from a tick on, each (n, 4), by their names.
+
+        Their columns are x, y [px], heading [degrees] and number of the picture.
+        """
         return {
             other.name: other.planned_path_from(tick) for other in self.fish if other is not fish
         }
 
     def _select_fish(self, fish_index: int | None) -> list[LiveFish]:
-        """Return a list of the fish with an index from 0, if there is one; None: of all fish."""
+        """Return the fish with an index from 0, in a list that may be empty; None: all fish."""
         return self.fish if fish_index is None else self.fish[fish_index : fish_index + 1]
 
     def send_to_goal(self, fish_index: int | None, x: float, y: float, drag: bool = False) -> None:
-        """Send a fish to the place nearest to x, y [px] that it can touch.
+        """Send a fish to a place x, y [px], or to the nearest place if it cannot touch that.
 
         fish_index: from 0; None: all fish. drag: whether the user is dragging the goal.
         """
-        near = self.world.tank.nearest_legal_point(x, y)
-        if np.hypot(near[0] - x, near[1] - y) > self.world.touch_px:
-            x, y = near
+        nearest = self.world.tank.nearest_legal_point(x, y)
+        if np.hypot(nearest[0] - x, nearest[1] - y) > self.world.touch_px:
+            x, y = nearest
         for fish in self._select_fish(fish_index):
             fish.send_to_goal((float(x), float(y)), drag)
 
     def _refuse_in_paper(self, request: str) -> None:
-        """Raise FinloopError if the present mode, one of the paper's, cannot do a request.
+        """Raise FinloopError if the present mode is one of the paper's, which cannot do a request.
 
-        request: in words.
+        request: in words, such as "a path".
         """
         if self.most_fish is not None:
             raise _paper_error(request, self.mode)
@@ -150,6 +157,7 @@ class LiveTank:
         world = self.world
         x, y = np.array([world.tank.nearest_legal_point(*place) for place in places], float).T
         gap, reach = np.hypot(x[-1] - x[0], y[-1] - y[0]), np.hypot(x - x[0], y - y[0]).max()
+        # Places nearer than touch_px count as one.
         if reach <= world.touch_px:
             self.send_to_goal(fish_index, float(x[-1]), float(y[-1]))
             return
@@ -179,7 +187,7 @@ class LiveTank:
             fish.follow_rule(RuleTask(rule))
 
     def follow_leader(self, fish_index: int | None, leader: int) -> None:
-        """Let a fish follow another one.
+        """Let a fish follow another one; do nothing if there is no such leader.
 
         fish_index: of the follower, from 0; None: all others. leader: index of the fish in front.
         FinloopError if fish would follow each other, or in a mode of the paper.
@@ -187,12 +195,10 @@ class LiveTank:
         self._refuse_in_paper("a leader")
         if leader >= len(self.fish):
             return
-        ahead = self.fish[leader]
-        followers = [
-            one
-            for one in self._select_fish(fish_index)
-            if fish_index is not None or one is not ahead
-        ]
+        leading_fish = self.fish[leader]
+        followers = self._select_fish(fish_index)
+        if fish_index is None:
+            followers = [fish for fish in followers if fish is not leading_fish]
         for follower in followers:
             number = self.fish.index(follower) + 1
             if problem := describe_contradiction(self.leaders, number, leader + 1):
@@ -202,7 +208,7 @@ class LiveTank:
                     "choose another leader, or first send this one to a goal or let it wander",
                 )
         for follower in followers:
-            follower.follow_rule(RuleTask(leader=ahead.name))
+            follower.follow_rule(RuleTask(leader=leading_fish.name))
 
     @property
     def leaders(self) -> dict[int, int]:
@@ -215,7 +221,10 @@ class LiveTank:
         }
 
     def set_zone_weights(self, weights: tuple[float, float, float]) -> None:
-        """Set the weights of repulsion, alignment and attraction for all fish in a group."""
+        """Set the weights of repulsion, alignment and attraction for all fish in a group.
+
+        Nothing changes if the film gives no rule for a group.
+        """
         if self.shoaling is None:
             return
         names = ("repulsion_weight", "alignment_weight", "attraction_weight")
@@ -226,7 +235,7 @@ class LiveTank:
                 fish.rule_task = RuleTask(self.shoaling)
 
     def explain_unavailable_mode(self, mode: str) -> str:
-        """Return a sentence why the tank cannot switch to a mode now; "" if it can."""
+        """Return the reason why the tank cannot switch to a mode now; "" if it can."""
         if mode not in self.players:
             return "the film shows too little for it"
         most = self.players[mode].most_fish
@@ -251,14 +260,17 @@ class LiveTank:
             fish.switch_mode(mode)
 
     def go_back_to(self, tick: int) -> None:
-        """Set the tank back to a past tick; fish swim on from there, later ticks are forgotten."""
+        """Set the tank back to a past tick; fish swim on from there, later ticks are forgotten.
+
+        Fish that were not in the tank then go. A tick that is too old is replaced by the oldest.
+        """
         self.tick = min(max(tick, self.oldest_tick), self.tick)
         self.fish = [fish for fish in self.fish if fish.row_at(self.tick) is not None]
         for fish in self.fish:
             fish.go_back_to(self.tick)
         self.mode = self.fish[0].mode
         rules = [fish.rule_task.shoaling for fish in self.fish if fish.rule_task is not None]
-        self.shoaling = next((one for one in rules if one is not None), self.shoaling)
+        self.shoaling = next((rule for rule in rules if rule is not None), self.shoaling)
 
 
 def _paper_error(request: str, mode: str) -> FinloopError:

@@ -23,8 +23,8 @@ from finloop.render.gallery import Gallery
 from finloop.render.painter import Painter
 
 _TRAIL_S, _TRAIL_EVERY = 2.0, 2  # duration of the trail behind a fish; ticks between its points
-_WAY_S, _WAY_EVERY = 1.5, 2  # the same of a way that was weighed
-_MOST_WAYS = 40  # ways shown of a decision
+_PATH_S, _PATH_EVERY = 1.5, 2  # duration of a candidate's path; ticks between its points
+_MOST_CANDIDATES = 40  # shown of a decision
 _MOST_PLACES = 100  # places shown of a path
 _QUALITY = 82  # JPEG
 
@@ -116,14 +116,14 @@ class TankView:
     def advance(self, ticks: int = 1) -> None:
         """Advance the tank by some ticks, and count the goals that fish reach."""
         for _ in range(ticks):
-            on_the_way = [fish for fish in self.tank.fish if not fish.reached]
+            travelling = [fish for fish in self.tank.fish if not fish.reached]
             self.tank.advance()
-            self.goals_reached += sum(fish.reached for fish in on_the_way)
+            self.goals_reached += sum(fish.reached for fish in travelling)
 
     def render_frame(self, took_ms: float = 0.0) -> bytes:
-        """Return the next frame as bytes (`pack_message`): a description of the tick, and a JPEG.
+        """Return the next frame as bytes for the page: a description of the tick, and a JPEG.
 
-        took_ms: how long the frame before took.
+        took_ms: how long it took to make the frame before.
         """
         self.frame += 1
         tick, painter = self.shown_tick, self.painter
@@ -138,7 +138,7 @@ class TankView:
     def describe_tick(self, tick: int, took_ms: float = 0.0) -> dict[str, Any]:
         """Return all that the page shows of a tick except for the picture, as values for JSON.
 
-        took_ms: how long the frame before took.
+        The keys are those that `play.html` reads. took_ms: how long the frame before took.
         """
         tank, rate = self.tank, self.tank.world.motion.rate_hz
         height, width = self.painter.canvas.shape[:2]
@@ -198,7 +198,11 @@ class TankView:
         return names.index(rule_task.leader) if rule_task.leader in names else None
 
     def _describe_decision(self, decision: DecisionRecord) -> dict[str, Any]:
-        """Return what the page shows of a fish's decision, with the film rows that it compared."""
+        """Return what the page shows of a decision of the explained fish, as values for JSON.
+
+        ways: the candidates, film rows that could be shown next, of the decision that made the
+        plan; more: how many are left out; aim: where the fish heads, x, y [px].
+        """
         plan = self.tank.fish[self.explained].planning_decision(decision)
         fish, stretch, options = plan.state.fish, decision.stretch, plan.stretch.options
         ranked = [] if options is None else _rank_candidates(options)
@@ -206,61 +210,74 @@ class TankView:
             "tick": decision.tick, "mode": decision.mode,
             "why": describe_decision(stretch.decision, decision.target_name, stretch.area),
             "x": round(fish.x, 1), "y": round(fish.y, 1),
-            "aim": [round(part, 1) for part in stretch.aim[:2]],
+            "aim": [round(coordinate, 1) for coordinate in stretch.aim[:2]],
             "planned": plan.tick,
-            "more": max(0, len(ranked) - _MOST_WAYS),
-            "ways": [self._describe_candidate(plan, number) for number in ranked[:_MOST_WAYS]],
+            "more": max(0, len(ranked) - _MOST_CANDIDATES),
+            "ways": [
+                self._describe_candidate(plan, number) for number in ranked[:_MOST_CANDIDATES]
+            ],
         }  # fmt: skip
 
     def _describe_candidate(self, plan: DecisionRecord, number: int) -> dict[str, Any]:
         """Return what the page shows of a candidate, a film row that could be shown next.
 
-        number: its row in the plan's table.
+        number: its row in the plan's table. terms, value: the parts of its cost, and the cost, None
+        if it cannot be shown; path: places [px] that the fish would reach.
         """
         fish, options, player = plan.state.fish, plan.stretch.options, self.tank.players[plan.mode]
         assert options is not None and isinstance(player, Planner)
         row, cost = int(options.rows[number]), float(options.value[number])
-        ends, film = not math.isfinite(cost), player.world.film
+        impossible, film = not math.isfinite(cost), player.world.film
         turn_rad = float(options.rots[number])
+        path = self._path_if_played_on(film, (fish.x, fish.y), row, turn_rad)
         return {
             "row": row % film.filmed, "seam": round(float(options.seams[number]), 2),
-            "terms": [None if ends else round(float(term), 2) for term in options.terms[number]],
-            "value": None if ends else round(cost, 2), "fails": VERDICTS[options.verdict[number]],
-            "taken": number == options.taken,
-            "path": self._candidate_places(film, (fish.x, fish.y), row, turn_rad),
+            "terms": [
+                None if impossible else round(float(term), 2) for term in options.terms[number]
+            ],
+            "value": None if impossible else round(cost, 2),
+            "fails": VERDICTS[options.verdict[number]],
+            "taken": number == options.taken, "path": path,
         }  # fmt: skip
 
-    def _candidate_places(
+    def _path_if_played_on(
         self, film: MotionGraph, start: tuple[float, float], row: int, turn_rad: float
     ) -> list[list[int]]:
-        """Return the places [px] that a fish would reach if it played the film on from a row.
+        """Return the path [px] of a fish that plays the film on from a row, every second place.
 
-        start: where it begins [px]. turn_rad: by how much the film's motion is turned.
+        It ends after 1.5 s, or where the film shows no next frame. start: where it begins [px].
+        turn_rad: by how much the film's motion is turned.
         """
-        last = row + round(_WAY_S * self.tank.world.motion.rate_hz)
-        stops = np.flatnonzero(~film.has_next[row:last])
-        last = row + int(stops[0]) if stops.size else min(last, len(film.has_next) - 1)
+        end = row + round(_PATH_S * self.tank.world.motion.rate_hz)
+        stops = np.flatnonzero(~film.has_next[row:end])
+        end = row + int(stops[0]) if stops.size else min(end, len(film.has_next) - 1)
         cos, sin = rotate(1.0, 0.0, turn_rad)
-        dx, dy = film.dx[row:last], film.dy[row:last]
+        dx, dy = film.dx[row:end], film.dy[row:end]
         steps = np.column_stack([dx * cos - dy * sin, dx * sin + dy * cos])
-        way = np.cumsum(np.vstack([start, steps]), axis=0)[::_WAY_EVERY]
-        return np.rint(way).astype(int).tolist()
+        path = np.cumsum(np.vstack([start, steps]), axis=0)[::_PATH_EVERY]
+        return np.rint(path).astype(int).tolist()
 
 
 def _describe_path(path_task: PathTask | None) -> dict[str, Any] | None:
-    """Return the places of a path, whether it is closed, and whether the fish has begun it."""
+    """Return what the page shows of a path that a fish follows; None without a path.
+
+    places: about 100 of its places, x, y [px], the last included; closed, begun: whether the path
+    is closed, and whether the fish has reached its beginning.
+    """
     if path_task is None:
         return None
     route = path_task.route
-    every = -(-len(route.x) // _MOST_PLACES)
+    step = -(-len(route.x) // _MOST_PLACES)  # rounded up
     places = np.rint(np.column_stack([route.x, route.y])).astype(int)
-    shown = [*places[:-1:every].tolist(), places[-1].tolist()]
+    shown = [*places[:-1:step].tolist(), places[-1].tolist()]
     return {"places": shown, "closed": route.closed, "begun": path_task.begun}
 
 
 def _rank_candidates(options: CandidateVerdicts) -> list[int]:
-    """Return the candidates in order: the chosen one, valid ones, others; cheap ones first."""
-    return sorted(
-        range(len(options.rows)),
-        key=lambda one: (one != options.taken, options.verdict[one] > 0, options.value[one]),
-    )
+    """Return the candidates' numbers: first the chosen one, then valid ones, others; by cost."""
+
+    def rank(number: int) -> tuple[bool, bool, float]:
+        """Return a key by which candidates are sorted; False comes before True."""
+        return number != options.taken, options.verdict[number] > 0, options.value[number]
+
+    return sorted(range(len(options.rows)), key=rank)

@@ -47,10 +47,13 @@ class AccessPolicy:
     token: str | None = None
 
     def _is_addressed(self, connection: HTTPConnection) -> bool:
-        """Return whether a request names the server's own address, and the token if required."""
+        """Return whether a request names the server's own address, or shows the token if required.
+
+        With a token, the request may name any one address.
+        """
         hosts = connection.headers.getlist("host")
         if self.token is None:
-            return hosts in [[name] for name in self._addresses]
+            return hosts in [[address] for address in self._addresses]
         claim = connection.query_params.get("token", "").encode()
         return len(hosts) == 1 and hmac.compare_digest(claim, self.token.encode())
 
@@ -62,12 +65,12 @@ class AccessPolicy:
     async def accept_socket(self, connection: WebSocket, programs: bool = False) -> bool:
         """Accept or refuse a WebSocket; return whether it was accepted.
 
-        It must come from a page of the server. programs: whether a program, which sends no
-        `Origin`, may connect, too.
+        It must come from a page of the server, and show the token if required. programs: whether a
+        program, which sends no `Origin`, may connect, too.
         """
         origins = connection.headers.getlist("origin")
-        names = [connection.headers.get("host", "")] if self.token else self._addresses
-        from_page = origins in [[f"http://{name}"] for name in names]
+        addresses = [connection.headers.get("host", "")] if self.token else self._addresses
+        from_page = origins in [[f"http://{address}"] for address in addresses]
         if self._is_addressed(connection) and (from_page or (programs and not origins)):
             await connection.accept()
             return True
@@ -75,7 +78,7 @@ class AccessPolicy:
         return False
 
     def answer_request(self, request: Request, page: str) -> Response:
-        """Return the response to a request for a page (HTML), or a refusal (421)."""
+        """Return a page (HTML) as the response to a request, or a refusal (HTTP status 421)."""
         if not self._is_addressed(request):
             return PlainTextResponse("not this host, or no token", 421)
         sources = f"img-src blob: data:; connect-src ws://{request.headers['host']}"
@@ -125,7 +128,7 @@ async def receive_messages(connection: WebSocket) -> AsyncIterator[str | bytes |
             return
         text: str | None = message.get("text")
         yield message.get("bytes") if text is None else text
-        await asyncio.sleep(0)  # a client that floods waits for the others
+        await asyncio.sleep(0)  # other clients come first if one sends without pause
 
 
 async def cancel_task(task: "asyncio.Task[None]") -> None:
@@ -161,7 +164,7 @@ class AppServer(uvicorn.Server):
         started: Callable[[], None],
     ) -> None:  # fmt: skip
         """Prepare the server; `serve_until_stopped` starts it."""
-        self._listens, self._policy, self._tasks, self._tell = listens, policy, tasks, started
+        self._listens, self._policy, self._tasks, self._on_start = listens, policy, tasks, started
         self._failure: BaseException | None = None
         routes = [self._page_route(*page) for page in pages.items()]
         app = Starlette(
@@ -177,7 +180,7 @@ class AppServer(uvicorn.Server):
         logging.getLogger("uvicorn.error").addFilter(_is_about_server)
 
     def _page_route(self, path: str, page: str) -> Route:
-        """Return the route that answers requests for a page; path: of its address."""
+        """Return the route that answers requests for a page (HTML) at a path such as "/show"."""
 
         async def answer_page_request(request: Request) -> Response:
             """Answer one request."""
@@ -206,10 +209,13 @@ class AppServer(uvicorn.Server):
 
     @contextlib.asynccontextmanager
     async def _run_tasks(self, _: Starlette) -> AsyncIterator[None]:
-        """Run the tasks while the server runs, with settings of Python that keep delays short."""
+        """Run the tasks while the server runs, with settings of Python that keep delays short.
+
+        Cancel them when it stops.
+        """
         gc.collect()
         gc.freeze()  # present objects are not scanned again, which takes time
-        switches = sys.getswitchinterval()
+        switch_interval_s = sys.getswitchinterval()
         sys.setswitchinterval(_SWITCH_S)
         running = [asyncio.create_task(task) for task in self._tasks()]
         for task in running:
@@ -219,11 +225,11 @@ class AppServer(uvicorn.Server):
             task.cancel()
         if running:
             await asyncio.wait(running)
-        sys.setswitchinterval(switches)
+        sys.setswitchinterval(switch_interval_s)
         gc.unfreeze()
 
     def _handle_task_end(self, task: "asyncio.Task[None]") -> None:
-        """Stop the server if a task has ended with an error."""
+        """Stop the server if a task has ended with an error, which is kept to be raised."""
         if not task.cancelled() and task.exception() is not None:
             self._failure, self.should_exit = task.exception(), True
 
@@ -234,13 +240,13 @@ class AppServer(uvicorn.Server):
             raise self._failure
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start the server; call `started` if it can be reached.
+        """Start the server; call the function `started` if it can be reached.
 
-        sockets: as uvicorn has it.
+        sockets: the bound sockets on which it listens.
         """
         await super().startup(sockets)
         if self.started:
-            self._tell()
+            self._on_start()
 
 
 def _is_about_server(record: logging.LogRecord) -> bool:

@@ -44,13 +44,13 @@ _SPEED_S = 0.2  # an animal's speed is that of the last so many seconds
 class TankGeometry(NamedTuple):
     """The tank's size and the body length of a fish in px, and where in the tank a fish can be.
 
-    into: returns the place nearest to x, y (px) where the centre of a fish can be.
+    nearest_place: returns the place nearest to x, y (px) where the centre of a fish can be.
     """
 
     width: float
     height: float
     length_px: float
-    into: Callable[[float, float], PlacePx]
+    nearest_place: Callable[[float, float], PlacePx]
 
 
 class Animal(NamedTuple):
@@ -98,12 +98,12 @@ class LiveAnimals:
         sightings = parse_sightings(text)
         if sightings is None:
             return ["malformed"]
-        return [self._store_sighting(one, source, arrived_s) for one in sightings]
+        return [self._store_sighting(sighting, source, arrived_s) for sighting in sightings]
 
     def recent_animals(self, now_s: float) -> list[Animal]:
-        """Return all animals heard of in the last 60 s, also lost ones, sorted by id.
+        """Return all animals with a message in the last 60 s, also lost ones, sorted by id.
 
-        now_s: session time.
+        now_s: session time, s.
         """
         return [
             Animal(name, *track.place, track.heading, track.speed, track.heard_s)
@@ -112,11 +112,12 @@ class LiveAnimals:
         ]
 
     def present_animals(self, now_s: float) -> list[Animal]:
-        """Return the animals that are not lost, at their last places, sorted by id.
+        """Return the animals that are not lost at a session time, where last seen, sorted by id.
 
-        They were heard of in the last `gap_s` seconds before the session time `now_s`.
+        An animal is lost if no message came about it in the last `gap_s` seconds before `now_s`.
         """
-        return [one for one in self.recent_animals(now_s) if now_s - one.heard_s <= self.gap_s]
+        recent = self.recent_animals(now_s)
+        return [animal for animal in recent if now_s - animal.heard_s <= self.gap_s]
 
     def find_past_place(self, id: str, time_s: float) -> PlacePx | None:
         """Return where an animal was (x, y px) at a session time, interpolated between sightings.
@@ -129,7 +130,10 @@ class LiveAnimals:
         return None if track is None else track.find_past_place(time_s, self.gap_s)
 
     def _store_sighting(self, sighting: Sighting, source: str, arrived_s: float) -> Verdict:
-        """Store one sighting, unless it is refused; return the verdict on it."""
+        """Store one sighting, unless it is refused; return the verdict on it (`Verdict`).
+
+        source: the tracker's name. arrived_s: session time of its message, s.
+        """
         name = str(sighting.id)
         track = self._tracks.get(name)
         if track is None:
@@ -147,30 +151,35 @@ class LiveAnimals:
         return "clock" if jumped else "outside" if outside else "taken"
 
     def _make_room(self, now_s: float) -> bool:
-        """Forget the animal lost longest if there are too many; return whether another one fits."""
+        """Forget the animal lost longest if there are 64; return whether another animal fits.
+
+        None is forgotten, and none fits, if all 64 are present at the session time `now_s`.
+        """
         if len(self._tracks) < MOST_AT_ONCE:
             return True
-        name, oldest = min(self._tracks.items(), key=lambda one: (one[1].heard_s, one[0]))
-        if now_s - oldest.heard_s <= self.gap_s:
+        oldest = min(self._tracks, key=lambda name: (self._tracks[name].heard_s, name))
+        if now_s - self._tracks[oldest].heard_s <= self.gap_s:
             return False
-        del self._tracks[name]
+        del self._tracks[oldest]
         return True
 
     def _place_in_tank(self, sighting: Sighting) -> tuple[PlacePx, float | None, bool]:
-        """Return a sighting's place and heading (rad) in the tank, and whether the place was moved.
+        """Return a sighting's place [px] and heading [rad], and whether it was moved into the tank.
 
-        An animal may be nearer to a wall than the middle of a fish can. So only what is outside the
-        picture, or a body length away from any place of a fish, is moved.
+        An animal may be nearer to a wall than the centre of a fish can be. So a place is moved only
+        if it is outside the picture, or over a body length away from where a fish can be. The
+        heading is None if the tracker did not send it.
         """
         assert self.calibration is not None
         x, y = self.calibration.map_place(sighting.x, sighting.y)
         heading_rad = None
         if sighting.heading is not None:
             heading_rad = self.calibration.map_heading_rad(sighting.x, sighting.y, sighting.heading)
+        # Pixel centres are whole numbers, so the picture reaches from −0.5 to its size − 0.5.
         within = -0.5 <= x <= self._tank.width - 0.5 and -0.5 <= y <= self._tank.height - 0.5
-        near = self._tank.into(x, y)
-        outside = not within or math.hypot(near[0] - x, near[1] - y) > self._tank.length_px
-        return near if outside else (x, y), heading_rad, outside
+        nearest = self._tank.nearest_place(x, y)
+        outside = not within or math.dist(nearest, (x, y)) > self._tank.length_px
+        return nearest if outside else (x, y), heading_rad, outside
 
 
 class _AnimalTrack:
@@ -193,22 +202,24 @@ class _AnimalTrack:
     def update_clock(self, t: float, arrived_s: float, source: str) -> bool | None:
         """Update the difference of the clocks; return whether the tracker's clock jumped.
 
-        t: the tracker's time of a new sighting, s. None if t is not later than the last one.
+        t: the tracker's time of a new sighting, s; arrived_s: the session's; source: the tracker's
+        name. None if the sighting is late: t is not after the last one, and the clock is the same.
         Another source has another clock; earlier sightings are kept.
         """
         difference = arrived_s - t
-        away = difference - self._offset
-        known, other = bool(self._bins), source != self.source
-        # A message in order that is late by more was held up, with others behind it. If it is the
-        # clock that was put back, the least of the last bins knows that in a few seconds.
-        ahead = known and t > self._t and away < -_JUMP_S
-        behind = known and t < self._t and away > _JUMP_S
-        again = behind and self._refused is not None and t > self._refused
-        if known and not other and t <= self._t and not again:
-            self._refused = t if behind else self._refused  # a single one is only late
+        change = difference - self._offset
+        known, new_source = bool(self._bins), source != self.source
+        # A later t with a larger difference is no jump: the message was held up. If the clock was
+        # put back, the least difference of the last bins shows it in a few seconds.
+        put_forward = known and t > self._t and change < -_JUMP_S
+        may_be_back = known and t < self._t and change > _JUMP_S
+        # One sighting may only be late; a second one, in order, shows that the clock was put back.
+        put_back = may_be_back and self._refused is not None and t > self._refused
+        if known and not new_source and t <= self._t and not put_back:
+            self._refused = t if may_be_back else self._refused
             return None
-        jumped, self._refused = ahead or again, None
-        if other or jumped or not known:
+        jumped, self._refused = put_forward or put_back, None
+        if new_source or jumped or not known:
             self._past.change_clock(self._offset - difference, t)
             self._bins.clear()
             self.source, self._begin = source, t
@@ -222,15 +233,16 @@ class _AnimalTrack:
     def add_sighting(
         self, t: float, place: PlacePx, heading_rad: float | None, arrived_s: float, was_lost: bool
     ) -> None:
-        """Add a sighting: time on the tracker's clock, place, and heading (rad) if it was sent.
+        """Add a sighting: time t [s] on the tracker's clock, place [px], heading [rad] if sent.
 
+        Without a heading, it is that of the motion, renewed every quarter of a body length.
         arrived_s: session time. was_lost: whether the animal was lost before.
         """
         if was_lost:
             self.heading, self._anchor, self._begin = None, place, t
         x, y = place[0] - self._anchor[0], place[1] - self._anchor[1]
         if math.hypot(x, y) >= _TURN * self._length_px:
-            self.heading, self._anchor = math.atan2(-y, x), place
+            self.heading, self._anchor = math.atan2(-y, x), place  # y down, angles anticlockwise
         if heading_rad is not None:
             self.heading = heading_rad
         self.place, self.heard_s, self._t = place, arrived_s, t
@@ -238,7 +250,10 @@ class _AnimalTrack:
         self.speed = self._past.mean_speed(t - _SPEED_S, self._begin)
 
     def find_past_place(self, time_s: float, gap_s: float) -> PlacePx | None:
-        """Return where the animal was at a session time, as `LiveAnimals.find_past_place` does."""
+        """Return where the animal was (x, y px) at a session time; None if unknown or lost then.
+
+        gap_s: time without a message after which the animal is lost.
+        """
         if time_s > self._offset + self._t:
             return self.place if time_s - self.heard_s <= gap_s else None
         return self._past.interpolate_place(time_s - self._offset, gap_s)
@@ -258,7 +273,10 @@ class _PastPlaces:
         return self._rows[self._first : self._end]
 
     def add_place(self, t: float, place: PlacePx) -> None:
-        """Add a place later than all; replace the last one if both are too close in time."""
+        """Add a place [px] later than all; replace the last one if both are too close in time.
+
+        t: time on the tracker's clock, s. The rows are moved to the front when the array is full.
+        """
         rows = self._valid_rows
         if len(rows) > 1 and t - rows[-2, 0] < 2 * _SPACE_S:
             self._end -= 1
@@ -269,19 +287,19 @@ class _PastPlaces:
         self._end += 1
         self._first = max(self._first, self._end - _SAMPLES)
 
-    def change_clock(self, by_s: float, end: float) -> None:
-        """Convert all times to a clock that is `by_s` ahead; forget the places from `end` on.
+    def change_clock(self, ahead_s: float, end_s: float) -> None:
+        """Convert all times to a clock that is `ahead_s` ahead; forget the places from `end_s` on.
 
-        end: a time of the new clock, s.
+        end_s: a time of the new clock.
         """
         rows = self._valid_rows
-        rows[:, 0] += by_s
-        self._end = self._first + int(np.searchsorted(rows[:, 0], end))
+        rows[:, 0] += ahead_s
+        self._end = self._first + int(np.searchsorted(rows[:, 0], end_s))
 
     def interpolate_place(self, t: float, gap_s: float) -> PlacePx | None:
-        """Return the interpolated place at a time t; None outside the stored times and in gaps.
+        """Return the place (x, y px) at a time t; None outside the stored times and in gaps.
 
-        gap_s: longest gap across which places are interpolated.
+        t: on the tracker's clock, s. gap_s: longest gap across which places are interpolated.
         """
         rows = self._valid_rows
         after = int(np.searchsorted(rows[:, 0], t - _ALIKE_S))
@@ -299,14 +317,15 @@ class _PastPlaces:
         return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
 
     def mean_speed(self, since: float, begin: float) -> float:
-        """Return the mean speed [px/s] from the first place after a time to the last place.
+        """Return the mean speed [px/s] from the first place at or after a time to the last place.
 
-        since: that time; at least the last two places are used. begin: of the unbroken track;
-        places before are not used. 0 if a single place is left.
+        since: that time; at least the last two places are used. begin: when the unbroken track
+        began; earlier places are not used. Both are times of the tracker's clock. 0 if a single
+        place is left.
         """
         rows = self._valid_rows
-        first, least = np.searchsorted(rows[:, 0], [since - _ALIKE_S, begin]).tolist()
-        first = max(min(first, len(rows) - 2), least)
+        first, first_unbroken = np.searchsorted(rows[:, 0], [since - _ALIKE_S, begin]).tolist()
+        first = max(min(first, len(rows) - 2), first_unbroken)
         if first >= len(rows) - 1:
             return 0.0
         t, x, y = (rows[-1] - rows[first]).tolist()

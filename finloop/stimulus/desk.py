@@ -16,7 +16,7 @@ from finloop.stimulus.drawn import ALPHA, HEADING, PICTURE, SIZE, X, Y
 from finloop.stimulus.listing import list_requirements
 from finloop.stimulus.session import Session
 
-_EVERY_S = 0.1
+_STATUS_INTERVAL_S = 0.1
 
 
 class SessionCommand(StrictModel):
@@ -52,7 +52,7 @@ def handle_request(session: Session, text: str | bytes | None) -> bool:
         return False
     match request:
         case SessionCommand():
-            getattr(session, request.do)()
+            getattr(session, request.do)()  # start, stop, abort or skip
         case NoteRequest():
             session.log_event("note", text=request.text)
         case DeskKeyPress():
@@ -63,14 +63,17 @@ def handle_request(session: Session, text: str | bytes | None) -> bool:
 def session_status(session: Session, with_constants: bool = True) -> dict[str, Any]:
     """Return the state of a session for the experimenter's page, as values that JSON can hold.
 
-    with_constants: whether to add what never changes in a session.
+    latency: median and 99th percentile, ms. fish: x, y px, heading rad, size px, opacity of each.
+    animals: id, x, y px, heading rad, and seconds since the last message of each. trial: index;
+    done: how trials ended. with_constants: whether to add what never changes in a session.
     """
     counts, now = session.counts, session.clock.read_time()
-    waits = session.plan.start_key or session.plan.start_message
+    start = session.plan.start_key or session.plan.start_message or "auto"
+    # A fish that is absent has the picture −1.
     shown = () if session.shown is None else session.shown[session.shown[:, PICTURE] >= 0]
     status: dict[str, Any] = {
         "phase": session.phase, "now": round(now, 2), "trial": session.trial_index,
-        "left_s": session.remaining_s(now), "done": session.done, "start": waits or "auto",
+        "left_s": session.remaining_s(now), "done": session.done, "start": start,
         "display": session.display, "displays": session.displays, "stopping": session.stopping,
         "frames": counts.frames, "dropped": counts.dropped, "late": counts.late,
         "latency": {
@@ -83,11 +86,11 @@ def session_status(session: Session, with_constants: bool = True) -> dict[str, A
         ],
         "animals": [
             [
-                one.id, round(one.x, 1), round(one.y, 1),
-                None if one.heading_rad is None else round(one.heading_rad, 2),
-                round(now - one.heard_s, 2),
+                animal.id, round(animal.x, 1), round(animal.y, 1),
+                None if animal.heading_rad is None else round(animal.heading_rad, 2),
+                round(now - animal.heard_s, 2),
             ]
-            for one in session.animals.recent_animals(now)
+            for animal in session.animals.recent_animals(now)
         ],
         "heard": dict(counts.verdicts), "messages": list(session.messages),
     }  # fmt: skip
@@ -98,8 +101,8 @@ def session_status(session: Session, with_constants: bool = True) -> dict[str, A
             "mm_per_px": session.scene.mm_per_px, "protocol": session.plan.name,
             "seed": session.plan.seed, "file": session.name,
             "tank": [session.scene.tank.width, session.scene.tank.height], "link": session.link,
-            "trials": [[one.number, one.block, one.repeat, one.condition, one.seconds]
-                       for one in session.trials],
+            "trials": [[trial.number, trial.block, trial.repeat, trial.condition, trial.seconds]
+                       for trial in session.trials],
         }  # fmt: skip
     return status
 
@@ -108,7 +111,7 @@ def _percentiles(values: deque[float]) -> list[float] | None:
     """Return the median and the 99th percentile of values, rounded; None if there are none."""
     if not values:
         return None
-    return [round(float(one), 2) for one in np.percentile(np.array(values), [50, 99])]
+    return [round(float(value), 2) for value in np.percentile(np.array(values), [50, 99])]
 
 
 async def serve_experimenter(session: Session, connection: WebSocket) -> None:
@@ -117,11 +120,12 @@ async def serve_experimenter(session: Session, connection: WebSocket) -> None:
     async def send_status() -> None:
         """Send the status ten times a second, with the constants the first time."""
         with contextlib.suppress(*GONE):
-            whole = True
+            is_first = True
             while True:
-                await connection.send_text(json.dumps(session_status(session, whole)))
-                whole = False
-                await asyncio.sleep(_EVERY_S)
+                status = session_status(session, with_constants=is_first)
+                await connection.send_text(json.dumps(status))
+                is_first = False
+                await asyncio.sleep(_STATUS_INTERVAL_S)
 
     sending = asyncio.create_task(send_status())
     try:

@@ -14,9 +14,9 @@ from finloop.io.atomic import save_bytes
 from finloop.live.message import StrictModel
 
 VERSION = 1
-_LARGEST = 1_000_000  # bytes of a file
+_MOST_BYTES = 1_000_000  # of a file
 _FLATTEST = 0.02  # smallest share of the screen that a corner of the picture area spans
-_DO = "calibrate the display once more (key C on its page), or correct the file"
+_ADVICE = "calibrate the display once more (key C on its page), or correct the file"
 
 Level = Annotated[float, Field(ge=0, le=255)]
 Colour = tuple[Level, Level, Level]
@@ -60,11 +60,12 @@ class DisplayCalibration(StrictModel):
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
-        """Refuse corners that no projection reaches: each must turn clockwise."""
+        """Refuse corners that no projection reaches: going round, each must turn clockwise."""
         corners = self.corners or ()
         for number, (bx, by) in enumerate(corners):
             (ax, ay), (cx, cy) = corners[number - 1], corners[(number + 1) % 4]
-            spanned = (bx - ax) * (cy - by) - (by - ay) * (cx - bx)  # > 0: clockwise
+            # The cross product of the sides a→b and b→c is positive if b turns clockwise.
+            spanned = (bx - ax) * (cy - by) - (by - ay) * (cx - bx)
             if spanned < _FLATTEST**2:
                 raise ValueError("the corners must go round clockwise, with no corner bent inwards")
         return self
@@ -77,30 +78,35 @@ def load_display(path: Path) -> DisplayCalibration:
     """
     try:
         with path.open("rb") as file:
-            content = file.read(_LARGEST + 1)
+            content = file.read(_MOST_BYTES + 1)
     except OSError as error:
         raise FinloopError(
             f"the display {path} cannot be read ({error.strerror or error})",
             "a display that was calibrated",
             "calibrate the display first (key C on its page)",
         ) from error
-    if len(content) > _LARGEST:
-        raise FinloopError(f"{path} is larger than {_LARGEST} bytes", "a calibrated display", _DO)
+    if len(content) > _MOST_BYTES:
+        raise FinloopError(
+            f"{path} is larger than {_MOST_BYTES} bytes", "a calibrated display", _ADVICE
+        )
     try:
         return DisplayCalibration.model_validate_json(content)
     except UnicodeError as error:
-        raise FinloopError(f"{path} is no text", "a calibrated display, as JSON", _DO) from error
+        wanted = "a calibrated display, as JSON"
+        raise FinloopError(f"{path} is no text", wanted, _ADVICE) from error
     except ValidationError as error:
         problems = error.errors(include_url=False, include_context=False, include_input=False)
-        if any(one["loc"] == ("version",) for one in problems):
+        if any(problem["loc"] == ("version",) for problem in problems):
             raise FinloopError(
                 f"{path} is of another version", f"a display of version {VERSION}",
                 "calibrate the display once more (key C on its page)",
             ) from error  # fmt: skip
-        places = [".".join(map(str, one["loc"])) or "the whole" for one in problems]
-        lines = [f"\n    {at}: {one['msg']}" for at, one in zip(places, problems, strict=True)]
+        lines = ""
+        for problem in problems:
+            field = ".".join(map(str, problem["loc"])) or "the whole"
+            lines += f"\n    {field}: {problem['msg']}"
         raise FinloopError(
-            f"the display {path} is broken:{''.join(lines)}", "a calibrated display", _DO
+            f"the display {path} is broken:{lines}", "a calibrated display", _ADVICE
         ) from error
 
 

@@ -28,18 +28,19 @@ States = NDArray[np.float32]
 
 
 def drawn_states(rows: Sequence[Any], bodies: Bodies) -> States:
-    """Return how the display's page draws each fish at one tick: its state (fish, F).
+    """Return the states (fish, F) from which the display's page draws the fish at one tick.
 
-    rows: one for each fish, of an edit list or of the live tank. bodies: the film's postures. A
-    picture that is drawn as filmed has the film's own posture; two that are cross-faded have a
-    mixed one.
+    The F numbers are `FIELDS` and the posture. rows: one for each fish, of an edit list or of the
+    live tank. bodies: the film's postures. A picture drawn as filmed has the film's posture, two
+    cross-faded ones a mixed posture, and a fish with its own pose code (`row.pose`) that of the
+    code.
     """
     mixed = np.array([row.weight > 0 for row in rows], bool)
     body = _picture_bodies(rows, bodies, np.zeros_like(mixed))
     partner = _picture_bodies(rows, bodies, mixed)
     weight = np.where(mixed, [row.weight for row in rows], 0.0)
-    codes, other = bodies.codes(body), bodies.codes(partner)
-    codes = codes + weight[:, None] * (other - codes)
+    codes, partner_codes = bodies.codes(body), bodies.codes(partner)
+    codes = codes + weight[:, None] * (partner_codes - codes)
     for number, row in enumerate(rows):
         if row.pose is not None:
             codes[number] = row.pose
@@ -58,26 +59,24 @@ def drawn_states(rows: Sequence[Any], bodies: Bodies) -> States:
 
 
 def _picture_bodies(rows: Sequence[Any], bodies: Bodies, of_partner: NDArray[np.bool_]) -> Body:
-    """Return the filmed bodies in the pictures of edit-list rows.
+    """Return the filmed bodies in the pictures (film frames or sprites) of n edit-list rows.
 
-    of_partner (n,): where true, the picture to cross-fade with is meant.
+    of_partner (n,): true for the picture to cross-fade with, false for the main one.
     """
 
-    def select_field(name: str, partner: str) -> list[Any]:
-        """Return a field of each row: `name`, or `partner` where the partner's picture is meant."""
-        names = [partner if chosen else name for chosen in of_partner]
-        return [getattr(row, name) for row, name in zip(rows, names, strict=True)]
+    def select_field(name: str, partner_name: str) -> list[Any]:
+        """Return a field of each row: `name`, or `partner_name` where the partner is meant."""
+        return [
+            getattr(row, partner_name if is_partner else name)
+            for row, is_partner in zip(rows, of_partner, strict=True)
+        ]
 
-    kinds, orientations = (
-        select_field("kind", "partner_kind"),
-        select_field("orientation", "partner_orientation"),
-    )
-    frame = np.array([kind == FRAME for kind in kinds], bool)
-    line = [
-        0.0 if still else float(bodies.sprite_direction_deg(int(orientation), 0.0))
-        for orientation, still in zip(orientations, frame, strict=True)
-    ]
-    turn = np.array(select_field("rotation_deg", "partner_rotation_deg"), float) + np.array(line)
-    numbers = np.array(select_field("source", "partner"), np.intp)
+    is_frame = np.array([kind == FRAME for kind in select_field("kind", "partner_kind")], bool)
+    turn_deg = np.array(select_field("rotation_deg", "partner_rotation_deg"), float)
+    # A sprite is turned to its sector of orientation first.
+    orientations = select_field("orientation", "partner_orientation")
+    for number in np.flatnonzero(~is_frame):
+        turn_deg[number] += float(bodies.sprite_direction_deg(int(orientations[number]), 0.0))
+    sources = np.array(select_field("source", "partner"), np.intp)
     mirrored = np.array(select_field("mirrored", "partner_mirrored"), bool)
-    return bodies.picture_bodies(frame, numbers, turn, mirrored)
+    return bodies.picture_bodies(is_frame, sources, turn_deg, mirrored)

@@ -43,21 +43,21 @@ class Feed:
     """Makes the messages to a display page; it remembers which pictures the page has.
 
     facts: values of the message `hello`, of which `fish` (their number) and `rate` (ticks/s) are
-    required; picture: returns a picture of the film by its row. slots: how many pictures the page
-    keeps.
+    required; load_picture: returns a picture of the film by its row. slots: how many pictures the
+    page keeps.
     """
 
     def __init__(
-        self, tank: TankCanvas, facts: dict[str, Any], picture: Callable[[int], PagePicture]
+        self, tank: TankCanvas, facts: dict[str, Any], load_picture: Callable[[int], PagePicture]
     ) -> None:
         """Begin with a page that has no pictures; choose how many it shall keep."""
-        self.tank, self.facts, self._picture = tank, facts, picture
+        self.tank, self.facts, self._load_picture = tank, facts, load_picture
         # A fish needs two pictures a tick, from sending until just after display.
         needed = round(2 * facts["fish"] * (EARLY_S * facts["rate"] + 2))
         room = MEMORY // (tank.slot_width * tank.slot_height * 4)
         self.slots = max(FEWEST, needed, min(MOST, room))
         self._slots: OrderedDict[int, int] = OrderedDict()  # picture: slot, the newest last
-        self._last: dict[int, bytes] = {}  # rows by tick, of the last ticks
+        self._last: dict[int, bytes] = {}  # messages of the last ticks' states, by tick
 
     def opening_messages(self) -> list[bytes]:
         """Return all messages that a new page needs: hello, pictures, and the last ticks' states.
@@ -66,7 +66,7 @@ class Feed:
         a while.
         """
         if not self._slots:
-            self._slots[0] = 0
+            self._slots[0] = 0  # the film's first picture
         floor = self.tank.floor
         hello = {
             "kind": "hello", "width": floor.shape[1], "height": floor.shape[0],
@@ -79,21 +79,23 @@ class Feed:
     def tick_messages(
         self, seq: int, tick: int, due_s: float, states: States, cut: bool = False
     ) -> list[bytes]:
-        """Return the messages of one tick: pictures that the page lacks, then states (fish, F).
+        """Return the messages of one tick: pictures that the page lacks, then the fish's states.
 
-        seq: number of the message. tick: of the trial. due_s: session time at which to show it.
-        cut: whether states that were sent for this tick and later ones are void.
+        seq: number of the message with the states. tick: number within the trial. due_s: session
+        time at which to show it. states: (fish, F). cut: whether states that were sent for this
+        tick and later ones are void.
         """
         pictures = self.picture_messages(states)
         facts = {"kind": "rows", "seq": seq, "tick": tick, "due": due_s, "cut": cut}
+        # The last 63 ticks are kept for a page that connects now.
         self._last = {old: sent for old, sent in self._last.items() if tick - 64 < old < tick}
         self._last[tick] = pack_message(facts, states.tobytes())
         return [*pictures, self._last[tick]]
 
     def frame_messages(self, number: int, states: States) -> list[bytes]:
-        """Return the messages of a replayed frame (fish, F): missing pictures, then the states.
+        """Return the messages of a replayed frame: pictures that the page lacks, then the states.
 
-        number: of the frame.
+        number: of the frame in the session. states: of its fish, (fish, F).
         """
         frame = pack_message({"kind": "frame", "number": number}, states.tobytes())
         return [*self.picture_messages(states), frame]
@@ -104,24 +106,27 @@ class Feed:
         return pack_message({"kind": "clear"})
 
     def picture_messages(self, states: States) -> list[bytes]:
-        """Return messages with the pictures that states (…, F) name and that the page lacks."""
+        """Return messages with the pictures that states (…, F) name and that the page lacks.
+
+        If the page's memory is full, the picture that was needed longest ago is overwritten.
+        """
         messages = []
         for number in list_named_pictures(states):
             if number in self._slots:
                 self._slots.move_to_end(number)
                 continue
-            free = len(self._slots) < self.slots
-            slot = len(self._slots) if free else self._slots.popitem(last=False)[1]
+            has_room = len(self._slots) < self.slots
+            slot = len(self._slots) if has_room else self._slots.popitem(last=False)[1]
             self._slots[number] = slot
             messages.append(self._picture_message(number, slot))
         return messages
 
     def _picture_message(self, number: int, slot: int) -> bytes:
-        """Return the message with one picture of the film.
+        """Return the message with one picture of a fish, and where the animal is in it.
 
-        number: its row of the film. slot: where the page keeps it.
+        number: its row of the film. slot: number of the place in the page's memory.
         """
-        picture = self._picture(number)
+        picture = self._load_picture(number)
         height, width = picture.pixels.shape[:2]
         facts = {
             "kind": "picture", "picture": number, "slot": slot, "width": width, "height": height,

@@ -43,7 +43,10 @@ async def receive_datagrams(
         """Handler of arriving datagrams; it stops the receiving if `receive` raises an error."""
 
         def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
-            """Pass on the texts of one datagram; addr: host and port of its sender."""
+            """Pass on the texts of one datagram; addr: host and port of its sender.
+
+            An error of `receive` ends the receiving.
+            """
             texts = (
                 parse_osc_packet(data, token) if kind == "osc" else [parse_datagram(data, token)]
             )
@@ -66,7 +69,7 @@ async def receive_datagrams(
 def parse_datagram(content: bytes, token: str | None) -> str | None:
     """Return the JSON text of a datagram without its token; None if text or token is invalid.
 
-    token: what it must show; None: nothing.
+    token: the password that its first object must hold under `token`; None: no password.
     """
     if len(content) > LONGEST:
         return None
@@ -78,14 +81,14 @@ def parse_datagram(content: bytes, token: str | None) -> str | None:
         items = message if isinstance(message, list) else [message]
         if not items or not all(isinstance(item, dict) for item in items):
             return None
-        tokens = [item.pop("token", None) for item in items]
+        tokens = [item.pop("token", None) for item in items]  # none is passed on
         return json.dumps(message) if _is_token(tokens[0], token) else None
     except (ValueError, RecursionError):
         return None
 
 
 def _is_token(claim: Any, token: str) -> bool:
-    """Return whether a claim is the token, in a time that does not depend on the claim."""
+    """Return whether a claim is the token, in a time from which nobody can guess the token."""
     text = claim if isinstance(claim, str) else ""
     return hmac.compare_digest(text.encode(), token.encode())
 
@@ -93,7 +96,8 @@ def _is_token(claim: Any, token: str) -> bool:
 def parse_osc_packet(content: bytes, token: str | None) -> list[str | None]:
     """Return the JSON texts of an OSC packet, one for each message, None for an invalid message.
 
-    An invalid packet gives [None]. token: what each message must show; None: nothing.
+    An invalid packet gives [None]. token: the password that must be each message's first argument;
+    None: no password.
     """
     parts = [content] if not content.startswith(_BUNDLE) else list(_split_bundle(content))
     if len(content) > LONGEST or not 0 < len(parts) <= MOST_AT_ONCE:
@@ -104,18 +108,21 @@ def parse_osc_packet(content: bytes, token: str | None) -> list[str | None]:
 def _split_bundle(bundle: bytes) -> Iterator[bytes]:
     """Yield the messages of an OSC bundle, each of which follows its length in the bundle.
 
-    The library would log each part that it does not know, and descend into bundles of bundles.
+    The OSC library would log each part that it does not know, and open bundles within bundles.
     """
-    at = _HEAD
-    while at < len(bundle):
-        begin = at + 4
-        at = begin + int.from_bytes(bundle[at:begin])
-        yield bundle[begin:at]
+    end = _HEAD
+    while end < len(bundle):
+        begin = end + 4  # bytes of the length
+        end = begin + int.from_bytes(bundle[end:begin])
+        yield bundle[begin:end]
 
 
 def _parse_osc_message(part: bytes, token: str | None) -> str | None:
-    """Return the JSON text of one OSC message; None if it or its token is invalid."""
-    tags = part[len(ADDRESS) : part.find(b"\0", len(ADDRESS))]
+    """Return the JSON text of one OSC message; None if the message or its token is invalid.
+
+    Its arguments are t, id, x, y and maybe heading, or one JSON text; a token comes first.
+    """
+    tags = part[len(ADDRESS) : part.find(b"\0", len(ADDRESS))]  # "," and the arguments' types
     if not part.startswith(ADDRESS) or tags[:1] != b"," or not set(tags[1:]) <= _TAGS:
         return None
     try:

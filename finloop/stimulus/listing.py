@@ -22,7 +22,7 @@ def list_trials(protocol: Protocol, trials: tuple[Trial, ...]) -> str:
         f"{protocol.name}: {len(trials)} trials, {_ORDERS[protocol.order]}; seed {protocol.seed}",
         f"{protocol.fish} fish, animated by mode matching",
         f"takes {_clock_time(seconds)}{waits}",
-        "", *(f"required: {what}" for what in list_requirements(protocol)),
+        "", *(f"required: {requirement}" for requirement in list_requirements(protocol)),
         "", *_condition_lines(protocol),
         "", *_trial_lines(protocol, trials),
     ])  # fmt: skip
@@ -47,14 +47,14 @@ def list_requirements(protocol: Protocol) -> Iterator[str]:
 
 
 def _condition_lines(protocol: Protocol) -> Iterator[str]:
-    """Yield the lines of a table of the conditions, and which of them show the very same motion."""
-    rows, groups = [], dict[str, list[str]]()
+    """Yield a table of the conditions, and which of them show the very same motion, as lines."""
+    rows, same_motion = [], dict[str, list[str]]()
     for name, condition in protocol.conditions.items():
         rows.append((name, f"{condition.seconds:g}", *_describe_condition(condition)))
         if condition.motion.kind not in ("rule", "again"):
-            groups.setdefault(condition.motion.text, []).append(name)
+            same_motion.setdefault(condition.motion.text, []).append(name)
     yield from _aligned_table(("condition", "seconds", "motion", "look", "change"), rows)
-    for names in groups.values():
+    for names in same_motion.values():
         if len(names) > 1:
             yield f"the very same motion in each repeat: {', '.join(names)}"
 
@@ -65,22 +65,23 @@ def _describe_condition(condition: Condition) -> tuple[str, str, str]:
     match motion.kind:
         case "goal" | "goals":
             places = motion.goals or [motion.goal or ()]
-            first = [f"({', '.join(f'{part:g}' for part in place)})" for place in places[:3]]
-            moves = "to " + ", ".join(first) + f" and {len(places) - 3} more" * (len(places) > 3)
+            first = ["(" + ", ".join(f"{part:g}" for part in place) + ")" for place in places[:3]]
+            motion_words = "to " + ", ".join(first)
+            motion_words += f" and {len(places) - 3} more" * (len(places) > 3)
         case "path":
-            moves = f"along {motion.path}"
+            motion_words = f"along {motion.path}"
         case "again":
-            moves = f"that of {motion.again} again"
+            motion_words = f"that of {motion.again} again"
         case "company":
-            moves = "in a group"
+            motion_words = "in a group"
         case "wander":
-            moves = "wanders"
+            motion_words = "wanders"
         case _:
             assert motion.rule is not None
             values = motion.rule.model_dump(mode="json", exclude_defaults=True)
-            more = [f"{key} {value}" for key, value in values.items() if key != "rule"]
-            moves = ", ".join([str(motion.rule.rule), *more])
-    looks: list[str] = [look.shape]
+            details = [f"{key} {value}" for key, value in values.items() if key != "rule"]
+            motion_words = ", ".join([str(motion.rule.rule), *details])
+    looks: list[str] = [look.shape]  # a text times False is left out
     looks += [f"contrast {look.contrast:g}"] * (look.contrast != 1)
     looks += [f"size {look.size:g}"] * (look.size != 1)
     looks += [f"colour {'-'.join(map(str, look.colour or ()))}"] * (look.colour is not None)
@@ -88,28 +89,28 @@ def _describe_condition(condition: Condition) -> tuple[str, str, str]:
     if change is not None:
         changes += ["still"] * change.still + ["reversed"] * change.reversed
         changes += [f"{change.speed:g} times as fast"] * (change.speed != 1)
-    return moves, ", ".join(looks), ", ".join(changes) or "none"
+    return motion_words, ", ".join(looks), ", ".join(changes) or "none"
 
 
 def _trial_lines(protocol: Protocol, trials: tuple[Trial, ...]) -> Iterator[str]:
     """Yield the lines of a table of the trials, with the times at which they begin."""
-    begin, rows = 0.0, []
+    begin_s, rows = 0.0, []
     for trial in trials:
         source = find_source_trial(protocol, trials, trial)
         seed = str(trial.seed) if source is None else f"as trial {source.number}"
-        numbers = str(trial.number), _clock_time(begin), str(trial.block), str(trial.repeat)
+        numbers = str(trial.number), _clock_time(begin_s), str(trial.block), str(trial.repeat)
         rows.append((*numbers, trial.condition, f"{trial.seconds:g}", seed))
-        begin += trial.seconds + protocol.pause_s
-    when = "from" if protocol.start == "auto" else "from, at the earliest"
+        begin_s += trial.seconds + protocol.pause_s
+    begin_head = "from" if protocol.start == "auto" else "from, at the earliest"
     yield from _aligned_table(
-        ("trial", when, "block", "repeat", "condition", "seconds", "seed"), rows
+        ("trial", begin_head, "block", "repeat", "condition", "seconds", "seed"), rows
     )
 
 
 def _aligned_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield the lines of a table: words aligned to the left, numbers to the right.
+    """Yield the lines of a table: columns in `_TEXT` aligned to the left, numbers to the right.
 
-    head: the columns' names. rows: of texts.
+    head: the columns' names. rows: the texts of each row.
     """
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     for row in (head, *rows):

@@ -62,20 +62,19 @@ class Log:
         self._journal = Journal(path, SESSION, json.dumps(header))
         self._entries: list[dict[str, Any]] = []
         self._frames: list[tuple[int | None, Floats, States]] = []
-        self._lock, self._keeping = threading.Lock(), threading.Lock()
+        self._lock, self._writing = threading.Lock(), threading.Lock()
         self.trial: int | None = None
 
     def add_entry(self, kind: str, time_s: float, **values: Any) -> None:
-        """Add an entry of a tick, an input, a trial or an event.
+        """Add an entry of a tick, an input, a trial or an event, with the present trial's number.
 
-        kind: one of these words. time_s: session time. values: columns of `SESSION` by name. The
-        number of the present trial is added.
+        kind: one of these four words. time_s: session time. values: columns of `SESSION` by name.
         """
         with self._lock:
             self._entries.append({"kind": kind, "time_s": time_s, "trial": self.trial, **values})
 
     def add_event(self, time_s: float, what: str, **facts: Any) -> None:
-        """Add an event: what happened at a session time [s], and facts about it, ready for JSON."""
+        """Add an event: what happened at a session time [s], and facts that JSON can hold."""
         self.add_entry("event", time_s, text=json.dumps({"what": what, **facts}))
 
     def add_input(self, time_s: float, source: str, text: str, verdict: str) -> None:
@@ -83,27 +82,28 @@ class Log:
         self.add_entry("input", time_s, source=source, text=text[:LONGEST], verdict=verdict)
 
     def add_frame(self, facts: Floats, drawn: States) -> None:
-        """Add a displayed frame: its FRAME_FIELDS numbers, and the states (fish, F) of its fish.
+        """Add a displayed frame: eight numbers about it, and the states (fish, F) of its fish.
 
-        facts: number, intended, shown, drawn (s), seq, dropped, count of fish, digest.
+        facts (8,): number of the frame, times when it was due, shown and drawn (s), number of the
+        last message it had, frames dropped before it, count of fish, digest of its pixels.
         """
         with self._lock:
             self._frames.append((self.trial, facts, drawn))
 
     def write_entries(self) -> None:
         """Write all new entries to the disk; call it in a thread, as a disk may be slow."""
-        with self._keeping:
-            with self._lock:
+        with self._writing:
+            with self._lock:  # others add entries to new lists while these are written
                 entries, self._entries = self._entries, []
                 frames, self._frames = self._frames, []
-            parts = []
+            batches = []
             if entries:
                 table = pa.Table.from_pylist(entries, schema=self._journal.schema)
-                parts += table.combine_chunks().to_batches()
+                batches += table.combine_chunks().to_batches()
             if frames:
-                parts += [self._frame_rows(frames), *self._fish_rows(frames)]
-            if parts:
-                self._journal.append(parts)
+                batches += [self._frame_rows(frames), *self._fish_rows(frames)]
+            if batches:
+                self._journal.append(batches)
 
     def close(self) -> None:
         """Write all remaining entries, and close the journal."""
@@ -111,9 +111,9 @@ class Log:
         self._journal.close()
 
     def _frame_rows(self, frames: list[tuple[int | None, Floats, States]]) -> pa.RecordBatch:
-        """Return the entries of displayed frames as a record batch.
+        """Return the log's rows of displayed frames as a record batch.
 
-        frames: of each, its trial's number, its FRAME_FIELDS numbers and the states of its fish.
+        frames: of each, its trial's number, and the arguments of `add_frame`.
         """
         number, intended, shown, drawn, seq, dropped, _, digest = np.stack(
             [facts for _, facts, _ in frames]
@@ -125,26 +125,29 @@ class Log:
         )  # fmt: skip
 
     def _fish_rows(self, frames: list[tuple[int | None, Floats, States]]) -> list[pa.RecordBatch]:
-        """Return the entries of the fish in displayed frames as record batches."""
+        """Return the log's rows of the fish in displayed frames: one record batch, or none.
+
+        frames: of each, its trial's number, its numbers (8,) and the states (fish, F) of its fish.
+        """
         counts = [len(drawn) for _, _, drawn in frames]
         if not sum(counts):
             return []
         facts = np.stack([facts for _, facts, _ in frames]).repeat(counts, axis=0)
         drawn = np.concatenate([drawn for _, _, drawn in frames if len(drawn)])
         posture = drawn[:, len(FIELDS) :]
-        start = np.arange(len(drawn) + 1, dtype=np.int32) * posture.shape[1]
+        list_starts = np.arange(len(drawn) + 1, dtype=np.int32) * posture.shape[1]
         return [self._build_batch(
             len(drawn), kind="fish", time_s=facts[:, 2], number=facts[:, 0],
             trial=[trial for trial, _, drawn in frames for _ in drawn],
             fish=np.concatenate([np.arange(count) for count in counts]),
-            posture=pa.ListArray.from_arrays(start, posture.ravel()),
+            posture=pa.ListArray.from_arrays(list_starts, posture.ravel()),
             **dict(zip(FIELDS, drawn.T, strict=False)),
         )]  # fmt: skip
 
     def _build_batch(self, rows: int, kind: str, **values: Any) -> pa.RecordBatch:
         """Return log entries of one kind as a record batch; columns without values are empty.
 
-        rows: how many entries. values: of each column, by name.
+        rows: how many entries. values: each column's, (rows,), by the column's name.
         """
         schema, arrays = self._journal.schema, []
         for field in schema:
@@ -161,26 +164,28 @@ class Log:
 
 
 def parse_frame_records(message: bytes, width: int) -> list[tuple[Floats, States]]:
-    """Return the displayed frames in a page's message: FRAME_FIELDS numbers, and the fish's states.
+    """Return the displayed frames in a page's message: numbers (8,) and states (fish, width) each.
 
-    width: how many values the state of a fish has. ValueError if the message holds no such records.
+    The numbers are those of `Log.add_frame`. width: how many values the state of a fish has.
+    ValueError if the message holds no such records.
     """
-    frames, at = [], 0
-    while at < len(message):
-        facts = np.frombuffer(message, "<f8", FRAME_FIELDS, at)
-        at += facts.nbytes
+    frames, offset = [], 0
+    while offset < len(message):
+        facts = np.frombuffer(message, "<f8", FRAME_FIELDS, offset)
+        offset += facts.nbytes
         fish = facts[6]
         if not (0 <= fish <= 64 and fish == int(fish) and np.isfinite(facts).all()):
             raise ValueError("no record of a frame")
-        drawn = np.frombuffer(message, "<f4", int(fish) * width, at).reshape(int(fish), width)
+        drawn = np.frombuffer(message, "<f4", int(fish) * width, offset)
+        drawn = drawn.reshape(int(fish), width)
         if not np.isfinite(drawn).all():
             raise ValueError("no state of a fish")
-        at += -(-drawn.nbytes // 8) * 8
+        offset += -(-drawn.nbytes // 8) * 8  # the next record begins at a multiple of 8 bytes
         frames.append((facts, drawn))
     return frames
 
 
 def digest_states(states: States) -> int:
-    """Return a digest of the states of fish: a whole number of 62 bits, equal for equal states."""
+    """Return a hash of the states of fish: a whole number of 62 bits, equal for equal states."""
     digest = hashlib.blake2b(np.ascontiguousarray(states, "<f4").tobytes(), digest_size=8)
     return int.from_bytes(digest.digest(), "little") >> 2

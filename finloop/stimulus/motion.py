@@ -46,8 +46,8 @@ class TrialContext:
 
     player: animates the fish in mode `matching`; bodies: the film's postures; mm_per_px: mm of the
     display per px of the tank's picture, if known. world: what all fish swim in; rate_hz: ticks per
-    second; length_px: body length of a fish; posture, width: numbers of values of a posture, and of
-    a fish's state (F), which a posture ends; tank: as rules need it.
+    second; length_px: body length of a fish; posture: how many values a posture has; width: how
+    many a fish's state has (F), the posture included; tank: its size, and where fish can be.
     """
 
     def __init__(self, player: AnyPlayer, bodies: Bodies, mm_per_px: float | None = None) -> None:
@@ -62,7 +62,7 @@ class TrialContext:
         self.tank = TankGeometry(width, height, self.length_px, self.world.tank.nearest_legal_point)
 
     def count_ticks(self, seconds: float) -> int:
-        """Return how many ticks a duration has, at least one."""
+        """Return how many ticks a duration [s] has, at least one."""
         return max(1, round(seconds * self.rate_hz))
 
 
@@ -104,11 +104,14 @@ class TrialSetup:
 def count_planned_ticks(change: MotionChange | None, ticks: int) -> int:
     """Return how many ticks of a motion must be planned so that it fills a trial after its change.
 
-    ticks: of the trial.
+    ticks: how long the trial is. A still motion needs one tick, a motion twice as fast about twice
+    as many.
     """
     if change is None:
         return ticks
-    return 1 if change.still else math.ceil((ticks - 1) * change.speed - 1e-9) + 1
+    if change.still:
+        return 1
+    return math.ceil((ticks - 1) * change.speed - 1e-9) + 1  # 1e-9: against rounding errors
 
 
 def apply_change(states: States, change: MotionChange | None, ticks: int) -> States:
@@ -133,9 +136,9 @@ def apply_change(states: States, change: MotionChange | None, ticks: int) -> Sta
 def interpolate_states(states: States, times: Floats) -> States:
     """Return the states (n, fish, F) of a motion at n times between its ticks.
 
-    times (n,): in ticks from the first. The rules are those of the display's page: places, sizes,
-    alpha and posture are interpolated linearly, headings the shorter way; pictures, their mixture
-    and the look are the nearer tick's.
+    states: of all ticks, (ticks, fish, F). times (n,): in ticks from the first. As on the display's
+    page, places, sizes, alpha and posture are interpolated linearly, headings the shorter way;
+    pictures, their mixture and the look are the nearer tick's.
     """
     last = len(states) - 1
     times = np.clip(times, 0, last)
@@ -148,20 +151,20 @@ def interpolate_states(states: States, times: Floats) -> States:
     mixed = (before + share * step).astype(np.float32)
     mixed[..., _STEPS] = nearer[..., _STEPS]
     # A fish that is absent at one of the two ticks has no place to come from, or to go to.
-    comes = (before[..., PICTURE] < 0) != (after[..., PICTURE] < 0)
-    return np.where(comes[..., None], nearer, mixed)
+    comes_or_goes = (before[..., PICTURE] < 0) != (after[..., PICTURE] < 0)
+    return np.where(comes_or_goes[..., None], nearer, mixed)
 
 
 def fade_opacities(count: int, fade_ticks: int) -> NDArray[np.float32]:
     """Return the opacity (count,) of each tick, which rises from 0 to 1 and falls again at the end.
 
-    fade_ticks: how long each of the two takes.
+    fade_ticks: how long the rise and the fall each take; 0: all are 1.
     """
     if fade_ticks <= 0:
         return np.ones(count, np.float32)
-    from_begin = np.arange(count)
-    nearest_end = np.minimum(from_begin, from_begin[::-1])
-    return np.minimum(1.0, nearest_end / fade_ticks).astype(np.float32)
+    ticks = np.arange(count)
+    ticks_to_nearer_end = np.minimum(ticks, ticks[::-1])
+    return np.minimum(1.0, ticks_to_nearer_end / fade_ticks).astype(np.float32)
 
 
 # --- motions that are known beforehand
@@ -172,16 +175,16 @@ def plan_motion(
 ) -> States:
     """Plan the motion (ticks, fish, F) of a trial that does not react to live animals.
 
-    The condition's change is applied, look and fading are not. motions: by condition those of its
-    latest trial, for a trial that repeats one; what was cut short keeps its last state to the end.
-    FinloopError if fish cannot follow a path.
+    The condition's change is applied, look and fading are not. motions: the motion of each
+    condition's latest trial, for a condition that repeats another's; if that is too short, its last
+    state is held. FinloopError if fish cannot follow a path, or the tank has no room for them.
     """
     condition = setup.condition
     motion, ticks = condition.motion, scene.count_ticks(condition.seconds)
     if motion.again is not None:
         states = apply_change((motions or {})[motion.again], condition.change, ticks)
-        rest = np.repeat(states[-1:], max(0, ticks - len(states)), axis=0)
-        return np.concatenate([states, rest])[:ticks]
+        held = np.repeat(states[-1:], max(0, ticks - len(states)), axis=0)
+        return np.concatenate([states, held])[:ticks]
     tank, world, goals = _trial_tank(scene, setup), scene.world, motion.goals or ()
     if motion.path is not None:
         line = load_line(motion.file, TANK)._replace(time_s=None)
@@ -192,18 +195,18 @@ def plan_motion(
         tank.swim_in_group(None)
     elif motion.goal is not None:
         goals = (motion.goal,)
-    size = scene.tank.width - 1, scene.tank.height - 1
-    sent = [0] * len(tank.fish)  # to how many goals; after the last one a fish wanders
-    shown = [_current_states(tank, scene)]
+    goals_given = [0] * len(tank.fish)  # to each fish; after its last goal it wanders
+    planned = [_current_states(tank, scene)]
     for _ in range(count_planned_ticks(condition.change, ticks) - 1):
         for number, fish in enumerate(tank.fish):
-            if sent[number] < len(goals) and (fish.reached or not sent[number]):
-                x, y = goals[sent[number]]
-                tank.send_to_goal(number, x * size[0], y * size[1])
-                sent[number] += 1
+            given = goals_given[number]
+            if given < len(goals) and (fish.reached or given == 0):
+                x, y = goals[given]  # shares of the tank
+                tank.send_to_goal(number, x * (scene.tank.width - 1), y * (scene.tank.height - 1))
+                goals_given[number] += 1
         tank.advance()
-        shown.append(_current_states(tank, scene))
-    return apply_change(np.stack(shown), condition.change, ticks)
+        planned.append(_current_states(tank, scene))
+    return apply_change(np.stack(planned), condition.change, ticks)
 
 
 def plan_all_trials(scene: TrialContext, protocol: Protocol, trials: Sequence[Trial]) -> States:
@@ -223,14 +226,14 @@ def plan_all_trials(scene: TrialContext, protocol: Protocol, trials: Sequence[Tr
             )
         states = motions[trial.condition] = plan_motion(scene, setup, motions)
         pause = np.zeros((round(protocol.pause_s * scene.rate_hz), *states.shape[1:]), np.float32)
-        pause[..., [PICTURE, PARTNER]] = -1
+        pause[..., [PICTURE, PARTNER]] = -1  # no fish is shown
         parts += [setup.apply_look_and_fade(states, scene.rate_hz), pause]
     return np.concatenate(parts)
 
 
 def rehearse_stimulus(scene: TrialContext) -> None:
     """Let a fish swim unseen for 200 ticks, so that no trial waits for compiling or caching."""
-    tank, rng = LiveTank({MODE: scene.player}, MODE, 1, 0), np.random.default_rng(0)
+    tank, rng = LiveTank({MODE: scene.player}, MODE, fish=1, seed=0), np.random.default_rng(0)
     for _ in range(_REHEARSED):
         tank.advance()
         x, y = rng.uniform(0, scene.tank.width), rng.uniform(0, scene.tank.height)
@@ -240,7 +243,10 @@ def rehearse_stimulus(scene: TrialContext) -> None:
 
 
 def _trial_tank(scene: TrialContext, setup: TrialSetup) -> LiveTank:
-    """Return a live tank with the fish of a trial at its first tick; FinloopError without room."""
+    """Return a live tank with the fish of a trial at its first tick.
+
+    FinloopError if the tank has no room for all of them.
+    """
     tank = LiveTank({MODE: scene.player}, MODE, setup.fish, setup.seed)
     if len(tank.fish) < setup.fish:
         raise FinloopError(
@@ -303,24 +309,25 @@ class ReactiveMotion:
         return self._states[-1]
 
     def replan_tick(self, now_s: float) -> States | None:
-        """Plan the last tick again at a session time; return its states (fish, F), or None.
+        """Plan the last tick again, as an animal has moved; return its new states (fish, F).
 
-        None means that no fish has a new target, so nothing changes.
+        now_s: session time. None if no fish has a new target, so nothing changes.
         """
-        numbers = self._send_fish(now_s) if self._states else []
-        if not numbers:
+        renewed = self._send_fish(now_s) if self._states else []
+        if not renewed:
             return None
-        for number in numbers:
+        for number in renewed:
             self._tank.redo_last_tick(number)
         self._states[-1] = self._states_with_look()
         return self._states[-1]
 
     def _send_fish(self, now_s: float) -> list[int]:
-        """Send each fish where its rule wants it; return the numbers of the fish with a new target.
+        """Send each fish where the rule wants it; return the numbers of the fish with a new target.
 
-        A target is new if it has moved, or if the fish has reached it and left it.
+        A target is new if it has moved by more than `rule.renew` body lengths, or if the fish has
+        reached it and left it. now_s: session time. A fish without a target wanders.
         """
-        sent, length_px = [], self._scene.length_px
+        renewed, length_px = [], self._scene.length_px
         renew_px = self._rule.renew * length_px
         for number, fish in enumerate(self._tank.fish):
             row = fish.row_at(self._tank.tick)
@@ -331,9 +338,9 @@ class ReactiveMotion:
             if target is None or old is None:
                 is_new = target is not old
             else:
-                moved = math.dist(target, old) > renew_px
-                away = math.dist(target, pose[:2]) > renew_px + length_px
-                is_new = moved or (fish.reached and away)
+                has_moved = math.dist(target, old) > renew_px
+                has_left = fish.reached and math.dist(target, pose[:2]) > renew_px + length_px
+                is_new = has_moved or has_left
             if not is_new:
                 continue
             self._targets[number] = target
@@ -341,11 +348,11 @@ class ReactiveMotion:
                 self._tank.let_wander(number)
             else:
                 self._tank.send_to_goal(number, *target)
-            sent.append(number)
-        return sent
+            renewed.append(number)
+        return renewed
 
     def _states_with_look(self) -> States:
-        """Return the present states (fish, F) with the look and the fading of the trial."""
+        """Return the present states (fish, F) with the trial's look, and its opacity now."""
         states = _current_states(self._tank, self._scene)
         states[:, LOOK] = self._setup.look
         states[:, ALPHA] *= self._alpha[self._tank.tick]

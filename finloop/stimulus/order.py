@@ -38,100 +38,105 @@ class Trial(NamedTuple):
 
 def order_trials(protocol: Protocol) -> tuple[Trial, ...]:
     """Return all trials of a protocol, in the order in which they are shown."""
-    names, bits = list(protocol.conditions), PCG64(protocol.seed)
+    names, generator = list(protocol.conditions), PCG64(protocol.seed)
     if protocol.order == "given":
         order = names * protocol.repeats
     elif protocol.order == "shuffled":
-        order = [name for name, _ in _draw_order(_predecessors(protocol, protocol.repeats), bits)]
+        predecessors = _predecessors(protocol, protocol.repeats)
+        order = [name for name, _ in _draw_order(predecessors, generator)]
     else:
-        order = list(_draw_blocks(protocol, bits))
-    size = len(order) if protocol.order == "shuffled" else len(names)
-    repeats, listed = dict.fromkeys(names, 0), []
-    for number, name in enumerate(order):
+        order = list(_shuffle_blocks(protocol, generator))
+    block_size = len(order) if protocol.order == "shuffled" else len(names)
+    repeats, trials = dict.fromkeys(names, 0), []
+    for index, name in enumerate(order):
         repeats[name] = repeat = repeats[name] + 1
-        seconds, seed = (
-            protocol.conditions[name].seconds,
-            derive_motion_seed(protocol, name, repeat),
-        )
-        listed.append(Trial(number + 1, number // size + 1, repeat, name, seconds, seed))
-    return tuple(listed)
+        seconds = protocol.conditions[name].seconds
+        seed = derive_motion_seed(protocol, name, repeat)
+        trials.append(Trial(index + 1, index // block_size + 1, repeat, name, seconds, seed))
+    return tuple(trials)
 
 
 def find_source_trial(protocol: Protocol, order: tuple[Trial, ...], trial: Trial) -> Trial | None:
-    """Return the trial whose motion another trial repeats: the latest before it; None if none.
+    """Return the trial whose motion a given trial repeats; None if it has its own motion.
 
-    order: all trials, none of them skipped.
+    This is the latest trial before it of the condition that its motion names (`again`). order: all
+    trials, none of them skipped.
     """
-    again = protocol.conditions[trial.condition].motion.again
-    before = reversed(order[: trial.number - 1])
-    return next((one for one in before if one.condition == again), None)
+    source = protocol.conditions[trial.condition].motion.again
+    earlier = reversed(order[: trial.number - 1])
+    return next((candidate for candidate in earlier if candidate.condition == source), None)
 
 
 def fill_trigger_text(trigger: Trigger, trial: Trial) -> str:
-    """Return the text that a trigger sends, with facts of a trial in place of {trial} etc."""
+    """Return the text that a trigger sends, with a trial's facts in place of {trial} and others."""
     return trigger.text.format(
         trial=trial.number, condition=trial.condition, block=trial.block, repeat=trial.repeat,
         at=trigger.at,
     )  # fmt: skip
 
 
-def _draw_below(bits: PCG64, most: int) -> int:
-    """Draw one of 0 … most − 1, all equally likely; equal in every version of NumPy."""
-    while (drawn := int(bits.random_raw())) >= _WORD - _WORD % most:
+def _draw_below(generator: PCG64, limit: int) -> int:
+    """Draw a whole number 0 … limit − 1, all equally likely; the same in every version of NumPy."""
+    # Without the last incomplete multiple of `limit`, no remainder is likelier than another.
+    while (drawn := int(generator.random_raw())) >= _WORD - _WORD % limit:
         pass
-    return drawn % most
+    return drawn % limit
 
 
 def _predecessors(protocol: Protocol, repeats: int) -> dict[Node, Node | None]:
-    """Return for every trial the trial that must come before it, or None.
+    """Return for every trial (condition, repeat) the trial that must come before it, or None.
 
-    repeats: of each condition.
+    repeats: how often each condition is shown. A first trial that repeats another condition's
+    motion comes after that condition's first; every other trial after its condition's last.
     """
-    before: dict[Node, Node | None] = {}
+    predecessors: dict[Node, Node | None] = {}
     for name, condition in protocol.conditions.items():
-        again = condition.motion.again
-        before[name, 0] = (again, 0) if again else None
-        before |= {(name, repeat): (name, repeat - 1) for repeat in range(1, repeats)}
-    return before
+        source = condition.motion.again
+        predecessors[name, 0] = (source, 0) if source else None
+        for repeat in range(1, repeats):
+            predecessors[name, repeat] = name, repeat - 1
+    return predecessors
 
 
-def _draw_order(before: dict[Node, Node | None], bits: PCG64) -> list[Node]:
-    """Draw a random order of trials, each after its predecessor, if it has one.
+def _draw_order(predecessors: dict[Node, Node | None], generator: PCG64) -> list[Node]:
+    """Draw a random order of trials, each after its predecessor; all such orders equally likely.
 
-    before: the predecessor of each trial, or None. All such orders are equally likely.
+    predecessors: the trial that must come before each trial, or None.
     """
-    after: dict[Node | None, list[Node]] = {}
-    for node, parent in before.items():
-        after.setdefault(parent, []).append(node)
-    down = list(after.get(None, []))
-    for node in down:  # which grows: every node comes after its parent
-        down += after.get(node, [])
-    sizes: dict[Node, int] = {}
-    for node in reversed(down):
-        sizes[node] = 1 + sum(sizes[one] for one in after.get(node, []))
-    free, order = list(after.get(None, [])), list[Node]()
+    children: dict[Node | None, list[Node]] = {}
+    for node, parent in predecessors.items():
+        children.setdefault(parent, []).append(node)
+    parents_first = list(children.get(None, []))
+    for node in parents_first:  # the list grows while it is read
+        parents_first += children.get(node, [])
+    tree_sizes: dict[Node, int] = {}
+    for node in reversed(parents_first):
+        tree_sizes[node] = 1 + sum(tree_sizes[child] for child in children.get(node, []))
+    free, order = list(children.get(None, [])), list[Node]()  # free: those that can come next
     while free:
-        at, chance = 0, _draw_below(bits, sum(sizes[node] for node in free))
-        while chance >= sizes[free[at]]:
-            chance -= sizes[free[at]]
-            at += 1
-        order.append(free.pop(at))
-        free += after.get(order[-1], [])
+        # Draw a free trial with a probability in proportion to its tree's size (Knuth).
+        index, left = 0, _draw_below(generator, sum(tree_sizes[node] for node in free))
+        while left >= tree_sizes[free[index]]:
+            left -= tree_sizes[free[index]]
+            index += 1
+        order.append(free.pop(index))
+        free += children.get(order[-1], [])
     return order
 
 
-def _draw_blocks(protocol: Protocol, bits: PCG64) -> Iterator[str]:
-    """Yield the conditions' names block by block, in random order.
+def _shuffle_blocks(protocol: Protocol, generator: PCG64) -> Iterator[str]:
+    """Yield the conditions' names in blocks, each condition once a block, in random order.
 
-    In the first block a condition that repeats another's motion comes after it.
+    In the first block a condition that repeats another's motion comes after it. A block does not
+    begin with the condition that ended the block before, unless there is only one condition.
     """
-    block = [name for name, _ in _draw_order(_predecessors(protocol, 1), bits)]
+    block = [name for name, _ in _draw_order(_predecessors(protocol, 1), generator)]
     yield from block
     for _ in range(protocol.repeats - 1):
-        rest, last = list(protocol.conditions), block[-1]
-        others = [name for name in rest if name != last] or rest
-        block = [others[_draw_below(bits, len(others))]]
-        rest.remove(block[0])
-        while rest:
-            block.append(rest.pop(_draw_below(bits, len(rest))))
+        remaining, last = list(protocol.conditions), block[-1]
+        first_choices = [name for name in remaining if name != last] or remaining
+        block = [first_choices[_draw_below(generator, len(first_choices))]]
+        remaining.remove(block[0])
+        while remaining:
+            block.append(remaining.pop(_draw_below(generator, len(remaining))))
         yield from block

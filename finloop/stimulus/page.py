@@ -22,16 +22,16 @@ from finloop.stimulus.pictures import PagePicture, list_named_pictures, measure_
 DRAWING = ("strip.js", "shaders.js", "view.js", "draw.js", "motion.js")
 """The scripts that draw and move the fish, on both pages."""
 _FILES = Path(__file__).with_name("page")
-_PLAIN: dict[str, Any] = {"as": "fish", "contrast": 1.0, "size": 1.0, "colour": None}
+_FILM_LOOK: dict[str, Any] = {"as": "fish", "contrast": 1.0, "size": 1.0, "colour": None}
 
 
 def join_scripts(*names: str) -> str:
-    """Return some JavaScript files of the folder `page`, joined to one strict script."""
+    """Return some JavaScript files of the folder `page`, joined to one script in strict mode."""
     return '"use strict";\n' + "\n".join(_read_page_file(name) for name in names)
 
 
 def build_display_page() -> str:
-    """Return the HTML of the page that the live animals see; a server sends what it shows."""
+    """Return the HTML of the page that the live animals see; its server sends what it shows."""
     code = join_scripts(*DRAWING, "levels.js", "panel.js", "display.js")
     return _read_page_file("display.html").replace("/*script*/", code)
 
@@ -43,13 +43,14 @@ def build_experimenter_page() -> str:
 
 def build_standalone_page(
     title: str, rate: float, floor: Picture, pictures: Mapping[int, PagePicture], motion: States,
-    looks: Sequence[dict[str, Any]] = (_PLAIN,), loops: bool = True,
+    looks: Sequence[dict[str, Any]] = (_FILM_LOOK,), loops: bool = True,
 ) -> str:  # fmt: skip
     """Return the HTML of a page that plays a motion (ticks, fish, F) without a server or a network.
 
     rate: ticks/s. floor: the empty tank, (h, w) or (h, w, 3) uint8. pictures: all that the motion
-    names, by row of the film. looks: each as `Look.message`. loops: whether it plays for ever.
-    FinloopError if a picture or all ticks are missing.
+    names, by row of the film. looks: how fish are drawn, each as `Look.message`; the motion names
+    them by index. loops: whether it plays for ever. FinloopError if the motion has no tick, no fish
+    or numbers that are not finite, or if a picture is missing.
     """
     if motion.ndim != 3 or 0 in motion.shape or not np.isfinite(motion).all():
         raise FinloopError(
@@ -72,15 +73,15 @@ def build_standalone_page(
         "slot_height": max((size[0] for size in sizes), default=1),
         "pictures": [
             {
-                "picture": number, "width": one.pixels.shape[1], "height": one.pixels.shape[0],
-                "line": [float(part) for part in one.line],
+                "picture": number, "width": picture.pixels.shape[1],
+                "height": picture.pixels.shape[0], "line": [float(part) for part in picture.line],
             }
-            for number, one in pictures.items()
+            for number, picture in pictures.items()
         ],
     }  # fmt: skip
     arrays = [floor]
-    for one in pictures.values():
-        arrays += [np.asarray(one.posture, "<f4"), one.pixels]
+    for picture in pictures.values():
+        arrays += [np.asarray(picture.posture, "<f4"), picture.pixels]
     arrays.append(np.asarray(motion, "<f4"))
     data = pack_message(facts, b"".join(array.tobytes() for array in arrays))
     page = _read_page_file("alone.html").replace("/*title*/", html.escape(title))

@@ -20,8 +20,8 @@ class PagePicture(NamedTuple):
     """A picture of a fish with alpha, and where the animal is in it.
 
     pixels: (h, w, 2) grey or (h, w, 4) RGB, uint8, premultiplied by alpha. line: x, y of the mass
-    centre (px of the picture), heading (rad), size (px). posture: of the animal, as in
-    `finloop.puppet.pose`.
+    centre (px of the picture), heading (rad), size (px). posture: the shape of its backbone, as
+    `finloop.puppet.pose` describes it.
     """
 
     pixels: Picture
@@ -30,7 +30,7 @@ class PagePicture(NamedTuple):
 
 
 def list_named_pictures(states: States) -> list[int]:
-    """Return the film rows whose pictures the states (…, F) of fish need, each once, in order."""
+    """Return the film rows whose pictures the states (…, F) of fish show, each once, ascending."""
     numbers = np.unique(states[..., [PICTURE, PARTNER]]).astype(int).tolist()
     return [number for number in numbers if number >= 0]
 
@@ -38,21 +38,24 @@ def list_named_pictures(states: States) -> list[int]:
 def measure_typical_fish(pictures: Iterable[PagePicture]) -> dict[str, Any]:
     """Return the median area and the median darkest colour of the fish in some pictures.
 
-    Dots and silhouettes share them, so that they do not flicker. area: share of the fish's squared
-    size; dark: red, green, blue (0 … 255) of its darkest twentieth.
+    All dots and silhouettes get this area and colour, so that they do not flicker. Keys: area, as a
+    share of the fish's squared size; dark, mean red, green, blue (0 … 255) of the darkest twentieth
+    of a fish's pixels.
     """
     areas, colours = [], []
-    for one in pictures:
-        alpha = one.pixels[..., -1].astype(float)
-        areas.append(alpha.sum() / 255 / one.line[3] ** 2)
-        solid = one.pixels[alpha > 127].astype(float)
-        solid = solid[:, :-1] * 255 / solid[:, -1:]
-        light = solid @ _LIGHT if solid.shape[1] == 3 else solid[:, 0]
-        if len(light):
-            darkest = np.argsort(light, kind="stable")[: max(1, round(len(light) / 20))]
+    for picture in pictures:
+        alpha = picture.pixels[..., -1].astype(float)
+        size_px = picture.line[3]
+        areas.append(alpha.sum() / 255 / size_px**2)
+        solid = picture.pixels[alpha > 127].astype(float)
+        solid = solid[:, :-1] * 255 / solid[:, -1:]  # without the premultiplication by alpha
+        brightness = solid @ _LIGHT if solid.shape[1] == 3 else solid[:, 0]
+        if len(brightness):
+            count = max(1, round(len(brightness) / 20))
+            darkest = np.argsort(brightness, kind="stable")[:count]
             colours.append(np.broadcast_to(np.minimum(solid[darkest].mean(axis=0), 255), 3))
     dark = np.median(colours, axis=0) if colours else np.zeros(3)
-    return {"area": float(np.median(areas)), "dark": [round(float(part), 1) for part in dark]}
+    return {"area": float(np.median(areas)), "dark": [round(float(level), 1) for level in dark]}
 
 
 class PagePictures:
@@ -67,41 +70,45 @@ class PagePictures:
 
     @property
     def largest_px(self) -> tuple[int, int]:
-        """Return the height and width [px] of which no picture has more."""
+        """Return the largest height and the largest width [px] of all pictures, rounded up."""
         index = self._gallery.shelves[FRAME].store.index
-        sides = [index["height_px"].max(), index["width_px"].max()]
-        height, width = (int(np.ceil(side * self._shrink)) + 1 for side in sides)
+        height = int(np.ceil(index["height_px"].max() * self._shrink)) + 1
+        width = int(np.ceil(index["width_px"].max() * self._shrink)) + 1
         return height, width
 
     def measure_typical_fish(self) -> dict[str, Any]:
         """Return area and darkest colour of a typical fish of the film (`measure_typical_fish`)."""
         count = len(self._gallery.shelves[FRAME].centres_px)
-        return measure_typical_fish(
-            self(number) for number in range(0, count, max(1, count // _SAMPLE))
-        )
+        sample = range(0, count, max(1, count // _SAMPLE))  # 100 to 199 pictures
+        return measure_typical_fish(self(number) for number in sample)
 
     def load_pictures(self, states: States) -> dict[int, PagePicture]:
         """Load all pictures that states (…, F) name; return them by their rows of the film."""
         return {number: self(number) for number in list_named_pictures(states)}
 
     def __call__(self, number: int) -> PagePicture:
-        """Load the picture in a row of the film; FinloopError if its file is damaged."""
+        """Load and shrink the picture in a row of the film; FinloopError if its file is damaged."""
         shelf, bodies = self._gallery.shelves[FRAME], self._gallery.bodies
         assert bodies is not None
         cutout, (x_px, y_px) = shelf.store[number], shelf.centres_px[number]
         pose = bodies.poses.pose[number]
-        pixels, share = _shrink_picture(cutout.pixels, self._shrink)
-        x = (x_px - cutout.x0_px + 0.5) * share[0] - 0.5
-        y = (y_px - cutout.y0_px + 0.5) * share[1] - 0.5
-        size_px = float(pose.size_px) * float(np.sqrt(share[0] * share[1]))
+        pixels, (x_scale, y_scale) = _shrink_picture(cutout.pixels, self._shrink)
+        # The mass centre within the shrunk picture; the centre of its first pixel is 0.
+        x = (x_px - cutout.x0_px + 0.5) * x_scale - 0.5
+        y = (y_px - cutout.y0_px + 0.5) * y_scale - 0.5
+        size_px = float(pose.size_px) * float(np.sqrt(x_scale * y_scale))
         return PagePicture(pixels, (x, y, float(pose.heading_rad), size_px), pose.posture)
 
 
-def _shrink_picture(pixels: Picture, share: float) -> tuple[Picture, tuple[float, float]]:
-    """Return a picture (h, w, c) shrunk to a share of its size, and its exact scales in x and y."""
-    if share >= 1:
+def _shrink_picture(pixels: Picture, scale: float) -> tuple[Picture, tuple[float, float]]:
+    """Return a picture (h, w, c) shrunk by a scale below 1, and the exact scales in x and y.
+
+    The exact scales differ a little, as sides are whole px. A scale of 1 or more changes nothing.
+    """
+    if scale >= 1:
         return pixels, (1.0, 1.0)
     height, width = pixels.shape[:2]
-    to = max(1, round(width * share)), max(1, round(height * share))
-    small = cv2.resize(pixels, to, interpolation=cv2.INTER_AREA)
-    return np.asarray(small, np.uint8).reshape(to[1], to[0], -1), (to[0] / width, to[1] / height)
+    new_width, new_height = max(1, round(width * scale)), max(1, round(height * scale))
+    small = cv2.resize(pixels, (new_width, new_height), interpolation=cv2.INTER_AREA)
+    small = np.asarray(small, np.uint8).reshape(new_height, new_width, -1)
+    return small, (new_width / width, new_height / height)

@@ -53,7 +53,7 @@ def _check_receiver(to: str) -> str:
 
 
 def _browser_key(name: str) -> str:
-    """Return the browser's name of a key, such as " " for space; ValueError if unknown."""
+    """Return the browser's name of a key, such as " " for space; ValueError if it is unknown."""
     key = KEYS.get(name, name)
     if key not in KEYS.values() and (len(key) != 1 or not key.isprintable()):
         raise ValueError(f"should be {', '.join(KEYS)}, or one character")
@@ -61,12 +61,13 @@ def _browser_key(name: str) -> str:
 
 
 def _check_template(text: str) -> str:
-    """Return a trigger's text unchanged; ValueError if it has unknown names in braces."""
+    """Return a trigger's text unchanged; ValueError unless all braces hold known names."""
     try:
         parts = list(Formatter().parse(text))
     except ValueError:
-        parts = [("", "", "", None)]
-    if any(name not in (*TRIGGER_WORDS, None) or form or kind for _, name, form, kind in parts):
+        parts = [("", "", "", None)]  # an unknown name
+    known = (*TRIGGER_WORDS, None)  # None: text without braces
+    if any(name not in known or format_spec or how for _, name, format_spec, how in parts):
         words = ", ".join(f"{{{word}}}" for word in TRIGGER_WORDS)
         raise ValueError(f"may name {words} in braces; write any other brace twice: {{{{ and }}}}")
     return text
@@ -102,8 +103,8 @@ class RuleSpec(StrictModel):
     def _refuse_unused_values(self) -> "RuleSpec":
         """Refuse a value that the rule does not use, as the user would expect an effect."""
         for name, rules in _FIELDS_OF_RULES.items():
-            given = getattr(self, name) != RuleSpec.model_fields[name].default
-            if given and self.rule not in rules:
+            is_given = getattr(self, name) != RuleSpec.model_fields[name].default
+            if is_given and self.rule not in rules:
                 raise ValueError(f"{name} is of {', '.join(rules)}; {self.rule} has none")
         return self
 
@@ -146,7 +147,7 @@ class Motion(StrictModel):
 
     @property
     def file(self) -> Path:
-        """Return the file of the path to follow, in the protocol's folder."""
+        """Return the file of the path to follow, relative paths within the protocol's folder."""
         return self._folder / (self.path or "")
 
     @property
@@ -310,18 +311,18 @@ class Protocol(StrictModel):
 
     @property
     def looks(self) -> list[Look]:
-        """Return all different looks of the conditions; a state names its look by its index."""
+        """Return all different looks of the conditions; fish name their look by its index here."""
         looks: list[Look] = []
         for condition in self.conditions.values():
-            looks += [condition.look] * (condition.look not in looks)
+            if condition.look not in looks:
+                looks.append(condition.look)
         return looks
 
 
 def derive_motion_seed(protocol: Protocol, condition: str, repeat: int) -> int:
-    """Return the seed (53 bits) of a trial's motion.
+    """Return the seed (53 bits) of a trial's motion, equal for conditions with equal motions.
 
-    condition: its name; repeat: of the condition, from 1. Conditions with equal motions have equal
-    seeds.
+    condition: the name of the trial's condition; repeat: number of its repeat, from 1.
     """
     motion = protocol.conditions[condition].motion.text
     text = json.dumps([protocol.seed, motion, repeat])

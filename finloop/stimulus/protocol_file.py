@@ -89,7 +89,7 @@ def load_protocol(path: Path) -> Protocol:
         raise _protocol_error(str(path), text.problems)
     protocol, problems = _check_values(text.values, path.parent)
     problems = sorted(problems, key=lambda problem: text.line(problem[0]))
-    lines = [f"line {text.line(at)}: {_format_problem(at, what)}" for at, what in problems]
+    lines = [f"line {text.line(place)}: {_format_problem(place, what)}" for place, what in problems]
     if protocol is None or text.problems or lines:
         raise _protocol_error(str(path), text.problems + lines)
     return protocol
@@ -98,7 +98,7 @@ def load_protocol(path: Path) -> Protocol:
 def parse_protocol(values: Mapping[str, Any], folder: Path = Path()) -> Protocol:
     """Return the protocol that the values of a YAML file describe; FinloopError lists all problems.
 
-    folder: where its relative paths begin.
+    folder: the folder in which the protocol's relative paths begin.
     """
     protocol, problems = _check_values(values, folder)
     if protocol is None or problems:
@@ -108,7 +108,7 @@ def parse_protocol(values: Mapping[str, Any], folder: Path = Path()) -> Protocol
 
 
 def _protocol_error(name: str, problems: list[str]) -> FinloopError:
-    """Return the error that lists all problems of a protocol; name: of its file."""
+    """Return the error that lists all problems of a protocol; name: that of its file."""
     return FinloopError(
         f"{name} is no protocol:\n    " + "\n    ".join(problems),
         "a protocol as in docs/stimulus.md; examples/protocol.yaml is one",
@@ -172,7 +172,11 @@ class _YamlReader:
         self._left = _MOST_VALUES
 
     def read_node(self, node: Node, place: Place) -> Any:
-        """Return the value of a YAML node; place: where it is in the whole text."""
+        """Return the value of a YAML node, and note its line and its problems.
+
+        place: the keys and numbers of entries that lead to it. _YamlTooLarge if there are too many
+        values, or they are nested too deeply, as anchors within themselves are.
+        """
         line = node.start_mark.line + 1
         self.lines.setdefault(place, line)
         self._left -= 1
@@ -186,10 +190,13 @@ class _YamlReader:
             return _scalar_value(node.value) if node.style is None else node.value
         if isinstance(node, MappingNode):
             return self._read_mapping(node, place)
-        return [self.read_node(one, (*place, number)) for number, one in enumerate(node.value)]
+        return [self.read_node(item, (*place, number)) for number, item in enumerate(node.value)]
 
     def _read_mapping(self, node: MappingNode, place: Place) -> dict[str, Any]:
-        """Return the values of a YAML mapping by key; keys that are refused become problems."""
+        """Return the values of a YAML mapping by key; refused keys become problems.
+
+        place: the keys and numbers of entries that lead to the mapping.
+        """
         values: dict[str, Any] = {}
         for key, value in node.value:
             line = key.start_mark.line + 1
@@ -219,9 +226,9 @@ def _scalar_value(text: str) -> Any:
 
 
 def _check_values(values: Any, folder: Path) -> tuple[Protocol | None, list[Problem]]:
-    """Return the protocol in values, or None, and all problems with their places.
+    """Return the protocol that values describe, None if types are wrong; and all problems.
 
-    The protocol is None if types are wrong. folder: where relative paths begin.
+    A problem is a place and a sentence. folder: where the protocol's relative paths begin.
     """
     protocol, problems = None, list[Problem]()
     try:
@@ -229,11 +236,11 @@ def _check_values(values: Any, folder: Path) -> tuple[Protocol | None, list[Prob
     except ValidationError as error:
         problems = [_type_problem(dict(detail)) for detail in error.errors(include_url=False)]
     # The valid parts are checked for contradictions, whatever is wrong elsewhere.
-    sound = protocol or _keep_valid_parts(values, [place for place, _ in problems])
-    if sound is not None:
-        for condition in sound.conditions.values():
+    valid_part = protocol or _keep_valid_parts(values, [place for place, _ in problems])
+    if valid_part is not None:
+        for condition in valid_part.conditions.values():
             condition.motion._folder = folder
-        problems += _find_contradictions(sound, list(values["conditions"]))
+        problems += _find_contradictions(valid_part, list(values["conditions"]))
     return protocol, problems
 
 
@@ -243,23 +250,31 @@ def _build_protocol(values: Any) -> Protocol:
 
 
 def _keep_valid_parts(values: Any, wrong_places: list[Place]) -> Protocol | None:
-    """Return a protocol without its wrong parts, to check the others; None if nothing is left."""
+    """Return a protocol without its wrong parts, to check the others; None if nothing is left.
+
+    Wrong conditions are left out; other wrong values are left out or replaced by harmless ones.
+    """
     if not isinstance(values, dict) or not isinstance(values.get("conditions"), dict):
         return None
-    wrong = {place[0] for place in wrong_places if place}
-    bad = {place[1] for place in wrong_places if place[:1] == ("conditions",) and len(place) > 1}
-    kept = {key: value for key, value in values.items() if key not in wrong}
-    kept |= {key: value for key, value in _HARMLESS.items() if key in wrong}
-    conditions = values["conditions"].items()
-    kept["conditions"] = {name: condition for name, condition in conditions if name not in bad}
+    wrong_keys = {place[0] for place in wrong_places if place}
+    wrong_names = {
+        place[1] for place in wrong_places if place[:1] == ("conditions",) and len(place) > 1
+    }
+    valid = {key: value for key, value in values.items() if key not in wrong_keys}
+    valid |= {key: value for key, value in _HARMLESS.items() if key in wrong_keys}
+    valid["conditions"] = {
+        name: condition
+        for name, condition in values["conditions"].items()
+        if name not in wrong_names
+    }
     try:
-        return _build_protocol(kept)
+        return _build_protocol(valid)
     except ValidationError:
         return None
 
 
 def _type_problem(detail: dict[str, Any]) -> Problem:
-    """Return a complaint of pydantic in plain words, with its place in the protocol."""
+    """Return a complaint of pydantic (`ValidationError.errors`) as a place and plain words."""
     place: Place = tuple(step for step in detail["loc"] if step != "[key]")
     if place[:1] == ("start",):
         place = place[:1] + place[2:]  # without the name of the alternative
@@ -275,17 +290,17 @@ def _type_problem(detail: dict[str, Any]) -> Problem:
     message = _WORDS.get(detail["type"], message)
     came = json.dumps(detail["input"], ensure_ascii=False)
     came = came if len(came) <= 60 else came[:57] + "..."
-    # A complaint about a group of keys itself names the value.
-    of_keys = detail["type"] == "missing" or (detail["type"] == "value_error" and came[:1] == "{")
-    return place, message if of_keys else f"{message}, got {came}"
+    # There is no value, or it is a group of keys and the complaint itself names the wrong one.
+    is_plain = detail["type"] == "missing" or (detail["type"] == "value_error" and came[:1] == "{")
+    return place, message if is_plain else f"{message}, got {came}"
 
 
 def _enclosing_model(place: Place) -> type[BaseModel]:
     """Return the class that describes the group of keys around a place in a protocol."""
     if place[0] == "conditions" and len(place) == 3:
         return Condition
-    around = [step for step in place[:-1] if step in _MODELS]
-    return _MODELS[around[-1]] if around else Protocol
+    groups = [step for step in place[:-1] if step in _MODELS]
+    return _MODELS[groups[-1]] if groups else Protocol
 
 
 def _format_problem(place: Place, what: str) -> str:
@@ -298,9 +313,9 @@ def _format_problem(place: Place, what: str) -> str:
 
 
 def _find_contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
-    """Yield the problems between fields of a protocol that are valid alone, with their places.
+    """Yield the places where fields of a protocol, each valid alone, contradict others, and why.
 
-    names: of all conditions of the file, valid or not.
+    names: those of all conditions in the file, valid or not.
     """
     if len(names) * protocol.repeats > MOST_TRIALS:
         yield ("repeats",), f"gives more than {MOST_TRIALS} trials"
@@ -312,18 +327,18 @@ def _find_contradictions(protocol: Protocol, names: list[str]) -> Iterator[Probl
         except FinloopError as error:
             yield ("animals",), f"{' '.join(error.came.split())}; wanted: {error.wanted}"
     for name, condition in protocol.conditions.items():
-        place = ("conditions", name)
+        group = ("conditions", name)
         if 2 * protocol.fade_s > condition.seconds:
-            yield (*place, "seconds"), f"should be at least two fades of {protocol.fade_s:g} s"
-        for at, what in _motion_problems(protocol, condition):
-            yield (*place, *at), what
+            yield (*group, "seconds"), f"should be at least two fades of {protocol.fade_s:g} s"
+        for place, what in _motion_problems(protocol, condition):
+            yield (*group, *place), what
         if condition.motion.again is not None:
-            for at, what in _repeat_problems(protocol, names, name):
-                yield (*place, *at), what
+            for place, what in _repeat_problems(protocol, names, name):
+                yield (*group, *place), what
 
 
 def _motion_problems(protocol: Protocol, condition: Condition) -> Iterator[Problem]:
-    """Yield the problems of a condition's motion, at places within the condition."""
+    """Yield the problems of a condition's motion: places within the condition, and sentences."""
     motion, change = condition.motion, condition.change or MotionChange()
     fish_seconds = 0 if change.still else protocol.fish * condition.seconds * change.speed
     if motion.rule is not None:
@@ -348,14 +363,15 @@ def _is_file(path: Path) -> bool:
     """Return whether a file exists; a name that is too long for the disk names none."""
     try:
         return path.is_file()
-    except OSError:  # a name too long for the disk
+    except OSError:
         return False
 
 
 def _repeat_problems(protocol: Protocol, names: list[str], name: str) -> Iterator[Problem]:
-    """Yield the problems of a condition that repeats another one's motion (yoked).
+    """Yield the problems of a condition that repeats another condition's motion (yoked).
 
-    names: of all conditions of the file. name: of this condition.
+    names: those of all conditions in the file. name: that of this condition. A problem is a place
+    within the condition, and a sentence.
     """
     condition = protocol.conditions[name]
     source = condition.motion.again or ""
@@ -364,11 +380,12 @@ def _repeat_problems(protocol: Protocol, names: list[str], name: str) -> Iterato
         hint = f"; did you mean {near[0]}?" if near else ""
         yield ("motion", "again"), f"there is no condition {source}{hint}"
         return
-    chain = [source]  # the conditions whose motions it leads to
-    while (one := protocol.conditions.get(chain[-1])) and (again := one.motion.again):
-        if again in chain:
+    chain = [source]  # its source, the source of its source, and so on
+    while chain[-1] in protocol.conditions:
+        next_source = protocol.conditions[chain[-1]].motion.again
+        if not next_source or next_source in chain:
             break
-        chain.append(again)
+        chain.append(next_source)
     if name in chain:
         circle = " shows ".join([name, *chain])
         yield ("motion", "again"), f"never has a motion of its own: {circle} again"
@@ -377,7 +394,7 @@ def _repeat_problems(protocol: Protocol, names: list[str], name: str) -> Iterato
         what = f"comes before {source} in the order given; list it after, or shuffle"
         yield ("motion", "again"), what
     repeated, change = protocol.conditions.get(source), condition.change or MotionChange()
-    wanted = 0.0 if change.still else condition.seconds * change.speed
-    if repeated is not None and wanted > repeated.seconds:
-        what = f"takes {wanted:g} s of the motion of {source}, which lasts {repeated.seconds:g} s"
+    needed = 0.0 if change.still else condition.seconds * change.speed
+    if repeated is not None and needed > repeated.seconds:
+        what = f"takes {needed:g} s of the motion of {source}, which lasts {repeated.seconds:g} s"
         yield ("seconds",), what

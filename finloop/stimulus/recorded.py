@@ -47,13 +47,14 @@ def imitate_tracker(
     """Yield the messages that a tracker would send about a recorded track, in order of arrival.
 
     Each is (arrival in s from the track's beginning, JSON text). line: places with times. rate_hz:
-    messages per second, None: one at each time of the line. calibration: of the imitated tracker.
-    FinloopError if the line has no times, or is in mm and the film's scale is not known.
+    messages per second, None: one at each time of the line. faults: of the connection. calibration:
+    from the imitated tracker's places to the tank. mm_per_px: for a line in mm. FinloopError if the
+    line has no times, or is in mm and the film's scale is not known.
     """
     time_s, track = _sample_track(line, rate_hz, _unit_px(line, tank, mm_per_px))
     rng = np.random.default_rng(faults.seed)
     lost = rng.random(len(time_s)) < faults.loss
-    lost |= time_s % (faults.every_s + faults.gap_s) >= faults.every_s
+    lost |= time_s % (faults.every_s + faults.gap_s) >= faults.every_s  # the tracker's silences
     due_s = time_s + faults.jitter_s * rng.random(len(time_s))
     for number in np.argsort(due_s, kind="stable"):
         if lost[number]:
@@ -62,12 +63,16 @@ def imitate_tracker(
         place = calibration.map_to_tracker(x, y, math.radians(heading))
         facts = {"t": float(time_s[number]), "id": NAME}
         facts |= dict(zip(("x", "y", "heading"), place, strict=True))
-        known = {name: fact for name, fact in facts.items() if fact == fact}  # no NaN
+        known = {name: fact for name, fact in facts.items() if fact == fact}  # NaN is not itself
         yield float(due_s[number]), json.dumps(known)
 
 
 def _unit_px(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[float, float]:
-    """Return the size [px of the tank's picture] of a line's unit, along x and along y."""
+    """Return the size [px of the tank's picture] of a line's unit, along x and along y.
+
+    A line is in px, in mm or in shares of the tank. FinloopError if it is in mm and `mm_per_px` is
+    None.
+    """
     if line.unit == TANK:
         return tank.width - 1, tank.height - 1
     if line.unit != MM:
@@ -84,10 +89,11 @@ def _unit_px(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[f
 def _sample_track(
     line: Line, rate_hz: float | None, unit_px: tuple[float, float]
 ) -> tuple[Floats, Floats]:
-    """Return times (n,) from 0 on, and rows (n, 3) of x, y [px] and heading [degrees or NaN].
+    """Return times (n,) [s] from 0 on, and a line's x, y [px] and heading [degrees] then, (n, 3).
 
-    rate_hz: samples per second, None: the line's own times. unit_px: size of its unit along x and
-    y.
+    Headings go on beyond 360°; they are NaN if the line has none. rate_hz: samples per second,
+    None: the line's own times. unit_px: size of the line's unit along x and y. FinloopError if the
+    line has no times.
     """
     if line.time_s is None:
         raise FinloopError(
@@ -107,7 +113,7 @@ def _sample_track(
 
 
 def repeat_messages(messages: list[tuple[float, str]]) -> Iterator[tuple[float, str]]:
-    """Yield a track's messages (arrival in s, JSON text) for ever, with a second between rounds."""
+    """Yield a track's messages (arrival in s, JSON text) again and again, one second in between."""
     begin = 0.0
     while messages:
         for due, text in messages:
@@ -134,11 +140,11 @@ class DryClock:
         return self._now
 
     async def wait_until(self, time_s: float) -> None:
-        """Set the clock to a session time, s, and pass on the messages that are due until then."""
+        """Set the clock to a session time [s], and pass on the messages that are due until then."""
         while self._next is not None and self._next[0] <= time_s:
             due, text = self._next
             self._next = next(self._messages, None)
             self._now = max(self._now, due)
             self.receive(text, "recorded")
         self._now = max(self._now, time_s)
-        await asyncio.sleep(0)
+        await asyncio.sleep(0)  # lets other tasks run

@@ -37,24 +37,27 @@ class SessionRecord:
         return pq.ParquetFile(self.path)
 
     def read_rows(self, *kinds: str) -> Iterator[dict[str, Any]]:
-        """Yield the log's rows of some kinds in order, as dictionaries without fish states."""
+        """Yield the log's rows of some kinds ("trial", "tick", …) in order, without fish states.
+
+        Each is a dictionary by columns.
+        """
         names = [name for name in SESSION.names if name not in (*FIELDS, "posture")]
-        for part in self.open_file().iter_batches(columns=names):
-            kept = part.filter(pc.is_in(part["kind"], pa.array(kinds)))
-            yield from kept.to_pylist()
+        for batch in self.open_file().iter_batches(columns=names):
+            rows = batch.filter(pc.is_in(batch["kind"], pa.array(kinds)))
+            yield from rows.to_pylist()
 
 
 def open_session_record(path: Path) -> SessionRecord:
     """Open a session's Parquet file and read its header.
 
-    FinloopError if it is none, cut off, or of another version.
+    FinloopError if the file is no session, cut off, or of another version.
     """
     try:
         file = pq.ParquetFile(path)
     except (OSError, pa.ArrowException) as error:
-        do = "make it whole from its journal: python -m stages.stimulus recover <name>.journal"
+        advice = "make it whole from its journal: python -m stages.stimulus recover <name>.journal"
         raise FinloopError(
-            f"{path} cannot be read ({str(error).splitlines()[0]})", _WANTED, do
+            f"{path} cannot be read ({str(error).splitlines()[0]})", _WANTED, advice
         ) from error
     text = read_header(file.schema_arrow.metadata)
     if text is None or file.schema_arrow.names != SESSION.names:
@@ -85,24 +88,25 @@ class DisplayedFrame(NamedTuple):
 def read_displayed_frames(record: SessionRecord) -> Iterator[DisplayedFrame]:
     """Yield every displayed frame of a session, with the states of its fish."""
     columns = ["kind", "time_s", "number", "digest", "fish", *FIELDS, "posture"]
-    heads: list[tuple[int, float, int]] = []
-    fish: dict[int, list[States]] = {}
-    for part in chain(record.open_file().iter_batches(columns=columns), [None]):
-        if part is not None:
-            for number, state in _fish_states(part):
-                fish.setdefault(number, []).append(state)
-        for head in heads:  # the fish of a frame are in its own part, or in the next one
-            states = fish.pop(head[0], [])
-            yield DisplayedFrame(*head, np.stack(states) if states else _NO_FISH)
-        if part is not None:
-            frames = part.filter(pc.equal(part["kind"], "frame"))
-            values = [frames[name].to_pylist() for name in ("number", "time_s", "digest")]
-            heads = list(zip(*values, strict=True))
+    frames: list[tuple[int, float, int]] = []  # number, time and digest of the last batch's frames
+    states_of_frame: dict[int, list[States]] = {}
+    # The fish of a frame are in its own batch or in the next one, which after the last is None.
+    for batch in chain(record.open_file().iter_batches(columns=columns), [None]):
+        if batch is not None:
+            for number, state in _fish_states(batch):
+                states_of_frame.setdefault(number, []).append(state)
+        for frame in frames:
+            states = states_of_frame.pop(frame[0], [])
+            yield DisplayedFrame(*frame, np.stack(states) if states else _NO_FISH)
+        if batch is not None:
+            rows = batch.filter(pc.equal(batch["kind"], "frame"))
+            values = [rows[name].to_pylist() for name in ("number", "time_s", "digest")]
+            frames = list(zip(*values, strict=True))
 
 
-def _fish_states(part: pa.RecordBatch) -> Iterator[tuple[int, States]]:
-    """Yield (number of its frame, state (F,)) of each fish in a part of the table."""
-    rows = part.filter(pc.equal(part["kind"], "fish"))
+def _fish_states(batch: pa.RecordBatch) -> Iterator[tuple[int, States]]:
+    """Yield (number of its frame, state (F,)) of each fish in a batch of the log's rows."""
+    rows = batch.filter(pc.equal(batch["kind"], "fish"))
     if not rows.num_rows:
         return
     fields = np.column_stack([rows[name].to_numpy(zero_copy_only=False) for name in FIELDS])
@@ -130,7 +134,7 @@ def replan_session(record: SessionRecord, scene: TrialContext, protocol: Protoco
     motions: dict[str, States] = {}
     reaction: ReactiveMotion | None = None
     known: States | None = None  # states of a motion that is known beforehand
-    anew: States | None = None  # the last tick, planned again as an animal had moved
+    replanned: States | None = None  # the last tick, planned again as an animal had moved
     ticks = different = 0
     for row in record.read_rows("trial", "tick", "input"):
         if row["kind"] == "trial":
@@ -145,19 +149,19 @@ def replan_session(record: SessionRecord, scene: TrialContext, protocol: Protoco
                     motion = motions[trial.condition] = plan_motion(scene, setup, motions)
                     known = setup.apply_look_and_fade(motion, scene.rate_hz)
             elif reaction is not None:
-                if (whole := reaction.planned_states) is not None:
-                    motions[facts["condition"]] = whole
+                if (planned := reaction.planned_states) is not None:
+                    motions[facts["condition"]] = planned
                 reaction = None
         elif row["kind"] == "input":
             if row["verdict"] != "malformed":
                 verdicts = animals.receive_message(row["text"], row["source"], row["time_s"])
                 if reaction is not None and not set(TAKEN).isdisjoint(verdicts):
-                    anew = reaction.replan_tick(row["time_s"])
-        else:
+                    replanned = reaction.replan_tick(row["time_s"])
+        else:  # a tick
             if known is not None:
                 states: States | None = known[row["number"]]
             elif row["verdict"] == "anew":
-                states, anew = anew, None
+                states, replanned = replanned, None
             else:
                 states = None if reaction is None else reaction.plan_tick(row["time_s"])
             ticks += 1

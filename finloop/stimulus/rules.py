@@ -13,7 +13,7 @@ Pose = tuple[float, float, float]
 """The fish itself: x, y px, heading_rad."""
 Direction = tuple[float, float]
 """A direction, of length 1, x to the right and y down."""
-_REACH = 1.5  # times the distance from an animal: length of the ways of escape that are compared
+_REACH = 1.5  # times the distance to keep: length of the ways of escape that are compared
 _TURNS = [sign * math.radians(step) for step in range(0, 121, 15) for sign in (1, -1)]
 """Ways of escape that are compared: angles from straight away, either way round."""
 _TURN_COST = 0.05  # of a turn by half a circle, as a share of the animal's distance: settles ties
@@ -25,41 +25,50 @@ def find_rule_target(
 ) -> PlacePx | None:
     """Return the place (x, y px) to which a rule sends a fish; None: the fish wanders.
 
-    fish: x, y [px] and heading [rad] of it. It wanders without an animal, and in the rule `avoid`
-    also far from it. now_s: session time.
+    fish: its x, y [px] and heading [rad]. It wanders if the animal is not present, if the animal's
+    past that it shall copy is unknown, or if it shall avoid an animal that is far away. now_s:
+    session time.
     """
-    named = [one for one in animals.present_animals(now_s) if rule.animal in (NEAREST, one.id)]
-    if not named:
+    present = animals.present_animals(now_s)
+    candidates = [animal for animal in present if rule.animal in (NEAREST, animal.id)]
+    if not candidates:
         return None
-    # Of equally near ones it is the first by id.
-    animal = min(named, key=lambda one: (math.dist((one.x, one.y), fish[:2]), one.id))
+
+    def nearness(animal: Animal) -> tuple[float, str]:
+        """Return an animal's distance from the fish [px]; the id decides between equal ones."""
+        return math.dist((animal.x, animal.y), fish[:2]), animal.id
+
+    animal = min(candidates, key=nearness)
     place, distance_px = (animal.x, animal.y), rule.distance * tank.length_px
     match rule.rule:
         case "approach":
-            return tank.into(*place)
+            return tank.nearest_place(*place)
         case "copy":
             past = animals.find_past_place(animal.id, now_s - rule.delay_s)
-            return None if past is None else tank.into(*past)
+            return None if past is None else tank.nearest_place(*past)
         case "mirror":
-            return tank.into(*mirror_place(place, rule.axis, tank))
+            return tank.nearest_place(*mirror_place(place, rule.axis, tank))
         case "avoid":
             return _escape_place(fish, place, distance_px, tank)
     x, y = _side_of_animal(rule.rule, fish, animal)
-    return tank.into(place[0] + distance_px * x, place[1] + distance_px * y)
+    return tank.nearest_place(place[0] + distance_px * x, place[1] + distance_px * y)
 
 
 def mirror_place(place: PlacePx, axis: str, tank: TankGeometry) -> PlacePx:
-    """Return the mirror image (x, y px) of a place in the tank; axis: see `RuleSpec.axis`."""
+    """Return the mirror image (x, y px) of a place in the tank.
+
+    axis: "x" exchanges left and right, "y" top and bottom, "centre" both.
+    """
     x, y = place
-    return tank.width - 1 - x if axis != "y" else x, tank.height - 1 - y if axis != "x" else y
+    mirrored_x, mirrored_y = tank.width - 1 - x, tank.height - 1 - y
+    return x if axis == "y" else mirrored_x, y if axis == "x" else mirrored_y
 
 
 def _side_of_animal(rule: str, fish: Pose, animal: Animal) -> Direction:
     """Return on which side of an animal a fish shall swim: the unit direction from the animal.
 
-    The rule decides: "keep distance" where the fish is, "lead" ahead of the animal, "follow"
-    behind. The heading of an animal that has not moved yet is unknown: the fish keeps its distance
-    then.
+    The rule decides: "keep distance" where the fish is now, "lead" ahead of the animal, "follow"
+    behind it. While the animal's heading is unknown, each is the side where the fish is now.
     """
     if rule == "keep distance" or animal.heading_rad is None:
         return _direction_to_fish((animal.x, animal.y), fish)
@@ -68,7 +77,7 @@ def _side_of_animal(rule: str, fish: Pose, animal: Animal) -> Direction:
 
 
 def _direction_to_fish(start: PlacePx, fish: Pose) -> Direction:
-    """Return the direction from a place to the fish; where both are equal, the fish's heading."""
+    """Return the unit direction from a place to the fish; its heading if it is at the place."""
     x, y = fish[0] - start[0], fish[1] - start[1]
     distance = math.hypot(x, y)
     if distance <= _LEAST_PX:
@@ -85,17 +94,19 @@ def _escape_place(
     moved into the tank, the best one is farthest from the animal and from the fish. In open water
     that is straight away from the animal, before a wall along the wall, and in a corner out of it.
     """
-    here = fish[:2]
-    if (now_px := math.dist(here, animal)) >= distance_px:
+    x, y, heading_rad = fish
+    animal_distance_px = math.dist((x, y), animal)
+    if animal_distance_px >= distance_px:
         return None
-    away, scored = _direction_to_fish(animal, fish), []
+    away_x, away_y = _direction_to_fish(animal, fish)
+    scored = []
     for angle in _TURNS:
         cos, sin = math.cos(angle), math.sin(angle)
-        way = away[0] * cos - away[1] * sin, away[0] * sin + away[1] * cos
+        escape_x, escape_y = away_x * cos - away_y * sin, away_x * sin + away_y * cos
         reach_px = _REACH * distance_px
-        place = tank.into(here[0] + reach_px * way[0], here[1] + reach_px * way[1])
-        along = way[0] * math.cos(fish[2]) - way[1] * math.sin(fish[2])
-        turn = math.acos(max(-1.0, min(1.0, along))) / math.pi
-        gain_px = math.dist(place, animal) + math.dist(place, here)
-        scored.append((gain_px - _TURN_COST * now_px * turn, place))
+        place = tank.nearest_place(x + reach_px * escape_x, y + reach_px * escape_y)
+        cos_turn = escape_x * math.cos(heading_rad) - escape_y * math.sin(heading_rad)
+        half_turns = math.acos(max(-1.0, min(1.0, cos_turn))) / math.pi
+        gain_px = math.dist(place, animal) + math.dist(place, (x, y))
+        scored.append((gain_px - _TURN_COST * animal_distance_px * half_turns, place))
     return max(scored)[1]

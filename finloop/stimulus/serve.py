@@ -115,10 +115,11 @@ class DisplayPage:
 
     def send(self, content: bytes) -> bool:
         """Queue a message to the page; return whether there was room for it."""
-        with contextlib.suppress(asyncio.QueueFull):
+        try:
             self.waiting.put_nowait(content)
-            return True
-        return False
+        except asyncio.QueueFull:
+            return False
+        return True
 
     async def deliver(self) -> None:
         """Send the queued messages to the page until it disconnects."""
@@ -161,7 +162,10 @@ class DisplayHub:
                 self.run_in_background(screen.connection.close(BUSY, "too slow"))
 
     def handle_message(self, screen: DisplayPage, message: DisplayMessage | None) -> None:
-        """Answer a message of a display page; None stands for an invalid one."""
+        """Answer a display page that is ready or asks for the time; ignore any other message.
+
+        message: None stands for an invalid one.
+        """
         match message:
             case DisplayReady():
                 for content in self.feed.opening_messages():
@@ -209,17 +213,21 @@ class SessionHub(DisplayHub):
         self._programs: set[WebSocket] = set()
 
     def handle_message(self, screen: DisplayPage, message: DisplayMessage | None) -> None:
-        """Answer a message of a display page, and tell the session about it."""
+        """Answer a display page's message, and tell the session; None is an invalid message.
+
+        A calibration is stored, unless a trial runs or waits for its start.
+        """
         super().handle_message(screen, message)
         match message:
             case None:
                 self.session.counts.bad += 1
             case DisplayReady():
-                known = self.feed.facts.get("display")
+                calibration = self.feed.facts.get("display")
                 self.session.add_display({
                     "name": self._name, **message.model_dump(exclude={"do"}),
-                    "calibrated": bool(known), "refresh_hz": known["refresh_hz"] if known else None,
-                    "calibration": known,
+                    "calibrated": bool(calibration),
+                    "refresh_hz": calibration["refresh_hz"] if calibration else None,
+                    "calibration": calibration,
                 })  # fmt: skip
             case DisplayKeyPress():
                 self.session.press_key(message.key)
@@ -255,7 +263,7 @@ class SessionHub(DisplayHub):
             self._programs.discard(connection)
 
     def send_trigger(self, to: str, text: str) -> str | None:
-        """Send a trigger's text to its receiver; return what went wrong, if anything.
+        """Send a trigger's text to its receiver; return what went wrong, None if nothing did.
 
         to: udp://host:port, or `socket` for all programs that are connected at /animals.
         """
@@ -317,45 +325,48 @@ class ReplayHub(DisplayHub):
             self._connected.set()
 
     def handle_frames(self, content: bytes) -> None:
-        """Compare a page's records of the frames that it drew again with the session's log."""
+        """Compare a page's records of the frames that it drew again with the session's log.
+
+        A digest of 0 means that no pixels were read. An invalid message is ignored.
+        """
         with contextlib.suppress(ValueError):
             for facts, states in parse_frame_records(content, POSTURE + self.feed.facts["posture"]):
                 number, digest = int(facts[0]), int(facts[FRAME_FIELDS - 1])
                 frame = self._waiting.pop(number, None)
                 if frame is None:
                     continue
-                known = bool(frame.digest and digest)
+                has_digests = bool(frame.digest and digest)
                 self.shown += 1
-                self.compared += known
+                self.compared += has_digests
                 changed = frame.states.tobytes() != states.tobytes()
-                if changed or (known and frame.digest != digest):
+                if changed or (has_digests and frame.digest != digest):
                     self.different.append(number)
             self._drawn.set()
 
     async def run_replay(self) -> None:
-        """Send all frames once a display is ready; return when drawn, or after 10 s more."""
+        """Send all frames once a display is ready; return when all are drawn, or 10 s later."""
         await self._connected.wait()
         async for frame in self._pace_frames():
-            await self._wait_until_drawn(_AHEAD if self._quick else None)
+            await self._wait_until_drawn(fewer_than=_AHEAD if self._quick else None)
             self._waiting[frame.number] = frame
             for content in self.feed.frame_messages(frame.number, frame.states):
                 self.send(content)
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(self._wait_until_drawn(1), 10)
+            await asyncio.wait_for(self._wait_until_drawn(fewer_than=1), 10)
 
     async def _wait_until_drawn(self, fewer_than: int | None) -> None:
-        """Wait until fewer than so many frames wait for being drawn; None: do not wait."""
+        """Wait until fewer than a number of sent frames are still undrawn; None: do not wait."""
         while fewer_than is not None and len(self._waiting) >= fewer_than:
             self._drawn.clear()
             await self._drawn.wait()
 
     async def _pace_frames(self) -> AsyncIterator[DisplayedFrame]:
         """Yield the frames at the times at which the session showed them, or at once if `quick`."""
-        clock, first = RealClock(), None
+        clock, first_shown_s = RealClock(), None
         for frame in self._frames:
-            first = frame.shown_s if first is None else first
+            first_shown_s = frame.shown_s if first_shown_s is None else first_shown_s
             if not self._quick:
-                await clock.wait_until(frame.shown_s - first)
+                await clock.wait_until(frame.shown_s - first_shown_s)
             yield frame
 
 
@@ -368,8 +379,8 @@ def create_session_server(
 ) -> AppServer:  # fmt: skip
     """Return the web server of a session: both pages, the trackers' WebSocket, and all its tasks.
 
-    listens: a bound socket. inputs: returns tasks that receive trackers' messages. started: called
-    once the server can be reached.
+    listens: a bound socket. policy: who may connect. inputs: returns tasks that receive trackers'
+    messages by other ways. started: called once the server can be reached.
     """
     session = hub.session
 
@@ -390,14 +401,12 @@ def create_session_server(
         SocketRoute("/animals", hub.serve_tracker, MOST_TRACKERS, programs=True),
     ]
     pages = {"/": build_experimenter_page(), "/show": build_display_page()}
-    return AppServer(
-        listens,
-        policy,
-        pages,
-        sockets,
-        lambda: [session.run_trials(), save_log(), *inputs()],
-        started,
-    )
+
+    def create_tasks() -> list[Coroutine[Any, Any, None]]:
+        """Return what runs while the server does: the session, its log and the inputs."""
+        return [session.run_trials(), save_log(), *inputs()]
+
+    return AppServer(listens, policy, pages, sockets, create_tasks, started)
 
 
 def create_display_server(
@@ -406,7 +415,8 @@ def create_display_server(
 ) -> AppServer:  # fmt: skip
     """Return the web server of a replay or a calibration, on one display; it ends after a replay.
 
-    listens: a bound socket. started: called once the server can be reached.
+    listens: a bound socket. policy: who may connect. started: called once the server can be
+    reached.
     """
 
     async def run_replay_and_stop() -> None:
@@ -415,7 +425,7 @@ def create_display_server(
             await hub.run_replay()
             server.should_exit = True
 
-    sockets = [SocketRoute("/display", hub.serve_display, 1)]
+    sockets = [SocketRoute("/display", hub.serve_display, most=1)]
     pages = {"/": build_display_page()}
     server = AppServer(listens, policy, pages, sockets, lambda: [run_replay_and_stop()], started)
     return server

@@ -45,9 +45,9 @@ class RealClock:
 
     async def wait_until(self, time_s: float) -> None:
         """Wait until a session time, s."""
-        while (left := time_s - self.read_time()) > 0:
+        while (left_s := time_s - self.read_time()) > 0:
             # The loop's own timer may be a millisecond late: wait for the rest step by step.
-            await asyncio.sleep(left - 0.0015 if left > 0.002 else 0)
+            await asyncio.sleep(left_s - 0.0015 if left_s > 0.002 else 0)
 
 
 @dataclass
@@ -103,19 +103,20 @@ class Session:
         self._ends: float | None = None  # when the trial ends
         self._first = self._frame = 0  # numbers of a page's first frame, and of the last one
         self._intended = 0.0  # when that frame was due
-        self._repeated = {one.motion.again for one in plan.conditions.values()}  # to be kept
+        # Conditions whose motions others repeat, and which are kept therefore.
+        self._repeated = {condition.motion.again for condition in plan.conditions.values()}
         self._begun = asyncio.Event()
         self._permit = asyncio.Event()
         self.stopping = self._abort = self._skip = False
-        self._wall: float | None = None
+        self._wall_offset_s: float | None = None  # the computer's clock less the session's
 
     def connect_outputs(
         self, send: Callable[[bytes], None], send_trigger: Callable[[str, str], str | None]
     ) -> None:
         """Set the functions that send messages to display pages and triggers to receivers.
 
-        send: sends a message to all display pages. send_trigger: sends a trigger to a receiver,
-        given its address and the text, and returns what went wrong.
+        send: sends a message to all display pages. send_trigger: sends a trigger, given the
+        receiver's address and the text, and returns what went wrong, or None.
         """
         self._send, self._send_trigger = send, send_trigger
 
@@ -157,17 +158,17 @@ class Session:
     def report_problem(self, what: str, **facts: Any) -> None:
         """Show a problem to the experimenter, and log it with facts about it."""
         self.log_event(what, **facts)
-        words = ", ".join(f"{name} {value}" for name, value in facts.items())
-        self.messages.append(
-            f"{self.clock.read_time():.1f} s: {what}{': ' if words else ''}{words}"
-        )
+        details = ", ".join(f"{name} {value}" for name, value in facts.items())
+        problem = f"{what}: {details}" if details else what
+        self.messages.append(f"{self.clock.read_time():.1f} s: {problem}")
 
     # --- live animals
 
     def receive_message(self, text: str | bytes | None, source: str) -> None:
         """Handle a message of a tracker, or one that starts a trial.
 
-        Fish have reacted when this returns. source: the sender's name.
+        When this returns, the last tick is planned again if fish react to the message. source: the
+        sender's name.
         """
         arrived = self.clock.read_time()
         name = parse_trigger(text)
@@ -178,8 +179,8 @@ class Session:
             return
         verdicts = self.animals.receive_message(text, source, arrived)
         self.counts.verdicts.update(verdicts)
-        kept = text.decode(errors="replace") if isinstance(text, bytes) else text or ""
-        self.log.add_input(arrived, source, kept, " ".join(verdicts))
+        logged = text.decode(errors="replace") if isinstance(text, bytes) else text or ""
+        self.log.add_input(arrived, source, logged, " ".join(verdicts))
         if self._reaction is None or set(TAKEN).isdisjoint(verdicts):
             return
         states = self._reaction.replan_tick(arrived)
@@ -200,7 +201,7 @@ class Session:
             return
         for page_facts, drawn in frames:
             facts = page_facts.copy()
-            facts[0] += self._first
+            facts[0] += self._first  # the page counts its frames from 0
             self.log.add_frame(facts, drawn)
             number, intended, _, drawn_s, seq, dropped, _, _ = facts
             self.counts.frames += 1
@@ -217,7 +218,7 @@ class Session:
     def add_display(self, facts: dict[str, Any]) -> None:
         """Note that a display has connected, with facts about it.
 
-        A page counts its frames from 0; the log's numbers go on.
+        A page counts its frames from 0; the log's numbers go on, with the next even one.
         """
         self._first = (self._frame // 2 + 1) * 2 if self._frame else 0
         self.displays, self.display = self.displays + 1, facts | {"hidden": False}
@@ -245,10 +246,11 @@ class Session:
 
     def check_wall_clock(self, wall_s: float) -> None:
         """Report a jump of the computer's clock against the session's; wall_s: s since 1970."""
-        wall = wall_s - self.clock.read_time()
-        if self._wall is not None and abs(wall - self._wall) > _JUMP_S:
-            self.report_problem("the computer's clock jumped", seconds=round(wall - self._wall, 3))
-        self._wall = wall
+        offset_s = wall_s - self.clock.read_time()
+        jump_s = 0.0 if self._wall_offset_s is None else offset_s - self._wall_offset_s
+        if abs(jump_s) > _JUMP_S:
+            self.report_problem("the computer's clock jumped", seconds=round(jump_s, 3))
+        self._wall_offset_s = offset_s
 
     # --- trials
 
@@ -284,19 +286,19 @@ class Session:
             return
         if not self._skip:
             self._report_trial(trial, "start", known is not None)
-            self._report_trial(
-                trial, await self._show_trial(trial, setup, known), known is not None
-            )
-        self.done[trial.number] = "skipped" if self._skip else "aborted" * self._abort or "done"
+            ending = await self._show_trial(trial, setup, known)
+            self._report_trial(trial, ending, known is not None)
+        outcome = "aborted" if self._abort else "done"
+        self.done[trial.number] = "skipped" if self._skip else outcome
         await asyncio.to_thread(self.log.write_entries)
         self.phase = "pause"
         gc.collect()  # the fish of the last trial refer to each other: free them now
 
     async def _prepare_motion(self, trial: Trial, setup: TrialSetup) -> States | None:
-        """Plan a trial's motion, as it is shown, and send its first pictures; None if fish react.
+        """Plan a trial's motion, send its first pictures, and return its states (ticks, fish, F).
 
-        Fish that react to live animals are planned tick by tick. A trial whose motion was never
-        shown is skipped.
+        Look and fading are applied. None if fish react to live animals, and are planned tick by
+        tick; or if the trial repeats a motion that was never shown, and is skipped.
         """
         motion = setup.condition.motion
         if motion.rule is not None:
@@ -314,7 +316,7 @@ class Session:
         return shown
 
     def _report_trial(self, trial: Trial, what: str, known: bool) -> None:
-        """Log that a trial starts or has ended, and send its triggers.
+        """Log that a trial starts or has ended, and send the triggers of its start or its end.
 
         what: "start", or how it ended. known: whether its motion is known beforehand.
         """
@@ -334,7 +336,7 @@ class Session:
     async def _show_trial(self, trial: Trial, setup: TrialSetup, known: States | None) -> str:
         """Show a trial tick by tick; return how it ended: "end", "skip" or "abort".
 
-        known: the motion, if it is known beforehand.
+        known: the states (ticks, fish, F) if they are known beforehand, None if fish react.
         """
         self.phase, rate = "running", self.scene.rate_hz
         begin = self.clock.read_time() + _FIRST_S
@@ -369,21 +371,22 @@ class Session:
         return "abort" if self._abort else "skip" if self._skip else "end"
 
     def _lead_time_s(self, known: bool) -> float:
-        """Return how many seconds early a tick is planned, or sent if it is known beforehand."""
+        """Return how many s before it is due a tick is planned, or sent if known beforehand."""
         tick_s = 1 / self.scene.rate_hz  # the page interpolates from the tick before
         return EARLY_S if known else tick_s + min(_AHEAD_S, _AHEAD * tick_s)
 
     async def _wait_until(self, time_s: float) -> None:
-        """Wait until a session time, or until the trial or the session is ended."""
+        """Wait until a session time, or until the trial is skipped or the session aborted."""
         while not (self._abort or self._skip) and self.clock.read_time() < time_s:
             await self.clock.wait_until(min(time_s, self.clock.read_time() + 0.1))
 
     def _send_tick(
         self, tick: int, due: float, states: States, now: float, cut: bool = False
     ) -> None:
-        """Send a tick's states to the displays, and log them; cut: whether it was planned again.
+        """Send a tick's states (fish, F) to the displays, and log their digest.
 
-        due, now: session times at which to show the tick, and at which it was planned.
+        tick: number within the trial. due, now: session times at which to show it, and at which it
+        was planned. cut: whether it was planned again, so that what was sent before is void.
         """
         self._seq += 1
         for message in self.feed.tick_messages(self._seq, tick, due, states, cut):

@@ -19,51 +19,53 @@ from finloop.stimulus.replay import SessionRecord
 def load_log_table(record: SessionRecord) -> pd.DataFrame:
     """Load a session's log as a table in its order, without the rows and columns of fish."""
     names = [name for name in SESSION.names if name not in (*FIELDS, "posture", "fish")]
-    parts = [
-        part.filter(pc.not_equal(part["kind"], "fish"))
-        for part in record.open_file().iter_batches(columns=names)
+    batches = [
+        batch.filter(pc.not_equal(batch["kind"], "fish"))
+        for batch in record.open_file().iter_batches(columns=names)
     ]
-    return pa.Table.from_batches(parts).to_pandas() if parts else pd.DataFrame(columns=names)
+    return pa.Table.from_batches(batches).to_pandas() if batches else pd.DataFrame(columns=names)
 
 
 def measure_tick_errors_ms(table: pd.DataFrame) -> Floats:
     """Return by how many ms (n,) each tick was planned later than it should have been.
 
-    table: from `load_log_table`. Left out are ticks that were planned again, and the first ones,
-    which are sent at once.
+    table: the session's log. Left out are ticks that were planned again, and the first ticks of a
+    trial, which are sent at once, as their planned time lies before its beginning.
     """
-    starts = _parse_texts(table[table["kind"] == "trial"])
-    early = {one["number"]: one["early_s"] for one in starts if one["what"] == "start"}
+    trials = _parse_texts(table[table["kind"] == "trial"])
+    early_s = {trial["number"]: trial["early_s"] for trial in trials if trial["what"] == "start"}
     ticks = table[(table["kind"] == "tick") & table["verdict"].isna()]
-    wanted = ticks["intended_s"] - ticks["trial"].map(early)
-    first = ticks.groupby("trial")["time_s"].transform("min")
-    errors = 1e3 * (ticks["time_s"] - wanted)
-    return errors[wanted > first].to_numpy(float)
+    wanted_s = ticks["intended_s"] - ticks["trial"].map(early_s)
+    first_s = ticks.groupby("trial")["time_s"].transform("min")
+    errors_ms = 1e3 * (ticks["time_s"] - wanted_s)
+    return errors_ms[wanted_s > first_s].to_numpy(float)
 
 
 def measure_reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
     """Return how many ms pass from a tracker's message to the reaction of the fish.
 
     Two arrays: until the tick is planned again (n,), and until a frame that shows it is drawn (m,).
-    m ≤ n, as some are never shown. table: from `load_log_table`; rate_hz: ticks per second.
+    m ≤ n, as some are never shown. table: the session's log; rate_hz: ticks per second.
     """
-    heard = table["time_s"].where(table["kind"] == "input").ffill()
-    anew = (table["kind"] == "tick") & (table["verdict"] == "anew")
-    arrived = heard[anew].to_numpy(float)
-    planned = table.loc[anew, "time_s"].to_numpy(float) - arrived
+    last_input_s = table["time_s"].where(table["kind"] == "input").ffill()
+    is_replanned = (table["kind"] == "tick") & (table["verdict"] == "anew")
+    replanned = table[is_replanned]
+    arrived_s = last_input_s[is_replanned].to_numpy(float)
+    planned_s = replanned["time_s"].to_numpy(float) - arrived_s
     frames = table[table["kind"] == "frame"]
-    shows = table.loc[anew, "intended_s"].to_numpy(float) - 1 / rate_hz
-    at = np.maximum(
-        np.searchsorted(frames["seq"], table.loc[anew, "seq"]),
-        np.searchsorted(frames["intended_s"], shows, "right"),
+    # The first frame that had the message, and is due after the tick before, shows the reaction.
+    tick_before_s = replanned["intended_s"].to_numpy(float) - 1 / rate_hz
+    frame = np.maximum(
+        np.searchsorted(frames["seq"], replanned["seq"]),
+        np.searchsorted(frames["intended_s"], tick_before_s, "right"),
     )
-    known = at < len(frames)
-    drawn = frames["drawn_s"].to_numpy(float)[at[known]] - arrived[known]
-    return 1e3 * planned, 1e3 * drawn
+    is_shown = frame < len(frames)
+    drawn_s = frames["drawn_s"].to_numpy(float)[frame[is_shown]] - arrived_s[is_shown]
+    return 1e3 * planned_s, 1e3 * drawn_s
 
 
 def summarise_session(record: SessionRecord, recovered: bool = False) -> str:
-    """Return a summary of a session as Markdown.
+    """Return a summary of a session as Markdown: trials, display, timing, animals and events.
 
     recovered: whether the session was broken off and its log recovered.
     """
@@ -81,7 +83,7 @@ def summarise_session(record: SessionRecord, recovered: bool = False) -> str:
         lines.append("- **a dry run: nothing was displayed**")
     if recovered:
         lines.append("- **recovered from its journal: the session did not end as it should**")
-    parts = {
+    sections = {
         "Trials": _trial_lines(table),
         "Display": _display_lines(table),
         "Timing": _timing_lines(table, header["rate_hz"]),
@@ -89,25 +91,25 @@ def summarise_session(record: SessionRecord, recovered: bool = False) -> str:
         "Events": _event_lines(table),
         "Software": (f"- {name} {version}" for name, version in header["software"].items()),
     }
-    for name, part in parts.items():
-        lines += ["", f"## {name}", "", *part]
+    for name, section in sections.items():
+        lines += ["", f"## {name}", "", *section]
     return "\n".join(lines) + "\n"
 
 
 def _parse_texts(rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return the JSON values in the column `text` of some rows."""
+    """Return the JSON values in the column `text` of some rows of the log."""
     return [json.loads(text) for text in rows["text"]]
 
 
 def _trial_lines(table: pd.DataFrame) -> Iterator[str]:
-    """Yield the lines of a Markdown table of the trials."""
+    """Yield the lines of a Markdown table of the trials; table: the session's log."""
     yield "| trial | condition | block | repeat | seed | from s | lasted s | ended | dropped |"
     yield "|---|---|---|---|---|---|---|---|---|"
     rows, frames = table[table["kind"] == "trial"], table[table["kind"] == "frame"]
     dropped = frames.groupby("trial")["dropped"].sum()
 
     def trial_line(facts: dict[str, Any], begin: float, lasted: str, ended: str) -> str:
-        """Return the line of one trial; begin: session time, lasted: s, ended: how."""
+        """Return the line of a trial: when it began (session time), how long it lasted, its end."""
         cells = [facts[name] for name in ("number", "condition", "block", "repeat", "seed")]
         cells += [f"{begin:.2f}", lasted, ended, int(dropped.get(facts["number"], 0))]
         return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
@@ -120,13 +122,13 @@ def _trial_lines(table: pd.DataFrame) -> Iterator[str]:
             begin, _ = begun.pop(facts["number"], (time_s, facts))
             yield trial_line(facts, begin, f"{time_s - begin:.2f}", facts["what"])
     for begin, facts in begun.values():
-        yield trial_line(facts, begin, "?", "never")
+        yield trial_line(facts, begin, lasted="?", ended="never")
 
 
 def _display_lines(table: pd.DataFrame) -> Iterator[str]:
-    """Yield lines about the displays of a session and their calibration."""
+    """Yield lines about the displays of a session and their calibration; table: its log."""
     events = _parse_texts(table[table["kind"] == "event"])
-    displays = [one for one in events if one["what"] == "display"]
+    displays = [event for event in events if event["what"] == "display"]
     if not displays:
         yield "none"
     for display in displays:
@@ -143,18 +145,22 @@ def _display_lines(table: pd.DataFrame) -> Iterator[str]:
 
 
 def _timing_lines(table: pd.DataFrame, rate_hz: float) -> Iterator[str]:
-    """Yield lines about delays and dropped frames; rate_hz: ticks per second."""
+    """Yield lines about delays and dropped frames of a session.
+
+    table: its log; rate_hz: ticks per second.
+    """
     frames = table[table["kind"] == "frame"]
     if len(frames):
-        trial = frames[frames["trial"].notna()]
-        gaps = 1e3 * frames["time_s"].diff().dropna()
-        off = 1e3 * (trial["time_s"] - trial["intended_s"])
-        yield f"- {len(frames)} displayed frames, every {gaps.median():.2f} ms (median)"
-        yield f"- dropped in trials: {int(trial['dropped'].sum())} of {len(trial)} frames"
-        period = trial["intended_s"].diff() / (trial["dropped"] + 1)
-        late = (trial["drawn_s"] > trial["intended_s"] + period) & (trial["number"].diff() == 1)
-        yield f"- drawn after the next frame was due: {int(late.sum())} frames"
-        yield f"- shown against intended: SD {off.std():.2f} ms"
+        in_trials = frames[frames["trial"].notna()]
+        intervals_ms = 1e3 * frames["time_s"].diff().dropna()
+        delays_ms = 1e3 * (in_trials["time_s"] - in_trials["intended_s"])
+        yield f"- {len(frames)} displayed frames, every {intervals_ms.median():.2f} ms (median)"
+        yield f"- dropped in trials: {int(in_trials['dropped'].sum())} of {len(in_trials)} frames"
+        period_s = in_trials["intended_s"].diff() / (in_trials["dropped"] + 1)
+        is_late = in_trials["drawn_s"] > in_trials["intended_s"] + period_s
+        is_late &= in_trials["number"].diff() == 1  # else the period is unknown
+        yield f"- drawn after the next frame was due: {int(is_late.sum())} frames"
+        yield f"- shown against intended: SD {delays_ms.std():.2f} ms"
         drawing_ms = 1e3 * (frames["drawn_s"] - frames["time_s"]).to_numpy(float)
         yield _percentile_line("drawn after the browser began the frame", drawing_ms)
     errors = measure_tick_errors_ms(table)
@@ -169,12 +175,12 @@ def _timing_lines(table: pd.DataFrame, rate_hz: float) -> Iterator[str]:
 
 def _percentile_line(name: str, values_ms: Floats) -> str:
     """Return a line with the median and the 99th percentile of some times [ms]."""
-    median, most = np.percentile(values_ms, [50, 99])
-    return f"- {name}: median {median:.2f} ms, 99th percentile {most:.2f} ms ({len(values_ms)})"
+    median, high = np.percentile(values_ms, [50, 99])
+    return f"- {name}: median {median:.2f} ms, 99th percentile {high:.2f} ms ({len(values_ms)})"
 
 
 def _animal_lines(table: pd.DataFrame) -> Iterator[str]:
-    """Yield lines about the trackers' messages and the verdicts on them."""
+    """Yield lines about the trackers' messages and the verdicts on them; table: a session's log."""
     rows = table[table["kind"] == "input"]
     if not len(rows):
         yield "none"
@@ -185,11 +191,12 @@ def _animal_lines(table: pd.DataFrame) -> Iterator[str]:
 
 
 def _event_lines(table: pd.DataFrame) -> Iterator[str]:
-    """Yield a line for each event of a session."""
+    """Yield a line for each event of a session, with its time and facts; table: the log."""
     rows = table[table["kind"] == "event"]
     for time_s, facts in zip(rows["time_s"], _parse_texts(rows), strict=True):
-        shown = {
-            name: facts[name] for name in facts if name not in ("what", "calibration", "agent")
-        }
-        more = ", ".join(f"{name} {value}" for name, value in shown.items())
-        yield f"- {time_s:.2f} s: {facts['what']}" + (f" ({more})" if more else "")
+        details = ", ".join(
+            f"{name} {value}"
+            for name, value in facts.items()
+            if name not in ("what", "calibration", "agent")
+        )
+        yield f"- {time_s:.2f} s: {facts['what']}" + (f" ({details})" if details else "")

@@ -74,7 +74,7 @@ def parse_sightings(text: str | bytes | None) -> list[Sighting] | None:
 
 
 def parse_trigger(text: str | bytes | None) -> str | None:
-    """Return the name in a message {"do": "trigger", "name": …}; None for any other text."""
+    """Return the name in a device's JSON message {"do": "trigger", "name": …}; None if invalid."""
     if text is None or len(text) > _LONGEST_TRIGGER:
         return None
     try:
@@ -118,8 +118,9 @@ Row3 = tuple[float, float, float]
 class Calibration(NamedTuple):
     """Conversion of a tracker's places to px of the tank's picture.
 
-    matrix (3, 3): homogeneous, positive weights where the tank is; up: whether the tracker's y
-    grows upwards; error_px: root mean square distance of its points from those of the tank.
+    matrix (3, 3): projection in homogeneous coordinates, positive weights where the tank is; up:
+    whether the tracker's y grows upwards; error_px: root mean square distance of its points from
+    those of the tank.
     """
 
     matrix: tuple[Row3, Row3, Row3]
@@ -127,38 +128,38 @@ class Calibration(NamedTuple):
     error_px: float = 0.0
 
     def map_place(self, x: float, y: float) -> tuple[float, float]:
-        """Convert a tracker's place x, y to px of the tank's picture.
+        """Convert a tracker's place x, y to px of the tank's picture, by a projection.
 
         A place behind the horizon of an oblique view is very far away.
         """
         (a, b, c), (d, e, f), (g, h, i) = self.matrix
-        w = max(g * x + h * y + i, _HORIZON)
-        return (a * x + b * y + c) / w, (d * x + e * y + f) / w
+        weight = max(g * x + h * y + i, _HORIZON)
+        return (a * x + b * y + c) / weight, (d * x + e * y + f) / weight
 
     def map_heading_rad(self, x: float, y: float, heading_deg: float) -> float:
         """Convert a tracker's heading [degrees] at its place x, y to one in the tank [rad]."""
         angle = math.radians(heading_deg)
-        down = math.sin(angle) * (1 if self.up else -1)
-        right, below = self._map_direction(x, y, math.cos(angle), down)
-        return math.atan2(-below, right)
+        y_part = math.sin(angle) * (1 if self.up else -1)
+        right, down = self._map_direction(x, y, math.cos(angle), y_part)
+        return math.atan2(-down, right)
 
     def map_to_tracker(self, x_px: float, y_px: float, heading_rad: float) -> Row3:
         """Convert a place [px] and heading [rad] in the tank to the tracker's x, y and degrees."""
-        back = Calibration(_to_rows(np.linalg.inv(np.array(self.matrix))))
-        x, y = back.map_place(x_px, y_px)
+        inverse = Calibration(_to_rows(np.linalg.inv(np.array(self.matrix))))
+        x, y = inverse.map_place(x_px, y_px)
         direction = math.cos(heading_rad), -math.sin(heading_rad)
-        right, down = back._map_direction(x_px, y_px, *direction)
-        return x, y, math.degrees(math.atan2(down if self.up else -down, right))
+        x_part, y_part = inverse._map_direction(x_px, y_px, *direction)
+        return x, y, math.degrees(math.atan2(y_part if self.up else -y_part, x_part))
 
-    def _map_direction(self, x: float, y: float, right: float, down: float) -> tuple[float, float]:
-        """Convert a direction at a place to one in the tank, of any length.
+    def _map_direction(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
+        """Convert a direction dx, dy at a place x, y to one in the tank, of any length.
 
-        right, down: the direction. It is the derivative of `map_place`, up to scale.
+        This is the derivative of `map_place`, times the place's weight.
         """
         (a, b, _), (d, e, _), (g, h, _) = self.matrix
-        to_x, to_y = self.map_place(x, y)
-        nearer = g * right + h * down  # by how much the view is larger there
-        return a * right + b * down - to_x * nearer, d * right + e * down - to_y * nearer
+        tank_x, tank_y = self.map_place(x, y)
+        weight_change = g * dx + h * dy
+        return a * dx + b * dy - tank_x * weight_change, d * dx + e * dy - tank_y * weight_change
 
 
 PX = Calibration(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
@@ -168,8 +169,8 @@ PX = Calibration(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 def fit_calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calibration:
     """Return the conversion of a tracker's places to px of the tank, from units or pairs of points.
 
-    mm_per_px: mm of the real world per px of the tank's picture, which the display also uses.
-    FinloopError lists all problems.
+    mm_per_px: mm of the real world per px of the tank's picture, None if unknown. FinloopError
+    lists all problems.
     """
     problems = list(_calibration_problems(settings, mm_per_px))
     if not problems and not settings.points:
@@ -190,7 +191,10 @@ def fit_calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calib
 
 
 def _calibration_problems(settings: TrackerSettings, mm_per_px: float | None) -> Iterator[str]:
-    """Yield a sentence for each problem of a tracker's settings for a calibration."""
+    """Yield a sentence for each problem that prevents a calibration from a tracker's settings.
+
+    mm_per_px: mm of the real world per px of the tank's picture, None if unknown.
+    """
     count = len(settings.points)
     if count == 0 and settings.unit == "mm" and mm_per_px is None:
         yield "the tracker sends mm, but neither the film's scale nor points are given"
@@ -206,44 +210,49 @@ def _calibration_problems(settings: TrackerSettings, mm_per_px: float | None) ->
 
 
 def _are_points_sufficient(points: Floats) -> bool:
-    """Return whether points (n, 2) suffice to fit a calibration: not all equal or on one line."""
-    least = _FLAT * float(np.ptp(points, axis=0).max()) ** 2
+    """Return whether points (n, 2) suffice to fit a calibration.
+
+    Two must differ, three must not lie on one line; of more, some four need no three on one line.
+    """
+    least_area = _FLAT * float(np.ptp(points, axis=0).max()) ** 2
 
     def is_flat(three: tuple[Floats, ...]) -> bool:
-        """Return whether three points lie on one line."""
+        """Return whether three points lie on one line: they span hardly any area."""
         (ax, ay), (bx, by) = three[1] - three[0], three[2] - three[0]
-        return bool(abs(ax * by - ay * bx) <= least)
+        return bool(abs(ax * by - ay * bx) <= least_area)
 
     if len(points) == 2:
-        return least > 0
-    corners = combinations(points, min(len(points), 4))
-    return any(not any(map(is_flat, combinations(some, 3))) for some in corners)
+        return least_area > 0
+    for corners in combinations(points, min(len(points), 4)):
+        if not any(is_flat(three) for three in combinations(corners, 3)):
+            return True
+    return False
 
 
 def _fit_points(settings: TrackerSettings) -> Calibration | None:
-    """Return the calibration that fits the pairs of points; None if there is none.
+    """Return the calibration that fits the pairs of points; None if no view of the tank does.
 
     Two points cannot show a mirror image, so y is turned over first where it grows upwards.
     """
     tracker = np.array([pair.tracker for pair in settings.points])
     tank = np.array([pair.tank for pair in settings.points])
     up = settings.y_axis == "up"
-    over = np.diag([1.0, -1.0 if up else 1.0, 1.0])
+    flip = np.diag([1.0, -1.0 if up else 1.0, 1.0])
     kinds: dict[int, Any] = {2: SimilarityTransform, 3: AffineTransform}
     kind = kinds.get(len(tank), ProjectiveTransform)
-    transform = kind.from_estimate(tracker * over.diagonal()[:2], tank)
+    transform = kind.from_estimate(tracker * flip.diagonal()[:2], tank)
     if not transform:
         return None
-    matrix = np.asarray(transform.params) @ over
+    matrix = np.asarray(transform.params) @ flip
     weights = tracker @ matrix[2, :2] + matrix[2, 2]
     if not np.isfinite(matrix).all() or weights.min() * weights.max() <= 0:
         return None  # some points would be behind the camera
     fit = Calibration(_to_rows(matrix / weights.mean()), up)
-    off = np.array([fit.map_place(x, y) for x, y in tracker.tolist()]) - tank
-    return fit._replace(error_px=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))))
+    errors = np.array([fit.map_place(x, y) for x, y in tracker.tolist()]) - tank
+    return fit._replace(error_px=float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))))
 
 
 def _to_rows(matrix: Floats) -> tuple[Row3, Row3, Row3]:
-    """Convert an array (3, 3) to three tuples."""
+    """Convert an array (3, 3) to its three rows, as tuples."""
     a, b, c = matrix.tolist()
     return tuple(a), tuple(b), tuple(c)
