@@ -133,7 +133,7 @@ def test_few_shapes_that_mix_give_every_shape_back():
     there = np.stack([cos * x - sin * y, sin * x + cos * y, z], -1)
     error = np.linalg.norm(there - points, axis=-1).max()
     assert found.error_px == pytest.approx(error, abs=1e-4) and error < 0.05
-    one = principal_shapes(points, heading, modes=0)
+    one = principal_shapes(points, heading, most=0)
     assert one.error_px > 1 and len(one.modes) == 0
 
 

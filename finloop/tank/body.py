@@ -31,7 +31,7 @@ _ANAL = {0.0: 0.0, 0.6: 0.0, 0.63: 0.45, 0.68: 0.4, 0.76: 0.0, 1.0: 0.0}
 _FORK = 0.085  # how deep the tail is forked, in body lengths
 _CLOSES = 0.05  # the last part of the skin, over which the tail fin closes to an edge
 _TAIL = 0.86  # where the tail fin begins
-_HIGHER, _LEAST, _MOST = 1.45, 0.07, 0.13  # half height: per half width; body lengths
+_HEIGHT_PER_WIDTH, _LEAST_BL, _MOST_BL = 1.45, 0.07, 0.13  # of the greatest half height
 _NEAR = 0.2  # own half widths are kept this near to the animal's typical ones (fins, noise)
 
 
@@ -41,28 +41,27 @@ class SurfaceGrid:
 
     place, along (RINGS · AROUND, p): matrices; times a backbone (p, 2) they give each point's place
     on it and the direction there. s, angle (RINGS, AROUND): where along the backbone (0 head, 1
-    tail) and where around it (rad, 0 = back, left > 0). closes (RINGS, 1): share of the width that
-    is left where the tail fin ends.
+    tail) and where around it (rad, 0 = back, left > 0). width_share (RINGS, 1): how much of the
+    width is left; 0 at the end of the tail fin.
     """
 
     place: Floats
     along: Floats
     s: Floats
     angle: Floats
-    closes: Floats
+    width_share: Floats
 
 
 @lru_cache
 def surface_grid(backbone_points: int) -> SurfaceGrid:
-    """Return the surface grid for backbones of that many equally spaced points, head first."""
+    """Return the surface grid for backbones with a number of equally spaced points, head first."""
     half = np.radians(_HALF_DEG)
-    return build_surface_grid(
-        _ring_places(), np.concatenate([half[::-1], -half[1:]]), backbone_points
-    )
+    around = np.concatenate([half[::-1], -half[1:]])  # from below over left, above and right
+    return build_surface_grid(_ring_places(), around, backbone_points)
 
 
 def _ring_places() -> Floats:
-    """Return where the rings lie along the body, 0-1 from head to tail: dense at both ends."""
+    """Return where the rings lie, (RINGS,), 0-1 from head to tail: closer together at both ends."""
     return (1 - np.cos(np.pi * np.linspace(0, 1, RINGS))) / 2
 
 
@@ -70,26 +69,26 @@ def build_surface_grid(ring: Floats, angle: Floats, points: int) -> SurfaceGrid:
     """Build a surface grid from rings along the body and angles around it.
 
     ring (r,): place along the body, 0 head … 1 tail; angle (a,): rad, 0 = back, left > 0; points:
-    of a backbone.
+    how many a backbone has.
     """
     s, angle = np.meshgrid(ring, angle, indexing="ij")
-    back = np.clip((s - _TAIL) / (1 - _TAIL), 0, 1)
-    s = s - _FORK * back**2 * np.sin(angle) ** 2  # the tips of the tail stay, its middle does not
+    tail_share = np.clip((s - _TAIL) / (1 - _TAIL), 0, 1)  # 0 where the tail fin begins
+    s = s - _FORK * tail_share**2 * np.sin(angle) ** 2  # a fork: only the upper and lower tip stay
     spline = scipy.interpolate.CubicSpline(np.linspace(0, 1, points), np.eye(points))
-    closes = np.sqrt(np.clip((1 - ring) / _CLOSES, 0, 1))[:, None]
-    return SurfaceGrid(spline(s.ravel()), spline(s.ravel(), 1), s, angle, closes)
+    width_share = np.sqrt(np.clip((1 - ring) / _CLOSES, 0, 1))[:, None]
+    return SurfaceGrid(spline(s.ravel()), spline(s.ravel(), 1), s, angle, width_share)
 
 
 def typical_half_widths(half_width: Floats, backbone: Floats) -> Floats:
     """Return the median half width (p,) along the body over n pictures, in body lengths.
 
-    half_width, backbone: (n, p) and (n, p, 2), px.
+    half_width (n, p), backbone (n, p, 2): px, at p points from head to tail.
     """
     return np.median(half_width / arc_lengths(backbone)[:, None], axis=0)
 
 
 def arc_lengths(backbone: Floats) -> Floats:
-    """Return the arc lengths (n,) of backbones (n, p, 2), in their unit."""
+    """Return the arc lengths (n,) of backbones (n, p, 2), in the unit of their points."""
     return np.linalg.norm(np.diff(backbone, axis=1), axis=-1).sum(-1)
 
 
@@ -98,68 +97,75 @@ def fish_surfaces(
 ) -> tuple[Floats, Floats]:
     """Return the surfaces of n fish: points (px) and unit normals, (n, RINGS, AROUND, 3).
 
-    backbone, half_width: (n, p, 2) and (n, p), px; y up; backbones lie at z = 0. typical: (p,) half
-    widths in body lengths, see `typical_half_widths`. length_px: the animal's body length, for its
-    height.
+    backbone (n, p, 2), half_width (n, p): px; y up; backbones lie at z = 0. typical (p,): the
+    animal's median half widths in body lengths. length_px: its body length, for its height.
     """
     grid = surface_grid(half_width.shape[1])
 
-    def along_body(shape: dict[float, float]) -> Floats:
-        return scipy.interpolate.PchipInterpolator(list(shape), list(shape.values()))(grid.s)
+    def along_body(profile: dict[float, float]) -> Floats:
+        """Interpolate values, given by place along the body (0-1), at the grid's points."""
+        return scipy.interpolate.PchipInterpolator(list(profile), list(profile.values()))(grid.s)
 
-    most = length_px * np.clip(_HIGHER * float(typical.max()), _LEAST, _MOST)
-    top, bottom = grid.angle == 0, np.isclose(np.abs(grid.angle), np.pi)
-    fins = most * (top * along_body(_DORSAL) - bottom * along_body(_ANAL))
+    height_bl = np.clip(_HEIGHT_PER_WIDTH * float(typical.max()), _LEAST_BL, _MOST_BL)
+    height_px = length_px * height_bl  # half the greatest height
+    on_back, on_belly = grid.angle == 0, np.isclose(np.abs(grid.angle), np.pi)
+    fins = height_px * (on_back * along_body(_DORSAL) - on_belly * along_body(_ANAL))
     width = limit_half_widths(half_width, backbone, typical)
     points = np.empty((len(half_width), RINGS, AROUND, 3))
     points[..., :2] = top_view_points(grid, backbone, width)
-    points[..., 2] = most * along_body(_HEIGHT) * np.cos(grid.angle) + fins
+    points[..., 2] = height_px * along_body(_HEIGHT) * np.cos(grid.angle) + fins
     return points, surface_normals(points)
 
 
 def limit_half_widths(half_width: Floats, backbone: Floats, typical: Floats) -> Floats:
     """Limit half widths (n, p), px, to ±20 % around the typical ones, which removes fins.
 
-    half_width, backbone: (n, p) and (n, p, 2), px; typical: (p,), in body lengths.
+    backbone (n, p, 2): px; typical (p,): the animal's median half widths, in body lengths.
     """
-    goal = typical * arc_lengths(backbone)[:, None]
-    return np.clip(half_width, (1 - _NEAR) * goal, (1 + _NEAR) * goal)
+    typical_px = typical * arc_lengths(backbone)[:, None]
+    return np.clip(half_width, (1 - _NEAR) * typical_px, (1 + _NEAR) * typical_px)
 
 
-def top_view_points(grid: SurfaceGrid, backbone: Floats, width: Floats) -> Floats:
+def top_view_points(grid: SurfaceGrid, backbone: Floats, half_width: Floats) -> Floats:
     """Return a surface grid's points on n backbones as seen from above, (n, r, a, 2) px.
 
-    backbone, width: (n, p, 2) and half widths (n, p), px; r, a: rings, and points around.
+    backbone (n, p, 2), half_width (n, p): px; r, a: rings along the body, and points around it.
     """
     shape = (len(backbone), *grid.s.shape, 2)
-    line, ahead = ((matrix @ backbone).reshape(shape) for matrix in (grid.place, grid.along))
-    ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
-    left = ahead[..., ::-1] * (1, -1)  # the backbone runs to the tail: its right is the fish's left
-    points = np.linspace(0, 1, width.shape[1])  # squares are interpolated, so that ends are round
-    square = scipy.interpolate.PchipInterpolator(points, width**2, axis=1)(grid.s.ravel())
+    line = (grid.place @ backbone).reshape(shape)
+    tailward = (grid.along @ backbone).reshape(shape)
+    tailward /= np.maximum(np.linalg.norm(tailward, axis=-1, keepdims=True), 1e-9)
+    left = tailward[..., ::-1] * (1, -1)  # facing the tail, the fish's left is to the right
+    points = np.linspace(0, 1, half_width.shape[1])
+    # Squares are interpolated, so that both ends are round.
+    square = scipy.interpolate.PchipInterpolator(points, half_width**2, axis=1)(grid.s.ravel())
     rounded = np.sqrt(np.maximum(square, 0)).reshape(-1, *grid.s.shape)
-    across = rounded * grid.closes * np.sin(grid.angle)
+    across = rounded * grid.width_share * np.sin(grid.angle)
     return line + across[..., None] * left
 
 
 def surface_normals(points: Floats) -> Floats:
-    """Return outward unit normals of surfaces (n, RINGS, AROUND, 3); the snout's points ahead."""
-    down = np.gradient(points, axis=1)
+    """Return outward unit normals of surfaces, both (n, RINGS, AROUND, 3).
+
+    Where the surface shrinks to a point, as at the snout, the normal points ahead.
+    """
+    tailward = np.gradient(points, axis=1)
+    # The first and last column are the same line: the ring is continued beyond both.
     ring = np.concatenate([points[:, :, -2:-1], points, points[:, :, 1:2]], axis=2)
     around = ring[:, :, 2:] - ring[:, :, :-2]
-    out = np.cross(down, around)
-    size = np.linalg.norm(out, axis=-1, keepdims=True)
+    outward = np.cross(tailward, around)
+    size = np.linalg.norm(outward, axis=-1, keepdims=True)
     middle = points[:, :2, [0, AROUND // 2]].mean(2, keepdims=True)  # between belly and back
-    nose = middle[:, :1] - middle[:, 1:]
-    nose = nose / np.maximum(np.linalg.norm(nose, axis=-1, keepdims=True), 1e-9)
-    return np.where(size > 1e-9, out / np.maximum(size, 1e-9), nose)
+    ahead = middle[:, :1] - middle[:, 1:]
+    ahead = ahead / np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
+    return np.where(size > 1e-9, outward / np.maximum(size, 1e-9), ahead)
 
 
 @lru_cache
 def surface_triangles() -> NDArray[np.int32]:
     """Return point numbers (m, 3) of a surface's triangles, anticlockwise from outside."""
     ring, column = np.meshgrid(np.arange(RINGS - 1), np.arange(AROUND - 1), indexing="ij")
-    a = ring * AROUND + column
+    a = ring * AROUND + column  # each square a b d c of the grid is two triangles
     b, c, d = a + 1, a + AROUND, a + AROUND + 1
     return np.stack([a, c, b, b, c, d], -1).reshape(-1, 3).astype(np.int32)
 
@@ -167,6 +173,6 @@ def surface_triangles() -> NDArray[np.int32]:
 @lru_cache
 def texture_coordinates() -> NDArray[np.float32]:
     """Return texture coordinates (RINGS · AROUND, 2) of a surface's points, 0–1: along, around."""
-    angle = surface_grid(4).angle[0]
+    angle = surface_grid(4).angle[0]  # the same for any number of backbone points
     u, v = np.meshgrid(_ring_places(), (np.pi - angle) / (2 * np.pi), indexing="ij")
     return np.stack([u, v], -1).reshape(-1, 2).astype(np.float32)

@@ -17,9 +17,9 @@ CAMERAS = (*PRESETS, ORBIT, TOUR)
 VIEW_DEG = 32.0  # vertical field of view
 _TURN_S = 40.0  # an orbit
 _FILLS = 0.94  # how much of the picture the tank fills at most
-_LAZY_S = 0.8  # the camera that follows smooths the way of the fish by this much
-_SCENES = ((ORBIT, 4.0), (FOLLOW, 4.0), (SIDE, 4.0))
-_BLEND_S = 2.0
+_SMOOTHING_S = 0.8  # by which a camera that follows smooths the path of the fish
+_SCENES = ((ORBIT, 4.0), (FOLLOW, 4.0), (SIDE, 4.0))  # of a tour, and how many s each takes
+_BLEND_S = 2.0  # from one scene of a tour to the next
 
 
 class CameraViews(NamedTuple):
@@ -47,7 +47,7 @@ class TankRoom(NamedTuple):
 
     @property
     def middle(self) -> Floats:
-        """Middle of the water, (3,) px: x right, y up (below 0), z above the floor."""
+        """Return the middle of the water, (3,) px: x right, y up (below 0), z above the floor."""
         return np.array([(self.width - 1) / 2, -(self.height - 1) / 2, self.depth / 2])
 
 
@@ -56,20 +56,21 @@ def camera_views(
 ) -> CameraViews:
     """Return the place and the aim of a camera, one of CAMERAS, at every tick.
 
-    head (ticks, 3): px; heading (ticks,): rad, without jumps of 2π; rate_hz: ticks per second.
+    head (ticks, 3): tip of the head, px; heading (ticks,): rad, without jumps of 2π; both of the
+    fish that some cameras follow. rate_hz: ticks per second.
     """
     ticks = len(head)
     if camera == TOP:
-        half = max(room.height, room.width / room.aspect) / 2 * 1.04
+        half_height = max(room.height, room.width / room.aspect) / 2 * 1.04  # a little margin
         aim = np.tile(room.middle * (1, 1, 0), (ticks, 1))
-        return CameraViews(aim + np.array([0, 0, 4 * room.width]), aim, half)
+        return CameraViews(aim + np.array([0, 0, 4 * room.width]), aim, half_height)
     if camera == SIDE:
         return _view_from_edge(room, head, rate_hz)
     if camera == CORNER:
-        return _view_from_outside(room, np.full(ticks, -58.0), 24.0)
+        return _view_from_outside(room, np.full(ticks, -58.0), elevation_deg=24.0)
     if camera == ORBIT:
         azimuth = -70 + 360 / _TURN_S / rate_hz * np.arange(ticks, dtype=float)
-        return _view_from_outside(room, azimuth, 22.0)
+        return _view_from_outside(room, azimuth, elevation_deg=22.0)
     if camera == FOLLOW:
         return _view_following_fish(room, head, heading, rate_hz)
     return _view_touring(room, head, heading, rate_hz)
@@ -78,26 +79,28 @@ def camera_views(
 def _view_from_outside(room: TankRoom, azimuth_deg: Floats, elevation_deg: float) -> CameraViews:
     """Return a view from outside, as near as possible with the whole tank in the picture.
 
-    azimuth_deg (ticks,), elevation_deg: direction from the tank to the camera.
+    azimuth_deg (ticks,), elevation_deg: direction from the tank to the camera, anticlockwise from
+    x, and above the floor.
     """
     azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
     east, north, zero = np.cos(azimuth), np.sin(azimuth), np.zeros(len(azimuth))
-    level, up = np.cos(elevation), zero + np.sin(elevation)
-    ahead = -np.stack([east * level, north * level, up], -1)
+    level, rise = np.cos(elevation), zero + np.sin(elevation)
+    ahead = -np.stack([east * level, north * level, rise], -1)  # from the camera to the tank
     right = np.stack([-north, east, zero], -1)
-    tall = np.tan(np.radians(VIEW_DEG / 2)) * _FILLS
-    sides = np.stack(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5]), -1).reshape(-1, 3)
-    corners = sides * (room.width, room.height, room.depth)
     up = np.cross(right, ahead)
-    across, high, deep = (part @ corners.T for part in (right, up, ahead))
-    lift = np.zeros((len(azimuth), 1))
-    for _ in range(4):  # as much room above the tank as below, then as near as that allows
-        wide = np.maximum(np.abs(across) / room.aspect, np.abs(high - lift)) / tall
-        far = (wide - deep).max(1, keepdims=True)
-        slope = (high - lift) / (far + deep)
-        lift = lift + far * (slope.max(1, keepdims=True) + slope.min(1, keepdims=True)) / 2
+    half_picture = np.tan(np.radians(VIEW_DEG / 2)) * _FILLS  # its half height at distance 1
+    units = np.stack(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5]), -1).reshape(-1, 3)
+    corners = units * (room.width, room.height, room.depth)
+    # Each corner of the tank about its middle, as the camera sees it: (ticks, 8).
+    across, high, deep = (axis @ corners.T for axis in (right, up, ahead))
+    lift = np.zeros((len(azimuth), 1))  # of the aim above the tank's middle
+    for _ in range(4):  # nearly as much room above the tank as below after four rounds
+        needed = np.maximum(np.abs(across) / room.aspect, np.abs(high - lift)) / half_picture
+        distance = (needed - deep).max(1, keepdims=True)
+        slope = (high - lift) / (distance + deep)
+        lift = lift + distance * (slope.max(1, keepdims=True) + slope.min(1, keepdims=True)) / 2
     aim = room.middle + lift * up
-    return CameraViews(aim - far * ahead, aim)
+    return CameraViews(aim - distance * ahead, aim)
 
 
 def _view_following_fish(
@@ -105,44 +108,47 @@ def _view_following_fish(
 ) -> CameraViews:
     """Return a view from behind, above and beside a fish, smoother than its path.
 
-    Arguments as in `camera_views`.
+    head (ticks, 3): tip of its head, px; heading (ticks,): rad; rate_hz: ticks per second.
     """
-    lazy = _LAZY_S * rate_hz
-    way = scipy.ndimage.gaussian_filter1d(head, lazy / 3, axis=0, mode="nearest")
-    turn = scipy.ndimage.gaussian_filter1d(heading, lazy, mode="nearest") + np.radians(28)
+    smoothing = _SMOOTHING_S * rate_hz
+    path = scipy.ndimage.gaussian_filter1d(head, smoothing / 3, axis=0, mode="nearest")
+    turn = scipy.ndimage.gaussian_filter1d(heading, smoothing, mode="nearest") + np.radians(28)
     back = np.stack([-np.cos(turn), -np.sin(turn), np.full(len(turn), 0.33)], -1)
-    return CameraViews(way + 2.5 * room.length * back, way - (0, 0, 0.33 * room.length))
+    return CameraViews(path + 2.5 * room.length * back, path - (0, 0, 0.33 * room.length))
 
 
 def _view_from_edge(room: TankRoom, head: Floats, rate_hz: float) -> CameraViews:
-    """Return a view from the film's lower edge, which moves along with the fish.
+    """Return a view from the side of the film's lower edge, which moves along with the fish.
 
-    Arguments as in `camera_views`.
+    head (ticks, 3): tip of its head, px; rate_hz: ticks per second.
     """
-    way = scipy.ndimage.gaussian_filter1d(head, _LAZY_S * rate_hz, axis=0, mode="nearest")
-    away = np.array([0.7, -5.2, 0.0]) * room.length
-    place = way + away
+    smoothing = _SMOOTHING_S * rate_hz
+    path = scipy.ndimage.gaussian_filter1d(head, smoothing, axis=0, mode="nearest")
+    place = path + np.array([0.7, -5.2, 0.0]) * room.length
     place[:, 2] = 0.7 * room.depth
-    return CameraViews(place, way - (0, 0, 0.1 * room.depth))
+    return CameraViews(place, path - (0, 0, 0.1 * room.depth))
 
 
 def _view_touring(room: TankRoom, head: Floats, heading: Floats, rate_hz: float) -> CameraViews:
     """Return a view that passes smoothly from one of `_SCENES` to the next, again and again.
 
-    Arguments as in `camera_views`.
+    head (ticks, 3), heading (ticks,): of the fish, px and rad; rate_hz: ticks per second.
     """
-    time = np.arange(len(head)) / rate_hz
+    time_s = np.arange(len(head)) / rate_hz
     scenes = [camera_views(name, room, head, heading, rate_hz) for name, _ in _SCENES]
-    ends = np.cumsum([length for _, length in _SCENES])
-    moment = time % ends[-1]
-    number = np.searchsorted(ends, moment, side="right")
-    into = moment - np.r_[0.0, ends][number]
-    share = np.clip(into / _BLEND_S, 0, 1)
-    share = np.where(time < ends[0], 1.0, share * share * (3 - 2 * share))[:, None]
+    ends_s = np.cumsum([seconds for _, seconds in _SCENES])
+    round_s = time_s % ends_s[-1]  # since the tour last began
+    number = np.searchsorted(ends_s, round_s, side="right")
+    scene_s = round_s - np.r_[0.0, ends_s][number]  # since the scene began
+    share = np.clip(scene_s / _BLEND_S, 0, 1)
+    # The very first scene has none before it; all others are blended in smoothly.
+    share = np.where(time_s < ends_s[0], 1.0, share * share * (3 - 2 * share))[:, None]
 
-    def mix_scenes(each: list[Floats]) -> Floats:
-        stack, ticks = np.stack(each), np.arange(len(head))
-        here, before = stack[number, ticks], stack[number - 1, ticks]
-        return before + share * (here - before)
+    def mix_scenes(points: list[Floats]) -> Floats:
+        """Blend the points (ticks, 3) of every scene, a scene with the one before it."""
+        stack, ticks = np.stack(points), np.arange(len(head))
+        present, before = stack[number, ticks], stack[number - 1, ticks]
+        return before + share * (present - before)
 
-    return CameraViews(mix_scenes([s.place for s in scenes]), mix_scenes([s.aim for s in scenes]))
+    places, aims = [scene.place for scene in scenes], [scene.aim for scene in scenes]
+    return CameraViews(mix_scenes(places), mix_scenes(aims))

@@ -35,9 +35,9 @@ class FishSurface:
         return len(self.poses)
 
     def _compute_batch(self, batch: int) -> tuple[Floats, Floats]:
-        """Compute points and normals, (k, rings, around, 3) each, for a batch of k ticks.
+        """Compute the surface's points and normals, (k, rings, around, 3), for a batch of k ticks.
 
-        Points are px about the mass centre; batch: its number.
+        Points are px about the mass centre; batch: the batch's number, from 0.
         """
         ticks, poses = slice(batch * _BATCH, (batch + 1) * _BATCH), self.poses
         return fish_surfaces(
@@ -46,45 +46,48 @@ class FishSurface:
 
     @cached_property
     def _recent_batch(self) -> Callable[[int], tuple[Floats, Floats]]:
-        """Function that returns the points of a batch of ticks, and remembers the latest batch."""
+        """Return `_compute_batch` with a memory of its latest result."""
         return lru_cache(1)(self._compute_batch)
 
     def shape_at(self, tick: int) -> tuple[Floats, Floats, Picture]:
-        """Return a tick's points [px of the tank] and normals, (rings, around, 3), and skin."""
-        batch, k = divmod(tick, _BATCH)
+        """Return the surface at a tick: points [px of the tank], normals, and skin.
+
+        Points and normals are (rings, around, 3); the skin is as `skin` returns it.
+        """
+        batch, index = divmod(tick, _BATCH)
         points, normals = self._recent_batch(batch)
-        return points[k] + self.place[tick], normals[k], self.skin(tick)
+        return points[index] + self.place[tick], normals[index], self.skin(tick)
 
     def skin(self, tick: int) -> Picture:
-        """Return the skin at a tick, (around, lengthwise, 3) uint8, see `finloop.tank.skin`."""
+        """Return the skin at a tick, a picture wrapped around the body, (around, lengthwise, 3)."""
         first, second, weight = self.poses.first, self.poses.second, self.poses.weight[tick]
-        flips = bool(first.mirrored[tick]), bool(second.mirrored[tick])
-        return self.skins.mix_skins(int(first.row[tick]), int(second.row[tick]), weight, flips)
+        mirrored = bool(first.mirrored[tick]), bool(second.mirrored[tick])
+        return self.skins.mix_skins(int(first.row[tick]), int(second.row[tick]), weight, mirrored)
 
     def points_of_all_ticks(self) -> NDArray[np.float32]:
-        """Return the surface's points at every tick, (ticks, rings · around, 3).
+        """Return the surface's points at every tick, (ticks, rings · around, 3) px.
 
-        They are px about the mass centre.
+        They are relative to the mass centre.
         """
-        batches = range(-(-len(self) // _BATCH))
+        batches = range(-(-len(self) // _BATCH))  # rounded up
         surfaces = [self._compute_batch(batch)[0].astype(np.float32) for batch in batches]
         return np.concatenate(surfaces).reshape(len(self), -1, 3)
 
     def typical_skin(self, most: int = 25) -> Picture:
         """Return the median of the skin's colours over some ticks, (around, lengthwise, 3) uint8.
 
-        most: how many ticks at most.
+        most: the largest number of ticks, spread over all.
         """
         ticks = np.unique(np.linspace(0, len(self) - 1, most).astype(int))
         return np.rint(np.median([self.skin(int(tick)) for tick in ticks], axis=0)).astype(np.uint8)
 
     @property
     def head_places(self) -> Floats:
-        """Places of the head's tip in the tank, (ticks, 3) px."""
+        """Return the place of the head's tip at every tick, (ticks, 3) px of the tank."""
         return self.place + np.pad(self.poses.backbone[:, 0], ((0, 0), (0, 1)))
 
     def find_bent_tick(self) -> int:
         """Return a tick at which the fish is more bent than at nine of ten ticks."""
         line = self.poses.backbone
-        chord = np.linalg.norm(line[:, -1] - line[:, 0], axis=-1) / arc_lengths(line)
-        return int(np.argsort(chord, kind="stable")[len(chord) // 10])
+        straightness = np.linalg.norm(line[:, -1] - line[:, 0], axis=-1) / arc_lengths(line)
+        return int(np.argsort(straightness, kind="stable")[len(straightness) // 10])

@@ -25,7 +25,7 @@ _SIDE = AROUND // 4  # the column of a grid that is the fish's side
 _LIFT = 0.01  # of the shadow above the floor, in body lengths
 _LINES, _FACES = 1, 4
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 88]
-_FLOAT, _SHORT = 5126, 5123
+_FLOAT, _SHORT = 5126, 5123  # codes of glTF, as are the others here
 _SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
 _LINEAR, _CLAMP = 9729, 33071
@@ -55,8 +55,9 @@ class GlbDocument:
     def add_array(self, array: NDArray, *, indices: bool = False, vertices: bool = False) -> int:
         """Add an array (n,) or (n, 2 … 4) of numbers; return the index of its accessor.
 
-        indices: point numbers, written as uint16; all else, such as `vertices`, is written as
-        float32.
+        indices: whether these are point numbers, written as uint16; all else is written as float32.
+        vertices: whether each row belongs to a point of a mesh. ValueError if a number is not
+        finite.
         """
         array = np.ascontiguousarray(array, np.uint16 if indices else np.float32)
         if not np.isfinite(array).all():
@@ -72,45 +73,49 @@ class GlbDocument:
             "type": _SHAPES[width],
         }
         if not indices:  # positions and times must have their bounds
-            flat = array.reshape(len(array), width)
-            accessor |= {"min": flat.min(0).tolist(), "max": flat.max(0).tolist()}
+            rows = array.reshape(len(array), width)
+            accessor |= {"min": rows.min(0).tolist(), "max": rows.max(0).tolist()}
         return self.add("accessors", accessor)
 
     def add_texture(self, coded: bytes, mime: str) -> int:
-        """Add a smooth texture from the bytes of a PNG or JPEG file; return its index."""
+        """Add a smooth texture from the bytes of a PNG or JPEG file; return its index.
+
+        mime: type of the file, such as "image/png".
+        """
         sampler = {"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMP, "wrapT": _CLAMP}
         image = self.add(
             "images", {"bufferView": self._add_buffer_view(coded, {}), "mimeType": mime}
         )
         return self.add("textures", {"source": image, "sampler": self.add("samplers", sampler)})
 
-    def _add_buffer_view(self, data: bytes, more: dict[str, int]) -> int:
+    def _add_buffer_view(self, data: bytes, fields: dict[str, int]) -> int:
         """Add bytes as a buffer view, aligned to four bytes; return its index.
 
-        more: further fields of the view.
+        fields: further fields of the view.
         """
         self._data += b"\0" * (-len(self._data) % 4)
-        view = {"buffer": 0, "byteOffset": len(self._data), "byteLength": len(data)} | more
+        view = {"buffer": 0, "byteOffset": len(self._data), "byteLength": len(data)} | fields
         self._data += data
         return self.add("bufferViews", view)
 
     def encode(self, root: int) -> bytes:
-        """Return the bytes of the .glb file; `root`: index of the node that is the scene."""
+        """Return the bytes of the .glb file; root: index of the node that holds the whole scene."""
         self._document["scene"] = self.add("scenes", {"nodes": [root]})
-        data = bytes(self._data) + b"\0" * (-len(self._data) % 4)
+        data = bytes(self._data) + b"\0" * (-len(self._data) % 4)  # padded to four bytes
         document = self._document | {"buffers": [{"byteLength": len(data)}]}
         text = json.dumps(document, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
-        chunks = [(b"JSON", text), (b"BIN\0", data)]
-        body = b"".join(len(d).to_bytes(4, "little") + name + d for name, d in chunks)
-        return b"glTF" + (2).to_bytes(4, "little") + (12 + len(body)).to_bytes(4, "little") + body
+        body = len(text).to_bytes(4, "little") + b"JSON" + text
+        body += len(data).to_bytes(4, "little") + b"BIN\0" + data
+        version, length = (2).to_bytes(4, "little"), (12 + len(body)).to_bytes(4, "little")
+        return b"glTF" + version + length + body
 
 
 class PrincipalShapes(NamedTuple):
-    """Principal components of a fish's shapes: a shape is about mean + weights · modes.
+    """Principal components of a fish's shapes; at a tick, a shape is about mean + weights · modes.
 
-    mean (v, 3) and modes (m, v, 3) in px; weights (ticks, m); error_px: the greatest distance of a
-    point of such a shape from its true place.
+    mean (v, 3) and modes (m, v, 3): v points, px; weights (ticks, m); error_px: the greatest
+    distance of a point of such a shape from its true place.
     """
 
     mean: Floats
@@ -119,29 +124,30 @@ class PrincipalShapes(NamedTuple):
     error_px: float
 
 
-def principal_shapes(points: Floats, heading: Floats, modes: int = MODES) -> PrincipalShapes:
+def principal_shapes(points: Floats, heading: Floats, most: int = MODES) -> PrincipalShapes:
     """Return the mean and the principal components of a fish's shapes, all headed right.
 
-    points (ticks, v, 3): px about the mass centre, y up; heading (ticks,): rad; modes: largest
-    number of components.
+    points (ticks, v, 3): px about the mass centre, y up; heading (ticks,): rad; most: largest
+    number of components. They are computed from at most `_SAMPLE` ticks.
     """
     cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    ahead = points.copy()
-    ahead[..., 0] = cos * points[..., 0] + sin * points[..., 1]
-    ahead[..., 1] = cos * points[..., 1] - sin * points[..., 0]
-    flat = ahead.reshape(len(ahead), -1)
-    sample = flat[np.unique(np.linspace(0, len(flat) - 1, _SAMPLE).astype(int))]
+    headed_right = points.copy()
+    headed_right[..., 0] = cos * points[..., 0] + sin * points[..., 1]
+    headed_right[..., 1] = cos * points[..., 1] - sin * points[..., 0]
+    shapes = headed_right.reshape(len(points), -1)
+    sample = shapes[np.unique(np.linspace(0, len(shapes) - 1, _SAMPLE).astype(int))]
     mean = sample.mean(0)
     _, size, axes = np.linalg.svd(sample - mean, full_matrices=False)
-    count = min(modes, int((size > 1e-9 * max(size[0], 1e-9)).sum()))
+    count = min(most, int((size > 1e-9 * max(size[0], 1e-9)).sum()))  # the others are noise
     spread = size[:count, None] / np.sqrt(len(sample))
-    weights = (flat - mean) @ axes[:count].T / spread.T
-    off = (flat - mean - weights @ (spread * axes[:count])).reshape(ahead.shape)
+    modes = spread * axes[:count]
+    weights = (shapes - mean) @ axes[:count].T / spread.T
+    errors = (shapes - mean - weights @ modes).reshape(points.shape)
     return PrincipalShapes(
         mean.reshape(-1, 3),
-        (spread * axes[:count]).reshape(count, len(mean) // 3, 3),
+        modes.reshape(count, len(mean) // 3, 3),
         weights,
-        float(np.linalg.norm(off, axis=-1).max()),
+        float(np.linalg.norm(errors, axis=-1).max()),
     )
 
 
@@ -165,31 +171,36 @@ def encode_tank_glb(
 ) -> bytes:
     """Return the bytes of a .glb file that shows the tank with its moving fish.
 
-    A fish is one unit long, y is up, the origin the tank's middle. background: the floor; skin: (a,
-    l, 3) uint8, of every fish; rate_hz: ticks per second.
+    A fish is one unit long, y is up, the origin the tank's middle. background (h, w[, 3]): the
+    floor; skin (a, l, 3) uint8: of every fish; rate_hz: ticks per second.
     """
     glb = GlbDocument()
-    material, dark = (
-        _add_skin_material(glb, skin),
-        _add_plain_material(glb, "shadow", (0.02, 0.06, 0.08, 0.38)),
-    )
-    numbers = ["", *(f" {number}" for number in range(1, len(swimmers)))]
-    named = list(zip(swimmers, numbers, strict=True))
-    shadows = [_add_shadow(glb, motion.shape, dark, f"shadow{number}") for motion, number in named]
-    fish = [_add_fish(glb, motion.shape, material, f"fish{number}") for motion, number in named]
+    skin_material = _add_skin_material(glb, skin)
+    shadow_material = _add_plain_material(glb, "shadow", colour=(0.02, 0.06, 0.08, 0.38))
+    suffixes = ["", *(f" {number}" for number in range(1, len(swimmers)))]
+    shadows = [
+        _add_shadow(glb, swimmer.shape, shadow_material, f"shadow{suffix}")
+        for swimmer, suffix in zip(swimmers, suffixes, strict=True)
+    ]
+    bodies = [
+        _add_fish(glb, swimmer.shape, skin_material, f"fish{suffix}")
+        for swimmer, suffix in zip(swimmers, suffixes, strict=True)
+    ]
     time = glb.add_array(np.arange(len(swimmers[0].heading)) / rate_hz)
     channels: list[dict] = []
     samplers: list[dict] = []
-    for motion, shadow, body in zip(swimmers, shadows, fish, strict=True):
+    for swimmer, shadow, body in zip(swimmers, shadows, bodies, strict=True):
         lift = (0, 0, _LIFT * room.length)
-        on_floor = motion.place - motion.place[:, 2:] * (SUN / SUN[2]) + lift
-        for node, path, output in _add_motion(glb, motion, {shadow: on_floor, body: motion.place}):
+        on_floor = swimmer.place - swimmer.place[:, 2:] * (SUN / SUN[2]) + lift
+        places = {shadow: on_floor, body: swimmer.place}
+        for node, path, output in _add_motion(glb, swimmer, places):
             channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
             samplers.append({"input": time, "output": output, "interpolation": "LINEAR"})
     glb.add("animations", {"name": "swim", "channels": channels, "samplers": samplers})
-    inside = [*_add_still_parts(glb, room, background), *shadows, *fish]
+    children = [*_add_still_parts(glb, room, background), *shadows, *bodies]
+    # The rotation, a quarter turn about x, makes y the upward axis.
     root = glb.add("nodes", {
-        "name": "tank", "children": inside, "rotation": [-(0.5**0.5), 0.0, 0.0, 0.5**0.5],
+        "name": "tank", "children": children, "rotation": [-(0.5**0.5), 0.0, 0.0, 0.5**0.5],
         "scale": [1 / room.length] * 3, "translation": to_gltf_axes(-room.middle / room.length),
     })  # fmt: skip
     return glb.encode(root)
@@ -215,21 +226,21 @@ def _add_skin_material(glb: GlbDocument, skin: NDArray[np.uint8]) -> int:
 def _add_fish(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str) -> int:
     """Add the node of a fish, whose mesh is a mix of principal shapes; return its index.
 
-    material: index of its skin's material.
+    material: index of its skin's material; name: of the node and the mesh.
     """
     grid = (1, RINGS, AROUND, 3)
-    straight = surface_normals(shape.mean.reshape(grid)).reshape(-1, 3)
+    mean_normals = surface_normals(shape.mean.reshape(grid)).reshape(-1, 3)
     targets = []
     for mode in shape.modes:
-        normal = surface_normals((shape.mean + mode).reshape(grid)).reshape(-1, 3)
+        normals = surface_normals((shape.mean + mode).reshape(grid)).reshape(-1, 3)
         targets.append({
             "POSITION": glb.add_array(mode, vertices=True),
-            "NORMAL": glb.add_array(normal - straight, vertices=True),
+            "NORMAL": glb.add_array(normals - mean_normals, vertices=True),
         })  # fmt: skip
     primitive = {
         "attributes": {
             "POSITION": glb.add_array(shape.mean, vertices=True),
-            "NORMAL": glb.add_array(straight, vertices=True),
+            "NORMAL": glb.add_array(mean_normals, vertices=True),
             "TEXCOORD_0": glb.add_array(texture_coordinates(), vertices=True),
         },
         "indices": glb.add_array(surface_triangles().ravel(), indices=True),
@@ -241,7 +252,8 @@ def _add_fish(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str
 def _add_morph_node(glb: GlbDocument, name: str, primitive: dict, targets: list[dict]) -> int:
     """Add a node whose mesh is a mix of shapes; return its index.
 
-    primitive: the mean shape; targets: differences that can be added to it.
+    primitive: glTF's description of the mean shape; targets: differences that can be added to it;
+    name: of the node and the mesh.
     """
     mesh: dict[str, Any] = {"name": name, "primitives": [primitive]}
     if targets:
@@ -251,23 +263,24 @@ def _add_morph_node(glb: GlbDocument, name: str, primitive: dict, targets: list[
 
 
 def _add_shadow(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str) -> int:
-    """Add the node of a fish's shadow on the floor, a strip between the body's sides.
+    """Add the node of a fish's shadow on the floor, a strip between its sides; return its index.
 
-    material: index of the shadow's material.
+    material: index of the shadow's material; name: of the node and the mesh.
     """
 
-    def strip(points: Floats) -> Floats:
+    def flatten(points: Floats) -> Floats:
+        """Return the points of both sides of the body, pressed flat, (2 · RINGS, 3)."""
         sides = points.reshape(RINGS, AROUND, 3)[:, [_SIDE, AROUND - 1 - _SIDE]]
         return sides.reshape(-1, 3) * (1, 1, 0)
 
-    corner = 2 * np.arange(RINGS - 1)[:, None]
-    faces = corner + np.array([0, 2, 1, 1, 2, 3])
+    first_corner = 2 * np.arange(RINGS - 1)[:, None]
+    faces = first_corner + np.array([0, 2, 1, 1, 2, 3])  # two triangles between two rings
     primitive = {
-        "attributes": {"POSITION": glb.add_array(strip(shape.mean), vertices=True)},
+        "attributes": {"POSITION": glb.add_array(flatten(shape.mean), vertices=True)},
         "indices": glb.add_array(faces.ravel(), indices=True),
         "material": material,
     }
-    targets = [{"POSITION": glb.add_array(strip(mode), vertices=True)} for mode in shape.modes]
+    targets = [{"POSITION": glb.add_array(flatten(mode), vertices=True)} for mode in shape.modes]
     return _add_morph_node(glb, name, primitive, targets)
 
 
@@ -289,19 +302,20 @@ def _add_plain_material(
 
 
 def _add_motion(
-    glb: GlbDocument, motion: AnimatedFish, nodes: Mapping[int, Floats]
+    glb: GlbDocument, fish: AnimatedFish, places: Mapping[int, Floats]
 ) -> Iterator[tuple[int, str, int]]:
     """Add the motion of a fish; yield node, property, and the index of its values over time.
 
-    nodes: the places (ticks, 3) to which each node moves, by its index.
+    places: the place (ticks, 3) of each node, the fish and its shadow, by the node's index.
     """
-    zero, half = np.zeros_like(motion.heading), motion.heading / 2
-    tracks = {"rotation": glb.add_array(np.stack([zero, zero, np.sin(half), np.cos(half)], -1))}
-    if motion.shape.weights.shape[1]:
-        tracks["weights"] = glb.add_array(motion.shape.weights.ravel())
-    for node, place in nodes.items():
+    zero, half = np.zeros_like(fish.heading), fish.heading / 2
+    quaternions = np.stack([zero, zero, np.sin(half), np.cos(half)], -1)
+    shared = {"rotation": glb.add_array(quaternions)}
+    if fish.shape.weights.shape[1]:
+        shared["weights"] = glb.add_array(fish.shape.weights.ravel())
+    for node, place in places.items():
         yield node, "translation", glb.add_array(place)
-        for path, values in tracks.items():
+        for path, values in shared.items():
             yield node, path, values
 
 
@@ -313,53 +327,37 @@ def _add_still_parts(glb: GlbDocument, room: TankRoom, background: NDArray[np.ui
     left, top = -0.5, 0.5
     right, bottom, high = left + room.width, top - room.height, room.depth
     base = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
+    # Four corners on the floor, at the water's surface, and at the rim of the glass above it.
     low, water, rim = (np.c_[base, np.full(4, z)] for z in (0.0, high, 1.08 * high))
     colour = background if background.ndim == 2 else cv2.cvtColor(background, cv2.COLOR_RGB2BGR)
     coded = cv2.imencode(".jpg", colour, _JPEG)[1].tobytes()
     floor = _add_plain_material(glb, "floor", (*WATER, 1.0), glb.add_texture(coded, "image/jpeg"))
-    both = np.concatenate([low, rim])
+    box = np.concatenate([low, rim])  # corner i of the floor lies below corner i + 4 of the rim
     walls = np.array(
         [[i, (i + 1) % 4, (i + 1) % 4 + 4, i, (i + 1) % 4 + 4, i + 4] for i in range(4)]
     )
     edges = np.array([[i, (i + 1) % 4, i + 4, (i + 1) % 4 + 4, i, i + 4] for i in range(4)])
-    square, sewn = np.array([0, 1, 2, 0, 2, 3]), np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
-    sewn_on = {"TEXCOORD_0": glb.add_array(sewn, vertices=True)}
+    square, on_picture = np.array([0, 1, 2, 0, 2, 3]), np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
+    texture_places = {"TEXCOORD_0": glb.add_array(on_picture, vertices=True)}
 
-    def node(
-        name: str, points: Floats, faces: NDArray, material: int, more: dict[str, int], mode: int
-    ) -> int:
+    def add_part(
+        name: str, points: Floats, faces: NDArray, material: int,
+        attributes: dict[str, int] | None = None, mode: int = _FACES,
+    ) -> int:  # fmt: skip
+        """Add a node of triangles or lines between points; return its index."""
         primitive = {
-            "attributes": {"POSITION": glb.add_array(points, vertices=True)} | more,
+            "attributes": {"POSITION": glb.add_array(points, vertices=True)} | (attributes or {}),
             "indices": glb.add_array(faces.ravel(), indices=True),
             "material": material,
             "mode": mode,
         }
         return _add_morph_node(glb, name, primitive, [])
 
-    return [
-        node("floor", low, square, floor, sewn_on, _FACES),
-        node(
-            "edges",
-            both,
-            edges,
-            _add_plain_material(glb, "edges", (0.85, 0.97, 1.0, 1.0)),
-            {},
-            _LINES,
-        ),
-        node(
-            "water",
-            water,
-            square,
-            _add_plain_material(glb, "water", (0.62, 0.82, 0.9, 0.16)),
-            {},
-            _FACES,
-        ),
-        node(
-            "glass",
-            both,
-            walls,
-            _add_plain_material(glb, "glass", (0.8, 0.95, 1.0, 0.07)),
-            {},
-            _FACES,
-        ),
-    ]
+    parts = [add_part("floor", low, square, floor, attributes=texture_places)]
+    material = _add_plain_material(glb, "edges", (0.85, 0.97, 1.0, 1.0))
+    parts.append(add_part("edges", box, edges, material, mode=_LINES))
+    material = _add_plain_material(glb, "water", (0.62, 0.82, 0.9, 0.16))
+    parts.append(add_part("water", water, square, material))
+    material = _add_plain_material(glb, "glass", (0.8, 0.95, 1.0, 0.07))
+    parts.append(add_part("glass", box, walls, material))
+    return parts

@@ -34,19 +34,19 @@ def wave_heights_and_slopes(
 ) -> tuple[Floats, Floats, Floats]:
     """Return the water's height (px, 0 at rest) and its slopes along x and y at places x, y.
 
-    x, y: px, arrays of one shape, which the results share; depth: of the water, px; time_s: s.
+    x, y: px, arrays of one shape, which the results share; depth: of the water, px.
     """
-    high, along_x, along_y = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
+    height, slope_x, slope_y = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
     for angle, length, rate, phase in _WAVES:
-        number = 2 * math.pi / (length * depth)  # plain floats: single precision stays single
+        wave_number = 2 * math.pi / (length * depth)  # plain floats: single precision stays single
         cos, sin = math.cos(angle), math.sin(angle)
         shift = math.remainder(2 * math.pi * rate * time_s - phase, 2 * math.pi)
-        wave = number * cos * x + number * sin * y - shift
-        high += _STEEP / number * np.sin(wave)
+        wave = wave_number * cos * x + wave_number * sin * y - shift
+        height += _STEEP / wave_number * np.sin(wave)
         slope = _STEEP * np.cos(wave)
-        along_x += cos * slope
-        along_y += sin * slope
-    return high, along_x, along_y
+        slope_x += cos * slope
+        slope_y += sin * slope
+    return height, slope_x, slope_y
 
 
 class LitFloor:
@@ -58,16 +58,16 @@ class LitFloor:
 
     def __init__(self, background: NDArray[np.uint8], room: TankRoom, most_px: int = 960) -> None:
         """Shrink the background if it is too large, and lay a grid for the light over it."""
-        self._px = min(1.0, most_px / max(background.shape[:2]))  # of the floor per px of the film
+        self._scale = min(1.0, most_px / max(background.shape[:2]))  # of the floor's picture
         small = background
-        if self._px < 1:
-            wide, tall = (max(2, round(self._px * side)) for side in background.shape[1::-1])
-            small = cv2.resize(background, (wide, tall), interpolation=cv2.INTER_AREA)
+        if self._scale < 1:
+            width, height = (max(2, round(self._scale * side)) for side in background.shape[1::-1])
+            small = cv2.resize(background, (width, height), interpolation=cv2.INTER_AREA)
         self.plain = np.ascontiguousarray(small)
         self._room = room
-        across, along = (max(2, round(side / _CELL_PX)) for side in small.shape[:2])
-        columns = np.linspace(0, room.width, along, dtype=np.float32)
-        rows = np.linspace(0, -room.height, across, dtype=np.float32)
+        row_count, column_count = (max(2, round(side / _CELL_PX)) for side in small.shape[:2])
+        columns = np.linspace(0, room.width, column_count, dtype=np.float32)
+        rows = np.linspace(0, -room.height, row_count, dtype=np.float32)
         self._x, self._y = np.meshgrid(columns, rows)
 
     def draw_floor(self, fish: Sequence[Floats], time_s: float) -> NDArray[np.uint8]:
@@ -86,40 +86,46 @@ class LitFloor:
         return cv2.multiply(self.plain, light, scale=_BRIGHTEST / 255)
 
     def _light_pattern(self, time_s: float) -> NDArray[np.uint8]:
-        """Return the moving light on the floor, bright in lines where two sets of waves crest."""
-        x, y, deep = self._x, self._y, self._room.depth
-        _, bend_x, bend_y = wave_heights_and_slopes(x, y, deep, 0.7 * time_s)
-        reach = 2.2 * deep
-        _, a, b = wave_heights_and_slopes(
-            x + reach * bend_x, y + reach * bend_y, 1.35 * deep, 0.9 * time_s + 7
+        """Return the moving light on the floor's grid, uint8: bright lines that wander and bend.
+
+        They lie where waves of one set do not slope, and are bent by waves of another set. Factors
+        are chosen for the looks.
+        """
+        x, y, depth = self._x, self._y, self._room.depth
+        _, bend_x, bend_y = wave_heights_and_slopes(x, y, depth, 0.7 * time_s)
+        reach = 2.2 * depth
+        _, slope_x, slope_y = wave_heights_and_slopes(
+            x + reach * bend_x, y + reach * bend_y, 1.35 * depth, 0.9 * time_s + 7
         )
-        line = 1 - np.minimum(np.abs(a + 0.6 * b) / (1.6 * _STEEP), 1)
+        line = 1 - np.minimum(np.abs(slope_x + 0.6 * slope_y) / (1.6 * _STEEP), 1)
         light = (1 - 0.3 * _GATHERS + _GATHERS * line**3) / _BRIGHTEST
         return np.rint(np.clip(255 * light, 0, 255)).astype(np.uint8)
 
     def _subtract_shadow(self, light: NDArray[np.uint8], fish: Floats) -> None:
-        """Darken the light (h, w) where the shadow of a fish falls; it is changed.
+        """Darken the light (h, w) where the shadow of a fish falls; `light` itself is changed.
 
-        fish (rings, around, 3): points, px of the tank. The higher it swims, the softer its shadow
-        is.
+        fish (rings, around, 3): its points, px of the tank. The higher the fish swims, the softer
+        its shadow is. A shadow beside the floor changes nothing.
         """
         on_floor = fish[..., :2] - fish[..., 2:] * (SUN[:2] / SUN[2])
-        edge = (on_floor * (1, -1) * self._px).astype(np.float32)
-        blur = max(1.0, 0.03 * float(fish[..., 2].mean()) * self._px)
+        pixels = (on_floor * (1, -1) * self._scale).astype(np.float32)  # of the floor's picture
+        blur = max(1.0, 0.03 * float(fish[..., 2].mean()) * self._scale)
         rim = int(np.ceil(3 * blur)) + 1
-        low = np.floor(edge.min((0, 1))).astype(int) - rim
-        high = np.ceil(edge.max((0, 1))).astype(int) + rim + 1
+        low = np.floor(pixels.min((0, 1))).astype(int) - rim
+        high = np.ceil(pixels.max((0, 1))).astype(int) + rim + 1
         mask = np.zeros((high - low)[::-1], np.uint8)
-        for pair in pairwise(edge):
-            hull = cv2.convexHull(np.concatenate(pair) - low.astype(np.float32))
-            cv2.fillConvexPoly(mask, np.rint(16 * hull).astype(np.int32), 255, cv2.LINE_AA, 4)
+        for rings in pairwise(pixels):  # fill the hull of each two neighbouring rings
+            hull = cv2.convexHull(np.concatenate(rings) - low.astype(np.float32))
+            sixteenths = np.rint(16 * hull).astype(np.int32)  # 4 bits below one pixel
+            cv2.fillConvexPoly(mask, sixteenths, 255, cv2.LINE_AA, shift=4)
         mask = cv2.GaussianBlur(mask, (0, 0), blur)
         first, last = np.maximum(low, 0), np.minimum(high, light.shape[::-1])
         if (first >= last).any():
             return
-        there = np.s_[first[1] : last[1], first[0] : last[0]]
+        on_picture = np.s_[first[1] : last[1], first[0] : last[0]]
         inside = mask[first[1] - low[1] : last[1] - low[1], first[0] - low[0] : last[0] - low[0]]
-        light[there] = np.rint(light[there] * (1 - _SHADE / 255 * inside)).astype(np.uint8)
+        darkened = light[on_picture] * (1 - _SHADE / 255 * inside)
+        light[on_picture] = np.rint(darkened).astype(np.uint8)
 
 
 class WaterSurface:
@@ -127,33 +133,33 @@ class WaterSurface:
 
     def __init__(self, room: TankRoom, cells: int = 44) -> None:
         """Lay the grid over the tank, with `cells` cells along its longer side."""
-        across = max(8, round(cells * room.height / max(room.width, room.height)))
-        along = max(8, round(cells * room.width / max(room.width, room.height)))
-        columns = np.linspace(-0.5, room.width - 0.5, along, dtype=np.float32)
-        rows = np.linspace(-room.height + 0.5, 0.5, across, dtype=np.float32)
+        row_count = max(8, round(cells * room.height / max(room.width, room.height)))
+        column_count = max(8, round(cells * room.width / max(room.width, room.height)))
+        columns = np.linspace(-0.5, room.width - 0.5, column_count, dtype=np.float32)
+        rows = np.linspace(-room.height + 0.5, 0.5, row_count, dtype=np.float32)
         self.x, self.y = np.meshgrid(columns, rows)
         self._room = room
 
     def points_and_colours(
         self, time_s: float, camera: Floats, parallel: bool
     ) -> tuple[Floats, NDArray[np.uint8]]:
-        """Return the surface's points (m · n, 3), px, and RGBA (m · n, 4) uint8.
+        """Return the surface's points (m · n, 3), px, and their colours RGBA (m · n, 4) uint8.
 
-        The water mirrors the sky. camera (3,): its place, px; parallel: whether the view is
-        parallel, from above.
+        The water mirrors the sky and the sun. camera (3,): its place, px; parallel: whether the
+        view is parallel, from above.
         """
-        high, along_x, along_y = wave_heights_and_slopes(self.x, self.y, self._room.depth, time_s)
-        points = np.stack([self.x, self.y, self._room.depth + high], -1)
-        normal = np.stack([-along_x, -along_y, np.ones_like(high)], -1)
+        height, slope_x, slope_y = wave_heights_and_slopes(self.x, self.y, self._room.depth, time_s)
+        points = np.stack([self.x, self.y, self._room.depth + height], -1)
+        normal = np.stack([-slope_x, -slope_y, np.ones_like(height)], -1)
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
         view = np.array([0, 0, 1], np.float32) if parallel else camera.astype(np.float32) - points
         view = view / np.linalg.norm(view, axis=-1, keepdims=True)
         facing = np.abs((view * normal).sum(-1))
         mirror = 0.03 + 0.97 * (1 - facing) ** 5  # Schlick's share of what is reflected
-        half = view + SUN.astype(np.float32)
-        half /= np.linalg.norm(half, axis=-1, keepdims=True)
-        glint = np.clip((half * normal).sum(-1), 0, 1) ** 160
-        tilt = (12 * (along_x - along_y))[..., None].clip(-1, 1)
+        halfway = view + SUN.astype(np.float32)  # between the camera and the sun (Blinn)
+        halfway /= np.linalg.norm(halfway, axis=-1, keepdims=True)
+        glint = np.clip((halfway * normal).sum(-1), 0, 1) ** 160
+        tilt = (12 * (slope_x - slope_y))[..., None].clip(-1, 1)
         sky = np.array([176, 212, 228], np.float32) + 22 * tilt
         colour = sky + glint[..., None] * (255 - sky)
         alpha = np.clip(0.05 + 0.75 * mirror + 0.75 * glint, 0, 0.95)

@@ -34,8 +34,8 @@ _SKY = {-1.0: "#06161d", -0.25: "#0d2a35", 0.0: "#41707f", 0.3: "#7fadb9", 1.0: 
 _SKY_PX = 6.0  # film widths to the sky; by the sine of the elevation, its colours
 _GLASS, _EDGE = "#d5f0f5", "#e6fbff"
 _GLASS_ALPHA, _EDGE_ALPHA = 0.07, 0.75
-_COLOURS = "colours"
-_RIM = 1.08  # the glass stands out of the water
+_COLOURS = "colours"  # name of VTK's array
+_RIM = 1.08  # height of the glass, in depths of the water
 _LIBRARIES = {  # by name: the window of VTK that needs it
     "libEGL.so.1": "vtkEGLRenderWindow",
     "libOSMesa.so.8": "vtkOSOpenGLRenderWindow",
@@ -115,24 +115,24 @@ class TankScene:
         for (points, normals, skin), (mesh, picture) in zip(fish, self._fish, strict=True):
             mesh.points[:] = points.reshape(-1, 3)
             mesh.point_data["Normals"][:] = normals.reshape(-1, 3)
-            picture.point_data[_COLOURS][:] = skin[::-1].reshape(-1, 3)
+            picture.point_data[_COLOURS][:] = skin[::-1].reshape(-1, 3)  # VTK begins below
         floor = cv2.flip(self._floor.draw_floor([points for points, _, _ in fish], time_s), 0)
-        colours_of_floor = self._floor_picture.point_data[_COLOURS]
-        colours_of_floor[:] = floor.reshape(colours_of_floor.shape)
-        place, colours = self._water.points_and_colours(
-            time_s, views.place[tick], views.height_px is not None
+        floor_pixels = self._floor_picture.point_data[_COLOURS]
+        floor_pixels[:] = floor.reshape(floor_pixels.shape)
+        water_points, colours = self._water.points_and_colours(
+            time_s, views.place[tick], parallel=views.height_px is not None
         )
-        self._surface.points[:] = place
+        self._surface.points[:] = water_points
         self._surface.point_data[_COLOURS][:] = colours
         for item in (*chain(*self._fish), self._floor_picture, self._surface):
-            item.Modified()
+            item.Modified()  # tells VTK to draw it anew
         self._window.Render()
         width, height = self._size
         self._window.GetPixelData(0, 0, width - 1, height - 1, 0, self._pixels, 0)
         return cv2.flip(vtk_to_numpy(self._pixels).reshape(height, width, 3), 0)
 
     def _aim_camera(self, views: CameraViews, tick: int) -> None:
-        """Place and aim the camera for a tick."""
+        """Place and aim VTK's camera for a tick; views: the camera at every tick."""
         camera = self._plotter.camera
         camera.position, camera.focal_point = views.place[tick], views.aim[tick]
         camera.up = (0, 0, 1) if views.height_px is None else (0, 1, 0)
@@ -154,9 +154,9 @@ class TankScene:
             radius=_SKY_PX * self._room.width, center=self._room.middle.tolist(),
             theta_resolution=24, phi_resolution=33,
         )  # fmt: skip
-        up = (ball.points[:, 2] - self._room.middle[2]) / (_SKY_PX * self._room.width)
+        elevation_sine = (ball.points[:, 2] - self._room.middle[2]) / (_SKY_PX * self._room.width)
         colours = np.array([pv.Color(colour).int_rgb for colour in _SKY.values()], float)
-        levels = [np.interp(up, list(_SKY), part) for part in colours.T]
+        levels = [np.interp(elevation_sine, list(_SKY), channel) for channel in colours.T]
         ball[_COLOURS] = np.rint(np.stack(levels, -1)).astype(np.uint8)
         self._plotter.add_mesh(ball, scalars=_COLOURS, rgba=True, lighting=False)
 
@@ -176,9 +176,8 @@ class TankScene:
         skin = _empty_image((AROUND, LENGTHWISE, 3))
         faces = np.insert(surface_triangles(), 0, 3, axis=1).ravel()
         mesh = pv.PolyData(np.zeros((RINGS * AROUND_BODY, 3)), faces)
-        mesh.active_texture_coordinates = texture_coordinates() * np.array([1, -1]) + np.array(
-            [0, 1]
-        )
+        # VTK counts a texture's rows from below.
+        mesh.active_texture_coordinates = texture_coordinates() * (1, -1) + (0, 1)
         mesh.point_data.active_normals = np.tile([0.0, 0.0, 1.0], (RINGS * AROUND_BODY, 1))
         self._plotter.add_mesh(
             mesh, texture=_smooth_texture(skin), ambient=0.34, diffuse=0.8, specular=0.32,
@@ -193,7 +192,7 @@ class TankScene:
         faces = np.stack(
             [np.full_like(first, 4), first, first + 1, first + columns + 1, first + columns], -1
         )
-        points, colours = self._water.points_and_colours(0.0, self._room.middle, True)
+        points, colours = self._water.points_and_colours(0.0, self._room.middle, parallel=True)
         mesh = pv.PolyData(points, faces.ravel())
         mesh[_COLOURS] = colours
         self._plotter.add_mesh(mesh, scalars=_COLOURS, rgba=True, lighting=False)
@@ -204,7 +203,8 @@ class TankScene:
         room, top = self._room, _RIM * self._room.depth
         x, y = np.array([-0.5, room.width - 0.5]), np.array([0.5 - room.height, 0.5])
         box = pv.Box((*x, *y, 0, top))
-        walls = box.extract_cells([i for i in range(6) if np.ptp(box.get_cell(i).points[:, 2]) > 0])
+        upright = [i for i in range(6) if np.ptp(box.get_cell(i).points[:, 2]) > 0]  # 4 of 6 sides
+        walls = box.extract_cells(upright)
         self._plotter.add_mesh(walls, color=_GLASS, opacity=_GLASS_ALPHA, lighting=False)
         edges = box.extract_all_edges()
         self._plotter.add_mesh(

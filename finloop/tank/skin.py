@@ -19,7 +19,7 @@ Picture = NDArray[np.uint8]
 LENGTHWISE, AROUND = 128, 64  # pixels of a skin: from head to tail, from below over left and right
 _INSIDE = 0.85  # of the half width: the outermost pixels are half water
 _SOLID = 200  # alpha from which a pixel's own colour is sure
-_PALE, _PALE_SHARE = 236.0, 0.5  # grey level of a belly, and how much of it
+_BELLY_GREY, _BELLY_SHARE = 236.0, 0.5  # grey level of a belly, and how much of it is mixed in
 _EYE = 0.075, 0.42, 0.021  # place along the body; around, 0 = back, 1 = belly; radius, body lengths
 _PUPIL, _IRIS = 22.0, 206.0
 
@@ -27,9 +27,9 @@ _PUPIL, _IRIS = 22.0, 206.0
 class FishSkins:
     """The skins of a fish, made of its film pictures: `skin(row)`, (AROUND, LENGTHWISE, 3) float32.
 
-    Values are 0 … 255. typical: half widths from `tank.body.typical_half_widths`; centres_px (n,
-    2): mass centres, px of the film, y down; cutout: function that returns the cut-out of a row;
-    keep: skins in memory.
+    Values are 0 … 255. typical (p,): median half widths in body lengths; centres_px (n, 2): mass
+    centres, px of the film, y down; load_cutout: returns the cut-out of a row; keep: how many skins
+    stay in memory.
     """
 
     def __init__(
@@ -37,26 +37,31 @@ class FishSkins:
         film: FilmBodies,
         typical: NDArray[np.floating],
         centres_px: NDArray[np.floating],
-        cutout: Callable[[int], Cutout],
+        load_cutout: Callable[[int], Cutout],
         keep: int = 256,
     ) -> None:
         """Prepare the places, the belly and the eyes that all skins share."""
-        self._film, self._typical, self._centres, self._cutout = film, typical, centres_px, cutout
+        self._film, self._typical, self._centres = film, typical, centres_px
+        self._load_cutout = load_cutout
         around = np.pi * (1 - 2 * (np.arange(AROUND) + 0.5) / AROUND)
         along = (np.arange(LENGTHWISE) + 0.5) / LENGTHWISE
-        self._how = build_surface_grid(along, around, film.backbone.shape[1])
-        below = np.clip((-np.cos(around) + 0.1) / 0.9, 0, 1)
-        self._pale = (_PALE_SHARE * below * below * (3 - 2 * below)).astype(np.float32)[:, None]
+        self._grid = build_surface_grid(along, around, film.backbone.shape[1])
+        below = np.clip((-np.cos(around) + 0.1) / 0.9, 0, 1)  # 0 on the back, 1 on the belly
+        belly_share = _BELLY_SHARE * below * below * (3 - 2 * below)  # smooth at both ends
+        self._belly_share = belly_share.astype(np.float32)[:, None]
         self._eyes = _eye_layers(along, around)
         self.skin = lru_cache(keep)(self._wrap_cutout)
 
     def _wrap_cutout(self, row: int) -> NDArray[np.float32]:
-        """Wrap the cut-out of a row of the film around the body, with belly and eyes."""
-        cutout, line = self._cutout(row), self._film.backbone[row : row + 1]
+        """Return the cut-out of a row of the film wrapped around the body, with belly and eyes.
+
+        The skin is (AROUND, LENGTHWISE, 3), 0 … 255. A grey cut-out gives three equal colours.
+        """
+        cutout, line = self._load_cutout(row), self._film.backbone[row : row + 1]
         width = limit_half_widths(self._film.half_width[row : row + 1], line, self._typical)
-        place = top_view_points(self._how, line, _INSIDE * width)[0].swapaxes(0, 1)
+        points = top_view_points(self._grid, line, _INSIDE * width)[0].swapaxes(0, 1)
         origin = np.array([cutout.x0_px, cutout.y0_px])
-        places = (place * (1, -1) + (self._centres[row] - origin)).astype(np.float32)
+        places = (points * (1, -1) + (self._centres[row] - origin)).astype(np.float32)
         pixels = cv2.remap(
             _opaque_colours(cutout.pixels), places[..., 0], places[..., 1], cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
@@ -64,30 +69,36 @@ class FishSkins:
         skin = pixels.reshape(AROUND, LENGTHWISE, -1)
         if skin.shape[2] == 1:
             skin = skin.repeat(3, axis=2)
-        skin = skin + self._pale[..., None] * (_PALE - skin)
+        skin = skin + self._belly_share[..., None] * (_BELLY_GREY - skin)
         for share, level in self._eyes:
             skin += share[..., None] * (level - skin)
         return skin
 
-    def mix_skins(self, row: int, partner: int, weight: float, flips: tuple[bool, bool]) -> Picture:
-        """Cross-fade the skins of two film rows: (AROUND, LENGTHWISE, 3) uint8.
+    def mix_skins(
+        self, row: int, partner: int, weight: float, mirrored: tuple[bool, bool]
+    ) -> Picture:
+        """Return the cross-faded skins of two film rows, (AROUND, LENGTHWISE, 3) uint8.
 
-        weight: share of the second, `partner`, 0 … 1; flips: whether each is mirrored.
+        weight: share of the second, `partner`, 0 … 1; mirrored: whether each is mirrored.
         """
-        skin = self.skin(row)[:: -1 if flips[0] else 1]
+        skin = self.skin(row)[:: -1 if mirrored[0] else 1]
         if weight > 0:
-            skin = skin + np.float32(weight) * (self.skin(partner)[:: -1 if flips[1] else 1] - skin)
+            partner_skin = self.skin(partner)[:: -1 if mirrored[1] else 1]
+            skin = skin + np.float32(weight) * (partner_skin - skin)
         return np.rint(np.clip(skin, 0, 255)).astype(np.uint8)
 
 
 def _opaque_colours(pixels: Picture) -> NDArray[np.float32]:
-    """Return a cut-out's colours (h, w, c) without alpha; faint pixels get colours near them."""
-    pixel = pixels.astype(np.float32)
-    near = cv2.GaussianBlur(pixel, (0, 0), 2.0)
-    alpha = pixel[..., -1:]
-    around = near[..., :-1] / np.maximum(near[..., -1:], 1e-3)
-    own = pixel[..., :-1] / np.maximum(alpha, 1)
-    return 255 * np.where(alpha >= _SOLID, own, around)
+    """Return a cut-out's colours without alpha (0 … 255); faint pixels get those around them.
+
+    pixels (h, w, c): premultiplied by alpha, the last channel. The result has one channel less.
+    """
+    premultiplied = pixels.astype(np.float32)
+    blurred = cv2.GaussianBlur(premultiplied, (0, 0), 2.0)
+    alpha = premultiplied[..., -1:]
+    mean_around = blurred[..., :-1] / np.maximum(blurred[..., -1:], 1e-3)
+    pixel_colour = premultiplied[..., :-1] / np.maximum(alpha, 1)
+    return 255 * np.where(alpha >= _SOLID, pixel_colour, mean_around)
 
 
 def _eye_layers(
@@ -95,15 +106,17 @@ def _eye_layers(
 ) -> list[tuple[NDArray, float]]:
     """Return the share of each skin pixel that iris and pupil cover, and their grey levels.
 
-    along, around: places of the pixels, 0-1 from head to tail, and rad from the back. The film,
-    from above, hardly shows the eyes, which are at the sides of the head.
+    Two pairs: share (n, m), level 0 … 255. along (m,), around (n,): places of the pixels, 0-1 from
+    head to tail, and rad from the back. The film, from above, hardly shows the eyes, which are at
+    the sides of the head.
     """
-    place, turn, radius = _EYE
-    round_px = 0.3  # a way of π around the head, in body lengths
-    across = ((np.abs(around) / np.pi - turn) * round_px)[:, None]
-    far = np.hypot(along - place, across) / radius
+    eye_along, eye_around, radius = _EYE
+    half_girth = 0.3  # from the back around the head to the belly, in body lengths
+    across = ((np.abs(around) / np.pi - eye_around) * half_girth)[:, None]
+    distance = np.hypot(along - eye_along, across) / radius
 
     def disc(edge: float) -> NDArray[np.float32]:
-        return np.clip((edge - far) / 0.4 + 0.5, 0, 1).astype(np.float32)
+        """Return a disc as large as a share of the eye, with a soft edge: 1 inside, 0 outside."""
+        return np.clip((edge - distance) / 0.4 + 0.5, 0, 1).astype(np.float32)
 
     return [(disc(1.0), _IRIS), (disc(0.68), _PUPIL)]

@@ -25,7 +25,6 @@ from finloop.features.table import count_orientations, orientation_heading_deg
 Floats = NDArray[np.floating]
 Rows = NDArray[np.intp]
 
-
 _AHEAD_S = 4.1  # between the height curves of successive fish
 USED = ("x_px", "y_px", "backbone_x_px", "backbone_y_px", "half_width_px")
 """The columns of a table of tracks from which bodies are made."""
@@ -82,7 +81,8 @@ class TankPoses:
 def film_body_shapes(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
     """Collect the backbones and half widths of all fish of a film, about their mass centres.
 
-    Head first, y up. tracks: columns `USED`; features: head and heading_deg of each of its rows.
+    Backbones are head first, y up. tracks: columns `USED`, n rows; features: columns head and
+    heading_deg of the same rows.
     """
     line = lists_to_points(tracks, "backbone").astype(float)
     half_width = lists_to_array(tracks["half_width_px"]).astype(float)
@@ -97,59 +97,67 @@ def poses_in_tank(
 ) -> TankPoses:
     """Return backbone, half widths, heading and skins of a fish at every tick of its edit list.
 
-    edit: schema EDIT, of one fish; sprites: schema SPRITES, or empty; bodies: None without poses.
+    edit: schema EDIT, of one fish; sprites: schema SPRITES, or empty; bodies: the film's postures,
+    by which the backbone is bent at ticks with a pose; None if no tick has one.
     """
     first = _find_shown_bodies(edit, "", "source", film, sprites)
-    other = _find_shown_bodies(edit, "partner_", "partner", film, sprites)
+    partner = _find_shown_bodies(edit, "partner_", "partner", film, sprites)
     weight = edit["weight"].to_numpy(float)
-    second = BodyPlacement(*(np.where(weight > 0, b, a) for a, b in zip(first, other, strict=True)))
-    (line, width), (partner, partner_width) = (_place_bodies(film, b) for b in (first, second))
+    # Without a cross-fade the second body is the first one.
+    second = BodyPlacement(*(
+        np.where(weight > 0, of_partner, of_first)
+        for of_first, of_partner in zip(first, partner, strict=True)
+    ))  # fmt: skip
+    first_line, first_width = _place_bodies(film, first)
+    second_line, second_width = _place_bodies(film, second)
     share = weight[:, None]
-    line = line + share[..., None] * (partner - line)
+    line = first_line + share[..., None] * (second_line - first_line)
     if bodies is not None:
         for tick in np.flatnonzero(edit["pose"].notna()):
             line[tick] = _posed_backbone(edit.iloc[tick], film, bodies)
     return TankPoses(
         edit[["x_px", "y_px"]].to_numpy(float) * (1, -1),
         line,
-        width + share * (partner_width - width),
+        first_width + share * (second_width - first_width),
         np.unwrap(np.radians(edit["heading_deg"].to_numpy(float))),
         first, second, weight,
     )  # fmt: skip
 
 
 def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
-    """Return the backbone (p, 2) of a fish that a row of an edit list draws in an unfilmed pose.
+    """Return the backbone (p, 2) px of a fish that an edit-list row draws in an unfilmed pose.
 
-    The film's backbone is changed by the difference between the backbones of that pose and of the
-    filmed posture, at equal arc lengths.
+    The film's backbone is changed by the difference between the backbones of the unfilmed pose and
+    of the filmed posture, at equal arc lengths. All are compared headed right.
     """
     body = bodies.edit_row_body(row_picture(row))
     number, side = int(body.row), -1 if body.mirrored else 1
-    own = bodies.poses.pose[number].move_to(0, 0, 0, bodies.poses.pose.size_px[number])
-    new = bodies.poses.pose_from_codes(number, row.pose).move_to(0, 0, 0, own.size_px)
-    before, after = (pose.backbone_px() * (1, -1) for pose in (own, new))
-    before[:, 1] *= side
+    filmed = bodies.poses.pose[number].move_to(0, 0, 0, bodies.poses.pose.size_px[number])
+    posed = bodies.poses.pose_from_codes(number, row.pose).move_to(0, 0, 0, filmed.size_px)
+    filmed_line, posed_line = filmed.backbone_px() * (1, -1), posed.backbone_px() * (1, -1)
+    filmed_line[:, 1] *= side
     angle = np.radians(film.heading_deg[number])
-    back = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    line = film.backbone[number] @ back.T * (1, side)  # headed right
-    from_arc, to_arc = (
-        np.append(0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))) for points in (before, line)
+    to_right = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    line = film.backbone[number] @ to_right.T * (1, side)
+    filmed_arc, arc = (
+        np.append(0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+        for points in (filmed_line, line)
     )
-    offsets = [np.interp(to_arc, from_arc, change) for change in (after - before).T]
+    offsets = [np.interp(arc, filmed_arc, change) for change in (posed_line - filmed_line).T]
     turn = np.radians(float(body.heading_deg))
-    ahead = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    return row.scale * (line + np.stack(offsets, -1)) @ ahead.T
+    to_heading = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    return row.scale * (line + np.stack(offsets, -1)) @ to_heading.T
 
 
 def _find_shown_bodies(
-    edit: pd.DataFrame, prefix: str, number: str, film: FilmBodies, sprites: pd.DataFrame
+    edit: pd.DataFrame, prefix: str, source_column: str, film: FilmBodies, sprites: pd.DataFrame
 ) -> BodyPlacement:
-    """Return which filmed body is in the picture of every tick; any where there is no picture.
+    """Return which filmed body every tick's picture shows; a meaningless one without a picture.
 
-    prefix, number: of the columns: "" and "source", or "partner_" and "partner".
+    prefix, source_column: "" and "source" for the main picture, "partner_" and "partner" for the
+    one to cross-fade with.
     """
-    source = edit[number].fillna(0).to_numpy(int)
+    source = edit[source_column].fillna(0).to_numpy(int)
     turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()
     scale = edit[f"{prefix}scale"].fillna(1).to_numpy(float)
     kind = edit[f"{prefix}kind"].fillna(FRAME)
@@ -157,9 +165,9 @@ def _find_shown_bodies(
     row = np.where(is_sprite, 0, source)
     axis, mirrored = film.heading_deg[row], edit[f"{prefix}mirrored"].to_numpy(bool, copy=True)
     if is_sprite.any():
-        which = sprites.iloc[source[is_sprite]]
-        row[is_sprite] = which["row"]
-        axis[is_sprite], mirrored[is_sprite] = which["heading_deg"], which["mirrored"]
+        shown = sprites.iloc[source[is_sprite]]
+        row[is_sprite] = shown["row"]
+        axis[is_sprite], mirrored[is_sprite] = shown["heading_deg"], shown["mirrored"]
         orientation = edit[f"{prefix}orientation"][is_sprite].to_numpy(int)
         turn[is_sprite] += (
             orientation_heading_deg(orientation, count_orientations(sprites)) - axis[is_sprite]
@@ -167,16 +175,19 @@ def _find_shown_bodies(
     return BodyPlacement(row.astype(np.intp), turn, scale, mirrored, axis)
 
 
-def _place_bodies(film: FilmBodies, drawn: BodyPlacement) -> tuple[Floats, Floats]:
-    """Mirror, turn and scale bodies: return backbones (ticks, p, 2), half widths (ticks, p)."""
-    line = film.backbone[drawn.row]
-    twice = 2 * np.radians(drawn.axis_deg)
+def _place_bodies(film: FilmBodies, placement: BodyPlacement) -> tuple[Floats, Floats]:
+    """Mirror, turn and scale filmed bodies, one a tick, about their mass centres.
+
+    Return their backbones (ticks, p, 2) and half widths (ticks, p), px.
+    """
+    line = film.backbone[placement.row]
+    twice = 2 * np.radians(placement.axis_deg)
     mirror = _stack_matrices(np.cos(twice), np.sin(twice), np.sin(twice), -np.cos(twice))
-    line = np.where(drawn.mirrored[:, None, None], line @ mirror.swapaxes(1, 2), line)
-    angle = np.radians(drawn.turn_deg)
+    line = np.where(placement.mirrored[:, None, None], line @ mirror.swapaxes(1, 2), line)
+    angle = np.radians(placement.turn_deg)
     turn = _stack_matrices(np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle))
-    scale = drawn.scale[:, None]
-    return scale[..., None] * (line @ turn.swapaxes(1, 2)), scale * film.half_width[drawn.row]
+    scale = placement.scale[:, None]
+    return scale[..., None] * (line @ turn.swapaxes(1, 2)), scale * film.half_width[placement.row]
 
 
 def _stack_matrices(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
@@ -187,8 +198,8 @@ def _stack_matrices(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
 def swimming_heights(time_s: Floats, depth: float, fish: int = 0) -> Floats:
     """Return how high above the floor a fish swims at each tick, (ticks,) px.
 
-    It is invented, as the film does not show it, and changes slowly. time_s (ticks,): s; depth: of
-    the water, px; fish: its number; each is `_AHEAD_S` ahead of the one before.
+    The height is invented, as the film does not show it, and changes slowly. time_s (ticks,): times
+    of the ticks; depth: of the water, px; fish: its number, which shifts the changes in time.
     """
     moment = time_s + _AHEAD_S * fish
     slow, slower = (np.sin(2 * np.pi * moment / period) for period in (7.3, 17.0))
