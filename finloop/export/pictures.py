@@ -47,7 +47,7 @@ class FishOnlyPainter:
         self.black, self.white = Painter(black), Painter(black + np.uint8(_WHITE))
 
     def show(self, *fish: PlacedFish) -> Box:
-        """Paint only these fish, the lowest first; return the box that they cover."""
+        """Paint some fish on clean canvases, the lowest first; return the box that they cover."""
         self.white.show(*fish)
         return self.black.show(*fish)
 
@@ -57,7 +57,7 @@ class FishOnlyPainter:
         Both canvases are rounded: a colour may exceed its alpha by 1.
         """
         over_black = self.black.canvas[box.slices]
-        through = self.white.canvas[box.slices].astype(np.float32) - over_black
+        through = self.white.canvas[box.slices].astype(np.float32) - over_black  # 255 − alpha
         alpha = np.rint(_WHITE - through.mean(axis=2, keepdims=True)).astype(np.uint8)
         rgb = over_black if over_black.shape[2] == 3 else over_black.repeat(3, axis=2)
         return np.concatenate([rgb, alpha], axis=2)
@@ -66,7 +66,8 @@ class FishOnlyPainter:
 def box_of_all_fish(frames: Iterable[Sequence[PlacedFish]], alone: FishOnlyPainter) -> Box:
     """Return the smallest box of the canvas that holds all fish of all ticks, with a rim.
 
-    frames: the fish of every tick; alone: the painter that paints them.
+    frames: the fish of every tick; alone: the painter that paints them. The box is one pixel if no
+    fish is on the canvas.
     """
     boxes = [box for fish in frames if not (box := alone.show(*fish)).is_empty]
     if not boxes:
@@ -84,17 +85,17 @@ def cut_out_fish(
     a smaller one.
     """
     frame = np.zeros((crop.bottom - crop.top, crop.right - crop.left, 4), np.uint8)
-    last = Box(0, 0, 0, 0)
+    painted = Box(0, 0, 0, 0)  # part of the frame that is not empty
     for fish in frames:
-        frame[last.slices] = 0
+        frame[painted.slices] = 0
         box = alone.show(*fish).grow(RIM).intersect(crop)
-        last = Box(0, 0, 0, 0)
+        painted = Box(0, 0, 0, 0)
         if not box.is_empty:
-            last = Box(
+            painted = Box(
                 box.top - crop.top, box.left - crop.left,
                 box.bottom - crop.top, box.right - crop.left,
             )  # fmt: skip
-            frame[last.slices] = _straighten_alpha(alone.cut_box(box))
+            frame[painted.slices] = _straighten_alpha(alone.cut_box(box))
         yield frame
 
 
@@ -105,31 +106,36 @@ def _straighten_alpha(pixels: Picture) -> Picture:
     mean around it, as transparent pixels within `RIM` do. Else 4:2:0 and filters would bring noise,
     or black, into the edge.
     """
-    alpha = pixels[..., 3:].astype(np.float32)
-    around = cv2.boxFilter(pixels.astype(np.float32), -1, (2 * RIM + 1,) * 2, borderType=0)
-    own, mean = (
-        255 * premultiplied[..., :3] / np.maximum(premultiplied[..., 3:], 1e-6)
-        for premultiplied in (pixels.astype(np.float32), around)
+    premultiplied = pixels.astype(np.float32)
+    around = cv2.boxFilter(
+        premultiplied, -1, (2 * RIM + 1, 2 * RIM + 1), borderType=cv2.BORDER_CONSTANT
     )
-    colour = np.where(alpha < _FAINT, mean, own)
+    pixel_colour, mean_colour = (
+        255 * picture[..., :3] / np.maximum(picture[..., 3:], 1e-6)
+        for picture in (premultiplied, around)
+    )
+    colour = np.where(premultiplied[..., 3:] < _FAINT, mean_colour, pixel_colour)
     return np.concatenate([np.rint(colour).clip(0, 255).astype(np.uint8), pixels[..., 3:]], axis=2)
 
 
 def sprites_of_sequence(
     sprites: pd.DataFrame, sequence: str, gallery: Gallery
 ) -> tuple[list[tuple[PlacedFish]], int]:
-    """Return a sequence's sprites, headed right and in place, and half the width of their canvas.
+    """Return a sequence's sprites, all headed right in the middle of a canvas, and its size `half`.
 
     Each step of the sequence has one fish. The mass centre is the middle pixel of a square canvas,
-    2 half + 1 px wide.
+    2 half + 1 px wide. sprites: schema SPRITES; sequence: name of the sequence.
     """
     rows = sprites[sprites["sequence"] == sequence]
     steps = [
-        gallery.turn_picture(SPRITE, int(sprite), 1, 0.0, float(scale))
+        gallery.turn_picture(
+            SPRITE, int(sprite), orientation=1, rotation_deg=0.0, scale=float(scale)
+        )
         for sprite, scale in zip(rows["sprite"], rows["scale"], strict=True)
     ]
+    # A whole diagonal, as the mass centre may lie anywhere in the picture.
     half = RIM + max(math.ceil(step.scale * math.hypot(*step.picture.near.shape)) for step in steps)
-    return [(PlacedFish(half, half, step, None, 0.0),) for step in steps], half
+    return [(PlacedFish(half, half, step, partner=None, weight=0.0),) for step in steps], half
 
 
 def add_film_sources(
@@ -158,37 +164,38 @@ def flatten_poses(listed: pd.DataFrame) -> pd.DataFrame:
 
     A row without a pose has empty cells there. Where no scale is known, columns in mm are left out.
     """
-    codes = [pose for pose in listed["pose"] if pose is not None]
-    wide = np.full((len(listed), len(codes[0]) if codes else 0), np.nan)
-    wide[listed["pose"].notna()] = codes if codes else 0
-    names = [f"pose_{number}" for number in range(1, wide.shape[1] + 1)]
-    spread = pd.DataFrame(wide, listed.index, names)
+    poses = [pose for pose in listed["pose"] if pose is not None]
+    cells = np.full((len(listed), len(poses[0]) if poses else 0), np.nan)
+    cells[listed["pose"].notna()] = poses if poses else 0
+    names = [f"pose_{number}" for number in range(1, cells.shape[1] + 1)]
+    pose_columns = pd.DataFrame(cells, listed.index, names)
     unknown = [name for name in (*_MM, "speed_mm_s") if listed[name].isna().all()]
-    return pd.concat([listed.drop(columns=["pose", *unknown]), spread], axis=1)
+    return pd.concat([listed.drop(columns=["pose", *unknown]), pose_columns], axis=1)
 
 
 def _film_source_columns(
     edit: pd.DataFrame, prefix: str, source: str, tracks: pd.DataFrame, sprites: pd.DataFrame
 ) -> pd.DataFrame:
-    """Return track, frame and sprite name (atlas) of the picture in each row of an edit list.
+    """Return track_id, frame and sprite name (atlas) of the picture in each row of an edit list.
 
-    prefix, source: of the columns: "" and "source", or "partner_" and "partner"; other arguments as
-    in `add_film_sources`.
+    prefix, source: "" and "source" for the columns of the main picture, "partner_" and "partner"
+    for the one to cross-fade with; tracks: track_id and frame of every cut-out; sprites: schema
+    SPRITES. Cells without a picture, or a sprite, are empty.
     """
     kind, number = edit[f"{prefix}kind"], edit[source].fillna(0).to_numpy(int)
-    is_sprite, none = (kind == SPRITE).to_numpy(), kind.isna().to_numpy()
-    cutout, rows = np.where(is_sprite, 0, number), sprites.iloc[np.where(is_sprite, number, 0)]
+    is_sprite, is_empty = (kind == SPRITE).to_numpy(), kind.isna().to_numpy()
+    cutout = np.where(is_sprite, 0, number)
+    rows = sprites.iloc[np.where(is_sprite, number, 0)]
+    orientations = edit[f"{prefix}orientation"].fillna(0)
     names = [
-        f"{sequence}/{at:02d}/{step:02d}"
-        for sequence, at, step in zip(
-            rows["sequence"], edit[f"{prefix}orientation"].fillna(0), rows["step"], strict=True
+        f"{sequence}/{orientation:02d}/{step:02d}"
+        for sequence, orientation, step in zip(
+            rows["sequence"], orientations, rows["step"], strict=True
         )
     ]
-    where = {
-        name: np.where(is_sprite, rows[name].to_numpy(), tracks[name].to_numpy()[cutout])
-        for name in ("track_id", "frame")
-    }
-    return pd.DataFrame(
-        {name: pd.Series(of, kind.index, dtype="Int32").mask(none) for name, of in where.items()}
-        | {"atlas": pd.Series(names, kind.index, dtype=object).where(is_sprite, None)}
-    )
+    source_columns = {}
+    for name in ("track_id", "frame"):
+        values = np.where(is_sprite, rows[name].to_numpy(), tracks[name].to_numpy()[cutout])
+        source_columns[name] = pd.Series(values, kind.index, dtype="Int32").mask(is_empty)
+    atlas = pd.Series(names, kind.index, dtype=object).where(is_sprite, None)
+    return pd.DataFrame(source_columns | {"atlas": atlas})

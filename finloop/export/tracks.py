@@ -38,9 +38,9 @@ def keypoints_of_tracks(
     animals (rows,): names of animals; with them an individual is an animal, else a track.
     """
     individual = tracks["track_id"] if animals is None else animals
-    length = individual.value_counts(sort=False).sort_index()
-    long = length[length >= min(least_frames, length.max())]
-    ids = np.sort(long.sort_values(ascending=False, kind="stable").index[:most])
+    frame_counts = individual.value_counts(sort=False).sort_index()
+    long_enough = frame_counts[frame_counts >= min(least_frames, frame_counts.max())]
+    ids = np.sort(long_enough.sort_values(ascending=False, kind="stable").index[:most])
     rows = pd.concat([tracks, features], axis=1).assign(individual=individual)[individual.isin(ids)]
     rows = rows.sort_values(["frame", "individual"], ignore_index=True)
     line = lists_to_points(rows, "backbone").astype(float)

@@ -19,13 +19,13 @@ _AROUND = 1.25  # body lengths that a panel shows on every side of the fish
 
 
 def longest_tracks_edit_list(track: Ints, places: Floats, ticks: int) -> pd.DataFrame:
-    """Return an edit list of `ticks` ticks that shows the film's longest tracks, one by one.
+    """Return an edit list of at most `ticks` ticks that shows the film's longest tracks in turn.
 
-    track (n,): its number at each row of the film; places (n, 2): x, y px.
+    track (n,): number of the track of each row of the film; places (n, 2): x, y px.
     """
     _, first, count = np.unique(track, return_index=True, return_counts=True)
-    longest = np.argsort(-count, kind="stable")
-    tracks = [np.arange(first[one], first[one] + count[one]) for one in longest]
+    longest_first = np.argsort(-count, kind="stable")
+    tracks = [np.arange(first[index], first[index] + count[index]) for index in longest_first]
     rows = np.concatenate(tracks)[:ticks]
     return filmed_edit_list(rows, places[rows])
 
@@ -35,19 +35,21 @@ def draw_side_by_side(
 ) -> Iterator[Picture]:
     """Draw edit lists of one fish side by side: yield a picture (h, w, 3) uint8 for each tick.
 
-    edits: by the title below each, as many ticks each; tank: the floor; length_px: body length of
-    the fish; size: px of a panel. h is size + WORDS_PX, w is size · lists.
+    edits: by the title below each, all equally long; tank: the floor, (H, W) or (H, W, 3) uint8;
+    length_px: body length of the fish; size: width and height of a panel, px. A panel follows the
+    fish; below it are its title and what it shows. h is size + WORDS_PX, w is size · lists.
     """
     half_px = _AROUND * length_px
-    films = [_draw_panels(edit, gallery, tank, half_px, size) for edit in edits.values()]
-    for panels in zip(*films, strict=True):
+    panel_films = [_draw_panels(edit, gallery, tank, half_px, size) for edit in edits.values()]
+    for panels in zip(*panel_films, strict=True):
         frame = np.full((size + WORDS_PX, len(edits) * size, 3), 255, np.uint8)
         for number, (title, (picture, name)) in enumerate(zip(edits, panels, strict=True)):
             left = number * size
             frame[:size, left : left + size] = picture
             frame[size : size + 6, left : left + size] = rgb_from_hex(COLOURS[name])
-            write_text(frame, title, (left + 8, size + 22), (0, 0, 0), 15, 700)
-            write_text(frame, name, (left + 8, size + 36), (90, 90, 90), 12)
+            black, grey = (0, 0, 0), (90, 90, 90)
+            write_text(frame, title, (left + 8, size + 22), black, size=15, weight=700)
+            write_text(frame, name, (left + 8, size + 36), grey, size=12)
         yield frame
 
 
@@ -63,7 +65,7 @@ def _draw_panels(
         painter.show(fish)
         middle = (size - 1) / 2
         zoom = middle / half_px
-        to_panel = np.array([
+        to_panel = np.array([  # puts the fish into the middle
             [zoom, 0, middle - zoom * fish.x_px], [0, zoom, middle - zoom * fish.y_px],
         ])  # fmt: skip
         panel = cv2.warpAffine(

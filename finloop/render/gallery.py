@@ -63,7 +63,8 @@ class Gallery:
     ) -> PaddedPicture:
         """Return a stored cut-out as a picture to draw; mirrored: left and right exchanged.
 
-        source: film row, or number of the sprite; orientation: of a sprite.
+        kind: FRAME or SPRITE; source: film row, or number of the sprite; orientation: that of a
+        sprite, from 1.
         """
         shelf = self.shelves[kind]
         cutout = shelf.store[sprite_store_row(source, orientation, shelf.orientations)]
@@ -83,7 +84,8 @@ class Gallery:
     ) -> TurnedPicture:  # fmt: skip
         """Return a frame, or a sprite in an orientation, turned and scaled as it is drawn.
 
-        The arguments are the fields of `RowPicture`.
+        kind: FRAME or SPRITE; source: film row, or number of the sprite; orientation: of a sprite;
+        rotation_deg: anticlockwise; mirrored: whether a frame is reflected about its heading.
         """
         if kind != FRAME:
             return TurnedPicture(
@@ -91,69 +93,72 @@ class Gallery:
             )
         if mirrored:
             assert self.bodies is not None
+            # Exchanging left and right turns a heading h into 180° − h: turn it back to h.
             rotation_deg += 2 * self.bodies.heading_deg[source] - 180
         return TurnedPicture(self.film_picture(source, mirrored), rotation_deg, scale)
 
     def place_row(self, row: Any) -> PlacedFish:
         """Return the fish that a row (named tuple) of an edit list draws, and its cross-fade."""
-        names = [row_picture(row), row_partner(row)] if row.weight > 0 else [row_picture(row)]
+        wanted = [row_picture(row), row_partner(row)] if row.weight > 0 else [row_picture(row)]
         if row.pose is None:
             drawn: list[TurnedPicture] | list[BentPicture] = [
-                self.turn_picture(*name) for name in names
+                self.turn_picture(*picture) for picture in wanted
             ]
         else:
-            drawn = self._bend_bodies(names, row.pose)
+            drawn = self._bend_bodies(wanted, row.pose)
         partner = drawn[1] if row.weight > 0 else None
         return PlacedFish(row.x_px, row.y_px, drawn[0], partner, row.weight)
 
-    def _bend_bodies(self, names: Sequence[RowPicture], codes: Floats) -> list[BentPicture]:
+    def _bend_bodies(self, wanted: Sequence[RowPicture], codes: Floats) -> list[BentPicture]:
         """Bend film pictures into one pose, with heading and size of the first picture.
 
-        names: the pictures; codes (c,): of the pose.
+        wanted: which pictures; codes (c,): the pose, by its principal-component scores.
         """
         assert self.bodies is not None
-        poses, shown = self.bodies.poses, [self.bodies.edit_row_body(name) for name in names]
-        target = poses.pose_from_codes(int(shown[0].row), codes)
-        heading = math.radians(shown[0].heading_deg)
-        size_px, drawn = float(target.size_px) * names[0].scale, []
-        for body in shown:
-            own, film = poses.pose[int(body.row)], self.film_picture(int(body.row))
+        bodies = [self.bodies.edit_row_body(picture) for picture in wanted]
+        poses = self.bodies.poses
+        target = poses.pose_from_codes(int(bodies[0].row), codes)
+        heading = math.radians(bodies[0].heading_deg)
+        size_px, bent = float(target.size_px) * wanted[0].scale, []
+        for body in bodies:
+            filmed, picture = poses.pose[int(body.row)], self.film_picture(int(body.row))
             source = PlacedBackbone(
-                film.x_px, film.y_px, float(own.heading_rad), float(own.size_px), own.posture
-            )
+                picture.x_px, picture.y_px, float(filmed.heading_rad), float(filmed.size_px),
+                filmed.posture,
+            )  # fmt: skip
             mirrored = bool(body.mirrored)
-            drawn.append(BentPicture(film, source, target.posture, heading, size_px, mirrored))
-        return drawn
+            bent.append(BentPicture(picture, source, target.posture, heading, size_px, mirrored))
+        return bent
 
 
 def build_shelves(
-    stores: Mapping[str, Cutouts], tracks: pd.DataFrame, table: pd.DataFrame | None
+    stores: Mapping[str, Cutouts], tracks: pd.DataFrame, sprites: pd.DataFrame | None
 ) -> dict[str, CutoutShelf]:
     """Return the stores of fish pictures with their mass centres, by kind: FRAME, perhaps SPRITE.
 
-    stores: by kind; tracks: x_px, y_px of every cut-out (pixels of a fish with alpha); table: these
-    and orientations of every sprite, None without sprites. FinloopError if a table belongs to
-    another store.
+    stores: cut-outs (pixels of a fish with alpha) by kind; tracks: x_px, y_px of every frame's;
+    sprites: these and the orientations of every sprite, None without sprites. FinloopError if a
+    table belongs to another store.
     """
-    made = {FRAME: CutoutShelf(stores[FRAME], tracks[PLACE].to_numpy())}
-    if table is not None:
-        made[SPRITE] = CutoutShelf(
-            stores[SPRITE], table[PLACE].to_numpy(), count_orientations(table)
+    shelves = {FRAME: CutoutShelf(stores[FRAME], tracks[PLACE].to_numpy())}
+    if sprites is not None:
+        shelves[SPRITE] = CutoutShelf(
+            stores[SPRITE], sprites[PLACE].to_numpy(), count_orientations(sprites)
         )
-    for kind, (store, centres, orientations) in made.items():
+    for kind, (store, centres, orientations) in shelves.items():
         if len(store) != len(centres) * orientations:
             raise FinloopError(
                 f"{len(store)} pictures of kind {kind}, but {len(centres)} mass centres",
                 "a mass centre for every frame and sprite",
                 "make both again: `dvc repro --force extract sprites`",
             )
-    return made
+    return shelves
 
 
 def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[PlacedFish]:
     """Yield, for each row of an edit list (schema EDIT), the fish that it draws, and where.
 
-    FinloopError at once, listing all that cannot be drawn.
+    FinloopError before the first one lists all that cannot be drawn.
     """
     _check_drawable(edit, gallery)
     return map(gallery.place_row, edit[_COLUMNS].itertuples(index=False))
@@ -162,27 +167,30 @@ def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[PlacedFish]:
 def place_ticks(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[PlacedFish, ...]]:
     """Yield, for each tick of an edit list (schema EDIT), all its fish, the lowest first.
 
-    FinloopError at once, listing all that cannot be drawn.
+    FinloopError before the first one lists all that cannot be drawn.
     """
     _check_drawable(edit, gallery)
     rows = edit.sort_values(["tick", "fish"], kind="stable")[_COLUMNS].itertuples(index=False)
-    return zip(*[map(gallery.place_row, rows)] * edit["fish"].nunique(), strict=True)
+    all_fish = map(gallery.place_row, rows)
+    # The same iterator once for each fish: so many successive fish are one tick.
+    return zip(*[all_fish] * edit["fish"].nunique(), strict=True)
 
 
 def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
     """Raise FinloopError if an edit list cannot be drawn; list each problem with its first tick."""
     shelves, bodies = gallery.shelves, gallery.bodies
-    do = "make the edit list again: `dvc repro --force animate`"
+    advice = "make the edit list again: `dvc repro --force animate`"
     if edit.empty:
-        raise FinloopError("the edit list is empty", "at least one tick", do)
+        raise FinloopError("the edit list is empty", "at least one tick", advice)
     problems: list[str] = []
 
-    def note_problem(bad: NDArray[np.bool_] | pd.Series, column: str, wanted: str) -> None:
-        wrong = edit[np.asarray(bad, bool)]
-        if len(wrong):
-            tick, value = wrong.iloc[0]["tick"], wrong.iloc[0][column]
-            more = f" (and at {len(wrong) - 1} more ticks)" if len(wrong) > 1 else ""
-            problems.append(f"tick {tick}: {column} is {value}, wanted {wanted}{more}")
+    def note_problem(is_bad: NDArray[np.bool_] | pd.Series, column: str, wanted: str) -> None:
+        """Add a sentence on a column if some rows are bad, with the first tick of these."""
+        bad = edit[np.asarray(is_bad, bool)]
+        if len(bad):
+            tick, value = bad.iloc[0]["tick"], bad.iloc[0][column]
+            others = f" (and at {len(bad) - 1} more ticks)" if len(bad) > 1 else ""
+            problems.append(f"tick {tick}: {column} is {value}, wanted {wanted}{others}")
 
     sizes = {kind: len(shelf.centres_px) for kind, shelf in shelves.items()}
     note_problem(edit["tick"] != edit.groupby("fish").cumcount(), "tick", "0, 1, 2, … of each fish")
@@ -192,19 +200,19 @@ def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
         note_problem(~np.isfinite(edit[column].to_numpy(float)), column, "a place")
     note_problem(~edit["weight"].between(0, 1), "weight", "0 … 1")
     fades = (edit["weight"] > 0).to_numpy()
-    for prefix, number, used in (
+    for prefix, source_column, used in (
         ("", "source", np.full(len(edit), True)),
         ("partner_", "partner", fades),
     ):
-        kind, row = edit[f"{prefix}kind"], edit[number].fillna(-1).to_numpy(int)
+        kind, source = edit[f"{prefix}kind"], edit[source_column].fillna(-1).to_numpy(int)
         note_problem(used & ~kind.isin(list(sizes)), f"{prefix}kind", " or ".join(sizes))
         for name, size in sizes.items():
-            bad = used & (kind == name) & ((row < 0) | (row >= size))
-            note_problem(bad, number, f"a {name}, 0 … {size - 1}")
+            is_bad = used & (kind == name) & ((source < 0) | (source >= size))
+            note_problem(is_bad, source_column, f"a {name}, 0 … {size - 1}")
         if SPRITE in shelves:
             most, column = shelves[SPRITE].orientations, f"{prefix}orientation"
-            bad = used & (kind == SPRITE) & ~edit[column].fillna(0).between(1, most)
-            note_problem(bad, column, f"an orientation, 1 … {most}")
+            is_bad = used & (kind == SPRITE) & ~edit[column].fillna(0).between(1, most)
+            note_problem(is_bad, column, f"an orientation, 1 … {most}")
         scale = edit[f"{prefix}scale"].to_numpy(float)
         note_problem(used & ~(np.isfinite(scale) & (scale > 0)), f"{prefix}scale", "more than 0")
         angle = edit[f"{prefix}rotation_deg"].to_numpy(float)
@@ -214,14 +222,11 @@ def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
         pose is None or (codes > 0 and np.shape(pose) == (codes,) and np.isfinite(pose).all())
         for pose in edit["pose"]
     ]
-    note_problem(
-        ~np.array(fits, bool),
-        "pose",
-        f"{codes} codes of shapes" if codes else "none: there are none",
-    )
+    wanted = f"{codes} codes of shapes" if codes else "none: there are none"
+    note_problem(~np.array(fits, bool), "pose", wanted)
     if problems:
         raise FinloopError(
             "the edit list cannot be drawn:\n    " + "\n    ".join(problems),
             "pictures that exist, at places and of sizes that can be drawn",
-            do,
+            advice,
         )

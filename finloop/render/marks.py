@@ -40,10 +40,10 @@ _SHIFT = 4  # cv2 takes sixteenths of a pixel
 
 
 def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
-    """Name what each tick of an edit list shows, (ticks,), and give each name a colour.
+    """Return the name of what each tick of an edit list shows, (ticks,), and each name's colour.
 
-    Colours are "#RRGGBB". Where all ticks show the same kind of picture, the names are their
-    states.
+    Names are kinds of picture ("film", "sprite", …); if all ticks show the same kind, they are the
+    states of swimming. Colours are "#RRGGBB".
     """
     names = picture_kinds(edit)
     names = names if names.nunique() > 1 else edit["state"]
@@ -61,8 +61,8 @@ def goal_stretches(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
 
 def ticks_with_goal(edit: pd.DataFrame) -> NDArray[np.bool_]:
     """Return a mask (ticks,) of the ticks that lead to a goal; all True if none does."""
-    aimed = (edit["goal"] != "").to_numpy()
-    return aimed if aimed.any() else ~aimed
+    has_goal = (edit["goal"] != "").to_numpy()
+    return has_goal if has_goal.any() else ~has_goal
 
 
 def rgb_from_hex(colour: str) -> tuple[int, int, int]:
@@ -84,7 +84,8 @@ def write_text(
     place: x, y px of the base line's left end; colour: red, green, blue, 0 … 255; size: of the
     letters, px; weight: 400 regular, 700 bold.
     """
-    cv2.putText(picture, text, place, colour, _FONT, size, weight)  # a face keeps its last weight
+    # The weight is always given: else cv2 takes that of the text before.
+    cv2.putText(picture, text, place, colour, _FONT, size, weight)
 
 
 class MarkedTrack(NamedTuple):
@@ -109,13 +110,11 @@ class MarkPainter:
         self._size = max(9, round(height / 36))
         self._line = max(1, round(height / 450))
         names, colours = tick_categories(edit)
-        colour, pale = (
-            [rgb_from_hex(colours[name]) for name in names],
-            (_faint_colour(painter.floor), 1),
-        )
+        tick_colours = [rgb_from_hex(colours[name]) for name in names]
+        faint_pen = _faint_colour(painter.floor), 1
         pens = [
-            (own, self._line) if goal else pale
-            for own, goal in zip(colour, ticks_with_goal(edit), strict=True)
+            (colour, self._line) if has_goal else faint_pen
+            for colour, has_goal in zip(tick_colours, ticks_with_goal(edit), strict=True)
         ]
         places = edit[["x_px", "y_px"]].to_numpy(float)
         self._tracks = [
@@ -126,20 +125,19 @@ class MarkPainter:
             for rows in edit.groupby("fish").indices.values()
         ]  # fmt: skip
         fish, ticks = len(self._tracks), len(self._tracks[0].places)
-        self._colour = colour if fish == 1 else []  # colours of the square beside the caption
+        self._colours = tick_colours if fish == 1 else []  # of the square beside the caption
         self._times = [f"{time:.1f} s" for time in edit["time_s"][:ticks]]
         self._words = [f"{fish} fish"] * ticks if fish > 1 else [
             f"{state} → {goal}" if goal else f"{state}, wandering"
             for state, goal in zip(edit["state"], edit["goal"], strict=True)
         ]  # fmt: skip
+        # From left to right: a square if there is one fish, the time, the words.
         gap = self._size // 2
-        self._at_time = gap + (self._size + gap) * bool(self._colour)
-        self._at_words = self._at_time + self._text_width_px(max(self._times, key=len)) + 2 * gap
-        plate = (
-            self._at_words + max(map(self._text_width_px, set(self._words))) + gap,
-            2 * self._size,
-        )
-        self._plate = _find_free_corner(places, plate, (height, width), gap)
+        self._time_x = gap + (self._size + gap) * bool(self._colours)
+        self._words_x = self._time_x + self._text_width_px(max(self._times, key=len)) + 2 * gap
+        plate_width = self._words_x + max(map(self._text_width_px, set(self._words))) + gap
+        plate_size = plate_width, 2 * self._size
+        self._plate = _find_free_corner(places, plate_size, (height, width), gap)
         self._current: list[str | None] = [None] * fish
         for name in self._goals:
             self._draw_goal(name, _WAITING)
@@ -151,7 +149,10 @@ class MarkPainter:
         self._draw_caption(tick)
 
     def _draw_floor(self, tick: int) -> None:
-        """Draw what a tick adds to the floor: a new goal's colour and a piece of each path."""
+        """Draw what a tick adds to the floor: a piece of each path, and a change of goals.
+
+        The goal before gets a dot, as it is reached; the new one gets the colour of the current.
+        """
         for fish, track in enumerate(self._tracks):
             if tick in track.goals:
                 if self._current[fish] in self._goals:
@@ -174,12 +175,12 @@ class MarkPainter:
         size, middle = self._size, (box.top + box.bottom) // 2
         corner = box.left + size // 2, middle - size // 2
         canvas, white = self._painter.canvas, (255, 255, 255)
-        if self._colour:
+        if self._colours:
             opposite = corner[0] + size, corner[1] + size
-            cv2.rectangle(canvas, corner, opposite, self._colour[tick], -1)
+            cv2.rectangle(canvas, corner, opposite, self._colours[tick], cv2.FILLED)
         base = middle + round(0.35 * size)
-        for left, text in ((self._at_time, self._times[tick]), (self._at_words, self._words[tick])):
-            write_text(canvas, text, (box.left + left, base), white, size)
+        write_text(canvas, self._times[tick], (box.left + self._time_x, base), white, size)
+        write_text(canvas, self._words[tick], (box.left + self._words_x, base), white, size)
         self._painter.mark_changed(box)
 
     def _draw_goal(self, name: str, colour: tuple[int, int, int], reached: bool = False) -> None:
@@ -189,23 +190,26 @@ class MarkPainter:
         """
         goal, line = self._goals[name], self._line
         radius = max(0.7 * self._size, goal.radius_px)
-        floor, at = self._painter.floor, (goal.x_px, goal.y_px)
+        floor, place = self._painter.floor, (goal.x_px, goal.y_px)
+        centre = _subpixel_point(place)
         for tone, edge in ((_EDGE, 1), (colour, 0)):
             ring = round(radius * 2**_SHIFT)
-            cv2.circle(floor, _subpixel_point(at), ring, tone, line + 2 * edge, cv2.LINE_AA, _SHIFT)
+            cv2.circle(floor, centre, ring, tone, line + 2 * edge, cv2.LINE_AA, _SHIFT)
             if reached:
                 dot = round((0.28 * self._size + edge) * 2**_SHIFT)
-                cv2.circle(floor, _subpixel_point(at), dot, tone, -1, cv2.LINE_AA, _SHIFT)
+                cv2.circle(floor, centre, dot, tone, cv2.FILLED, cv2.LINE_AA, _SHIFT)
+        # The name stands to the right of the ring, or to the left if there is no room.
         left = round(goal.x_px + radius + 0.3 * self._size)
         base, length = round(goal.y_px + 0.35 * self._size), self._text_width_px(name)
         if left + length > floor.shape[1]:
             left = round(goal.x_px - radius - 0.3 * self._size) - length
-        beside = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)]
-        for tone, moves in ((_EDGE, beside), (colour, [(0, 0)])):
-            for x, y in moves:
-                write_text(floor, name, (left + x, base + y), tone, self._size, _BOLD)
+        for x in (-1, 0, 1):
+            for y in (-1, 0, 1):
+                write_text(floor, name, (left + x, base + y), _EDGE, self._size, _BOLD)
+        write_text(floor, name, (left, base), colour, self._size, _BOLD)
         reach = max(2.0 * self._size, radius + line + 2)
-        self._mark_floor_changed(np.array([at, [left, base], [left + length, base]], float), reach)
+        changed = np.array([place, [left, base], [left + length, base]], float)
+        self._mark_floor_changed(changed, reach)
 
     def _text_width_px(self, text: str) -> int:
         """Return how wide, in px, a text is in the goals' letters."""
@@ -220,22 +224,25 @@ class MarkPainter:
 
 
 def _faint_colour(floor: NDArray[np.uint8]) -> tuple[int, int, int]:
-    """Return a faint colour (RGB) for a floor (h, w, 3), for a path that leads to no goal."""
-    middle = np.median(floor[::8, ::8].reshape(-1, 3), axis=0)
-    red, green, blue = (0.75 * middle if middle.mean() > 80 else middle + 40).astype(int).tolist()
+    """Return a faint colour (RGB) on a floor (h, w, 3), for a path that leads to no goal.
+
+    The colour is a little darker than a bright floor, or brighter than a dark one.
+    """
+    median = np.median(floor[::8, ::8].reshape(-1, 3), axis=0)
+    red, green, blue = (0.75 * median if median.mean() > 80 else median + 40).astype(int).tolist()
     return red, green, blue
 
 
 def _subpixel_point(point: Sequence[float] | NDArray[np.float64]) -> tuple[int, int]:
-    """Return a point (x, y px) in the fixed-point form that cv2 takes with `shift`."""
-    x, y = (round(float(one) * 2**_SHIFT) for one in point)
+    """Return a point (x, y px) in sixteenths of a pixel, as cv2 takes it with `_SHIFT`."""
+    x, y = (round(float(coordinate) * 2**_SHIFT) for coordinate in point)
     return x, y
 
 
 def _find_free_corner(
     places: NDArray[np.float64], size: tuple[int, int], shape: tuple[int, int], gap: int
 ) -> Box:
-    """Return the corner of a picture where a plate hides the fish least often.
+    """Return the box in the corner of a picture where a plate is least often near the fish.
 
     places (ticks, 2): of the fish, px; size: width and height of the plate; shape: height and width
     of the picture; gap: from plate to edge; all px.
@@ -244,7 +251,8 @@ def _find_free_corner(
     fewest, best = np.inf, Box(0, 0, 0, 0)
     for top in (gap, shape[0] - gap - height):
         for left in (gap, shape[1] - gap - width):
-            near = np.abs(places - [left + width / 2, top + height / 2]) < reach
-            if (hidden := near.all(axis=1).sum()) < fewest:
-                fewest, best = hidden, Box(top, left, top + height, left + width)
+            is_near = np.abs(places - [left + width / 2, top + height / 2]) < reach
+            near_ticks = is_near.all(axis=1).sum()
+            if near_ticks < fewest:
+                fewest, best = near_ticks, Box(top, left, top + height, left + width)
     return best.clip_to(shape)

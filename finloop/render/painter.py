@@ -54,12 +54,12 @@ class Box(NamedTuple):
 
     @property
     def slices(self) -> tuple[slice, slice]:
-        """Slices of rows and columns that cut the box out of a canvas."""
+        """Return the slices of rows and columns that cut the box out of a canvas."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     @property
     def is_empty(self) -> bool:
-        """Whether the box contains no pixel."""
+        """Return whether the box contains no pixel."""
         return self.bottom <= self.top or self.right <= self.left
 
     def clip_to(self, shape: tuple[int, ...]) -> "Box":
@@ -73,7 +73,7 @@ class Box(NamedTuple):
         return Box(self.top - rim, self.left - rim, self.bottom + rim, self.right + rim)
 
     def intersect(self, other: "Box") -> "Box":
-        """Return the intersection of two boxes."""
+        """Return the box that this and another box share; it may be empty."""
         return Box(
             max(self.top, other.top), max(self.left, other.left),
             min(self.bottom, other.bottom), min(self.right, other.right),
@@ -89,8 +89,8 @@ class Box(NamedTuple):
 class PaddedPicture(NamedTuple):
     """A cut-out to draw: pixels (h, w, 2 or 4) uint8 with a transparent rim, premultiplied.
 
-    near: (h, w) uint8, 0 where all that the kernel reads, between a pixel and the next, is
-    transparent. x_px, y_px: its mass centre, in its own pixels. Made by `pad_picture`.
+    near: (h, w) uint8, 0 where all 4 × 4 pixels that the cubic kernel reads around are transparent.
+    x_px, y_px: its mass centre, in its own pixels. Made by `pad_picture`.
     """
 
     pixels: Image
@@ -120,23 +120,23 @@ class TurnedPicture(NamedTuple):
     def box_at(self, x_px: float, y_px: float) -> Box:
         """Return the box that the picture can cover with its mass centre at (x_px, y_px)."""
         cos, sin = (part * self.scale for part in self._cos_and_sin())
-        (height, width), reach = self.picture.pixels.shape[:2], _PAD - 2
-        us = [edge - self.picture.x_px for edge in (reach, width - 1 - reach)]
-        vs = [edge - self.picture.y_px for edge in (reach, height - 1 - reach)]
-        xs = [x_px + cos * u + sin * v for u in us for v in vs]
+        height, width = self.picture.pixels.shape[:2]
+        rim = _PAD - 2  # outermost pixels in which no kernel can see the cut-out
+        us = [edge - self.picture.x_px for edge in (rim, width - 1 - rim)]
+        vs = [edge - self.picture.y_px for edge in (rim, height - 1 - rim)]
+        xs = [x_px + cos * u + sin * v for u in us for v in vs]  # of the four turned corners
         ys = [y_px - sin * u + cos * v for u in us for v in vs]
         return Box(
             math.ceil(min(ys)), math.ceil(min(xs)), math.floor(max(ys)) + 1, math.floor(max(xs)) + 1
         )
 
     def layer_at(self, x_px: float, y_px: float) -> PictureLayer:
-        """Return the picture with its mass centre at (x_px, y_px) of the canvas."""
+        """Return the picture placed with its mass centre at (x_px, y_px) of the canvas."""
         cos, sin = (part / self.scale for part in self._cos_and_sin())
-        pixels, near, u, v = self.picture
-        return PictureLayer(
-            pixels, near,
-            (cos, -sin, u - cos * x_px + sin * y_px, sin, cos, v - sin * x_px - cos * y_px),
-        )  # fmt: skip
+        pixels, near, centre_u, centre_v = self.picture
+        u_offset = centre_u - cos * x_px + sin * y_px
+        v_offset = centre_v - sin * x_px - cos * y_px
+        return PictureLayer(pixels, near, (cos, -sin, u_offset, sin, cos, v_offset))
 
     def _cos_and_sin(self) -> tuple[float, float]:
         """Return cosine and sine of the rotation; exactly 1 and 0 for whole turns."""
@@ -176,7 +176,8 @@ def pad_picture(pixels: Image, x_px: float, y_px: float) -> PaddedPicture:
     rim = (_PAD, _PAD)
     padded = np.pad(pixels, (rim, rim, (0, 0)))
     alpha = np.ascontiguousarray(padded[..., -1])
-    near = cv2.dilate(alpha, np.ones((4, 4), np.uint8), anchor=(1, 1))  # pixels −1, 0, 1, 2
+    # The cubic kernel reads pixels −1, 0, 1, 2 from the one at its place.
+    near = cv2.dilate(alpha, np.ones((4, 4), np.uint8), anchor=(1, 1))
     return PaddedPicture(padded, near, x_px + _PAD, y_px + _PAD)
 
 
@@ -194,10 +195,11 @@ class PlacedFish(NamedTuple):
 
     @property
     def box(self) -> Box:
-        """Box of the canvas, px, that the fish and its partner can cover."""
-        fades = self.partner is not None and self.weight
-        shown = (self.fish, self.partner if fades else None)
-        return Box.enclose(fish.box_at(self.x_px, self.y_px) for fish in shown if fish is not None)
+        """Return the box of the canvas that the fish's picture and its partner can cover."""
+        pictures = [self.fish]
+        if self.partner is not None and self.weight:
+            pictures.append(self.partner)
+        return Box.enclose(picture.box_at(self.x_px, self.y_px) for picture in pictures)
 
 
 class Shadow(NamedTuple):
@@ -228,11 +230,11 @@ class Painter:
 
     @property
     def frame(self) -> Image:
-        """The canvas as (H, W) or (H, W, 3), a view."""
+        """Return a view of the canvas as (H, W) or (H, W, 3)."""
         return self.canvas if self.canvas.shape[2] == 3 else self.canvas[..., 0]
 
     def mark_changed(self, box: Box) -> None:
-        """Note that a box of the canvas changes, so that `wipe` restores it."""
+        """Note that a box of the canvas is drawn on, so that `wipe` restores it."""
         if not box.is_empty:
             self._touched.append(box)
 
@@ -246,34 +248,38 @@ class Painter:
         """Draw some fish on the clean floor, the lowest first; return the box that they cover."""
         self.wipe()
         boxes: list[Box] = []
-        for number, one in enumerate(fish):
+        for number, placed in enumerate(fish):
             if self._shadow.share and number:
-                self._draw_shadow(one, fish[:number])
-            boxes.append(self.draw(*one))
+                self._draw_shadow(placed, fish[:number])
+            boxes.append(self.draw(*placed))
         return Box.enclose([box for box in boxes if not box.is_empty] or boxes)
 
     def _draw_shadow(self, upper: PlacedFish, lower: Sequence[PlacedFish]) -> None:
-        """Draw the shadow of one fish on the fish below it, fading in as the upper covers more."""
-        own, (share, blur_px) = upper.box, self._shadow
-        lower = [one for one in lower if not one.box.intersect(own).is_empty]
-        box = own.grow(math.ceil(3 * blur_px)).clip_to(self.canvas.shape)
+        """Draw the shadow of a fish on the fish below it; the more it covers them, the darker.
+
+        The formula stands at the top of this module.
+        """
+        upper_box, (share, blur_px) = upper.box, self._shadow
+        lower = [fish for fish in lower if not fish.box.intersect(upper_box).is_empty]
+        box = upper_box.grow(math.ceil(3 * blur_px)).clip_to(self.canvas.shape)
         if not lower or box.is_empty:
             return
-        above = self._coverage(upper, box)
-        clear = np.ones_like(above)
-        for one in lower:
-            below = self._coverage(one, box)
-            common_px2 = np.maximum(0, above + below - 1).sum()
-            clear *= 1 - min(1.0, common_px2 / (2 * np.pi * blur_px**2)) * below
-        if clear.min() == 1:
+        upper_alpha = self._coverage(upper, box)
+        unshaded = np.ones_like(upper_alpha)
+        for fish in lower:
+            alpha = self._coverage(fish, box)
+            common_px2 = np.maximum(0, upper_alpha + alpha - 1).sum()
+            unshaded *= 1 - min(1.0, common_px2 / (2 * np.pi * blur_px**2)) * alpha
+        if unshaded.min() == 1:
             return
-        dark = cv2.GaussianBlur(above, (0, 0), blur_px) * (1 - clear)
-        light = 1 - share * dark[..., None]
+        shade = cv2.GaussianBlur(upper_alpha, (0, 0), blur_px) * (1 - unshaded)
+        light = 1 - share * shade[..., None]
         self.canvas[box.slices] = np.rint(self.canvas[box.slices] * light).astype(np.uint8)
 
     def _coverage(self, fish: PlacedFish, box: Box) -> NDArray[np.float32]:
-        """Return which share (0-1) of each pixel of a box (h, w) a fish covers."""
+        """Return which share (0-1) of each pixel of a box a fish covers, (h, w)."""
         shape = box.bottom - box.top, box.right - box.left, self.canvas.shape[2]
+        # What differs between a drawing on black and one on white is seen through the fish.
         black, white = (Painter(np.full(shape, level, np.uint8)) for level in (0, 255))
         moved = fish._replace(x_px=fish.x_px - box.left, y_px=fish.y_px - box.top)
         for painter in (black, white):
@@ -291,24 +297,26 @@ class Painter:
     ) -> Box:
         """Draw a fish with its mass centre at (x_px, y_px) of the canvas; return its box.
 
-        `partner`, of the same kind, is cross-faded into it with the share `weight` (0 … 1). The
-        fish is clipped at the edges.
+        fish: its picture. `partner`, of the same kind, is cross-faded into it with the share
+        `weight` (0 … 1). The fish is clipped at the edges. ValueError if it is coloured and the
+        canvas grey, or the kinds of picture differ.
         """
         other, share = (partner, weight) if partner is not None else (fish, 0.0)
-        channels = max(one.picture.pixels.shape[2] for one in (fish, other))
+        channels = max(picture.picture.pixels.shape[2] for picture in (fish, other))
         if channels > self.canvas.shape[2] + 1:
             raise ValueError("a coloured fish needs a coloured canvas")
         if isinstance(fish, BentPicture) and isinstance(other, BentPicture):
-            posed = [one.pose_at(x_px, y_px) for one in ((fish, other) if share else (fish,))]
-            box = Box.enclose(Box(*one.box) for one in posed).clip_to(self.canvas.shape)
+            pictures = (fish, other) if share else (fish,)
+            posed = [picture.pose_at(x_px, y_px) for picture in pictures]
+            box = Box.enclose(Box(*picture.box) for picture in posed).clip_to(self.canvas.shape)
             if not box.is_empty:
-                drawn = [one.draw_part(box) for one in posed]
-                draw_pixels(
-                    self.canvas[box.slices], mix_pictures(*drawn, share) if share else drawn[0]
-                )
+                drawn = [picture.draw_part(box) for picture in posed]
+                pixels = mix_pictures(*drawn, share) if share else drawn[0]
+                draw_pixels(self.canvas[box.slices], pixels)
         elif isinstance(fish, TurnedPicture) and isinstance(other, TurnedPicture):
-            parts = [one for one, w in ((fish, 1 - share), (other, share)) if w > 0]
-            box = Box.enclose(one.box_at(x_px, y_px) for one in parts).clip_to(self.canvas.shape)
+            visible = [picture for picture, w in ((fish, 1 - share), (other, share)) if w > 0]
+            boxes = (picture.box_at(x_px, y_px) for picture in visible)
+            box = Box.enclose(boxes).clip_to(self.canvas.shape)
             if not box.is_empty:
                 layers = fish.layer_at(x_px, y_px), other.layer_at(x_px, y_px)
                 draw_layers(self.canvas, box, *layers, share)
@@ -322,7 +330,8 @@ class Painter:
 def _sample_cubically(pixels, near, u, v):  # type: ignore[no-untyped-def]
     """Return the interpolated colour at (u, v): red, green, blue, alpha; colour ≤ alpha ≤ 255.
 
-    pixels, near: as in `PaddedPicture`.
+    pixels (h, w, 2 or 4): premultiplied by alpha; near (h, w): 0 where all pixels around are
+    transparent, and so is the result; u, v: column and row, parts of a pixel included.
     """
     channels = pixels.shape[2]
     column, row = math.floor(u), math.floor(v)
@@ -350,10 +359,8 @@ def _sample_cubically(pixels, near, u, v):  # type: ignore[no-untyped-def]
         if channels == 2:
             green = blue = red
         # Where alpha overshoots, the colour follows: a fish of the tank's colour stays invisible.
-        alpha, share = (
-            max(alpha, np.float32(0)),
-            min(np.float32(255) / max(alpha, np.float32(1)), np.float32(1)),
-        )
+        alpha = max(alpha, np.float32(0))
+        share = min(np.float32(255) / max(alpha, np.float32(1)), np.float32(1))
         alpha *= share
         red = min(max(red * share, np.float32(0)), alpha)
         green = min(max(green * share, np.float32(0)), alpha)
@@ -363,9 +370,10 @@ def _sample_cubically(pixels, near, u, v):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def _readable_span(m, y, shape, ends):  # type: ignore[no-untyped-def]
-    """Return for which x, from … to, row y of the canvas shows a place inside a picture.
+    """Return the range of x, start and stop, in which row y of the canvas shows a picture's inside.
 
-    m: as in `PictureLayer`; shape: height and width of the picture; ends: largest range.
+    m: six coefficients, u = m0 x + m1 y + m2, v = m3 x + m4 y + m5 of the picture; shape: its
+    height and width; ends: the largest range. The range is empty if start ≥ stop.
     """
     start, stop = ends
     for slope, offset, most in (
@@ -386,7 +394,8 @@ def _readable_span(m, y, shape, ends):  # type: ignore[no-untyped-def]
 def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
     """Return where pixel (x, y) lies in a picture, (u, v), and whether it can be sampled there.
 
-    m: as in `PictureLayer`; shape: height and width of the picture.
+    m: six coefficients, u = m0 x + m1 y + m2, v = m3 x + m4 y + m5; shape: height and width of the
+    picture.
     """
     u, v = m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]
     return u, v, 1 <= u < shape[1] - 2 and 1 <= v < shape[0] - 2
@@ -397,16 +406,18 @@ def draw_layers(canvas, box, fish, partner, share):  # type: ignore[no-untyped-d
     """Cross-fade two pictures over the canvas, which changes: (1 − share) fish + share partner.
 
     canvas: (H, W, 1 or 3) uint8; box: top, left, bottom, right of what is drawn; fish, partner: a
-    `PictureLayer` each; share: 0 … 1.
+    `PictureLayer` each, pixels and the coefficients that map the canvas to them; share: 0 … 1.
     """
     top, left, bottom, right = box
     # Unpacked here: within the loop every access to a tuple would count its references.
     pixels, near, m = fish
     other, other_near, n = partner
     shape, other_shape = near.shape, other_near.shape
-    keep, share = np.float32(1 - share), np.float32(share)
+    fish_share, share = np.float32(1 - share), np.float32(share)
     for y in range(top, bottom):
-        start, stop = _readable_span(m, y, shape, (left, right)) if keep > 0 else (right, left)
+        start, stop = right, left  # empty
+        if fish_share > 0:
+            start, stop = _readable_span(m, y, shape, (left, right))
         if share > 0:
             first, last = _readable_span(n, y, other_shape, (left, right))
             if first < last:
@@ -414,9 +425,10 @@ def draw_layers(canvas, box, fish, partner, share):  # type: ignore[no-untyped-d
         for x in range(start, stop):
             red = green = blue = alpha = np.float32(0)
             u, v, seen = _locate_pixel(m, x, y, shape)
-            if keep > 0 and seen:
+            if fish_share > 0 and seen:
                 r, g, b, a = _sample_cubically(pixels, near, u, v)
-                red, green, blue, alpha = keep * r, keep * g, keep * b, keep * a
+                red, green = fish_share * r, fish_share * g
+                blue, alpha = fish_share * b, fish_share * a
             if share > 0:
                 u, v, seen = _locate_pixel(n, x, y, other_shape)
                 if seen:

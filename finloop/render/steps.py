@@ -12,19 +12,19 @@ from finloop.render.painter import Box, Painter, TurnedPicture
 
 
 class FrameChangeMeter:
-    """Measures how much the picture changes from one drawn frame to the next (Eq. 5).
+    """Measures how much the picture changes from one drawn frame to the next.
 
-    ‖F_t − F_(t−1)‖₂ over the whole picture in grey levels, colours by their root mean square.
-    `film_frame_changes` measures the film alike.
+    The measure is the Euclidean distance (Eq. 5) ‖F_t − F_(t−1)‖₂ over the whole picture in grey
+    levels, colours by their root mean square. `film_frame_changes` measures the film alike.
     """
 
     def __init__(self, painter: Painter) -> None:
-        """Measure the canvas of this painter."""
+        """Begin without a frame; painter: its canvas is measured."""
         self._painter = painter
         self._last: tuple[Box, NDArray[np.uint8]] | None = None
 
     def measure_change(self, box: Box) -> float:
-        """Return the canvas's change since the last call, in grey levels; NaN at first.
+        """Return the canvas's change since the last call, in grey levels; NaN at the first call.
 
         box: holds all that is drawn now.
         """
@@ -32,13 +32,13 @@ class FrameChangeMeter:
         self._last = box, canvas[box.slices].copy()
         if last is None:
             return math.nan
-        before, patch = last
-        filled = [one for one in (before, box) if not one.is_empty]
-        if not filled:
+        last_box, last_pixels = last
+        drawn_boxes = [drawn for drawn in (last_box, box) if not drawn.is_empty]
+        if not drawn_boxes:
             return 0.0
-        both, was = Box.enclose(filled).slices, self._painter.floor.copy()
-        was[before.slices] = patch
-        change = canvas[both].astype(np.float32) - was[both]
+        both, last_canvas = Box.enclose(drawn_boxes).slices, self._painter.floor.copy()
+        last_canvas[last_box.slices] = last_pixels
+        change = canvas[both].astype(np.float32) - last_canvas[both]
         return math.sqrt(float(np.vdot(change, change)) / canvas.shape[2])
 
 
@@ -47,41 +47,41 @@ def film_frame_changes(
 ) -> NDArray[np.float64]:
     """Return how much the fish change from frame to frame of the film, (n,), in grey levels.
 
-    tracks: track_id, frame and mass centre, a row per frame; most: pairs of consecutive frames at
-    most, spread over the film.
+    tracks: track_id, frame and mass centre, a row per frame; most: largest number n of pairs of
+    consecutive frames, spread over the film. Each fish is drawn alone on the painter's floor.
     """
-    track, frame = (tracks[name].to_numpy() for name in ("track_id", "frame"))
-    first = np.flatnonzero((np.diff(track) == 0) & (np.diff(frame) == 1))
-    chosen = first[np.unique(np.linspace(0, len(first) - 1, min(most, len(first))).astype(int))]
+    track, frame = tracks["track_id"].to_numpy(), tracks["frame"].to_numpy()
+    has_next = np.flatnonzero((np.diff(track) == 0) & (np.diff(frame) == 1))
+    count = min(most, len(has_next))
+    chosen = has_next[np.unique(np.linspace(0, len(has_next) - 1, count).astype(int))]
     places = tracks[["x_px", "y_px"]].to_numpy(float)
-    found = []
-    for pair in zip(chosen, chosen + 1, strict=True):
-        steps = FrameChangeMeter(painter)
-        for row in pair:
+    changes = []
+    for first in chosen:
+        meter = FrameChangeMeter(painter)
+        for row in (first, first + 1):
             x, y = places[row]
             painter.wipe()
-            step = steps.measure_change(
-                painter.draw(x, y, TurnedPicture(gallery.film_picture(int(row))))
-            )
-        found.append(step)
+            box = painter.draw(x, y, TurnedPicture(gallery.film_picture(int(row))))
+            change = meter.measure_change(box)
+        changes.append(change)
     painter.wipe()
-    return np.array(found)
+    return np.array(changes)
 
 
 def frame_change_metrics(drawn: Sequence[float], film: NDArray[np.float64]) -> dict[str, float]:
     """Return metrics that compare an animation's frame changes with those of the film.
 
-    drawn: from `FrameChangeMeter`, the first one NaN; film: from `film_frame_changes`; both in grey
-    levels.
+    drawn: change of each drawn frame, the first one NaN; film (n,): those of the film; both in grey
+    levels. The metrics are medians, 95th percentiles and their comparison; {} without a change.
     """
-    steps = np.asarray(drawn)[1:]
-    if not len(steps) or not len(film):
+    changes = np.asarray(drawn)[1:]
+    if not len(changes) or not len(film):
         return {}
     return {
-        "picture_step_median_grey": float(np.median(steps)),
-        "picture_step_p95_grey": float(np.quantile(steps, 0.95)),
+        "picture_step_median_grey": float(np.median(changes)),
+        "picture_step_p95_grey": float(np.quantile(changes, 0.95)),
         "film_picture_step_median_grey": float(np.median(film)),
         "film_picture_step_p95_grey": float(np.quantile(film, 0.95)),
-        "picture_step_ratio": float(np.median(steps) / np.median(film)),
-        "picture_steps_above_film_p95_share": float(np.mean(steps > np.quantile(film, 0.95))),
+        "picture_step_ratio": float(np.median(changes) / np.median(film)),
+        "picture_steps_above_film_p95_share": float(np.mean(changes > np.quantile(film, 0.95))),
     }
