@@ -29,18 +29,18 @@ from finloop.report.tables import Table, format_number
 class ReportMetric(NamedTuple):
     """A metric by which experiments are compared: its key, its name on the page, its direction.
 
-    key: `<stage>.<number>`, a number of reports/<stage>/. more: whether a greater value is better.
+    key: `<stage>.<number>`, a number of reports/<stage>/. rises: whether a greater value is better.
     """
 
     key: str
     words: str
-    more: bool
+    rises: bool
 
 
 OBJECTIVES = (
-    ReportMetric("animate.hybrid_seam_ratio_median", "seam ratio", more=False),
-    ReportMetric("animate.hybrid_trials_goals_reached_pct", "goals reached (%)", more=True),
-    ReportMetric("animate.hybrid_longest_exact_repeat_s", "longest exact repeat (s)", more=False),
+    ReportMetric("animate.hybrid_seam_ratio_median", "seam ratio", rises=False),
+    ReportMetric("animate.hybrid_trials_goals_reached_pct", "goals reached (%)", rises=True),
+    ReportMetric("animate.hybrid_longest_exact_repeat_s", "longest exact repeat (s)", rises=False),
 )
 """Smooth, steerable, varied: a long exact repeat means little variety."""
 _PANELS, _TITLE_LETTERS = 3, 46  # panels per row, letters in a line above one
@@ -91,9 +91,9 @@ def pareto_front(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
     dominate each other. A row with NaN is never on the front.
     """
     complete = np.logical_not(np.isnan(costs).any(axis=1))
-    a, b = costs[:, None], costs[None, :]  # (n, 1, k), (1, n, k)
-    beats = (b <= a).all(axis=2) & (b < a).any(axis=2) & complete
-    return np.asarray(complete & ~beats.any(axis=1))
+    row, other = costs[:, None], costs[None, :]  # (n, 1, k), (1, n, k)
+    is_dominated = (other <= row).all(axis=2) & (other < row).any(axis=2) & complete
+    return np.asarray(complete & ~is_dominated.any(axis=1))
 
 
 def compare_experiments(
@@ -101,49 +101,47 @@ def compare_experiments(
 ) -> Comparison:
     """Compare experiments: their differing parameters, their measures, and the Pareto front.
 
-    parameters, numbers: one row per experiment, named by the index, and columns `<stage>.<name>`.
-    measures: further columns of `numbers` to show. Rows are sorted by the differing parameters.
+    parameters, numbers: one row per run, named by the index, and columns `<stage>.<name>`.
+    measures: columns of `numbers` to show beside OBJECTIVES. Runs that differ in their seeds alone
+    become one experiment. Rows are sorted by the differing parameters.
     """
-    differ = [name for name in parameters if parameters[name].astype(str).nunique() > 1]
+    differing = [name for name in parameters if parameters[name].astype(str).nunique() > 1]
     # Seeds are what is averaged over, unless nothing else differs.
-    differ = [name for name in differ if not str(name).endswith(".seed")] or differ
+    differing = [name for name in differing if not str(name).endswith(".seed")] or differing
     available = numbers.columns[numbers.notna().any()]
     objectives = [objective for objective in OBJECTIVES if objective.key in available]
     keys = [objective.key for objective in objectives]
     columns = dict.fromkeys([*keys, *(name for name in measures if name in numbers)])
 
-    def column_ranks(column: "pd.Series[Any]") -> "pd.Series[int]":
-        return rank_values(column)[0]
-
-    runs = parameters[differ]
-    if differ:
-        runs = runs.sort_values(differ, kind="stable", key=column_ranks)
+    runs = parameters[differing]
+    if differing:
+        runs = runs.sort_values(differing, kind="stable", key=lambda column: rank_values(column)[0])
     values = numbers.reindex(index=runs.index, columns=list(columns)).astype(float)
     repeats = parameters.loc[runs.index].astype(str).duplicated()
-    cells = _name_cells(runs, repeats)
-    rows = runs.groupby(cells, sort=False).first() if differ else runs
-    means = values.groupby(cells, sort=False).mean()
-    spreads = values.groupby(cells, sort=False).std()
-    sign = np.array([-1.0 if objective.more else 1.0 for objective in objectives])
-    best = pareto_front(means[keys].to_numpy() * sign) & bool(objectives)
-    effects = measure_effects(runs[~repeats], values[~repeats]) if differ else []
-    first = cells.index[~cells.duplicated()].astype(str).tolist()
-    return Comparison(rows, means, spreads, objectives, best, effects, first, runs, values)
+    names = _experiment_names(runs, repeats)
+    rows = runs.groupby(names, sort=False).first() if differing else runs
+    means = values.groupby(names, sort=False).mean()
+    spreads = values.groupby(names, sort=False).std()
+    cost_sign = np.array([-1.0 if objective.rises else 1.0 for objective in objectives])
+    best = pareto_front(means[keys].to_numpy() * cost_sign) & bool(objectives)
+    effects = measure_effects(runs[~repeats], values[~repeats]) if differing else []
+    first_runs = names.index[~names.duplicated()].astype(str).tolist()
+    return Comparison(rows, means, spreads, objectives, best, effects, first_runs, runs, values)
 
 
-def _name_cells(runs: pd.DataFrame, repeats: "pd.Series[bool]") -> "pd.Series[str]":
+def _experiment_names(runs: pd.DataFrame, repeats: "pd.Series[bool]") -> "pd.Series[str]":
     """Return for each run the name of its experiment; runs of one differ in their seeds alone.
 
     runs: parameters without seeds, a row per run. repeats: which runs have all parameters of an
-    earlier one, its seeds too; each is an experiment of its own. The name is that of the first run,
-    without its seed if there are several.
+    earlier run, its seeds too; each is an experiment of its own. The name is that of the
+    experiment's first run, without its seed if there are several runs.
     """
     if runs.columns.empty:
         return pd.Series(runs.index.astype(str), runs.index)
-    texts = runs.astype(str).agg("\t".join, axis=1).mask(repeats, runs.index.astype(str))
-    first = pd.Series(runs.index.astype(str), runs.index).groupby(texts).transform("first")
-    counts = texts.groupby(texts).transform("size")
-    return first.where(counts == 1, first.str.replace(r"-seed\d+$", "", regex=True))
+    settings = runs.astype(str).agg("\t".join, axis=1).mask(repeats, runs.index.astype(str))
+    first_run = pd.Series(runs.index.astype(str), runs.index).groupby(settings).transform("first")
+    run_count = settings.groupby(settings).transform("size")
+    return first_run.where(run_count == 1, first_run.str.replace(r"-seed\d+$", "", regex=True))
 
 
 def _metric_label(key: str) -> str:
@@ -153,7 +151,7 @@ def _metric_label(key: str) -> str:
 
 
 def _measure_name(key: str) -> str:
-    """Return a measure `<stage>.<name>` as words, with its stage unless that is `animate`."""
+    """Return a measure `<stage>.<name>` as words, with its stage unless it is from `animate`."""
     return key.removeprefix("animate.").replace(".", ": ").replace("_", " ")
 
 
@@ -163,9 +161,9 @@ def draw_parallel_axes(comparison: Comparison) -> go.Figure:
     An experiment that lacks a measure is left out: its line would leave the chart at that axis.
     """
     measures = comparison.measures.dropna(axis=1, how="all")
-    whole = measures.notna().all(axis=1)
+    complete = measures.notna().all(axis=1)
     axes = []
-    for name, column in [*comparison.parameters[whole].items(), *measures[whole].items()]:
+    for name, column in [*comparison.parameters[complete].items(), *measures[complete].items()]:
         axis: dict[str, Any] = {"label": _metric_label(str(name))}
         if any(map(is_word, column)):  # a tick for each value
             column, texts = rank_values(column)
@@ -174,10 +172,11 @@ def draw_parallel_axes(comparison: Comparison) -> go.Figure:
         if low == high:  # an axis of no length is not drawn
             axis["range"] = [low - 0.5, high + 0.5]
         axes.append(axis | {"values": column.astype(float).tolist()})
-    best = comparison.best[whole.to_numpy()].astype(int).tolist()
+    best = comparison.best[complete.to_numpy()].astype(int).tolist()
     line = {"color": best, "colorscale": [[0, _OTHER], [1, _BEST]], "cmin": 0, "cmax": 1}
     figure = go.Figure(go.Parcoords(dimensions=axes, line=line, labelside="top", labelangle=-12))
-    figure.update_layout(meta=list(map(str, measures.index[whole])))  # names, for the page's filter
+    names = list(map(str, measures.index[complete]))
+    figure.update_layout(meta=names)  # for the page's filter
     margin = {"l": 80, "r": 170, "t": 130, "b": 40}
     return figure.update_layout(**_LAYOUT | {"height": 430, "margin": margin})
 
@@ -185,21 +184,20 @@ def draw_parallel_axes(comparison: Comparison) -> go.Figure:
 def draw_parameter_effects(comparison: Comparison, parameter: str) -> go.Figure:
     """Draw each measure against a parameter: runs as points, means as a line with their spread.
 
-    The bars are as long as the spread over the seeds, one standard deviation to each side.
+    The bars are as long as the spread over the seeds, one standard deviation to each side. Measures
+    that are the same in every run are left out.
     """
     effects = [
         effect
         for effect in comparison.effects
         if effect.parameter == parameter and effect.verdict != SAME
     ]
-    rows = -(-len(effects) // _PANELS)
-    titles = [
-        "<br>".join(
-            [f"<b>{line}</b>" for line in wrap(_measure_name(effect.measure), _TITLE_LETTERS)]
-            + wrap(effect.verdict, _TITLE_LETTERS)
-        )
-        for effect in effects
-    ]
+    rows = -(-len(effects) // _PANELS)  # rounded up
+    titles = []
+    for effect in effects:
+        name_lines = wrap(_measure_name(effect.measure), _TITLE_LETTERS)
+        verdict_lines = wrap(effect.verdict, _TITLE_LETTERS)
+        titles.append("<br>".join([*(f"<b>{line}</b>" for line in name_lines), *verdict_lines]))
     figure = make_subplots(rows, _PANELS, subplot_titles=titles, vertical_spacing=0.4 / rows)
     places, texts = rank_values(comparison.run_parameters[parameter])
     for panel, effect in enumerate(effects):
@@ -212,9 +210,10 @@ def draw_parameter_effects(comparison: Comparison, parameter: str) -> go.Figure:
                 hovertemplate="%{text}<br>%{y}<extra></extra>", **cell,
             )  # fmt: skip
         bars = None if np.isnan(effect.spread) else [effect.spread] * len(effect.means)
-        there = sorted({places[run] for run in values.dropna().index})
+        places_with_mean = sorted({places[run] for run in values.dropna().index})
         figure.add_scatter(
-            x=there, y=effect.means.tolist(), mode="lines+markers", line={"color": _BEST},
+            x=places_with_mean, y=effect.means.tolist(), mode="lines+markers",
+            line={"color": _BEST},
             error_y={"type": "data", "array": bars, "visible": bars is not None, "width": 3},
             showlegend=False, hovertemplate="%{y}<extra></extra>", **cell,
         )  # fmt: skip
@@ -227,7 +226,7 @@ def draw_parameter_effects(comparison: Comparison, parameter: str) -> go.Figure:
 
 
 def _draw_scatter(comparison: Comparison, x: ReportMetric, y: ReportMetric) -> go.Figure:
-    """Draw objective `y` against objective `x`, a point per experiment; the best are marked."""
+    """Draw objective `y` against objective `x`, a point per experiment; mark the best ones."""
     figure = go.Figure()
     for mask, name, colour, symbol in (
         (~comparison.best, "others", _OTHER, "circle"),
@@ -243,7 +242,7 @@ def _draw_scatter(comparison: Comparison, x: ReportMetric, y: ReportMetric) -> g
             "<extra></extra>",
             marker={"size": 12, "color": colour, "symbol": symbol, "opacity": 0.85},
         )  # fmt: skip
-    side, height = "right" if x.more else "left", "high" if y.more else "low"
+    side, height = "right" if x.rises else "left", "high" if y.rises else "low"
     figure.update_xaxes(title=f"{x.words} ({side} is better)", **_AXIS)
     figure.update_yaxes(title=f"{y.words} ({height} is better)", **_AXIS)
     legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom"}
@@ -251,7 +250,7 @@ def _draw_scatter(comparison: Comparison, x: ReportMetric, y: ReportMetric) -> g
 
 
 def _draw_importance(comparison: Comparison) -> go.Figure | None:
-    """Draw the share of each parameter in what is predictable of each measure, as stacked bars.
+    """Draw how much each parameter matters for each measure, in per cent, as stacked bars.
 
     A measure that no parameter changes beyond the seeds is left out: its bar would be of chance.
     None if fewer than two parameters differ, or no measure is left.
@@ -295,26 +294,30 @@ class _Row(NamedTuple):
 def _list_rows(comparison: Comparison, commits: Mapping[str, str]) -> list[_Row]:
     """Return a row for each experiment: its parameters, then its measures with their spread.
 
-    commits: run → its commit.
+    commits: run → its commit, of which a row has the short name.
     """
     rows = []
     for number, name in enumerate(comparison.parameters.index):
-        given = comparison.parameters.iloc[number].tolist()
+        parameters = comparison.parameters.iloc[number].tolist()
         means = comparison.measures.iloc[number].tolist()
         spreads = comparison.spreads.iloc[number]
         texts = [
             format_number(mean, 4) + ("" if np.isnan(spread) else f" ± {spread:.2g}")
             for mean, spread in zip(means, spreads, strict=True)
         ]
-        values = ["" if value != value else value for value in (*given, *means)]
+        # NaN, which is not itself, becomes an empty cell.
+        values = ["" if value != value else value for value in (*parameters, *means)]
         commit = commits.get(comparison.first_runs[number], "")[:8]
         best = bool(comparison.best[number])
-        rows.append(_Row(str(name), commit, [*map(str, given), *texts], values, best))
+        rows.append(_Row(str(name), commit, [*map(str, parameters), *texts], values, best))
     return rows
 
 
 def _effects_table(effects: Sequence[Effect]) -> Table:
-    """Return the effects as a table of texts: a row per measure and parameter, with its verdict."""
+    """Return the effects as a table of texts: a row per measure and parameter, with its verdict.
+
+    Measures that are the same in every run are left out.
+    """
     rows = [
         [
             _measure_name(effect.measure),
@@ -339,12 +342,12 @@ def comparison_page(
     """Return the comparison as an HTML page, with its charts and the program that draws them.
 
     title: heading of the page. texts: the paragraphs below it. commits: run → its commit. previews:
-    run → what its animation looks like, of the first run of each experiment.
+    run → what its animation looks like, for the first run of each experiment.
     """
-    drawn = [effect for effect in comparison.effects if effect.verdict != SAME]
+    varying = [effect for effect in comparison.effects if effect.verdict != SAME]
     charts: dict[str, go.Figure | None] = {
         f"Effect of {_metric_label(name)}": draw_parameter_effects(comparison, name)
-        for name in dict.fromkeys(effect.parameter for effect in drawn)
+        for name in dict.fromkeys(effect.parameter for effect in varying)
     }
     charts["Which parameter matters"] = _draw_importance(comparison)
     fronts = {
@@ -353,14 +356,12 @@ def comparison_page(
         for y in comparison.objectives[1:]
     }
     same = dict.fromkeys(effect.measure for effect in comparison.effects if effect.verdict == SAME)
-    same_everywhere = [name for name in same if name not in {effect.measure for effect in drawn}]
-    uris = {
-        str(name): (
-            data_uri("image/webp", previews[run].picture), data_uri("video/mp4", previews[run].film)
-        )
-        for name, run in zip(comparison.parameters.index, comparison.first_runs, strict=True)
-        if previews and run in previews
-    }  # fmt: skip
+    same_everywhere = [name for name in same if name not in {effect.measure for effect in varying}]
+    uris = {}
+    for name, run in zip(comparison.parameters.index, comparison.first_runs, strict=True):
+        if previews and run in previews:
+            picture = data_uri("image/webp", previews[run].picture)
+            uris[str(name)] = picture, data_uri("video/mp4", previews[run].film)
     values = {
         "title": title, "texts": list(filter(None, texts)), "chance": f"{SIGNIFICANCE:.0%}",
         "seeds": bool(comparison.spreads.notna().any(axis=None)), "no_effect": NO_EFFECT,

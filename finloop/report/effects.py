@@ -42,8 +42,8 @@ class Effect(NamedTuple):
     values: those of the parameter, numbers first, in order, as texts. means: of the measure, one
     per value. spread: standard deviation between seeds, NaN if no two runs differ in seeds alone.
     size: greatest difference of means, in spreads; infinite if the seeds change nothing. best:
-    which values differ from the best, or greatest, one by no more than the seeds do. verdict: one
-    sentence without its full stop.
+    which values are no worse than the best (else the greatest) by more than the seeds explain.
+    verdict: one sentence without its full stop.
     """
 
     parameter: str
@@ -59,7 +59,8 @@ class Effect(NamedTuple):
 def good_direction(measure: str) -> str:
     """Return HIGHER or LOWER where that is better for a measure `<stage>.<number>`, else "".
 
-    The headlines of the stage say so, then the targets of the report.
+    The direction is that of the stage's headlines; for `animate` also that of the report's targets,
+    or of `_GOOD`.
     """
     stage, _, name = measure.partition(".")
     for headline in HEADLINES.get(stage, []):
@@ -70,7 +71,10 @@ def good_direction(measure: str) -> str:
     ending = name.partition("_")[2]  # after the mode
     for row in MEASURES:
         if row.key == ending and row.good:
-            return next((good for sign, good in _TARGETS.items() if row.good.startswith(sign)), "")
+            for beginning, direction in _TARGETS.items():
+                if row.good.startswith(beginning):
+                    return direction
+            return ""
     return _GOOD.get(ending.removeprefix("trials_"), "")
 
 
@@ -81,12 +85,13 @@ def is_word(value: object) -> bool:
 
 def rank_values(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
     """Return the rank of each value from 0, numbers before words, and the text of each rank."""
-    keys = [
+    sort_keys = [
         (1, 0.0, str(value)) if is_word(value) else (0, float(value), f"{value:g}")
         for value in column
     ]
-    order = sorted(set(keys))
-    return pd.Series([order.index(key) for key in keys], column.index), [key[-1] for key in order]
+    order = sorted(set(sort_keys))
+    ranks = pd.Series([order.index(key) for key in sort_keys], column.index)
+    return ranks, [text for _, _, text in order]
 
 
 def measure_effects(parameters: pd.DataFrame, measures: pd.DataFrame) -> list[Effect]:
@@ -95,69 +100,76 @@ def measure_effects(parameters: pd.DataFrame, measures: pd.DataFrame) -> list[Ef
     parameters, measures: a row per run, with the same index; parameters without seeds.
     """
     effects = []
-    for measure in measures.columns[measures.notna().any()]:
-        column = measures[measure].dropna()
-        table = parameters.loc[column.index]
-        cells = table.astype(str).agg("\t".join, axis=1)
-        effects += [
-            _measure_effect(str(parameter), column, table[parameter], cells) for parameter in table
-        ]
+    for name in measures.columns[measures.notna().any()]:
+        measure = measures[name].dropna()
+        table = parameters.loc[measure.index]
+        settings = table.astype(str).agg("\t".join, axis=1)
+        for parameter in table:
+            effects.append(_measure_effect(str(parameter), measure, table[parameter], settings))
     return effects
 
 
 def _measure_effect(
-    parameter: str, column: "pd.Series[float]", given: "pd.Series[Any]", cells: "pd.Series[str]"
+    parameter: str, measure: "pd.Series[float]", given: "pd.Series[Any]", settings: "pd.Series[str]"
 ) -> Effect:
-    """Return the effect of a parameter on a measure.
+    """Return the effect of a parameter on a measure, tested against that of the seeds.
 
-    column: the measure. given: value of the parameter. cells: text that is equal for runs that
-    differ in their seeds alone. All have a row per run.
+    given: value of the parameter. settings: text that is equal for runs that differ in their seeds
+    alone. measure, given and settings have a row per run.
     """
     ranks, values = rank_values(given)
-    groups = column.groupby(ranks)
+    groups = measure.groupby(ranks)
     means, counts = groups.mean().to_numpy(float), groups.size().to_numpy(int)
-    near_zero = _EQUAL * float(column.abs().max())
-    within = column - column.groupby(cells).transform("mean")
-    freedom = len(column) - cells.nunique()
-    spread = float(np.sqrt((within**2).sum() / freedom)) if freedom else np.nan
-    good = good_direction(str(column.name))
+    near_zero = _EQUAL * float(measure.abs().max())
+    by_seed = measure - measure.groupby(settings).transform("mean")
+    freedom = len(measure) - settings.nunique()
+    spread = float(np.sqrt((by_seed**2).sum() / freedom)) if freedom else np.nan
+    good = good_direction(str(measure.name))
     top = int(np.argmin(means) if good == LOWER else np.argmax(means))
-    apart, size = np.abs(means - means[top]), np.nan
+    differences, size = np.abs(means - means[top]), np.nan
     if np.ptp(means) <= near_zero:
         size, best = 0.0, np.ones(len(means), bool)
     elif not freedom or spread <= near_zero:
-        size, best = np.inf if freedom else np.nan, apart <= near_zero
-    else:
+        size, best = np.inf if freedom else np.nan, differences <= near_zero
+    else:  # the test of Tukey and Kramer
         size = float(np.ptp(means)) / spread
         scale = spread * np.sqrt((1 / counts + 1 / counts[top]) / 2)
-        best = studentized_range.sf(apart / scale, len(means), freedom) >= SIGNIFICANCE
+        best = studentized_range.sf(differences / scale, len(means), freedom) >= SIGNIFICANCE
     number_count = len({value for value in given if not is_word(value)})
-    effect = Effect(parameter, str(column.name), values, means, spread, size, best, "")
-    same = float(np.ptp(column)) <= near_zero
-    verdict = SAME if same else _tell_effect(effect, good, number_count)
+    effect = Effect(parameter, str(measure.name), values, means, spread, size, best, verdict="")
+    same = float(np.ptp(measure)) <= near_zero
+    verdict = SAME if same else _describe_effect(effect, good, number_count)
     return effect._replace(verdict=verdict)
 
 
-def _tell_effect(effect: Effect, good: str, number_count: int) -> str:
-    """Return the verdict on an effect; number_count: how many values are numbers, the first."""
+def _describe_effect(effect: Effect, good: str, number_count: int) -> str:
+    """Return the verdict on an effect, such as "best from 0.5 on" or "rises from 1 to 3".
+
+    good: HIGHER or LOWER where that is better, else "". number_count: how many of the parameter's
+    values are numbers; these come first.
+    """
     if effect.best.all():
         return NO_EFFECT
-    known = "" if np.isfinite(effect.spread) else "; one seed: it may be chance"
+    doubt = "" if np.isfinite(effect.spread) else "; one seed: it may be chance"
     if good:
-        return f"best {_tell_values(effect.values, effect.best, number_count)}{known}"
+        return f"best {_describe_values(effect.values, effect.best, number_count)}{doubt}"
     steps = np.sign(np.diff(effect.means))
     first, *_, last = (format_number(mean) for mean in effect.means)
     if number_count == len(steps) + 1 and (steps == steps[0]).all():
-        return f"{'rises' if steps[0] > 0 else 'falls'} from {first} to {last}{known}"
+        return f"{'rises' if steps[0] > 0 else 'falls'} from {first} to {last}{doubt}"
     least, most = int(np.argmin(effect.means)), int(np.argmax(effect.means))
     low, high = format_number(effect.means[least]), format_number(effect.means[most])
-    return f"least at {effect.values[least]} ({low}), most at {effect.values[most]} ({high}){known}"
+    return f"least at {effect.values[least]} ({low}), most at {effect.values[most]} ({high}){doubt}"
 
 
-def _tell_values(values: Sequence[str], chosen: Flags, number_count: int) -> str:
-    """Return which values are chosen: "at 0.2", "between 0.2 and 0.5", "at 0.2, 1 and auto"."""
+def _describe_values(values: Sequence[str], chosen: Flags, number_count: int) -> str:
+    """Return which values are chosen: "at 0.2", "between 0.2 and 0.5", "at 0.2, 1 and auto".
+
+    number_count: how many values are numbers; these come first, and are rising.
+    """
     places = np.flatnonzero(chosen)
     numbers = places[places < number_count]
+    # Several numbers without a gap are a range.
     if len(numbers) > 1 and np.ptp(numbers) == len(numbers) - 1:
         words = [values[int(place)] for place in places[len(numbers) :]]
         if len(numbers) == number_count:
@@ -174,10 +186,12 @@ def _tell_values(values: Sequence[str], chosen: Flags, number_count: int) -> str
 
 
 def rank_importance(parameters: pd.DataFrame, measures: pd.DataFrame) -> pd.DataFrame:
-    """Return the share of each parameter in what is predictable of each measure, 0 … 1.
+    """Return how much each parameter matters for each measure, as shares 0 … 1 that add up to 1.
 
-    parameters, measures: a row per run, with the same index. A row of the result is a measure, a
-    column a parameter. Measures that no parameter predicts, or that do not vary, are left out.
+    A random forest predicts the measure; the share is how much worse it predicts if the parameter's
+    values are permuted. parameters, measures: a row per run, with the same index. A row of the
+    result is a measure, a column a parameter. Measures that no parameter predicts, or that do not
+    vary, are left out.
     """
     from sklearn.ensemble import RandomForestRegressor  # not at the top: the import takes a second
     from sklearn.inspection import permutation_importance
@@ -188,10 +202,10 @@ def rank_importance(parameters: pd.DataFrame, measures: pd.DataFrame) -> pd.Data
         column = measures[measure].dropna()
         inputs = ranks.loc[column.index].to_numpy(float)
         forest = RandomForestRegressor(_TREES, random_state=0).fit(inputs, column)
-        found = permutation_importance(
+        loss = permutation_importance(
             forest, inputs, column, n_repeats=_PERMUTATIONS, random_state=0
         )
-        importance = np.maximum(found.importances_mean, 0)
+        importance = np.maximum(loss.importances_mean, 0)
         if importance.sum() > 0:
             shares[str(measure)] = importance / importance.sum()
     return pd.DataFrame.from_dict(shares, "index", columns=list(parameters))

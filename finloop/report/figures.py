@@ -239,10 +239,10 @@ GAITS = Chapter(
     "A cycle of motion, described by a few numbers γ from a film, drives another drawing.",
     tuple(
         Figure(
-            f"gait/figures/{of}/{name}.png", number, f"{title}: {source}", caption,
+            f"gait/figures/{folder}/{name}.png", number, f"{title}: {source}", caption,
             f"{title}, of {source}. {caption}",
         )
-        for of, source in (("limbs", "limbs"), ("outline", "the film's own fish"))
+        for folder, source in (("limbs", "limbs"), ("outline", "the film's own fish"))
         for name, number, title, caption in _GAIT
     ),
 )  # fmt: skip

@@ -23,7 +23,7 @@ class Headline(NamedTuple):
 
 
 def _mode_headlines(ending: str, meaning: str, good: str) -> list[Headline]:
-    """Return a headline number named `<mode>_<ending>` for each mode."""
+    """Return a headline number `<mode>_<ending>` for each mode; good: its good direction."""
     return [
         Headline(f"{mode}_{ending}", f"{facts.title}: {meaning}", good)
         for mode, facts in MODES.items()

@@ -38,7 +38,7 @@ def data_uri(kind: str, content: bytes) -> str:
 def encode_webp(picture: Picture, max_width_px: int, quality: int) -> WebP:
     """Encode a picture (h, w) or (h, w, 3) RGB as a WebP data URI, reduced to a greatest width.
 
-    quality: 0 … 100 of WebP.
+    quality: that of WebP, 0 … 100.
     """
     height, width = picture.shape[:2]
     if width > max_width_px:

@@ -90,32 +90,28 @@ class FilmResult:
 
 def study_table(films: Sequence[FilmResult]) -> pd.DataFrame:
     """Return a table with a row for each film: numbers of COLUMNS, its error, its settings."""
-    rows = {
-        film.name: {column.key: film.numbers.get(column.key, np.nan) for column in COLUMNS}
-        | {"error": film.error, "settings": " ".join(film.settings)}
-        for film in films
-    }
+    rows = {}
+    for film in films:
+        numbers = {column.key: film.numbers.get(column.key, np.nan) for column in COLUMNS}
+        rows[film.name] = numbers | {"error": film.error, "settings": " ".join(film.settings)}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("film").reset_index()
 
 
 def study_page(films: Sequence[FilmResult], common: Sequence[str]) -> str:
     """Return the page of a study as HTML text; its table can be sorted and filtered.
 
-    common: the settings of all films, as overrides.
+    common: the settings that all films share, as overrides.
     """
-    rows = [
-        {
-            "film": film,
-            "values": [film.numbers.get(column.key) for column in COLUMNS],
-            "thumbnails": {
-                name: b64encode(_make_thumbnail(picture)).decode()
-                for name, picture in film.thumbnails.items()
-            },
+    rows = []
+    for film in films:
+        thumbnails = {
+            name: b64encode(_make_thumbnail(picture)).decode()
+            for name, picture in film.thumbnails.items()
         }
-        for film in films
-    ]
-    values = {"common": common, "rows": rows, "columns": COLUMNS, "number": format_number}
-    return render_template("study.html.j2", values)
+        values = [film.numbers.get(column.key) for column in COLUMNS]
+        rows.append({"film": film, "values": values, "thumbnails": thumbnails})
+    content = {"common": common, "rows": rows, "columns": COLUMNS, "number": format_number}
+    return render_template("study.html.j2", content)
 
 
 def _make_thumbnail(picture: bytes) -> bytes:

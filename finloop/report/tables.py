@@ -76,9 +76,10 @@ class Table(NamedTuple):
 
 
 def format_number(value: Any, digits: int = 3) -> str:
-    """Return a number as a short text of a few digits, with commas between thousands.
+    """Return a number as a short text of about `digits` digits, with commas between thousands.
 
-    A whole number keeps all digits. NaN and None give ""; a text is returned unchanged.
+    A whole number keeps all digits, and one below 0.001 gets an exponent. NaN and None give ""; a
+    text is returned unchanged.
     """
     if isinstance(value, str):
         return value
@@ -98,7 +99,7 @@ def measures_table(measures: pd.DataFrame) -> Table:
     measures: content of `data/animate/beside/measures.csv`.
     """
     measures = measures.set_index("measure")
-    for key in ("speed", "turn_rate"):  # the difference of the film's halves is the yardstick
+    for key in ("speed", "turn_rate"):  # the film gets the distance between its halves
         halves, distance = f"{key}_halves_kinematic_distance_sd", f"{key}_kinematic_distance_sd"
         if halves in measures.index and distance in measures.index:
             measures.loc[distance, "film"] = measures.loc[halves, "film"]
@@ -113,22 +114,21 @@ def measures_table(measures: pd.DataFrame) -> Table:
 
 
 def table_of_data_frame(frame: pd.DataFrame, caption: str, digits: int = 4) -> Table:
-    """Convert a data frame to a table of texts; numbers get about so many digits."""
+    """Convert a data frame to a table of texts; numbers get about `digits` digits."""
     rows = [[format_number(cell, digits) for cell in row] for row in frame.itertuples(index=False)]
     return Table(caption, [str(name).replace("_", " ") for name in frame.columns], rows)
 
 
-def headline_table(numbers: Mapping[str, float], word: str) -> Table:
+def headline_table(numbers: Mapping[str, float], stage: str) -> Table:
     """Return a stage's headline numbers as a table: name, value, meaning, good direction.
 
-    numbers: those of the stage `word`, by name. Headlines without a value are left out.
+    numbers: those of the stage, by name. Headlines without a value are left out.
     """
-    rows = [
-        [item.name.replace("_", " "), format_number(numbers[item.name], 4), item.meaning, item.good]
-        for item in HEADLINES[word]
-        if item.name in numbers
-    ]
-    return Table(word, ["number", "value", "meaning", "good"], rows)
+    rows = []
+    for name, meaning, good in HEADLINES[stage]:
+        if name in numbers:
+            rows.append([name.replace("_", " "), format_number(numbers[name], 4), meaning, good])
+    return Table(stage, ["number", "value", "meaning", "good"], rows)
 
 
 def mode_headline_numbers(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
@@ -136,7 +136,7 @@ def mode_headline_numbers(numbers: Mapping[str, float], mode: str) -> list[tuple
 
     numbers: those of the stages `animate` and `realism`, by `<mode>_<name>`.
     """
-    choice = (
+    shown_first = (
         ("goals_reached_pct", " %", "of its goals reached"),
         ("seam_ratio_median", "", "natural steps: discontinuity of a transition, median"),
         ("film_pct", " %", "of its time it plays film"),
@@ -145,6 +145,6 @@ def mode_headline_numbers(numbers: Mapping[str, float], mode: str) -> list[tuple
     )
     return [
         (format_number(numbers[f"{mode}_{key}"]) + unit, words)
-        for key, unit, words in choice
+        for key, unit, words in shown_first
         if f"{mode}_{key}" in numbers
     ]
