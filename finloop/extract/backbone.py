@@ -58,27 +58,27 @@ def trace_backbone(mask: Mask, field: Picture, points: int, floor: float) -> Bac
 
 
 def close_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
-    """Fill notches that are far narrower than the body, in a silhouette and its difference image.
+    """Return a silhouette and its difference image, both with narrow notches filled.
 
     mask, field: (h, w). A notch is skin as bright as the tank, like the black eye of a pale fish,
     and diverts the skeleton. Both pictures are closed (dilated, then eroded) with a disc of half
     the largest half width. If that would enclose a hole, head and tail are near each other, and
-    both stay unchanged.
+    both are returned unchanged.
     """
     picture = mask.view(np.uint8)
     widest = float(cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3).max())
-    reach = int(_NOTCH * widest + 0.5)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    radius = int(_NOTCH * widest + 0.5)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     closed = _close_gaps(picture, disc)
-    kinds = cv2.findContours(closed, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)[1]
-    if kinds is not None and (kinds[0, :, 3] >= 0).any():  # a hole
+    contour_tree = cv2.findContours(closed, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)[1]
+    if contour_tree is not None and (contour_tree[0, :, 3] >= 0).any():  # a parent, so it is a hole
         return mask, field
     inside = np.where(closed, field, 0)  # beside it there may be another fish
     return closed.view(bool), np.maximum(_close_gaps(inside, disc) * closed, field)
 
 
 def _close_gaps(picture: Picture, kernel_disc: Picture) -> Picture:
-    """Fill the gaps of a picture (h, w) that are narrower than a disc; outside of it is nothing.
+    """Return a picture (h, w) whose gaps narrower than a disc are filled; beyond its edges is 0.
 
     kernel_disc: the disc as a picture of 0 and 1.
     """
@@ -99,11 +99,12 @@ def pad_picture(picture: Picture, rim_px: int) -> Picture:
 
 @kernel
 def find_longest_path(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
-    """Find the longest path (m, 2) x, y through the skeleton of a silhouette (§2.2.1, Fig. 4).
+    """Return the longest path (m, 2) x, y through the skeleton of a silhouette (§2.2.1, Fig. 4).
 
-    skeleton: (h, w), True on it. weight: (h, w); the length of a step is multiplied by the mean
-    weight of its two pixels. A weight of 1 is the paper's rule, by which an open fin can be longer
-    than the head. With the distance to the outline as weight, thin fins are not chosen.
+    skeleton: (h, w), True on it; an empty one gives no points. weight: (h, w); the length of a step
+    is multiplied by the mean weight of its two pixels. A weight of 1 is the paper's rule, by which
+    an open fin can be longer than the head. With the distance to the outline as weight, thin fins
+    are not chosen.
 
     Two sweeps: the pixel farthest from any pixel is one end, and the pixel farthest from that end
     is the other. This is exact on a tree, and the skeleton of a silhouette without holes is one. Of
@@ -123,10 +124,8 @@ def find_longest_path(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
             if number[y, x] >= 0:
                 xs[number[y, x]], ys[number[y, x]] = x, y
     visited = np.zeros(count, np.bool_)
-    best_start, best_size = (
-        xs.size,
-        0,
-    )  # none yet; a literal -1 would compile `_measure_paths_from` again
+    # No piece yet; a literal -1 would compile `_measure_paths_from` again.
+    best_start, best_size = xs.size, 0
     for start in range(count):
         if not visited[start]:
             distance, size = _measure_paths_from(number, xs, ys, weight, start)[0], 0
@@ -156,6 +155,7 @@ def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
 
     half_width: (h, w), px from each pixel to the outline. Near a blunt end the skeleton forks into
     the corners of the outline, so the path is cut off within `_FORK` half widths of its ends.
+    Nothing is left of a short path.
     """
     width = np.empty(len(path))
     for i in range(len(path)):
@@ -180,12 +180,12 @@ def _farthest_pixel(distances: Floats) -> int:
 
 @kernel
 def _measure_paths_from(number, xs, ys, weight, start):  # type: ignore[no-untyped-def]
-    """Return the length of the shortest path from one skeleton pixel to each, and its last step.
+    """Return the lengths of the shortest paths from one skeleton pixel to all, and predecessors.
 
-    The results are (pixels,): lengths, infinite where no path leads, and each pixel's predecessor.
-    number: (h, w), the number of each pixel on the skeleton, −1 beside it. xs, ys: (pixels,) by
-    number. weight: (h, w), multiplies the length of steps to the eight neighbours. start: number of
-    the first pixel.
+    Both are (pixels,): a length is infinite where no path leads, a predecessor is the number of the
+    pixel before on the path, −1 for none. number: (h, w), the number of each skeleton pixel, −1
+    beside it. xs, ys: (pixels,) by number. weight: (h, w), multiplies the length of steps to the
+    eight neighbours. start: number of the first pixel.
     """
     height, width = number.shape
     distance = np.full(xs.size, np.inf)
@@ -203,16 +203,16 @@ def _measure_paths_from(number, xs, ys, weight, start):  # type: ignore[no-untyp
             for dx in range(-1, 2):
                 y, x = ys[node] + dy, xs[node] + dx
                 if 0 <= y < height and 0 <= x < width and number[y, x] >= 0:
-                    there = number[y, x]
+                    neighbour = number[y, x]
                     step = np.sqrt(2.0) if dx and dy else 1.0
-                    here = weight[ys[node], xs[node]]
-                    reach = distance[node] + step * 0.5 * (here + weight[y, x])
-                    if there != node and reach < distance[there] - 1e-9:
-                        distance[there] = reach
-                        previous[there] = node
-                        if not waiting[there]:
-                            waiting[there] = True
-                            queue[tail] = there
+                    node_weight = weight[ys[node], xs[node]]
+                    length = distance[node] + step * 0.5 * (node_weight + weight[y, x])
+                    if neighbour != node and length < distance[neighbour] - 1e-9:
+                        distance[neighbour] = length
+                        previous[neighbour] = node
+                        if not waiting[neighbour]:
+                            waiting[neighbour] = True
+                            queue[tail] = neighbour
                             tail = (tail + 1) % queue.size
     return distance, previous
 
@@ -221,9 +221,10 @@ def _measure_paths_from(number, xs, ys, weight, start):  # type: ignore[no-untyp
 def smoothing_matrix(points: int) -> Floats:
     """Return the matrix (points, points) that smooths a line (points, 2) by multiplication.
 
-    It is a Whittaker smoother with a third-difference penalty. Straight lines and parabolas pass
+    This is a Whittaker smoother with a third-difference penalty. Straight lines and parabolas pass
     unchanged, so a steady bend is not flattened.
     """
+    # Third differences, scaled so that the smoothing does not depend on the number of points.
     third = np.diff(np.eye(points), n=3, axis=0) * (points - 1) ** 2.5
     return np.linalg.inv(np.eye(points) + _SMOOTHING / points * third.T @ third)
 
@@ -246,18 +247,18 @@ def resample_line(xy: Floats, points: int) -> Floats:
     arc = np.zeros(len(xy))
     for i in range(1, len(xy)):
         arc[i] = arc[i - 1] + np.hypot(xy[i, 0] - xy[i - 1, 0], xy[i, 1] - xy[i - 1, 1])
-    out = np.empty((points, 2))
+    result = np.empty((points, 2))
     step, k = arc[-1] / (points - 1), 0
     for i in range(points):  # np.interp, but without seconds of compilation
-        at = i * step if i < points - 1 else arc[-1]
-        while k + 1 < len(arc) and arc[k + 1] <= at:
+        place = i * step if i < points - 1 else arc[-1]
+        while k + 1 < len(arc) and arc[k + 1] <= place:
             k += 1
         for axis in range(2):
             value = xy[k, axis]
-            if arc[k] != at and k + 1 < len(arc):
-                value += (xy[k + 1, axis] - value) / (arc[k + 1] - arc[k]) * (at - arc[k])
-            out[i, axis] = value
-    return out
+            if arc[k] != place and k + 1 < len(arc):
+                value += (xy[k + 1, axis] - value) / (arc[k + 1] - arc[k]) * (place - arc[k])
+            result[i, axis] = value
+    return result
 
 
 @kernel
@@ -275,51 +276,52 @@ def _find_tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
     """Extend a line straight beyond its first end; return the point x, y where it leaves the fish.
 
     field: (h, w), the difference from the empty tank; xy: (n, 2) px; width: (n,) px, half widths;
-    floor: grey levels, lower values are noise. At the tip the field has half of its height. The
-    direction is that of the line one body width inside: nearer to a blunt end it is uncertain.
+    floor: grey levels, lower values are noise. The fish ends where the field falls below half of
+    its mean inside. The direction is that of the line `_DEPTH` half widths from the end: nearer to
+    a blunt end it is uncertain.
     """
     step = np.hypot(xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1])
-    wide, near = 0.0, len(xy) // 10
-    for k in range(1, near + 1):
-        wide += width[k]
-    wide /= near
-    deep = min(max(int(_DEPTH * wide / max(step, 1e-6) + 0.5), 2), len(xy) // 4)
-    inside, end = xy[deep], xy[max(deep // 2 - 1, 0)]
+    mean_width, tenth = 0.0, len(xy) // 10
+    for k in range(1, tenth + 1):
+        mean_width += width[k]
+    mean_width /= tenth
+    inner_index = min(max(int(_DEPTH * mean_width / max(step, 1e-6) + 0.5), 2), len(xy) // 4)
+    inside, end = xy[inner_index], xy[max(inner_index // 2 - 1, 0)]
     dx, dy = end[0] - inside[0], end[1] - inside[1]
     norm = max(np.hypot(dx, dy), 1e-6)
     dx, dy = dx / norm, dy / norm
     height, steps = 0.0, int(norm / _STEP) + 1
     for k in range(steps):
         height += _interpolate_field(field, inside[0] + k * _STEP * dx, inside[1] + k * _STEP * dy)
-    half = max(0.5 * height / steps, floor)
-    low = 0.0
-    before = _interpolate_field(field, inside[0], inside[1])
+    edge_level = max(0.5 * height / steps, floor)
+    distance = 0.0
+    previous_level = _interpolate_field(field, inside[0], inside[1])
     for k in range(1, 4 * (field.shape[0] + field.shape[1])):
-        low = k * _STEP
-        here = _interpolate_field(field, inside[0] + low * dx, inside[1] + low * dy)
-        if here < half:
-            low -= _STEP * _share_past_crossing(before, here, half)
+        distance = k * _STEP
+        level = _interpolate_field(field, inside[0] + distance * dx, inside[1] + distance * dy)
+        if level < edge_level:
+            distance -= _STEP * _share_past_crossing(previous_level, level, edge_level)
             break
-        before = here
-    return inside[0] + low * dx, inside[1] + low * dy
+        previous_level = level
+    return inside[0] + distance * dx, inside[1] + distance * dy
 
 
 @kernel
 def _distance_to_flank(field, point, normal, edge_level, most_px):  # type: ignore[no-untyped-def]
     """Return the distance [px] from a point along a normal to the side of the body.
 
-    There the difference from the empty tank, field (h, w), falls below edge_level. point, normal:
-    x, y. The distance is at most `most_px`.
+    The side is where the difference from the empty tank, field (h, w), falls below edge_level.
+    point: x, y in px; normal: unit vector. `most_px` if no side is nearer.
     """
     (x, y), (nx, ny) = point, normal
-    before = _interpolate_field(field, x, y)
-    far = 0.0
-    while far < most_px:
-        far += _STEP
-        here = _interpolate_field(field, x + far * nx, y + far * ny)
-        if here < edge_level:
-            return far - _STEP * _share_past_crossing(before, here, edge_level)
-        before = here
+    previous_level = _interpolate_field(field, x, y)
+    distance = 0.0
+    while distance < most_px:
+        distance += _STEP
+        level = _interpolate_field(field, x + distance * nx, y + distance * ny)
+        if level < edge_level:
+            return distance - _STEP * _share_past_crossing(previous_level, level, edge_level)
+        previous_level = level
     return most_px
 
 
@@ -328,23 +330,24 @@ def refine_outline(alpha: Picture, chain: NDArray[np.int32], points: int) -> Flo
     """Return the outline (points, 2) x, y at sub-pixel precision, where a fish's alpha is one half.
 
     alpha: (h, w), 255 is fish. chain: (m, 2), the pixels just inside the outline, in order, closed.
-    They are resampled evenly, moved outwards along the normal to the crossing, and resampled again.
+    They are resampled evenly, moved outwards along the normal to where alpha is one half (3 px at
+    most), and resampled again.
     """
     inside = _resample_closed(chain.astype(np.float64), points)
     area = 0.0
     for i in range(points):
         j = (i + 1) % points
         area += inside[i, 0] * inside[j, 1] - inside[j, 0] * inside[i, 1]
-    out = inside.copy()
+    result = inside.copy()
     for i in range(points):
         before, after = inside[i - 1], inside[(i + 1) % points]
         tx, ty = after[0] - before[0], after[1] - before[1]
         norm = np.copysign(max(np.hypot(tx, ty), 1e-9), area)
         nx, ny = ty / norm, -tx / norm
-        far = _distance_to_flank(alpha, (inside[i, 0], inside[i, 1]), (nx, ny), 127.5, 3.0)
-        out[i, 0] += far * nx
-        out[i, 1] += far * ny
-    return _resample_closed(out, points)
+        distance = _distance_to_flank(alpha, (inside[i, 0], inside[i, 1]), (nx, ny), 127.5, 3.0)
+        result[i, 0] += distance * nx
+        result[i, 1] += distance * ny
+    return _resample_closed(result, points)
 
 
 @kernel
@@ -384,17 +387,17 @@ def _median_of_three(values, i):  # type: ignore[no-untyped-def]
 
 @kernel
 def _smooth_by_medians(values):  # type: ignore[no-untyped-def]
-    """Replace each value (n,) by the median of it and its two neighbours; both ends stay."""
-    out = values.copy()
+    """Return values (n,), each replaced by the median of it and its neighbours; both ends stay."""
+    result = values.copy()
     for i in range(1, values.size - 1):
-        out[i] = _median_of_three(values, i)
-    return out
+        result[i] = _median_of_three(values, i)
+    return result
 
 
 @kernel
 def _quantile_of_few(values, share):  # type: ignore[no-untyped-def]
-    """Return a quantile, `share` 0 … 1, of few values (n,), linear between them."""
-    rising = values.copy()
+    """Return the quantile `share`, 0 … 1, of few values (n,), interpolated linearly."""
+    rising = values.copy()  # becomes sorted, by insertion
     for i in range(1, values.size):
         k = i
         while k > 0 and rising[k - 1] > values[i]:
@@ -411,23 +414,27 @@ def _refine_backbone(fields, path, smooth, floor):  # type: ignore[no-untyped-de
     """Turn a path through a skeleton into a backbone; return its points, half widths and length.
 
     fields: the difference images (h, w) from the empty tank, unchanged for the sides, without
-    notches for the tips; path: (m, 2) px; smooth: from `smoothing_matrix`; floor: grey levels. The
-    path is extended to the outline, centred between the sides, smoothed and resampled, three times.
+    notches for the tips; path: (m, 2) px; smooth: matrix (n, n) that smooths the n points; floor:
+    grey levels, lower values are noise. The path is extended to the outline, centred between the
+    sides, smoothed and resampled, three times. Points (n, 2), half widths (n,) and length are in
+    px.
     """
     (field, filled), points = fields, len(smooth)
     xy = smooth @ resample_line(path, points)
     width = np.zeros(points)
     for _ in range(3):
-        ends = np.empty((points + 2, 2))
+        extended = np.empty((points + 2, 2))
         for i in range(points):
-            ends[i + 1, 0], ends[i + 1, 1] = xy[i, 0], xy[i, 1]
-        ends[0, 0], ends[0, 1] = _find_tip(filled, xy, width, floor)
-        ends[-1, 0], ends[-1, 1] = _find_tip(filled, xy[::-1].copy(), width[::-1].copy(), floor)
-        inner = ends.copy()
+            extended[i + 1, 0], extended[i + 1, 1] = xy[i, 0], xy[i, 1]
+        extended[0, 0], extended[0, 1] = _find_tip(filled, xy, width, floor)
+        extended[-1, 0], extended[-1, 1] = _find_tip(
+            filled, xy[::-1].copy(), width[::-1].copy(), floor
+        )
+        inner = extended.copy()
         # a point already beyond the outline is dropped in favour of the tip itself
         for axis in range(2):
-            inner[1, axis] = 0.5 * (ends[0, axis] + ends[2, axis])
-            inner[-2, axis] = 0.5 * (ends[-1, axis] + ends[-3, axis])
+            inner[1, axis] = 0.5 * (extended[0, axis] + extended[2, axis])
+            inner[-2, axis] = 0.5 * (extended[-1, axis] + extended[-3, axis])
         xy = resample_line(inner, points)
         length = np.hypot(xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1]) * (points - 1)
         shift, normal = np.zeros(points), np.zeros((points, 2))
@@ -438,16 +445,16 @@ def _refine_backbone(fields, path, smooth, floor):  # type: ignore[no-untyped-de
             tx, ty = xy[i + 1, 0] - xy[i - 1, 0], xy[i + 1, 1] - xy[i - 1, 1]
             norm = max(np.hypot(tx, ty), 1e-9)
             nx, ny = -ty / norm, tx / norm
-            half = 0.5 * _median_of_three(ridge, i)
+            edge_level = 0.5 * _median_of_three(ridge, i)
             point = xy[i, 0], xy[i, 1]
-            left = _distance_to_flank(field, point, (nx, ny), half, 0.25 * length)
-            right = _distance_to_flank(field, point, (-nx, -ny), half, 0.25 * length)
+            left = _distance_to_flank(field, point, (nx, ny), edge_level, 0.25 * length)
+            right = _distance_to_flank(field, point, (-nx, -ny), edge_level, 0.25 * length)
             normal[i, 0], normal[i, 1] = nx, ny
             shift[i], width[i] = 0.5 * (left - right), 0.5 * (left + right)
         # a fin on one side moves only one flank: limit the shift to the body's width there
-        typical = _quantile_of_few(width, 0.8)
+        body_width = _quantile_of_few(width, 0.8)
         for i in range(points):
-            shift[i] = min(max(shift[i], -typical), typical)
+            shift[i] = min(max(shift[i], -body_width), body_width)
         shift = _smooth_by_medians(shift)
         shift[0] = shift[-1] = 0.0
         for i in range(points):

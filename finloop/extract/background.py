@@ -51,7 +51,7 @@ class Scene:
 
     @cached_property
     def light_meter(self) -> "_LightMeter":
-        """Return what measures the brightness of a frame relative to the background's."""
+        """Return the object that measures the brightness of frames relative to the background."""
         return _LightMeter(self.background)
 
 
@@ -66,12 +66,16 @@ class _LightMeter:
         self._middle = float(np.median(self._levels)) if self._lit.any() else 0.0
 
     def measure(self, frame: Picture) -> float:
-        """Return the brightness of a frame over that of the background (`relative_brightness`)."""
+        """Return the brightness of a frame over the background's, the median ratio of pixels.
+
+        It is 1.0 if they differ by less than half a grey level, or the background has no bright
+        pixel.
+        """
         if not len(self._levels):
             return 1.0
-        # the median; np.median takes twice as long
-        ratio = np.sort(frame[::_GRID, ::_GRID][self._lit] / self._levels)
-        gain = float(ratio[(len(ratio) - 1) // 2] + ratio[len(ratio) // 2]) / 2
+        # The median of the ratios; np.median takes twice as long.
+        ratios = np.sort(frame[::_GRID, ::_GRID][self._lit] / self._levels)
+        gain = float(ratios[(len(ratios) - 1) // 2] + ratios[len(ratios) // 2]) / 2
         return 1.0 if abs(gain - 1.0) * self._middle < 0.5 or gain <= 0 else gain
 
 
@@ -84,7 +88,7 @@ def relative_brightness(frame: Picture, background: Picture) -> float:
 
 
 def match_scene_to_light(scene: Scene, frame: Picture) -> Scene:
-    """Return a scene whose background is as bright as in a frame."""
+    """Return a scene whose background is made as bright as a frame; the scene itself if it is."""
     gain = scene.light_meter.measure(frame)
     if gain == 1.0:
         return scene
@@ -102,31 +106,31 @@ def median_background(frames: Iterable[Picture], workers: Threads = ALONE) -> Pi
     frames: an odd number of pictures, all (h, w[, 3]).
     """
     first, *others = frames
-    alike = [
+    equally_bright = [
         first,
         *(scale_brightness(frame, 1 / relative_brightness(frame, first)) for frame in others),
     ]
-    # a strip of every frame at a time fits into the cache
+    # A strip of every frame at a time fits into the processor's cache.
     strips = [slice(top, top + _STRIP) for top in range(0, len(first), _STRIP)]
     medians = ordered_map(
-        lambda strip: _median_picture([frame[strip] for frame in alike]), strips, workers
+        lambda strip: _median_picture([frame[strip] for frame in equally_bright]), strips, workers
     )
     return np.concatenate(list(medians))
 
 
 def _median_picture(pictures: Sequence[Picture]) -> Picture:
-    """Return the median of an odd number of pictures, bit by bit from the highest.
+    """Return the median of an odd number of pictures of one shape, bit by bit from the highest.
 
-    A bit is set if at most half of the pictures are below the number with that bit. It is the exact
-    median, seven times as fast as sorting each pixel.
+    A bit is set if at most half of the pictures are below the number with that bit. This gives the
+    exact median, seven times as fast as sorting each pixel.
     """
     median = np.zeros_like(pictures[0])
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):
-        more = median | np.uint8(bit)
+        with_bit = median | np.uint8(bit)
         below = np.zeros(median.shape, np.min_scalar_type(len(pictures)))
         for picture in pictures:
-            below += picture < more
-        np.copyto(median, more, where=below <= len(pictures) // 2)
+            below += picture < with_bit
+        np.copyto(median, with_bit, where=below <= len(pictures) // 2)
     return median
 
 
@@ -153,10 +157,10 @@ def flat_background(frames: Sequence[Picture]) -> Picture:
 def background_without_ghosts(frames: Sequence[Picture], median: Picture, least: float) -> Picture:
     """Return a median of frames in which fish that hardly moved are replaced by the tank's floor.
 
-    median: of `frames`. Such a *ghost* is a patch of the median that differs from its surroundings
-    by more than `least` grey levels, while in some frame it differs by less than half of that:
-    there the fish was away. It takes the level of its surroundings. A stone is there in every
-    frame, and stays.
+    median: of `frames`, (h, w[, 3]). Such a *ghost* is a patch of the median that differs from its
+    surroundings by more than `least` grey levels, while in some frame it differs by less than half
+    of that: there the fish was away. It takes the level of its surroundings. A stone is there in
+    every frame, and stays.
     """
     height, width = median.shape[:2]
     reduction = max(1.0, min(height, width) / _SMALL)
@@ -166,22 +170,24 @@ def background_without_ghosts(frames: Sequence[Picture], median: Picture, least:
     floor = cv2.medianBlur(small, _AROUND)
     floor = np.asarray(cv2.resize(floor, (width, height), interpolation=cv2.INTER_LINEAR))
     differs = _smooth_difference(median, floor) > least
-    shown = np.zeros_like(differs)
+    floor_seen = np.zeros_like(differs)
     for frame in frames:
         lit = scale_brightness(frame, 1 / relative_brightness(frame, median))
-        shown |= _smooth_difference(lit, floor) <= least / 2
-    count, label = cv2.connectedComponents(differs.astype(np.uint8))
-    away = np.bincount(label[shown], minlength=count) / np.bincount(label.ravel(), minlength=count)
-    away[0] = 0.0  # the part that does not differ
+        floor_seen |= _smooth_difference(lit, floor) <= least / 2
+    count, patch = cv2.connectedComponents(differs.astype(np.uint8))
+    sizes = np.bincount(patch.ravel(), minlength=count)
+    floor_share = np.bincount(patch[floor_seen], minlength=count) / sizes
+    floor_share[0] = 0.0  # the part that does not differ
+    ghost = (floor_share > _AWAY)[patch].astype(np.uint8)
     edge = 2 * round(reduction) + 1  # soft: a pixel of the reduced picture to each side
-    ghost = cv2.dilate((away > _AWAY)[label].astype(np.uint8), np.ones((edge, edge), np.uint8)) > 0
+    ghost = cv2.dilate(ghost, np.ones((edge, edge), np.uint8)) > 0
     patched = median.copy()
     patched[ghost] = floor[ghost]
     return patched
 
 
 def _smooth_difference(picture: Picture, other: Picture) -> Picture:
-    """Return the smoothed difference (h, w) of two pictures; of RGB the largest channel counts."""
+    """Return the smoothed difference (h, w) of two pictures, of RGB that of the largest channel."""
     change = cv2.absdiff(picture, other)
     grey = change if change.ndim == 2 else change.max(axis=-1)
     return np.asarray(cv2.GaussianBlur(grey, (5, 5), 1.5))
@@ -190,8 +196,8 @@ def _smooth_difference(picture: Picture, other: Picture) -> Picture:
 def difference_image(frame: Picture, scene: Scene) -> Picture:
     """Return how much each pixel of a frame differs from the tank, as a picture (h, w) uint8.
 
-    It is in grey levels, smoothed over 3×3 px, of RGB the strongest channel. Only changes in the
-    direction of the scene's polarity count.
+    The difference is in grey levels, smoothed over 3×3 px, of RGB the strongest channel. If fish
+    are only darker than the tank, or only brighter, pixels that differ the other way are 0.
     """
     tank, polarity = scene.background, scene.polarity
     if frame.ndim == 2:
@@ -210,19 +216,19 @@ def difference_image(frame: Picture, scene: Scene) -> Picture:
 def _grey_difference(frame, tank, darker, brighter):  # type: ignore[no-untyped-def]
     """Return the smoothed difference (h, w) of a grey frame from a grey tank, in one pass.
 
-    darker, brighter: 1 if pixels darker, or brighter, than the tank count, else 0. Weights 1, 2, 1
-    in both directions are the Gaussian of 0.85 px, mirrored at the edges. Numbers have 16 bits, so
+    darker: 1 if pixels darker than the tank count, else 0; brighter: likewise. Weights 1, 2, 1 in
+    both directions are the Gaussian of 0.85 px, mirrored at the edges. Numbers have 16 bits, so
     many are processed at a time.
     """
     height, width = frame.shape
-    out = np.empty((height, width), np.uint8)
+    result = np.empty((height, width), np.uint8)
     change = np.empty(width + 2, np.int16)
     rows = np.empty((3, width), np.int16)  # smoothed along x
     for y in range(-1, height + 1):
-        here = min(abs(y), 2 * (height - 1) - y, height - 1)
+        source_row = min(abs(y), 2 * (height - 1) - y, height - 1)
         for x in range(width):
-            less = np.int16(np.int16(tank[here, x]) - np.int16(frame[here, x]))
-            change[x + 1] = max(np.int16(darker * less), np.int16(-brighter * less))
+            darkening = np.int16(np.int16(tank[source_row, x]) - np.int16(frame[source_row, x]))
+            change[x + 1] = max(np.int16(darker * darkening), np.int16(-brighter * darkening))
         change[0], change[width + 1] = change[2], change[width - 1]
         row = rows[y % 3]
         for x in range(width):
@@ -231,8 +237,8 @@ def _grey_difference(frame, tank, darker, brighter):  # type: ignore[no-untyped-
             above, middle = rows[(y - 2) % 3], rows[(y - 1) % 3]
             for x in range(width):
                 total = np.int16(above[x] + 2 * middle[x] + row[x] + 8)
-                out[y - 1, x] = total >> 4
-    return out
+                result[y - 1, x] = total >> 4
+    return result
 
 
 def measure_scene(

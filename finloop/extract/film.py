@@ -51,12 +51,12 @@ def choose_sample_frames(
 ) -> list[int]:
     """Return the numbers of sample frames spread evenly over a clip, ascending.
 
-    They are an odd number, at most `most_samples`, fewer of a short clip or large frames. frames:
-    length of the clip; frame_shape: (h, w[, channels]). The numbers are those of key frames where
-    the clip is long enough. key_frame_distance: frames between these.
+    Their count is odd and at most `most_samples`, less for a short clip or large frames. frames:
+    length of the clip; frame_shape: (h, w[, channels]); key_frame_distance: frames from one key
+    frame to the next. If the clip is long enough, only key frames are chosen, which decode fast.
     """
     most = max(1, min(most_samples, frames, _SAMPLE_BYTES // int(np.prod(frame_shape))))
-    count = most - (most + 1) % 2
+    count = most if most % 2 else most - 1
     numbers = np.linspace(0, frames - 1, count).round().astype(int)
     if frames >= count * key_frame_distance:
         numbers = numbers // key_frame_distance * key_frame_distance
@@ -68,7 +68,7 @@ def add_learnt_backgrounds(
 ) -> Iterator[tuple[Picture, Scene]]:
     """Yield each frame with a scene whose background adapts to the film (OpenCV's MOG2).
 
-    It is renewed every second. rate_hz: frames per second.
+    The background is renewed every second. frames: (h, w[, 3]); rate_hz: frames per second.
     """
     history = max(2, round(20 * rate_hz))
     model = cv2.createBackgroundSubtractorMOG2(history=history, detectShadows=False)
@@ -98,9 +98,9 @@ Stretch = list[Detections | None]
 
 @dataclass(frozen=True)
 class Detector:
-    """Finds and measures the fish of one frame.
+    """Finds and measures the fish of single frames.
 
-    arena: (h, w) uint8, 255 inside; typical: a typical fish of the clip.
+    arena: (h, w) uint8, 255 inside; typical: a typical fish of the clip, to compare sizes with.
     """
 
     arena: Picture
@@ -114,19 +114,20 @@ class Detector:
     def detect(self, frame: Picture, scene: Scene) -> Detections:
         """Find all silhouettes of a frame as bright as the scene, and measure isolated fish."""
         settings = self.settings
-        least = max(settings.least_area_px, _SPECK * self.typical.area_px)
-        ends = SilhouetteEdge(
+        least_area_px = max(settings.least_area_px, _SPECK * self.typical.area_px)
+        edge_rule = SilhouetteEdge(
             settings.outline_contrast_ratio, settings.shadow, self.typical.fins, self.typical.thin
         )
-        patches = list(find_silhouettes(frame, scene, self.arena, least, ends))
-        verdicts = [judge_silhouette(s, self.typical, settings) for s in patches]
-        fish = [
-            measure_fish(s, frame, scene, settings.points) if verdict == "fish" else None
-            for s, verdict in zip(patches, verdicts, strict=True)
-        ]
-        outlined = bool(settings.tracks_path)
-        spots = [_silhouette_place(s, f, outlined) for s, f in zip(patches, fish, strict=True)]
-        return Detections(verdicts, spots, fish)
+        result = Detections([], [], [])
+        for silhouette in find_silhouettes(frame, scene, self.arena, least_area_px, edge_rule):
+            verdict = judge_silhouette(silhouette, self.typical, settings)
+            fish = None
+            if verdict == "fish":
+                fish = measure_fish(silhouette, frame, scene, settings.points)
+            result.verdicts.append(verdict)
+            result.spots.append(_silhouette_place(silhouette, fish, bool(settings.tracks_path)))
+            result.fish.append(fish)
+        return result
 
 
 class ClipStream(NamedTuple):
@@ -155,7 +156,8 @@ def detect_in_clip(
     """
     if detector.settings.background == "mog2":
         frames = clip.read(start=0, stop=clip.frames)
-        return (detector(*seen) for seen in add_learnt_backgrounds(frames, scene, clip.rate_hz))
+        adapted = add_learnt_backgrounds(frames, scene, clip.rate_hz)
+        return (detector(frame, frame_scene) for frame, frame_scene in adapted)
     length = min(_STRETCH, max(1, clip.frames // (4 * workers.count)))
     length = max(1, length // clip.stride) * clip.stride
     starts = range(0, clip.frames, length)
@@ -180,22 +182,23 @@ def _load_or_detect(
 def _detect_span(
     clip: ClipStream, scene: Scene, detector: Detector, span: tuple[int, int]
 ) -> Stretch:
-    """Detect the fish in some successive frames of a clip.
+    """Return the detections in some successive frames of a clip.
 
-    span: (start, stop), the frames start … stop − 1. After a damaged frame it resumes at the next
-    key frame, and gives None for those between.
+    span: (start, stop), the frames start … stop − 1. A damaged frame and those after it, up to the
+    next key frame, have None.
     """
     start, stop = span
-    seen: Stretch = []
-    while (at := start + len(seen)) < stop:
+    detections: Stretch = []
+    while (number := start + len(detections)) < stop:
         try:
-            for frame in clip.read(start=at, stop=stop):
-                seen.append(detector(frame, scene))
+            for frame in clip.read(start=number, stop=stop):
+                detections.append(detector(frame, scene))
             break
         except UndecodableError:
-            key = ((start + len(seen)) // clip.stride + 1) * clip.stride
-            seen += [None] * (min(key, stop) - start - len(seen))
-    return seen
+            damaged = start + len(detections)
+            key_frame = (damaged // clip.stride + 1) * clip.stride
+            detections += [None] * (min(key_frame, stop) - damaged)
+    return detections
 
 
 def fill_lost_frames(
@@ -205,10 +208,10 @@ def fill_lost_frames(
 
     lost_frames: receives the numbers of these frames.
     """
-    for number, one in enumerate(detections):
-        if one is None:
+    for number, detected in enumerate(detections):
+        if detected is None:
             lost_frames.append(number)
-        yield one or Detections([], [], [])
+        yield detected or Detections([], [], [])
 
 
 def link_tracks(
@@ -217,32 +220,32 @@ def link_tracks(
     settings: ExtractSettings,
     cuts: Sequence[int] = (),
 ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
-    """Link the fish of successive frames to tracks; yield for each frame what became known of them.
+    """Link the fish of successive frames to tracks; yield for each frame verdicts and tracked fish.
 
-    That is a count of the frame's verdicts, and fish of tracks that are long enough. A track is
-    given out when it has `min_track_frames` frames, with all its fish until then, so they may be of
-    earlier frames. cuts: numbers of frames before which the film is cut, and tracks end.
+    Verdicts of its silhouettes are counted. A fish is yielded when its track has `min_track_frames`
+    frames, together with all earlier fish of the track, so they may be of earlier frames; fish of
+    shorter tracks never are. cuts: numbers of frames before which the film is cut, and tracks end.
     """
     linker = TrackLinker(
         settings.max_link_distance_bl * typical.length_px, settings.step_area_ratio
     )
     waiting: dict[int, list[TrackedFish]] = {}
-    long: set[int] = set()
+    long_tracks: set[int] = set()
     for number, (verdicts, spots, fish) in enumerate(detections):
         if number in cuts:
             linker.end_tracks()
         ids = linker.link_frame(spots)
-        ready: list[TrackedFish] = []
-        for track, animal in zip(ids, fish, strict=True):
-            if track is None or animal is None:
+        ready: list[TrackedFish] = []  # fish of long tracks, to yield with this frame
+        for track, measures in zip(ids, fish, strict=True):
+            if track is None or measures is None:
                 continue
-            waiting.setdefault(track, []).append(TrackedFish(track, number, animal))
-            if track in long or len(waiting[track]) >= settings.min_track_frames:
-                long.add(track)
+            waiting.setdefault(track, []).append(TrackedFish(track, number, measures))
+            if track in long_tracks or len(waiting[track]) >= settings.min_track_frames:
+                long_tracks.add(track)
                 ready += waiting.pop(track)
         alive = {track for track in ids if track is not None}
         waiting = {track: fishes for track, fishes in waiting.items() if track in alive}
-        long &= alive
+        long_tracks &= alive
         yield Counter(verdicts), ready
 
 
@@ -269,8 +272,8 @@ def batch_fish(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]
     fish: lists of any length.
     """
     batch: list[TrackedFish] = []
-    for some in fish:
-        batch += some
+    for listed in fish:
+        batch += listed
         if len(batch) >= 512:
             yield batch
             batch = []
@@ -278,7 +281,7 @@ def batch_fish(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]
 
 
 class NoTrackError(FinloopError):
-    """No track of a film is long enough."""
+    """The error that no track of a film is long enough."""
 
 
 def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> NoTrackError:
@@ -293,9 +296,10 @@ def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> NoT
 
 
 def fish_cutouts(fish: Iterable[TrackedFish]) -> Iterator[Cutout]:
-    """Yield the pixels of each fish with alpha, and its track, its frame and its place."""
-    for f in fish:
-        yield Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.fish.cutout)
+    """Yield the cut-out of each fish: its track, frame and place, and its pixels with alpha."""
+    for tracked in fish:
+        found = tracked.fish
+        yield Cutout(tracked.track_id, tracked.frame, found.x0, found.y0, found.cutout)
 
 
 def track_table_rows(fish: Sequence[TrackedFish]) -> pd.DataFrame:

@@ -50,19 +50,20 @@ def add_fins_to_alpha(
 
     A fin's pixel is as opaque as its difference is a share of the fish's contrast; below twice the
     threshold it fades, so a fin has no hard edge. alpha: of the silhouette alone; corner: x, y of
-    its first pixel. levels: the fish's contrast, and the threshold, grey levels.
+    its first pixel in the picture. levels: the fish's contrast, and the threshold, grey levels.
     """
-    at = corner[0] - fins.x0, corner[1] - fins.y0
-    shown, x, y = _draw_fins(alpha, at, fins.mask, fins.field, levels)
-    return shown, (x + fins.x0, y + fins.y0)
+    corner_in_fins = corner[0] - fins.x0, corner[1] - fins.y0
+    new_alpha, x, y = _draw_fins(alpha, corner_in_fins, fins.mask, fins.field, levels)
+    return new_alpha, (x + fins.x0, y + fins.y0)
 
 
 @kernel
 def _draw_fins(alpha, corner, mask, field, levels):  # type: ignore[no-untyped-def]
     """Return a silhouette's alpha with its fins, and that alpha's first pixel x, y in `mask`.
 
-    alpha: of the silhouette alone, whose first pixel is at `corner` of the mask; mask, field: (h,
-    w), of `PalePixels`; levels: the fish's contrast, and the threshold, grey levels.
+    alpha: of the silhouette alone, whose first pixel is at `corner`, x and y, of the mask; mask,
+    field: (h, w), the pale pixels, and the difference from the empty tank; levels: the fish's
+    contrast, and the threshold, grey levels.
     """
     (left, top), (contrast, threshold) = corner, levels
     (h, w), (height, width) = alpha.shape, mask.shape
@@ -72,20 +73,20 @@ def _draw_fins(alpha, corner, mask, field, levels):  # type: ignore[no-untyped-d
             if mask[v, u]:
                 x, right = min(x, max(u - _RIM, 0)), max(right, min(u + 1 + _RIM, width))
                 y, bottom = min(y, max(v - _RIM, 0)), max(bottom, min(v + 1 + _RIM, height))
-    share = np.empty(256, np.uint8)
+    opacity = np.empty(256, np.uint8)
     for level in range(256):
-        fading = min(max(level / threshold - 1, 0.0), 1.0)
-        share[level] = int(min(level * fading * (255 / contrast) + 0.5, 255.0))
-    shown = np.zeros((bottom - y, right - x), np.uint8)
+        fade = min(max(level / threshold - 1, 0.0), 1.0)
+        opacity[level] = int(min(level * fade * (255 / contrast) + 0.5, 255.0))
+    result = np.zeros((bottom - y, right - x), np.uint8)
     for v in range(bottom - y):
         for u in range(right - x):
             if mask[y + v, x + u]:
-                shown[v, u] = share[field[y + v, x + u]]
+                result[v, u] = opacity[field[y + v, x + u]]
     for v in range(h):
         for u in range(w):
             if alpha[v, u]:
-                shown[top - y + v, left - x + u] = alpha[v, u]
-    return shown, x, y
+                result[top - y + v, left - x + u] = alpha[v, u]
+    return result, x, y
 
 
 class PaleSide(NamedTuple):
@@ -106,14 +107,14 @@ def find_pale_side(
 ) -> PaleSide | None:
     """Return on which side of a fish its pale pixels lie; None if it has next to none.
 
-    mask: (h, w), the silhouette, whose first pixel is at `corner`, x and y. backbone: in px of the
-    mask; its thicker half counts as the front. fins: the pale pixels, in px of the same picture as
-    `corner`.
+    mask: (h, w), the silhouette, whose first pixel is at `corner`, x and y in px of the picture.
+    backbone: in px of the mask; its thicker half counts as the front. fins: the pale pixels around
+    it, in px of the picture.
     """
     if np.count_nonzero(fins.mask) < _LEAST * np.count_nonzero(mask):
         return None
-    origin = np.subtract(fins[:2], corner)
-    away = _centre_of_mass(fins.mask * fins.field) + origin - _centre_of_mass(mask)
+    origin = np.array([fins.x0 - corner[0], fins.y0 - corner[1]])
+    offset = _centre_of_mass(fins.mask * fins.field) + origin - _centre_of_mass(mask)
     line, width = backbone.points_px, backbone.half_width_px
     half = len(line) // 2
     ahead = line[0] - line[-1]
@@ -121,12 +122,13 @@ def find_pale_side(
         ahead = -ahead
     ahead = ahead / (np.hypot(*ahead) or 1.0)
     across = np.array([-ahead[1], ahead[0]])
-    beyond = np.ones(fins.mask.shape, np.uint8)
+    outside = np.ones(fins.mask.shape, np.uint8)
     x, y = -origin
-    beyond[y : y + mask.shape[0], x : x + mask.shape[1]] -= mask
-    distance = cv2.distanceTransform(beyond, cv2.DIST_L2, cv2.DIST_MASK_5)
+    outside[y : y + mask.shape[0], x : x + mask.shape[1]] -= mask
+    distance = cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_5)
     ring = np.abs(distance - _EDGE - width.max() / 2) <= 1
-    return PaleSide(away, np.array([away @ ahead, away @ across]), float(fins.mask[ring].mean()))
+    on_fish = np.array([offset @ ahead, offset @ across])
+    return PaleSide(offset, on_fish, float(fins.mask[ring].mean()))
 
 
 def _centre_of_mass(picture: Picture | Mask) -> Floats:
@@ -139,15 +141,15 @@ def classify_pale_pixels(sides: Iterable[PaleSide | None]) -> Kind:
     """Decide whether the pale pixels around the fish of a film are fins, shadows or gloom.
 
     sides: of each fish, None where it has next to none. A shadow is always on the same side of the
-    picture, fins on the same side of the fish, gloom all around. If both sides are equally
-    constant, they are no shadow, for all fish may head the same way. Without pale pixels the result
-    is `fins`.
+    picture, fins on the same side of the fish, gloom (dimmed floor) all around. If both sides are
+    equally constant, they are no shadow, for all fish may head the same way. Without pale pixels
+    the result is `fins`.
     """
-    known = [one for one in sides if one is not None]
+    known = [side for side in sides if side is not None]
     if not known:
         return "fins"
-    in_picture = np.hypot(*np.mean([one.in_picture for one in known], axis=0))
-    on_fish = np.hypot(*np.mean([one.on_fish for one in known], axis=0))
+    in_picture = np.hypot(*np.mean([side.in_picture for side in known], axis=0))
+    on_fish = np.hypot(*np.mean([side.on_fish for side in known], axis=0))
     if in_picture > on_fish * _ALIKE:
         return "shadow"
-    return "gloom" if np.median([one.around for one in known]) > _AROUND else "fins"
+    return "gloom" if np.median([side.around for side in known]) > _AROUND else "fins"

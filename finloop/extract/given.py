@@ -70,9 +70,9 @@ class ExternalTracks:
     def find_rows(
         self, frames: NDArray[np.integer], individuals: NDArray[np.integer]
     ) -> NDArray[np.int64]:
-        """Return the row (n,) of each animal in a frame of the clip; every pair must exist.
+        """Return the row (n,) of each pair of a frame of the clip and an animal in it.
 
-        frames, individuals: (n,), numbers of frames and of animals.
+        frames, individuals: (n,), numbers of frames and of animals; every pair must exist.
         """
         row = self.start[frames].copy()
         while (wrong := self.individual[row] != individuals).any():
@@ -103,10 +103,10 @@ def map_poses_to_clip(
     tail = find_keypoint(
         poses.keypoints, p.tracks_tail_keypoint, TAILS, "extract.tracks_tail_keypoint"
     )
-    sure = ~(poses.confidence < p.tracks_least_confidence)  # NaN: unknown
-    points = np.where(sure[..., None], poses.places * p.tracks_px_per_unit, np.nan)
-    there: Mask = np.all(np.isfinite(points), axis=2)
-    rows = np.any(there, axis=1)
+    confident = ~(poses.confidence < p.tracks_least_confidence)  # NaN: unknown
+    points = np.where(confident[..., None], poses.places * p.tracks_px_per_unit, np.nan)
+    complete: Mask = np.all(np.isfinite(points), axis=2)
+    rows = np.any(complete, axis=1)
     points, frame = points[rows], poses.frame[rows]
     if not len(frame):
         raise FinloopError(
@@ -116,13 +116,13 @@ def map_poses_to_clip(
         )
     _refuse_other_length(frame, clip_frames, film)
     _refuse_other_units(points, film)
-    none = np.full((len(points), 2), np.nan)
+    unknown = np.full((len(points), 2), np.nan)
     return ExternalTracks(
         poses.individuals,
         poses.individual[rows],
         points,
-        none if head is None else points[:, poses.keypoints.index(head)],
-        none if tail is None else points[:, poses.keypoints.index(tail)],
+        unknown if head is None else points[:, poses.keypoints.index(head)],
+        unknown if tail is None else points[:, poses.keypoints.index(tail)],
         np.searchsorted(frame, clip_frames, side="left"),
         np.searchsorted(frame, clip_frames, side="right"),
         film,
@@ -134,13 +134,13 @@ def find_keypoint(
 ) -> str | None:
     """Return the keypoint that a parameter names; for `auto` the first one that has a common name.
 
-    name: the parameter's value; the result is None for `none`, and where `auto` finds nothing.
-    common_names: of this keypoint, the best first. FinloopError, which mentions `parameter`, if a
-    named keypoint does not exist.
+    name: the parameter's value; the result is None for `none`, and if `auto` finds nothing.
+    common_names: such as "nose", in small letters only, the best first. FinloopError if a named
+    keypoint does not exist; parameter: its name, for the message.
     """
     if name == "auto":
-        plain = {re.sub(r"[^a-z]", "", one.lower()): one for one in reversed(keypoints)}
-        return next((plain[one] for one in common_names if one in plain), None)
+        by_letters = {re.sub(r"[^a-z]", "", key.lower()): key for key in reversed(keypoints)}
+        return next((by_letters[word] for word in common_names if word in by_letters), None)
     if name == "none" or name in keypoints:
         return None if name == "none" else name
     raise FinloopError(
@@ -178,9 +178,9 @@ def _refuse_other_length(
 
 
 def _refuse_other_units(points: Floats, film: FilmSize) -> None:
-    """Raise FinloopError if places are not in px: outside the picture, or all in its first pixels.
+    """Raise FinloopError if places are not in px: most outside the picture, or all at its corner.
 
-    points: (rows, k, 2).
+    points: (rows, k, 2), the given points of an animal in a row; its place is their mean.
     """
     place = np.nanmean(points, axis=1)
     (x0, y0), (x1, y1) = place.min(axis=0), place.max(axis=0)
@@ -206,15 +206,16 @@ def _silhouette_distances(
 ) -> Floats:
     """Return the distances (animals, silhouettes) [px] between animals and silhouettes of a frame.
 
-    points: (animals, k, 2) px. Beyond `most_px` the distance is infinite.
+    A distance is the mean of an animal's points, 0 for points inside the silhouette. points:
+    (animals, k, 2) px, NaN where missing. Distances clearly beyond `most_px` are infinite.
     """
     result = np.full((len(points), len(silhouettes)), np.inf)
     for j, spot in enumerate(silhouettes):
         low, high = np.array(spot.box[:2]), np.array(spot.box[2:])
         outside = np.maximum(np.maximum(low - points, points - high), 0)
-        least = np.nanmean(np.hypot(*outside.transpose(2, 0, 1)), axis=1)
+        box_distance = np.nanmean(np.hypot(*outside.transpose(2, 0, 1)), axis=1)
         assert spot.outline is not None
-        for i in np.flatnonzero(least <= most_px):
+        for i in np.flatnonzero(box_distance <= most_px):
             known = points[i][np.isfinite(points[i]).all(axis=1)]
             signed = [cv2.pointPolygonTest(spot.outline, (x, y), True) for x, y in known.tolist()]
             result[i, j] = np.mean(np.maximum(0.0, np.negative(signed)))
@@ -224,26 +225,28 @@ def _silhouette_distances(
 def match_silhouettes(
     points: Floats, silhouettes: Sequence[SilhouettePlace], length_px: float
 ) -> list[tuple[Outcome, int | None]]:
-    """Match the tracked animals of a frame with silhouettes: an outcome and a number for each.
+    """Return for each tracked animal of a frame an outcome, and the number of its silhouette.
 
-    points: (animals, k, 2) px, where the animals are; length_px: a body length. The number is that
-    of the silhouette, None where none is near.
+    points: (animals, k, 2) px, where the animals are; length_px: a body length. An animal within a
+    silhouette takes the nearest; another one the nearest that no animal is within. The number is
+    None if none is within a body length.
     """
     if not len(points) or not silhouettes:
         return [("no silhouette", None)] * len(points)
-    apart = _silhouette_distances(points, silhouettes, length_px)
+    distance = _silhouette_distances(points, silhouettes, length_px)
     centres = np.array([(spot.x_px, spot.y_px) for spot in silhouettes])
-    off = np.hypot(*(np.nanmean(points, axis=1)[:, None] - centres).transpose(2, 0, 1))
-    apart += _TIE * off  # of overlapping silhouettes the one with the nearest centre
-    nearest = apart.argmin(axis=1)
-    within = apart.min(axis=1) <= _WITHIN * length_px
-    apart[:, np.unique(nearest[within])] = np.inf  # for those that are within none
-    own = np.where(within, nearest, apart.argmin(axis=1))
-    some = within | (apart.min(axis=1) <= length_px)
-    claims = Counter(own[some].tolist())
+    offset = np.nanmean(points, axis=1)[:, None] - centres
+    # of overlapping silhouettes the one with the nearest centre
+    distance += _TIE * np.hypot(*offset.transpose(2, 0, 1))
+    nearest = distance.argmin(axis=1)
+    within = distance.min(axis=1) <= _WITHIN * length_px
+    distance[:, np.unique(nearest[within])] = np.inf  # not free for animals that are within none
+    chosen = np.where(within, nearest, distance.argmin(axis=1))
+    has_silhouette = within | (distance.min(axis=1) <= length_px)
+    claims = Counter(chosen[has_silhouette].tolist())
 
     result: list[tuple[Outcome, int | None]] = []
-    for j, has in zip(own.tolist(), some, strict=True):
+    for j, has in zip(chosen.tolist(), has_silhouette, strict=True):
         if not has:
             result.append(("no silhouette", None))
         elif claims[j] > 1:
@@ -265,7 +268,7 @@ class ExternalTrackLinker:
     """
 
     def __init__(self, given: ExternalTracks, length_px: float, least_frames: int) -> None:
-        """Begin without runs; length_px: a body length."""
+        """Begin without runs; length_px: a body length; least_frames: shortest track."""
         self._given, self._length, self._least = given, length_px, least_frames
         self.outcomes: Counter[tuple[int, Outcome]] = Counter()
         self.short = 0
@@ -287,17 +290,17 @@ class ExternalTrackLinker:
         """
         waiting: dict[int, list[TrackedFish]] = {}  # by animal, runs that are still too short
         running: dict[int, int] = {}  # animal → its track
-        runs: Counter[int] = Counter()
+        runs: Counter[int] = Counter()  # long runs so far, by animal
         for number, (verdicts, spots, fish) in enumerate(detections):
             rows = self._given.rows_of_frame(number)
             animals = self._given.individual[rows].tolist()
-            found = match_silhouettes(self._given.points[rows], spots, self._length)
-            seen: dict[int, TrackedFish] = {}
-            for animal, (outcome, j) in zip(animals, found, strict=True):
+            matches = match_silhouettes(self._given.points[rows], spots, self._length)
+            seen: dict[int, TrackedFish] = {}  # by animal; the track is set below
+            for animal, (outcome, j) in zip(animals, matches, strict=True):
                 self.outcomes[animal, outcome] += 1
-                one = fish[j] if outcome == "used" and j is not None else None
-                if one is not None:
-                    seen[animal] = TrackedFish(0, number, one)
+                measures = fish[j] if outcome == "used" and j is not None else None
+                if measures is not None:
+                    seen[animal] = TrackedFish(0, number, measures)
             if number in cuts:
                 self._end_runs(set(), waiting, running)
             self._end_runs(set(seen), waiting, running)
@@ -362,13 +365,13 @@ class ExternalTrackLinker:
 
 
 def longest_run_frames(given: ExternalTracks) -> int:
-    """Return for how many successive frames of the clip an animal has a place, at most."""
+    """Return the largest number of successive frames of the clip in which an animal has a place."""
     frame = np.repeat(np.arange(len(given.start)), given.stop - given.start)
     row = np.concatenate([np.arange(a, b) for a, b in zip(given.start, given.stop, strict=True)])
     animal = given.individual[row]
     order = np.lexsort((frame, animal))
-    new = (np.diff(frame[order]) != 1) | (np.diff(animal[order]) != 0)
-    edges = np.flatnonzero(np.concatenate([[True], new, [True]]))
+    begins_run = (np.diff(frame[order]) != 1) | (np.diff(animal[order]) != 0)
+    edges = np.flatnonzero(np.concatenate([[True], begins_run, [True]]))
     return int(np.diff(edges).max())
 
 
@@ -404,34 +407,32 @@ def measure_silhouette_fit(
 ) -> SilhouetteFit:
     """Measure how well another program's places agree with the silhouettes of sample frames.
 
-    frames: numbers of the sample frames; silhouettes: those of each; length_px: a body length.
+    frames: numbers of the sample frames; silhouettes: those of each; length_px: a body length. With
+    a single frame, the agreement by chance is 0.
     """
     shift = len(frames) // 2
-    own, other = [], []
+    near_now, near_by_chance = [], []
     for number, frame in enumerate(frames):
         points = tracks.points[tracks.rows_of_frame(frame)]
-        own.append(_have_near_silhouette(points, silhouettes[number], length_px))
+        near_now.append(_have_near_silhouette(points, silhouettes[number], length_px))
         if shift:
-            other.append(
-                _have_near_silhouette(
-                    points, silhouettes[(number + shift) % len(frames)], length_px
-                )
-            )
-    near = np.concatenate(own)
+            elsewhen = silhouettes[(number + shift) % len(frames)]
+            near_by_chance.append(_have_near_silhouette(points, elsewhen, length_px))
+    near = np.concatenate(near_now)
     animals = np.concatenate([tracks.individual[tracks.rows_of_frame(frame)] for frame in frames])
     lost = tuple(
         int(animal)
         for animal in np.unique(animals)
         if (animals == animal).sum() > 2 and not near[animals == animal].any()
     )
-    chance = float(np.concatenate(other).mean()) if other else 0.0
+    chance = float(np.concatenate(near_by_chance).mean()) if near_by_chance else 0.0
     return SilhouetteFit(float(near.mean()), chance, len(near), lost, max(map(len, silhouettes)))
 
 
 def _have_near_silhouette(
     points: Floats, silhouettes: Sequence[SilhouettePlace], length_px: float
 ) -> Mask:
-    """Return which animals (animals,) have a silhouette within a body length of their place.
+    """Return a mask (animals,) of those that have a silhouette within a body length of their place.
 
     points: (animals, k, 2) px, where they are; length_px: a body length.
     """

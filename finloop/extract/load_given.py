@@ -30,9 +30,9 @@ from finloop.io.video import CLIP_NAME, FRAMES, FRAMES_NAME, VideoFacts, read_ch
 def find_tracks_path(film: Path, pattern: str) -> str:
     """Return the path of the file or folder of tracks that belongs to one of several films.
 
-    film: its path. pattern: a path in which {folder} and {name} stand for the film's, without
-    ending, and `*`, `?`, `[…]` for unknown parts. FinloopError if it matches none, or more than
-    one.
+    film: path of the film. pattern: a path in which {folder} and {name} stand for the film's folder
+    and its name without ending, and `*`, `?`, `[…]` for unknown parts. FinloopError if it contains
+    neither, or does not match exactly one path.
     """
     if "{name}" not in pattern and "{folder}" not in pattern:
         raise FinloopError(
@@ -68,13 +68,15 @@ def load_external_tracks(clip: Path, facts: VideoFacts, p: ExtractSettings) -> E
 def check_external_tracks(
     given: ExternalTracks, clip: Path, facts: VideoFacts, scene: Scene, detector: film.Detector
 ) -> SilhouetteFit:
-    """Check that tracks belong to the clip, by silhouettes in sample frames; return how well.
+    """Return how well tracks agree with silhouettes in sample frames of the clip they belong to.
 
-    clip: its folder. FinloopError if so few places agree that the tracks are of another film.
+    clip: its folder; facts: about it. FinloopError if so few places agree that the tracks must be
+    of another film.
     """
-    there = np.flatnonzero(given.stop > given.start)
-    spread = np.linspace(0, len(there) - 1, min(detector.settings.samples, len(there)))
-    sample = there[np.unique(spread.round().astype(int))].tolist()
+    tracked_frames = np.flatnonzero(given.stop > given.start)
+    count = min(detector.settings.samples, len(tracked_frames))
+    spread = np.linspace(0, len(tracked_frames) - 1, count)
+    sample = tracked_frames[np.unique(spread.round().astype(int))].tolist()
     frames = read_chosen_frames(clip / CLIP_NAME, sample, colour=facts.colour)
     spots = [detector(frame, scene).spots for frame in frames]
     agreement = measure_silhouette_fit(given, sample, spots, detector.typical.length_px)
@@ -90,8 +92,8 @@ def save_external_tracks(folder: Path, given: ExternalTracks, points: int) -> No
     """
     rows = load_table(folder / TRACKS_NAME, tracks_schema(points), ["track_id", "frame"])
     animal = rows["track_id"].to_numpy() % len(given.names)
-    at = given.find_rows(rows["frame"].to_numpy(), animal)
+    given_row = given.find_rows(rows["frame"].to_numpy(), animal)
     rows["animal"] = np.array(given.names, object)[animal]
     for name, place in (("head", given.head), ("tail", given.tail)):
-        rows[f"{name}_x_px"], rows[f"{name}_y_px"] = place[at].T
+        rows[f"{name}_x_px"], rows[f"{name}_y_px"] = place[given_row].T
     save_table(folder / GIVEN_NAME, rows, GIVEN)

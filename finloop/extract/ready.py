@@ -14,7 +14,7 @@ _TONE, _NOISE, _POINTS = 200, 6.0, 21
 
 
 def _measure_drawn_fish() -> None:
-    """Measure a drawn fish, so that every compiled kernel is loaded."""
+    """Find and measure a fish in a drawn frame, so that every compiled kernel is loaded."""
     tank = np.full((48, 96), _TONE, np.uint8)
     film = np.asarray(cv2.ellipse(tank.copy(), (48, 24), (30, 6), 0, 0, 360, (40,), cv2.FILLED))
     scene, arena = Scene(tank, "dark", 1.0, _NOISE), np.full(tank.shape, 255, np.uint8)

@@ -61,7 +61,10 @@ _UNSTEADY = 0.04
 def judge_silhouette(
     silhouette: Silhouette, typical: TypicalFish, settings: ExtractSettings
 ) -> Verdict:
-    """Return whether a silhouette is one isolated fish, or why not, by place, size and contrast."""
+    """Return "fish" for a silhouette of one isolated fish, else why it is none.
+
+    Its place, and its size and contrast relative to the typical fish, decide.
+    """
     if silhouette.contrast < settings.min_contrast_ratio * typical.contrast:
         return "too pale"
     if silhouette.at_border:
@@ -76,13 +79,13 @@ def judge_silhouette(
 class _BackgroundTrial(NamedTuple):
     """What was measured with one background: scene, typical fish, and how much fish vary in area.
 
-    spread: half the width of the middle 68 % of their areas, relative to the median; infinite for
-    fewer than one fish in two frames.
+    area_spread: half the width of the middle 68 % of the fish's areas, relative to the median;
+    infinite for fewer than one fish in two frames.
     """
 
     scene: Scene
     typical: TypicalFish
-    spread: float
+    area_spread: float
 
 
 def measure_scene_and_fish(
@@ -93,17 +96,19 @@ def measure_scene_and_fish(
 ) -> tuple[Scene, TypicalFish]:
     """Measure the scene and a typical fish on sample frames spread over the clip.
 
-    sample_frames: (h, w[, 3]); arena: (h, w) uint8, 255 inside. FinloopError if nothing stands out
-    from the background, or no silhouette can be an isolated fish.
+    sample_frames: (h, w[, 3]); arena: (h, w) uint8, 255 inside. With background `auto`, other
+    backgrounds than the median are tried if it shows no fish, or fish both darker and brighter than
+    it: a fish that hardly moved leaves a ghost in the median. The one on which fish vary least in
+    area is taken. FinloopError if no background shows an isolated fish.
     """
     measure = partial(_measure_with_background, sample_frames, arena, settings, workers)
     if settings.background == "threshold":
         return measure(flat_background(sample_frames))[:2]
-    median, spread = median_background(sample_frames, workers), attrgetter("spread")
+    median, area_spread = median_background(sample_frames, workers), attrgetter("area_spread")
     if settings.background != "auto":  # `mog2` starts from the median
         return measure(median)[:2]
 
-    def without_ghosts() -> Iterator[_BackgroundTrial]:
+    def try_other_backgrounds() -> Iterator[_BackgroundTrial]:
         """Yield the measurements with those other backgrounds on which a fish is found."""
         with suppress(FinloopError):
             ghost = max(settings.least_contrast, _GHOST)
@@ -112,15 +117,16 @@ def measure_scene_and_fish(
             yield measure(flat_background(sample_frames))
 
     try:
-        usual = measure(median)
+        with_median = measure(median)
     except FinloopError:
-        if best := min(without_ghosts(), key=spread, default=None):
+        if best := min(try_other_backgrounds(), key=area_spread, default=None):
             return best[:2]
         raise
-    if usual.scene.polarity != "both":
-        return usual[:2]
-    best = min(without_ghosts(), key=spread, default=usual)
-    return (best if best.spread < _BETTER * usual.spread else usual)[:2]
+    if with_median.scene.polarity != "both":
+        return with_median[:2]
+    best = min(try_other_backgrounds(), key=area_spread, default=with_median)
+    clearly_better = best.area_spread < _BETTER * with_median.area_spread
+    return (best if clearly_better else with_median)[:2]
 
 
 def _measure_with_background(
@@ -132,37 +138,46 @@ def _measure_with_background(
 ) -> _BackgroundTrial:
     """Measure noise, polarity and a typical fish on sample frames, against a given background.
 
-    FinloopError as in `measure_scene_and_fish`. arena: (h, w) uint8, 255 inside.
+    sample_frames: (h, w[, 3]); arena: (h, w) uint8, 255 inside; background: (h, w[, 3]).
+    FinloopError if no silhouette can be an isolated fish.
     """
     sigmas, least = settings.noise_sigmas, settings.least_contrast
     scene = measure_scene(sample_frames, background, settings.polarity, sigmas, least, workers)
     fins: Fins = "darker" if settings.fins == "auto" and scene.polarity != "bright" else "none"
-    ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, fins)
+    edge_rule = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, fins)
 
-    def find_in_frame(ends: SilhouetteEdge, frame: Picture) -> list[Silhouette]:
+    def find_in_frame(edge_rule: SilhouetteEdge, frame: Picture) -> list[Silhouette]:
+        """Return the silhouettes of one sample frame."""
         lit = match_scene_to_light(scene, frame)
-        return list(find_silhouettes(frame, lit, arena, settings.least_area_px, ends))
+        return list(find_silhouettes(frame, lit, arena, settings.least_area_px, edge_rule))
 
     def search_sample(thin: bool) -> tuple[list[Silhouette], TypicalFish, float]:
-        find = partial(find_in_frame, ends._replace(thin=thin))
-        silhouettes = [s for one in ordered_map(find, sample_frames, workers) for s in one]
-        typical, unsteady = find_typical_fish(silhouettes, scene, settings)
-        return silhouettes, typical._replace(thin=thin), unsteady
+        """Return the silhouettes of all frames, the typical fish, and the spread of lengths.
 
-    candidates, typical, unsteady = search_sample(settings.thin == "keep")
-    if settings.thin == "auto" and unsteady > _UNSTEADY:
+        thin: whether pale thin parts belong to silhouettes.
+        """
+        find = partial(find_in_frame, edge_rule._replace(thin=thin))
+        by_frame = ordered_map(find, sample_frames, workers)
+        silhouettes = [silhouette for listed in by_frame for silhouette in listed]
+        typical, length_spread = find_typical_fish(silhouettes, scene, settings)
+        return silhouettes, typical._replace(thin=thin), length_spread
+
+    silhouettes, typical, length_spread = search_sample(settings.thin == "keep")
+    if settings.thin == "auto" and length_spread > _UNSTEADY:
         with_thin = search_sample(thin=True)
-        if with_thin[-1] < _BETTER * unsteady:
-            candidates, typical, _ = with_thin
-    areas = [s.area_px for s in candidates if judge_silhouette(s, typical, settings) == "fish"]
-    spread = _median_and_spread(areas)[1] if 2 * len(areas) >= len(sample_frames) else np.inf
-    return _BackgroundTrial(scene, typical, spread)
+        if with_thin[-1] < _BETTER * length_spread:
+            silhouettes, typical, _ = with_thin
+    areas = [s.area_px for s in silhouettes if judge_silhouette(s, typical, settings) == "fish"]
+    area_spread = np.inf
+    if 2 * len(areas) >= len(sample_frames):
+        area_spread = _median_and_spread(areas)[1]
+    return _BackgroundTrial(scene, typical, area_spread)
 
 
 def _median_and_spread(values: Sequence[float]) -> tuple[float, float]:
     """Return the median, and half the width of the middle 68 % of the values relative to it.
 
-    Of Gaussian values the second is the standard deviation over the mean.
+    For Gaussian values the second number is the standard deviation divided by the mean.
     """
     low, middle, high = np.quantile(values, (0.16, 0.5, 0.84))
     return float(middle), float((high - low) / 2 / middle)
@@ -171,11 +186,12 @@ def _median_and_spread(values: Sequence[float]) -> tuple[float, float]:
 def find_typical_fish(
     silhouettes: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
 ) -> tuple[TypicalFish, float]:
-    """Return the typical fish among silhouettes of sample frames, and the spread of lengths.
+    """Return the typical fish among silhouettes of sample frames, and the spread of fish's lengths.
 
     Its area is the median of the silhouettes' areas, weighted by area and contrast so that dirt and
     bubbles count little; length and contrast are the medians of the silhouettes of about that area.
-    FinloopError if no silhouette can be an isolated fish.
+    The spread is half the width of the middle 68 % of lengths, relative to the median. FinloopError
+    if no silhouette can be an isolated fish.
     """
     free = sorted((s for s in silhouettes if not s.at_border), key=attrgetter("area_px"))
     if not free:
@@ -195,12 +211,15 @@ def find_typical_fish(
         for s, line in traced
         if s.fins is not None
     )
-    pale = {"keep": "fins", "drop": "gloom"}.get(settings.fins) or classify_pale_pixels(sides)
+    if settings.fins == "auto":
+        kind = classify_pale_pixels(sides)
+    else:
+        kind = "fins" if settings.fins == "keep" else "gloom"
     fins: Fins = "none"
-    if pale == "fins":
+    if kind == "fins":
         fins = "all"
-    elif pale == "shadow" and scene.polarity == "both":
-        fins = "brighter"
+    elif kind == "shadow" and scene.polarity == "both":
+        fins = "brighter"  # a shadow is darker than the tank
     contrast = float(np.median([s.contrast for s in alike]))
     length, spread = _median_and_spread([line.length_px for _, line in traced])
     return TypicalFish(area, length, contrast, fins), spread
@@ -209,7 +228,7 @@ def find_typical_fish(
 def _no_fish_error(
     silhouettes: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
 ) -> FinloopError:
-    """Return the error for sample frames without an isolated fish, with the reason."""
+    """Return the error for sample frames without an isolated fish; its message says why."""
     if not silhouettes:
         why = f"nothing differs from the background by more than {scene.threshold:.1f} grey levels"
     elif all(s.at_border for s in silhouettes):

@@ -94,67 +94,68 @@ class SilhouetteEdge(NamedTuple):
 
 
 def find_silhouettes(
-    frame: Picture, scene: Scene, arena: Picture, least_area_px: float, ends: SilhouetteEdge
+    frame: Picture, scene: Scene, arena: Picture, least_area_px: float, edge_rule: SilhouetteEdge
 ) -> Iterator[Silhouette]:
-    """Yield every patch of a frame that differs from the background and is large enough.
+    """Yield the large enough silhouettes in each patch of a frame that differs from the background.
 
-    scene: as bright as the frame (`match_scene_to_light`); arena: (h, w) uint8, 255 inside;
-    least_area_px: px²; ends: which pixels belong to a silhouette.
+    scene: its background brought to the frame's brightness (`match_scene_to_light`); arena: (h, w)
+    uint8, 255 inside; least_area_px: px²; edge_rule: which pixels belong to a silhouette.
     """
     change = difference_image(frame, scene)
     height, width = change.shape
-    for candidate in _find_candidate_edges(change, arena, int(scene.threshold)):
-        x, y, w, h = cv2.boundingRect(candidate)
+    for patch_edge in _find_patch_edges(change, arena, int(scene.threshold)):
+        x, y, w, h = cv2.boundingRect(patch_edge)
         if w * h < least_area_px:
             continue
         left, top = max(x - _PAD, 0), max(y - _PAD, 0)
         right, bottom = min(x + w + _PAD, width), min(y + h + _PAD, height)
         patch = change[top:bottom, left:right]
         contrast = quantile_above(patch, scene.threshold, _CONTRAST)
-        level = max(int(scene.threshold), int(ends.share * contrast))
+        level = max(int(scene.threshold), int(edge_rule.share * contrast))
         above = cv2.threshold(patch, level, 255, cv2.THRESH_BINARY)[1]
-        if ends.thin:
-            edge_level = max(int(scene.threshold), int(THIN_EDGE * contrast))
-            above = add_thin_parts(above, patch, edge_level)
+        if edge_rule.thin:
+            thin_level = max(int(scene.threshold), int(THIN_EDGE * contrast))
+            above = add_thin_parts(above, patch, thin_level)
         film, tank = (picture[top:bottom, left:right] for picture in (frame, scene.background))
         if scene.polarity == "both":
-            above = _add_dark_skin(above, patch > scene.threshold, film, tank, ends.shadow)
+            above = _add_dark_skin(above, patch > scene.threshold, film, tank, edge_rule.shadow)
         parts = []
         for edge in cv2.findContours(above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:
             pixel = float(left + edge[0, 0, 0]), float(top + edge[0, 0, 1])
-            if cv2.pointPolygonTest(candidate, pixel, measureDist=False) >= 0:
-                part = _silhouette_inside_edge(edge, patch, (left, top), contrast, arena)
-                if part.area_px >= least_area_px:
-                    parts.append((part, edge))
-        if ends.fins == "none" or not parts:
+            if cv2.pointPolygonTest(patch_edge, pixel, measureDist=False) < 0:
+                continue  # it belongs to a neighbouring patch in the same rectangle
+            part = _silhouette_inside_edge(edge, patch, (left, top), contrast, arena)
+            if part.area_px >= least_area_px:
+                parts.append((part, edge))
+        if edge_rule.fins == "none" or not parts:
             yield from (part for part, _ in parts)
         else:
             pale = patch > scene.threshold
-            if ends.fins != "all":
+            if edge_rule.fins != "all":
                 gain = film.astype(np.int16) - tank
                 darker = (gain if gain.ndim == 2 else gain.sum(axis=2)) < 0
-                pale &= darker if ends.fins == "darker" else ~darker
-            yield from _assign_pale_pixels(parts, candidate, patch, (left, top), pale)
+                pale &= darker if edge_rule.fins == "darker" else ~darker
+            yield from _assign_pale_pixels(parts, patch_edge, patch, (left, top), pale)
 
 
 def add_thin_parts(silhouettes: Picture, change: Picture, least_level: int) -> Picture:
     """Return silhouettes (h, w), 0 or 255, together with the pale thin parts that touch them.
 
-    silhouettes: (h, w), 0 or 255; change: (h, w), the difference from the empty tank; least_level:
-    grey levels that a thin part exceeds. Pale parts that are wide, such as shadows, are left out.
+    change: (h, w), the difference from the empty tank; least_level: grey levels that a thin part
+    exceeds. Wide pale parts, such as shadows, and short ones are left out.
     """
     body = np.minimum(silhouettes, 1)
     pale = cv2.threshold(change, least_level, 1, cv2.THRESH_BINARY)[1] | body
     half_width = float(cv2.distanceTransform(pad_picture(body, 1), cv2.DIST_L2, 3).max())
-    reach = max(1, int(_THIN * half_width + 0.5))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    rim = 2 * reach + 2
+    radius = max(1, int(_THIN * half_width + 0.5))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    rim = 2 * radius + 2
     wide = cv2.morphologyEx(pad_picture(pale, rim), cv2.MORPH_OPEN, disc)[rim:-rim, rim:-rim]
-    both = body | (pale & (1 - wide))
-    _, number = cv2.connectedComponents(both)
-    touch = np.isin(number, number[body.view(bool)])
-    _, part, sizes, _ = cv2.connectedComponentsWithStats(both * touch & (1 - body))
-    long = sizes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) >= reach
+    body_and_thin = body | (pale & (1 - wide))
+    _, number = cv2.connectedComponents(body_and_thin)
+    touches_body = np.isin(number, number[body.view(bool)])
+    _, part, sizes, _ = cv2.connectedComponentsWithStats(body_and_thin * touches_body & (1 - body))
+    long = sizes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) >= radius
     long[0] = False  # the rest of the picture
     return np.where(long[part], np.uint8(255), silhouettes)
 
@@ -162,11 +163,11 @@ def add_thin_parts(silhouettes: Picture, change: Picture, least_level: int) -> P
 def _add_dark_skin(
     silhouette: Picture, changed: Mask, film: Picture, tank: Picture, shadow: float
 ) -> Picture:
-    """Return a bright fish's silhouette (h, w), 0 or 255, with its patches darker than a shadow.
+    """Return a bright fish's silhouette (h, w), 0 or 255, with its skin darker than a shadow.
 
-    These lack more than the share `shadow` of the tank's light in all channels. changed: (h, w),
-    where the film differs from the tank. Between bright and dark skin a pixel can be as bright as
-    the tank: such gaps are closed.
+    Such skin lacks more than the share `shadow` of the tank's light in all channels. changed: (h,
+    w), where the film differs from the tank. film, tank: (h, w[, 3]), with and without the fish.
+    Between bright and dark skin a pixel can be as bright as the tank: such gaps are closed.
     """
     dark = cv2.subtract(tank, film) > shadow * tank
     dark = changed & (dark if dark.ndim == 2 else dark.all(axis=-1))
@@ -176,15 +177,16 @@ def _add_dark_skin(
     return np.asarray(cv2.morphologyEx(both, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)))
 
 
-def _find_candidate_edges(change: Picture, arena: Picture, level: int) -> Iterator[Edge]:
-    """Yield the edges of the connected patches above a level inside the arena, the lowest first.
+def _find_patch_edges(change: Picture, arena: Picture, level: int) -> Iterator[Edge]:
+    """Yield the edges of the connected patches that exceed a level, from the bottom to the top.
 
-    change: (h, w), the difference from the empty tank, which becomes 0 outside of the arena near
-    such patches; level: grey levels.
+    change: (h, w), the difference from the empty tank; outside of the arena (255 inside) it is set
+    to 0 near such patches. level: grey levels. Edges are in px of the picture.
     """
     rows = np.flatnonzero(change.max(axis=1) > level)
     if not len(rows):
         return
+    # Only runs of rows with such pixels are searched.
     for run in np.split(rows, np.flatnonzero(np.diff(rows) > 2 * _PAD) + 1)[::-1]:
         top, bottom = max(run[0] - _PAD, 0), run[-1] + 1 + _PAD
         part = change[top:bottom]
@@ -201,7 +203,7 @@ def _silhouette_inside_edge(
     """Return the silhouette that a closed edge encloses, with its holes filled.
 
     edge: px of the patch; patch: part of the difference image; corner: x, y of the patch in the
-    picture; contrast: of the patch, grey levels. arena: (h, w) uint8, 255 inside.
+    picture; contrast: of the patch, grey levels; arena: of the whole picture, uint8, 255 inside.
     """
     x, y, w, h = cv2.boundingRect(edge)
     at_edge = min(x + corner[0], y + corner[1]) <= 1
@@ -219,17 +221,19 @@ def _silhouette_inside_edge(
 
 
 def _assign_pale_pixels(
-    parts: list[tuple[Silhouette, Edge]], candidate: Edge, patch: Picture, corner: tuple[int, int],
+    parts: list[tuple[Silhouette, Edge]], patch_edge: Edge, patch: Picture, corner: tuple[int, int],
     pale: Mask,
 ) -> Iterator[Silhouette]:  # fmt: skip
     """Yield the silhouettes of one patch, each with the pale pixels that are nearest to it.
 
-    parts: the silhouettes, and their edges; candidate: the patch's edge; patch: part of the
-    difference image, at `corner` x, y of the picture; pale: (h, w), mask of the patch.
+    Pale pixels differ from the tank less than a silhouette does: fins, or a shadow. parts: the
+    silhouettes, and their edges in px of the patch; patch_edge: in px of the picture; patch: part
+    of the difference image, at `corner` x, y of the picture; pale: (h, w), mask of the patch.
+    Pixels farther than a share of a silhouette's diagonal, `_REACH`, are left out.
     """
     left, top = corner
     inside = np.zeros(patch.shape, np.uint8)
-    cv2.drawContours(inside, [candidate], -1, 1, cv2.FILLED, offset=(-left, -top))
+    cv2.drawContours(inside, [patch_edge], -1, 1, cv2.FILLED, offset=(-left, -top))
     pale = pale & inside.view(bool)
     if len(parts) > 1:
         outside = np.ones(patch.shape, np.uint8)
@@ -239,12 +243,12 @@ def _assign_pale_pixels(
         )[1]
     for part, edge in parts:
         column, row = edge[0, 0]
-        own = pale if len(parts) == 1 else pale & (nearest == nearest[row, column])
+        nearest_pale = pale if len(parts) == 1 else pale & (nearest == nearest[row, column])
         x, y, (h, w) = part.x0 - left, part.y0 - top, part.mask.shape
         reach = int(_REACH * np.hypot(h, w))
         x0, y0 = max(x - reach, 0), max(y - reach, 0)
         window = np.s_[y0 : y + h + reach, x0 : x + w + reach]
-        mask = own[window].copy()
+        mask = nearest_pale[window].copy()
         mask[y - y0 : y - y0 + h, x - x0 : x - x0 + w] &= ~part.mask
         yield replace(part, fins=PalePixels(x0 + left, y0 + top, mask, patch[window].copy()))
 
@@ -261,10 +265,10 @@ def edge_pixels(silhouette: Silhouette) -> Edge:
 def measure_fish(
     silhouette: Silhouette, frame: Picture, scene: Scene, points: int
 ) -> SegmentedFish | None:
-    """Measure backbone, outline and cut-out of an isolated silhouette; None without a backbone.
+    """Measure backbone, outline and cut-out of an isolated silhouette; None if it has no backbone.
 
-    frame, scene: those in which it was found; points: number of backbone points. Only the cut-out
-    (pixels with alpha) shows the fins, too.
+    frame, scene: those in which it was found; points: number of backbone points. The fins are only
+    in the cut-out (pixels with alpha), not in the outline or the area.
     """
     backbone = trace_backbone(silhouette.mask, silhouette.field, points, scene.threshold)
     if backbone is None:
@@ -273,11 +277,11 @@ def measure_fish(
     moments = cv2.moments(alpha)
     x0, y0 = silhouette.x0, silhouette.y0
     corner = np.array([x0, y0])
-    shown, (left, top) = alpha, (x0, y0)
+    alpha_with_fins, (left, top) = alpha, (x0, y0)
     if silhouette.fins is not None:
         levels = silhouette.contrast, scene.threshold
-        shown, (left, top) = add_fins_to_alpha(alpha, (x0, y0), silhouette.fins, levels)
-    h, w = shown.shape
+        alpha_with_fins, (left, top) = add_fins_to_alpha(alpha, (x0, y0), silhouette.fins, levels)
+    h, w = alpha_with_fins.shape
     window = np.s_[top : top + h, left : left + w]
     inside = cv2.threshold(alpha, 127, 255, cv2.THRESH_BINARY)[1]
     chains = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
@@ -290,7 +294,7 @@ def measure_fish(
         outline_px=refine_outline(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS) + corner,
         x0=left,
         y0=top,
-        cutout=premultiply_cutout(frame[window], scene.background[window], shown),
+        cutout=premultiply_cutout(frame[window], scene.background[window], alpha_with_fins),
     )
 
 
@@ -305,23 +309,23 @@ def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
     """
     height, width = mask.shape
     alpha = np.zeros((height, width), np.uint8)
-    fish = np.zeros((height, width + 2), np.uint8)  # pixels of it in rows y - 1 ... y + 1
+    count_in_column = np.zeros((height, width + 2), np.uint8)  # fish pixels in rows y - 1 ... y + 1
     for y in range(height):
         for v in range(max(y - 1, 0), min(y + 2, height)):
             for x in range(width):
-                fish[y, x + 1] += mask[v, x]
+                count_in_column[y, x + 1] += mask[v, x]
         rows = min(y + 2, height) - max(y - 1, 0)
         for x in range(width):
-            count = fish[y, x] + fish[y, x + 1] + fish[y, x + 2]
+            count = count_in_column[y, x] + count_in_column[y, x + 1] + count_in_column[y, x + 2]
             if count == rows * (min(x + 2, width) - max(x - 1, 0)):
                 alpha[y, x] = 255
             elif count:
-                most = floor
+                largest = floor
                 for v in range(max(y - 2, 0), min(y + 3, height)):
                     for u in range(max(x - 2, 0), min(x + 3, width)):
                         if mask[v, u]:
-                            most = max(most, field[v, u])
-                alpha[y, x] = min(round(255 * field[y, x] / max(most, 1)), 255)
+                            largest = max(largest, field[v, u])
+                alpha[y, x] = min(round(255 * field[y, x] / max(largest, 1)), 255)
     return alpha
 
 
@@ -332,20 +336,20 @@ def premultiply_cutout(film: Picture, tank: Picture, alpha: Picture) -> Picture:
     laid over the same tank it gives back the film. `film` and `tank` are (h, w) or (h, w, 3),
     `alpha` (h, w).
     """
-    deep = (*alpha.shape, film.size // alpha.size)
-    return _premultiply_channels(film.copy().reshape(deep), tank.copy().reshape(deep), alpha)
+    shape = (*alpha.shape, film.size // alpha.size)
+    return _premultiply_channels(film.copy().reshape(shape), tank.copy().reshape(shape), alpha)
 
 
 @kernel
 def _premultiply_channels(film, tank, alpha):  # type: ignore[no-untyped-def]
     """Return the premultiplied cut-out (h, w, k + 1) of pictures (h, w, k) and alpha (h, w)."""
     height, width, channels = film.shape
-    out = np.empty((height, width, channels + 1), np.uint8)
+    result = np.empty((height, width, channels + 1), np.uint8)
     for y in range(height):
         for x in range(width):
             opaque = int(alpha[y, x])
             for k in range(channels):
                 through = (tank[y, x, k] * (255 - opaque) + 127) // 255
-                out[y, x, k] = min(max(film[y, x, k] - through, 0), opaque)
-            out[y, x, channels] = opaque
-    return out
+                result[y, x, k] = min(max(film[y, x, k] - through, 0), opaque)
+            result[y, x, channels] = opaque
+    return result

@@ -76,7 +76,7 @@ class TrackLinker:
     def link_frame(self, silhouettes: list[SilhouettePlace]) -> list[int | None]:
         """Return the track number of each silhouette of the next frame; None if it has no track."""
         owner = self._match_tracks(silhouettes)
-        alone = [track for track in self._tracks if track not in owner.values()]
+        lost_tracks = [track for track in self._tracks if track not in owner.values()]
         numbers: list[int | None] = [None] * len(silhouettes)
         tracks = []
         for i, spot in enumerate(silhouettes):
@@ -84,7 +84,7 @@ class TrackLinker:
                 continue
             track = owner.get(i)
             grown = track is not None and spot.area_px > _GREW * track.spot.area_px
-            if grown and _box_contains_any(spot.box, (other.next_place for other in alone)):
+            if grown and _box_contains_any(spot.box, (other.next_place for other in lost_tracks)):
                 continue  # it hides a lost track
             if track is not None and self._has_split(track.spot, i, silhouettes, owner):
                 track = None
@@ -102,20 +102,20 @@ class TrackLinker:
     def _match_tracks(self, silhouettes: list[SilhouettePlace]) -> dict[int, _Track]:
         """Match running tracks with a frame's silhouettes; return the tracks by silhouette number.
 
-        It is the assignment with the smallest distances, of pairs within the limits of step and
-        area.
+        Of the pairs within the limits of step and area, those with the smallest sum of distances
+        are taken. Tracks and silhouettes without a partner are left out.
         """
         if not self._tracks or not silhouettes:
             return {}
         expected = np.asarray([track.next_place for track in self._tracks])
         difference = expected[:, None] - np.asarray([(s.x_px, s.y_px) for s in silhouettes])
         cost = np.hypot(difference[..., 0], difference[..., 1])
-        clear = cost < self._gate / 4
-        clear |= (_CLEARLY * cost < _least_other_costs(cost)) & (
+        unambiguous = cost < self._gate / 4
+        unambiguous |= (_CLEARLY * cost < _least_other_costs(cost)) & (
             _CLEARLY * cost < _least_other_costs(cost.T).T
         )
         ratio = np.log([[s.area_px / t.spot.area_px for s in silhouettes] for t in self._tracks])
-        allowed = (cost <= self._gate) & clear & (np.abs(ratio) <= np.log(self._ratio))
+        allowed = (cost <= self._gate) & unambiguous & (np.abs(ratio) <= np.log(self._ratio))
         rows, columns = scipy.optimize.linear_sum_assignment(np.where(allowed, cost, 1e6))
         return {
             int(j): self._tracks[i]
@@ -132,30 +132,30 @@ class TrackLinker:
     ) -> bool:
         """Return whether a silhouette shrank because another one parted from it.
 
-        before: its place in the frame before; silhouettes: of this frame, where it has this
-        `number`; tracks: of the silhouettes, by number.
+        before: its place in the frame before; silhouettes: those of this frame, in which it has
+        this `number`; tracks: running tracks, by the number of their silhouette in this frame.
         """
         if before.area_px <= _GREW * silhouettes[number].area_px:
             return False
         others = [other for other in self._before if other != before]
-        born = (
+        new_places = (
             (s.x_px, s.y_px)
             for i, s in enumerate(silhouettes)
             if i != number and i not in tracks and s.area_px * 4 > before.area_px
             and not any(_box_contains_any(b.box, [(s.x_px, s.y_px)]) for b in others)
         )  # fmt: skip
-        return _box_contains_any(before.box, born)
+        return _box_contains_any(before.box, new_places)
 
 
 def _least_other_costs(cost: Floats) -> Floats:
-    """Return for each entry of a matrix the least other entry of its row, else infinity."""
+    """Return for each entry of a matrix the least other entry of its row, infinity if none."""
     if cost.shape[1] < 2:
         return np.full_like(cost, np.inf)
-    two = np.partition(cost, 1, axis=1)[:, :2]
-    return np.where(cost == two[:, :1], two[:, 1:], two[:, :1])
+    least, second = np.partition(cost, 1, axis=1)[:, :2, None].transpose(1, 0, 2)
+    return np.where(cost == least, second, least)
 
 
 def _box_contains_any(box: Box, places: Iterable[tuple[float, float]]) -> bool:
-    """Return whether any of the places x, y lies in a box."""
+    """Return whether any of the places x, y [px] lies in a box."""
     x0, y0, x1, y1 = box
     return any(x0 <= x < x1 and y0 <= y < y1 for x, y in places)

@@ -3,6 +3,7 @@
 It connects the package `extract` to files, for the stage `extract` and the library's verb `track`.
 """
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -88,9 +89,10 @@ def extract_tracks(
     # One thread per worker: every core decodes its own stretch.
     read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
     store = pieces.load_or_make if pieces else None
-    whole = film.ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, store)
+    stream = film.ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, store)
     detector = film.Detector(arena, typical, p)
-    sample = [detector(one, scene) for one in frames[:: -(-len(frames) // _LOOKED_AT)]]
+    step = math.ceil(len(frames) / _LOOKED_AT)
+    sample = [detector(frame, scene) for frame in frames[::step]]
     _refuse_small_disk(folder, facts.frames, sample, pieces)
     cuts = [start for start, _ in facts.segments[1:]]
     verdicts, lengths, lost = Counter[Verdict](), Counter[int](), list[int]()
@@ -101,12 +103,16 @@ def extract_tracks(
 
     def track_frames() -> Iterator[list[film.TrackedFish]]:
         """Yield the fish of long tracks, frame by frame, and count them."""
-        found = film.fill_lost_frames(film.detect_in_clip(whole, scene, detector, workers), lost)
-        runs = (
-            linker.link_frames(found, cuts) if linker else film.link_tracks(found, typical, p, cuts)
+        detections = film.fill_lost_frames(
+            film.detect_in_clip(stream, scene, detector, workers), lost
         )
-        for judged, fish in runs:
-            verdicts.update(judged)
+        runs = (
+            linker.link_frames(detections, cuts)
+            if linker
+            else film.link_tracks(detections, typical, p, cuts)
+        )
+        for frame_verdicts, fish in runs:
+            verdicts.update(frame_verdicts)
             lengths.update(f.track_id for f in fish)
             advance()
             yield fish
@@ -116,16 +122,24 @@ def extract_tracks(
             write(film.track_table_rows(fish), film.fish_cutouts(fish))
     if not lengths:
         raise linker.no_track_error() if linker else film.no_track_error(p, verdicts)
-    area, length, contrast, fins, thin = typical
-    levels = scene.polarity, scene.noise, scene.threshold
-    tank = SceneFacts(*levels, area, length, contrast, fins, p.points, thin)
+    tank = SceneFacts(
+        polarity=scene.polarity,
+        noise_grey=scene.noise,
+        threshold_grey=scene.threshold,
+        typical_area_px=typical.area_px,
+        typical_length_px=typical.length_px,
+        typical_contrast_grey=typical.contrast,
+        fins=typical.fins,
+        points=p.points,
+        thin=typical.thin,
+    )
     save_record(folder / SCENE_NAME, tank)
     save_picture(folder / BACKGROUND_NAME, scene.background)
-    numbers = {}
+    given_metrics = {}
     if given and linker and agreement:
         save_external_tracks(folder, given, p.points)
-        numbers = linker.metrics(agreement)
-    return Extraction(tank, verdicts, lengths, numbers, lost)
+        given_metrics = linker.metrics(agreement)
+    return Extraction(tank, verdicts, lengths, given_metrics, lost)
 
 
 def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:
@@ -151,6 +165,7 @@ def load_sample_frames(path: Path, facts: VideoFacts, most_samples: int) -> list
     read = partial(read_chosen_frames, path, colour=facts.colour, threads=1)
 
     def read_pictures(part: NDArray[np.intp]) -> list[Picture]:
+        """Return the frames of some numbers."""
         return list(read(part.tolist()))
 
     try:
@@ -174,17 +189,19 @@ def _refuse_small_disk(
     frames: length of the film; sample: detections in some of its frames. While rows are put in
     order, table and cut-outs (pixels of fish with alpha) exist twice, beside the pieces.
     """
-    isolated = [one for detections in sample for one in detections.fish if one is not None]
-    fish = [film.TrackedFish(0, number, one) for number, one in enumerate(isolated)]
-    size = 0.0
+    isolated = [found for detections in sample for found in detections.fish if found is not None]
+    fish = [film.TrackedFish(0, number, found) for number, found in enumerate(isolated)]
+    size_bytes = 0.0
     if fish:
         table = arrow_table(
             film.track_table_rows(fish), tracks_schema(len(fish[0].fish.backbone.points_px)), ""
         )
-        size = 2 * (table.nbytes + sum(map(compressed_size, film.fish_cutouts(fish))))
-    written = 0
+        size_bytes = 2 * (table.nbytes + sum(map(compressed_size, film.fish_cutouts(fish))))
+    stored_bytes = 0
     if pieces is not None:
-        size += len(pack_result(list(sample)))
-        written = pieces.stored_bytes()
-    wanted = size / len(sample) * frames - written
-    require_free_space(folder, wanted, f"the results of {frames} frames", "take a shorter film")
+        size_bytes += len(pack_result(list(sample)))
+        stored_bytes = pieces.stored_bytes()
+    wanted_bytes = size_bytes / len(sample) * frames - stored_bytes
+    require_free_space(
+        folder, wanted_bytes, f"the results of {frames} frames", "take a shorter film"
+    )
