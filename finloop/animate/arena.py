@@ -16,11 +16,13 @@ from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel, leaf_kernel
 from finloop.edit.schema import Goal
 
-_LOOK_PX = 2.0  # step along a line of sight
-_ROAMS = 0.25  # of the picture; measured: trout in a current 0.10, sunfish 0.37, mouse 0.45
-_SETTLED = 2 / 3  # of the area; measured: carp of 20 s 0.52, of 60 s 0.79, mouse 0.91
-_ALIKE = 0.5  # of the picture beyond; measured: pieces of the carp 0.86-0.91, mouse 0.16-0.36
-_ROOM = 0.5  # of the way from wall to middle; a fish that reaches farther is drawn smaller
+_SIGHT_STEP_PX = 2.0  # step along a line of sight
+_LEAST_FILMED = (
+    0.25  # share of the picture; measured: trout in a current 0.10, sunfish 0.37, mouse 0.45
+)
+_COMPLETE = 2 / 3  # of the whole area; measured: carp of 20 s 0.52, of 60 s 0.79, mouse 0.91
+_ALIKE = 0.5  # share of the floor beyond; measured: pieces of the carp 0.86-0.91, mouse 0.16-0.36
+_MOST_REACH = 0.5  # of the way from wall to middle; a fish that reaches farther is drawn smaller
 _LOT = 10_000  # outlines at a time
 _CELLS = 200  # cells a side, at most, of the map for the way round a wall
 
@@ -58,25 +60,25 @@ class Tank:
         """Return the target if it is in sight, else the farthest point in sight on the way to it.
 
         x, y, to_x, to_y: px of the fish and of the target. The way is the shortest one over legal
-        pixels.
+        pixels, on a coarse map of at most 200 cells a side.
         """
         if self.can_swim_straight(x, y, to_x, to_y):
             return to_x, to_y
         cell = max(1, -(-max(self.legal.shape) // _CELLS))
         free = self.legal[cell // 2 :: cell, cell // 2 :: cell]
-        cost = np.where(free, 1.0, 1e6)
+        cost = np.where(free, 1.0, 1e6)  # through a wall only if nothing else leads there
         last = np.array(cost.shape) - 1
-        ends = [
+        start, end = (
             tuple(np.minimum((int(row) // cell, int(column) // cell), last))
             for row, column in (self._nearest_pixel(x, y), self._nearest_pixel(to_x, to_y))
-        ]
-        way, _ = skimage.graph.route_through_array(cost, ends[0], ends[1], geometric=True)
-        seen = (to_x, to_y)
-        for row, column in reversed(way):
-            seen = float(column * cell + cell // 2), float(row * cell + cell // 2)
-            if self.can_swim_straight(x, y, *seen):
+        )
+        way, _ = skimage.graph.route_through_array(cost, start, end, geometric=True)
+        point = (to_x, to_y)
+        for row, column in reversed(way):  # from the target back to the fish
+            point = float(column * cell + cell // 2), float(row * cell + cell // 2)
+            if self.can_swim_straight(x, y, *point):
                 break
-        return seen
+        return point
 
     def can_swim_straight(self, x: float, y: float, to_x: float, to_y: float) -> bool:
         """Return whether a fish can swim straight from (x, y) px to (to_x, to_y) px."""
@@ -105,16 +107,16 @@ def is_line_legal(legal: Mask, arena: Mask, x: float, y: float, to_x: float, to_
     legal, arena (h, w). The line may begin beside a wall: up to the first legal point it need only
     be in the arena.
     """
-    far = np.hypot(to_x - x, to_y - y)
-    steps, begun = int(far / _LOOK_PX) + 1, False
+    distance = np.hypot(to_x - x, to_y - y)
+    steps, was_legal = int(distance / _SIGHT_STEP_PX) + 1, False
     for i in range(steps + 1):
         share = i / steps
-        at_x, at_y = x + share * (to_x - x), y + share * (to_y - y)
-        free = is_legal_point(legal, at_x, at_y)
-        if not free and (begun or not is_legal_point(arena, at_x, at_y)):
+        point_x, point_y = x + share * (to_x - x), y + share * (to_y - y)
+        is_legal = is_legal_point(legal, point_x, point_y)
+        if not is_legal and (was_legal or not is_legal_point(arena, point_x, point_y)):
             return False
-        begun = begun or free
-    return begun
+        was_legal = was_legal or is_legal
+    return was_legal
 
 
 def make_tank(arena: Mask, reach_px: float) -> Tank:
@@ -123,8 +125,8 @@ def make_tank(arena: Mask, reach_px: float) -> Tank:
     arena (h, w): true where animals can be. Of separate pools the largest is taken. FinloopError if
     such a fish does not fit in.
     """
-    parts, pools = scipy.ndimage.label(_legal_centres(arena, reach_px))
-    if pools == 0:
+    pool, pool_count = scipy.ndimage.label(_legal_centres(arena, reach_px))
+    if pool_count == 0:
         rows, columns = (int(arena.any(axis).sum()) for axis in (1, 0))
         raise FinloopError(
             f"the tank ({columns} × {rows} px) is smaller than the fish, which reaches "
@@ -132,7 +134,7 @@ def make_tank(arena: Mask, reach_px: float) -> Tank:
             f"a tank at least {2 * reach_px + 4:.0f} px wide everywhere",
             "give the arena its real size (clip.arena), or draw fish smaller (animate.fish_scale)",
         )
-    legal = parts == 1 + np.argmax(np.bincount(parts.ravel())[1:])
+    legal = pool == 1 + np.argmax(np.bincount(pool.ravel())[1:])
     nearest = scipy.ndimage.distance_transform_edt(
         ~legal, return_distances=False, return_indices=True
     )
@@ -141,8 +143,8 @@ def make_tank(arena: Mask, reach_px: float) -> Tank:
 
 def _depth_px(arena: Mask) -> NDArray[np.float32]:
     """Return how far (h, w), px, each pixel of an arena is from the nearest one outside."""
-    walled = np.pad(arena.astype(np.uint8), 1)
-    depth = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    padded = np.pad(arena.astype(np.uint8), 1)  # beyond the picture is outside
+    depth = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return np.asarray(depth[1:-1, 1:-1], np.float32)
 
 
@@ -159,23 +161,23 @@ def filmed_area(arena: Mask, outlines_px: Reals) -> Mask:
 def is_area_complete(outlines_px: Reals) -> bool:
     """Return whether half of a film's outlines (n, k, 2) fill nearly as much area as all of them.
 
-    The mean of the first and the last half counts. If False, the animals have not been everywhere
-    that they can be: a longer film would show more.
+    An area is that of the convex hull; the mean of the first and the last half is compared. If
+    False, the animals have not been everywhere that they can be: a longer film would show more.
     """
     half = len(outlines_px) // 2
     if half == 0:
         return False
     parts = (outlines_px, outlines_px[:half], outlines_px[half:])
-    whole, *halves = (cv2.contourArea(_convex_hull(part)) for part in parts)
-    return sum(halves) / 2 >= _SETTLED * whole
+    whole_area, *half_areas = (cv2.contourArea(_convex_hull(part)) for part in parts)
+    return sum(half_areas) / 2 >= _COMPLETE * whole_area
 
 
 def is_floor_alike_beyond(floor: Picture, filmed_area: Mask) -> bool:
     """Return whether the floor looks the same beyond the area where animals were filmed.
 
-    floor: (h, w) or (h, w, 3), without animals; filmed_area (h, w). It does if most of its grey
-    beyond is within the range (5-95 %) of the grey in the area, widened by that range on either
-    side.
+    floor: (h, w) or (h, w, 3), without animals; filmed_area (h, w). It does if at least half of the
+    grey beyond is within the range (5-95 %) of the grey in the area, widened by that range on
+    either side. False if nothing is beyond.
     """
     if filmed_area.all():
         return False
@@ -199,19 +201,21 @@ def _convex_hull(outlines_px: Reals) -> NDArray[np.int32]:
 def _row_ends(points: Reals, first_row: int, last_row: int) -> NDArray[np.int32]:
     """Return the leftmost and rightmost (k, 2) of whole points (n, 2) in each row of pixels.
 
-    No other can be a corner of their convex hull, which would take 15 s for a million outlines.
+    points: x, y, whole px, in rows `first_row` … `last_row`. Only such points can be corners of the
+    convex hull of all points, which alone would take 15 s for a million outlines.
     """
     ends = np.empty((last_row - first_row + 1, 2))
     ends[:, 0], ends[:, 1] = np.inf, -np.inf
     for i in range(len(points)):
         x, row = points[i, 0], int(points[i, 1]) - first_row
         ends[row, 0], ends[row, 1] = min(ends[row, 0], x), max(ends[row, 1], x)
-    some = np.flatnonzero(ends[:, 0] <= ends[:, 1])
-    made = np.empty((2 * len(some), 2), np.int32)
-    for i in range(len(some)):
+    filled = np.flatnonzero(ends[:, 0] <= ends[:, 1])
+    corners = np.empty((2 * len(filled), 2), np.int32)
+    for i in range(len(filled)):
         for side in range(2):
-            made[2 * i + side, 0], made[2 * i + side, 1] = ends[some[i], side], first_row + some[i]
-    return made
+            corners[2 * i + side, 0] = ends[filled[i], side]
+            corners[2 * i + side, 1] = first_row + filled[i]
+    return corners
 
 
 def tank_area(
@@ -219,22 +223,21 @@ def tank_area(
 ) -> Mask:
     """Return where (h, w) a fish may be: in `arena`, or in its part where animals were filmed.
 
-    outlines_px (n, k, 2): x, y as filmed; tank_setting: "arena", "filmed", or "auto". `auto` takes
-    the filmed area if the arena is the whole picture, so none was given, and the animals filled at
-    least a quarter of it: elsewhere there may be no floor. A fish that keeps to less, as in a
-    current, may swim anywhere. So may a fish whose film is too short to show the tank
-    (`is_area_complete`), if the `floor` goes on.
+    outlines_px (n, k, 2): x, y as filmed; tank_setting: "arena", "filmed", or "auto"; floor: the
+    empty tank, None if unknown. `auto` takes the filmed area if the arena is the whole picture, so
+    none was given, and the animals filled at least a quarter of it: elsewhere there may be no
+    floor. A fish that keeps to less, as in a current, may swim anywhere. So may a fish whose film
+    is too short to show the tank (`is_area_complete`), if the `floor` goes on.
     """
     if tank_setting == "arena" or (tank_setting == "auto" and not arena.all()):
         return arena
     filmed = filmed_area(arena, outlines_px)
+    if tank_setting == "filmed":
+        return filmed
     known = (
-        tank_setting == "filmed"
-        or is_area_complete(outlines_px)
-        or floor is None
-        or not is_floor_alike_beyond(floor, filmed)
+        is_area_complete(outlines_px) or floor is None or not is_floor_alike_beyond(floor, filmed)
     )
-    return filmed if known and (tank_setting == "filmed" or filmed.mean() >= _ROAMS) else arena
+    return filmed if known and filmed.mean() >= _LEAST_FILMED else arena
 
 
 def choose_fish_area(
@@ -244,10 +247,10 @@ def choose_fish_area(
     tank_setting: str,
     floor: Picture | None = None,
 ) -> Mask:
-    """Return where (h, w) a fish may be: `tank_area`, or with "auto" the arena if it needs that.
+    """Return where (h, w) a fish may be: `tank_area`, but with "auto" the whole arena if needed.
 
-    reach_px: how far the fish reaches from its centre. It needs the whole arena if it does not fit
-    in the area.
+    arena, outlines_px, tank_setting, floor: of `tank_area`; reach_px: how far the fish reaches from
+    its centre. It needs the whole arena if it does not fit in the area.
     """
     area = tank_area(arena, outlines_px, tank_setting, floor)
     return arena if tank_setting == "auto" and not can_fish_fit(area, reach_px) else area
@@ -256,10 +259,10 @@ def choose_fish_area(
 def size_that_fits(area: Mask, reach_px: float) -> float:
     """Return the size, as a share of the filmed one, at which a fish can turn in an area (h, w).
 
-    reach_px: how far the fish as filmed reaches from its centre. 1, but less where the area is
-    narrow.
+    reach_px: how far the fish as filmed reaches from its centre. The size is 1, or less where the
+    area is so narrow that the fish reaches more than half way from the wall to the middle.
     """
-    return min(1.0, _ROOM * float(_depth_px(area).max()) / reach_px)
+    return min(1.0, _MOST_REACH * float(_depth_px(area).max()) / reach_px)
 
 
 def can_fish_fit(arena: Mask, reach_px: float) -> bool:
@@ -268,14 +271,14 @@ def can_fish_fit(arena: Mask, reach_px: float) -> bool:
 
 
 def _legal_centres(arena: Mask, reach_px: float) -> Mask:
-    """Return where (h, w) the centre of a fish may be that reaches `reach_px` from it."""
+    """Return where (h, w) the centre of a fish may be that reaches `reach_px` from the centre."""
     return np.asarray(_depth_px(arena) > reach_px + 1)
 
 
 def goal_name(number: int) -> str:
     """Return the name of the goal with a number, counted from 0: A, B … Z, A2, B2 … ."""
-    again, letter = divmod(number, 26)
-    return chr(ord("A") + letter) + (str(again + 1) if again else "")
+    rounds, letter = divmod(number, 26)
+    return chr(ord("A") + letter) + (str(rounds + 1) if rounds else "")
 
 
 def place_goals(
@@ -284,9 +287,9 @@ def place_goals(
     """Return the goals of the configuration, in pixels.
 
     given_goals: [x, y] each; `unit`: "px", or "tank": shares of its width and height, from the
-    upper left. A fish touches what is within `touch_px` of a legal centre. A share in 0-1 that is
-    outside the tank, as in the corner of a round one, or that it cannot touch, is moved to the
-    nearest legal centre. FinloopError, which names all, if there are no goals, or one is not x, y
+    upper left. A fish touches what is within `touch_px` of a legal centre. Shares in 0-1 of a goal
+    outside the tank, as in the corner of a round one, or out of touch are moved to the nearest
+    legal centre. FinloopError, which names all, if there are no goals, or one is not x, y
     or cannot be reached.
     """
     rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
@@ -303,11 +306,11 @@ def place_goals(
             continue
         x, y = map(float, pair)
         if unit == "tank":
-            within = 0 <= min(x, y) <= max(x, y) <= 1
+            are_shares = 0 <= min(x, y) <= max(x, y) <= 1
             x, y = left + x * (right - left), top + y * (bottom - top)
             legal = tank.nearest_legal_point(x, y)
-            near = np.hypot(legal[0] - x, legal[1] - y) <= touch_px
-            if within and not (near and is_legal_point(tank.arena, x, y)):
+            can_touch = np.hypot(legal[0] - x, legal[1] - y) <= touch_px
+            if are_shares and not (can_touch and is_legal_point(tank.arena, x, y)):
                 x, y = legal
         goals.append(Goal(name, x, y))
         if not is_legal_point(tank.arena, x, y):

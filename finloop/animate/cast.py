@@ -49,24 +49,24 @@ def _to_body_axes(points, centres, headings_rad, scale):  # type: ignore[no-unty
     points: x, y px as filmed; centres (n, 2): x, y px; headings_rad (n,); scale (n,): drawn /
     filmed size.
     """
-    made = np.empty(points.shape, np.float32)
+    body = np.empty(points.shape, np.float32)
     for row in range(len(points)):
         cos, sin = scale[row] * np.cos(headings_rad[row]), scale[row] * np.sin(headings_rad[row])
         for k in range(points.shape[1]):
             dx, dy = points[row, k, 0] - centres[row, 0], points[row, k, 1] - centres[row, 1]
-            made[row, k, 0], made[row, k, 1] = dx * cos - dy * sin, -dx * sin - dy * cos
-    return made
+            body[row, k, 0], body[row, k, 1] = dx * cos - dy * sin, -dx * sin - dy * cos
+    return body
 
 
 @kernel
 def _reach_from_centre(points, centres):  # type: ignore[no-untyped-def]
     """Return the largest distance (n,) of points (n, k, 2) from their centres (n, 2), px."""
-    far = np.zeros(len(points))
+    squares = np.zeros(len(points))
     for row in range(len(points)):
         for k in range(points.shape[1]):
             dx, dy = points[row, k, 0] - centres[row, 0], points[row, k, 1] - centres[row, 1]
-            far[row] = max(far[row], dx * dx + dy * dy)
-    return np.sqrt(far)
+            squares[row] = max(squares[row], dx * dx + dy * dy)
+    return np.sqrt(squares)
 
 
 @dataclass(frozen=True)

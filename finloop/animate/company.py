@@ -15,10 +15,10 @@ import numpy as np
 from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.kernel import kernel, leaf_kernel
 
-_DISCS = 6
-_TICKS = 64  # initial room for planned ways; it grows
+_DISCS = 6  # of a body, from tail to head
+_TICKS = 64  # initial room for planned trajectories; it grows
 _LOT = 10_000  # outlines at a time
-_EDGE_PX = 1.5  # of a pixel's corner beyond its middle, of both bodies
+_EDGE_PX = 1.5  # added to radii: pixels of both bodies have corners
 
 
 class Hulls(Protocol):
@@ -84,8 +84,8 @@ class Plans:
         trajectories: one a fish; x, y px, heading and picture at every tick, as in `Company`.
         """
         plans = cls(len(trajectories))
-        for number, way in enumerate(trajectories):
-            plans.put(number, start_tick, way)
+        for number, trajectory in enumerate(trajectories):
+            plans.put(number, start_tick, trajectory)
         return plans
 
     def put(self, fish: int, start_tick: int, trajectory: Floats) -> None:
@@ -93,9 +93,9 @@ class Plans:
 
         trajectory (n, 4), n ≥ 1: x, y px, heading and picture at every tick, as in `Company`.
         """
-        more = len(trajectory) - self._ways.shape[1]
-        if more > 0:
-            self._ways = np.pad(self._ways, [(0, 0), (0, more), (0, 0)])
+        lacking = len(trajectory) - self._ways.shape[1]
+        if lacking > 0:
+            self._ways = np.pad(self._ways, [(0, 0), (0, lacking), (0, 0)])
         self._ways[fish, : len(trajectory)] = trajectory
         self._begins[fish], self._ticks[fish] = start_tick, len(trajectory)
 
@@ -107,9 +107,12 @@ class Plans:
         return np.asarray(_places_of_others(self._ways, self._begins, self._ticks, fish, tick))
 
     def fish_in_column(self, fish: int, column: int) -> int:
-        """Return the number of the fish in a column of `others`, called for another fish."""
-        there = np.flatnonzero(self._ticks > 0)
-        return int(there[there != fish][column])
+        """Return the number of the fish in a column of `others`, called for another fish.
+
+        fish: for which `others` was called. Fish that have not planned have no column.
+        """
+        planned = np.flatnonzero(self._ticks > 0)
+        return int(planned[planned != fish][column])
 
     def has_planned(self, fish: int) -> bool:
         """Return whether a fish has planned anything yet."""
@@ -124,8 +127,8 @@ class Plans:
 def make_company(other_plans: Floats, start_tick: int, discs: Discs, ticks_after: int) -> Company:
     """Return the company of other fish as a fish that decides at a tick knows it.
 
-    other_plans (n, m, 4): from `Plans.others`; ticks_after: for how many ticks after their plans a
-    search considers them.
+    other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks; ticks_after: for how
+    many ticks after their plans a search considers them.
     """
     ticks, count = other_plans.shape[:2]
     return Company(start_tick, other_plans, discs, start_tick + ticks - 1 + ticks_after, count)
@@ -133,24 +136,24 @@ def make_company(other_plans: Floats, start_tick: int, discs: Discs, ticks_after
 
 @kernel
 def _places_of_others(trajectories, first_ticks, lengths, fish, tick):  # type: ignore[no-untyped-def]
-    """Return where all fish but `fish` will be from a tick on (n, m, 4), as `Plans.others` does.
+    """Return where all fish but `fish` will be from a tick on (n, m, 4), compiled.
 
-    trajectories (fish, t, 4): of all; first_ticks, lengths (fish,): of each trajectory, 0 long if
-    there is none.
+    Columns: x, y px, heading, picture; n ends with the last plan. trajectories (fish, t, 4): of
+    all; first_ticks, lengths (fish,): of each trajectory, 0 long if there is none.
     """
-    count, most = 0, 1
+    other_count, most_ticks = 0, 1
     for k in range(len(lengths)):
         if k != fish and lengths[k] > 0:
-            count += 1
-            most = max(most, first_ticks[k] + lengths[k] - tick)
-    places, m = np.empty((most, count, 4)), 0
+            other_count += 1
+            most_ticks = max(most_ticks, first_ticks[k] + lengths[k] - tick)
+    places, other = np.empty((most_ticks, other_count, 4)), 0
     for k in range(len(lengths)):
         if k != fish and lengths[k] > 0:
-            for t in range(most):
+            for t in range(most_ticks):
                 row = min(max(tick + t - first_ticks[k], 0), lengths[k] - 1)
                 for c in range(4):
-                    places[t, m, c] = trajectories[k, row, c]
-            m += 1
+                    places[t, other, c] = trajectories[k, row, c]
+            other += 1
     return places
 
 
@@ -161,29 +164,29 @@ def sort_near_first(company: Company, x: float, y: float, farthest: Floats) -> C
     farthest (t,): px that a fish moves in 0, 1, 2 … ticks at most; after these it goes on at their
     mean speed. `near` is set to the number of those fish.
     """
-    known = len(farthest) - 1
-    pace = farthest[known] / known
+    known_ticks = len(farthest) - 1
+    px_per_tick = farthest[known_ticks] / known_ticks
     ticks, count = company.places.shape[:2]
-    first, last, order = 0, count, np.empty(count, np.int64)
+    near_count, far_begin, order = 0, count, np.empty(count, np.int64)
     for k in range(count):
-        near = False
+        is_near = False
         for t in range(ticks):
-            later = t if t < ticks - 1 else company.until - company.start
-            far = np.hypot(company.places[t, k, 0] - x, company.places[t, k, 1] - y)
-            more = max(later + 1 - known, 0)
-            comes = farthest[later + 1 - more] + more * pace
-            near = near or far < 2 * company.discs.reach + comes
-        if near:
-            order[first] = k
-            first += 1
+            wait_ticks = t if t < ticks - 1 else company.until - company.start
+            distance = np.hypot(company.places[t, k, 0] - x, company.places[t, k, 1] - y)
+            ticks_beyond = max(wait_ticks + 1 - known_ticks, 0)
+            swims_px = farthest[wait_ticks + 1 - ticks_beyond] + ticks_beyond * px_per_tick
+            is_near = is_near or distance < 2 * company.discs.reach + swims_px
+        if is_near:
+            order[near_count] = k
+            near_count += 1
         else:
-            last -= 1
-            order[last] = k
+            far_begin -= 1
+            order[far_begin] = k
     places = np.empty_like(company.places)
     for t in range(ticks):
         for k in range(count):
             places[t, k] = company.places[t, order[k]]
-    return Company(company.start, places, company.discs, company.until, first)
+    return Company(company.start, places, company.discs, company.until, near_count)
 
 
 def cover_with_discs(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Discs:
@@ -191,49 +194,54 @@ def cover_with_discs(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Disc
 
     Outlines are px ahead of and to the left of the mass centre.
     """
-    lots = (frame_hulls[first : first + _LOT] for first in range(0, len(frame_hulls), _LOT))
-    every = chain(lots, (np.asarray(hull)[None] for hull in sprite_hulls))
-    table = np.concatenate([_disc_table(np.ascontiguousarray(lot, float)) for lot in every])
+    frames = (frame_hulls[first : first + _LOT] for first in range(0, len(frame_hulls), _LOT))
+    batches = chain(frames, (np.asarray(hull)[None] for hull in sprite_hulls))
+    table = np.concatenate([_disc_table(np.ascontiguousarray(batch, float)) for batch in batches])
     reach = np.hypot(table[..., 0], table[..., 1]) + table[..., 2]
     return Discs(table, len(frame_hulls), float(reach.max()))
 
 
 @kernel
 def _disc_table(hulls):  # type: ignore[no-untyped-def]
-    """Return the discs (n, k, 3) that cover outlines (n, p, 2), one for each part of the length."""
-    discs, wide = np.empty((len(hulls), _DISCS, 3)), np.empty((_DISCS, 2))
+    """Return the discs (n, k, 3) that cover outlines (n, p, 2), one for each part of the length.
+
+    A disc: px ahead of and to the left of the mass centre, and radius. The outline is cut across
+    into k parts of equal length.
+    """
+    discs, extents = np.empty((len(hulls), _DISCS, 3)), np.empty((_DISCS, 2))
     for n in range(len(hulls)):
         hull = hulls[n]
         back = hull[:, 0].min()
         part = max(hull[:, 0].max() - back, 1e-9) / _DISCS
-        wide[:, 0], wide[:, 1] = np.inf, -np.inf
+        extents[:, 0], extents[:, 1] = np.inf, -np.inf
         for p in range(len(hull)):
-            last, point = hull[p - 1], hull[p]
-            ahead = (last[0] - back) / part, (point[0] - back) / part
-            _widen_parts(wide, ahead, (last[1], point[1]))
+            before, point = hull[p - 1], hull[p]
+            ahead = (before[0] - back) / part, (point[0] - back) / part
+            _widen_parts(extents, ahead, (before[1], point[1]))
         for k in range(_DISCS):
-            low, high = wide[k, 0], wide[k, 1]
-            if low > high:
-                low, high = 0.0, 0.0
-            discs[n, k, 0], discs[n, k, 1] = back + (k + 0.5) * part, (low + high) / 2
-            discs[n, k, 2] = np.hypot(high - low, part) / 2 + _EDGE_PX
+            right, left = extents[k, 0], extents[k, 1]
+            if right > left:
+                right, left = 0.0, 0.0
+            discs[n, k, 0], discs[n, k, 1] = back + (k + 0.5) * part, (right + left) / 2
+            discs[n, k, 2] = np.hypot(left - right, part) / 2 + _EDGE_PX
     return discs
 
 
 @leaf_kernel
 def _widen_parts(parts, ahead, left):  # type: ignore[no-untyped-def]
-    """Widen the parts (k, 2), lowest and highest left, to hold a side of an outline.
+    """Widen the parts (k, 2) of a body so that they hold one side of its outline.
 
-    ahead, left: of the side's two ends; ahead in lengths of a part.
+    parts: lowest and highest px to the left, changed in place; ahead, left: of the side's two ends;
+    ahead in lengths of a part, left in px.
     """
-    near, far = min(ahead), max(ahead)
-    for k in range(min(int(near), _DISCS - 1), min(int(far), _DISCS - 1) + 1):
+    back, front = min(ahead), max(ahead)
+    for k in range(min(int(back), _DISCS - 1), min(int(front), _DISCS - 1) + 1):
         for end in range(2):
             share = float(end)
-            if near < far:
-                share = (min(max(float(k + end), near), far) - ahead[0]) / (ahead[1] - ahead[0])
-            at = left[0] + share * (left[1] - left[0])
-            parts[k, 0], parts[k, 1] = min(parts[k, 0], at), max(parts[k, 1], at)
+            if back < front:
+                share = (min(max(float(k + end), back), front) - ahead[0]) / (ahead[1] - ahead[0])
+            edge_left = left[0] + share * (left[1] - left[0])
+            parts[k, 0], parts[k, 1] = min(parts[k, 0], edge_left), max(parts[k, 1], edge_left)
 
 
 @leaf_kernel
@@ -250,13 +258,13 @@ def is_clear_of_fish(
 @leaf_kernel
 def _is_clear_of_first(company, count, picture, pose, tick):  # type: ignore[no-untyped-def]
     """Return whether a picture at a pose (x, y, heading) meets none of the first `count` fish."""
-    others, near, (x, y, heading) = company.places, 4.0 * company.discs.reach**2, pose
+    others, near_px2, (x, y, heading) = company.places, 4.0 * company.discs.reach**2, pose
     if count == 0:
         return True
     t = min(max(tick - company.start, 0), others.shape[0] - 1)
     for k in range(count):
         dx, dy = others[t, k, 0] - x, others[t, k, 1] - y
-        if dx * dx + dy * dy < near:
+        if dx * dx + dy * dy < near_px2:
             second = int(others[t, k, 3]), others[t, k, 2]
             if _do_discs_overlap(company.discs, (picture, heading), second, dx, dy):
                 return False
@@ -267,8 +275,8 @@ def _is_clear_of_first(company, count, picture, pose, tick):  # type: ignore[no-
 def is_clear_in_search(company, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
     """Return whether a picture at x, y px and a heading meets no fish that a search considers.
 
-    picture: its number as in `Discs`; heading: degrees. Only the first `near` fish count, and only
-    from tick `start` to `until` of the company; otherwise True.
+    picture: its number as in `Discs`; heading: degrees. Only the first `company.near` fish count,
+    and only from tick `company.start` to `company.until`; otherwise True.
     """
     unknown = tick < company.start or tick > company.until
     return unknown or _is_clear_of_first(company, company.near, picture, (x, y, heading), tick)
@@ -278,20 +286,20 @@ def is_clear_in_search(company, picture, x, y, heading, tick):  # type: ignore[n
 def _do_discs_overlap(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
     """Return whether the discs of two pictures overlap, the second dx, dy px (y down) away.
 
-    first, second: number of the picture, heading in degrees.
+    first, second: number of the picture as in `Discs`, heading in degrees.
     """
-    a, side, cos, sin = disc_orientation(discs, first)
-    b, other_side, other_cos, other_sin = disc_orientation(discs, second)
+    row, side, cos, sin = disc_orientation(discs, first)
+    other_row, other_side, other_cos, other_sin = disc_orientation(discs, second)
     table = discs.table
     for i in range(table.shape[1]):
-        ahead, left = table[a, i, 0], side * table[a, i, 1]
+        ahead, left = table[row, i, 0], side * table[row, i, 1]
         x, y = dx - (ahead * cos - left * sin), dy + ahead * sin + left * cos
         for j in range(table.shape[1]):
-            ahead, left = table[b, j, 0], other_side * table[b, j, 1]
-            far_x = x + ahead * other_cos - left * other_sin
-            far_y = y - (ahead * other_sin + left * other_cos)
-            apart = table[a, i, 2] + table[b, j, 2]
-            if far_x * far_x + far_y * far_y < apart * apart:
+            ahead, left = table[other_row, j, 0], other_side * table[other_row, j, 1]
+            between_x = x + ahead * other_cos - left * other_sin
+            between_y = y - (ahead * other_sin + left * other_cos)
+            radii = table[row, i, 2] + table[other_row, j, 2]
+            if between_x * between_x + between_y * between_y < radii * radii:
                 return True
     return False
 
@@ -319,14 +327,8 @@ def count_clear_ticks(company: Company, pictures: Ints, trajectory: Floats, star
     pictures (n,): their numbers as in `Discs`; trajectory: x, y px, heading.
     """
     for t in range(len(trajectory)):
-        if not is_clear_of_fish(
-            company,
-            pictures[t],
-            trajectory[t, 0],
-            trajectory[t, 1],
-            trajectory[t, 2],
-            start_tick + t,
-        ):
+        x, y, heading = trajectory[t, 0], trajectory[t, 1], trajectory[t, 2]
+        if not is_clear_of_fish(company, pictures[t], x, y, heading, start_tick + t):
             return t
     return len(trajectory)
 
@@ -351,7 +353,9 @@ def count_lasting_ticks(
 
     pictures (n,): their numbers as in `Discs`; trajectory: x, y px, heading.
     """
-    n = count_clear_ticks(company, pictures, trajectory, start_tick)
-    while n > 0 and not can_stay(company, pictures[n - 1], trajectory[n - 1], start_tick + n - 1):
-        n -= 1
-    return n
+    ticks = count_clear_ticks(company, pictures, trajectory, start_tick)
+    while ticks > 0 and not can_stay(
+        company, pictures[ticks - 1], trajectory[ticks - 1], start_tick + ticks - 1
+    ):
+        ticks -= 1
+    return ticks

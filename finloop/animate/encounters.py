@@ -37,8 +37,9 @@ def place_outline(
     hull (p, 2): px ahead of and to the left of the mass centre; x_px, y_px, heading_deg: of the
     fish.
     """
-    turned = to_body_axes(hull * (1, -1 if mirrored else 1), np.radians(heading_deg))  # its inverse
-    return np.asarray(turned + np.array([x_px, y_px]))
+    # The axes of screen and body change into each other by the same reflection.
+    offsets = to_body_axes(hull * (1, -1 if mirrored else 1), np.radians(heading_deg))
+    return np.asarray(offsets + np.array([x_px, y_px]))
 
 
 def outline_on_screen(player: AnyPlayer, edit_row: Any) -> Floats:
@@ -47,25 +48,21 @@ def outline_on_screen(player: AnyPlayer, edit_row: Any) -> Floats:
     edit_row: one with the fields of `PlacedPicture`.
     """
     mirrored = edit_row.kind == FRAME and edit_row.mirrored
-    return place_outline(
-        player.hull(edit_row.kind, edit_row.source),
-        edit_row.x_px,
-        edit_row.y_px,
-        edit_row.heading_deg,
-        mirrored,
-    )
+    hull = player.hull(edit_row.kind, edit_row.source)
+    return place_outline(hull, edit_row.x_px, edit_row.y_px, edit_row.heading_deg, mirrored)
 
 
-def do_outlines_overlap(one: Floats, other: Floats) -> bool:
+def do_outlines_overlap(first: Floats, second: Floats) -> bool:
     """Return whether two outlines (p, 2) on screen share a pixel, apart from their edges."""
-    low, high = np.maximum(one.min(0), other.min(0)), np.minimum(one.max(0), other.max(0))
+    low, high = np.maximum(first.min(0), second.min(0)), np.minimum(first.max(0), second.max(0))
     if (low > high).any():
         return False
-    corner = np.minimum(one.min(0), other.min(0))
-    size = np.ceil(np.maximum(one.max(0), other.max(0)) - corner).astype(int) + 1
+    corner = np.minimum(first.min(0), second.min(0))
+    size = np.ceil(np.maximum(first.max(0), second.max(0)) - corner).astype(int) + 1
     masks = np.zeros((2, *size[::-1]), np.uint8)
-    for mask, polygon in zip(masks, (one, other), strict=True):
-        cv2.fillPoly(mask, [np.rint(16 * (polygon - corner)).astype(np.int32)], 1, shift=4)
+    for mask, polygon in zip(masks, (first, second), strict=True):
+        sixteenths = np.rint(16 * (polygon - corner)).astype(np.int32)
+        cv2.fillPoly(mask, [sixteenths], 1, shift=4)
     return bool((masks[0] & masks[1]).any())
 
 
@@ -76,28 +73,27 @@ def fish_places(edit: pd.DataFrame) -> Floats:
 
 def count_overlaps(edit: pd.DataFrame, player: AnyPlayer) -> Ints:
     """Return how many pairs of fish overlap at each tick (ticks,) of an edit list."""
-    where = fish_places(edit)
-    fish, ticks = where.shape[:2]
+    places = fish_places(edit)
+    fish_count, ticks = places.shape[:2]
     columns = [edit[name].to_numpy() for name in PlacedPicture._fields]
 
-    def hull_at(one: int, tick: int) -> Floats:
-        return outline_on_screen(
-            player, PlacedPicture(*(column[one * ticks + tick] for column in columns))
-        )
+    def outline_at(fish: int, tick: int) -> Floats:
+        row = PlacedPicture(*(column[fish * ticks + tick] for column in columns))
+        return outline_on_screen(player, row)
 
     pairs = np.zeros(ticks, np.int64)
-    for one, other in combinations(range(fish), 2):
-        apart = np.hypot(*(where[one] - where[other]).T)
-        for tick in np.flatnonzero(apart < 2 * player.cast.discs.reach).tolist():
-            pairs[tick] += do_outlines_overlap(hull_at(one, tick), hull_at(other, tick))
+    for first, second in combinations(range(fish_count), 2):
+        distance = np.hypot(*(places[first] - places[second]).T)
+        for tick in np.flatnonzero(distance < 2 * player.cast.discs.reach).tolist():
+            pairs[tick] += do_outlines_overlap(outline_at(first, tick), outline_at(second, tick))
     return pairs
 
 
 def nearest_distances(places: Floats) -> Floats:
     """Return the distance (n,) of each of n ≥ 2 places (n, 2) from its nearest neighbour."""
-    far = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
-    np.fill_diagonal(far, np.inf)
-    return np.asarray(far.min(axis=1))
+    distances = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+    np.fill_diagonal(distances, np.inf)
+    return np.asarray(distances.min(axis=1))
 
 
 def measure_clearance(edit: pd.DataFrame, player: AnyPlayer) -> dict[str, float]:
@@ -105,20 +101,20 @@ def measure_clearance(edit: pd.DataFrame, player: AnyPlayer) -> dict[str, float]
 
     Keys: `overlapping_pairs_per_1000_ticks`, and those of `distance_quantiles`.
     """
-    where = fish_places(edit)
-    if len(where) < 2:
+    places = fish_places(edit)
+    if len(places) < 2:
         return {}
-    near = [nearest_distances(tick) for tick in where.transpose(1, 0, 2)]
+    distances = [nearest_distances(at_tick) for at_tick in places.transpose(1, 0, 2)]
     return {
         "overlapping_pairs_per_1000_ticks": 1000 * float(count_overlaps(edit, player).mean()),
-        **distance_quantiles(np.concatenate(near) / player.world.motion.body_length_px),
+        **distance_quantiles(np.concatenate(distances) / player.world.motion.body_length_px),
     }
 
 
 def measure_film_clearance(features: pd.DataFrame) -> dict[str, float]:
     """Return quantiles of how near a film's animals come to each other; empty for one at a time."""
-    near = film_nearest_distances(features)
-    return distance_quantiles(near) if len(near) else {}
+    distances = film_nearest_distances(features)
+    return distance_quantiles(distances) if len(distances) else {}
 
 
 def film_nearest_distances(features: pd.DataFrame) -> Floats:
@@ -127,18 +123,19 @@ def film_nearest_distances(features: pd.DataFrame) -> Floats:
     (k,): one for each row of the feature table whose frame shows several animals.
     """
     length = typical_lengths_px(features).to_numpy(float)
-    where = features[["x_px", "y_px"]].to_numpy(float)
+    places = features[["x_px", "y_px"]].to_numpy(float)
     together = [rows for rows in features.groupby("frame").indices.values() if len(rows) > 1]
     return np.concatenate(
-        [np.zeros(0), *(nearest_distances(where[rows]) / length[rows] for rows in together)]
+        [np.zeros(0), *(nearest_distances(places[rows]) / length[rows] for rows in together)]
     )
 
 
 def distance_quantiles(distances: Floats) -> dict[str, float]:
     """Return the quantiles 1 %, 5 % and 50 % of distances (k,) to the nearest neighbour, by name.
 
-    distances and results are in body lengths.
+    The keys are `nearest_1pct_body_lengths`, `nearest_5pct_body_lengths` and
+    `nearest_median_body_lengths`. Distances and quantiles are in body lengths.
     """
-    at = np.quantile(distances, [0.01, 0.05, 0.5])
+    values = np.quantile(distances, [0.01, 0.05, 0.5])
     names = ("nearest_1pct", "nearest_5pct", "nearest_median")
-    return {f"{name}_body_lengths": float(q) for name, q in zip(names, at, strict=True)}
+    return {f"{name}_body_lengths": float(value) for name, value in zip(names, values, strict=True)}

@@ -42,8 +42,8 @@ def next_aim(tank: Tank, place_px: tuple[float, float], goal: Target, near_px: f
 class Ahead(NamedTuple):
     """A swim straight ahead, tick by tick (n,).
 
-    forward: px per tick; drift: degrees of heading since the start; brake: px that the fish needs
-    to stop.
+    forward: px per tick; drift: change of the heading since the start, degrees; brake: px that the
+    fish needs to stop.
     """
 
     forward: Floats
@@ -92,14 +92,14 @@ def bearing(x: float, y: float, to_x: float, to_y: float) -> float:
 def turn_towards_aim(picture_turn: float, aim_error: float, most_correction: float) -> float:
     """Return the turn, degrees, of this tick by which a fish heads for its aim.
 
-    picture_turn: degrees by which its pictures turn; aim_error: bearing of the aim minus heading;
-    most_correction: the largest, degrees. The whole turn is not faster than the larger of
-    picture_turn and most_correction.
+    picture_turn: degrees by which its pictures turn; aim_error: bearing of the aim minus heading,
+    degrees; most_correction: the largest turn in addition, degrees. The whole turn is not faster
+    than the larger of |picture_turn| and most_correction.
     """
-    rest = wrap(aim_error - picture_turn)
-    both = picture_turn + min(max(rest, -most_correction), most_correction)
+    missing = wrap(aim_error - picture_turn)
+    turn = picture_turn + min(max(missing, -most_correction), most_correction)
     fastest = max(abs(picture_turn), most_correction)
-    return min(max(both, -fastest), fastest)
+    return min(max(turn, -fastest), fastest)
 
 
 @leaf_kernel
@@ -126,26 +126,26 @@ def touches_target(x: float, y: float, heading: float, target: Target) -> bool:
 def swim_ahead(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: ignore[no-untyped-def]
     """Return the trajectory of a swim ahead, how many first ticks are safe, and the tick of touch.
 
-    start (3,): x, y px, heading. The trajectory (n, 3) has the same columns. Ticks are safe that
-    are legal, and from which the fish could stop on legal ground. The tick at which the goal is
-    touched is n where it is not.
+    legal (h, w): where the fish's centre may be; start (3,): x, y px, heading. The trajectory (n,
+    3) has the same columns. Ticks are safe that are legal, and from which the fish could stop on
+    legal ground. The tick at which the goal is touched is n where it is not.
     """
     n = swim.forward.size
-    way = np.empty((n, 3))
+    trajectory = np.empty((n, 3))
     x, y = start[0], start[1]
-    good, reached = n, n
+    safe_ticks, touch_tick = n, n
     for k in range(n):
         heading = start[2] + swim.drift[k]
         x, y = offset_point(x, y, heading, swim.forward[k], 0.0)
-        way[k, 0], way[k, 1], way[k, 2] = x, y, heading
+        trajectory[k, 0], trajectory[k, 1], trajectory[k, 2] = x, y, heading
         stop_x, stop_y = offset_point(x, y, heading, swim.brake[k], 0.0)
-        if good == n and not (
+        if safe_ticks == n and not (
             is_legal_point(legal, x, y) and is_legal_point(legal, stop_x, stop_y)
         ):
-            good = k
-        if reached == n and touches_target(x, y, heading, goal):
-            reached = k
-    return way, good, reached
+            safe_ticks = k
+        if touch_tick == n and touches_target(x, y, heading, goal):
+            touch_tick = k
+    return trajectory, safe_ticks, touch_tick
 
 
 @kernel
@@ -154,25 +154,25 @@ def swim_turn(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Return the trajectory of a turn to a point, whether it is possible, and the tick of touch.
 
-    start (3,): x, y px, heading. The bearing of `aim` changes as the fish moves. The heading's
-    error against it falls strictly as the share of the turn rises, to 0 where that is 1. The
-    trajectory (n, 3) is filled up to the touch. The turn is possible if it is legal and no tick
-    turns by more than `fastest` degrees, or back: the aim would be too near. The tick at which the
-    goal is touched is n where it is not.
+    legal (h, w): where the fish's centre may be; start (3,): x, y px, heading. The bearing of `aim`
+    changes as the fish moves; the heading's error against it falls as `swim.share`, the part of the
+    turn that is done, rises to 1. The trajectory (n, 3) is filled up to the touch. The turn is
+    possible if it is legal and no tick turns by more than `fastest` degrees, or back: the aim would
+    be too near. The tick at which the goal is touched is n where it is not.
     """
     n = swim.share.size
-    way = np.empty((n, 3))
+    trajectory = np.empty((n, 3))
     x, y, heading = start[0], start[1], start[2]
     error = wrap(bearing(x, y, aim.x, aim.y) - heading)
     side = 1.0 if error > 0 else -1.0
     for k in range(n):
         x, y = offset_point(x, y, heading, swim.forward[k], side * swim.sideways[k])
-        towards = bearing(x, y, aim.x, aim.y) - error * (1.0 - swim.share[k])
-        step = wrap(towards - heading)
+        wanted = bearing(x, y, aim.x, aim.y) - error * (1.0 - swim.share[k])
+        step = wrap(wanted - heading)
         heading += step
-        way[k, 0], way[k, 1], way[k, 2] = x, y, heading
+        trajectory[k, 0], trajectory[k, 1], trajectory[k, 2] = x, y, heading
         if not (0.0 <= side * step <= fastest and is_legal_point(legal, x, y)):
-            return way, False, n
+            return trajectory, False, n
         if touches_target(x, y, heading, goal):
-            return way, True, k
-    return way, True, n
+            return trajectory, True, k
+    return trajectory, True, n

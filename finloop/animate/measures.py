@@ -1,7 +1,7 @@
 """How good an animation is: goals, kinematics, smoothness, variety; and the same for the film.
 
-A *step* is the distance (Eq. 5) between two successive pictures, compared with the film's own
-steps. A *jump* i → j shows after frame i another one than the film's next. Its *seam ratio* is
+A *step* is the Euclidean distance (Eq. 5) between two successive pictures, compared with the film's
+own steps. A *jump* i → j shows after frame i another one than the film's next. Its *seam ratio* is
 D(i + 1, j) over the median of the film's steps: 1 is as smooth as the film.
 """
 
@@ -43,7 +43,8 @@ def measure_plan(
 ) -> dict[str, float]:
     """Return, by name, all measures of one fish's edit list that need no picture.
 
-    film_motion: speed and turn rate of the film, from `motion_of_film`.
+    They are of goals, kinematics, turns, kinds of picture, motion areas, and `frames_outside`, the
+    ticks outside the arena. film_motion: speed and turn rate of the film, from `motion_of_film`.
     """
     return {
         **(measure_goals(edit, goals, player.world) if goals else {}),
@@ -58,26 +59,26 @@ def measure_plan(
 def arrival_ticks(
     edit: pd.DataFrame, goals: Sequence[Goal], touch_px: float, head_px: float
 ) -> Floats:
-    """Return the first tick (goals,) at which a fish touches each goal in turn; NaN for none.
+    """Return the first tick (goals,) at which a fish touches each goal in turn; NaN if it does not.
 
-    Head or centre comes within `touch_px` of the goal; head_px: distance of the head from the
-    centre.
+    A goal counts from the tick at which the one before is touched. Head or centre comes within
+    `touch_px` of the goal; head_px: distance of the head from the centre.
     """
     x, y = edit["x_px"].to_numpy(), edit["y_px"].to_numpy()
     angle = np.radians(edit["heading_deg"].to_numpy(float))
     head_x, head_y = x + head_px * np.cos(angle), y - head_px * np.sin(angle)
     ticks = np.full(len(goals), np.nan)
-    since = 0
+    search_from = 0
     for i, goal in enumerate(goals):
-        apart = np.minimum(
+        distance = np.minimum(
             np.hypot(x - goal.x_px, y - goal.y_px), np.hypot(head_x - goal.x_px, head_y - goal.y_px)
         )
         # An edit list is rounded on disk, hence the tolerance.
-        there = np.flatnonzero(apart[since:] <= touch_px + 0.01)
-        if there.size == 0:
+        touching = np.flatnonzero(distance[search_from:] <= touch_px + 0.01)
+        if touching.size == 0:
             break
-        since += int(there[0])
-        ticks[i] = since
+        search_from += int(touching[0])
+        ticks[i] = search_from
     return ticks
 
 
@@ -89,28 +90,28 @@ def measure_goals(edit: pd.DataFrame, goals: Sequence[Goal], world: World) -> di
     heading at a goal from the straight way there.
     """
     ticks, motion = arrival_ticks(edit, goals, world.touch_px, world.head_px), world.motion
-    done = np.flatnonzero(~np.isnan(ticks))
-    measures = {"goals": float(len(goals)), "goals_reached_pct": 100 * len(done) / len(goals)}
-    if done.size == 0:
+    reached = np.flatnonzero(~np.isnan(ticks))
+    measures = {"goals": float(len(goals)), "goals_reached_pct": 100 * len(reached) / len(goals)}
+    if reached.size == 0:
         return measures
     place = edit[["x_px", "y_px"]].to_numpy()
-    ends = np.concatenate([[0], ticks[done]]).astype(int)
+    leg_ticks = np.concatenate([[0], ticks[reached]]).astype(int)
     heading = edit["heading_deg"].to_numpy(float)
     errors, arrivals, direct, covered = [], [], 0.0, 0.0
     start = place[0]
-    for i, (a, b) in enumerate(pairwise(ends)):
-        goal = np.array(goals[i][1:3])
-        leg = place[a : b + 1]
+    for i, (first, last) in enumerate(pairwise(leg_ticks)):
+        goal = np.array([goals[i].x_px, goals[i].y_px])
+        leg = place[first : last + 1]
         errors.append(_distances_from_segment(leg, start, goal))
-        direct += float(np.hypot(*(place[b] - place[a])))
+        direct += float(np.hypot(*(place[last] - place[first])))
         direction = np.degrees(np.arctan2(start[1] - goal[1], goal[0] - start[0]))
-        arrivals.append(abs(float(wrap_deg(heading[b] - direction))))
+        arrivals.append(abs(float(wrap_deg(heading[last] - direction))))
         covered += float(np.hypot(*np.diff(leg, axis=0).T).sum())
         start = goal
-    off = np.concatenate(errors) / motion.body_length_px
+    offsets = np.concatenate(errors) / motion.body_length_px
     return measures | {
-        "time_to_goal_median_s": float(np.median(np.diff(ends)) / motion.rate_hz),
-        "path_error_rms_body_lengths": float(np.sqrt((off**2).mean())),
+        "time_to_goal_median_s": float(np.median(np.diff(leg_ticks)) / motion.rate_hz),
+        "path_error_rms_body_lengths": float(np.sqrt((offsets**2).mean())),
         "straightness": direct / covered if covered > 0 else np.nan,
         "arrival_heading_error_deg": float(np.mean(arrivals)),
     }
@@ -118,15 +119,15 @@ def measure_goals(edit: pd.DataFrame, goals: Sequence[Goal], world: World) -> di
 
 def _distances_from_segment(points: Floats, start: Floats, end: Floats) -> Floats:
     """Return the distance (n,) of points (n, 2) from a straight segment, start and end (2,)."""
-    along = end - start
-    share = np.clip((points - start) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
-    return np.hypot(*(points - start - share[:, None] * along).T)
+    segment = end - start
+    share = np.clip((points - start) @ segment / max(float(segment @ segment), 1e-12), 0.0, 1.0)
+    return np.hypot(*(points - start - share[:, None] * segment).T)
 
 
 def kinematics_table(motions: Mapping[str, tuple[Floats, Floats]]) -> pd.DataFrame:
-    """Return the table `KINEMATICS` of speeds and turn rates.
+    """Return the table `KINEMATICS` of speeds and turn rates, a row a tick.
 
-    motions: by name of the mode, what `motion_of_film` or `motion_of_edit` returns.
+    motions: by name of the mode, speeds [body lengths/s] and turn rates [°/s], (k,) each.
     """
     parts = [
         pd.DataFrame({"mode": mode, "speed": speed, "turn_rate": rate})
@@ -138,14 +139,14 @@ def kinematics_table(motions: Mapping[str, tuple[Floats, Floats]]) -> pd.DataFra
 def motion_of_edit(edit: pd.DataFrame, player: AnyPlayer) -> tuple[Floats, Floats]:
     """Return speed [body lengths/s] and turn rate [°/s], (ticks − Δ,) each, over Δ (Eq. 3).
 
-    They are those of the one fish of an edit list. The film's heading is that of the head, so the
-    drawn head's is taken: sprites sway.
+    edit: of one fish. The film's heading is that of the head, so for sprites, which sway, the drawn
+    head's heading is taken.
     """
     head = edit["heading_deg"].to_numpy(float, copy=True)
-    sprite = (edit["kind"] != FRAME).to_numpy()
-    if sprite.any():
-        number = np.where(sprite, edit["source"], 0)
-        head += player.cast.sprites["head_offset_deg"].to_numpy(float)[number] * sprite
+    is_sprite = (edit["kind"] != FRAME).to_numpy()
+    if is_sprite.any():
+        number = np.where(is_sprite, edit["source"], 0)
+        head += player.cast.sprites["head_offset_deg"].to_numpy(float)[number] * is_sprite
     motion = player.world.motion
     place = edit[["x_px", "y_px"]].to_numpy() / motion.body_length_px
     return _motion_over_delta(place, head, motion)
@@ -173,10 +174,10 @@ def _motion_over_delta(
     places (n, 2): body lengths; headings_deg (n,).
     """
     delta, seconds = motion.delta, motion.delta / motion.rate_hz
-    moved = np.hypot(*(places[delta:] - places[:-delta]).T)
+    distances = np.hypot(*(places[delta:] - places[:-delta]).T)
     heading = np.unwrap(headings_deg, period=360)
-    turned = heading[delta:] - heading[:-delta]
-    return moved / seconds, turned / seconds
+    turns = heading[delta:] - heading[:-delta]
+    return distances / seconds, turns / seconds
 
 
 def kinematic_distance(
@@ -184,7 +185,7 @@ def kinematic_distance(
 ) -> float:
     """Return the Wasserstein distance of samples (k,), (l,), in standard deviations of the film.
 
-    scale_values: the sample whose standard deviation counts, by default `film_values`.
+    scale_values: the sample whose standard deviation is the unit, by default `film_values`.
     """
     sd = (film_values if scale_values is None else scale_values).std()
     return wasserstein_distance(values, film_values) / float(sd)
@@ -195,12 +196,14 @@ def kinematic_distances(
 ) -> dict[str, float]:
     """Return the kinematic distances of speed and of turn rate, `<name>_kinematic_distance_sd`.
 
-    motion, film_motion: speeds and turn rates, as `motion_of_edit` and `motion_of_film` return
-    them.
+    motion, film_motion: speeds and turn rates, (k,) and (l,) each, of the animation and of the
+    film.
     """
     return {
-        f"{name}_kinematic_distance_sd": kinematic_distance(*pair)
-        for name, *pair in zip(("speed", "turn_rate"), motion, film_motion, strict=True)
+        f"{name}_kinematic_distance_sd": kinematic_distance(values, film_values)
+        for name, values, film_values in zip(
+            ("speed", "turn_rate"), motion, film_motion, strict=True
+        )
     }
 
 
@@ -211,20 +214,21 @@ def count_ticks_outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
     angle = np.radians(edit["heading_deg"].to_numpy(float))
     x, y = edit["x_px"].to_numpy(), edit["y_px"].to_numpy()
     column, row = np.round(x).astype(int), np.round(y).astype(int)
-    there = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-    depth = np.where(there, tank.depth_px[row * there, column * there], 0.0)
+    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    depth = np.where(inside, tank.depth_px[row * inside, column * inside], 0.0)
     pictures = edit.groupby(["kind", "source", "mirrored"]).indices
     for (kind, source, mirrored), shown in pictures.items():
         ahead, left = player.hull(str(kind), int(source)).T * [[1], [-1 if mirrored else 1]]
+        # Far from the wall no point can be outside.
         ticks = shown[depth[shown] <= np.hypot(ahead, left).max() + _ROUNDED_PX]
         if not len(ticks):
             continue
         cos, sin = np.cos(angle[ticks, None]), np.sin(angle[ticks, None])
         column = np.round(x[ticks, None] + ahead * cos - left * sin).astype(int)
         row = np.round(y[ticks, None] - ahead * sin - left * cos).astype(int)
-        there = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-        there[there] = tank.arena[row[there], column[there]]
-        count += int((~there.all(1)).sum())
+        inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+        inside[inside] = tank.arena[row[inside], column[inside]]
+        count += int((~inside.all(1)).sum())
     return count
 
 
@@ -236,9 +240,9 @@ def measure_film(
 ) -> dict[str, float]:
     """Return, by name, the film's own measures, with which an animation is compared.
 
-    film_motion: speed and turn rate, from `motion_of_film`; steps: distances (Eq. 5) between
-    successive frames. A film has no goals and no jumps. Its kinematic distance is that between its
-    two halves, about that of another film of the same fish.
+    film_motion: speed and turn rate, from `motion_of_film`; steps: Euclidean distances (Eq. 5)
+    between successive frames. A film has no goals and no jumps. Its kinematic distance is that
+    between its two halves, about that of another film of the same fish.
     """
     half = features["frame"].median()
     early, late = (
@@ -246,9 +250,11 @@ def measure_film(
         for part in (features[features["frame"] <= half], features[features["frame"] > half])
     )
     halves = {
-        f"{name}_halves_kinematic_distance_sd": kinematic_distance(*each)
-        for name, *each in zip(("speed", "turn_rate"), early, late, film_motion, strict=True)
-        if all(part.size for part in each)
+        f"{name}_halves_kinematic_distance_sd": kinematic_distance(first, second, whole)
+        for name, first, second, whole in zip(
+            ("speed", "turn_rate"), early, late, film_motion, strict=True
+        )
+        if first.size and second.size and whole.size
     }
     return {
         **halves,

@@ -52,14 +52,18 @@ def index_memory(memory: Ints) -> MemoryIndex:
 def last_on_screen(memory: Ints, first: int, last: int) -> int:
     """Return the last tick at which any of the rows first … last was on screen; NEVER for none.
 
-    memory (m, 3): stretches of film that were on screen.
+    memory (m, 3): stretches of film on screen: first row, last row, tick of the first.
     """
     return _last_tick_of_rows(memory, (0, len(memory)), first, last)
 
 
 @leaf_kernel
 def find_last_on_screen(memory: Ints, index: MemoryIndex, first: int, last: int) -> int:
-    """Return what `last_on_screen` returns, sooner: `index` comes from `index_memory`."""
+    """Return the last tick at which any of the rows first … last was on screen; NEVER for none.
+
+    memory (m, 3): stretches of film that were on screen; index: from `index_memory`, makes it
+    quicker than `last_on_screen`.
+    """
     block = max(first - index.first_row, 0) >> index.block_bits
     if block + 1 >= len(index.starts):
         return NEVER
@@ -70,8 +74,8 @@ def find_last_on_screen(memory: Ints, index: MemoryIndex, first: int, last: int)
 def _last_tick_of_rows(memory: Ints, between: tuple[int, int], first: int, last: int) -> int:
     """Return the last tick at which any of the rows first … last was on screen; NEVER for none.
 
-    between: numbers of two stretches of the memory; that of the first one that ends at `first` or
-    later is one of them, or lies between them.
+    memory (m, 3): see `last_on_screen`; between: two indices of the memory, from the lower to the
+    higher of which the first stretch is sought that ends at `first` or later.
     """
     low, high = between
     while low < high:
@@ -91,8 +95,8 @@ def _last_tick_of_rows(memory: Ints, between: tuple[int, int], first: int, last:
 def mark_rows(marks: int, first: int, last: int) -> int:
     """Return the marks of some rows, with those of rows first … last added.
 
-    marks: 64 bits. A bit stands for 32 rows, and for those 2048, 4096 … rows farther on: a row
-    without a mark is none of those that were added; a row with a mark may be one.
+    marks: 64 bits, each for 32 rows, and for those 2048, 4096 … rows farther on. A row whose bit is
+    0 is none of those added; a row whose bit is 1 may be one.
     """
     for group in range(first >> _MARK_BITS, (last >> _MARK_BITS) + 1):
         marks |= 1 << (group & 63)
@@ -103,31 +107,31 @@ def mark_rows(marks: int, first: int, last: int) -> int:
 def remember_rows(memory: Ints, first: int, last: int, tick: int, forget_tick: float) -> Ints:
     """Return a memory with rows first … last added, shown one after the other from `tick` on.
 
-    memory (m, 3): stretches of film that were on screen. What was shown at `forget_tick` or before
-    is forgotten.
+    memory (m, 3): stretches of film on screen: first row, last row, tick of the first. What was
+    shown at `forget_tick` or before is forgotten.
     """
     kept = np.empty((len(memory) + 2, 3), np.int64)  # one stretch may be cut in two
-    n, added = 0, False
-    for k in range(len(memory) + 1):
-        a, b, begun = last + 1, last, tick
+    count, added = 0, False
+    for k in range(len(memory) + 1):  # the part before the new rows, the new rows, the part after
+        begin, end, begin_tick = last + 1, last, tick
         if k < len(memory):
-            a, b, begun = memory[k, 0], memory[k, 1], memory[k, 2]
-        if a < first and begun + min(b, first - 1) - a > forget_tick:
-            kept[n, 0], kept[n, 1], kept[n, 2] = a, min(b, first - 1), begun
-            n += 1
-        if not added and b >= first:
+            begin, end, begin_tick = memory[k, 0], memory[k, 1], memory[k, 2]
+        if begin < first and begin_tick + min(end, first - 1) - begin > forget_tick:
+            kept[count, 0], kept[count, 1], kept[count, 2] = begin, min(end, first - 1), begin_tick
+            count += 1
+        if not added and end >= first:
             added = True
             if (
-                n
-                and kept[n - 1, 1] + 1 == first
-                and kept[n - 1, 2] + first - kept[n - 1, 0] == tick
+                count
+                and kept[count - 1, 1] + 1 == first
+                and kept[count - 1, 2] + first - kept[count - 1, 0] == tick
             ):
-                kept[n - 1, 1] = last
+                kept[count - 1, 1] = last
             else:
-                kept[n, 0], kept[n, 1], kept[n, 2] = first, last, tick
-                n += 1
-        after = max(a, last + 1)
-        if after <= b and begun + b - a > forget_tick:
-            kept[n, 0], kept[n, 1], kept[n, 2] = after, b, begun + after - a
-            n += 1
-    return kept[:n].copy()
+                kept[count, 0], kept[count, 1], kept[count, 2] = first, last, tick
+                count += 1
+        rest = max(begin, last + 1)
+        if rest <= end and begin_tick + end - begin > forget_tick:
+            kept[count, 0], kept[count, 1], kept[count, 2] = rest, end, begin_tick + rest - begin
+            count += 1
+    return kept[:count].copy()

@@ -23,7 +23,7 @@ from finloop.base.stretches import spread_rows
 from finloop.features.current import places_through_water
 from finloop.features.swimming_type import STRAIGHT as TYPE_STRAIGHT
 
-_LEARNT = 100_000  # rows to learn from; they show thousands of phases and turns
+_MOST_ROWS = 100_000  # to learn from; they show thousands of phases and turns
 _MOTION = ("heading_deg", "bend")
 
 
@@ -69,7 +69,7 @@ class MotionStatistics:
 class TrackKinematics:
     """How one track swims, frame by frame (n,); speed, growth and sway are measured over Δ.
 
-    So noise does not count as motion. speed: body lengths/s; heading_deg: without jumps of 360;
+    Over Δ noise does not count as motion. speed: body lengths/s; heading_deg: without jumps of 360;
     forward, sideways: body lengths per frame; kind: swimming type.
     """
 
@@ -94,60 +94,60 @@ def track_kinematics(track: Track, delta: int, length_px: float, rate_hz: float)
     frames = np.arange(len(track["x_px"]))
     before = np.maximum(frames - delta // 2, 0)
     after = np.minimum(frames - delta // 2 + delta, frames[-1])
-    span = np.maximum(after - before, 1)
+    frames_between = np.maximum(after - before, 1)
     place = np.column_stack([track["x_px"], track["y_px"]]) / length_px
-    moved = (place[after] - place[before]) / span[:, None]
+    velocity = (place[after] - place[before]) / frames_between[:, None]
     heading = np.unwrap(track["heading_deg"], period=360)
     step = to_body_axes(np.gradient(place, axis=0), np.radians(heading))
     bend = track["bend"]
-    mean = scipy.ndimage.uniform_filter1d(bend, delta + 1)
-    spread = scipy.ndimage.uniform_filter1d(bend**2, delta + 1) - mean**2
-    speed = np.hypot(*moved.T) * rate_hz
-    faster = np.gradient(scipy.ndimage.uniform_filter1d(speed, delta)) * delta
+    mean_bend = scipy.ndimage.uniform_filter1d(bend, delta + 1)
+    variance = scipy.ndimage.uniform_filter1d(bend**2, delta + 1) - mean_bend**2
+    speed = np.hypot(*velocity.T) * rate_hz
+    speed_change = np.gradient(scipy.ndimage.uniform_filter1d(speed, delta)) * delta
     return TrackKinematics(
-        speed=speed,
-        heading_deg=heading,
-        forward=step[:, 0],
-        sideways=step[:, 1],
-        growth=faster / np.maximum(speed, 1e-9),
-        sway=np.sqrt(np.maximum(spread, 0.0)),
+        speed=speed, heading_deg=heading, forward=step[:, 0], sideways=step[:, 1],
+        growth=speed_change / np.maximum(speed, 1e-9), sway=np.sqrt(np.maximum(variance, 0.0)),
         kind=track["swimming_type"],
-    )
+    )  # fmt: skip
 
 
 def kinematics_of_tracks(
     features: pd.DataFrame, rate_hz: float, delta: int
 ) -> list[TrackKinematics]:
-    """Return the kinematics of the film's tracks; delta: Δ in frames.
+    """Return the kinematics of the film's tracks that are longer than 2 Δ.
 
-    rate_hz: frames per second. From a film of hours tracks spread over it are taken. Where the film
-    shows no straight swimming, all of it counts as straight. FinloopError if nothing moves.
+    rate_hz: frames per second; delta: Δ in frames. From a film of hours tracks spread over it are
+    taken. Where the film shows no straight swimming, all of it counts as straight. FinloopError if
+    nothing moves.
     """
     length = float(features["body_length_px"].median())
-    every = [
+    tracks = [
         track_kinematics(track, delta, length, rate_hz)
         for track in _long_tracks(features, 2 * delta)
     ]
-    if not every or max(c.speed.max() for c in every) <= 0:
+    if not tracks or max(kinematics.speed.max() for kinematics in tracks) <= 0:
         raise too_little_error("swimming")
-    if not any((c.kind == TYPE_STRAIGHT).any() for c in every):
-        every = [replace(c, kind=np.full_like(c.kind, TYPE_STRAIGHT)) for c in every]
-    return every
+    if not any((kinematics.kind == TYPE_STRAIGHT).any() for kinematics in tracks):
+        tracks = [
+            replace(kinematics, kind=np.full_like(kinematics.kind, TYPE_STRAIGHT))
+            for kinematics in tracks
+        ]
+    return tracks
 
 
 def learn_motion(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionStatistics:
-    """Return the motion statistics of a feature table; delta: Δ in frames.
+    """Return the motion statistics of a feature table: its turns, and the times between them.
 
-    rate_hz: frames per second. Where the film shows no turn, each track is one. FinloopError if
-    nothing moves, or no heading changes.
+    rate_hz: frames per second; delta: Δ in frames. Where the film shows no turn, each track is one.
+    FinloopError if nothing moves, or no heading changes.
     """
-    every = kinematics_of_tracks(features, rate_hz, delta)
-    runs = [run for one in every for run in swimming_runs(one)]
+    tracks = kinematics_of_tracks(features, rate_hz, delta)
+    runs = [run for track in tracks for run in swimming_runs(track)]
     straight = [last - first for _, kind, first, last in runs if kind == TYPE_STRAIGHT]
     turning = [run for run in runs if run[1] != TYPE_STRAIGHT]
-    turns = _turns_of_runs(turning, rate_hz, delta) or _turns_of_runs(
-        [_track_as_turn(c) for c in every], rate_hz, delta
-    )
+    turns = _turns_of_runs(turning, rate_hz, delta)
+    if turns is None:
+        turns = _turns_of_runs([_track_as_turn(track) for track in tracks], rate_hz, delta)
     if turns is None:
         raise too_little_error("turning")
     length = float(features["body_length_px"].median())
@@ -163,18 +163,21 @@ def swimming_runs(track: TrackKinematics) -> "list[Run]":
 
 
 def _long_tracks(features: pd.DataFrame, least_frames: int) -> Iterator[Track]:
-    """Yield the tracks longer than `least_frames`; of a long film only some, spread over it."""
+    """Yield the tracks longer than `least_frames`; of a long film only some, spread over it.
+
+    Each is columns by name: heading_deg, bend, x_px, y_px through the water, swimming_type.
+    """
     edges = np.flatnonzero(np.diff(features["track_id"], prepend=-1, append=-1))
     columns: Track = {name: features[name].to_numpy(float) for name in _MOTION}
     columns["x_px"], columns["y_px"] = places_through_water(features).T
     columns["swimming_type"] = features["swimming_type"].to_numpy()
     long = np.flatnonzero(np.diff(edges) > least_frames)
     rows = int(np.diff(edges)[long].sum())
-    if rows > _LEARNT:
-        long = spread_rows(long, max(1, len(long) * _LEARNT // rows))
+    if rows > _MOST_ROWS:
+        long = spread_rows(long, max(1, len(long) * _MOST_ROWS // rows))
     for number in long.tolist():
-        here = slice(edges[number], edges[number + 1])
-        yield {name: column[here] for name, column in columns.items()}
+        track_rows = slice(edges[number], edges[number + 1])
+        yield {name: column[track_rows] for name, column in columns.items()}
 
 
 def too_little_error(swimming: str) -> FinloopError:
@@ -191,14 +194,14 @@ def _type_runs(types: NDArray[np.int8]) -> list[tuple[int, int, int]]:
     """Return the runs of equal swimming types (n,): the type, first frame, one past the last."""
     edges = np.flatnonzero(np.diff(types)) + 1
     bounds = np.concatenate([[0], edges, [len(types)]])
-    return [(int(types[a]), int(a), int(b)) for a, b in pairwise(bounds)]
+    return [(int(types[first]), int(first), int(end)) for first, end in pairwise(bounds)]
 
 
 Run = tuple[TrackKinematics, int, int, int]
 
 
 def _track_as_turn(track: TrackKinematics) -> Run:
-    """Return a track as one turn, to the side to which it turns in all."""
+    """Return a track, without its end frames, as one turn to the side of its total turn."""
     side = 1 if track.heading_deg[-1] >= track.heading_deg[0] else -1
     return track, side, 1, len(track.kind) - 1
 
@@ -206,32 +209,28 @@ def _track_as_turn(track: TrackKinematics) -> Run:
 def _turns_of_runs(runs: list[Run], rate_hz: float, delta: int) -> Turns | None:
     """Return the turns of runs that turn and are filmed whole; None if there are none.
 
-    rate_hz: frames per second; delta: Δ in frames.
+    runs: track, swimming type, first frame, one past the last; rate_hz: frames per second; delta: Δ
+    in frames.
     """
     rows = []
-    for c, kind, first, last in runs:
-        prior, final = max(first - 1, 0), min(last, len(c.kind) - 1)
-        turned = kind * (c.heading_deg[prior : final + 1] - c.heading_deg[prior])
+    for track, kind, first, last in runs:
+        prior, final = max(first - 1, 0), min(last, len(track.kind) - 1)
+        turned = kind * (track.heading_deg[prior : final + 1] - track.heading_deg[prior])
         if turned[-1] <= 0 or prior == first or final < last:
             continue  # cut off by an end of the track, or a bend that turned nothing
-        over = turned[min(delta, len(turned) - 1) :] - turned[: max(len(turned) - delta, 1)]
-        peak = prior + int(over.argmax())
-        displacement = c.speed[min(peak + delta // 2, last - 1)] * delta / rate_hz
-        sideways = kind * c.sideways[first:last]
-        forward = c.forward[first:last]
-        rows.append((turned[-1], last - first, over.max(), displacement, forward, sideways))
+        over_delta = turned[min(delta, len(turned) - 1) :] - turned[: max(len(turned) - delta, 1)]
+        peak = prior + int(over_delta.argmax())
+        displacement = track.speed[min(peak + delta // 2, last - 1)] * delta / rate_hz
+        sideways = kind * track.sideways[first:last]
+        forward = track.forward[first:last]
+        rows.append((turned[-1], last - first, over_delta.max(), displacement, forward, sideways))
     if not rows:
         return None
-    angle, ticks, included, far, ahead, aside = zip(*rows, strict=True)
+    angles, ticks, included, displacements, forwards, sidewards = zip(*rows, strict=True)
     return Turns(
-        np.array(angle),
-        np.array(ticks, np.int32),
-        _first_ticks(ticks),
-        np.array(included),
-        np.array(far),
-        np.concatenate(ahead),
-        np.concatenate(aside),
-    )
+        np.array(angles), np.array(ticks, np.int32), _first_ticks(ticks), np.array(included),
+        np.array(displacements), np.concatenate(forwards), np.concatenate(sidewards),
+    )  # fmt: skip
 
 
 def _first_ticks(lengths: tuple[int, ...]) -> NDArray[np.int32]:

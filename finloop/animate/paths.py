@@ -19,9 +19,9 @@ from finloop.base.kernel import kernel
 from finloop.base.line import MM, TANK, Line
 
 _GRAIN = 0.05  # body lengths; finer detail is left out; also the centre's distance from walls
-_STEP = 0.1  # body lengths between the places of the steered path
-_FINE = 0.02  # ... and of the requested path
-_AHEAD = 0.5  # body lengths along the path within which a foot moves on in a tick
+_STEP = 0.1  # body lengths between the points of the steered path
+_FINE_STEP = 0.02  # body lengths between the points of the requested path
+_AHEAD = 0.5  # body lengths of path in which the point nearest to a fish is sought, a tick
 
 
 class Path(NamedTuple):
@@ -34,16 +34,16 @@ class Path(NamedTuple):
 def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | None) -> Path:
     """Return the path in px of the clip that a given line makes in the tank.
 
-    mm_per_px: scale of the film, None if unknown. Without times, a line that ends where it began is
-    closed. FinloopError if it leaves the arena, is hardly longer than a point, or is in mm and the
-    scale is not known.
+    mm_per_px: scale of the film, None if unknown. Detail finer than a grain, 0.05 body lengths, is
+    left out. Without times, a line that ends where it began is closed. FinloopError if it leaves
+    the arena, is hardly longer than a point, or is in mm and the scale is not known.
     """
     length = motion.body_length_px
     x, y = _line_in_px(line, tank, mm_per_px)
     _refuse_line_outside(line, tank, x, y)
     grain, heading = _GRAIN * length, line.heading_deg
-    returns = np.hypot(x[-1] - x[0], y[-1] - y[0]) <= grain
-    closed = line.closed or (line.time_s is None and bool(returns))
+    ends_at_start = np.hypot(x[-1] - x[0], y[-1] - y[0]) <= grain
+    closed = line.closed or (line.time_s is None and bool(ends_at_start))
     if closed:
         x, y = np.append(x, x[0]), np.append(y, y[0])
         heading = None if heading is None else np.append(heading, heading[0])
@@ -56,28 +56,28 @@ def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float 
             f"a path of at least {2 * _STEP:g} body lengths",
             "draw a longer path, or correct its unit (matching.path_unit)",
         )
-    when = np.zeros(0)
+    due_px = np.zeros(0)
     if line.time_s is not None:
-        time = _grain_means(line.time_s - line.time_s[0], starts)
-        ticks = np.arange(int(time[-1] * motion.rate_hz + 1e-6) + 1)
-        when = np.interp(ticks / motion.rate_hz, time, along)
-    turned = (
+        time_s = _grain_means(line.time_s - line.time_s[0], starts)
+        ticks = np.arange(int(time_s[-1] * motion.rate_hz + 1e-6) + 1)
+        due_px = np.interp(ticks / motion.rate_hz, time_s, along)
+    headings = (
         np.zeros(0) if heading is None else _grain_means(np.unwrap(heading, period=360), starts)
     )
-    made = []
-    for share in (_STEP, _FINE):
-        count = max(2 + closed, round(along[-1] / (share * length)))
-        at = np.linspace(0.0, along[-1], count + 1)
-        step = float(at[1])
-        at = at[: len(at) - closed]
-        made.append(
+    routes = []
+    for step_bl in (_STEP, _FINE_STEP):
+        count = max(2 + closed, round(along[-1] / (step_bl * length)))
+        px = np.linspace(0.0, along[-1], count + 1)
+        step = float(px[1])
+        px = px[: len(px) - closed]
+        routes.append(
             Route(
-                np.interp(at, along, x), np.interp(at, along, y),
-                np.interp(at, along, turned) if len(turned) else turned, step, closed,
-                when, 1, max(2, round(_AHEAD / share)),
+                np.interp(px, along, x), np.interp(px, along, y),
+                np.interp(px, along, headings) if len(headings) else headings, step, closed,
+                due_px, 1, max(2, round(_AHEAD / step_bl)),
             )
         )  # fmt: skip
-    route, asked = made
+    route, asked = routes
     return Path(_move_off_walls(route, tank, grain), asked)
 
 
@@ -123,34 +123,38 @@ def _grain_starts(x: Floats, y: Floats, grain_px: float) -> Ints:
     x, y (n,): px of a line's points.
     """
     starts = np.empty(x.size, np.int64)
-    starts[0], n = 0, 1
+    starts[0], count = 0, 1
     for i in range(1, x.size):
-        last = starts[n - 1]
+        last = starts[count - 1]
         if np.hypot(x[i] - x[last], y[i] - y[last]) >= grain_px:
-            starts[n], n = i, n + 1
-    return starts[:n]
+            starts[count], count = i, count + 1
+    return starts[:count]
 
 
 def _grain_means(values: Floats, starts: Ints) -> Floats:
     """Return the first value, the means of all grains, which tremble less, and the last value.
 
-    values (n,): of a line's points; starts: from `_grain_starts`.
+    values (n,): of a line's points; starts (k,): the first point of each grain. The result is (k +
+    2,).
     """
     means = np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
     return np.concatenate([values[:1], means, values[-1:]])
 
 
 def _move_off_walls(route: Route, tank: Tank, margin_px: float) -> Route:
-    """Return a route with places moved to where the centre may be, `margin_px` off walls."""
+    """Return a route with points moved to where the centre may be, `margin_px` off walls.
+
+    In a tank too narrow for the margin there is none.
+    """
     free = scipy.ndimage.distance_transform_edt(tank.legal) > margin_px
     if not free.any():
         free = tank.legal
     nearest = scipy.ndimage.distance_transform_edt(
         ~free, return_distances=False, return_indices=True
     )
-    row, column = (np.round(side).astype(int) for side in (route.y, route.x))
-    legal = free[row, column]
+    row, column = (np.round(coordinate).astype(int) for coordinate in (route.y, route.x))
+    is_free = free[row, column]
     near_row, near_column = nearest[:, row, column]
     return route._replace(
-        x=np.where(legal, route.x, near_column), y=np.where(legal, route.y, near_row)
+        x=np.where(is_free, route.x, near_column), y=np.where(is_free, route.y, near_row)
     )

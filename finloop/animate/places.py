@@ -11,7 +11,7 @@ from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.edit.schema import Goal
 
-_TRIES = 8  # tries to draw a good place to wander to before any place will do
+_TRIES = 8  # draws of a good place to wander to, before any place will do
 
 
 def random_goals(world: World, count: int, rng: np.random.Generator) -> list[Goal]:
@@ -29,15 +29,16 @@ def random_goals(world: World, count: int, rng: np.random.Generator) -> list[Goa
 def random_wander_place(world: World, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:
     """Return a random place (2,), px, to wander to, and after how many ticks to give it up.
 
-    It is as far to the side as the film's turns are, and in sight; else anywhere in the tank.
+    It is as far to the side as one of the film's turns, as far away as a straight stretch, and in
+    sight; else anywhere in the tank.
     """
     motion, tank = world.motion, world.tank
     for _ in range(_TRIES):
-        angle = draw_one(motion.turns.angle_deg, rng) * (-1.0, 1.0)[rng.integers(2)]
+        turn = draw_one(motion.turns.angle_deg, rng) * (-1.0, 1.0)[rng.integers(2)]
         ticks = int(draw_one(motion.straight_ticks, rng))
-        way = max(2.0, fish.speed * ticks / motion.rate_hz) * motion.body_length_px
-        direction = np.radians(fish.heading + angle)
-        x, y = fish.x + way * np.cos(direction), fish.y - way * np.sin(direction)
+        distance = max(2.0, fish.speed * ticks / motion.rate_hz) * motion.body_length_px
+        direction = np.radians(fish.heading + turn)
+        x, y = fish.x + distance * np.cos(direction), fish.y - distance * np.sin(direction)
         if tank.can_swim_straight(fish.x, fish.y, x, y):
             return np.array([x, y]), ticks
     return np.array(tank.random_point(rng)), int(draw_one(motion.straight_ticks, rng))

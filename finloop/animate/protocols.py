@@ -53,13 +53,13 @@ class AnyPlayer(Protocol):
     def company(self, other_plans: Floats, tick: int) -> Company:
         """Return the other fish of a tank as a fish that decides at a tick knows them.
 
-        other_plans (n, m, 4): from `Plans.others`.
+        other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks.
         """
 
     def with_others(self, state: State, other_plans: Floats) -> State:
         """Return the state with the other fish added that the fish can meet.
 
-        other_plans (n, m, 4): from `Plans.others`.
+        other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks.
         """
 
     def is_clear(self, state: State, stretch: Stretch) -> bool:

@@ -53,7 +53,9 @@ class Route(NamedTuple):
 
 
 _NONE = np.zeros(0)
-NO_ROUTE = Route(_NONE, _NONE, _NONE, 1.0, False, _NONE, 0, 0)
+NO_ROUTE = Route(
+    x=_NONE, y=_NONE, heading=_NONE, step=1.0, closed=False, when=_NONE, begins=0, ahead=0
+)
 
 
 @finite_leaf
@@ -71,30 +73,30 @@ def is_route_done(route: Route, along_px: float, tick: int) -> bool:
 def _places_around(route: Route, along_px: float):  # type: ignore[no-untyped-def]
     """Return the numbers of the places before and after `along_px`, and the share between them."""
     n = route.x.size
-    u = max(along_px, 0.0) / route.step
-    k = int(u)
-    share = u - k
+    position = max(along_px, 0.0) / route.step
+    before = int(position)
+    share = position - before
     if route.closed:
-        k %= n
-        return k, (k + 1 if k + 1 < n else 0), share
-    if k >= n - 1:
+        before %= n
+        return before, (before + 1 if before + 1 < n else 0), share
+    if before >= n - 1:
         return n - 1, n - 1, 0.0
-    return k, k + 1, share
+    return before, before + 1, share
 
 
 @finite_leaf
 def point_along(route: Route, along_px: float):  # type: ignore[no-untyped-def]
     """Return the point x, y, px, that lies `along_px` along a route."""
-    a, b, share = _places_around(route, along_px)
-    x = route.x[a] + share * (route.x[b] - route.x[a])
-    return x, route.y[a] + share * (route.y[b] - route.y[a])
+    before, after, share = _places_around(route, along_px)
+    x = route.x[before] + share * (route.x[after] - route.x[before])
+    return x, route.y[before] + share * (route.y[after] - route.y[before])
 
 
 @finite_leaf
 def heading_at(route: Route, along_px: float) -> float:
     """Return the heading, degrees, requested at `along_px` along a route that has headings."""
-    a, b, share = _places_around(route, along_px)
-    return route.heading[a] + share * (route.heading[b] - route.heading[a])
+    before, after, share = _places_around(route, along_px)
+    return route.heading[before] + share * (route.heading[after] - route.heading[before])
 
 
 @finite_leaf
@@ -107,8 +109,8 @@ def due_along(route: Route, tick: int) -> float:
 def foot_search_start(route: Route, along_px: float, tick: int) -> float:
     """Return from how many px along a route to search for the foot of a fish at a tick.
 
-    along_px: of its last foot. On a route with times the result is never far behind the place due:
-    a late fish takes short cuts.
+    A foot is the place of the route nearest to the fish. along_px: of its last foot. On a route
+    with times the result is never far behind the place due: a late fish takes short cuts.
     """
     if route.when.size:
         return max(along_px, due_along(route, tick) - _BEHIND * route.ahead * route.step)
@@ -119,48 +121,56 @@ def foot_search_start(route: Route, along_px: float, tick: int) -> float:
 def find_foot(route: Route, x: float, y: float, along_px: float):  # type: ignore[no-untyped-def]
     """Return the foot of a point x, y px: the nearest place of a route, from `along_px` on.
 
-    The foot is not far ahead of `along_px`. The farther the point is from the route, the farther
-    ahead it may be, so that a fish that cannot follow a hairpin goes on beyond it. Returns px along
-    the route, and x and y px of the foot.
+    First the nearest given place is sought, then the nearest point on the pieces beside it. The
+    foot is not far ahead of `along_px`: the farther the point is from the route, the farther ahead
+    it may be, so that a fish that cannot follow a hairpin goes on beyond it. Returns px along the
+    route, and x and y px of the foot.
     """
     n = route.x.size
     lap = int(max(along_px, 0.0) / route.step)
-    k, _, _ = _places_around(route, along_px)
-    best, best_k, least, a = 0, k, 1e300, k
-    beside = route.step * route.step
+    start, _, _ = _places_around(route, along_px)
+    best, best_k, least_px2, place = 0, start, 1e300, start
+    on_path_px2 = route.step * route.step
     for i in range(n):
         beyond = route.step * (i - route.ahead - 1)
-        if beyond > 0 and beyond * beyond > 4 * least:
+        if beyond > 0 and beyond * beyond > 4 * least_px2:
             break
-        far = (route.x[a] - x) ** 2 + (route.y[a] - y) ** 2
-        if far < least:
-            best, best_k, least = i, a, far
-        elif i > best + 1 and least < beside:
+        square_px2 = (route.x[place] - x) ** 2 + (route.y[place] - y) ** 2
+        if square_px2 < least_px2:
+            best, best_k, least_px2 = i, place, square_px2
+        elif i > best + 1 and least_px2 < on_path_px2:
             break  # a fish on the path is not nearer to it farther ahead
-        a += 1
-        if a == n:
+        place += 1
+        if place == n:
             if not route.closed:
                 break
-            a = 0
-    found, fx, fy, least = float(lap + best), route.x[best_k], route.y[best_k], 1e300
-    for back in range(2):
-        if back > best:
+            place = 0
+    position, foot_x, foot_y, least_px2 = float(lap + best), route.x[best_k], route.y[best_k], 1e300
+    for before in range(2):
+        if before > best:
             break
-        a = best_k - back
-        a = a + n if a < 0 else a
-        b = a + 1
-        if b == n:
+        place = best_k - before
+        place = place + n if place < 0 else place
+        next_place = place + 1
+        if next_place == n:
             if not route.closed:
                 continue
-            b = 0
-        dx, dy = route.x[b] - route.x[a], route.y[b] - route.y[a]
-        share = ((x - route.x[a]) * dx + (y - route.y[a]) * dy) / max(dx * dx + dy * dy, 1e-300)
+            next_place = 0
+        dx, dy = route.x[next_place] - route.x[place], route.y[next_place] - route.y[place]
+        share = ((x - route.x[place]) * dx + (y - route.y[place]) * dy) / max(
+            dx * dx + dy * dy, 1e-300
+        )
         share = min(max(share, 0.0), 1.0)
-        px, py = route.x[a] + share * dx, route.y[a] + share * dy
-        far = (px - x) ** 2 + (py - y) ** 2
-        if far < least:
-            found, fx, fy, least = lap + best - back + share, px, py, far
-    if found * route.step < along_px:
-        fx, fy = point_along(route, along_px)
-        return along_px, fx, fy
-    return found * route.step, fx, fy
+        near_x, near_y = route.x[place] + share * dx, route.y[place] + share * dy
+        square_px2 = (near_x - x) ** 2 + (near_y - y) ** 2
+        if square_px2 < least_px2:
+            position, foot_x, foot_y, least_px2 = (
+                lap + best - before + share,
+                near_x,
+                near_y,
+                square_px2,
+            )
+    if position * route.step < along_px:
+        foot_x, foot_y = point_along(route, along_px)
+        return along_px, foot_x, foot_y
+    return position * route.step, foot_x, foot_y

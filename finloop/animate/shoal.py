@@ -52,18 +52,18 @@ def refuse_shared_goals(goals: Sequence[Goal], goal_seekers: Sequence[int]) -> N
     """
     count = len(goal_seekers)
     meetings = [
-        f"{one.name} (fish {a + 1}) and {other.name} (fish {b + 1})"
+        f"{goal.name} (fish {fish + 1}) and {other.name} (fish {other_fish + 1})"
         for first in range(0, len(goals), count)
-        for (a, one), (b, other) in combinations(
+        for (fish, goal), (other_fish, other) in combinations(
             zip(goal_seekers, goals[first : first + count], strict=False), 2
         )
-        if np.hypot(one.x_px - other.x_px, one.y_px - other.y_px) < one.radius_px
+        if np.hypot(goal.x_px - other.x_px, goal.y_px - other.y_px) < goal.radius_px
     ]
     if meetings:
         raise FinloopError(
             f"animate.goals sends two fish to one place at the same time: {', '.join(meetings)}",
             f"places at least {goals[0].radius_px:.0f} px apart (animate.goal_radius_bl): goals "
-            f"are dealt in turn to the fish {', '.join(str(one + 1) for one in goal_seekers)}",
+            f"are dealt in turn to the fish {', '.join(str(fish + 1) for fish in goal_seekers)}",
             "move the goals (animate.goals), or let fish overlap (matching.overlap=true)",
         )
 
@@ -75,15 +75,14 @@ def make_tasks(
 
     rng: of the first fish, from which those of the others are spawned; route: the path, or None.
     """
-    draws = [rng, *rng.spawn(fish_count - 1)]
+    generators = [rng, *rng.spawn(fish_count - 1)]
     routes = [route, *[None] * (fish_count - 1)]
-    return [
-        SwimTask(*one) for one in zip(deal_goals(goals, fish_count), draws, routes, strict=True)
-    ]
+    dealt = deal_goals(goals, fish_count)
+    return [SwimTask(*task) for task in zip(dealt, generators, routes, strict=True)]
 
 
 class SchoolMember:
-    """A fish of a group, with all that it has planned so far (swim)."""
+    """A fish of a group, with all that it has planned so far (`swim`)."""
 
     def __init__(self, player: AnyPlayer, task: SwimTask, number: int, plans: Plans) -> None:
         """Put a fish beside the others, with nothing planned yet.
@@ -98,9 +97,9 @@ class SchoolMember:
         self.swim = Swim([], [], np.full(len(task.goals), -1))
         self._done = 0  # goals reached
         fish = self._state.fish
-        begins = np.array([fish.x, fish.y, fish.heading, fish.picture])
-        if task.route is not None and not can_stay(company, fish.picture, begins[:3], 0):
-            others = company.places[0, :, :2] - begins[:2]
+        pose = np.array([fish.x, fish.y, fish.heading, fish.picture])
+        if task.route is not None and not can_stay(company, fish.picture, pose[:3], 0):
+            others = company.places[0, :, :2] - pose[:2]
             near = plans.fish_in_column(number, int(np.hypot(*others.T).argmin()))
             raise FinloopError(
                 f"matching.path begins fish {number + 1} on fish {near + 1}, at "
@@ -108,7 +107,7 @@ class SchoolMember:
                 "beginnings at which the fish do not touch",
                 "begin a path elsewhere, or let fish overlap (matching.overlap=true)",
             )
-        plans.put(number, 0, begins[None])
+        plans.put(number, 0, pose[None])
 
     @property
     def tick(self) -> int:
@@ -117,11 +116,11 @@ class SchoolMember:
 
     def decide(self, plans: Plans) -> None:
         """Plan the fish's next stretch, clear of the others' plans, and add it to `plans`."""
-        begins, others = self.tick, plans.others(self._number, self.tick)
+        start_tick, others = self.tick, plans.others(self._number, self.tick)
         goal = self._next_goal() or self._next_rule(plans, others)
         state = self._player.with_others(self._state, others)
         stretch, self._state = self._player.plan(state, goal, self._task.rng)
-        plans.put(self._number, begins, stretch.path_and_pictures)
+        plans.put(self._number, start_tick, stretch.path_and_pictures)
         name = PATH if isinstance(goal, Route) else goal.name if goal else ""
         self.swim.stretches.append(stretch)
         self.swim.names.append(name)
@@ -139,9 +138,10 @@ class SchoolMember:
         return goals[self._done] if self._done < len(goals) else None
 
     def _next_rule(self, plans: Plans, other_plans: Floats) -> Rule | None:
-        """Return the rule of a fish without a goal, for the others' present places; None if none.
+        """Return the rule of a fish without a goal, by where the others are now; None if none.
 
-        other_plans (n, m, 4): from `Plans.others`, from the present tick on.
+        other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks, from the present
+        one on.
         """
         task, shoaling = self._task, self._player.shoaling
         if task.follows is not None and plans.has_planned(task.follows):
@@ -154,15 +154,14 @@ class SchoolMember:
 def settle_fish(player: AnyPlayer, tasks: Sequence[SwimTask], plans: Plans) -> list[SchoolMember]:
     """Put a fish for each task into the tank, and return them, each with a first stretch planned.
 
-    All that begin a path are there before any fish plans; the others come one after the other.
-    plans: empty, for as many fish; their plans are added. NoRoom if the tank lacks room for all of
-    them.
+    All fish with a path are there before any plans; the others come one after the other. plans:
+    empty, for as many fish; their plans are added. NoRoom if the tank lacks room for all of them.
     """
-    swim = [number for number, task in enumerate(tasks) if task.route is not None]
-    fish = {number: SchoolMember(player, tasks[number], number, plans) for number in swim}
-    for number in swim:
+    path_followers = [number for number, task in enumerate(tasks) if task.route is not None]
+    fish = {number: SchoolMember(player, tasks[number], number, plans) for number in path_followers}
+    for number in path_followers:
         fish[number].decide(plans)
-    for number in sorted(set(range(len(tasks))) - set(swim)):
+    for number in sorted(set(range(len(tasks))) - set(path_followers)):
         try:
             fish[number] = SchoolMember(player, tasks[number], number, plans)
             fish[number].decide(plans)
@@ -179,19 +178,20 @@ def settle_fish(player: AnyPlayer, tasks: Sequence[SwimTask], plans: Plans) -> l
 def animate_group(player: AnyPlayer, tasks: Sequence[SwimTask], ticks: int) -> list[Swim]:
     """Return the animation of each of several fish, one for each task, at least `ticks` long.
 
-    NoRoom if the tank lacks room for all of them.
+    The fish whose plan ends first decides next. Goals reached after `ticks` do not count. NoRoom if
+    the tank lacks room for all of them.
     """
     plans = Plans(len(tasks))
     fish = settle_fish(player, tasks, plans)
-    queue = [(one.tick, number) for number, one in enumerate(fish)]
+    queue = [(member.tick, number) for number, member in enumerate(fish)]
     heapq.heapify(queue)
     while queue[0][0] < ticks:
         number = queue[0][1]
         fish[number].decide(plans)
         heapq.heapreplace(queue, (fish[number].tick, number))
-    for one in fish:
-        one.swim.reached[one.swim.reached >= ticks] = -1
-    return [one.swim for one in fish]
+    for member in fish:
+        member.swim.reached[member.swim.reached >= ticks] = -1
+    return [member.swim for member in fish]
 
 
 def animate_fish(

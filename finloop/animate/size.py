@@ -32,7 +32,7 @@ class ScaledFilm(NamedTuple):
 def scale_film(
     reel: Reel, outlines_px: Reals, arena: Mask, p: CommonSettings, floor: Picture | None
 ) -> ScaledFilm:
-    """Return the film at the size `p.fish_scale`; with "auto" it fits into where the fish may be.
+    """Return the film at the size `p.fish_scale`; "auto" makes it fit into where the fish may be.
 
     outlines_px (n, k, 2): x, y as filmed of the reel's rows; arena (h, w): true where fish can be;
     floor: the empty tank as filmed, None if unknown.
@@ -64,19 +64,19 @@ def measure_reach(
 ) -> tuple[float, Mask]:
     """Return how far a fish reaches from its centre, px, and which frames (n,) reach farther.
 
-    sprite_hulls: outlines (k, 2) of sprites, all of which fit; quantile: 0-1, of the frames' reach;
-    wider ones are mostly faults.
+    sprite_hulls: outlines (k, 2) of sprites, all of which count; hulls: of frames; quantile: share
+    of the frames that count, 0-1, as the widest are mostly faults.
     """
-    frames = hulls.reach_px
-    sprites = max((float(np.hypot(*hull.T).max()) for hull in sprite_hulls), default=0.0)
-    most = max(sprites, float(np.quantile(frames, quantile)))
-    return most, frames > most
+    frame_reach = hulls.reach_px
+    sprite_reach = max((float(np.hypot(*hull.T).max()) for hull in sprite_hulls), default=0.0)
+    reach_px = max(sprite_reach, float(np.quantile(frame_reach, quantile)))
+    return reach_px, frame_reach > reach_px
 
 
 def head_ahead_px(features: pd.DataFrame, size: float) -> float:
     """Return the median distance, px, of the head from the mass centre, at a drawn size.
 
-    size: the drawn size as a multiple of the filmed one.
+    features: as filmed; size: the drawn size as a multiple of the filmed one.
     """
     dx, dy = (features[f"head_{axis}_px"] - features[f"{axis}_px"] for axis in "xy")
     return float(np.hypot(dx, dy).median() * size)

@@ -52,11 +52,12 @@ def measure_movement(pose: Pose) -> Movement:
 
     def measure_lot(first: int) -> Floats:
         lot = pose[first : first + _LOT + 1]
-        line = lot.move_to(0.0, 0.0, 0.0, 1.0).backbone_px()
+        # The backbones about their centres, headed right, a body length long.
+        lines = lot.move_to(0.0, 0.0, 0.0, 1.0).backbone_px()
         turn = np.diff(lot.heading_rad)[:, None]
-        cos, sin, x, y = np.cos(turn), np.sin(turn), line[1:, :, 0], line[1:, :, 1]
+        cos, sin, x, y = np.cos(turn), np.sin(turn), lines[1:, :, 0], lines[1:, :, 1]
         turned = np.stack([x * cos + y * sin, y * cos - x * sin], -1)
-        return np.sqrt(((np.stack([turned, line[1:]]) - line[:-1]) ** 2).sum(-1).mean(-1))
+        return np.sqrt(((np.stack([turned, lines[1:]]) - lines[:-1]) ** 2).sum(-1).mean(-1))
 
     with ThreadPoolExecutor(numba.get_num_threads()) as pool:
         lots = list(pool.map(measure_lot, range(0, len(pose) - 1, _LOT)))
@@ -97,16 +98,16 @@ class Bodies:
 
     @cached_property
     def _code_speeds(self) -> Floats:
-        """How fast pose codes (n, c) change at every row, per frame, over the frames beside it."""
-        codes, more = self.poses.codes, self.goes_on
-        after = np.arange(len(codes)) + more
-        before = np.arange(len(codes)) - np.append(False, more[:-1])
+        """Change of pose codes (n, c) per frame at every row, from the frame before to the next."""
+        codes, goes_on = self.poses.codes, self.goes_on
+        after = np.arange(len(codes)) + goes_on
+        before = np.arange(len(codes)) - np.append(False, goes_on[:-1])
         return (codes[after] - codes[before]) / np.maximum(after - before, 1)[:, None]
 
     def sprite_direction_deg(self, orientation: int, rotation_deg: float) -> Floats:
         """Return the direction [°] in which a sprite swims in an orientation, turned further.
 
-        orientation: 1 …; rotation_deg: by how much it is turned further.
+        orientation: 1 …; rotation_deg: by how much the sprite is turned further.
         """
         return orientation_heading_deg(orientation, count_orientations(self.sprites)) + rotation_deg
 
@@ -117,13 +118,13 @@ class Bodies:
         by how much a frame is turned, or the direction in which a sprite swims; mirrored: whether a
         frame is mirrored.
         """
-        rows, flips, axis, _ = self._sprite_bodies
+        rows, is_flipped, direction, _ = self._sprite_bodies
         sprite = np.where(frame, 0, number)
         row = np.where(frame, number, rows[sprite])
-        mirror = np.where(frame, mirrored, flips[sprite])
+        is_mirrored = np.where(frame, mirrored, is_flipped[sprite])
         heading = self.heading_deg[row]
-        sway = np.where(mirror, -1, 1) * wrap_deg(heading - axis[sprite])
-        return Body(row, mirror, turn_deg + np.where(frame, heading, sway))
+        sway = np.where(is_mirrored, -1, 1) * wrap_deg(heading - direction[sprite])
+        return Body(row, is_mirrored, turn_deg + np.where(frame, heading, sway))
 
     def edit_row_body(self, shown: RowPicture) -> Body:
         """Return which filmed body, mirrored or turned, is in a picture that an edit list names."""
@@ -135,7 +136,7 @@ class Bodies:
         return self.picture_bodies(frame, np.array(shown.source), turn, np.array(shown.mirrored))
 
     def next_body(self, body: Body) -> Body:
-        """Return the bodies that the film shows a frame later; at the end of a track the same."""
+        """Return the bodies that the film shows a frame later; unchanged at the end of a track."""
         row = body.row + self.goes_on[body.row]
         side = np.where(body.mirrored, -1, 1)
         turn = side * wrap_deg(self.heading_deg[row] - self.heading_deg[body.row])
@@ -148,14 +149,15 @@ class Bodies:
         """
         return np.where(frame, 0.0, self._sprite_bodies[3][np.where(frame, 0, number)])
 
-    def are_near_in_film(self, one: Body, other: Body, frames: int) -> Mask:
+    def are_near_in_film(self, first: Body, second: Body, frames: int) -> Mask:
         """Return which pairs (…) of bodies are at most `frames` apart in one track of the film.
 
         Both, or none, must be mirrored.
         """
         track = np.append(0, np.cumsum(~self.goes_on[:-1]))
-        near = np.abs(one.row - other.row) <= frames
-        return near & (track[one.row] == track[other.row]) & (one.mirrored == other.mirrored)
+        near = np.abs(first.row - second.row) <= frames
+        same_track = track[first.row] == track[second.row]
+        return near & same_track & (first.mirrored == second.mirrored)
 
     def codes(self, body: Body) -> Floats:
         """Return the pose codes (…, c), principal-component scores, of bodies as drawn."""
@@ -166,21 +168,21 @@ class Bodies:
         return self._mirror_codes(self._code_speeds[body.row], body.mirrored)
 
     def _mirror_codes(self, codes: Floats, mirrored: Mask) -> Floats:
-        """Mirror those pose codes (principal-component scores) (…, c) that are in a mask (…)."""
+        """Return pose codes (…, c), those mirrored that a mask (…) marks."""
         return np.where(mirrored[..., None], codes @ self.poses.shapes.mirror_matrix, codes)
 
 
 def resting_rows(bodies: Bodies, share: float) -> Mask:
     """Return a mask (n,) of the rows at which the animal keeps its place and posture.
 
-    It rests where its centre and its body about it move, since the row before, less than `share` of
-    the film's root mean square movement. Nothing may move the fish there: a picture that stays the
-    same and drifts looks false.
+    It rests where its centre and its body about the centre move, since the row before, less than
+    `share` of the film's root mean square movement. Nothing may move the fish there: a picture that
+    stays the same and drifts looks false.
     """
     pose, same_track = bodies.poses.pose, bodies.goes_on[:-1]
     step = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) / pose.size_px[1:]
-    square = step**2 + bodies.movement.whole**2
+    squared_movement = step**2 + bodies.movement.whole**2
     rests = np.zeros(len(bodies.goes_on), bool)
     if same_track.any():
-        rests[1:] = same_track & (square < share**2 * square[same_track].mean())
+        rests[1:] = same_track & (squared_movement < share**2 * squared_movement[same_track].mean())
     return rests

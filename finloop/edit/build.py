@@ -19,12 +19,12 @@ _NO_COSTS = (np.nan,) * len(TERMS)
 
 @dataclass(frozen=True)
 class EditInputs:
-    """All pictures that an edit list can show, n rows of the film and s sprites, and how they join.
+    """All pictures that an edit list can show, n rows of the film and s sprites, and their joins.
 
     body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,), sprite_scale (s,): drawn size
     / filmed size; goes_on (n,): whether a row is followed by the next one; sprite_after (s,): the
     sprite that follows each; orientations: of each sprite; joins: how pictures are joined; modes:
-    the one that plays frames, and the one that plays sprites.
+    the names of the one that plays frames, and of the one that plays sprites.
     """
 
     rate_hz: float
@@ -39,7 +39,7 @@ class EditInputs:
     modes: tuple[str, str]
 
     def next_number(self, kind: str, number: int) -> int:
-        """Return the number of the sprite or film row after another; at the end that one itself."""
+        """Return the number of the sprite or film row after another, at the end its own number."""
         if kind == SPRITE:
             return int(self.sprite_after[number])
         return number + int(self.goes_on[number])
@@ -66,36 +66,36 @@ def build_edit_lists(swims: Sequence[Swim], ticks: int, sources: EditInputs) -> 
 
     Each fish has `ticks` rows, fish after fish.
     """
-    each = [build_edit_list(swim, ticks, sources, fish) for fish, swim in enumerate(swims)]
-    return each[0] if len(each) == 1 else pd.concat(each, ignore_index=True)
+    lists = [build_edit_list(swim, ticks, sources, fish) for fish, swim in enumerate(swims)]
+    return lists[0] if len(lists) == 1 else pd.concat(lists, ignore_index=True)
 
 
 def _decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]:
     """Return the columns `WHY` (ticks,) by name: why each stretch of ticks was chosen.
 
-    They are filled on the first tick of each stretch.
+    They are filled on the first tick of each stretch, and empty (NaN or null) on the others.
     """
-    start = np.cumsum([0] + [len(s.way) for s in stretches])[:-1]
-    first = start[start < ticks]
-    decisions = [s.decision for s in stretches[: len(first)]]
+    starts = np.cumsum([0] + [len(s.way) for s in stretches])[:-1]
+    first_ticks = starts[starts < ticks]
+    decisions = [s.decision for s in stretches[: len(first_ticks)]]
     columns: dict[str, Any] = {}
     for name, values in zip(Decision._fields, zip(*decisions, strict=True), strict=True):
         if isinstance(values[0], tuple):
             costs = np.full((ticks, len(TERMS)), np.nan)
-            costs[first] = [value or _NO_COSTS for value in values]
-            way = name.removesuffix("_terms")
-            columns |= {f"{way}_{term}_s": costs[:, k] for k, term in enumerate(TERMS)}
+            costs[first_ticks] = [value or _NO_COSTS for value in values]
+            prefix = name.removesuffix("_terms")
+            columns |= {f"{prefix}_{term}_s": costs[:, k] for k, term in enumerate(TERMS)}
         elif isinstance(values[0], str):
             text = np.full(ticks, None, dtype=object)
-            text[first] = [value or None for value in values]
+            text[first_ticks] = [value or None for value in values]
             columns[name] = text
         elif isinstance(values[0], int):
-            whole, missing = np.zeros(ticks, np.int16), np.ones(ticks, bool)
-            whole[first], missing[first] = values, False
-            columns[name] = pd.arrays.IntegerArray(whole, missing)
+            counts, missing = np.zeros(ticks, np.int16), np.ones(ticks, bool)
+            counts[first_ticks], missing[first_ticks] = values, False
+            columns[name] = pd.arrays.IntegerArray(counts, missing)
         else:
             columns[name] = np.full(ticks, np.nan)
-            columns[name][first] = values
+            columns[name][first_ticks] = values
     return columns
 
 
@@ -108,46 +108,46 @@ def edit_columns(
     partner have a meaning where `weight` > 0.
     """
     lengths = np.array([len(s.way) for s in stretches])
-    owner = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
+    of_tick = np.repeat(np.arange(len(stretches)), lengths)[:ticks]  # number of the stretch
     way = np.concatenate([s.way for s in stretches])[:ticks]
     rots = [np.zeros(len(s.way)) if s.rot is None else s.rot for s in stretches]
     pictures = resolve_mirror_images(
-        np.array([s.kind == FRAME for s in stretches])[owner],
+        np.array([s.kind == FRAME for s in stretches])[of_tick],
         np.concatenate([s.number for s in stretches])[:ticks],
         np.concatenate(rots)[:ticks],
         sources.heading_deg,
     )
     start = np.concatenate([[0], np.cumsum(lengths)[:-1]])
-    first = start[start < ticks]
+    first_ticks = start[start < ticks]
     heading = wrap_deg(way[:, 2])
     step = np.hypot(*np.diff(way[:, :2], axis=0, prepend=way[:1, :2]).T)
     speed = step / sources.body_length_px * sources.rate_hz
     if len(speed) > 1:
         speed[0] = speed[1]  # before the first tick there is no step
-    new = np.array([s.new for s in stretches])[: len(first)] & (first > 0)
+    new = np.array([s.new for s in stretches])[: len(first_ticks)] & (first_ticks > 0)
     aims = np.array([s.aim for s in stretches])
-    state = np.array([s.state for s in stretches])[owner]
+    state = np.array([s.state for s in stretches])[of_tick]
     return {
         "tick": np.arange(ticks),
         "time_s": np.arange(ticks) / sources.rate_hz,
-        **_join_columns(pictures, heading, first[new], sources),
+        **_join_columns(pictures, heading, first_ticks[new], sources),
         "x_px": way[:, 0],
         "y_px": way[:, 1],
         "heading_deg": heading,
         "speed": speed,
-        "motion_area": np.array([s.area for s in stretches])[owner],
+        "motion_area": np.array([s.area for s in stretches])[of_tick],
         "mode": np.where(pictures.frame, *sources.modes),
         "state": np.array(STATES)[state],
-        "goal": np.array(names)[owner],
-        "aim_x_px": aims[owner, 0],
-        "aim_y_px": aims[owner, 1],
+        "goal": np.array(names)[of_tick],
+        "aim_x_px": aims[of_tick, 0],
+        "aim_y_px": aims[of_tick, 1],
     }
 
 
 def resolve_mirror_images(
     frame: Mask, number: Ints, rot: Floats, heading_deg: Reals
 ) -> PictureSequence:
-    """Replace each number n + i, the mirror image of row i, by row i with a mark: (ticks,).
+    """Replace picture numbers n + i, mirror images of row i, by row i and a mark; all (ticks,).
 
     frame: whether each picture is a frame; number: its row i, n + i for row i upside down, or a
     sprite; rot: a frame's rotation, degrees; heading_deg (n,): of the rows as filmed. Row i is
@@ -157,9 +157,8 @@ def resolve_mirror_images(
     mirrored = frame & (number >= rows)
     row = np.where(mirrored, number - rows, number)
     heading = heading_deg[np.where(frame, row, 0)]
-    return PictureSequence(
-        frame, row, np.where(mirrored, wrap_deg(rot - 2 * heading), rot), mirrored
-    )
+    turned = np.where(mirrored, wrap_deg(rot - 2 * heading), rot)
+    return PictureSequence(frame, row, turned, mirrored)
 
 
 def _join_columns(
@@ -177,14 +176,13 @@ def _join_columns(
         new = join.begins
         for tick in np.flatnonzero(join.posed):
             pose[tick] = join.codes[tick]
-        columns["rotation_deg"] = wrap_deg(columns["rotation_deg"] + join.turn_deg).astype(
-            np.float32
-        )
+        turned = wrap_deg(columns["rotation_deg"] + join.turn_deg)
+        columns["rotation_deg"] = turned.astype(np.float32)
     partner, weight = cross_fade_partners(pictures, new, rules.fade, sources.next_number)
-    other = _picture_columns(partner, heading, sources)
+    partner_columns = _picture_columns(partner, heading, sources)
     return {
-        **columns, "partner": other.pop("source"),
-        **{f"partner_{name}": column for name, column in other.items()},
+        **columns, "partner": partner_columns.pop("source"),
+        **{f"partner_{name}": column for name, column in partner_columns.items()},
         "weight": weight, "pose": pose,
     }  # fmt: skip
 
@@ -194,7 +192,8 @@ def _picture_columns(
 ) -> dict[str, NDArray[Any]]:
     """Return the columns (ticks,) of an edit list that say which picture is shown, and how turned.
 
-    heading (ticks,): of the fish, degrees.
+    heading (ticks,): of the fish, degrees. A sprite is shown in the nearest orientation, and turned
+    by the rest.
     """
     count, frame, number = sources.orientations, pictures.frame, pictures.number
     sector = find_orientations(heading, count)

@@ -28,7 +28,7 @@ from finloop.edit.schema import CUT, FRAME, INERTIAL, SPRITE
 from finloop.features.table import wrap_deg
 
 _DECAY = 4.743865  # (1 + a) exp(−a) = 0.05
-_REACH = 2.0  # times the duration of a join, after which less than 0.1 % of its offset is left
+_LASTS = 2.0  # times the duration of a join, after which less than 0.1 % of its offset is left
 
 BendingTest = Callable[[int, int, bool, bool], bool]
 """Whether a row looks more like another one in that one's posture; whether each is mirrored."""
@@ -93,7 +93,7 @@ class JoinRules:
     @property
     def _spring_ticks(self) -> int:
         """Number of ticks after which the offset of a join is gone."""
-        return int(np.ceil(_REACH * self.decay)) if self.kind == INERTIAL else 0
+        return int(np.ceil(_LASTS * self.decay)) if self.kind == INERTIAL else 0
 
     def count_moving(self, kind: str, number: Ints) -> int:
         """Count the pictures at which the animal does not rest; only they count after a join.
@@ -134,8 +134,8 @@ def resolve_join_rules(
 class PictureSequence:
     """Which picture is shown at each tick, and how it is turned; all (ticks,).
 
-    It says whether each is a frame; number: the row of a frame, else the sprite; rot: degrees by
-    which a frame is turned; mirrored: whether a frame is mirrored.
+    frame: whether it is a frame; number: the row of a frame, else the sprite; rot: degrees by which
+    a frame is turned; mirrored: whether a frame is mirrored.
     """
 
     frame: Mask
@@ -150,7 +150,7 @@ def sum_past_values(weights: Floats, values: Floats) -> Floats:
     The result is (n, c) like values. `scipy.signal.lfilter` does the same, but its import takes 0.9
     s in every process.
     """
-    return np.apply_along_axis(lambda one: np.convolve(weights, one)[: len(one)], 0, values)
+    return np.apply_along_axis(lambda x: np.convolve(weights, x)[: len(x)], axis=0, arr=values)
 
 
 class InertializedPictures(NamedTuple):
@@ -172,68 +172,68 @@ def inertialize_pictures(
 ) -> InertializedPictures:
     """Find the joins in pictures (ticks,), and the poses and rotations that make them smooth.
 
-    line_deg (ticks,): direction in which the fish swims, for which sprites are drawn, degrees.
+    line_deg (ticks,): direction in which the fish swims, for which sprites are drawn, degrees. The
+    posture is left alone where bending does not make the pictures of a join more alike.
     """
     bodies, frame, number = rules.bodies, shown.frame, shown.number
-    own = bodies.picture_bodies(frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored)
-    last, new = own.select(np.s_[:-1]), own.select(np.s_[1:])
-    follows = bodies.next_body(last)  # due after each picture; a sprite turns as the fish does
+    drawn = bodies.picture_bodies(
+        frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored
+    )
+    previous, current = drawn.select(np.s_[:-1]), drawn.select(np.s_[1:])
+    due = bodies.next_body(previous)  # what the film shows next; a sprite turns as the fish does
     sprite_turn = np.diff(line_deg) - bodies.sprite_turn_deg(frame[:-1], number[:-1])
-    turned = follows.heading_deg + np.where(frame[:-1], 0.0, sprite_turn)
-    follows = follows._replace(heading_deg=turned)
-    natural = (new.row == follows.row) & (new.mirrored == follows.mirrored)
-    natural &= (frame[1:] == frame[:-1]) & bodies.goes_on[last.row]
-    moves = np.append(True, ~(natural & rules.rests[new.row]))
-    natural[1:] |= (new.row[1:] == last.row[1:]) & (last.row[1:] == last.row[:-1])  # held still
-    at = np.flatnonzero(~natural) + 1
-    old = follows.select(at - 1)
-    before = wrap_deg(old.heading_deg - last.heading_deg[at - 1])
-    offset, velocity = _join_offsets(own, old, at, before, bodies)
-    here = own.select(at)
-    pairs = np.stack([here.row, old.row, here.mirrored, old.mirrored], -1).tolist()
-    plain = at[
-        [
-            not rules.bending_improves_match(one, other, bool(a), bool(b))
-            for one, other, a, b in pairs
-        ]
-    ]
-    offset[plain, :-1] = velocity[plain, :-1] = 0
+    due = due._replace(heading_deg=due.heading_deg + np.where(frame[:-1], 0.0, sprite_turn))
+    follows = (current.row == due.row) & (current.mirrored == due.mirrored)
+    follows &= (frame[1:] == frame[:-1]) & bodies.goes_on[previous.row]
+    moves = np.append(True, ~(follows & rules.rests[current.row]))
+    is_held = (current.row[1:] == previous.row[1:]) & (previous.row[1:] == previous.row[:-1])
+    follows[1:] |= is_held
+    joins = np.flatnonzero(~follows) + 1
+    old, new = due.select(joins - 1), drawn.select(joins)
+    turn_before = wrap_deg(old.heading_deg - previous.heading_deg[joins - 1])
+    offset, velocity = _join_offsets(drawn, old, joins, turn_before, bodies)
+    pairs = np.stack([new.row, old.row, new.mirrored, old.mirrored], -1).tolist()
+    unbent = joins[[
+        not rules.bending_improves_match(row, old_row, bool(mirrored), bool(old_mirrored))
+        for row, old_row, mirrored, old_mirrored in pairs
+    ]]  # fmt: skip
+    offset[unbent, :-1] = velocity[unbent, :-1] = 0
     springs = rules.spring_response()
-    clock = np.cumsum(moves) - 1
+    clock = np.cumsum(moves) - 1  # counts only ticks at which the film moves
     left = sum_past_values(springs[0], offset[moves]) + sum_past_values(springs[1], velocity[moves])
     left = left[clock]
     latest_join = np.full(clock[-1] + 1, -(2**31))
-    latest_join[clock[at]] = clock[at]
+    latest_join[clock[joins]] = clock[joins]
     since = clock - np.maximum.accumulate(latest_join)[clock]
-    posed, codes = since < len(springs[0]), bodies.codes(own)
+    posed, codes = since < len(springs[0]), bodies.codes(drawn)
     codes[posed] += left[posed, :-1]
     shapes = bodies.poses.shapes  # a posture near a filmed one is possible
     doubtful = posed & (np.linalg.norm(left[:, :-1], axis=1) > shapes.gap)
     if doubtful.any():
         codes[doubtful] = shapes.nearest_codes(codes[doubtful]).codes
-    begins = at[~bodies.are_near_in_film(old, here, rules.fade)]
+    begins = joins[~bodies.are_near_in_film(old, new, rules.fade)]
     return InertializedPictures(begins, codes.astype(np.float32), posed, left[:, -1])
 
 
 def _join_offsets(
-    own: Body, old: Body, at: Ints, before_deg: Floats, bodies: Bodies
+    drawn: Body, old: Body, joins: Ints, before_deg: Floats, bodies: Bodies
 ) -> tuple[Floats, Floats]:
     """Return how far pose and heading jump at each join, and how far their velocities do.
 
     Both are (ticks, c + 1), 0 at other ticks: c pose codes (principal-component scores), then
-    degrees. own: bodies of all ticks; at: ticks of the joins; old: bodies expected there;
-    before_deg: turn before each.
+    degrees. drawn: bodies of all ticks; joins: their ticks; old: bodies that the film would show
+    there; before_deg: turn in the tick before each.
     """
-    here, ticks = own.select(at), len(own.row)
-    ahead = np.minimum(at + 1, ticks - 1)
-    plays = (ahead > at) & ~np.isin(ahead, at)
-    turns = np.where(plays, wrap_deg(own.heading_deg[ahead] - here.heading_deg), before_deg)
-    held = (own.row[ahead] == here.row) & (ahead > at)
-    codes = bodies.codes(old) - bodies.codes(here)
-    speed = bodies.speed(old) - bodies.speed(here) * ~held[:, None]
+    new, ticks = drawn.select(joins), len(drawn.row)
+    ahead = np.minimum(joins + 1, ticks - 1)
+    plays_on = (ahead > joins) & ~np.isin(ahead, joins)
+    turns = np.where(plays_on, wrap_deg(drawn.heading_deg[ahead] - new.heading_deg), before_deg)
+    is_held = (drawn.row[ahead] == new.row) & (ahead > joins)
+    codes = bodies.codes(old) - bodies.codes(new)
+    speed = bodies.speed(old) - bodies.speed(new) * ~is_held[:, None]
     offset, velocity = np.zeros((2, ticks, codes.shape[1] + 1))
-    offset[at] = np.column_stack([codes, wrap_deg(old.heading_deg - here.heading_deg)])
-    velocity[at] = np.column_stack([speed, before_deg - turns])
+    offset[joins] = np.column_stack([codes, wrap_deg(old.heading_deg - new.heading_deg)])
+    velocity[joins] = np.column_stack([speed, before_deg - turns])
     return offset, velocity
 
 
@@ -242,16 +242,16 @@ def cross_fade_partners(
 ) -> tuple[PictureSequence, Floats]:
     """Return the pictures (ticks,) that fade out, and their shares (ticks,): 0 where none does.
 
-    At each tick of `begins` the old picture plays on for `fade` ticks and loses its share.
-    following(kind, number): returns the number of the next picture.
+    shown: the pictures that fade in. At each tick of `begins` the old picture plays on for `fade`
+    ticks and loses its share. following(kind, number): returns the number of the next picture.
     """
     ticks, dtypes = len(shown.number), (bool, np.int64, float, bool)
     partner, weight = PictureSequence(*(np.zeros(ticks, d) for d in dtypes)), np.zeros(ticks)
     for first in begins:
-        frame, old = bool(shown.frame[first - 1]), int(shown.number[first - 1])
+        frame, number = bool(shown.frame[first - 1]), int(shown.number[first - 1])
         for tick in range(first, min(first + fade, ticks)):
-            old = following(FRAME if frame else SPRITE, old)
-            partner.frame[tick], partner.number[tick] = frame, old
+            number = following(FRAME if frame else SPRITE, number)
+            partner.frame[tick], partner.number[tick] = frame, number
             partner.rot[tick] = shown.rot[first - 1]
             partner.mirrored[tick] = shown.mirrored[first - 1]
             weight[tick] = 1 - (tick - first + 1) / (fade + 1)

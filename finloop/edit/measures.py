@@ -1,8 +1,8 @@
 """Measures of an edit list alone: what it shows, how smooth and how varied it is; also of the film.
 
-A *step* is the distance (Eq. 5) between two successive pictures, compared with the film's own
-steps. A *seam* is the distance of a join, between the picture that would follow and the one that
-does. Its *ratio* divides it by the median of the film's steps: 1 is as smooth as the film.
+A *step* is the Euclidean distance (Eq. 5) between two successive pictures, compared with the film's
+own steps. A *seam* is the distance of a join, between the picture that would follow and the one
+that does. Its *ratio* divides it by the median of the film's steps: 1 is as smooth as the film.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,41 +28,44 @@ def picture_kinds(edit: pd.DataFrame) -> pd.Series:
     frame = edit["kind"] == FRAME
     choices = [~frame, edit["state"] == STATES[FORECAST], edit["mirrored"], edit["pose"].notna()]
     names = [SPRITE_SHOWN, PREDICTED, MIRRORED, POSED]
-    return pd.Series(np.select([one.to_numpy(bool) for one in choices], names, FILM), edit.index)
+    return pd.Series(
+        np.select([choice.to_numpy(bool) for choice in choices], names, FILM), edit.index
+    )
 
 
 def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
     """Return the percentage of ticks that show each of `SHOWN`, and the number of switches.
 
-    film_pct: film, bent or mirrored or not; stuck_pct: turning on the spot because every way leaves
-    the tank; switches: between sprites and film; switches_without_gateway: those by no gateway.
+    Keys: shown_<name>_pct; film_pct: film, bent or mirrored or not; stuck_pct: turning on the spot
+    because every way leaves the tank; switches: between sprites and film; switches_without_gateway:
+    those by no gateway, a sprite and a frame that are alike.
     """
-    names, frame = picture_kinds(edit), (edit["kind"] == FRAME).to_numpy()
-    switched = np.append(False, frame[1:] != frame[:-1])
-    gateway = edit["reason"].eq(ENTER).to_numpy() | edit["exit"].notna().to_numpy()
-    gateway &= edit["seam"].notna().to_numpy()
+    names, is_frame = picture_kinds(edit), (edit["kind"] == FRAME).to_numpy()
+    switched = np.append(False, is_frame[1:] != is_frame[:-1])
+    by_gateway = edit["reason"].eq(ENTER).to_numpy() | edit["exit"].notna().to_numpy()
+    by_gateway &= edit["seam"].notna().to_numpy()
     shares = {name: 100 * float((names == name).mean()) for name in SHOWN}
     return {
         **{f"shown_{name.replace(' ', '_')}_pct": share for name, share in shares.items()},
         "film_pct": 100 * float((~names.isin([SPRITE_SHOWN, PREDICTED])).mean()),
         "stuck_pct": 100 * float((edit["reason"].ffill() == SPOT).mean()),
         "switches": float(switched.sum()),
-        "switches_without_gateway": float((switched & ~gateway).sum()),
+        "switches_without_gateway": float((switched & ~by_gateway).sum()),
     }
 
 
 def motion_area_errors(edit: pd.DataFrame) -> dict[str, float]:
     """Return how well sprites bend as much as the network asked for in turns (Fig. 18).
 
-    The median error is that of the most bent sprite shown against the motion area that the network
-    asked for, as a share of the film's largest. {} without such turns.
+    `turn_area_missed_median`: median difference of the most bent sprite's motion area from the one
+    that the network asked for, as a share of the film's largest. {} without such turns.
     """
     missed = (edit["sprite_area"] - edit["motion_area"]).abs().dropna()
     return {} if missed.empty else {"turn_area_missed_median": float(missed.median())}
 
 
 def average_measures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return the mean of each measure over those fish that have it."""
+    """Return the mean of each measure over those fish that have it; rows: by name, a fish each."""
     return dict(rows[0]) if len(rows) == 1 else pd.DataFrame(rows).mean().to_dict()
 
 
@@ -73,26 +76,26 @@ def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
     rises. A narrow one has too little room. Without turns percentages are NaN.
     """
     turning = (edit["state"] == STATES[TURN]).to_numpy()
-    begins = edit["reason"].notna().to_numpy()
-    number = np.cumsum(begins)
+    is_first = edit["reason"].notna().to_numpy()
+    stretch = np.cumsum(is_first)
     right, up = edit["aim_x_px"] - edit["x_px"], edit["y_px"] - edit["aim_y_px"]
     bearing = np.degrees(np.arctan2(up, right))
-    error = np.abs(wrap_deg((bearing - edit["heading_deg"]).to_numpy(float)))
-    rises = (number[1:] == number[:-1]) & turning[1:] & (np.diff(error) > 1e-3)
-    turns, bad = np.unique(number[turning]), np.unique(number[1:][rises])
-    tight = (edit.loc[begins & turning, "room"] < 1).mean() if len(turns) else np.nan
+    error_deg = np.abs(wrap_deg((bearing - edit["heading_deg"]).to_numpy(float)))
+    is_worse = (stretch[1:] == stretch[:-1]) & turning[1:] & (np.diff(error_deg) > 1e-3)
+    turns, bad_turns = np.unique(stretch[turning]), np.unique(stretch[1:][is_worse])
+    narrow_share = (edit.loc[is_first & turning, "room"] < 1).mean() if len(turns) else np.nan
     return {
         "turns": float(len(turns)),
-        "turns_monotone_pct": 100 * (1 - len(bad) / len(turns)) if len(turns) else np.nan,
-        "turns_with_little_room_pct": 100 * float(tight),
+        "turns_monotone_pct": 100 * (1 - len(bad_turns) / len(turns)) if len(turns) else np.nan,
+        "turns_with_little_room_pct": 100 * float(narrow_share),
     }
 
 
 def step_measures(drawn: Floats, film: Floats) -> dict[str, float]:
     """Return how much an animation's picture changes per tick, compared with the film's.
 
-    drawn, film: distances (Eq. 5) between successive pictures. Results: median and 95th percentile
-    over the film's median; percentages above the film's 95th and 99.5th percentile.
+    drawn, film: Euclidean distances (Eq. 5) between successive pictures. Results: median and 95th
+    percentile over the film's median; percentages above the film's 95th and 99.5th percentile.
     """
     above = 100 * float((drawn > np.quantile(film, 0.995)).mean())
     return _ratios_to_film(drawn, film, "step", "steps") | {"steps_above_film_p995_pct": above}
@@ -101,8 +104,9 @@ def step_measures(drawn: Floats, film: Floats) -> dict[str, float]:
 def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
     """Return the number of joins, and how visible they are compared with the film's steps.
 
-    seams: distances (Eq. 5) of joins, without cross-fade; film: those of its successive pictures.
-    Results: median and 95th percentile over the film's median; percentage above the film's 95th.
+    seams: Euclidean distances (Eq. 5) of joins, without cross-fade; film: those of its successive
+    pictures. Results: median and 95th percentile over the film's median; percentage above the
+    film's 95th. Without joins only their number, `jumps`.
     """
     if seams.size == 0:
         return {"jumps": 0.0}
@@ -114,10 +118,10 @@ def _ratios_to_film(drawn: Floats, film: Floats, name: str, plural: str) -> dict
 
     drawn, film: distances; name, plural: for the names of the results.
     """
-    middle = float(np.median(film))
+    film_median = float(np.median(film))
     return {
-        f"{name}_ratio_median": float(np.median(drawn)) / middle,
-        f"{name}_ratio_p95": float(np.quantile(drawn, 0.95)) / middle,
+        f"{name}_ratio_median": float(np.median(drawn)) / film_median,
+        f"{name}_ratio_p95": float(np.quantile(drawn, 0.95)) / film_median,
         f"{plural}_above_film_p95_pct": 100 * float((drawn > np.quantile(film, 0.95)).mean()),
     }
 
@@ -128,15 +132,15 @@ def pose_measures(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
     shapes: principal shapes, which tell what the film shows.
     """
     codes = [pose for pose in edit["pose"] if pose is not None]
-    far = int(shapes.is_far_from_film(np.stack(codes).astype(float)).sum()) if codes else 0
+    far_count = int(shapes.is_far_from_film(np.stack(codes).astype(float)).sum()) if codes else 0
     return {
         "posed_pct": 100 * len(codes) / len(edit),
-        "poses_at_the_limit_pct": 100 * far / len(edit),
+        "poses_at_the_limit_pct": 100 * far_count / len(edit),
     }
 
 
 def state_measures(edit: pd.DataFrame) -> dict[str, float]:
-    """Return in how many % of the ticks the fish is in each of `STATES`, such as "turn"."""
+    """Return the percentage of ticks in each of `STATES`, such as "turn", as `<state>_pct`."""
     share = 100 * edit["state"].value_counts(normalize=True)
     return {f"{state}_pct": float(share.get(state, 0.0)) for state in STATES}
 
@@ -155,7 +159,7 @@ def longest_repeat(edit: pd.DataFrame) -> int:
 
 
 def _number_pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
-    """Give each picture of an edit list a number, (ticks,), equal for equal pictures."""
+    """Return a number (ticks,) for each picture of an edit list, equal for equal pictures."""
     names = ["kind", "source", "orientation", "mirrored"]
     return edit.groupby(names, dropna=False, sort=False).ngroup().to_numpy()
 
@@ -170,10 +174,12 @@ def rhythm_measures(
     """
     changes = np.diff(_number_pictures(edit)) != 0
     runs = np.diff(np.flatnonzero(np.r_[True, changes, True]))
-    frame = (edit["kind"] == FRAME).to_numpy()
-    across = jumps[frame[jumps] & frame[jumps - 1]]
+    is_frame = (edit["kind"] == FRAME).to_numpy()
+    film_jumps = jumps[is_frame[jumps] & is_frame[jumps - 1]]
     return {
         "longest_still_s": float(runs.max()) / rate_hz,
-        "jumps_of_the_film": float(len(across)),
-        "shortest_stay_s": float(np.diff(across).min()) / rate_hz if len(across) > 1 else np.nan,
+        "jumps_of_the_film": float(len(film_jumps)),
+        "shortest_stay_s": float(np.diff(film_jumps).min()) / rate_hz
+        if len(film_jumps) > 1
+        else np.nan,
     }

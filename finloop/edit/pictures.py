@@ -19,7 +19,7 @@ from finloop.edit.schema import FRAME, SPRITE, row_partner, row_picture
 from finloop.puppet import Pose, draw_in_pose, mix_pictures
 
 Picture = NDArray[np.float32]
-_REMEMBERED = 100_000  # pairs of rows
+_CACHED_PAIRS = 100_000  # pairs of rows whose test is remembered
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,11 @@ class Pictures:
         self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float,
         mirrored: bool,
     ) -> Picture:  # fmt: skip
-        """Draw a sprite in an orientation, or a frame, which has none, turned by `rotation_deg`."""
+        """Return a picture: a sprite in an orientation, or a frame, turned by `rotation_deg`.
+
+        kind: SPRITE or FRAME; source: sprite or film row; scale: drawn size / filmed size;
+        mirrored: whether a frame is mirrored; a frame has no orientation.
+        """
         reel, turn = self.reel, float(rotation_deg)
         if kind == FRAME:
             centre, cutout = reel.centres_px[source], reel.film[source]
@@ -46,20 +50,22 @@ class Pictures:
         if kind == FRAME and mirrored:
             heading = float(self.bodies.heading_deg[source])
             turn = -turn - 2 * heading
-            return draw_centred_cutout(cutout, centre, reel.length_px / scale, self.size, turn)[
-                ::-1
-            ]
+            picture = draw_centred_cutout(cutout, centre, reel.length_px / scale, self.size, turn)
+            return picture[::-1]  # upside down
         return draw_centred_cutout(cutout, centre, reel.length_px / scale, self.size, turn)
 
     def target_pose(self, body: Body, scale: float, codes: Floats, turn_deg: float = 0.0) -> Pose:
         """Return the pose, in px of the picture, of a body in the posture of codes (c,).
 
-        scale: drawn size / filmed size; turn_deg: turns it further than its heading on screen.
+        scale: drawn size / filmed size; turn_deg: added to the body's heading on screen. The body
+        is in the middle of the picture.
         """
         middle = (self.size - 1) / 2
         pose = self.bodies.poses.pose_from_codes(int(body.row), codes)
-        size = float(pose.size_px) * scale * self.size / (SPAN * self.reel.length_px)
-        return pose.move_to(middle, middle, np.radians(float(body.heading_deg) + turn_deg), size)
+        length_px = float(pose.size_px) * scale * self.size / (SPAN * self.reel.length_px)
+        return pose.move_to(
+            middle, middle, np.radians(float(body.heading_deg) + turn_deg), length_px
+        )
 
     def draw_body(self, body: Body, target: Pose) -> Picture:
         """Draw a filmed body in a target pose; return the picture (size, size, channels)."""
@@ -70,27 +76,22 @@ class Pictures:
     @cached_property
     def bending_improves_match(self) -> BendingTest:
         """Test of whether one film row looks more like another if it is bent into its posture."""
-        return lru_cache(_REMEMBERED)(self._test_bending)
+        return lru_cache(_CACHED_PAIRS)(self._test_bending)
 
     def _test_bending(self, row: int, other: int, mirrored: bool, other_mirrored: bool) -> bool:
         """Return whether `row` looks more like `other` if it is bent into that one's posture."""
         middle, size = (self.size - 1) / 2, self.size / SPAN
-        bodies = [
-            Body(np.array(number), np.array(flip), np.zeros(()))
-            for number, flip in ((row, mirrored), (other, other_mirrored))
-        ]
-        own, wanted = (
-            self.bodies.poses.pose_from_codes(int(body.row), self.bodies.codes(body)).move_to(
-                middle, middle, 0, size
-            )
-            for body in bodies
+        pairs = ((row, mirrored), (other, other_mirrored))
+        bodies = [Body(np.array(number), np.array(flip), np.zeros(())) for number, flip in pairs]
+        poses = []
+        for body in bodies:
+            pose = self.bodies.poses.pose_from_codes(int(body.row), self.bodies.codes(body))
+            poses.append(pose.move_to(middle, middle, 0, size))
+        other_picture = self.draw_body(bodies[1], poses[1])
+        unbent, bent = (
+            paired_distances(self.draw_body(bodies[0], pose), other_picture) for pose in poses
         )
-        other_picture = self.draw_body(bodies[1], wanted)
-        bent, plain = (
-            paired_distances(self.draw_body(bodies[0], pose), other_picture)
-            for pose in (wanted, own)
-        )
-        return bool(bent < plain)
+        return bool(bent < unbent)
 
     @cached_property
     def right_facing_sprites(self) -> Picture:
@@ -107,24 +108,24 @@ class Pictures:
 
 
 def cross_fade_distance(row: Any, pictures: Pictures) -> float:
-    """Return the distance (Eq. 5) between the two pictures of a cross-fade.
+    """Return the Euclidean distance (Eq. 5) between the two pictures of a cross-fade.
 
     row: a row of an edit list (what is drawn at every tick) as a named tuple, with `weight` > 0.
     """
-    own, partner = (pictures(*name(row)) for name in (row_picture, row_partner))
-    return float(paired_distances(own, partner))
+    shown, partner = (pictures(*name(row)) for name in (row_picture, row_partner))
+    return float(paired_distances(shown, partner))
 
 
 def remove_ghost_fades(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
     """Remove cross-fades between pictures so unlike that they look like ghosts.
 
-    most: the largest distance (Eq. 5) that stays. A partner once removed does not come back in the
-    same cross-fade.
+    most: the largest Euclidean distance (Eq. 5) of pictures that are mixed. A partner once removed
+    does not come back in the same cross-fade.
     """
     ghosts: list[int] = []
     for row in edit[edit["weight"] > 0].itertuples():
-        before = bool(ghosts) and ghosts[-1] == row.Index - 1
-        if before or cross_fade_distance(row, pictures) > most:
+        removed_before = bool(ghosts) and ghosts[-1] == row.Index - 1
+        if removed_before or cross_fade_distance(row, pictures) > most:
             ghosts.append(row.Index)
     clean = edit.copy()
     clean.loc[ghosts, "weight"] = 0.0
@@ -135,35 +136,35 @@ def remove_ghost_fades(edit: pd.DataFrame, pictures: Pictures, most: float) -> p
 
 
 def drawn_step_distances(edit: pd.DataFrame, pictures: Pictures) -> Floats:
-    """Return the distances (ticks − 1,) (Eq. 5) between the pictures of successive ticks.
+    """Return the Euclidean distances (ticks − 1,) (Eq. 5) of the pictures of successive ticks.
 
     Joins, poses and cross-fades are included.
     """
-    drawn = pairwise(draw_edit_list(edit, pictures))
-    return np.array([float(paired_distances(after, before)) for before, after in drawn])
+    pairs = pairwise(draw_edit_list(edit, pictures))
+    return np.array([float(paired_distances(after, before)) for before, after in pairs])
 
 
 def draw_edit_list(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
     """Yield the picture (size, size, channels) that an edit list shows at each tick."""
     for row in edit.itertuples():
-        names = [row_picture(row), row_partner(row)] if row.weight else [row_picture(row)]
+        to_draw = [row_picture(row), row_partner(row)] if row.weight else [row_picture(row)]
         if row.pose is None:
-            shown = [pictures(*name) for name in names]
+            drawn = [pictures(*picture) for picture in to_draw]
         else:
-            drawn = [pictures.bodies.edit_row_body(name) for name in names]
-            target = pictures.target_pose(drawn[0], row.scale, row.pose)
-            shown = [pictures.draw_body(body, target) for body in drawn]
-        yield mix_pictures(*shown, row.weight) if row.weight else shown[0]
+            bodies = [pictures.bodies.edit_row_body(picture) for picture in to_draw]
+            target = pictures.target_pose(bodies[0], row.scale, row.pose)
+            drawn = [pictures.draw_body(body, target) for body in bodies]
+        yield mix_pictures(*drawn, row.weight) if row.weight else drawn[0]
 
 
 def measure_discontinuities(
     edit: pd.DataFrame, pictures: Pictures
 ) -> tuple[Floats, NDArray[np.intp]]:
-    """Return how visible each join is (k,) (Eq. 5), without cross-fades, and its tick (k,).
+    """Return the Euclidean distance (Eq. 5) of each join (k,), without cross-fades, and its tick.
 
-    It compares what the film would show next, turned as the picture on screen, with what is drawn.
+    What the film would show next, turned as the picture on screen, is compared with what is drawn.
     A picture that is held for several ticks has one join, where it comes the second time. Where an
-    earlier join has not died away, the pose of the new picture includes what is left of it. There
+    earlier join has not died away, the pose of the new picture includes what is left of it; there
     only light and skin are compared.
     """
     next_sprite = _next_sprites(pictures.reel.sprites)
@@ -171,9 +172,9 @@ def measure_discontinuities(
     rows = list(edit.itertuples())
     for tick in range(1, len(rows)):
         before, now = rows[tick - 1], rows[tick]
-        held = [(one.kind, one.source, one.mirrored) for one in rows[max(tick - 2, 0) : tick + 1]]
-        if len(held) == 3 and len(set(held)) == 1:
-            continue
+        last_three = [(r.kind, r.source, r.mirrored) for r in rows[max(tick - 2, 0) : tick + 1]]
+        if len(last_three) == 3 and len(set(last_three)) == 1:
+            continue  # the picture is held
         if before.kind == FRAME:
             follows = int(pictures.reel.next_rows(before.source))
             alike = now.kind == FRAME and now.mirrored == before.mirrored
@@ -187,9 +188,9 @@ def measure_discontinuities(
 
 
 def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Picture]:
-    """Draw both pictures of a join headed right: the new one, and the one the film would show.
+    """Return both pictures of a join headed right: the new one, and the one the film would show.
 
-    They are the row `now` of an edit list, and what the film shows after the row `before`.
+    before, now: rows of an edit list; the film would show what follows `before`.
     """
     turn, bodies = -float(now.heading_deg), pictures.bodies
     if now.pose is not None:
@@ -212,7 +213,7 @@ def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Pict
 
 
 def _next_sprites(sprites: pd.DataFrame) -> Ints:
-    """Return for every sprite (s,) the number of the one made of the film's next frame, or −1."""
+    """Return for each sprite (s,) the number of the one made of the film's next frame, or −1."""
     if not len(sprites):
         return np.zeros(0, np.int64)
     step = sprites["step"].to_numpy()

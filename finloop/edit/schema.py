@@ -151,27 +151,27 @@ def row_picture(row: Any) -> RowPicture:
 
 def row_partner(row: Any) -> RowPicture:
     """Return the picture that fades out at a row (named tuple) of an edit list."""
-    rest = (getattr(row, f"partner_{name}") for name in RowPicture._fields[2:])
-    return RowPicture(row.partner_kind, row.partner, *rest)
+    values = (getattr(row, f"partner_{name}") for name in RowPicture._fields[2:])
+    return RowPicture(row.partner_kind, row.partner, *values)
 
 
 def filmed_edit_list(rows: Ints, places_px: Floats) -> pd.DataFrame:
     """Return an edit list (schema `EDIT`) that shows rows (n,) of the film, one a tick, as filmed.
 
-    So the film is drawn and measured like an animation. places_px (n, 2): x, y of each.
+    With it the film is drawn and measured like an animation. places_px (n, 2): x, y of each.
     """
     empty = {"string": "", "bool": False}
-    rest = {
+    defaults = {
         column.name: None if column.nullable else empty.get(column.dtype, 0)
         for column in EDIT.columns
     }
-    own = {
+    values = {
         "tick": np.arange(len(rows)), "kind": FRAME, "source": rows, "scale": 1.0,
         "x_px": places_px[:, 0], "y_px": places_px[:, 1], "mode": "film", "state": STATES[FILM],
     }  # fmt: skip
-    return pd.DataFrame(rest | own, index=np.arange(len(rows)))
+    return pd.DataFrame(defaults | values, index=np.arange(len(rows)))
 
 
 def split_by_fish(edit: pd.DataFrame) -> list[pd.DataFrame]:
     """Split an edit list into one list for each fish, with rows counted from 0."""
-    return [one.reset_index(drop=True) for _, one in edit.groupby("fish")]
+    return [rows.reset_index(drop=True) for _, rows in edit.groupby("fish")]

@@ -28,7 +28,7 @@ from finloop.edit.schema import (
     WALL,
 )  # fmt: skip
 
-_CHANCE = "chance"  # the term that is left out: it explains nothing
+_CHANCE = "chance"  # the random part of a cost is left out: it explains nothing
 _LEAST_S = 0.05  # a term that costs less would be shown as 0.0
 
 
@@ -89,40 +89,44 @@ class Stretch:
 
     @property
     def pictures(self) -> Ints:
-        """Which picture is shown at each tick (n,): a film row, or −1 − a sprite's number."""
+        """Return the picture shown at each tick (n,): a film row, or −1 − a sprite's number."""
         return self.number if self.kind == FRAME else -1 - self.number
 
     @cached_property
     def path_and_pictures(self) -> Floats:
-        """Columns x, y px, heading in degrees and picture number of each tick, (n, 4)."""
+        """Return x, y px, heading in degrees and picture number of each tick, (n, 4)."""
         ticks = np.empty((len(self.way), 4))
         ticks[:, :3], ticks[:, 3] = self.way, self.pictures
         return ticks
 
     def remaining_path(self, gone: int) -> Floats:
-        """Return x, y px, heading and picture number (k, 4) after the first `gone` ticks.
+        """Return x, y px, heading and picture number (k, 4) of all but the first `gone` ticks.
 
         At least the last tick remains.
         """
         return self.path_and_pictures[min(gone, len(self.way) - 1) :]
 
     def cut(self, ticks: int) -> "Stretch":
-        """Return the stretch shortened to its first `ticks` ticks, at least 1."""
+        """Return the stretch shortened to its first `ticks` ticks, at least 1.
+
+        A shortened stretch touches no goal; one that is not longer is returned as it is.
+        """
         if ticks >= len(self.way):
             return self
-        known = {
-            name: values[: len(values) - len(self.way) + ticks]
+        removed = len(self.way) - ticks
+        shortened = {
+            name: values[: len(values) - removed]
             for name in ("way", "number", "rot", "phase", "past", "steer")
             if (values := getattr(self, name)) is not None
         }
-        return replace(self, **known, touched=False, whole=False)
+        return replace(self, **shortened, touched=False, whole=False)
 
 
 @dataclass(frozen=True)
 class Swim:
     """The animation of one fish: its stretches one after the other, and the goals it reaches.
 
-    names: of the goal that each stretch heads for; reached (goals,): the tick at which each goal
+    names: of the goal of each stretch, "" for none; reached (goals,): the tick at which each goal
     was touched, or −1.
     """
 
@@ -144,14 +148,14 @@ def describe_decision(decision: Decision, goal: str, motion_area: float) -> str:
         gate = f"by a gateway, {decision.seam:.2f} steps"
     cause = "the mode shows sprites"
     if decision.exit == NO_WAY:
-        cause = f"no legal way on ({_count_ways(decision)})"
+        cause = f"no legal way on ({_describe_ways(decision)})"
     return f"leave the film {gate}: {cause}; {why}"
 
 
 def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
     """Return in words what the fish does next and why, but not why it leaves the film.
 
-    motion_area: that the network asked for.
+    goal: its name, or "a place"; motion_area: the relative one that the network asked for.
     """
     if decision.reason == TURNING:
         side, room = "left" if decision.turn_deg > 0 else "right", ""
@@ -161,38 +165,41 @@ def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
             f"turn {side} {abs(decision.turn_deg):.0f}° towards {goal}: the network asks for "
             f"motion area {motion_area:.2f}, the sprites have {decision.sprite_area:.2f}{room}"
         )
-    sprites = {
+    texts = {
         PHASE: f"like a stretch of the film from {decision.film_speed:.1f} body lengths/s on",
         WALL: "a wall is ahead",
-        SPOT: f"no way stays in the tank ({_count_ways(decision)}): on the spot",
+        SPOT: f"no way stays in the tank ({_describe_ways(decision)}): on the spot",
         WAITING: "other fish are in the way: wait",
         AS_PREDICTED: f"as predicted{_describe_costs(decision)}",
     }
-    if decision.reason in sprites:
-        return sprites[decision.reason]
-    how = {
+    if decision.reason in texts:
+        return texts[decision.reason]
+    actions = {
         PLAY: "play on",
         JUMP: f"jump, {decision.seam:.2f} steps",
         ENTER: f"enter the film by a gateway, {decision.seam:.2f} steps",
     }
     quadrant = decision.quadrant
-    leads = f"quadrant {quadrant} towards {goal}" if quadrant else f"along a {goal}"
-    return f"{how[decision.reason]}: {leads}{_describe_costs(decision)}"
+    direction = f"quadrant {quadrant} towards {goal}" if quadrant else f"along a {goal}"
+    return f"{actions[decision.reason]}: {direction}{_describe_costs(decision)}"
 
 
 def _describe_costs(decision: Decision) -> str:
-    """Say in words how many ways to go were compared, and what the best two cost."""
+    """Return in words how many ways to go were compared, and the seconds that the best two cost.
+
+    The text begins with "; ", to be added to a sentence.
+    """
     if not decision.ways:
         return "; as planned before"
     if math.isnan(decision.value_s):
-        return f"; {_count_ways(decision)}"
+        return f"; {_describe_ways(decision)}"
     terms = dict(zip(TERMS, decision.taken_terms, strict=False))
     parts = [
         f"{name.replace('_', ' ')} {cost:.1f}".replace("-", "−")
         for name, cost in terms.items()
         if name != _CHANCE and abs(cost) >= _LEAST_S
     ]
-    text = f"; {_count_ways(decision)}; {decision.value_s:.1f} s"
+    text = f"; {_describe_ways(decision)}; {decision.value_s:.1f} s"
     if parts:
         text += f" ({', '.join(parts)})"
     if decision.other_terms:
@@ -201,12 +208,12 @@ def _describe_costs(decision: Decision) -> str:
     return text
 
 
-def _count_ways(decision: Decision) -> str:
-    """Say in words how many ways to go were compared, and how many fail each test of Fig. 19."""
+def _describe_ways(decision: Decision) -> str:
+    """Return in words how many ways to go were compared, and how many fail each test of Fig. 19."""
     failed = {
         "leave the tank or end": decision.ways_tank,
         "lead away": decision.ways_quadrant,
         "head away": decision.ways_heading,
     }
-    failures = [f"{count} {what}" for what, count in failed.items() if count]
+    failures = [f"{count} {failure}" for failure, count in failed.items() if count]
     return ", ".join([f"{decision.ways} way{'s' * (decision.ways != 1)}", *failures])

@@ -39,8 +39,9 @@ class FilmData(NamedTuple):
 
     rate_hz: frames per second; arena (h, w): true where fish can be; floor: the empty tank as
     filmed, None if unknown; reel: the film's pictures, with sprites for a mode that shows them;
-    outline_px (n, k, 2): x, y as filmed of each animal's outline; poses: of the rows; map_facts: of
-    the distance map; steps: distances between successive pictures, columns of `STEPS`.
+    outline_px (n, k, 2): x, y as filmed of each animal's outline; poses: of the rows; map_facts:
+    size, pose and median step of the distance map; steps: Euclidean distances (Eq. 5) between
+    successive pictures, columns of `STEPS`.
     """
 
     rate_hz: float
@@ -111,9 +112,9 @@ class PaperAnimator:
 
     def sample(self, seed: int, seconds: float) -> pd.DataFrame:
         """Return the edit list of an animation of `seconds` s, to random goals of a seed."""
-        other = replace(self, p=replace(self.p, seed=seed, seconds=seconds))
+        sampler = replace(self, p=replace(self.p, seed=seed, seconds=seconds))
         goals = random_goals(self.player.world, self.p.trial_goals, np.random.default_rng(seed))
-        return other.plan(goals)[1]
+        return sampler.plan(goals)[1]
 
     def goals(self) -> list[Goal]:
         """Return the parameters' goals, px.
@@ -138,10 +139,10 @@ class PaperAnimator:
 
         In an animation joined by cross-fades, pictures too unlike to be mixed are not mixed.
         """
-        found, edit = self._animate(goals, np.random.default_rng(self.p.seed))
+        animation, edit = self._animate(goals, np.random.default_rng(self.p.seed))
         if self.player.joins.kind == FADE:
             edit = remove_ghost_fades(edit, self.pictures, self.p.fade_steps * self.step)
-        return [found], edit
+        return [animation], edit
 
     def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
         """Return the edit list of a random animation, and its goals as a list for the one fish.
@@ -157,12 +158,12 @@ class PaperAnimator:
     ) -> tuple[Swim, pd.DataFrame]:
         """Return the animation of the fish to goals, and its edit list."""
         ticks = round(self.p.seconds * self.player.world.motion.rate_hz)
-        found = animate_fish(self.player, goals, ticks, rng)
-        return found, build_edit_list(found, ticks, self.player.sources)
+        animation = animate_fish(self.player, goals, ticks, rng)
+        return animation, build_edit_list(animation, ticks, self.player.sources)
 
 
 class ModeAssets(NamedTuple):
-    """What the paper's modes share: film at its drawn size, tank, pictures, outlines."""
+    """What the paper's modes share: film at its drawn size (sized), tank, pictures, outlines."""
 
     sized: ScaledFilm
     world: World
@@ -175,20 +176,19 @@ def prepare_mode_assets(film_data: FilmData, p: AnimateSettings) -> ModeAssets:
 
     film_data: what is taken from the film; p: the group `animate` of the parameters.
     """
-    at_size = scale_film(film_data.reel, film_data.outline_px, film_data.arena, p, film_data.floor)
-    reel = at_size.reel
-    motion = learn_motion(
-        reel.features, film_data.rate_hz, infer_delta_frames(reel.features)
-    ).scale_to(reel.size)
+    sized = scale_film(film_data.reel, film_data.outline_px, film_data.arena, p, film_data.floor)
+    reel = sized.reel
+    delta = infer_delta_frames(reel.features)
+    motion = learn_motion(reel.features, film_data.rate_hz, delta).scale_to(reel.size)
     world = World(
-        make_tank(at_size.area, at_size.reach_px), motion, p.goal_radius_bl * motion.body_length_px,
+        make_tank(sized.area, sized.reach_px), motion, p.goal_radius_bl * motion.body_length_px,
         head_ahead_px(reel.features, reel.size),
     )  # fmt: skip
     pictures = Pictures(
         reel, film_data.map_facts.size, Bodies(film_data.poses, reel.has_next_frame, reel.sprites)
     )
     hulls = sprite_outlines(reel) if len(reel.sprites) else []
-    return ModeAssets(at_size, world, pictures, Cast(reel.sprites, hulls, at_size.hulls))
+    return ModeAssets(sized, world, pictures, Cast(reel.sprites, hulls, sized.hulls))
 
 
 NO_LOOPS = pd.DataFrame({"a": [], "b": [], "distance": []}).astype({"a": int, "b": int})
@@ -202,18 +202,12 @@ def video_loop_graph(film_data: FilmData, assets: ModeAssets, loops: pd.DataFram
     """
     features = assets.sized.reel.features
     n, track = len(features), features["track_id"].to_numpy()
-    none = np.zeros(0, np.int32)
-    jumps = Jumps(np.full(n, -1, np.int32), np.zeros(1, np.int32), none, np.zeros(0))
+    no_rows = np.zeros(0, np.int32)
+    jumps = Jumps(np.full(n, -1, np.int32), np.zeros(1, np.int32), no_rows, np.zeros(0))
     if len(loops):
         jumps = loop_jumps(build_loop_graph(loops, track), n, film_data.map_facts.step_median)
-    return motion_graph(
-        features,
-        jumps,
-        assets.world.motion,
-        film_data.map_facts.pose,
-        assets.sized.barred,
-        np.zeros(n),
-    )
+    pose, barred = film_data.map_facts.pose, assets.sized.barred
+    return motion_graph(features, jumps, assets.world.motion, pose, barred, rarity_sum=np.zeros(n))
 
 
 def make_animator(
@@ -225,12 +219,7 @@ def make_animator(
     mode: its flow chart; film: motion graph of its rows; sprites: None in a mode without sprites;
     p: the group `animate`; join: how pictures are joined, "fade", "inertial" or "cut".
     """
-    how = resolve_join_rules(
-        p,
-        join,
-        assets.pictures.bodies,
-        assets.world.motion.delta,
-        assets.pictures.bending_improves_match,
-    )
-    player = PaperPlayer(mode, assets.world, film, sprites, assets.cast, how)
+    delta, bending = assets.world.motion.delta, assets.pictures.bending_improves_match
+    joins = resolve_join_rules(p, join, assets.pictures.bodies, delta, bending)
+    player = PaperPlayer(mode, assets.world, film, sprites, assets.cast, joins)
     return PaperAnimator(player, assets.pictures, float(film_data.steps["headed"].median()), p)

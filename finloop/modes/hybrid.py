@@ -35,35 +35,38 @@ from finloop.modes.network import Network, make_network
 from finloop.modes.network_settings import NetworkSettings
 from finloop.modes.player import PaperMode
 
-_LEFT = 1  # tick after the film: the gateway's sprite is shown
-_SHOWN = 0.4  # of a frame; from there one tick leads to the next sprite at any playback rate
+_JUST_LEFT = 1  # tick after the film: the gateway's sprite is shown
+_WITHIN = 0.4  # of a frame; from there one tick leads to the next sprite at any playback rate
 
 
 class Gateways:
-    """The gateways between sprites and film (Fig. 14). table: columns of `GATEWAYS`.
+    """The gateways between sprites and film (Fig. 14): a sprite and a frame that are alike.
 
-    step: the film's natural step, the unit of seams. into: by (sprite, orientation), orientation 0
-    for any, the rows that it leads to, their turns in degrees and seams, (k,) each; out_of: by row,
+    into: by (sprite, orientation), orientation 0 for any, the film rows that it leads to, their
+    turns in degrees and their seams (discontinuities in natural steps), (k,) each; out_of: by row,
     a list of (sprite, turn in degrees, seam), the nearest first.
     """
 
     def __init__(self, table: pd.DataFrame, step: float, loop_mode: Loops) -> None:
-        """Sort the gateways by what they lead from, without those into film that cannot go on."""
+        """Sort the gateways by what they lead from, without those into film that cannot go on.
+
+        table: columns of `GATEWAYS`; step: the film's natural step, the unit of seams.
+        """
         film = loop_mode.film
         table = table.assign(seam=table["distance"].astype(float) / step)
-        enters = table[table["direction"] == "in"]
-        enters = enters[film.can_play_on(enters["row"].to_numpy())]
+        entries = table[table["direction"] == "in"]
+        entries = entries[film.can_play_on(entries["row"].to_numpy())]
         self.into: dict[tuple[int, int], tuple[Ints, Floats, Floats]] = {
-            (int(sprite), int(number)): (
-                part["row"].to_numpy(np.int64, copy=True),
-                part["turn_deg"].to_numpy(float, copy=True),
-                part["seam"].to_numpy(float, copy=True),
+            (int(sprite), int(orientation)): (
+                group["row"].to_numpy(np.int64, copy=True),
+                group["turn_deg"].to_numpy(float, copy=True),
+                group["seam"].to_numpy(float, copy=True),
             )
-            for (sprite, number), part in enters.groupby(["sprite", "orientation"])
+            for (sprite, orientation), group in entries.groupby(["sprite", "orientation"])
         }
-        leaves = table[table["direction"] == "out"].sort_values(["row", "rank"])
+        exits = table[table["direction"] == "out"].sort_values(["row", "rank"])
         self.out_of: dict[int, list[tuple[int, float, float]]] = {}
-        columns = (leaves[name].tolist() for name in ("row", "sprite", "turn_deg", "seam"))
+        columns = (exits[name].tolist() for name in ("row", "sprite", "turn_deg", "seam"))
         for row, sprite, turn, seam in zip(*columns, strict=True):
             self.out_of.setdefault(row, []).append((sprite, turn, seam))
 
@@ -75,16 +78,16 @@ class Hybrid:
         """Keep both flow charts, and mark the rows whose gateways lead to a straight sprite."""
         self.network, self.loops, self.gateways = network, loops, gateways
         cycles = network.sprites.cycles
-        self._cycle = {
+        self._cycle_place = {
             int(sprite): (state, place)
             for state in (STRAIGHT, SLIDE)
             for place, sprite in enumerate(cycles[state])
         }
-        leaves = np.zeros(len(loops.film.rows), bool)
-        for row, ways in gateways.out_of.items():
-            leaves[row] = any(sprite in self._cycle for sprite, _, _ in ways)
-        self._leaves = leaves
-        self._ends = loops.ends & leaves
+        has_exit = np.zeros(len(loops.film.rows), bool)
+        for row, exits in gateways.out_of.items():
+            has_exit[row] = any(sprite in self._cycle_place for sprite, _, _ in exits)
+        self._has_exit = has_exit
+        self._ends = loops.ends & has_exit
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """Return a fish at a random place of the tank, shown by a sprite (network mode)."""
@@ -94,13 +97,13 @@ class Hybrid:
         """Return a fish of another mode as a fish of this mode, unchanged where it can go on.
 
         A fish that a frame shows goes on in the film, if the film can play on or a gateway leads
-        out. Otherwise it is shown by a sprite.
+        out. Otherwise a sprite shows it.
         """
         filmed = self.loops.film.filmed
         if (
             fish.row < 0
             or self.loops.can_go_on(fish)
-            or (fish.row < filmed and self._leaves[fish.row])
+            or (fish.row < filmed and self._has_exit[fish.row])
         ):
             return fish
         return self.network.take_over(fish)
@@ -116,12 +119,12 @@ class Hybrid:
 
         Right after the film a fish is shown by sprites for at least one tick.
         """
-        if fish.since != _LEFT and (entered := self.enter_film(fish, goal)) is not None:
+        if fish.since != _JUST_LEFT and (entered := self.enter_film(fish, goal)) is not None:
             return entered
         stretch = self.network.play(fish, goal, rng)
         for tick in range(1, len(stretch.way)):
-            there = self.network.end_state(fish, stretch.cut(tick))
-            if self.enter_film(there, goal) is not None:
+            at_tick = self.network.end_state(fish, stretch.cut(tick))
+            if self.enter_film(at_tick, goal) is not None:
                 return stretch.cut(tick)
         return stretch
 
@@ -144,8 +147,10 @@ class Hybrid:
 
     def rows_behind_gateways(self, fish: Fish) -> Starts | None:
         """Return the film rows that gateways lead to from the sprite on screen; None if none."""
-        number = int(find_orientations(np.array(fish.heading), self.network.sprites.orientations))
-        gates = self.gateways.into.get((fish.sprite, 0 if self.loops.film.body else number))
+        orientation = int(
+            find_orientations(np.array(fish.heading), self.network.sprites.orientations)
+        )
+        gates = self.gateways.into.get((fish.sprite, 0 if self.loops.film.body else orientation))
         if gates is None:
             return None
         rows, turns, seams = gates
@@ -162,19 +167,20 @@ class Hybrid:
         taken = self.loops.choose_start(starts, ways, rng)
         if taken is not None:
             return self.loops.make_stretch(fish, starts, ways, taken, goal)
-        if self._leaves[fish.row]:
+        if self._has_exit[fish.row]:
             return self.leave_film(fish, ways, goal)
         return self.play_to_gateway(fish, starts, ways, goal, rng)
 
     def leave_film(self, fish: Fish, ways: Ways, goal: Target) -> Stretch:
         """Return a stretch of one tick that leaves the film by a gateway to a straight sprite.
 
-        ways: those that were weighed, for the counts of the decision.
+        The row on screen has such a gateway. ways: those that were weighed, for the counts of the
+        decision.
         """
         sprite, turn, seam = next(
-            way for way in self.gateways.out_of[fish.row] if way[0] in self._cycle
+            gateway for gateway in self.gateways.out_of[fish.row] if gateway[0] in self._cycle_place
         )
-        state, place = self._cycle[sprite]
+        state, place = self._cycle_place[sprite]
         heading = float(wrap(fish.rot - turn))
         x, y = self.loops.next_place(fish._replace(heading=heading, row=-1))
         if not is_legal_point(self.network.world.tank.legal, x, y):
@@ -183,7 +189,7 @@ class Hybrid:
         return Stretch(
             state, np.array([[x, y, heading]]), np.array([sprite]), True, goal,
             touches_target(x, y, heading, goal), add_verdict_counts(ways, decision),
-            phase=np.array([place + _SHOWN]),
+            phase=np.array([place + _WITHIN]),
         )  # fmt: skip
 
     def play_to_gateway(
@@ -195,12 +201,12 @@ class Hybrid:
         gateway inside the tank, the fish swims on the spot.
         """
         place, legal = self.loops.next_place(fish), self.loops.world.tank.legal
-        ticks = ticks_to_first_end(self.loops.film, legal, self._leaves, starts, place)
-        some = np.flatnonzero(ticks)
-        if not some.size:
+        ticks = ticks_to_first_end(self.loops.film, legal, self._has_exit, starts, place)
+        reaching = np.flatnonzero(ticks)
+        if not reaching.size:
             return self.loops.swim_on_spot(fish, starts, ways, goal, rng)
         waits = ways._replace(ticks=0 * ticks, inside=ticks)
-        taken = int(some[np.argmin(ticks[some])])
+        taken = int(reaching[np.argmin(ticks[reaching])])
         return replace(self.loops.make_stretch(fish, starts, waits, taken, goal), waits=True)
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
@@ -216,15 +222,15 @@ def hybrid_animator(
 ) -> PaperAnimator:  # fmt: skip
     """Return the animator of mode `hybrid` (Fig. 19); without loops or gateways, of `network`.
 
-    film_data: what is taken from the film; model: the trained network; loops, gateways: tables of
-    both, the latter with columns of `GATEWAYS`; p: the group `animate`; q: the groups of the three
-    modes.
+    film_data: what is taken from the film; model: the trained network; loops: rows a, b and
+    distance of each loop; gateways: columns of `GATEWAYS`; p: the group `animate`; q: the groups of
+    the three modes.
     """
-    basis = prepare_mode_assets(film_data, p)
-    network, sprites = make_network(film_data, basis, model, q[0])
-    play = make_loops(film_data, basis, loops, q[1])
-    gates = Gateways(gateways, film_data.map_facts.step_median, play)
-    mode: PaperMode = Hybrid(network, play, gates)
-    if not (play.can_play and gates.into and gates.out_of):
+    assets = prepare_mode_assets(film_data, p)
+    network, sprites = make_network(film_data, assets, model, q[0])
+    loop_mode = make_loops(film_data, assets, loops, q[1])
+    sorted_gateways = Gateways(gateways, film_data.map_facts.step_median, loop_mode)
+    mode: PaperMode = Hybrid(network, loop_mode, sorted_gateways)
+    if not (loop_mode.can_play and sorted_gateways.into and sorted_gateways.out_of):
         mode = network
-    return make_animator(film_data, basis, mode, play.film, sprites, p, q[2].join)
+    return make_animator(film_data, assets, mode, loop_mode.film, sprites, p, q[2].join)

@@ -37,7 +37,7 @@ from finloop.modes.animator import (
 from finloop.modes.matching import NothingToUse
 from finloop.plan.graph import MotionGraph
 
-_TURNED_DEG = 30.0  # of heading error weigh as much as 1 body length/s of speed error
+_HEADING_UNIT_DEG = 30.0  # of heading error weigh as much as 1 body length/s of speed error
 _TANK, _QUADRANT, _HEADING = map(VERDICTS.index, ("tank", "quadrant", "heading"))
 
 
@@ -72,10 +72,10 @@ class Ways(NamedTuple):
 
 
 class Loops:
-    """Plays the film's video loops (Figs. 10-13). film: motion graph with loop jumps alone.
+    """Plays the film's video loops (Figs. 10-13).
 
-    stay: fewest rows shown between two jumps; ends (n,): whether a row is a loop end; can_play:
-    whether the film can go on for ever.
+    film: motion graph with loop jumps alone; stay: fewest rows shown between two jumps; ends (n,):
+    whether a row is a loop end; can_play: whether the film can go on for ever.
     """
 
     def __init__(self, world: World, film: MotionGraph, p: LoopsSettings) -> None:
@@ -125,10 +125,10 @@ class Loops:
         """Return the row most similar to a fish in heading and speed, of the rows that play on."""
         film = self.film
         rows = np.flatnonzero(film.has_next[:-1] & film.recurrent[1:])
-        unlike = np.abs(film.speed[rows] - fish.speed)
+        differences = np.abs(film.speed[rows] - fish.speed)
         if not film.body:
-            unlike += np.abs(wrap_deg(film.heading[rows] - fish.heading)) / _TURNED_DEG
-        return int(rows[np.argmin(unlike)])
+            differences += np.abs(wrap_deg(film.heading[rows] - fish.heading)) / _HEADING_UNIT_DEG
+        return int(rows[np.argmin(differences)])
 
     def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return film up to a loop end: by a legal way, else by any in the tank, else in place."""
@@ -137,9 +137,9 @@ class Loops:
         taken = self.choose_start(starts, ways, rng)
         if taken is not None:
             return self.make_stretch(fish, starts, ways, taken, goal)
-        some = np.flatnonzero(ways.inside)
-        if some.size:
-            return self.make_stretch(fish, starts, ways, int(rng.choice(some)), goal)
+        inside = np.flatnonzero(ways.inside)
+        if inside.size:
+            return self.make_stretch(fish, starts, ways, int(rng.choice(inside)), goal)
         return self.swim_on_spot(fish, starts, ways, goal, rng)
 
     def next_rows(self, fish: Fish) -> Starts:
@@ -148,11 +148,11 @@ class Loops:
         For `stay` rows after a jump there are no jumps, unless the film ends.
         """
         film, row = self.film, fish.row + 1
-        own = film.has_next[row] and film.recurrent[row + 1]
-        end = film.jump_slot[row] if not own or fish.since + 1 >= self.stay else -1
-        jumps = slice(film.start[end], film.start[end + 1]) if end >= 0 else slice(0)
-        rows = np.append(np.full(int(own), row), film.to[jumps]).astype(np.int64)
-        seams = np.append(np.zeros(int(own)), film.seam[jumps])
+        plays_on = film.has_next[row] and film.recurrent[row + 1]
+        slot = film.jump_slot[row] if not plays_on or fish.since + 1 >= self.stay else -1
+        jumps = slice(film.start[slot], film.start[slot + 1]) if slot >= 0 else slice(0)
+        rows = np.append(np.full(int(plays_on), row), film.to[jumps]).astype(np.int64)
+        seams = np.append(np.zeros(int(plays_on)), film.seam[jumps])
         rots = np.full(len(rows), fish.rot)
         if film.body:
             rots = wrap_deg(film.heading[row] + fish.rot - film.heading[rows])
@@ -176,8 +176,8 @@ class Loops:
         """
         ends = self.ends if ends is None else ends
         legal = self.world.tank.legal
-        most = self.stay, self.p.improper_angle_deg
-        return Ways(*_follow_starts(self.film, legal, ends, (starts, place_px), goal, most))
+        limits = self.stay, self.p.improper_angle_deg
+        return Ways(*_follow_starts(self.film, legal, ends, (starts, place_px), goal, limits))
 
     def choose_start(self, starts: Starts, ways: Ways, rng: np.random.Generator) -> int | None:
         """Return the index of the start that `loop_end_choice` prefers; None if none is legal.
@@ -192,8 +192,8 @@ class Loops:
             return int(rng.choice(legal))
         jumps = starts.seams[legal] > 0
         preferred = legal[jumps if self.p.loop_end_choice == "jump" else ~jumps]
-        some = preferred if preferred.size else legal
-        return int(some[np.argmin(ways.far[some])])
+        choice = preferred if preferred.size else legal
+        return int(choice[np.argmin(ways.far[choice])])
 
     def make_stretch(
         self, fish: Fish, starts: Starts, ways: Ways, taken: int, goal: Target, reason: str = ""
@@ -204,24 +204,25 @@ class Loops:
         """
         film, row, rot = self.film, int(starts.rows[taken]), float(starts.rots[taken])
         legal = ways.ticks[taken] > 0
-        n = int(ways.ticks[taken] if legal else ways.inside[taken])
-        rows = np.arange(row, row + n)
+        ticks = int(ways.ticks[taken] if legal else ways.inside[taken])
+        rows = np.arange(row, row + ticks)
         cos, sin = np.cos(np.radians(rot)), np.sin(np.radians(rot))
-        before = self.next_place(fish)
+        first_place = self.next_place(fish)
         dx = np.append(0.0, np.cumsum(film.dx[rows[:-1]]))
         dy = np.append(0.0, np.cumsum(film.dy[rows[:-1]]))
-        way = np.column_stack([
-            before[0] + dx * cos + dy * sin, before[1] + dy * cos - dx * sin,
+        trajectory = np.column_stack([
+            first_place[0] + dx * cos + dy * sin, first_place[1] + dy * cos - dx * sin,
             film.heading[rows] + rot,
         ])  # fmt: skip
-        plays = row == fish.row + 1 and fish.row >= 0
+        plays_on = row == fish.row + 1 and fish.row >= 0
         decision = add_verdict_counts(ways, Decision(
-            reason or (PLAY if plays else JUMP),
-            seam=np.nan if plays else float(starts.seams[taken]),
+            reason or (PLAY if plays_on else JUMP),
+            seam=np.nan if plays_on else float(starts.seams[taken]),
             quadrant=int(ways.quadrant[taken]) if legal else 0,
         ))  # fmt: skip
         touched = bool(legal and ways.touched[taken])
-        return Stretch(FILM, way, rows, not plays, goal, touched, decision, FRAME, np.full(n, rot))
+        rots = np.full(ticks, rot)
+        return Stretch(FILM, trajectory, rows, not plays_on, goal, touched, decision, FRAME, rots)
 
     def next_place(self, fish: Fish) -> tuple[float, float]:
         """Return where the fish is at the next tick, x, y px.
@@ -229,9 +230,11 @@ class Loops:
         A fish in the film moves as the film does; a fish that a sprite shows goes straight on.
         """
         if fish.row < 0:
-            far = fish.speed * self.world.motion.body_length_px / self.world.motion.rate_hz
+            distance = fish.speed * self.world.motion.body_length_px / self.world.motion.rate_hz
             angle = np.radians(fish.heading)
-            return fish.x + far * float(np.cos(angle)), fish.y - far * float(np.sin(angle))
+            return fish.x + distance * float(np.cos(angle)), fish.y - distance * float(
+                np.sin(angle)
+            )
         dx, dy = rotate(self.film.dx[fish.row], self.film.dy[fish.row], fish.rot)
         return fish.x + float(dx), fish.y + float(dy)
 
@@ -245,13 +248,16 @@ class Loops:
         film, taken = self.film, int(rng.integers(len(starts.rows)))
         row, rot = int(starts.rows[taken]), float(starts.rots[taken])
         ahead = slice(row, row + 4 * self.stay)
-        later = np.flatnonzero(self.ends[ahead] & np.logical_and.accumulate(film.has_next[ahead]))
-        n = int(later[later + 1 >= min(self.stay, later[-1] + 1)][0]) + 1 if later.size else 1
-        rows = np.arange(row, row + n)
-        way = np.column_stack([np.full(n, fish.x), np.full(n, fish.y), film.heading[rows] + rot])
+        ends = np.flatnonzero(self.ends[ahead] & np.logical_and.accumulate(film.has_next[ahead]))
+        ticks = int(ends[ends + 1 >= min(self.stay, ends[-1] + 1)][0]) + 1 if ends.size else 1
+        rows = np.arange(row, row + ticks)
+        trajectory = np.column_stack(
+            [np.full(ticks, fish.x), np.full(ticks, fish.y), film.heading[rows] + rot]
+        )
         decision = add_verdict_counts(ways, Decision(SPOT))
-        new = row != fish.row + 1
-        return Stretch(FILM, way, rows, new, goal, False, decision, FRAME, np.full(n, rot))
+        jumps = row != fish.row + 1
+        rots = np.full(ticks, rot)
+        return Stretch(FILM, trajectory, rows, jumps, goal, False, decision, FRAME, rots)
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch of film that began with `fish`."""
@@ -267,7 +273,7 @@ class Loops:
 
 
 def add_verdict_counts(ways: Ways, decision: Decision) -> Decision:
-    """Return the decision with the number of ways, and of those that fail each test, added."""
+    """Return the decision with the numbers of ways, in all and failing each test, added."""
     counts = np.bincount(ways.verdict, minlength=len(VERDICTS)).tolist()
     return decision._replace(
         ways=len(ways.verdict), ways_tank=counts[_TANK], ways_quadrant=counts[_QUADRANT],
@@ -278,73 +284,74 @@ def add_verdict_counts(ways: Ways, decision: Decision) -> Decision:
 def mark_loop_ends(film: MotionGraph) -> Mask:
     """Return which rows (n,) are loop ends: those with a next row that can jump instead."""
     rows = np.arange(len(film.rows) - 1)
-    end = film.jump_slot[rows + 1]
-    jumps = (end >= 0) & (film.start[end + 1] > film.start[end])
-    made = np.zeros(len(film.rows), bool)
-    made[:-1] = film.has_next[rows] & jumps
-    return made
+    slot = film.jump_slot[rows + 1]
+    jumps = (slot >= 0) & (film.start[slot + 1] > film.start[slot])
+    is_end = np.zeros(len(film.rows), bool)
+    is_end[:-1] = film.has_next[rows] & jumps
+    return is_end
 
 
 @kernel
 def _follow_starts(film, legal, ends, starts_and_place, goal, limits):  # type: ignore[no-untyped-def]
-    """Return where the film leads from each start, as columns of `Ways`.
+    """Return where the film leads from each start (k,), as columns of `Ways`.
 
     legal (h, w): where the fish's centre may be; ends (n,): rows at which a way may end;
-    starts_and_place: `Starts`, and x, y px; limits: fewest rows after a jump, most degrees between
-    the first heading and the direction.
+    starts_and_place: `Starts`, and x, y px; goal: `Target`; limits: fewest rows after a jump, most
+    degrees between the first heading and the direction.
     """
     starts, place = starts_and_place
-    k = starts.rows.size
-    ticks, within = np.zeros(k, np.int64), np.zeros(k, np.int64)
-    far, touched = np.full(k, np.inf), np.zeros(k, np.bool_)
-    leads, verdict = np.zeros(k, np.int8), np.full(k, _TANK, np.int8)
-    stay, most_off = limits
+    start_count = starts.rows.size
+    ticks, inside = np.zeros(start_count, np.int64), np.zeros(start_count, np.int64)
+    far, touched = np.full(start_count, np.inf), np.zeros(start_count, np.bool_)
+    quadrant, verdict = np.zeros(start_count, np.int8), np.full(start_count, _TANK, np.int8)
+    stay, most_angle = limits
     wanted = quadrant_of_displacement(goal.x - place[0], place[1] - goal.y)
-    for way in range(k):
+    for way in range(start_count):
         row, rot = starts.rows[way], starts.rots[way]
-        x, y, n = place[0], place[1], 0
-        begins = film.rows[row].heading + rot
-        least = stay if starts.seams[way] > 0 else 1
-        nearest, touch = np.inf, False
+        x, y, shown = place[0], place[1], 0
+        first_heading = film.rows[row].heading + rot
+        least_rows = stay if starts.seams[way] > 0 else 1
+        nearest, touches = np.inf, False
         while is_legal_point(legal, x, y):
-            at = film.rows[row]
-            n += 1
-            touch = touch or touches_target(x, y, at.heading + rot, goal)
-            if ends[row] and (touch or n >= least):
+            film_row = film.rows[row]
+            shown += 1
+            touches = touches or touches_target(x, y, film_row.heading + rot, goal)
+            if ends[row] and (touches or shown >= least_rows):
                 dx, dy = x - place[0], place[1] - y
-                left = 0.0 if touch else np.hypot(goal.x - x, goal.y - y)
-                if left < nearest:
-                    nearest, within[way] = left, n
-                off = abs(wrap(bearing(place[0], place[1], x, y) - begins))
-                leads_there = goal.free or quadrant_of_displacement(dx, dy) == wanted
-                if touch or (leads_there and off <= most_off):
-                    if left < far[way]:
-                        far[way], ticks[way], touched[way] = left, n, touch
-                        leads[way], verdict[way] = quadrant_of_displacement(dx, dy), 0
+                distance = 0.0 if touches else np.hypot(goal.x - x, goal.y - y)
+                if distance < nearest:
+                    nearest, inside[way] = distance, shown
+                angle = abs(wrap(bearing(place[0], place[1], x, y) - first_heading))
+                right_quadrant = goal.free or quadrant_of_displacement(dx, dy) == wanted
+                if touches or (right_quadrant and angle <= most_angle):
+                    if distance < far[way]:
+                        far[way], ticks[way], touched[way] = distance, shown, touches
+                        quadrant[way], verdict[way] = quadrant_of_displacement(dx, dy), 0
                 elif verdict[way] != 0:
-                    verdict[way] = _HEADING if leads_there else max(verdict[way], _QUADRANT)
-            if (touch and ends[row]) or not at.has_next:
+                    verdict[way] = _HEADING if right_quadrant else max(verdict[way], _QUADRANT)
+            if (touches and ends[row]) or not film_row.has_next:
                 break
-            dx, dy = rotate(at.dx, at.dy, rot)
+            dx, dy = rotate(film_row.dx, film_row.dy, rot)
             x, y, row = x + dx, y + dy, row + 1
-    return ticks, far, touched, leads, verdict, within
+    return ticks, far, touched, quadrant, verdict, inside
 
 
 @kernel
 def ticks_to_first_end(film, legal, ends, starts, place_px):  # type: ignore[no-untyped-def]
     """Return how many rows (k,) to show from each start to the first row of `ends`; 0 for none.
 
-    legal (h, w): where the fish's centre may be; ends (n,): rows; place_px: x, y of the first row
-    shown. A way that leaves the tank or the film's end before counts as none.
+    starts: `Starts` (k,); legal (h, w): where the fish's centre may be; ends (n,): rows; place_px:
+    x, y of the first row shown. A way that leaves the tank or reaches the film's end before counts
+    as none.
     """
     ticks = np.zeros(starts.rows.size, np.int64)
     for way in range(ticks.size):
         row, rot = starts.rows[way], starts.rots[way]
-        x, y, n = place_px[0], place_px[1], 0
+        x, y, shown = place_px[0], place_px[1], 0
         while is_legal_point(legal, x, y):
-            n += 1
+            shown += 1
             if ends[row]:
-                ticks[way] = n
+                ticks[way] = shown
                 break
             if not film.rows[row].has_next:
                 break
@@ -361,11 +368,11 @@ def loops_animator(
     film_data: what is taken from the film; loops: rows a, b and distance of each loop; p: the group
     `animate`.
     """
-    basis = prepare_mode_assets(film_data, p)
-    mode = make_loops(film_data, basis, loops, q)
+    assets = prepare_mode_assets(film_data, p)
+    mode = make_loops(film_data, assets, loops, q)
     if not mode.can_play:
         raise no_loops_error("loops")
-    return make_animator(film_data, basis, mode, mode.film, None, p, q.join)
+    return make_animator(film_data, assets, mode, mode.film, None, p, q.join)
 
 
 def no_loops_error(mode: str) -> NothingToUse:

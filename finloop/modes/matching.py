@@ -53,11 +53,12 @@ class MatchingData(NamedTuple):
     """What mode `matching` takes from a film of n rows; None where something is unknown.
 
     arena (h, w): true where fish can be; reel: the film's pictures; outline_px (n, k, 2): x, y as
-    filmed; map_facts: of the distance map; steps: distances between successive pictures, columns of
-    `STEPS`; jumps: columns of `JUMPS`; poses: of the rows; forecast: None where the film shows too
-    little for one; lines: the path of each of the first fish, None for a fish without one;
-    shoaling: how fish swim by zones; floor: the empty tank as filmed; sprite_rows (s,): the film's
-    row behind each sprite, from which a fish of another mode goes on.
+    filmed; map_facts: size, pose and median step of the distance map; steps: distances between
+    successive pictures, columns of `STEPS`; jumps: columns of `JUMPS`; poses: of the rows;
+    forecast: None where the film shows too little for one; lines: the path of each of the first
+    fish, None for a fish without one; shoaling: how fish swim by zones; floor: the empty tank as
+    filmed; sprite_rows (s,): the film's row behind each sprite, from which a fish of another mode
+    goes on.
     """
 
     rate_hz: float
@@ -80,8 +81,8 @@ class MatchingData(NamedTuple):
 class MatchingAnimator:
     """Plans animations of one or more fish in mode `matching`.
 
-    step: the film's natural step, the unit of seams; reach_px: how far the fish reaches from its
-    centre; paths: of the first fish, None for a fish without one.
+    step: the film's natural step, the unit of discontinuities; reach_px: how far the fish reaches
+    from its centre; paths: of the first fish, None for a fish without one.
     """
 
     player: Planner
@@ -106,8 +107,8 @@ class MatchingAnimator:
         player = replace(self.player, world=replace(self.world, settings=p))
         count = p.trial_goals * p.fish
         goals = random_goals(player.world, count, np.random.default_rng(seed))
-        near = [goal._replace(radius_px=self.world.touch_px) for goal in goals]
-        return replace(self, player=player).plan(near)[1]
+        touchable = [goal._replace(radius_px=self.world.touch_px) for goal in goals]
+        return replace(self, player=player).plan(touchable)[1]
 
     def goals(self) -> list[Goal]:
         """Return the parameters' goals, px; none where all fish follow paths or a rule.
@@ -135,8 +136,8 @@ class MatchingAnimator:
         FinloopError if the rules contradict each other.
         """
         p = self.world.settings
-        every = add_rules(make_tasks([], p.fish, np.random.default_rng()), p)
-        return [fish for fish, task in enumerate(every) if not task.zones and task.follows is None]
+        tasks = add_rules(make_tasks([], p.fish, np.random.default_rng()), p)
+        return [fish for fish, task in enumerate(tasks) if not task.zones and task.follows is None]
 
     @property
     def seekers(self) -> list[int]:
@@ -151,11 +152,11 @@ class MatchingAnimator:
     def tasks(self, goals: Sequence[Goal]) -> list[SwimTask]:
         """Return the task of each fish: its path, its share of `goals`, or its rule."""
         rng = np.random.default_rng(self.world.settings.seed)
-        todo = self._share_out_tasks(goals, self.seekers, rng)
+        tasks = self._share_out_tasks(goals, self.seekers, rng)
         for fish, path in enumerate(self.paths):
             if path is not None:
-                todo[fish] = todo[fish]._replace(route=path.route)
-        return todo
+                tasks[fish] = tasks[fish]._replace(route=path.route)
+        return tasks
 
     def _share_out_tasks(
         self, goals: Sequence[Goal], goal_seekers: Sequence[int], rng: np.random.Generator
@@ -165,22 +166,21 @@ class MatchingAnimator:
         goal_seekers: numbers, from 0, of the fish that swim to goals.
         """
         p = self.world.settings
-        todo = add_rules(make_tasks([], p.fish, rng), p)
+        tasks = add_rules(make_tasks([], p.fish, rng), p)
         if goal_seekers:
-            for fish, lot in zip(goal_seekers, deal_goals(goals, len(goal_seekers)), strict=True):
-                todo[fish] = todo[fish]._replace(goals=lot)
-        return todo
+            for fish, dealt in zip(goal_seekers, deal_goals(goals, len(goal_seekers)), strict=True):
+                tasks[fish] = tasks[fish]._replace(goals=dealt)
+        return tasks
 
     def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
         """Return the edit list of a random animation without paths, and each fish's goals.
 
         number: of the trial; each number gives other random goals.
         """
-        todo, ticks = self._trial_tasks(number), self.world.duration
-        goals = [task.goals for task in todo]
-        return build_edit_lists(
-            animate_group(self.player, todo, ticks), ticks, self.player.sources
-        ), goals
+        tasks, ticks = self._trial_tasks(number), self.world.duration
+        goals = [task.goals for task in tasks]
+        animations = animate_group(self.player, tasks, ticks)
+        return build_edit_lists(animations, ticks, self.player.sources), goals
 
     def _trial_tasks(self, trial_number: int) -> list[SwimTask]:
         """Return the task of each fish in a random animation without paths."""
@@ -192,7 +192,7 @@ class MatchingAnimator:
     def check_room(self, goals: Sequence[Goal]) -> None:
         """Raise NoRoom if the tank lacks room for all fish, in the animation or a trial.
 
-        goals: of the animation. Nothing more than the first stretch of each fish is planned.
+        goals: of the animation. Only the first stretch of each fish is planned.
         """
         p = self.world.settings
         if p.fish > 1:
@@ -207,11 +207,11 @@ class MatchingAnimator:
         """
         player, p = self.player, self.world.settings
         ticks = self.world.duration
-        found = animate_group(player, self.tasks(goals), ticks)
-        edit = build_edit_lists(found, ticks, player.sources)
+        animations = animate_group(player, self.tasks(goals), ticks)
+        edit = build_edit_lists(animations, ticks, player.sources)
         if p.join == FADE:
             edit = remove_ghost_fades(edit, self.pictures, p.fade_steps * self.step)
-        return found, edit
+        return animations, edit
 
 
 def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimator:
@@ -232,27 +232,21 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     cast = Cast(reel.sprites, [], hulls)
     for line in film_data.lines:
         if line is not None and line.rows is not None and not p.path_own_frames:
-            barred[line.rows] = True
-    how = resolve_join_rules(p, p.join, bodies, motion.delta, pictures.bending_improves_match)
-    seen = np.full(len(features), np.nan)
-    seen[find_map_rows(features, film_data.steps)] = film_data.steps["as_filmed"]
+            barred[line.rows] = True  # the film does not show the path's own frames
+    joins = resolve_join_rules(p, p.join, bodies, motion.delta, pictures.bending_improves_match)
+    filmed_steps = np.full(len(features), np.nan)
+    filmed_steps[find_map_rows(features, film_data.steps)] = film_data.steps["as_filmed"]
     rarity = Rarity.from_movement(
-        bodies.movement,
-        film_data.poses.codes,
-        reel.has_next_frame,
-        seen,
-        how.spring_response()[0],
-        p.rarity_weight,
-    )
+        bodies.movement, film_data.poses.codes, reel.has_next_frame, filmed_steps,
+        joins.spring_response()[0], p.rarity_weight,
+    )  # fmt: skip
     jumps = neighbour_jumps(film_data.jumps, len(features))
-    way = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative_row_costs)
-    sampler = (
-        None
-        if film_data.forecast is None
-        else remove_dead_ends(film_data.forecast, way.has_next, how.rests)
-    )
+    graph = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative_row_costs)
+    sampler = film_data.forecast
+    if sampler is not None:
+        sampler = remove_dead_ends(sampler, graph.has_next, joins.rests)
     predicts = "forecast" in p.uses and sampler is not None and bool(sampler.usable.any())
-    plays = "film" in p.uses and bool((way.recurrent & way.has_next).any())
+    plays = "film" in p.uses and bool((graph.recurrent & graph.has_next).any())
     if not (predicts or plays):
         raise NothingToUse(
             f"the film is too short or too uneven for matching.uses={list(p.uses)}",
@@ -260,18 +254,24 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
             "take a longer film, or another mode; see reports/jumps and reports/forecast",
         )
     touch_px = p.goal_radius_bl * motion.body_length_px
-    water, head_px = make_tank(area, reach_px), head_ahead_px(features, reel.size)
-    brisk = learn_fast_fish(features, rate_hz, delta, p)
-    world = FilmWorld(water, motion, touch_px, head_px, way, brisk, p, cast.discs)
-    by_film = FilmSource(world) if plays else None
-    predicted = None
+    tank, head_px = make_tank(area, reach_px), head_ahead_px(features, reel.size)
+    fast_fish = learn_fast_fish(features, rate_hz, delta, p)
+    world = FilmWorld(tank, motion, touch_px, head_px, graph, fast_fish, p, cast.discs)
+    film_source = FilmSource(world) if plays else None
+    prediction_source = None
     if predicts and sampler is not None:
-        predicted = PredictionSource(world, sampler, rarity)
+        prediction_source = PredictionSource(world, sampler, rarity)
     player = Planner(
-        world, by_film, predicted, cast, how, film_data.shoaling, film_data.sprite_rows
+        world,
+        film_source,
+        prediction_source,
+        cast,
+        joins,
+        film_data.shoaling,
+        film_data.sprite_rows,
     )
     paths = tuple(
-        None if line is None else lay_path(line, water, motion, film_data.mm_per_px)
+        None if line is None else lay_path(line, tank, motion, film_data.mm_per_px)
         for line in film_data.lines
     )
     return MatchingAnimator(
@@ -289,10 +289,9 @@ def add_rules(tasks: Sequence[SwimTask], p: AllSettings) -> list[SwimTask]:
     tasks: of all fish; the parameters number fish from 1. FinloopError if the rules contradict each
     other.
     """
-    led = leaders_by_follower(p.follow_pairs, len(tasks))
+    leaders = leaders_by_follower(p.follow_pairs, len(tasks))
+    zones = p.rule == "zones"
     return [
-        task._replace(follows=led[fish] - 1)
-        if fish in led
-        else task._replace(zones=p.rule == "zones")
+        task._replace(follows=leaders[fish] - 1) if fish in leaders else task._replace(zones=zones)
         for fish, task in enumerate(tasks, 1)
     ]

@@ -55,7 +55,7 @@ class GoalApproach(NamedTuple):
 
 
 class Network:
-    """Moves sprites by the flow chart of Fig. 18.
+    """Moves sprites by the flow chart of Fig. 18: turns, straight swimming, braking.
 
     sprites: in cycles and turns; phases: straight swimming of the film; model: the trained network.
     """
@@ -63,18 +63,20 @@ class Network:
     def __init__(
         self, world: World, sprites: Sprites, phases: Phases, model: MotionModel, p: NetworkSettings
     ) -> None:
-        """Keep the world, sprites, phases, trained network, parameters; sort turns and phases."""
+        """Keep what the flow chart needs; sort phases by first speed and turns by angle."""
         self.world, self.sprites, self.phases, self.model, self.p = world, sprites, phases, model, p
         motion = world.motion
         self._px = motion.body_length_px
         self._stop = motion.delta / 2  # ticks in which a fish stops
         turns = motion.turns
-        least = np.quantile(turns.angle_deg, p.turn_quantile)
-        self._least_turn = min(least, p.max_heading_error_deg)
+        smallest_turn = np.quantile(turns.angle_deg, p.turn_quantile)
+        self._least_turn = min(smallest_turn, p.max_heading_error_deg)
         order = np.argsort(phases.first_speed, kind="stable")
-        after = {before: order[phases.before[order] == before] for before in range(len(STATES))}
-        self._after = {before: rows if len(rows) else order for before, rows in after.items()}
-        self._first_speeds = {b: phases.first_speed[rows] for b, rows in self._after.items()}
+        self._phases_after, self._first_speeds = {}, {}
+        for state in range(len(STATES)):
+            rows = order[phases.before[order] == state]
+            self._phases_after[state] = rows if len(rows) else order
+            self._first_speeds[state] = phases.first_speed[self._phases_after[state]]
         self._by_angle = np.argsort(turns.angle_deg, kind="stable")
         self._angles = turns.angle_deg[self._by_angle]
         self.nearest_turn = lru_cache(10_000)(self._plan_rounded_turn)
@@ -96,13 +98,13 @@ class Network:
 
     def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return the next stretch of sprites (Fig. 18): a turn, straight swimming, or braking."""
-        course = self._approach(fish, goal)
-        if self.will_turn(course):
-            return self.turn_to_aim(course, rng)
+        approach = self._approach(fish, goal)
+        if self.will_turn(approach):
+            return self.turn_to_aim(approach, rng)
         return (
-            self.swim_straight(course, rng)
-            or (self.turn_to_aim(course, rng) if abs(course.error) > 1 else None)
-            or self.brake(course)
+            self.swim_straight(approach, rng)
+            or (self.turn_to_aim(approach, rng) if abs(approach.error) > 1 else None)
+            or self.brake(approach)
         )
 
     def _approach(self, fish: Fish, goal: Target) -> GoalApproach:
@@ -112,9 +114,8 @@ class Network:
         error = step.wrap(step.bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
         distance = float(np.hypot(aim.x - fish.x, aim.y - fish.y))
         far = distance > self.p.near_goal_bl * self._px
-        return GoalApproach(
-            fish, goal, aim, np.array([fish.x, fish.y, fish.heading]), error, distance, far
-        )
+        start = np.array([fish.x, fish.y, fish.heading])
+        return GoalApproach(fish, goal, aim, start, error, distance, far)
 
     def will_turn(self, approach: GoalApproach) -> bool:
         """Return whether the heading is too far off to swim straight (Fig. 18, first box).
@@ -122,8 +123,8 @@ class Network:
         The fish also turns where it would pass a near goal.
         """
         error, p = approach.error, self.p
-        beside = approach.distance * abs(np.sin(np.radians(error)))
-        misses = abs(error) > 90 or beside > p.miss * self.world.touch_px
+        passes_px = approach.distance * abs(np.sin(np.radians(error)))
+        misses = abs(error) > 90 or passes_px > p.miss * self.world.touch_px
         return abs(error) > self._least_turn or (misses and not approach.far)
 
     def ideal_motion_area(self, fish: Fish, displacement: float, included_deg: float) -> float:
@@ -136,67 +137,69 @@ class Network:
         return min(max(float(self.model.predict(inputs)[0, 0]), 0.0), 1.0)
 
     def _plan_rounded_turn(self, side: int, angle_deg: int, area_pct: int) -> TurnPlan:
-        """Return a turn of sprites to a side, LEFT or RIGHT, of an angle and a strongest bend.
+        """Return a turn of sprites to a side, LEFT or RIGHT, by `angle_deg`, with a strongest bend.
 
-        area_pct: relative motion area of that bend, per cent. Rounded numbers, so that it can be
-        cached.
+        area_pct: relative motion area of that bend, per cent. Angle and area are whole numbers, so
+        that turns can be cached.
         """
-        most = self.p.max_bend_hold_deltas * self.world.motion.delta
-        return plan_turn(self.sprites.turns[side], angle_deg, area_pct / 100, most, self.p)
+        most_ticks = self.p.max_bend_hold_deltas * self.world.motion.delta
+        return plan_turn(self.sprites.turns[side], angle_deg, area_pct / 100, most_ticks, self.p)
 
     def swim_straight(self, approach: GoalApproach, rng: np.random.Generator) -> Stretch | None:
         """Return a slide, an acceleration, a deceleration or plain straight; None at a wall.
 
-        It has duration, speeds and drift of a random phase of the film that begins at about the
-        fish's speed. The heading drifts towards the aim, and beyond it while the aim is far.
+        It has duration, speeds and drift of a random phase, a stretch of straight swimming in the
+        film, that begins at about the fish's speed. The heading drifts towards the aim, and beyond
+        it while the aim is far.
         """
         motion, phases, fish = self.world.motion, self.phases, approach.fish
-        place = int(np.searchsorted(self._first_speeds[fish.state], fish.speed))
-        rows = self._after[fish.state]
-        chosen = rows[self._draw_near(place, len(rows), rng)]
-        ticks = slice(phases.start[chosen], phases.start[chosen] + phases.ticks[chosen])
+        nearest = int(np.searchsorted(self._first_speeds[fish.state], fish.speed))
+        rows = self._phases_after[fish.state]
+        chosen = rows[self._draw_near(nearest, len(rows), rng)]
+        film = slice(phases.start[chosen], phases.start[chosen] + phases.ticks[chosen])
         first = phases.first_speed[chosen]
-        ease = np.maximum(0.0, 1 - np.arange(1, phases.ticks[chosen] + 1) / motion.delta)
-        speed = first + phases.speed_change[ticks] + (fish.speed - first) * ease
+        offset_left = np.maximum(0.0, 1 - np.arange(1, phases.ticks[chosen] + 1) / motion.delta)
+        speed = first + phases.speed_change[film] + (fish.speed - first) * offset_left
         speed = np.minimum(np.maximum(speed, phases.low), phases.high)
         forward = speed * (self._px / motion.rate_hz)
-        drift = phases.drift_deg[ticks]
-        most = 1.0
+        drift = phases.drift_deg[film]
+        drift_factor = 1.0
         if not approach.far:
-            most = min(1.0, abs(approach.error) / max(np.abs(drift).max(), 1e-9))
-        drift = drift * np.copysign(most, approach.error * drift[-1])
-        way, good, touched = step.swim_ahead(
+            drift_factor = min(1.0, abs(approach.error) / max(np.abs(drift).max(), 1e-9))
+        drift = drift * np.copysign(drift_factor, approach.error * drift[-1])
+        way, safe_ticks, touch_tick = step.swim_ahead(
             self.world.tank.legal, approach.start, Ahead(forward, drift, forward * self._stop),
             approach.goal,
         )  # fmt: skip
-        if good < min(2, len(way)) and touched >= good:
+        if safe_ticks < min(2, len(way)) and touch_tick >= safe_ticks:
             return None
-        n = min(touched + 1, good)
+        ticks = min(touch_tick + 1, safe_ticks)
         state = int(phases.state[chosen])
-        sprite, phase, new = self._play_cycle(fish, state, speed[:n])
+        sprite, phase, new = self._play_cycle(fish, state, speed[:ticks])
         decision = Decision(PHASE, film_speed=float(first))
         return Stretch(
-            state, way[:n], sprite, new, approach.aim, touched < n, decision, phase=phase
+            state, way[:ticks], sprite, new, approach.aim, touch_tick < ticks, decision, phase=phase
         )
 
     def _play_cycle(self, fish: Fish, state: int, speeds: Floats) -> tuple[Ints, Floats, bool]:
-        """Return sprites of a state's cycle at speeds (n,), places in it, and whether it is new.
+        """Return the sprites of a state's cycle (n,), places in the cycle, and whether it is new.
 
-        speeds: body lengths/s.
+        speeds (n,): body lengths/s; the faster the fish, the faster the cycle is played. A new
+        cycle begins at the sprite that fits best to the one on screen.
         """
         sprites, p = self.sprites, self.p
-        cycle, begins = sprites.cycles[state], fish.phase
-        new = fish.state == TURN or sprites.cycles[fish.state] is not cycle
-        if new:
-            begins = float(sprites.entry[state][fish.sprite]) - 1.0
-        pace = np.ones(len(speeds))
+        cycle, phase_before = sprites.cycles[state], fish.phase
+        is_new = fish.state == TURN or sprites.cycles[fish.state] is not cycle
+        if is_new:
+            phase_before = float(sprites.entry[state][fish.sprite]) - 1.0
+        rate = np.ones(len(speeds))
         if state != SLIDE:
-            faster = np.sqrt(speeds / sprites.cycle_speed)
-            pace = np.minimum(np.maximum(faster, p.min_playback_rate), p.max_playback_rate)
-        phase = begins + np.cumsum(pace)
-        if new:
-            phase += 1.0 - (phase[0] - begins)  # the first frame is the one chosen
-        return cycle[(phase + 1e-9).astype(np.int64) % len(cycle)], phase, new
+            by_speed = np.sqrt(speeds / sprites.cycle_speed)
+            rate = np.minimum(np.maximum(by_speed, p.min_playback_rate), p.max_playback_rate)
+        phase = phase_before + np.cumsum(rate)
+        if is_new:
+            phase += 1.0 - (phase[0] - phase_before)  # the first frame is the one chosen
+        return cycle[(phase + 1e-9).astype(np.int64) % len(cycle)], phase, is_new
 
     def turn_to_aim(self, approach: GoalApproach, rng: np.random.Generator) -> Stretch:
         """Return a turn of sprites towards the aim: into a bend, held, and out of it.
@@ -205,19 +208,26 @@ class Network:
         """
         fish, sprites, turns = approach.fish, self.sprites, self.world.motion.turns
         side, angle = (LEFT if approach.error > 0 else RIGHT), abs(approach.error)
-        place = int(np.searchsorted(self._angles, angle))
-        chosen = int(self._by_angle[self._draw_near(place, len(self._angles), rng)])
+        nearest = int(np.searchsorted(self._angles, angle))
+        chosen = int(self._by_angle[self._draw_near(nearest, len(self._angles), rng)])
         included = turns.included_angle_deg[chosen] * min(angle / turns.angle_deg[chosen], 1.0)
         area = self.ideal_motion_area(fish, turns.displacement[chosen], side * included)
         plan, new = self.nearest_turn(side, round(angle), round(100 * area)), True
         if fish.is_bent:
             plan = start_from_bend(plan, sprites.turns, side, fish.sprite)
             new = plan.frames[0] not in (fish.sprite, sprites.following[fish.sprite])
-        way, touched, room = self._fit_turn(approach, plan, chosen)
-        n = min(touched + 1, len(plan.frames))
+        way, touch_tick, room = self._fit_turn(approach, plan, chosen)
+        ticks = min(touch_tick + 1, len(plan.frames))
         decision = Decision(TURNING, turn_deg=approach.error, sprite_area=plan.area, room=room)
         return Stretch(
-            TURN, way[:n], plan.frames[:n], new, approach.aim, touched < n, decision, area=area
+            TURN,
+            way[:ticks],
+            plan.frames[:ticks],
+            new,
+            approach.aim,
+            touch_tick < ticks,
+            decision,
+            area=area,
         )
 
     def _fit_turn(
@@ -226,56 +236,66 @@ class Network:
         """Return the trajectory of a filmed turn that fits into the tank, shortened if necessary.
 
         turn_number: of the film's turns. Returns also the tick at which the goal is touched, and
-        the share of the displacement. A turn that begins fast is tried with earlier and earlier
-        stops.
+        the factor of the displacement. A turn that begins fast is tried with earlier and earlier
+        stops; the last, on the spot, is taken even where it does not fit.
         """
         motion, turns, phases = self.world.motion, self.world.motion.turns, self.phases
-        ease, n = self.p.ease, len(plan.frames)
-        film = slice(turns.start[turn_number], turns.start[turn_number] + turns.ticks[turn_number])
-        at_tick = np.linspace(0, turns.ticks[turn_number] - 1, n)
+        ease, count = self.p.ease, len(plan.frames)
+        film_ticks = slice(
+            turns.start[turn_number], turns.start[turn_number] + turns.ticks[turn_number]
+        )
+        at_tick = np.linspace(0, turns.ticks[turn_number] - 1, count)
         ticks = np.arange(turns.ticks[turn_number])
-        forward = np.interp(at_tick, ticks, turns.forward[film])
-        sideways = np.interp(at_tick, ticks, turns.sideways[film])
-        most = float(np.ediff1d(plan.share, to_begin=plan.share[:1]).max())
-        fastest = 1.5 * abs(approach.error) * most
-        since, speed = np.arange(1, n + 1), approach.fish.speed / motion.rate_hz
-        tries = [(motion.delta, share) for share in ease] + [(2, ease[-1]), (0, ease[-1])]
-        for stop, share in tries:
-            fade = np.maximum(0.0, 1 - since / stop) if stop else np.zeros(n)
-            ahead = share * forward + (speed - share * forward[0]) * fade
+        forward = np.interp(at_tick, ticks, turns.forward[film_ticks])
+        sideways = np.interp(at_tick, ticks, turns.sideways[film_ticks])
+        largest_share = float(np.ediff1d(plan.share, to_begin=plan.share[:1]).max())
+        fastest = 1.5 * abs(approach.error) * largest_share
+        tick_numbers, speed = np.arange(1, count + 1), approach.fish.speed / motion.rate_hz
+        # The ticks in which the first speed fades, and the factor of the turn's displacement.
+        tries = [(motion.delta, factor) for factor in ease] + [(2, ease[-1]), (0, ease[-1])]
+        for stop, factor in tries:
+            fade = np.maximum(0.0, 1 - tick_numbers / stop) if stop else np.zeros(count)
+            ahead = factor * forward + (speed - factor * forward[0]) * fade
             swim = Turning(
                 plan.share,
                 np.minimum(np.maximum(ahead, 0.0), phases.high / motion.rate_hz) * self._px,
-                share * sideways * (1 - fade) * self._px,
+                factor * sideways * (1 - fade) * self._px,
             )
-            way, good, touched = step.swim_turn(
+            trajectory, possible, touch_tick = step.swim_turn(
                 self.world.tank.legal, approach.start, swim, approach.goal, approach.aim, fastest
             )
-            if good:
+            if possible:
                 break
-        return way, touched, share
+        return trajectory, touch_tick, factor
 
     def brake(self, approach: GoalApproach) -> Stretch:
         """Return a stretch of up to Δ that slows down before a wall, or stays in place."""
         motion, phases, fish = self.world.motion, self.phases, approach.fish
         ticks = motion.delta
-        slower = self.p.brake_speed_ratio ** (np.arange(1, ticks + 1) / ticks)
-        speed, none = np.maximum(fish.speed * slower, phases.low), np.zeros(ticks)
-        way, good, touched = step.swim_ahead(
+        speed_factor = self.p.brake_speed_ratio ** (np.arange(1, ticks + 1) / ticks)
+        speed, zeros = np.maximum(fish.speed * speed_factor, phases.low), np.zeros(ticks)
+        way, safe_ticks, touch_tick = step.swim_ahead(
             self.world.tank.legal, approach.start,
-            Ahead(speed * (self._px / motion.rate_hz), none, none), approach.goal,
+            Ahead(speed * (self._px / motion.rate_hz), zeros, zeros), approach.goal,
         )  # fmt: skip
-        n = min(touched + 1, good)
-        if n == 0:
-            way, n, touched = np.tile(approach.start, (ticks, 1)), ticks, ticks
-        sprite, phase, new = self._play_cycle(fish, DECELERATE, speed[:n])
+        shown = min(touch_tick + 1, safe_ticks)
+        if shown == 0:
+            way, shown, touch_tick = np.tile(approach.start, (ticks, 1)), ticks, ticks
+        sprite, phase, new = self._play_cycle(fish, DECELERATE, speed[:shown])
         return Stretch(
-            DECELERATE, way[:n], sprite, new, approach.aim, touched < n, Decision(WALL), phase=phase
+            DECELERATE,
+            way[:shown],
+            sprite,
+            new,
+            approach.aim,
+            touch_tick < shown,
+            Decision(WALL),
+            phase=phase,
         )
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch of sprites that began with `fish`."""
-        ticks, number = len(stretch.way), int(stretch.number[-1])
+        ticks, sprite = len(stretch.way), int(stretch.number[-1])
         x, y, heading = map(float, stretch.way[-1])
         before_x, before_y = stretch.way[-2, :2] if ticks > 1 else (fish.x, fish.y)
         forward = np.hypot(x - before_x, y - before_y) / self._px
@@ -283,11 +303,11 @@ class Network:
         phase = fish.phase
         if stretch.phase is not None:
             phase = float(stretch.phase[-1]) % len(self.sprites.cycles[stretch.state])
-        bent = stretch.state == TURN and not stretch.whole
-        area = float(self.sprites.area[number]) if bent else 0.0
+        is_bent = stretch.state == TURN and not stretch.whole
+        area = float(self.sprites.area[sprite]) if is_bent else 0.0
         since = ticks if fish.row >= 0 else fish.since + ticks
         return Fish(
-            x, y, float(wrap(heading)), speed, stretch.state, number, phase, area,
+            x, y, float(wrap(heading)), speed, stretch.state, sprite, phase, area,
             fish.tick + ticks, since=since,
         )  # fmt: skip
 
@@ -306,10 +326,10 @@ def network_animator(
     film_data: what is taken from the film; model: the trained network; p, q: the groups `animate`
     and `network`.
     """
-    basis = prepare_mode_assets(film_data, p)
-    mode, sprites = make_network(film_data, basis, model, q)
+    assets = prepare_mode_assets(film_data, p)
+    mode, sprites = make_network(film_data, assets, model, q)
     return make_animator(
-        film_data, basis, mode, video_loop_graph(film_data, basis, NO_LOOPS), sprites, p, q.join
+        film_data, assets, mode, video_loop_graph(film_data, assets, NO_LOOPS), sprites, p, q.join
     )
 
 
@@ -322,7 +342,7 @@ def make_network(
     network.
     """
     pictures, motion = assets.pictures, assets.world.motion
-    near = all_distances(pictures.sprite_successors, pictures.right_facing_sprites)
-    sprites = make_sprites(assets.cast.sprites, near, motion.rate_hz)
+    pose_distances = all_distances(pictures.sprite_successors, pictures.right_facing_sprites)
+    sprites = make_sprites(assets.cast.sprites, pose_distances, motion.rate_hz)
     phases = learn_phases(assets.sized.reel.features, film_data.rate_hz, motion.delta, q)
     return Network(assets.world, sprites, phases, model, q), sprites

@@ -52,13 +52,14 @@ def learn_phases(features: pd.DataFrame, rate_hz: float, delta: int, p: NetworkS
 
     rate_hz: frames per second; delta: Δ in frames; p: what counts as sliding, steady and fast.
     """
-    every = kinematics_of_tracks(features, rate_hz, delta)
-    beating = np.concatenate([c.sway[c.kind == TYPE_STRAIGHT] for c in every])
-    still = p.still_tail_ratio * float(np.quantile(beating, 0.9))
-    speeds = np.concatenate([c.speed for c in every])
+    tracks = kinematics_of_tracks(features, rate_hz, delta)
+    sways = np.concatenate([track.sway[track.kind == TYPE_STRAIGHT] for track in tracks])
+    still_sway = p.still_tail_ratio * float(np.quantile(sways, 0.9))  # 0.9: a beating tail
+    speeds = np.concatenate([track.speed for track in tracks])
     low, high = np.quantile(speeds, (p.min_speed_quantile, p.max_speed_quantile))
-    straight = [run for one in every for run in swimming_runs(one) if run[1] == TYPE_STRAIGHT]
-    return _phases_of_runs(straight, still, delta, p, (float(low), float(high)))
+    runs = [run for track in tracks for run in swimming_runs(track)]
+    straight = [run for run in runs if run[1] == TYPE_STRAIGHT]
+    return _phases_of_runs(straight, still_sway, delta, p, (float(low), float(high)))
 
 
 def _phases_of_runs(
@@ -68,63 +69,68 @@ def _phases_of_runs(
     p: NetworkSettings,
     speed_range: tuple[float, float],
 ) -> Phases:
-    """Return the phases of straight swimming in runs of the film.
+    """Return the phases of straight swimming in runs of the film, without those that drift far.
 
-    still_sway: sway of a still tail; delta: Δ in ticks; speed_range: of the film, body lengths/s.
+    runs: track, type, first frame, one past the last; still_sway: sway of a still tail; delta: Δ in
+    ticks; speed_range: of the film, body lengths/s. FinloopError if there are no phases.
     """
     limits = still_sway, p.steady_speed_ratio, max(1, round(p.phase_least * delta))
     rows = []
-    for c, _, first, last in runs:
-        came = TURN if first > 0 else -1
-        for label, a, b in _split_run(c, first, last, limits):
-            prior = max(a - 1, 0)
-            drifted = c.heading_deg[a:b] - c.heading_deg[prior]
-            if np.abs(drifted).max() <= p.phase_drift_deg:
-                begins = c.speed[prior]
-                rows.append((label, came, b - a, begins, c.speed[a:b] - begins, drifted))
-            came = label
+    for track, _, first, last in runs:
+        before = TURN if first > 0 else -1
+        for state, begin, end in _split_run(track, first, last, limits):
+            prior = max(begin - 1, 0)
+            drift = track.heading_deg[begin:end] - track.heading_deg[prior]
+            if np.abs(drift).max() <= p.phase_drift_deg:
+                speed = track.speed[prior]
+                change = track.speed[begin:end] - speed
+                rows.append((state, before, end - begin, speed, change, drift))
+            before = state
     if not rows:
         raise too_little_error("straight swimming")
-    state, before, ticks, first_speed, change, drift = zip(*rows, strict=True)
+    states, states_before, ticks, speeds, changes, drifts = zip(*rows, strict=True)
     return Phases(
-        np.array(state, np.int8), np.array(before, np.int8), np.array(ticks, np.int32),
-        np.concatenate([[0], np.cumsum(ticks)[:-1]]).astype(np.int32), np.array(first_speed),
-        np.concatenate(change), np.concatenate(drift), *speed_range,
+        np.array(states, np.int8), np.array(states_before, np.int8), np.array(ticks, np.int32),
+        np.concatenate([[0], np.cumsum(ticks)[:-1]]).astype(np.int32), np.array(speeds),
+        np.concatenate(changes), np.concatenate(drifts), *speed_range,
     )  # fmt: skip
 
 
 def _split_run(
     track: TrackKinematics, first: int, last: int, limits: tuple[float, float, int]
 ) -> list[tuple[int, int, int]]:
-    """Return (state, first, one past the last) of the phases of a straight run.
+    """Return (state, first frame, one past the last) of the phases of a straight run of a track.
 
-    limits: the sway of a still tail, the growth of a steady speed, and the fewest ticks.
+    first, last: first frame of the run, one past its last; limits: the sway of a still tail, the
+    growth of a steady speed, and the fewest ticks of a phase; shorter ones are added to the phase
+    before.
     """
-    here, (still, steady, least) = slice(first, last), limits
-    growth = track.growth[here]
+    frames, (still, steady, least) = slice(first, last), limits
+    growth = track.growth[frames]
     label = np.select(
-        [track.sway[here] < still, growth > steady, growth < -steady],
+        [track.sway[frames] < still, growth > steady, growth < -steady],
         [SLIDE, ACCELERATE, DECELERATE],
         STRAIGHT,
     ).astype(np.int8)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(label)) + 1, [len(label)]])
-    labels: list[tuple[int, int, int]] = []
-    for a, b in pairwise(edges.tolist()):
-        kind = int(label[a])
-        if labels and (b - a < least or labels[-1][0] == kind):
-            labels[-1] = (labels[-1][0], labels[-1][1], first + b)
-        elif labels and labels[-1][2] - labels[-1][1] < least:  # only the first can be short
-            labels[-1] = (kind, labels[-1][1], first + b)
+    phases: list[tuple[int, int, int]] = []
+    for begin, end in pairwise(edges.tolist()):
+        state = int(label[begin])
+        if phases and (end - begin < least or phases[-1][0] == state):
+            phases[-1] = (phases[-1][0], phases[-1][1], first + end)
+        elif phases and phases[-1][2] - phases[-1][1] < least:  # only the first can be short
+            phases[-1] = (state, phases[-1][1], first + end)
         else:
-            labels.append((kind, first + a, first + b))
-    return labels
+            phases.append((state, first + begin, first + end))
+    return phases
 
 
 def state_shares(features: pd.DataFrame, phases: Phases) -> dict[str, float]:
     """Return the percentage of time that the fish spend in each state, `<state>_pct`."""
     straight = np.bincount(phases.state, weights=phases.ticks, minlength=TURN)[:TURN]
     turning = float((features["swimming_type"] != 0).mean())
-    share = np.append(straight / straight.sum() * (1 - turning), turning)
+    shares = np.append(straight / straight.sum() * (1 - turning), turning)
     return {
-        f"{state}_pct": 100 * float(part) for state, part in zip(STATES[:FILM], share, strict=True)
+        f"{state}_pct": 100 * float(share)
+        for state, share in zip(STATES[:FILM], shares, strict=True)
     }

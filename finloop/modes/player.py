@@ -62,14 +62,14 @@ class PaperPlayer:
     def sources(self) -> EditInputs:
         """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
         film, motion, sprites = self.film, self.world.motion, self.sprites
-        own = slice(0, film.filmed)
-        scale, after, count = np.ones(1), np.zeros(1, np.int64), 1
+        filmed = slice(0, film.filmed)
+        scale, next_sprites, count = np.ones(1), np.zeros(1, np.int64), 1
         if sprites is not None:
-            scale, after = self.cast.sprite_scale, sprites.following
+            scale, next_sprites = self.cast.sprite_scale, sprites.following
             count = sprites.orientations
         return EditInputs(
-            motion.rate_hz, motion.body_length_px, film.heading[own], film.scale[own],
-            film.has_next[own], scale, after, count, self.joins, ("loops", "network"),
+            motion.rate_hz, motion.body_length_px, film.heading[filmed], film.scale[filmed],
+            film.has_next[filmed], scale, next_sprites, count, self.joins, ("loops", "network"),
         )  # fmt: skip
 
     def begin(
@@ -111,20 +111,20 @@ class PaperPlayer:
             if left <= 0:
                 place, left = random_wander_place(world, fish, rng)
             x, y = place
-        free = not isinstance(goal, Goal)
-        spot = Target(float(x), float(y), world.touch_px, world.head_px, free)
-        stretch = self.mode.play(fish, spot, rng)
+        wanders = not isinstance(goal, Goal)
+        target = Target(float(x), float(y), world.touch_px, world.head_px, wanders)
+        stretch = self.mode.play(fish, target, rng)
         if fish is not state.fish:
             stretch = replace(stretch, new=True)
-        if not isinstance(goal, Goal):
-            played = len(stretch.way) * (stretch.state != TURN)
-            left = 0 if stretch.touched else max(0, left - played)
+        if wanders:
+            ticks = len(stretch.way) * (stretch.state != TURN)  # turns do not count
+            left = 0 if stretch.touched else max(0, left - ticks)
         return stretch, State(self.mode.end_state(fish, stretch), place, left)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
         """Return the first ticks of a stretch that began in `state`, and the state after."""
         short = stretch.cut(ticks)
-        # A plan that `matching` had made began at the fish's place at that time.
+        # Without the rest of a plan of `matching`, which began elsewhere.
         return short, State(self.mode.end_state(state.fish, short), state.place, state.left)
 
     def hull(self, kind: str, source: int) -> Floats:

@@ -16,24 +16,27 @@ _SEEDS = 100  # seeds tried for one animation: in a nearly full tank few have ro
 
 
 def sample_animations(animator: Animator, seconds: float, p: AnimateSettings) -> pd.DataFrame:
-    """Return random animations that last `seconds` s in all, as one edit list, fish numbered on.
+    """Return random animations of `seconds` s in all, as one edit list; each fish has a number.
 
     The seconds of all fish are summed. Each animation lasts `animate.seconds` at most. Its fish
     swim to random goals, then wander. Seeds whose places leave no room for all fish are skipped;
     NoRoom after `_SEEDS` of them in a row.
     """
-    seeds, parts, fish = count(p.seed + 1), list[pd.DataFrame](), 0
-    together = animator.fish
-    for number in range(int(np.ceil(seconds / p.seconds / together))):
-        rest = seconds / together - number * p.seconds
-        for one in split_by_fish(_sample_with_room(animator, min(p.seconds, rest), seeds)):
-            parts.append(one.assign(fish=fish))
-            fish += 1
+    seeds, parts = count(p.seed + 1), list[pd.DataFrame]()
+    seconds_a_fish = seconds / animator.fish
+    for number in range(int(np.ceil(seconds / p.seconds / animator.fish))):
+        rest = seconds_a_fish - number * p.seconds
+        edit = _sample_with_room(animator, min(p.seconds, rest), seeds)
+        for fish_edit in split_by_fish(edit):
+            parts.append(fish_edit.assign(fish=len(parts)))
     return pd.concat(parts, ignore_index=True)
 
 
 def _sample_with_room(animator: Animator, seconds: float, seeds: Iterator[int]) -> pd.DataFrame:
-    """Return the animation with the first of the seeds that has room for all fish."""
+    """Return the animation of `seconds` s with the first of the seeds that has room for all fish.
+
+    NoRoom if `_SEEDS` seeds in a row have none.
+    """
     for _ in range(_SEEDS - 1):
         with suppress(NoRoom):
             return animator.sample(next(seeds), seconds)

@@ -30,7 +30,7 @@ class TurnFrames:
         """Return the first place after the peak that bends no more than the place `depth`.
 
         depth: a place up to the peak, the deepest that is shown. A turn that bends only so far
-        skips from it to there; the last place if all bend more.
+        skips the places between; the result is the last place if all bend more.
         """
         shallow = np.flatnonzero(self.area <= self.area[depth])
         after = shallow[shallow > self.peak]
@@ -44,8 +44,8 @@ class TurnFrames:
     def steps(self, deepest: int, held_ticks: int) -> tuple[Ints, Floats]:
         """Return numbers (k,) of a turn's sprites, and the change of heading up to each.
 
-        deepest: place of the sprite that bends most; held_ticks: for which it is held. The changes
-        (k,), degrees ≥ 0 as filmed, are from the sprite before; the first is 0, as straight
+        deepest: place of the sprite that bends most; held_ticks: ticks for which it is held. The
+        changes (k,), degrees ≥ 0 as filmed, are from the sprite before; the first is 0, as straight
         swimming comes before it.
         """
         back, degrees = self.place_after_peak(deepest), self.degrees
@@ -68,7 +68,7 @@ class Sprites:
     place of the cycle at which to go on after it; following (n,): the next sprite of each one's
     sequence, itself at the end of a turn; area (n,): relative motion areas; turns: by side, LEFT or
     RIGHT; cycle_speed: of the straight cycle as filmed, body lengths/s; orientations: number of
-    orientations that every sprite has.
+    orientations in which every sprite is drawn.
     """
 
     cycles: dict[int, Ints]
@@ -106,26 +106,28 @@ def plan_turn(
     """Return a turn by `angle_deg` > 0 that bends about to the relative motion area `area`.
 
     frames: sprites of the turn's side. The strongest bend is held for at most `most_held_ticks`.
-    Where the film's sprites turn by far less or more than `angle_deg`, a deeper or shallower bend
-    is taken.
+    Where the film turns by far less or more than `angle_deg` over these sprites, a deeper or
+    shallower bend is taken.
     """
     depth = max(1, int(np.abs(frames.area[: frames.peak + 1] - area).argmin()))
-    depth = min(depth, frames.peak)
+    depth = min(depth, frames.peak)  # place of the strongest bend
     while True:
-        bare = frames.steps(depth, 0)[1].sum()
-        held = min(max(round((angle_deg - bare) / max(frames.hold_deg, 1e-6)), 0), most_held_ticks)
-        film = bare + held * frames.hold_deg
-        if angle_deg > settings.turn_more * film and depth < frames.peak:
+        unheld_deg = frames.steps(depth, 0)[1].sum()
+        held_ticks = min(
+            max(round((angle_deg - unheld_deg) / max(frames.hold_deg, 1e-6)), 0), most_held_ticks
+        )
+        film_deg = unheld_deg + held_ticks * frames.hold_deg
+        if angle_deg > settings.turn_more * film_deg and depth < frames.peak:
             depth += 1
         else:
             break
     while depth > 1 and angle_deg < settings.turn_less * frames.steps(depth, 0)[1].sum():
-        depth, held = depth - 1, 0
-    numbers, degrees = frames.steps(depth, held)
-    film = float(degrees.sum())
-    share = np.cumsum(degrees + settings.turn_floor * max(film, 1.0))
+        depth, held_ticks = depth - 1, 0
+    numbers, degrees = frames.steps(depth, held_ticks)
+    film_deg = float(degrees.sum())
+    progress = np.cumsum(degrees + settings.turn_floor * max(film_deg, 1.0))
     area = float(frames.area[depth])
-    return TurnPlan(numbers, share / share[-1], area, film, settings.turn_floor)
+    return TurnPlan(numbers, progress / progress[-1], area, film_deg, settings.turn_floor)
 
 
 def start_from_bend(
@@ -133,23 +135,23 @@ def start_from_bend(
 ) -> TurnPlan:
     """Return a planned turn changed so that it starts from the bend that a sprite shows already.
 
-    side: of the planned turn; sprite: number of the one on screen. A bend to the same side
-    continues. A bend that is too deep is first undone; so is a bend to the other side, twice as
-    fast as filmed.
+    side: of the planned turn; sprite: number of the one on screen; a sprite without a bend changes
+    nothing. A bend to the same side continues. A bend that is too deep is first undone; so is a
+    bend to the other side, twice as fast as filmed.
     """
-    bent = next((s for s, t in turns_by_side.items() if sprite in t.number), 0)
-    if not bent:
+    sides = [other for other, turn in turns_by_side.items() if sprite in turn.number]
+    if not sides:
         return plan
     step = np.diff(plan.share, prepend=0.0)
-    here = np.flatnonzero(plan.frames == sprite)
-    undone = turns_by_side[bent].straightening_sprites(sprite)
-    if bent != side:
-        frames = np.concatenate([undone[::2], plan.frames])
+    shown_at = np.flatnonzero(plan.frames == sprite)
+    undoing = turns_by_side[sides[0]].straightening_sprites(sprite)
+    if sides[0] != side:
+        frames = np.concatenate([undoing[::2], plan.frames])
         step = np.concatenate([np.full(len(frames) - len(step), plan.floor), step])
-    elif here.size and here[0] + 1 < len(plan.frames):
-        frames, step = plan.frames[here[0] + 1 :], step[here[0] + 1 :]
-    elif undone.size:
-        frames, step = undone, np.ones(len(undone))
+    elif shown_at.size and shown_at[0] + 1 < len(plan.frames):
+        frames, step = plan.frames[shown_at[0] + 1 :], step[shown_at[0] + 1 :]
+    elif undoing.size:
+        frames, step = undoing, np.ones(len(undoing))
     else:
         return plan
     share = np.cumsum(step)
@@ -159,8 +161,8 @@ def start_from_bend(
 def make_sprites(table: pd.DataFrame, pose_distances: Floats, rate_hz: float) -> Sprites:
     """Return the sprites of a table, split into cycles and turns, with the places to enter a cycle.
 
-    pose_distances (n, n): between the film's frame after sprite i, and sprite j, both turned to
-    head right; rate_hz: frames per second.
+    pose_distances (n, n): Euclidean distances between the film's frame after sprite i, and sprite
+    j, both turned to head right; rate_hz: frames per second.
     """
     parts = {
         name: table[table["sequence"] == name] for name in ("straight", "slide", "left", "right")

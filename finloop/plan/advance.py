@@ -23,12 +23,15 @@ from finloop.plan.objectives import heading_vector, is_objective_done
 from finloop.plan.search_graph import SearchGraph
 from finloop.plan.walls import fits_in_tank
 
-_ONWARD = 0.1  # body lengths; the least distance at which a place ahead is steered to
+_LEAST_AHEAD = 0.1  # body lengths; least distance ahead that counts of a point to steer to
 
 
 @finite_leaf
 def largest_steering_turn(speed_bl_s: float, steering: Steering) -> float:
-    """Return the largest steering correction, degrees in a tick, at a speed in body lengths/s."""
+    """Return the largest steering correction, degrees in a tick, at a speed in body lengths/s.
+
+    It is proportional to the speed, up to that of a fast fish (`steering.brisk`).
+    """
     return steering.turn * min(speed_bl_s / steering.brisk, 1.0)
 
 
@@ -40,19 +43,19 @@ def steering_turn(  # type: ignore[no-untyped-def]
 
     position: x, y px, and px along the route; film_offset (dx, dy): px on the screen by which the
     film moves the fish in `ticks_ahead` ticks. The fish turns towards the point of the route that
-    is as far ahead.
+    is as far ahead as this offset is long; it does not turn where the film hardly moves it.
     """
     dx, dy = film_offset
     far = np.sqrt(dx * dx + dy * dy)
     if ticks_ahead < 1 or far < 1e-6 * steering.length_px:
         return 0.0
     x, y = point_along(route, position[2] + far)
-    vx, vy = x - position[0], y - position[1]
-    aside = (dy * vx - dx * vy) / far
-    onward = max((dx * vx + dy * vy) / far, _ONWARD * steering.length_px)
+    to_x, to_y = x - position[0], y - position[1]
+    left = (dy * to_x - dx * to_y) / far
+    ahead = max((dx * to_x + dy * to_y) / far, _LEAST_AHEAD * steering.length_px)
     # Turning evenly, the place ahead moves as if half of the turn had been made at once.
-    want = 2.0 * np.degrees(aside / onward) / ticks_ahead
-    return min(max(want, -most_deg), most_deg)
+    wanted_deg = 2.0 * np.degrees(left / ahead) / ticks_ahead
+    return min(max(wanted_deg, -most_deg), most_deg)
 
 
 @finite_leaf
@@ -64,17 +67,18 @@ def shift_to_route(route: Route, position, speed_bl_s: float, timing, steering: 
     before the shift; and the length of the shift, px.
     """
     (x, y, along), (tick, ticks) = position, timing
-    along, fx, fy = find_foot(route, x, y, foot_search_start(route, along, tick))
-    tx, ty, most = fx, fy, steering.shift * speed_bl_s * ticks
-    share = min(ticks / steering.reach, 1.0)
+    along, foot_x, foot_y = find_foot(route, x, y, foot_search_start(route, along, tick))
+    to_x, to_y, most_px = foot_x, foot_y, steering.shift * speed_bl_s * ticks
+    part = min(ticks / steering.reach, 1.0)  # of the offset, removed now
     if route.when.size:
-        late = min(max((due_along(route, tick) - along) * share, -most), most)
-        tx, ty = point_along(route, along + late / share)
-    cx, cy = (tx - x) * share, (ty - y) * share
-    far = np.sqrt(cx * cx + cy * cy)
-    if far > most:
-        cx, cy, far = cx * most / far, cy * most / far, most
-    return x + cx, y + cy, along, fx, fy, far
+        catch_up_px = min(max((due_along(route, tick) - along) * part, -most_px), most_px)
+        to_x, to_y = point_along(route, along + catch_up_px / part)
+    shift_x, shift_y = (to_x - x) * part, (to_y - y) * part
+    shift_px = np.sqrt(shift_x * shift_x + shift_y * shift_y)
+    if shift_px > most_px:
+        shift_x, shift_y = shift_x * most_px / shift_px, shift_y * most_px / shift_px
+        shift_px = most_px
+    return x + shift_x, y + shift_y, along, foot_x, foot_y, shift_px
 
 
 @kernel
@@ -84,9 +88,9 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
     """Swim a planned trajectory, steered to the route, up to the goal, route's end or a wall.
 
     planned (m + 1, 3): x, y px, heading in degrees, from the fish's present place on, of which t ≤
-    m ticks count; speeds_bl_s (m,): body lengths/s; rows (t,): rows that are shown; progress: px
-    along the route, and the tick; purpose: the `Objective`, and the goal. Without a route the fish
-    also stops at a waypoint.
+    m ticks count; speeds_bl_s (m,): body lengths/s; rows (t,): film rows shown; progress: px along
+    the route, and the tick; purpose: the `Objective`, and the goal. Without a route the fish also
+    stops at a waypoint.
 
     Returns the trajectory (n, 3), n ≤ t; its steering corrections (n, 2): degrees, px; px along the
     route at its end; whether its last place touches the goal.
@@ -95,7 +99,7 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
     ticks, route, steering = rows.size, objective.route, objective.steering
     out, used, film = np.empty((ticks, 3)), np.zeros((ticks, 2)), graph.film.rows
     along, tick = progress
-    x, y, rot, good, touched = planned[0, 0], planned[0, 1], 0.0, ticks, False
+    x, y, rot, end, touches = planned[0, 0], planned[0, 1], 0.0, ticks, False
     for t in range(ticks):
         turn, shift, row = 0.0, 0.0, rows[t]
         if route.x.size:
@@ -108,27 +112,27 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
         dx, dy = rotate(
             planned[t + 1, 0] - planned[t, 0], planned[t + 1, 1] - planned[t, 1], rot + turn
         )
-        new_x, new_y, on, heading = x + dx, y + dy, along, planned[t + 1, 2] + rot + turn
+        new_x, new_y, on, heading = (x + dx, y + dy, along, planned[t + 1, 2] + rot + turn)
         if route.x.size:
             new_x, new_y, on, _, _, shift = shift_to_route(
                 route, (new_x, new_y, along), speeds_bl_s[t], (tick + t + 1, 1), steering
             )
         if not fits_in_tank(graph.bounds, row, new_x, new_y, heading):
-            good = t
+            end = t
             break
         x, y, along, rot = new_x, new_y, on, rot + turn
         out[t, 0], out[t, 1], out[t, 2] = x, y, heading
         used[t, 0], used[t, 1] = turn, shift
         if route.x.size:
-            ends = is_route_done(route, along, tick + t + 1)
+            is_done = is_route_done(route, along, tick + t + 1)
         else:
             goes_on = film[row].has_next and film[row + 1].recurrent
-            touched = not goal.free and goes_on and touches_target(x, y, heading, goal)
-            ends = touched or (not goal.free and touches_target(x, y, heading, objective.aim))
-        if ends:
-            good = t + 1
+            touches = not goal.free and goes_on and touches_target(x, y, heading, goal)
+            is_done = touches or (not goal.free and touches_target(x, y, heading, objective.aim))
+        if is_done:
+            end = t + 1
             break
-    return out[:good], used[:good], along, touched
+    return out[:end], used[:end], along, touches
 
 
 @kernel
@@ -136,35 +140,37 @@ def swim_film_run(graph: SearchGraph, pose: Floats, shown_row: int, run, progres
     """Move a fish along a run of film from its next tick on, steered as by `swim_trajectory`.
 
     pose (4,): x, y px, heading, and degrees by which the row on screen, `shown_row`, is turned;
-    run: first row and number of ticks; progress, purpose: as in `swim_trajectory`. Returns what
-    that returns, and the discontinuity of the run's first row in natural steps, NaN where the film
-    plays on.
+    run: first row and number of ticks; progress: px along the route, and the tick; purpose: the
+    `Objective`, and the goal. Returns the output of `swim_trajectory`, and the discontinuity of the
+    run's first row in natural steps, NaN where the film plays on.
     """
     (row, ticks), film, rot, seam = run, graph.film, pose[3], np.nan
-    at, own = film.rows[row], film.rows[shown_row + 1]
+    first_row, next_row = film.rows[row], film.rows[shown_row + 1]
     if row != shown_row + 1:
         first, last = jump_range(film, shown_row + 1)
         seam = film.seam[first:last][film.to[first:last] == row][0]
-        if film.body:
-            rot = wrap(own.heading + pose[3] - at.heading)
+        if film.body:  # a jump keeps the heading
+            rot = wrap(next_row.heading + pose[3] - first_row.heading)
     dx, dy = rotate(film.rows[shown_row].dx, film.rows[shown_row].dy, pose[3])
     begin = np.empty((2, 3))
     begin[0, 0], begin[0, 1], begin[0, 2] = pose[0], pose[1], pose[2]
-    begin[1, 0], begin[1, 1], begin[1, 2] = pose[0] + dx, pose[1] + dy, at.heading + rot
-    way = extend_trajectory_by_film(graph, begin, row, rot, ticks - 1 + purpose[0].steering.reach)
-    m = len(way) - 1
-    speed = np.empty(m)
+    begin[1, 0], begin[1, 1], begin[1, 2] = (pose[0] + dx, pose[1] + dy, first_row.heading + rot)
+    planned = extend_trajectory_by_film(
+        graph, begin, row, rot, ticks - 1 + purpose[0].steering.reach
+    )
+    steps = len(planned) - 1
+    speed = np.empty(steps)
     speed[0] = film.rows[shown_row].speed
-    for t in range(1, m):
+    for t in range(1, steps):
         speed[t] = film.rows[row + t - 1].speed
-    rows = np.arange(row, row + min(ticks, m))
-    out, used, along, touched = swim_trajectory(way, speed, rows, progress, purpose, graph)
-    return out, used, along, touched, seam
+    rows = np.arange(row, row + min(ticks, steps))
+    shown, used, along, touches = swim_trajectory(planned, speed, rows, progress, purpose, graph)
+    return shown, used, along, touches, seam
 
 
 @leaf_kernel
 def set_way_rotation(way, rotation_deg):  # type: ignore[no-untyped-def]
-    """Set the rotation, with its cosine and sine, of a way of the search (dtype `WAY`)."""
+    """Set the rotation, degrees, of a way of the search (dtype `WAY`), with its cosine and sine."""
     angle = np.radians(rotation_deg)
     way.rot, way.cos, way.sin = rotation_deg, np.cos(angle), np.sin(angle)
 
@@ -172,38 +178,38 @@ def set_way_rotation(way, rotation_deg):  # type: ignore[no-untyped-def]
 @leaf_kernel
 def turn_way_to_row(graph, way, row):  # type: ignore[no-untyped-def]
     """Turn a way of the search (dtype `WAY`) so that it keeps its heading when it shows `row`."""
-    rows, to = graph.film.rows, graph.leads[row]
+    rows, target = graph.film.rows, graph.leads[row]
     cos, sin = heading_vector(graph.leads[way.row], way)
     way.rot += rows[way.row].heading - rows[row].heading
-    way.cos, way.sin = cos * to.cos + sin * to.sin, sin * to.cos - cos * to.sin
+    way.cos, way.sin = cos * target.cos + sin * target.sin, sin * target.cos - cos * target.sin
 
 
 @finite_leaf
 def _advance_way(graph, way, ticks, start, objective, weights):  # type: ignore[no-untyped-def]
-    """Advance a way of the search by some ticks; return whether its end is free.
+    """Advance a way of the search by some ticks; return whether its new end is free.
 
-    way: of dtype `WAY`, changed in place. Free is inside the tank and clear of other fish. On a
-    route the way is steered. ticks: how many; start: `SearchStart`.
+    Free is inside the tank and clear of other fish; only then the way (dtype `WAY`) is changed. On
+    a route it is steered. ticks: how many; start: `SearchStart`.
     """
     rows, row, route, steering = graph.film.rows, way.row, objective.route, objective.steering
-    at, after, tick = rows[row], rows[row + ticks], start.tick + way.ticks + ticks
+    now, then, tick = rows[row], rows[row + ticks], start.tick + way.ticks + ticks
     turn, cost, along = 0.0, 0.0, way.along
-    speed = (at.speed + after.speed) / 2
+    speed = (now.speed + then.speed) / 2
     if route.x.size:
         lead = graph.leads[row]
-        leads = rotate_by_cos_sin(lead.dx, lead.dy, way.cos, way.sin)
+        offset = rotate_by_cos_sin(lead.dx, lead.dy, way.cos, way.sin)
         most = largest_steering_turn(speed, steering)
-        turn = steering_turn(route, (way.x, way.y, along), leads, lead.ticks, most, steering)
-        dx, dy = rotate(after.x - at.x, after.y - at.y, way.rot + turn * ticks / 2)
+        turn = steering_turn(route, (way.x, way.y, along), offset, lead.ticks, most, steering)
+        dx, dy = rotate(then.x - now.x, then.y - now.y, way.rot + turn * ticks / 2)
     else:
-        dx, dy = rotate_by_cos_sin(after.x - at.x, after.y - at.y, way.cos, way.sin)
-    x, y, rot = way.x + dx, way.y + dy, way.rot + turn * ticks
-    heading = after.heading + rot
+        dx, dy = rotate_by_cos_sin(then.x - now.x, then.y - now.y, way.cos, way.sin)
+    x, y, turned_deg = way.x + dx, way.y + dy, way.rot + turn * ticks
+    heading = then.heading + turned_deg
     if route.x.size:
         x, y, along, fx, fy, shift = shift_to_route(
             route, (x, y, along), speed, (tick, ticks), steering
         )
-        used = turn / steering.turn, shift / max(steering.shift * speed * ticks, 1e-9)
+        used = (turn / steering.turn, shift / max(steering.shift * speed * ticks, 1e-9))
         cost = path_tick_cost(route, (x, y, heading), (along, fx, fy), used, tick, steering) * ticks
     if not fits_in_tank(graph.bounds, row + ticks, x, y, heading):
         return False
@@ -211,7 +217,7 @@ def _advance_way(graph, way, ticks, start, objective, weights):  # type: ignore[
         return False
     way.x, way.y, way.along = x, y, along
     if route.x.size:
-        set_way_rotation(way, rot)
+        set_way_rotation(way, turned_deg)
     way.terms[PATH] += cost
     way.row, way.ticks = row + ticks, way.ticks + ticks
     return True
@@ -221,24 +227,26 @@ def _advance_way(graph, way, ticks, start, objective, weights):  # type: ignore[
 def advance_way_by_leg(graph, way, most_ticks, start, objective, weights):  # type: ignore[no-untyped-def]
     """Advance a way of the search by a leg: to the first row with jumps after a stride.
 
-    way: of dtype `WAY`; its place, rows, ticks, and terms rarity, lag and path are changed.
-    most_ticks: longest leg; start: `SearchStart`. Returns whether the way can go on (not where a
-    wall or a fish blocks it, or the film ends), and whether its objective is done.
+    way: of dtype `WAY`; its place, rows, ticks, and terms rarity, lag and path are changed. A
+    stride is the time between two checks of a way. most_ticks: longest leg; start: `SearchStart`.
+    Returns whether the way can go on (not where a wall or a fish blocks it, or the film ends), and
+    whether its objective is done.
     """
-    rows, begun, left, ends = graph.film.rows, way.row, min(graph.leg[way.row], most_ticks), False
-    if left == 0:
+    rows, first_row, is_done = graph.film.rows, way.row, False
+    ticks_left = min(graph.leg[first_row], most_ticks)
+    if ticks_left == 0:
         return False, False
-    while left > 0 and not ends:
-        ticks = min(weights.stride, left)
+    while ticks_left > 0 and not is_done:
+        ticks = min(weights.stride, ticks_left)
         if not _advance_way(graph, way, ticks, start, objective, weights):
             return False, False
-        left -= ticks
-        ends = is_objective_done(graph, way, objective)
-    way.shown = mark_rows(way.shown, begun, way.row)
-    way.terms[RARITY] += rows[way.row].rarity_sum - rows[begun].rarity_sum
+        ticks_left -= ticks
+        is_done = is_objective_done(graph, way, objective)
+    way.shown = mark_rows(way.shown, first_row, way.row)
+    way.terms[RARITY] += rows[way.row].rarity_sum - rows[first_row].rarity_sum
     if not objective.route.x.size:
-        way.terms[LAG] += start.lag * (rows[way.row].lag_sum - rows[begun].lag_sum)
-    return rows[way.row].recurrent, ends
+        way.terms[LAG] += start.lag * (rows[way.row].lag_sum - rows[first_row].lag_sum)
+    return rows[way.row].recurrent, is_done
 
 
 @kernel
@@ -247,24 +255,27 @@ def extend_trajectory_by_film(
 ) -> Floats:
     """Return a trajectory that ends at a film row, extended by the next places of the film.
 
-    trajectory (k, 3): x, y px, heading in degrees; row: the row shown at its end, turned by
+    trajectory (k, 3): x, y px, heading in degrees; row: the film row shown at its end, turned by
     `rotation_deg`; ticks: how many places to add, fewer where the film ends.
     """
-    k, more = len(trajectory), min(ticks, graph.run[row])
-    way = np.empty((k + more, 3))
-    for i in range(k):  # `way[:k] = begins` takes six seconds to compile
+    given, added = len(trajectory), min(ticks, graph.run[row])
+    extended = np.empty((given + added, 3))
+    for i in range(given):  # a slice takes six seconds to compile
         for c in range(3):
-            way[i, c] = trajectory[i, c]
+            extended[i, c] = trajectory[i, c]
     rows = graph.film.rows
-    for t in range(1, more + 1):
+    for t in range(1, added + 1):
         dx, dy = rotate(rows[row + t].x - rows[row].x, rows[row + t].y - rows[row].y, rotation_deg)
-        way[k + t - 1, 0], way[k + t - 1, 1] = trajectory[k - 1, 0] + dx, trajectory[k - 1, 1] + dy
-        way[k + t - 1, 2] = rows[row + t].heading + rotation_deg
-    return way
+        extended[given + t - 1, 0], extended[given + t - 1, 1] = (
+            trajectory[given - 1, 0] + dx,
+            trajectory[given - 1, 1] + dy,
+        )
+        extended[given + t - 1, 2] = rows[row + t].heading + rotation_deg
+    return extended
 
 
 class Pace(NamedTuple):
-    """How far one unit of a predicted state moves a fish in a tick.
+    """How far one unit of a predicted speed or turn rate moves a fish in a tick.
 
     px: at a speed of one body length/s; turn_deg: degrees at a turn rate of one rad/s.
     """
@@ -286,15 +297,15 @@ def move_by_state(place, state, pace):  # type: ignore[no-untyped-def]
 
 @kernel
 def predicted_trajectory(states, start, pace):  # type: ignore[no-untyped-def]
-    """Return the trajectory along which predicted states move a fish: (n + 1, 3), x, y px, heading.
+    """Return the trajectory (n + 1, 3), x, y px and heading, of a fish that moves as predicted.
 
-    states (n, d): tick by tick; start (3,): x, y px, heading, the first place of the result; pace:
-    `Pace`.
+    states (n, d): predicted states, tick by tick; start (3,): x, y px, heading in degrees, the
+    first place of the result; pace: `Pace`.
     """
-    way = np.empty((len(states) + 1, 3))
+    trajectory = np.empty((len(states) + 1, 3))
     place = start[0], start[1], start[2]
-    way[0, 0], way[0, 1], way[0, 2] = place
+    trajectory[0, 0], trajectory[0, 1], trajectory[0, 2] = place
     for t in range(len(states)):
         place = move_by_state(place, states[t], pace)
-        way[t + 1, 0], way[t + 1, 1], way[t + 1, 2] = place
-    return way
+        trajectory[t + 1, 0], trajectory[t + 1, 1], trajectory[t + 1, 2] = place
+    return trajectory

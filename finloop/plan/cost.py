@@ -59,22 +59,23 @@ def repeat_cost(ticks_ago, weights):  # type: ignore[no-untyped-def]
     return weights.repeat * np.maximum(0.0, 1.0 - ticks_ago / weights.memory)
 
 
-_SOON = 3  # ticks in which an offset dies away fastest
+_FADING_TICKS = 3  # in which an offset dies away fastest
 
 
 @dataclass(frozen=True)
 class Rarity:
     """The cost of the steps from row to row of a film: steps that the film seldom shows cost more.
 
-    A step that the film shows once in n frames costs share × n ticks. steps (n,): distance (Eq. 5)
-    from the row before, 0 where there is none; known (k,): the known distances, rising; pull: the
-    largest step in a tick that inertialization adds for an offset of 1 in the pose codes.
+    A step that the film shows once in n frames costs share × n ticks. steps (n,): Euclidean
+    distance (Eq. 5) of a row's picture from the one before, 0 where there is none; known (k,): the
+    known distances, rising; added_step: the largest step in a tick that inertialization, the fading
+    of a pose offset, adds for an offset of 1 in the pose codes.
     """
 
     steps: Floats
     known: Floats
     share: float
-    pull: float
+    added_step: float
 
     @classmethod
     def from_movement(
@@ -83,26 +84,32 @@ class Rarity:
     ) -> "Rarity":  # fmt: skip
         """Return the rarity of a film (n rows), from its steps and the movements of its fish.
 
-        codes (n, c): pose codes; goes_on (n,): whether the next row is the next frame; filmed_steps
-        (n,): distance (Eq. 5) from a row to the next, NaN where unknown: the body's movement
+        movement: how far each row's fish moves and bends up to the next row; codes (n, c): pose
+        codes; goes_on (n,): whether the next row is the next frame; filmed_steps (n,): Euclidean
+        distance (Eq. 5) from a row's picture to the next, NaN where unknown: the body's movement
         replaces it there; spring_response (t,): what is left of an offset of 1 after 0, 1 … ticks;
         weight: share of n ticks that a step shown once in n frames costs.
         """
-        here = goes_on[:-1]
-        moves, bends = (one[here] for one in movement)
-        step, far = filmed_steps[:-1][here], np.linalg.norm(np.diff(codes, axis=0), axis=1)[here]
-        sure = np.isfinite(step)
-        unit = float(step[sure].sum()) / max(float(moves[sure].sum()), 1e-12)
+        pairs = goes_on[:-1]
+        moves, bends = (values[pairs] for values in movement)
+        step = filmed_steps[:-1][pairs]
+        code_step = np.linalg.norm(np.diff(codes, axis=0), axis=1)[pairs]
+        is_known = np.isfinite(step)
+        unit = float(step[is_known].sum()) / max(float(moves[is_known].sum()), 1e-12)
         steps = np.zeros(len(goes_on))
-        steps[1:][here] = np.where(sure, step, unit * moves)
+        steps[1:][pairs] = np.where(is_known, step, unit * moves)
         fastest = float(-np.diff(spring_response, append=0.0).min(initial=0.0))
-        pull = fastest * unit * float(bends.sum()) / max(float(far.sum()), 1e-12)
-        return cls(steps, np.sort(steps[1:][here]), weight, pull)
+        added_step = fastest * unit * float(bends.sum()) / max(float(code_step.sum()), 1e-12)
+        return cls(steps, np.sort(steps[1:][pairs]), weight, added_step)
 
     def step_costs(self, steps: Floats) -> Floats:
-        """Return the cost of each step, in ticks; steps (…): distances (Eq. 5) of pictures."""
-        smaller = np.searchsorted(self.known, steps)
-        return self.share * len(self.known) / np.maximum(len(self.known) - smaller, 1)
+        """Return the cost of each step, in ticks, of the shape of `steps`.
+
+        steps (…): Euclidean distances (Eq. 5) of pictures. The cost grows with the share of film
+        steps that are smaller.
+        """
+        larger = len(self.known) - np.searchsorted(self.known, steps)
+        return self.share * len(self.known) / np.maximum(larger, 1)
 
     @property
     def cumulative_row_costs(self) -> Floats:
@@ -115,17 +122,18 @@ class Rarity:
         return self.step_costs(self.steps)
 
     def transition_costs(self, rows: Ints, code_distances: Floats) -> Floats:
-        """Return the extra cost (k,), in ticks, of three steps after a transition to each row.
+        """Return the extra cost (k,), in ticks, of the three steps after a transition to each row.
 
-        rows (k,): rows shown next; code_distances (k,): distance of each row's pose code from the
-        one on screen. Rows n, n + 1 … are mirror images.
+        They are larger than in the film, as an offset of the pose fades. rows (k,): rows shown
+        next; code_distances (k,): distance of each row's pose code from the one on screen. Rows n,
+        n + 1 … are mirror images.
         """
-        soon = (rows[:, None] + np.arange(1, 1 + _SOON)) % len(self.steps)
-        steps = self.steps[soon] + self.pull * code_distances[:, None]
-        return (self.step_costs(steps) - self._row_costs[soon]).sum(1)
+        next_rows = (rows[:, None] + np.arange(1, 1 + _FADING_TICKS)) % len(self.steps)
+        steps = self.steps[next_rows] + self.added_step * code_distances[:, None]
+        return (self.step_costs(steps) - self._row_costs[next_rows]).sum(1)
 
 
-_MOST = 3.0  # times the usual lag, beyond which the cost does not grow
+_MOST_LAGS = 3.0  # times the usual lag, beyond which the cost does not grow
 _BASE = 0.25  # of the price at the usual lag, along a path for a fish that does not lag
 
 
@@ -142,20 +150,22 @@ class Tempo(NamedTuple):
 
     @classmethod
     def from_film(cls, film: MotionGraph, memory_ticks: float, least_ticks: float) -> "Tempo":
-        """Return the tempo of a film.
+        """Return the tempo of a film: mean step, how a lag fades, and the usual lag.
 
         memory_ticks: ticks after which 1/e of a lag is left; least_ticks: smallest usual lag.
         """
         rows, keeps = film.rows[: film.filmed], float(np.exp(-1 / memory_ticks))
         tracks = np.split(row_lags(rows), np.flatnonzero(~rows["has_next"]) + 1)
-        summed = [accumulate(one.tolist(), lambda left, lag: keeps * left + lag) for one in tracks]
-        usual = float(np.sqrt(np.mean(np.fromiter(chain(*summed), float) ** 2)))
+        lags = [
+            accumulate(track.tolist(), lambda lag, more: keeps * lag + more) for track in tracks
+        ]
+        usual = float(np.sqrt(np.mean(np.fromiter(chain(*lags), float) ** 2)))
         return cls(mean_step_px(rows), keeps, max(usual, least_ticks))
 
     def lag_after(self, lag: float, trajectory: Floats, begin_px: tuple[float, float]) -> float:
-        """Return the lag, in ticks, after a trajectory (n, 3): x, y px, heading.
+        """Return a fish's lag behind the film's mean speed, in ticks, after a trajectory.
 
-        lag: before; begin_px: x, y of the fish before.
+        trajectory (n, 3): x, y px, heading; lag: before it; begin_px: x, y of the fish before it.
         """
         return float(_lag_after(self.step_px, self.keeps, lag, trajectory, begin_px))
 
@@ -165,20 +175,24 @@ class Tempo(NamedTuple):
         lag: ticks, + where the fish is late; weight: the cost at the usual lag, ticks. The cost is
         proportional to the lag, and constant beyond 3 usual lags to either side.
         """
-        return weight * min(max(lag / self.usual, -_MOST), _MOST)
+        return weight * min(max(lag / self.usual, -_MOST_LAGS), _MOST_LAGS)
 
     def cost_of_rest_on_path(self, lag: float, weight: float) -> float:
         """Return what a tick on the spot costs on a path, in ticks ≥ 0, at a lag in ticks.
 
         weight: the cost at the usual lag, ticks; a quarter of it is added at every lag, as slow
-        fish stay closer to the path.
+        fish stay closer to the path. Beyond 3 usual lags the cost is constant.
         """
-        return weight * max(_BASE + min(lag / self.usual, _MOST), 0.0)
+        return weight * max(_BASE + min(lag / self.usual, _MOST_LAGS), 0.0)
 
 
 @kernel
 def _lag_after(step_px, keeps, lag, trajectory, begin_px):  # type: ignore[no-untyped-def]
-    """Return the lag, in ticks, after a trajectory (n, 3), as `Tempo.lag_after` does."""
+    """Return the lag, in ticks, after a trajectory (n, 3), compiled.
+
+    step_px: mean px in a tick; keeps: share of a lag left after a tick; lag: before; begin_px: x,
+    y.
+    """
     x, y = begin_px
     for t in range(len(trajectory)):
         lag = keeps * lag + 1 - np.hypot(trajectory[t, 0] - x, trajectory[t, 1] - y) / step_px
@@ -207,7 +221,10 @@ class Steering(NamedTuple):
     effort: float
 
 
-NO_STEERING = Steering(0.0, 0.0, 1.0, 0, 1.0, 0.0, 0.0, 0.0, 0.0)
+NO_STEERING = Steering(
+    turn=0.0, shift=0.0, brisk=1.0, reach=0, length_px=1.0,
+    across=0.0, late=0.0, heading=0.0, effort=0.0,
+)  # fmt: skip
 
 
 @finite_leaf
@@ -215,17 +232,18 @@ def path_tick_cost(route: Route, pose, foot, corrections, tick: int, steering: S
     """Return the cost, in ticks, of one tick on a path: offset, delay, heading, corrections.
 
     pose: x, y px, heading in degrees; foot: px along the route, and x, y px, of its point nearest
-    to the fish; corrections: turn and shift as shares of the largest ones possible.
+    to the fish; corrections: turn and shift as shares of the largest ones possible. The delay
+    counts on a route with times, the heading on one with headings.
     """
-    square = steering.length_px * steering.length_px
+    unit_px2 = steering.length_px * steering.length_px
     x, y, heading = pose
-    cost = steering.across * offset_cost((foot[1] - x) ** 2 + (foot[2] - y) ** 2, square)
+    cost = steering.across * offset_cost((foot[1] - x) ** 2 + (foot[2] - y) ** 2, unit_px2)
     if route.when.size:
-        tx, ty = point_along(route, due_along(route, tick))
-        cost += steering.late * offset_cost((tx - x) ** 2 + (ty - y) ** 2, square)
+        due_x, due_y = point_along(route, due_along(route, tick))
+        cost += steering.late * offset_cost((due_x - x) ** 2 + (due_y - y) ** 2, unit_px2)
     if route.heading.size:
-        off = np.radians(heading_at(route, foot[0]) - heading)
-        cost += steering.heading * (1.0 - np.cos(off))
+        off_rad = np.radians(heading_at(route, foot[0]) - heading)
+        cost += steering.heading * (1.0 - np.cos(off_rad))
     return cost + steering.effort * (
         corrections[0] * corrections[0] + corrections[1] * corrections[1]
     )

@@ -19,7 +19,7 @@ from finloop.plan.search import film_candidates
 from finloop.plan.walls import keep_inside
 from finloop.plan.world import FilmWorld
 
-_AWAY = 3.0  # body lengths from the nearest fish to the place to make way to
+_AWAY_BL = 3.0  # body lengths from the nearest fish to the place to make way to
 _ASIDE_DEG = (0.0, 50.0, -50.0, 100.0, -100.0)  # drifts that are tried one after the other
 _DRIFT = 0.05  # body lengths in a Δ, of a fish that has no way
 
@@ -27,38 +27,43 @@ _DRIFT = 0.05  # body lengths in a Δ, of a fish that has no way
 class Fallback:
     """Finds what a fish does whose plan leads nowhere or is blocked by a wall or another fish.
 
-    world: its tank and film.
+    world: the tank and film of the fish.
     """
 
     def __init__(self, world: FilmWorld) -> None:
-        """Keep the world."""
+        """Keep the world, and compute the drift of a fish without a way, px in a tick."""
         self._world = world
         self._drift_px = _DRIFT * world.motion.body_length_px / world.motion.delta  # in a tick
 
     def stay(self, fish: Fish, target: Target) -> Stretch:
-        """Return a stretch in place: the film plays on, and the fish turns towards the target."""
+        """Return a stretch in place: the film plays on, and the fish turns towards the target.
+
+        It shows the best next row and those after it, at most a stride (ticks between two checks of
+        a way), up to where the film ends. It turns no faster than a fast fish of the film.
+        """
         film, most_deg = self._world.film, self._world.brisk.turn_deg
-        last, begin, rot = len(film.has_next) - 1, fish.row, fish.rot
+        last, first_row, rot = len(film.has_next) - 1, fish.row, fish.rot
         if film.has_next[fish.row] and len(rows := film_candidates(film, fish.row + 1, rot).rows):
-            begin = int(rows[0])
+            first_row = int(rows[0])
         if film.body:
-            rot = float(wrap(film.heading[min(fish.row + 1, last)] + rot - film.heading[begin]))
-        rows = np.arange(begin, begin + self._world.cost_weights.stride)
+            rot = float(wrap(film.heading[min(fish.row + 1, last)] + rot - film.heading[first_row]))
+        rows = np.arange(first_row, first_row + self._world.cost_weights.stride)
         next_row = np.minimum(rows[:-1] + 1, last)
         goes_on = film.has_next[next_row] & film.recurrent[np.minimum(next_row + 1, last)]
         rows = rows[: 1 + int(np.argmin(np.append(goes_on, False)))]
-        filmed = film.heading[rows] + rot
-        way = np.empty((len(rows), 3))
-        way[:, 0], way[:, 1] = fish.x, fish.y
-        there = bearing(fish.x, fish.y, target.x, target.y)
+        filmed_degs = film.heading[rows] + rot
+        trajectory = np.empty((len(rows), 3))
+        trajectory[:, 0], trajectory[:, 1] = fish.x, fish.y
+        wanted_deg = bearing(fish.x, fish.y, target.x, target.y)
         before = heading = fish.heading
-        for k, own in enumerate(filmed):
-            heading += turn_towards_aim(wrap(own - before), there - heading, most_deg)
-            way[k, 2], before = heading, own
-        rots = way[:, 2] - film.heading[rows]
+        for k, filmed_deg in enumerate(filmed_degs):
+            heading += turn_towards_aim(wrap(filmed_deg - before), wanted_deg - heading, most_deg)
+            trajectory[k, 2], before = heading, filmed_deg
+        rots = trajectory[:, 2] - film.heading[rows]
         state = FORECAST if fish.state == FORECAST else FILM
         return Stretch(
-            state, way, rows, begin != fish.row + 1, target, False, Decision(SPOT), FRAME, rots
+            state, trajectory, rows, first_row != fish.row + 1, target, touched=False,
+            decision=Decision(SPOT), kind=FRAME, rot=rots,
         )  # fmt: skip
 
     def keep_clear(self, fish: Fish, stretch: Stretch) -> Stretch:
@@ -76,16 +81,16 @@ class Fallback:
         if not len(others):
             return stretch
         ticks = self.count_free_ticks(fish, stretch)
-        far = np.hypot(others[:, 0] - fish.x, others[:, 1] - fish.y)
-        stuck = stretch.decision.reason == SPOT and far.min() < 2 * company.discs.reach
+        distances = np.hypot(others[:, 0] - fish.x, others[:, 1] - fish.y)
+        stuck = stretch.decision.reason == SPOT and distances.min() < 2 * company.discs.reach
         if ticks and not stuck:
             return stretch.cut(ticks)
-        x, y = others[far.argmin(), :2].tolist()
-        for way in self._ways_to_give_way(fish, x, y):
-            other = self._part_inside_tank(way)
-            if other is not None and (ticks := self.count_free_ticks(fish, other)):
-                return other.cut(ticks)
-        return way.cut(1)
+        x, y = others[distances.argmin(), :2].tolist()
+        for gives_way in self._ways_to_give_way(fish, x, y):
+            inside = self._part_inside_tank(gives_way)
+            if inside is not None and (ticks := self.count_free_ticks(fish, inside)):
+                return inside.cut(ticks)
+        return gives_way.cut(1)
 
     def count_free_ticks(self, fish: Fish, stretch: Stretch) -> int:
         """Return how many ticks of a stretch are clear of other fish, even if the fish then stays.
@@ -95,22 +100,27 @@ class Fallback:
         return count_lasting_ticks(fish.company, stretch.pictures, stretch.way, fish.tick)
 
     def _part_inside_tank(self, stretch: Stretch) -> Stretch | None:
-        """Return a stretch up to where it leaves the tank, moved off the walls; None if empty."""
-        most, numbers = self._world.cost_weights.pace, stretch.pictures.astype(np.int64)
-        way = keep_inside(self._world.bounds, numbers, stretch.way, most)
-        if np.array_equal(way, stretch.way):
+        """Return a stretch up to where it leaves the tank; None if no tick is inside.
+
+        Where the walls require, it is moved off them, in a tick at most as far as a fast fish
+        swims.
+        """
+        most_px, numbers = self._world.cost_weights.pace, stretch.pictures.astype(np.int64)
+        inside = keep_inside(self._world.bounds, numbers, stretch.way, most_px)
+        if np.array_equal(inside, stretch.way):
             return stretch
-        return replace(stretch.cut(len(way)), way=way, touched=False) if len(way) else None
+        return replace(stretch.cut(len(inside)), way=inside, touched=False) if len(inside) else None
 
     def _stay_at_wall(self, fish: Fish, target: Target) -> Stretch:
         """Return a stretch for a fish whose next picture does not fit in beside a wall.
 
-        It drifts towards open water, and turns to the target where there is room.
+        It drifts towards open water, and turns to the target where there is room. Where no picture
+        fits, it stays with the present one.
         """
         open_water = Target(*self._world.tank.nearest_legal_point(fish.x, fish.y), 0.0, 0.0)
         for stays in self._ways_to_stay(fish, target):
-            way = self._drift(fish, stays, open_water)
-            if (inside := self._part_inside_tank(replace(stays, way=way))) is not None:
+            drifts = replace(stays, way=self._drift(fish, stays, open_water))
+            if (inside := self._part_inside_tank(drifts)) is not None:
                 return inside
         return stays
 
@@ -120,34 +130,34 @@ class Fallback:
         It drifts away, or more and more aside; the last way is to stay with the present picture.
         """
         for aside_deg in _ASIDE_DEG:
-            there = self._place_away_from(fish, x, y, aside_deg)
-            for stays in self._ways_to_stay(fish, there):
-                way = self._drift(fish, stays, there)
-                yield replace(stays, way=way, decision=Decision(WAITING))
+            away = self._place_away_from(fish, x, y, aside_deg)
+            for stays in self._ways_to_stay(fish, away):
+                drifting = self._drift(fish, stays, away)
+                yield replace(stays, way=drifting, decision=Decision(WAITING))
         # The last way to stay, with the same picture, and without a drift.
         yield replace(stays, decision=Decision(WAITING))
 
     def _place_away_from(self, fish: Fish, x: float, y: float, aside_deg: float) -> Target:
-        """Return a target away from another fish at x, y px, turned aside by `aside_deg`."""
-        far = _AWAY * self._world.motion.body_length_px
+        """Return a target 3 body lengths away from a fish at x, y px, turned by `aside_deg`."""
+        distance = _AWAY_BL * self._world.motion.body_length_px
         angle = np.arctan2(fish.y - y, fish.x - x) + np.radians(aside_deg)
-        to_x, to_y = fish.x + far * np.cos(angle), fish.y + far * np.sin(angle)
+        to_x, to_y = fish.x + distance * np.cos(angle), fish.y + distance * np.sin(angle)
         return Target(*self._world.tank.nearest_legal_point(float(to_x), float(to_y)), 0.0, 0.0)
 
     def _ways_to_stay(self, fish: Fish, target: Target) -> Iterator[Stretch]:
-        """Yield stretches in place: turning to a target, then with the present picture."""
+        """Yield two stretches in place: turning to a target, then with the present picture."""
         stays = self.stay(fish, target)
         yield stays
         n = len(stays.way)
-        way = np.tile((fish.x, fish.y, fish.heading), (n, 1))
-        same, rot = np.full(n, fish.row), np.full(n, fish.rot)
-        yield replace(stays, way=way, number=same, rot=rot, new=False)
+        poses = np.tile((fish.x, fish.y, fish.heading), (n, 1))
+        rows, rots = np.full(n, fish.row), np.full(n, fish.rot)
+        yield replace(stays, way=poses, number=rows, rot=rots, new=False)
 
     def _drift(self, fish: Fish, stretch: Stretch, target: Target) -> Floats:
-        """Return the trajectory (n, 3) of a stretch in place with a drift towards a target."""
-        far = np.arange(1, len(stretch.way) + 1) * self._drift_px
-        to = np.subtract(target[:2], (fish.x, fish.y))
-        along = to / max(float(np.hypot(*to)), 1e-9)
-        way = stretch.way.copy()
-        way[:, :2] = (fish.x, fish.y) + far[:, None] * along
-        return np.asarray(way)
+        """Return a stretch's trajectory (n, 3), x, y px, heading, drifting to a target."""
+        distances = np.arange(1, len(stretch.way) + 1) * self._drift_px
+        offset = np.subtract(target[:2], (fish.x, fish.y))
+        direction = offset / max(float(np.hypot(*offset)), 1e-9)
+        trajectory = stretch.way.copy()
+        trajectory[:, :2] = (fish.x, fish.y) + distances[:, None] * direction
+        return np.asarray(trajectory)

@@ -67,13 +67,13 @@ class MotionGraph(NamedTuple):
         return goes_on
 
     def keep_jumps(self, allowed: Mask) -> "MotionGraph":
-        """Return the motion graph with only those of its jumps (e,) that `allowed` (e,) marks."""
-        before = np.append(0, np.cumsum(allowed, dtype=np.int32)).astype(np.int32)
-        return self._replace(start=before[self.start], to=self.to[allowed], seam=self.seam[allowed])
+        """Return the graph with only those of its jumps (e,) that `allowed` (e,) marks."""
+        number = np.append(0, np.cumsum(allowed, dtype=np.int32)).astype(np.int32)
+        return self._replace(start=number[self.start], to=self.to[allowed], seam=self.seam[allowed])
 
 
 class Jumps(NamedTuple):
-    """The jumps between m rows: those of the film, or of the film and its mirror images.
+    """The jumps between m rows: those of the film, or of the film and then its mirror images.
 
     jump_slot (m,): number of a row among those that jumps can replace, −1 if none can; instead of
     the row of slot k rows `to[start[k]:start[k + 1]]` can be shown; seam: their discontinuity in
@@ -87,9 +87,10 @@ class Jumps(NamedTuple):
 
 
 def loop_jumps(loops: LoopGraph, row_count: int, natural_step: float) -> Jumps:
-    """Return the jumps of the paper's video loops (Fig. 10).
+    """Return the jumps of the paper's video loops (Fig. 10): between the ends of loops.
 
-    row_count: number of rows of the film; natural_step: the film's, by which distances are divided.
+    row_count: number of rows of the film; natural_step: median distance between one picture and the
+    next, by which distances are divided.
     """
     jump_slot = np.full(row_count, -1, np.int32)
     jump_slot[loops.ends] = np.arange(len(loops.ends))
@@ -101,16 +102,16 @@ def loop_jumps(loops: LoopGraph, row_count: int, natural_step: float) -> Jumps:
 def neighbour_jumps(jumps: pd.DataFrame, row_count: int) -> Jumps:
     """Return the jumps of a table with the columns of `JUMPS`, sorted by row.
 
-    row_count: number n of rows of the film. If some jumps lead to mirror images, those of the
+    row_count: number n of rows of the film. If some jumps lead to mirror images, those from the
     mirror images, rows n … 2 n − 1, are included.
     """
-    source, to, across, seam = (
+    source, to, to_mirror, seam = (
         jumps[name].to_numpy() for name in ("row", "to", "mirrored", "seam")
     )
-    sides = 1 + bool(across.any())
+    sides = 1 + bool(to_mirror.any())
     if sides == 2:
         source = np.concatenate([source, source + row_count])
-        to = np.concatenate([to + row_count * across, to + row_count * ~across])
+        to = np.concatenate([to + row_count * to_mirror, to + row_count * ~to_mirror])
         seam = np.tile(seam, 2)
     first = np.flatnonzero(np.append(len(source) > 0, source[1:] != source[:-1]))
     jump_slot = np.full(sides * row_count, -1, np.int32)
@@ -134,12 +135,12 @@ def motion_graph(
     place = places_through_water(features) * scale[:, None]
     track = features["track_id"].to_numpy()
     has_next = np.append(track[1:] == track[:-1], False) & ~barred & ~np.append(barred[1:], True)
-    moved = np.zeros((n, 2))
-    moved[:-1] = np.diff(place, axis=0)
-    moved[~has_next] = 0.0
+    steps = np.zeros((n, 2))
+    steps[:-1] = np.diff(place, axis=0)
+    steps[~has_next] = 0.0
     rows = np.zeros(n, ROW)
     rows["x"], rows["y"] = place.T
-    rows["dx"], rows["dy"] = moved.T
+    rows["dx"], rows["dy"] = steps.T
     rows["heading"], rows["area"] = features["heading_deg"], features["motion_area_rel"]
     rows["speed"] = (
         _speeds_over_delta(place, track, motion.delta) * motion.rate_hz / motion.body_length_px
@@ -150,22 +151,22 @@ def motion_graph(
         rows = np.concatenate([rows, _mirror_rows(rows)])
         barred = np.tile(barred, 2)
     rows["jump_slot"] = jumps.jump_slot
-    made = MotionGraph(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
-    made = made.keep_jumps(~barred[jumps.to])
+    graph = MotionGraph(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
+    graph = graph.keep_jumps(~barred[jumps.to])
     del jumps  # a film of hours has 24 million
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
     has_next, jump_slot = rows["has_next"].copy(), rows["jump_slot"].copy()
-    rows["recurrent"] = find_endless_rows(has_next, jump_slot, made.start, made.to)
-    leads = rows["has_next"] & np.append(rows["recurrent"][1:], False)
-    return made.keep_jumps(leads[made.to])
+    rows["recurrent"] = find_endless_rows(has_next, jump_slot, graph.start, graph.to)
+    can_lead = rows["has_next"] & np.append(rows["recurrent"][1:], False)
+    return graph.keep_jumps(can_lead[graph.to])
 
 
 @kernel_part
 def jump_range(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
-    """Return the numbers of the jumps that can replace a row: the first, one past the last."""
-    end = film.rows[row].jump_slot
-    if end >= 0:
-        return np.int64(film.start[end]), np.int64(film.start[end + 1])
+    """Return the numbers of the jumps that can replace a row: the first, and one past the last."""
+    slot = film.rows[row].jump_slot
+    if slot >= 0:
+        return np.int64(film.start[slot]), np.int64(film.start[slot + 1])
     return np.int64(0), np.int64(0)
 
 
@@ -176,16 +177,16 @@ def mean_step_px(rows: NDArray[np.void]) -> float:
 
 
 def farthest_distances(film: MotionGraph, most_ticks: int) -> Floats:
-    """Return the largest distances (most_ticks + 1,), px, that fish cover in 0, 1 … ticks.
+    """Return the largest distances (most_ticks + 1,), px, that film fish cover in 0, 1 … ticks.
 
-    Between two powers of two each is the distance of the next power.
+    They are computed for powers of two; in between each is the distance of the next power.
     """
     rows, far = film.rows[: film.filmed], np.zeros(most_ticks + 1)
-    run, ticks = ticks_to_film_end(rows["has_next"]), 1
+    run, ticks = ticks_to_film_end(rows["has_next"]), 1  # ticks: a power of two
     while ticks < 2 * most_ticks:
         first = np.flatnonzero(run >= ticks)
-        off = (rows[axis][first + ticks] - rows[axis][first] for axis in "xy")
-        far[ticks // 2 + 1 : ticks + 1] = np.hypot(*off).max(initial=0.0)
+        offset = (rows[axis][first + ticks] - rows[axis][first] for axis in "xy")
+        far[ticks // 2 + 1 : ticks + 1] = np.hypot(*offset).max(initial=0.0)
         ticks *= 2
     return np.maximum.accumulate(far)
 
@@ -201,57 +202,56 @@ def row_lags(rows: NDArray[np.void]) -> Floats:
 
 def _mirror_rows(rows: NDArray[np.void]) -> NDArray[np.void]:
     """Return the mirror images of rows (n,), dtype `ROW`: the film upside down."""
-    other = rows.copy()
+    mirrored = rows.copy()
     for name in ("y", "dy", "heading"):
-        other[name] *= -1
-    return other
+        mirrored[name] *= -1
+    return mirrored
 
 
 def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
     """Return the motion graph whose only jumps are to rows that the forecast finds similar.
 
-    Its rows are those of the sampler; these jumps have no discontinuity.
+    Its rows are those of the film and its mirror images that the sampler knows; the jumps have no
+    discontinuity.
     """
     n = min(len(film.rows), len(sampler.usable))
     rows, start = film.rows[:n].copy(), sampler.start[: n + 1].astype(np.int32)
-    leads = np.diff(start) > 0
+    has_similar = np.diff(start) > 0
     rows["has_next"] = sampler.usable[:n]
     rows["has_next"][-1:] = False
-    rows["recurrent"] = sampler.usable[:n] | leads
-    rows["jump_slot"] = np.where(leads, np.arange(n), -1)
+    rows["recurrent"] = sampler.usable[:n] | has_similar
+    rows["jump_slot"] = np.where(has_similar, np.arange(n), -1)
     to = sampler.to[: start[-1]]
     return film._replace(rows=rows, start=start, to=to, seam=np.zeros(len(to)), body=True)
 
 
 def ticks_to_film_end(has_next: Mask) -> NDArray[np.int64]:
-    """Return for how many ticks (n,) the film plays on from each row.
-
-    has_next (n,): whether a row has a next one to play.
-    """
+    """Return for how many ticks (n,) the film plays on from each row, by `has_next` (n,)."""
     stops = np.append(np.flatnonzero(~has_next[:-1]), len(has_next) - 1)
-    here = np.arange(len(has_next))
-    return np.asarray(stops[np.searchsorted(stops, here)] - here)
+    rows = np.arange(len(has_next))
+    return np.asarray(stops[np.searchsorted(stops, rows)] - rows)
 
 
 def _speeds_over_delta(places_px: Floats, track_ids: NDArray[np.int32], delta: int) -> Floats:
-    """Return the speed (n,) of each row, px per tick, over Δ centred on it where its track allows.
+    """Return the speed (n,) of each row, px per tick, over Δ centred on it.
 
-    places_px (n, 2): x, y; track_ids (n,): rising; delta: Δ in ticks.
+    At the ends of a track it is measured over the part of Δ within the track. places_px (n, 2): x,
+    y; track_ids (n,): rising; delta: Δ in ticks.
     """
     first = np.searchsorted(track_ids, track_ids, "left")
     last = np.searchsorted(track_ids, track_ids, "right") - 1
-    here = np.arange(len(track_ids))
-    a, b = np.maximum(here - delta // 2, first), np.minimum(here + delta - delta // 2, last)
-    return np.hypot(*(places_px[b] - places_px[a]).T) / np.maximum(b - a, 1)
+    rows = np.arange(len(track_ids))
+    begin, end = np.maximum(rows - delta // 2, first), np.minimum(rows + delta - delta // 2, last)
+    return np.hypot(*(places_px[end] - places_px[begin]).T) / np.maximum(end - begin, 1)
 
 
 def remove_dead_ends(sampler: Sampler, has_next: Mask, at_rest: Mask) -> Sampler:
     """Return a forecast's sampler with only those rows from which a fish can swim for ever.
 
-    They are the largest strongly connected part of the graph, and all rows that lead there; not
-    those that only lead to an end of the film, or to a cycle of few frames. has_next (m,): which
-    rows of a `MotionGraph` the film goes on from; at_rest (n,): which of the film's own rows it
-    rests at. Rows that must not be shown, and missing mirror images, are left out.
+    They are the largest strongly connected part of the graph, and all rows that lead there; rows
+    that only lead to an end of the film, or to a cycle of few frames, are left out. has_next (m,):
+    which rows of a `MotionGraph` the film goes on from; at_rest (n,): at which of the film's own
+    rows the fish rests. Rows that must not be shown, and missing mirror images, are left out.
     """
     n, m = len(has_next), len(sampler.usable)
     shown = np.zeros(m + 1, bool)
@@ -263,50 +263,50 @@ def remove_dead_ends(sampler: Sampler, has_next: Mask, at_rest: Mask) -> Sampler
     )
     usable = leads[:-1] & leads[1:]
     start, to = filter_edges(leads, usable, sampler.start, sampler.to)
-    still = np.resize(at_rest, m)  # mirror images rest, too
-    return sampler._replace(usable=usable, start=start, to=to, rests=still)
+    rests = np.resize(at_rest, m)  # mirror images rest, too
+    return sampler._replace(usable=usable, start=start, to=to, rests=rests)
 
 
 def filter_edges(leads: Mask, usable: Mask, start: Ints, to: Similar) -> tuple[Ints, Similar]:
-    """Return the edges from rows marked in `leads` to usable rows, as start (m + 1,) and to.
+    """Return the edges from rows marked in `leads` to usable rows, as start (m + 1,) and to (e,).
 
     leads (m + 1,), usable (m,): marks of rows; start, to: the edges of row k lead to rows
     `to[start[k]:start[k + 1]]`.
     """
-    count = np.zeros(len(start), np.int64)
-    _filter_edges(leads, usable, (start, to), count[1:], to[:0])
-    count = np.cumsum(count)
-    made = np.empty(count[-1], to.dtype)
-    _filter_edges(leads, usable, (start, to), np.empty(len(usable), np.int64), made)
-    return count, made
+    counts = np.zeros(len(start), np.int64)
+    _filter_edges(leads, usable, (start, to), counts[1:], to[:0])  # count first
+    new_start = np.cumsum(counts)
+    new_to = np.empty(new_start[-1], to.dtype)
+    _filter_edges(leads, usable, (start, to), np.empty(len(usable), np.int64), new_to)
+    return new_start, new_to
 
 
 @kernel
 def _filter_edges(leads, usable, graph, counts, ends):  # type: ignore[no-untyped-def]
     """Write how many edges each row keeps into `counts`, and the rows they lead to into `ends`.
 
-    leads, usable: as in `filter_edges`; graph: its start and to. Only as many ends as there is room
-    for are written.
+    leads (m + 1,): rows whose edges count; usable (m,): rows that edges may lead to; graph: start
+    and to of the edges. Only as many ends as there is room for are written.
     """
     start, to = graph
-    many = 0
+    kept = 0
     for row in range(len(usable)):
-        before = many
+        kept_before = kept
         if leads[row]:
             for e in range(start[row], start[row + 1]):
                 if usable[to[e]]:
-                    if many < len(ends):
-                        ends[many] = to[e]
-                    many += 1
-        counts[row] = many - before
+                    if kept < len(ends):
+                        ends[kept] = to[e]
+                    kept += 1
+        counts[row] = kept - kept_before
 
 
 @leaf_kernel
 def _row_after_edge(shown, row, edge, start, to):  # type: ignore[no-untyped-def]
     """Return the row to which an edge leads, −1 if it must not be taken.
 
-    shown (m + 1,): rows that may be used; edge: number in `to`; the one before `start[row]` plays
-    on.
+    shown (m + 1,): rows that may be used; edge: its index in `to`; `start[row]` − 1 stands
+    for playing the film on.
     """
     after = row + 1 if edge < start[row] else np.int64(to[edge]) + 1
     return after if shown[row] and shown[after - 1] and shown[after] else -1
@@ -316,9 +316,9 @@ def _row_after_edge(shown, row, edge, start, to):  # type: ignore[no-untyped-def
 def number_connected_parts(shown, start, to):  # type: ignore[no-untyped-def]
     """Return the number (m,) of the strongly connected part that each row is in (Tarjan 1972).
 
-    shown (m + 1,): rows that may be used; start, to: the similar rows of each, as in `Sampler`. A
-    row leads to the next one, and to those after its similar rows. A part has a higher number than
-    those that it leads to.
+    shown (m + 1,): rows that may be used; start, to: the similar rows of row k are
+    `to[start[k]:start[k + 1]]`. A row leads to the next one, and to those after its similar rows. A
+    part has a higher number than those that it leads to.
     """
     m = len(start) - 1
     order, low, part = np.full(m, -1), np.zeros(m, np.int64), np.full(m, -1)
@@ -340,7 +340,7 @@ def number_connected_parts(shown, start, to):  # type: ignore[no-untyped-def]
                 if after >= 0 and order[after] < 0:
                     calls[depth] = after
                     depth += 1
-                    continue  # the edge is looked at again when all from there is known
+                    continue  # this edge again, when all rows from there are done
                 if after >= 0 and part[after] < 0:
                     low[row] = min(low[row], low[after])
                 edge[row] += 1
@@ -358,20 +358,20 @@ def number_connected_parts(shown, start, to):  # type: ignore[no-untyped-def]
 def mark_leading_rows(shown, start, to, parts_and_order):  # type: ignore[no-untyped-def]
     """Return which rows (m,) lead to the largest strongly connected part, its own rows included.
 
-    shown, start, to: as in `number_connected_parts`; parts_and_order: the part of each row (m,),
-    and the rows (m,) in the order of their parts.
+    shown (m + 1,): rows that may be used; start, to: similar rows, as in `number_connected_parts`;
+    parts_and_order: the part of each row (m,), and the rows (m,) in the order of their parts.
     """
     part, order = parts_and_order
     m = len(part)
     size = np.zeros(m, np.int64)
     for row in range(m):
         size[part[row]] += 1
-    leads = np.zeros(m, np.bool_)
-    leads[size.argmax()] = True
+    part_leads = np.zeros(m, np.bool_)
+    part_leads[size.argmax()] = True
     for row in order:
         for edge in range(start[row] - 1, start[row + 1]):
-            if leads[part[row]]:
+            if part_leads[part[row]]:
                 break
             after = _row_after_edge(shown, row, edge, start, to)
-            leads[part[row]] = after >= 0 and leads[part[after]]
-    return leads[part]
+            part_leads[part[row]] = after >= 0 and part_leads[part[after]]
+    return part_leads[part]

@@ -14,7 +14,7 @@ from finloop.plan.matching_settings import MatchingSettings
 def load_path_lines(p: MatchingSettings, features: pd.DataFrame) -> list[Line | None]:
     """Return the line of each entry of `matching.path`, None for an entry without a path.
 
-    features: the film's feature table. Times are left out where fish swim at their own speed.
+    features: the film's feature table. Times are left out unless `matching.path_keep_times`.
     FinloopError if there are more lines than fish, or if a line cannot be read.
     """
     paths = p.path if isinstance(p.path, list) else [p.path]

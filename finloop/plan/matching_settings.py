@@ -87,7 +87,6 @@ class AllSettings(MatchingSettings, CommonSettings):
 
 def merge_settings(common: CommonSettings, own: MatchingSettings) -> AllSettings:
     """Return the parameters of the groups `animate` (common) and `matching` (own) as one object."""
-    both = (common, own)
-    return AllSettings(
-        **{field.name: getattr(one, field.name) for one in both for field in fields(one)}
-    )
+    return AllSettings(**{
+        field.name: getattr(group, field.name) for group in (common, own) for field in fields(group)
+    })  # fmt: skip

@@ -49,10 +49,10 @@ def is_objective_done(graph, way, objective):  # type: ignore[no-untyped-def]
     if objective.route.x.size:
         return is_at_path_end(objective.route, way.along)
     rows = graph.film.rows
-    at, heading = rows[way.row], rows[way.row].heading + way.rot
+    row, heading = rows[way.row], rows[way.row].heading + way.rot
     if objective.aim.free or not touches_target(way.x, way.y, heading, objective.aim):
         return False
-    return at.has_next and rows[way.row + 1].recurrent
+    return row.has_next and rows[way.row + 1].recurrent
 
 
 @leaf_kernel
@@ -111,7 +111,10 @@ def cost_of_time(way, start, objective, weights):  # type: ignore[no-untyped-def
 
 @finite_leaf
 def is_at_path_end(route, along_px):  # type: ignore[no-untyped-def]
-    """Return whether `along_px` along a route is its end; False if it is closed or has times."""
+    """Return whether `along_px` along a route is its end; False if it is closed or has times.
+
+    A closed route has no end, and one with times ends by its time.
+    """
     if route.closed or route.when.size:
         return False
     return along_px >= route.step * (route.x.size - 1)
@@ -121,13 +124,13 @@ def is_at_path_end(route, along_px):  # type: ignore[no-untyped-def]
 def timed_targets(route, tick, most_ticks):  # type: ignore[no-untyped-def]
     """Return the points due on a route with times, x, y px (most_ticks + 1, 2), from a tick on.
 
-    (0, 2) for a route without times.
+    The result is (0, 2) for a route without times.
     """
     count = most_ticks + 1 if route.when.size else 0
-    asked = np.empty((count, 2))
+    targets = np.empty((count, 2))
     for t in range(count):
-        asked[t, 0], asked[t, 1] = point_along(route, due_along(route, tick + t))
-    return asked
+        targets[t, 0], targets[t, 1] = point_along(route, due_along(route, tick + t))
+    return targets
 
 
 @finite_leaf
@@ -143,40 +146,32 @@ def heading_vector(lead, way):  # type: ignore[no-untyped-def]
 def estimate_path_cost(lead, way, direction, route, targets_and_steering):  # type: ignore[no-untyped-def]
     """Estimate the cost, in ticks, of leaving the path in the next ticks if the film plays on.
 
-    By Simpson's rule over the places to which the film leads (lead, dtype `LEAD`), less what
-    steering can correct until then. way: of dtype `WAY`; direction: cosine and sine of its heading;
-    targets_and_steering: output of `timed_targets`, `Steering`.
+    The cost is integrated by Simpson's rule over the places to which the film leads (lead, dtype
+    `LEAD`), less what steering can correct until then. way: of dtype `WAY`; direction: cosine and
+    sine of its heading; targets_and_steering: output of `timed_targets`, `Steering`.
     """
     half, steering = lead.ticks // 2, targets_and_steering[1]
-    middle = _path_deviation(
-        way,
-        (lead.half_ahead, lead.half_left, lead.half_far, half),
-        direction,
-        route,
-        targets_and_steering,
-    )
-    end = _path_deviation(
-        way, (lead.ahead, lead.left, lead.far, lead.ticks), direction, route, targets_and_steering
-    )
-    price = steering.late if route.when.size else steering.across
-    return price * lead.ticks * (4.0 * middle + end) / 6.0
+    half_step = lead.half_ahead, lead.half_left, lead.half_far, half
+    middle = _path_deviation(way, half_step, direction, route, targets_and_steering)
+    whole_step = lead.ahead, lead.left, lead.far, lead.ticks
+    end = _path_deviation(way, whole_step, direction, route, targets_and_steering)
+    deviation_cost = steering.late if route.when.size else steering.across
+    return deviation_cost * lead.ticks * (4.0 * middle + end) / 6.0
 
 
 @finite_leaf
 def _path_deviation(way, film_step, direction, route, targets_and_steering):  # type: ignore[no-untyped-def]
-    """Return the cost of how far off the path the film leads, less what steering can correct.
+    """Return the cost, in squared body lengths, of how far off the path the film leads.
 
-    film_step: px ahead, px to the left, px as the crow flies, and ticks; others: as in
-    `estimate_path_cost`.
+    What steering can correct is taken off; beyond a body length the cost is linear. film_step: px
+    ahead, px to the left, px as the crow flies, and ticks; way, direction, route,
+    targets_and_steering: of `estimate_path_cost`.
     """
-    (ahead, left, far, ticks), (cos, sin), (asked, steering) = (
-        film_step,
-        direction,
-        targets_and_steering,
-    )
+    (ahead, left, far, ticks), (cos, sin) = film_step, direction
+    targets, steering = targets_and_steering
     x, y = way.x + ahead * cos - left * sin, way.y - ahead * sin - left * cos
     if route.when.size:
-        to_x, to_y = asked[way.ticks + ticks, 0], asked[way.ticks + ticks, 1]
+        to_x, to_y = targets[way.ticks + ticks, 0], targets[way.ticks + ticks, 1]
     else:
         to_x, to_y = point_along(route, way.along + far)
     off = np.sqrt((x - to_x) ** 2 + (y - to_y) ** 2) - far * np.radians(steering.turn) * ticks / 2
@@ -188,7 +183,7 @@ def place_by_rule(
 ) -> tuple[Floats, int] | None:
     """Return the place (2,), px, that a rule sends a fish to, and for how many ticks it holds.
 
-    Behind a leader it is a body length behind the leader, for this decision alone (0 ticks). None
+    With a leader it is a body length behind the leader, for this decision alone (0 ticks). None
     where the rule requests nothing.
     """
     length = world.motion.body_length_px
@@ -198,11 +193,9 @@ def place_by_rule(
         return np.array(world.tank.nearest_legal_point(float(x), float(y))), 0
     shoaling = rule.shoaling
     assert shoaling is not None
-    last = fish.speed * shoaling.horizon / world.motion.rate_hz
-    own = DecidingFish(fish.x, fish.y, fish.heading, last)
-    place = next_place_in_school(own, rule.others, shoaling, world.walls, rng)
-    return (
-        None
-        if place is None
-        else (np.array(world.tank.nearest_legal_point(*place)), shoaling.horizon)
-    )
+    last_step = fish.speed * shoaling.horizon / world.motion.rate_hz
+    decider = DecidingFish(fish.x, fish.y, fish.heading, last_step)
+    place = next_place_in_school(decider, rule.others, shoaling, world.walls, rng)
+    if place is None:
+        return None
+    return np.array(world.tank.nearest_legal_point(*place)), shoaling.horizon

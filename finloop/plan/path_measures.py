@@ -6,9 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.paths import (
-    Path,
-)
+from finloop.animate.paths import Path
 from finloop.animate.route import Route, due_along, find_foot, foot_search_start, point_along
 from finloop.base.arrays import Floats, Mask
 from finloop.base.schema import Column, Schema, columns
@@ -54,45 +52,46 @@ def path_table(
 ) -> pd.DataFrame:
     """Return how a fish followed a path, a row for each of the first `ticks` ticks (`PATH_ROWS`).
 
-    mode: its name, for the table; animation: of the fish; path: as steered and as requested.
+    mode: its name, for the table; animation: of the fish, of which the stretches along a path
+    count; path: as steered and as requested.
     """
     ticks = min(ticks, len(path.asked.when)) if path.asked.is_timed else ticks
-    stretches = [
-        one for one, name in zip(animation.stretches, animation.names, strict=True) if name == PATH
-    ]
-    none = np.zeros((0, 3))
-    way = np.concatenate([none, *(one.way for one in stretches)])[:ticks]
+    named = zip(animation.stretches, animation.names, strict=True)
+    stretches = [stretch for stretch, name in named if name == PATH]
+    empty = np.zeros((0, 3))
+    way = np.concatenate([empty, *(stretch.way for stretch in stretches)])[:ticks]
     steer = [np.zeros((len(s.way), 2)) if s.steer is None else s.steer for s in stretches]
-    used = np.concatenate([none[:, :2], *steer])[:ticks]
+    corrections = np.concatenate([empty[:, :2], *steer])[:ticks]
     route, length, along = path.asked, world.motion.body_length_px, 0.0
-    feet, times = np.empty((len(way), 3)), np.full((len(way), 2), np.nan)
+    feet, due_places = np.empty((len(way), 3)), np.full((len(way), 2), np.nan)
     for tick, (x, y, _) in enumerate(way):
-        at = tick + route.begins
-        along, *_ = feet[tick] = find_foot(route, x, y, foot_search_start(route, along, at))
+        route_tick = tick + route.begins
+        along, *_ = feet[tick] = find_foot(route, x, y, foot_search_start(route, along, route_tick))
         if route.is_timed:
-            times[tick] = point_along(route, due_along(route, at))
-    off = np.full(len(way), np.nan)
+            due_places[tick] = point_along(route, due_along(route, route_tick))
+    error_deg = np.full(len(way), np.nan)
     if len(route.heading) and len(way):
         cell = np.minimum((feet[:, 0] / route.step).astype(int), len(route.heading) - 1)
-        off = np.asarray(wrap_deg(way[:, 2] - route.heading[cell]), float)
+        error_deg = np.asarray(wrap_deg(way[:, 2] - route.heading[cell]), float)
     return pd.DataFrame({
         "fish": 0, "mode": mode, "tick": np.arange(len(way)),
         "time_s": np.arange(len(way)) / world.motion.rate_hz, "along_px": feet[:, 0],
         "asked_x_px": feet[:, 1], "asked_y_px": feet[:, 2], "x_px": way[:, 0], "y_px": way[:, 1],
         "across": np.hypot(*(feet[:, 1:] - way[:, :2]).T) / length,
-        "late": np.hypot(*(times - way[:, :2]).T) / length, "heading_error_deg": off,
-        "turned_deg": used[:, 0], "shifted_px": used[:, 1],
+        "late": np.hypot(*(due_places - way[:, :2]).T) / length, "heading_error_deg": error_deg,
+        "turned_deg": corrections[:, 0], "shifted_px": corrections[:, 1],
     })  # fmt: skip
 
 
 def path_metrics(
     followed: pd.DataFrame, departures: pd.DataFrame, path: Path, world: FilmWorld
 ) -> dict[str, float]:
-    """Return measures of a followed path by name: errors in body lengths, corrections in per cent.
+    """Return measures of a followed path by name; {} if there is no tick.
 
-    followed: columns of `PATH_ROWS`; departures: columns of `LEFT`. `path_turn_corrected_pct`: RMS
-    of the turn corrections over Δ, of the spread of the film's turns; `path_way_corrected_pct`: px
-    by which the fish was shifted, of all px that it covered.
+    Errors are in body lengths and degrees, corrections in per cent. followed: columns of
+    `PATH_ROWS`; departures: columns of `LEFT`. `path_turn_corrected_pct`: RMS of the turn
+    corrections over Δ, of the spread of the film's turns; `path_way_corrected_pct`: px by which the
+    fish was shifted, of all px that it covered.
     """
     motion, across = world.motion, followed["across"].to_numpy()
     if not len(followed):
@@ -101,10 +100,10 @@ def path_metrics(
     turned = turned[motion.delta :] - turned[: -motion.delta]
     steps = float(np.hypot(np.diff(followed["x_px"]), np.diff(followed["y_px"])).sum())
     ticks_left = sum(
-        round((b - a) * motion.rate_hz) + 1
-        for a, b in zip(departures["from_s"], departures["to_s"], strict=True)
+        round((end_s - begin_s) * motion.rate_hz) + 1
+        for begin_s, end_s in zip(departures["from_s"], departures["to_s"], strict=True)
     )
-    numbers = {
+    metrics = {
         "path_length_body_lengths": path.asked.length / motion.body_length_px,
         "path_covered_pct": 100 * float(followed["along_px"].iloc[-1]) / path.asked.length,
         "path_across_rms_body_lengths": root_mean_square(across),
@@ -118,13 +117,13 @@ def path_metrics(
     }
     if path.asked.is_timed:
         late = followed["late"].to_numpy()
-        numbers["path_late_rms_body_lengths"] = root_mean_square(late)
-        numbers["path_late_p95_body_lengths"] = float(np.quantile(late, 0.95))
+        metrics["path_late_rms_body_lengths"] = root_mean_square(late)
+        metrics["path_late_p95_body_lengths"] = float(np.quantile(late, 0.95))
     if len(path.asked.heading):
-        numbers["path_heading_error_rms_deg"] = root_mean_square(
+        metrics["path_heading_error_rms_deg"] = root_mean_square(
             followed["heading_error_deg"].to_numpy()
         )
-    return numbers
+    return metrics
 
 
 def root_mean_square(values: Floats) -> float:
@@ -152,20 +151,22 @@ def find_departures(
     """Return where a fish left its path by more than `path_max_offset_bl`, columns of `LEFT`.
 
     followed: columns of `PATH_ROWS`; limits: what the film's fish can swim. On a path with times,
-    places far from the one due at that time count, too.
+    places far from the one due at that time count, too. Each row has the cause of the departure.
     """
     rate = world.motion.rate_hz
-    far = followed["across"].to_numpy()
+    distance = followed["across"].to_numpy()
     if path.asked.is_timed:
-        far = np.fmax(far, followed["late"].to_numpy())
-    edges = np.flatnonzero(np.diff(far > world.settings.path_max_offset_bl, prepend=0, append=0))
+        distance = np.fmax(distance, followed["late"].to_numpy())
+    edges = np.flatnonzero(
+        np.diff(distance > world.settings.path_max_offset_bl, prepend=0, append=0)
+    )
     rows = []
     for first, stop in edges.reshape(-1, 2):
-        worst = followed.iloc[first + int(np.argmax(far[first:stop]))]
+        worst = followed.iloc[first + int(np.argmax(distance[first:stop]))]
         along = np.array([followed["along_px"].iloc[first], followed["along_px"].iloc[stop - 1]])
         rows.append((
             worst["fish"], worst["mode"], first / rate, (stop - 1) / rate, worst["along_px"],
-            worst["asked_x_px"], worst["asked_y_px"], far[first:stop].max(),
+            worst["asked_x_px"], worst["asked_y_px"], distance[first:stop].max(),
             _cause_of_departure(along, (int(first), int(stop)), path, world, limits),
         ))  # fmt: skip
     return pd.DataFrame(rows, columns=LEFT.names).astype(LEFT.kinds)
@@ -176,28 +177,35 @@ def _cause_of_departure(
 ) -> str:
     """Return why no fish can follow a part of a path: "wall", "fast", "sharp", or "" if it can.
 
-    along_px: first and last px along the path; ticks: first tick, and one past the last. A body
-    length before and after counts, too.
+    along_px: first and last px along the path; ticks: first tick, and one past the last; limits:
+    what the film's fish can swim. A body length before and after counts, too.
     """
     length, asked = world.motion.body_length_px, path.asked
-    at = np.arange(along_px[0] - length, along_px[1] + length, 0.1 * length)
-    at = at[(at >= 0) & (at <= (np.inf if asked.closed else asked.length))]
-    if _shifts_off_walls(at, path).max(initial=0.0) > _AT_WALL * length:
+    places_px = np.arange(along_px[0] - length, along_px[1] + length, 0.1 * length)
+    places_px = places_px[
+        (places_px >= 0) & (places_px <= (np.inf if asked.closed else asked.length))
+    ]
+    if _shifts_off_walls(places_px, path).max(initial=0.0) > _AT_WALL * length:
         return "wall"
     if asked.is_timed:
-        before = round(length / max(limits.speed * length, 1e-9) * world.motion.rate_hz)
-        when = asked.when[max(ticks[0] - before, 0) : ticks[1] + 1]
-        delta = min(world.motion.delta, max(len(when) - 1, 1))
-        speed = (when[delta:] - when[:-delta]) / delta * world.motion.rate_hz / length
+        ticks_before = round(length / max(limits.speed * length, 1e-9) * world.motion.rate_hz)
+        due_px = asked.when[max(ticks[0] - ticks_before, 0) : ticks[1] + 1]
+        delta = min(world.motion.delta, max(len(due_px) - 1, 1))
+        speed = (due_px[delta:] - due_px[:-delta]) / delta * world.motion.rate_hz / length
         if speed.max(initial=0.0) > limits.speed:
             return "fast"
-    return "sharp" if _mark_sharp_bends(at, asked, length, limits.bend).any() else ""
+    return "sharp" if _mark_sharp_bends(places_px, asked, length, limits.bend).any() else ""
 
 
 def _shifts_off_walls(along_px: Floats, path: Path) -> Floats:
     """Return how far (n,), px, the steered path is from the requested one, `along_px` (n,)."""
-    both = [np.array([point_along(one, float(a)) for a in along_px]).reshape(-1, 2) for one in path]
-    return np.hypot(*(both[0] - both[1]).T)
+    steered, asked = (_points_along(route, along_px) for route in path)
+    return np.hypot(*(steered - asked).T)
+
+
+def _points_along(route: Route, along_px: Floats) -> Floats:
+    """Return the points (n, 2), x, y px, at distances `along_px` (n,) along a route."""
+    return np.array([point_along(route, float(px)) for px in along_px]).reshape(-1, 2)
 
 
 def _mark_sharp_bends(along_px: Floats, route: Route, length_px: float, bend: float) -> Mask:
@@ -206,28 +214,33 @@ def _mark_sharp_bends(along_px: Floats, route: Route, length_px: float, bend: fl
     along_px (n,): the places; bend: radians per body length; length_px: body length. A bend is
     measured over half a body length.
     """
-    half = 0.25 * length_px
-    ends = [np.array([point_along(route, float(a + k * half)) for a in along_px]).reshape(-1, 2)
-            for k in (-1, 0, 1)]  # fmt: skip
-    steps = [np.degrees(np.arctan2(*(b - a).T[::-1] * [[-1], [1]])) for a, b in pairwise(ends)]
-    return np.asarray(np.abs(np.radians(wrap_deg(steps[1] - steps[0]))) * length_px / half > bend)
+    reach = 0.25 * length_px
+    points = [_points_along(route, along_px + k * reach) for k in (-1, 0, 1)]
+    courses = [_courses_deg(after - before) for before, after in pairwise(points)]
+    turn = np.abs(np.radians(wrap_deg(courses[1] - courses[0])))
+    return np.asarray(turn * length_px / reach > bend)
+
+
+def _courses_deg(steps_px: Floats) -> Floats:
+    """Return the directions (n,), degrees anticlockwise, of steps (n, 2) px, y down."""
+    return np.degrees(np.arctan2(-steps_px[:, 1], steps_px[:, 0]))
 
 
 def film_bend(film: MotionGraph, delta: int, length_px: float, quantile: float) -> float:
     """Return a quantile of the bends of the film's fish over Δ, radians per body length.
 
-    delta: Δ in ticks; length_px: body length; quantile: 0-1. 0 where the film is too short.
+    A bend is the turn from one Δ to the next by the distance covered. delta: Δ in ticks; length_px:
+    body length; quantile: 0-1. 0 where the film is too short, or no fish moves.
     """
     rows = film.rows[: film.filmed]
     first = np.flatnonzero(ticks_to_film_end(rows["has_next"]) >= 2 * delta)
     if not len(first):
         return 0.0
     places = [np.column_stack([rows["x"], rows["y"]])[first + k * delta] for k in range(3)]
-    a, b = places[1] - places[0], places[2] - places[1]
-    courses = [np.degrees(np.arctan2(-moved[:, 1], moved[:, 0])) for moved in (a, b)]
-    bend = np.abs(wrap_deg(courses[1] - courses[0]))
-    far = np.hypot(*a.T) + np.hypot(*b.T)
-    moves: Mask = far >= 0.2 * length_px
+    steps = [after - before for before, after in pairwise(places)]
+    bend = np.abs(wrap_deg(_courses_deg(steps[1]) - _courses_deg(steps[0])))
+    far = np.hypot(*steps[0].T) + np.hypot(*steps[1].T)
+    moves: Mask = far >= 0.2 * length_px  # a resting fish has no course
     if not moves.any():
         return 0.0
     return float(np.quantile(np.radians(bend[moves]) * 2 * length_px / far[moves], quantile))

@@ -56,8 +56,8 @@ class CandidateVerdicts:
 
         costs (k,): s of all candidates, infinite for one that leads nowhere.
         """
-        ends = candidate < 0 or not np.isfinite(costs[candidate])
-        return () if ends else tuple(self.terms[candidate].tolist())
+        leads_nowhere = candidate < 0 or not np.isfinite(costs[candidate])
+        return () if leads_nowhere else tuple(self.terms[candidate].tolist())
 
 
 class Plan(NamedTuple):
@@ -80,11 +80,11 @@ class Plan(NamedTuple):
         return float(self.found.value[self.taken] - self.found.terms[self.taken, CHANCE])
 
     def verdicts(self, rate_hz: float) -> CandidateVerdicts:
-        """Return the candidates of the search, their costs in seconds, and verdicts."""
-        made, found = self.candidates, self.found
+        """Return the candidates of the search, their costs in seconds, the verdict on each."""
+        shown, found = self.candidates, self.found
         value = (found.value - found.terms[:, CHANCE]) / rate_hz
         return CandidateVerdicts(
-            made.rows, made.rots, made.seams, found.terms / rate_hz, value, found.ticks,
+            shown.rows, shown.rots, shown.seams, found.terms / rate_hz, value, found.ticks,
             found.verdicts, self.taken,
         )  # fmt: skip
 
@@ -95,8 +95,9 @@ class Plan(NamedTuple):
         nowhere, so that the next search begins before its end.
         """
         runs: list[Run] = []
-        half = int(self.ticks.sum()) // 2
-        left = most_ticks if np.isfinite(self.cost) else min(most_ticks, half)
+        left = most_ticks
+        if not np.isfinite(self.cost):
+            left = min(most_ticks, int(self.ticks.sum()) // 2)
         for row, ticks in zip(self.rows.tolist(), self.ticks.tolist(), strict=True):
             left -= ticks
             if runs and left < 0:
@@ -116,25 +117,30 @@ def candidate_table(
     animation: of one fish, of which the first `ticks` ticks count; film_rows: number of rows of the
     film, after which its mirror images are counted; fish_number: for the table.
     """
-    begins = np.cumsum([0] + [len(s.way) for s in animation.stretches])
-    parts = [_candidate_rows(tick, o, film_rows) for tick, o in zip(
-        begins, (s.options for s in animation.stretches), strict=False
-    ) if tick < ticks and o is not None]  # fmt: skip
-    none = pd.DataFrame({name: [] for name in CONSIDERED.names[1:]})
-    table = pd.concat(parts, ignore_index=True) if parts else none
+    parts, tick = [], 0
+    for stretch in animation.stretches:
+        if tick < ticks and stretch.options is not None:
+            parts.append(_candidate_rows(tick, stretch.options, film_rows))
+        tick += len(stretch.way)
+    empty = pd.DataFrame({name: [] for name in CONSIDERED.names[1:]})
+    table = pd.concat(parts, ignore_index=True) if parts else empty
     table.insert(0, "fish", fish_number)
     return table
 
 
 def _candidate_rows(tick: int, candidates: CandidateVerdicts, film_rows: int) -> pd.DataFrame:
-    """Return the candidates of the search at one tick as rows of a table."""
-    ends = np.isinf(candidates.value)
+    """Return the candidates of the search at one tick as rows of a table.
+
+    film_rows: number of rows of the film; a candidate beyond them is a mirror image.
+    """
+    is_dead_end = np.isinf(candidates.value)
     terms = {
-        f"{name}_s": np.where(ends, np.nan, candidates.terms[:, k]) for k, name in enumerate(TERMS)
+        f"{name}_s": np.where(is_dead_end, np.nan, candidates.terms[:, k])
+        for k, name in enumerate(TERMS)
     }
     return pd.DataFrame({
         "tick": tick, "row": candidates.rows % film_rows, "mirrored": candidates.rows >= film_rows,
-        "seam": candidates.seams, "value_s": np.where(ends, np.nan, candidates.value),
+        "seam": candidates.seams, "value_s": np.where(is_dead_end, np.nan, candidates.value),
         **terms, "fails": [VERDICTS[verdict] for verdict in candidates.verdict],
         "taken": np.arange(len(candidates.rows)) == candidates.taken,
     })  # fmt: skip

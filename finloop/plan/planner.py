@@ -53,19 +53,19 @@ from finloop.plan.walls import fits_in_tank
 from finloop.plan.world import FilmWorld
 from finloop.social.rule import SchoolRule
 
-_PLACES = 200  # tries to draw a place clear of the other fish
+_MOST_TRIES = 200  # tries to draw a place clear of the other fish
 _FEWER = 4  # divides the beam of a fish that has others near it
-_WIDER = 8  # multiplies the beam along a path where no way of it leads on
-_STARTS = 300  # rows from which the first one of a path is drawn
+_WIDER = 8  # multiplies the beam along a path where no way leads on
+_STARTS = 300  # random rows of which the best begins a path
 
 
 @dataclass(frozen=True)
 class Planner:
-    """Moves fish in mode `matching`. film, prediction: motion sources, at least one of them.
+    """Moves fish in mode `matching`.
 
-    cast: outlines of all pictures; joins: how pictures are joined; shoaling: how fish swim by
-    zones, None where the film shows none; sprite_rows (s,): the film's row behind each sprite, from
-    which a fish of another mode goes on.
+    film, prediction: motion sources, at least one of them; cast: outlines of all pictures; joins:
+    how pictures are joined; shoaling: how fish swim by zones, None where the film shows none;
+    sprite_rows (s,): the film's row behind each sprite, from which a fish of another mode goes on.
     """
 
     world: FilmWorld
@@ -82,10 +82,10 @@ class Planner:
     def sources(self) -> EditInputs:
         """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
         film, motion = self.world.film, self.world.motion
-        own = slice(0, film.filmed)
+        filmed = slice(0, film.filmed)
         return EditInputs(
-            motion.rate_hz, motion.body_length_px, film.heading[own], film.scale[own],
-            film.has_next[own], np.ones(1), np.zeros(1, np.int64), 1, self.joins,
+            motion.rate_hz, motion.body_length_px, film.heading[filmed], film.scale[filmed],
+            film.has_next[filmed], np.ones(1), np.zeros(1, np.int64), 1, self.joins,
             ("matching", "matching"),
         )  # fmt: skip
 
@@ -101,11 +101,11 @@ class Planner:
         """
         if route is not None:
             return State(self._begin_route(route, rng), np.zeros(2))
-        for _ in range(_PLACES):
+        for _ in range(_MOST_TRIES):
             fish = self._begin_anywhere(rng)
-            there = np.array([fish.x, fish.y, fish.heading])
-            fits_in = fits_in_tank(self.world.bounds, fish.picture, *there)
-            if fits_in and can_stay(company, fish.picture, there, fish.tick):
+            pose = np.array([fish.x, fish.y, fish.heading])
+            fits_in = fits_in_tank(self.world.bounds, fish.picture, *pose)
+            if fits_in and can_stay(company, fish.picture, pose, fish.tick):
                 return State(fish, np.zeros(2))
         others = company.places.shape[1]
         raise NoRoom(
@@ -128,22 +128,26 @@ class Planner:
         source = self._first_source
         graph, rows = source.graph, source.graph.film.rows
         lasting = _lasting_rows(source)
-        some = np.sort(rng.choice(lasting, min(_STARTS, len(lasting)), replace=False))
+        sampled = np.sort(rng.choice(lasting, min(_STARTS, len(lasting)), replace=False))
         x, y = map(float, point_along(route, 0.0))
-        ticks = graph.leads["ticks"][some]
-        dx, dy = (rows[axis][some + ticks] - rows[axis][some] for axis in "xy")
-        ahead = point_along(route, self.world.motion.body_length_px)
-        towards = np.arctan2(y - ahead[1], ahead[0] - x)
-        rots = np.asarray(wrap_deg(np.degrees(towards - np.arctan2(-dy, dx))), float)
+        ticks = graph.leads["ticks"][sampled]
+        dx, dy = (rows[axis][sampled + ticks] - rows[axis][sampled] for axis in "xy")
+        next_point = point_along(route, self.world.motion.body_length_px)
+        direction = np.arctan2(y - next_point[1], next_point[0] - x)
+        rots = np.asarray(wrap_deg(np.degrees(direction - np.arctan2(-dy, dx))), float)
         if not graph.film.body:
             rots = np.zeros_like(rots)
-        n = len(some)
-        made = Candidates(some, rots, np.zeros(n), np.zeros(n, bool), np.zeros((n, len(TERMS))))
+        n = len(sampled)
+        candidates = Candidates(
+            sampled, rots, np.zeros(n), np.zeros(n, bool), np.zeros((n, len(TERMS)))
+        )
         lag = self.world.tempo.cost_of_rest_on_path(0.0, self.world.settings.path_lag_cost)
         start = SearchStart(x, y, route.begins - 1, np.zeros((0, 3), np.int64), lag=lag)
-        plan = self._search_plan(source, (made, start), path_objective(route, self.world.steering))
-        best = plan.taken if plan else 0
-        row, rot = int(some[best]), float(rots[best])
+        plan = self._search_plan(
+            source, (candidates, start), path_objective(route, self.world.steering)
+        )
+        best = plan.taken if plan else 0  # any row, if none leads on
+        row, rot = int(sampled[best]), float(rots[best])
         heading = float(wrap_deg(rows["heading"][row] + rot))
         return Fish(x, y, heading, 0.0, source.state, -1, row=row, rot=rot)
 
@@ -157,7 +161,8 @@ class Planner:
     def company(self, other_plans: Floats, tick: int) -> Company:
         """Return the other fish of a tank as a fish that decides at a tick knows them.
 
-        other_plans (n, m, 4): from `Plans.others`. No fish where they may overlap.
+        other_plans (n, m, 4): x, y px, heading, picture of m others in n ticks. No fish where they
+        may overlap.
         """
         p = self.world.settings
         if p.overlap or not other_plans.shape[1]:
@@ -167,7 +172,8 @@ class Planner:
     def with_others(self, state: State, other_plans: Floats) -> State:
         """Return the state with the other fish added, first those that the fish can meet.
 
-        other_plans (n, m, 4): from `Plans.others`, from the fish's present tick on.
+        other_plans (n, m, 4): x, y px, heading, picture of m others in n ticks, from the fish's
+        present tick on.
         """
         fish = state.fish
         company = self.company(other_plans, fish.tick)
@@ -182,7 +188,7 @@ class Planner:
     def plan(
         self, state: State, goal: Goal | Route | Rule | None, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
-        """Return the next stretch: to a goal, by a path, a rule or anywhere; and the state after.
+        """Return the next stretch, to a goal, by a path, a rule or anywhere, and the state after.
 
         The same state, goal and generator state give the same result. Only the generator is
         changed.
@@ -191,16 +197,16 @@ class Planner:
         state = state._replace(fish=fish)
         if isinstance(goal, Route):
             return self._plan_on_route(state, goal, rng)
-        aimed, spot = self._choose_target(state, goal, rng)
-        objective = target_objective(self._next_waypoint(fish, spot))
-        task = ANYWHERE if spot.free else spot
+        aimed, target = self._choose_target(state, goal, rng)
+        objective = target_objective(self._next_waypoint(fish, target))
+        task = ANYWHERE if target.free else target
         stretch, path = self._plan_or_stay(fish, aimed.path, objective, task, rng)
-        whole = stretch
+        planned = stretch
         stretch = self._fallback.keep_clear(fish, stretch)
-        if stretch is not whole:
+        if stretch is not planned:
             path = Progress()
-        keeps = not isinstance(goal, Goal) and not stretch.touched
-        left = max(0, aimed.left - len(stretch.way)) if keeps else 0
+        keeps_target = not isinstance(goal, Goal) and not stretch.touched
+        left = max(0, aimed.left - len(stretch.way)) if keeps_target else 0
         return stretch, aimed._replace(fish=self._fish_after(fish, stretch), left=left, path=path)
 
     def _choose_target(
@@ -221,18 +227,22 @@ class Planner:
     def _choose_place(
         self, state: State, rule: Rule | None, rng: np.random.Generator
     ) -> tuple[Floats, int, bool]:
-        """Return a place (2,) px that is no goal, for how many ticks, and whether by a rule."""
+        """Return a place (2,) px that is no goal, for how many ticks, and whether by a rule.
+
+        A rule goes first; where it requests nothing, the place is a random one. A place holds until
+        its ticks are over.
+        """
         if state.left > 0 and state.wished and rule is not None and rule.leader is None:
             return state.place, state.left, True
-        wished = None if rule is None else place_by_rule(rule, state.fish, self.world, rng)
-        if wished is not None:
-            return *wished, True
+        rule_place = None if rule is None else place_by_rule(rule, state.fish, self.world, rng)
+        if rule_place is not None:
+            return *rule_place, True
         if state.left > 0 and not state.wished:
             return state.place, state.left, False
         return *random_wander_place(self.world, state.fish, rng), False
 
     def _next_waypoint(self, fish: Fish, goal: Target) -> Target:
-        """Return the point to head for: the goal, or the farthest in sight on the way there."""
+        """Return the point to head for: the goal, or the farthest in sight on the way to it."""
         tank = self.world.tank
         aim = next_aim(tank, (fish.x, fish.y), goal, self.world.touch_px)
         return goal if aim[:2] == tank.nearest_legal_point(goal.x, goal.y) else aim
@@ -242,15 +252,15 @@ class Planner:
     ) -> tuple[Stretch, State]:
         """Return the next stretch of a fish on a route, and the state after it."""
         fish, path = state.fish, state.path
-        since = foot_search_start(route, path.along, fish.tick)
-        path = path._replace(along=float(find_foot(route, fish.x, fish.y, since)[0]))
+        search_start = foot_search_start(route, path.along, fish.tick)
+        path = path._replace(along=float(find_foot(route, fish.x, fish.y, search_start)[0]))
         objective = path_objective(route, self.world.steering)
-        whole, on = self._plan_or_stay(fish, path, objective, route, rng)
-        stretch = self._fallback.keep_clear(fish, whole)
-        # The next step finds from where it was how far along a path a shorter one leads.
-        on = on if stretch is whole else Progress(state.path.along)
+        planned, progress = self._plan_or_stay(fish, path, objective, route, rng)
+        stretch = self._fallback.keep_clear(fish, planned)
+        # After a shortened stretch the next call finds the place along the path anew.
+        progress = progress if stretch is planned else Progress(state.path.along)
         return replace(stretch, touched=False), state._replace(
-            fish=self._fish_after(fish, stretch), path=on
+            fish=self._fish_after(fish, stretch), path=progress
         )
 
     def _plan_or_stay(
@@ -259,19 +269,20 @@ class Planner:
     ) -> tuple[Stretch, Progress]:  # fmt: skip
         """Return the next stretch of a fish, and the plan beyond it; in place if no plan leads on.
 
-        path: its progress and its present plan; task: the route or target that plans are made for.
+        A present plan for the same task goes on, else a search makes one. path: its progress and
+        its present plan; task: the route or target that plans are made for.
         """
         if path.runs and _is_same_task(path.task, task):
-            stretch, on = self._swim_next_run(fish, path, objective, None)
+            stretch, progress = self._swim_next_run(fish, path, objective, None)
             if len(stretch.way):
-                return stretch, on
+                return stretch, progress
         plans = self._best_plans(fish, path.along, objective, rng)
         for plan in plans:
             runs = plan.first_runs(self._ticks_between_searches(objective))
             planned = Progress(path.along, task, runs, plan.state)
-            stretch, on = self._swim_next_run(fish, planned, objective, plan)
+            stretch, progress = self._swim_next_run(fish, planned, objective, plan)
             if len(stretch.way):
-                return stretch, on
+                return stretch, progress
         aim = self._point_ahead(objective, path.along)
         options = plans[0].verdicts(self.world.motion.rate_hz) if plans else None
         stretch = self._fallback.stay(fish, aim)
@@ -288,32 +299,41 @@ class Planner:
     def _best_plans(
         self, fish: Fish, along: float, objective: Objective, rng: np.random.Generator
     ) -> list[Plan]:
-        """Return the best plan by the film, and by the forecast where it is needed, the best first.
+        """Return the best plan by the film, and by the forecast where needed, the best first.
 
-        It is needed where the film has no way on, or leaves the path. along: px along the path.
+        The forecast is needed where the film has no way on, or leaves the path. along: px along the
+        path.
         """
-        film = self._best_plan(self.film, fish, along, objective, rng)
-        if film is not None and not self._needs_prediction(film, fish, objective):
-            return [film]
-        prediction = self._best_plan(self.prediction, fish, along, objective, rng)
+        filmed = self._best_plan(self.film, fish, along, objective, rng)
+        if filmed is not None and not self._needs_prediction(filmed, fish, objective):
+            return [filmed]
+        predicted = self._best_plan(self.prediction, fish, along, objective, rng)
         # Leaving the film costs as much as a seam of one natural step.
-        leaves = self._weights.seam
+        leaving_cost = self._weights.seam
         return sorted(
-            (plan for plan in (film, prediction) if plan is not None),
-            key=lambda plan: (plan.cost + leaves * (plan.state != FILM), -plan.found.ticks.max()),
+            (plan for plan in (filmed, predicted) if plan is not None),
+            key=lambda plan: (
+                plan.cost + leaving_cost * (plan.state != FILM),
+                -plan.found.ticks.max(),
+            ),
         )
 
     def _needs_prediction(self, plan: Plan, fish: Fish, objective: Objective) -> bool:
-        """Return whether predictions are needed: a plan ends, or costs like leaving the path."""
+        """Return whether predictions are needed: the plan ends, or costs like leaving the path.
+
+        Leaving the path means swimming `path_max_offset_bl` beside it.
+        """
         route, p = objective.route, self.world.settings
         if not len(route.x):
             return not np.isfinite(plan.cost)
-        beside = p.path_max_offset_bl**2
-        price = p.path_offset_cost * beside
-        price += (
-            p.path_late_cost * beside if route.is_timed else self._cost_of_rest(fish, objective)
+        square_offset = p.path_max_offset_bl**2
+        tick_cost = p.path_offset_cost * square_offset
+        tick_cost += (
+            p.path_late_cost * square_offset
+            if route.is_timed
+            else self._cost_of_rest(fish, objective)
         )
-        return plan.cost > price * float(plan.ticks.sum())
+        return plan.cost > tick_cost * float(plan.ticks.sum())
 
     def _best_plan(
         self, source: MotionSource | None, fish: Fish, along: float, objective: Objective,
@@ -323,13 +343,17 @@ class Planner:
 
         along: px along the path.
         """
-        made = source and source.candidates(fish, self._cost_of_rest(fish, objective), along)
-        if not (source and made):
+        candidates_and_start = source and source.candidates(
+            fish, self._cost_of_rest(fish, objective), along
+        )
+        if not (source and candidates_and_start):
             return None
         if not len(objective.route.x):
             noise = self.world.settings.choice_noise * self.world.motion.delta
-            made[0].terms[:, CHANCE] = rng.exponential(noise, len(made[0].rows))
-        return self._search_plan(source, made, objective)
+            candidates_and_start[0].terms[:, CHANCE] = rng.exponential(
+                noise, len(candidates_and_start[0].rows)
+            )
+        return self._search_plan(source, candidates_and_start, objective)
 
     def _search_plan(
         self,
@@ -339,31 +363,32 @@ class Planner:
     ) -> Plan | None:
         """Return the cheapest plan from the candidates of a search; None where no row can be shown.
 
-        source: their motion source.
+        source: the motion source of the candidates. On a path, a search without a way on is
+        repeated with a wider beam.
         """
         candidates, start = candidates_and_start
         weights = self._crowded_weights if start.company.near else self._weights
         horizon = self._ticks_between_searches(objective) + self.world.to_ticks(
             self.world.settings.look_ahead_deltas
         )
-        found, rows = beam_search(source.graph, candidates, start, objective, weights, horizon)
-        if len(objective.route.x) and np.isinf(found.value).all() and found.over.any():
+        outcomes, rows = beam_search(source.graph, candidates, start, objective, weights, horizon)
+        if len(objective.route.x) and np.isinf(outcomes.value).all() and outcomes.over.any():
             # On a path the cheapest ways are much alike, and may all run into one wall.
-            wide = weights._replace(beam=_WIDER * weights.beam)
-            found, rows = beam_search(source.graph, candidates, start, objective, wide, horizon)
+            wider = weights._replace(beam=_WIDER * weights.beam)
+            outcomes, rows = beam_search(source.graph, candidates, start, objective, wider, horizon)
         if not len(rows):
             return None
         taken, ticks = int((candidates.rows == rows[0]).argmax()), source.graph.leg[rows]
         ticks[-1] -= max(ticks.sum() - horizon, 0)
-        return Plan(source.state, candidates, found, taken, rows, ticks)
+        return Plan(source.state, candidates, outcomes, taken, rows, ticks)
 
     def _swim_next_run(
         self, fish: Fish, path: Progress, objective: Objective, plan: Plan | None
     ) -> tuple[Stretch, Progress]:
         """Return the stretch of the next planned run of film, and the rest of the plan.
 
-        path: progress and planned runs; plan: the search that chose the run, None if it was an
-        earlier one.
+        path: progress and planned runs; plan: the result of the search that chose the
+        run, None if an earlier search chose it.
         """
         run, *later = path.runs
         source = self.film if path.motion == FILM else self.prediction
@@ -371,28 +396,28 @@ class Planner:
         goal, on_path = ANYWHERE, len(objective.route.x) > 0
         if isinstance(path.task, Target):
             goal = path.task
-        found = source.swim_run(fish, run, path.along, objective, goal)
-        way, rate, options = found.way, self.world.motion.rate_hz, None
-        plays = AS_PREDICTED if path.motion != FILM else JUMP if found.jumps else PLAY
-        decision = Decision(plays, seam=found.seam)
+        swim = source.swim_run(fish, run, path.along, objective, goal)
+        way, rate, options = swim.way, self.world.motion.rate_hz, None
+        reason = AS_PREDICTED if path.motion != FILM else JUMP if swim.jumps else PLAY
+        decision = Decision(reason, seam=swim.seam)
         if len(way) and not on_path:
             x, y, _ = way[-1].tolist()
             decision = decision._replace(quadrant=quadrant_of_displacement(x - fish.x, fish.y - y))
         if plan is not None:
             options = plan.verdicts(rate)
             value_s = plan.cost / rate if np.isfinite(plan.cost) else np.nan
-            leaves = path.motion != FILM and fish.state == FILM
+            leaves_film = path.motion != FILM and fish.state == FILM
             decision = options.add_to_decision(
-                decision._replace(value_s=value_s, exit=NO_WAY if leaves else "")
+                decision._replace(value_s=value_s, exit=NO_WAY if leaves_film else "")
             )
         stretch = Stretch(
-            source.state, way, found.rows, found.jumps, self._point_ahead(objective, found.along),
-            found.touched, decision, FRAME,
-            wrap_deg(way[:, 2] - self.world.film.heading[found.rows]),
-            past=found.past, steer=found.used if on_path else None, options=options,
+            source.state, way, swim.rows, swim.jumps, self._point_ahead(objective, swim.along),
+            swim.touched, decision, FRAME,
+            wrap_deg(way[:, 2] - self.world.film.heading[swim.rows]),
+            past=swim.past, steer=swim.used if on_path else None, options=options,
         )  # fmt: skip
-        runs = tuple(later) if len(way) == run.ticks and not found.touched else ()
-        return stretch, path._replace(along=found.along, runs=runs)
+        runs = tuple(later) if len(way) == run.ticks and not swim.touched else ()
+        return stretch, path._replace(along=swim.along, runs=runs)
 
     def _point_ahead(self, objective: Objective, along: float) -> Target:
         """Return the point that a fish heads for: its target, or a body length ahead on its path.
@@ -409,8 +434,8 @@ class Planner:
         tempo, p = self.world.tempo, self.world.settings
         if len(objective.route.x):
             return tempo.cost_of_rest_on_path(fish.lag, p.path_lag_cost)
-        price = tempo.cost_of_rest(fish.lag, p.lag_cost)
-        return price if objective.aim.free else max(price, 0.0)
+        cost = tempo.cost_of_rest(fish.lag, p.lag_cost)
+        return cost if objective.aim.free else max(cost, 0.0)
 
     # --- what plans are made of
 
@@ -436,24 +461,24 @@ class Planner:
         return Fallback(self.world)
 
     def _fish_in_film(self, fish: Fish) -> Fish:
-        """Return a fish that a sprite shows as a fish in the film, at the row behind the sprite."""
+        """Return a sprite's fish as a fish in the film, at the row behind the sprite."""
         row = int(self.sprite_rows[fish.sprite])
         rot = float(wrap(fish.heading - self.world.film.heading[row]))
         return fish._replace(state=FILM, sprite=-1, row=row, rot=rot)
 
     def _fish_after(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch that began with `fish`."""
-        world, ticks, number = self.world, len(stretch.way), int(stretch.number[-1])
+        world, ticks, last_row = self.world, len(stretch.way), int(stretch.number[-1])
         x, y, heading = map(float, stretch.way[-1])
         stays = stretch.decision.reason in (SPOT, WAITING)
-        first, last = stretch.number[[0, -1]].tolist()
+        first_shown, last_shown = stretch.number[[0, -1]].tolist()
         forgets = fish.tick - world.settings.repeat_memory * world.motion.delta
         assert stretch.rot is not None
         return Fish(
-            x, y, float(wrap(heading)), speed=0.0 if stays else float(world.film.speed[number]),
-            state=stretch.state, sprite=-1, phase=fish.phase, area=float(world.film.area[number]),
-            tick=fish.tick + ticks, row=number, rot=float(stretch.rot[-1]),
-            recent=remember_rows(fish.recent, first, last, fish.tick, forgets),
+            x, y, float(wrap(heading)), speed=0.0 if stays else float(world.film.speed[last_row]),
+            state=stretch.state, sprite=-1, phase=fish.phase, area=float(world.film.area[last_row]),
+            tick=fish.tick + ticks, row=last_row, rot=float(stretch.rot[-1]),
+            recent=remember_rows(fish.recent, first_shown, last_shown, fish.tick, forgets),
             past=None if stretch.past is None else np.ascontiguousarray(stretch.past[ticks:][::-1]),
             lag=world.tempo.lag_after(fish.lag, stretch.way, (fish.x, fish.y)),
         )  # fmt: skip
@@ -467,7 +492,7 @@ class Planner:
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
         """Return the first ticks of a stretch that began in `state`, and the state after them."""
         short = stretch.cut(ticks)
-        # The next step finds from where it was how far along a path it is then.
+        # The next call finds the place along the path anew.
         path = Progress(state.path.along)
         return short, state._replace(fish=self._fish_after(state.fish, short), path=path)
 

@@ -23,15 +23,7 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, kernel_part, leaf_kernel
 from finloop.edit.schema import TERMS, VERDICTS
 from finloop.plan.advance import advance_way_by_leg, set_way_rotation, turn_way_to_row
-from finloop.plan.cost import (
-    REPEAT,
-    SEAM,
-    TIME,
-    TO_COME,
-    CostWeights,
-    SearchCosts,
-    repeat_cost,
-)
+from finloop.plan.cost import REPEAT, SEAM, TIME, TO_COME, CostWeights, SearchCosts, repeat_cost
 from finloop.plan.graph import MotionGraph, jump_range
 from finloop.plan.objectives import (
     Objective,
@@ -62,7 +54,7 @@ RUN = np.dtype([("row", "i8"), ("tick", "i8"), ("before", "i8")])
 it, −1 for none."""
 
 BRANCH = np.dtype([("first", "i8"), ("way", "i8"), ("jump", "i8"), ("repeat", "f8")])
-"""A `Branch`."""
+"""A `Branch`, all fields but its total."""
 
 _TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))
 
@@ -165,24 +157,25 @@ class BestWay(NamedTuple):
 def film_candidates(film: MotionGraph, row: int, rotation_deg: float) -> Candidates:
     """Return the rows that can be shown next and go on for ever: `row` itself, and its jumps.
 
-    row: the film's next row; rotation_deg: by which it would be turned. Their terms are 0.
+    row: the film's next row; rotation_deg: by which it would be turned. The terms of their costs
+    are 0 yet.
     """
-    at = film.rows[row]
-    own = np.int64(at.has_next and film.rows[row + 1].recurrent)
+    next_row = film.rows[row]
+    plays_on = np.int64(next_row.has_next and film.rows[row + 1].recurrent)
     first, last = jump_range(film, row)
-    n = own + last - first
-    made = Candidates(
+    n = plays_on + last - first
+    shown = Candidates(
         np.empty(n, np.int64), np.empty(n), np.zeros(n), np.empty(n, np.bool_),
         np.zeros((n, len(TERMS))),
     )  # fmt: skip
     for k in range(n):
-        e = first + k - own
-        made.rows[k], made.jumps[k] = row, k >= own
-        if made.jumps[k]:
-            made.rows[k], made.seams[k] = film.to[e], film.seam[e]
-        turned = at.heading + rotation_deg - film.rows[made.rows[k]].heading
-        made.rots[k] = wrap(turned) if film.body else rotation_deg
-    return made
+        jump = first + k - plays_on
+        shown.rows[k], shown.jumps[k] = row, k >= plays_on
+        if shown.jumps[k]:
+            shown.rows[k], shown.seams[k] = film.to[jump], film.seam[jump]
+        turned = next_row.heading + rotation_deg - film.rows[shown.rows[k]].heading
+        shown.rots[k] = wrap(turned) if film.body else rotation_deg
+    return shown
 
 
 @kernel
@@ -196,8 +189,8 @@ def add_jump_and_repeat_costs(
     """
     for k in range(candidates.rows.size):
         row = candidates.rows[k]
-        ago = float(tick - last_on_screen(recent, row, row + weights.stride - 1))
-        candidates.terms[k, REPEAT] += repeat_cost(ago, weights)
+        ticks_ago = float(tick - last_on_screen(recent, row, row + weights.stride - 1))
+        candidates.terms[k, REPEAT] += repeat_cost(ticks_ago, weights)
         if candidates.jumps[k]:
             candidates.terms[k, SEAM] += weights.seam * candidates.seams[k]
 
@@ -211,9 +204,9 @@ def weigh_film_candidates(  # type: ignore[no-untyped-def]
     row: the film's next row; rotation_deg: by which it would be turned; recent (m, 3): stretches of
     film that were on screen before `tick`.
     """
-    made = film_candidates(film, row, rotation_deg)
-    add_jump_and_repeat_costs(made, recent, tick, weights)
-    return made
+    candidates = film_candidates(film, row, rotation_deg)
+    add_jump_and_repeat_costs(candidates, recent, tick, weights)
+    return candidates
 
 
 @kernel
@@ -223,182 +216,195 @@ def beam_search(
 ) -> tuple[Outcomes, Ints]:  # fmt: skip
     """Return the outcome of every candidate (k,), and the rows of the best way, by beam search.
 
-    Ways go through the film and its jumps for `horizon_ticks`. The rows (l,) are the first of each
-    leg of the best way. Where no way leads on, they are those of the cheapest of the ways that came
-    farthest.
+    Ways, each a sequence of rows, go through the film and its jumps for `horizon_ticks`. The rows
+    (l,) are the first of each leg of the best way. Where no way leads on, they are those of the
+    cheapest of the ways that came farthest.
     """
-    route, most = objective.route, horizon_ticks
+    route, most_ticks = objective.route, horizon_ticks
     due_points = timed_targets(route, start.tick, horizon_ticks + objective.steering.reach)
     costs = SearchCosts(weights, due_points, index_memory(start.recent))
     if route.when.size:  # not beyond its times
-        most = max(min(most, route.begins + route.when.size - 1 - start.tick), 1)
-    legs = most + 1  # each has a tick at least; only legs that begin use memory
-    beam, found, n = _start_beam(graph, candidates, start, (legs, weights.beam))
+        most_ticks = max(min(most_ticks, route.begins + route.when.size - 1 - start.tick), 1)
+    legs = most_ticks + 1  # each has a tick at least; only legs that begin use memory
+    beam, outcomes, way_count = _start_beam(graph, candidates, start, (legs, weights.beam))
     best, leg = BestWay(np.inf, 0, 0), np.int64(0)
-    while n and leg < legs:
-        state = beam, n, found, best
-        m, best = _follow_ways(graph, state, start, (leg, most), objective, costs)
+    while way_count and leg < legs:
+        state = beam, way_count, outcomes, best
+        branch_count, best = _follow_ways(graph, state, start, (leg, most_ticks), objective, costs)
         leg += 1
-        if m == 0 and best.legs == 0:
-            way = np.argmin(beam.ways["total"][:n])
+        if branch_count == 0 and best.legs == 0:
+            way = np.argmin(beam.ways["total"][:way_count])
             best = BestWay(np.inf, leg - 1, beam.parents[leg - 1, way])  # type: ignore[arg-type]
-        beam, n = start_next_leg(graph, beam, m, leg, start.tick), m  # type: ignore[arg-type]
-    for c in range(found.over.size):
-        found.over[c] = found.over[c] and found.value[c] == np.inf
-    return found, backtrack_rows(beam, best)
+        beam, way_count = start_next_leg(graph, beam, branch_count, leg, start.tick), branch_count  # type: ignore[arg-type]
+    for candidate in range(outcomes.over.size):
+        outcomes.over[candidate] = outcomes.over[candidate] and outcomes.value[candidate] == np.inf
+    return outcomes, backtrack_rows(beam, best)
 
 
 @kernel_part
 def _start_beam(graph, candidates, start, sizes):  # type: ignore[no-untyped-def]
     """Return the first beam, the outcomes, and the number of ways: one a candidate that fits.
 
+    A candidate fits if its row can play on for ever, inside the tank and clear of other fish.
     sizes: most legs, most branches; start: `SearchStart`.
     """
-    (legs, width), count, n = sizes, candidates.rows.size, 0
-    most = max(width, count)
+    (most_legs, most_branches), count, way_count = sizes, candidates.rows.size, 0
+    room = max(most_branches, count)
     beam = Beam(
-        np.empty(most, WAY), np.empty(most, WAY), np.empty(width, BRANCH),
-        np.empty(width, np.int64), np.empty(width),
-        np.empty((legs + 1) * most, RUN), np.empty((legs + 1, most), np.int64),
-        np.empty((legs + 1, most), np.int64),
+        np.empty(room, WAY), np.empty(room, WAY), np.empty(most_branches, BRANCH),
+        np.empty(most_branches, np.int64), np.empty(most_branches),
+        np.empty((most_legs + 1) * room, RUN), np.empty((most_legs + 1, room), np.int64),
+        np.empty((most_legs + 1, room), np.int64),
     )  # fmt: skip
-    found = Outcomes(
+    outcomes = Outcomes(
         np.full(count, np.inf), np.zeros((count, len(TERMS))), np.zeros(count),
         np.zeros(count, np.bool_),
     )  # fmt: skip
-    for c in range(count):
-        row, x, y, terms = candidates.rows[c], start.x, start.y, candidates.terms[c]
+    for number in range(count):
+        row, x, y, terms = candidates.rows[number], start.x, start.y, candidates.terms[number]
         first = graph.film.rows[row]
-        heading = first.heading + candidates.rots[c]
-        free = fits_in_tank(graph.bounds, row, x, y, heading)
-        free = free and is_clear_in_search(start.company, row, x, y, heading, start.tick)
-        if first.recurrent and free:
-            way, run = beam.ways[n], beam.runs[n]
-            way.x, way.y, way.along, way.first, way.run = x, y, start.along, c, n
+        heading = first.heading + candidates.rots[number]
+        is_free = fits_in_tank(graph.bounds, row, x, y, heading)
+        is_free = is_free and is_clear_in_search(start.company, row, x, y, heading, start.tick)
+        if first.recurrent and is_free:
+            way, run = beam.ways[way_count], beam.runs[way_count]
+            way.x, way.y, way.along, way.first, way.run = x, y, start.along, number, way_count
             way.row, way.ticks, way.shown = row, 0, 0
-            set_way_rotation(way, candidates.rots[c])
+            set_way_rotation(way, candidates.rots[number])
             for t in range(terms.size):
                 way.terms[t] = terms[t]
             run.row, run.tick, run.before = row, start.tick, -1
-            beam.rows[0, n] = row
-            n += 1
-    return beam, found, n
+            beam.rows[0, way_count] = row
+            way_count += 1
+    return beam, outcomes, way_count
 
 
 @leaf_kernel
 def _follow_ways(graph, state, start, leg_and_horizon, objective, costs):  # type: ignore[no-untyped-def]
     """Follow all ways of the beam for a leg; return the number of branches, and the `BestWay`.
 
-    state: the beam, its number of ways, `Outcomes`, `BestWay` so far; leg_and_horizon: number of
-    the leg, ticks of the horizon; costs: `SearchCosts`.
+    The beam, its ways and the outcomes are changed in place. state: the beam, its number of ways,
+    `Outcomes`, `BestWay` so far; leg_and_horizon: number of the leg, ticks of the horizon; costs:
+    `SearchCosts`.
     """
-    (beam, n, found, best), (leg, most), weights = state, leg_and_horizon, costs.weights
-    rows, m = graph.film.rows, np.int64(0)
-    for s in range(n):
-        way = beam.ways[s]
-        way.leads, ends = advance_way_by_leg(
-            graph, way, most - way.ticks, start, objective, weights
+    (beam, way_count, outcomes, best), (leg, most_ticks), weights = (
+        state,
+        leg_and_horizon,
+        costs.weights,
+    )
+    rows, branch_count = graph.film.rows, np.int64(0)
+    for number in range(way_count):
+        way = beam.ways[number]
+        way.leads, is_done = advance_way_by_leg(
+            graph, way, most_ticks - way.ticks, start, objective, weights
         )
         way.terms[TIME] = cost_of_time(way, start, objective, weights)
         way.terms[TO_COME] = 0.0
-        if way.leads and not ends:
+        if way.leads and not is_done:
             lead = graph.leads[way.row]
-            turned = heading_vector(lead, way)
-            way.terms[TO_COME] = estimate_cost_to_come(lead, way, turned, objective, costs)
+            direction = heading_vector(lead, way)
+            way.terms[TO_COME] = estimate_cost_to_come(lead, way, direction, objective, costs)
         way.total = 0.0
         for t in range(way.terms.size):
             way.total += way.terms[t]
-        if found.value[way.first] == np.inf:
-            found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
+        if outcomes.value[way.first] == np.inf:
+            outcomes.ticks[way.first] = max(outcomes.ticks[way.first], way.ticks)
         if not way.leads:
             continue
-        if ends or way.ticks >= most:
+        if is_done or way.ticks >= most_ticks:
             way.leads = False
-            if way.total < found.value[way.first]:
-                found.value[way.first], found.ticks[way.first] = way.total, way.ticks
+            if way.total < outcomes.value[way.first]:
+                outcomes.value[way.first], outcomes.ticks[way.first] = way.total, way.ticks
                 for t in range(way.terms.size):
-                    found.terms[way.first, t] = way.terms[t]
+                    outcomes.terms[way.first, t] = way.terms[t]
             if way.total < best.value:
-                best = BestWay(way.total, leg + 1, s)
+                best = BestWay(way.total, leg + 1, number)
         elif rows[way.row].has_next and rows[way.row + 1].recurrent:
             repeat = 0.0  # on a path it would cost more than to leave the path
             if not objective.route.x.size:
                 repeat = _repetition_cost(beam, way, way.row, start, costs)
-            branch = Branch(way.total + repeat, way.first, s, -1, repeat)
-            m = insert_branch(beam, m, branch, found.over)
-    for s in range(n):  # by now most jumps cost more than the best branches
-        if beam.ways[s].leads:
-            m = _insert_jumps(graph, s, (beam, m, found), start, objective, costs)
-    return m, best
+            branch = Branch(way.total + repeat, way.first, number, -1, repeat)
+            branch_count = insert_branch(beam, branch_count, branch, outcomes.over)
+    for number in range(way_count):  # by now most jumps cost more than the best branches
+        if beam.ways[number].leads:
+            branch_count = _insert_jumps(
+                graph, number, (beam, branch_count, outcomes), start, objective, costs
+            )
+    return branch_count, best
 
 
 @leaf_kernel
-def _insert_jumps(graph, way_number, kept, start, objective, costs):  # type: ignore[no-untyped-def]
+def _insert_jumps(graph, way_number, state, start, objective, costs):  # type: ignore[no-untyped-def]
     """Add the jumps of a way after a leg to the branches, if among the best; return their number.
 
-    kept: the beam, its number of branches, `Outcomes`; costs: `SearchCosts`.
+    state: the beam, its number of branches, `Outcomes`; costs: `SearchCosts`. Candidates whose
+    jumps are not among the best are marked in `Outcomes.over`.
     """
-    (beam, n, found), film = kept, graph.film
+    (beam, branch_count, outcomes), film = state, graph.film
     way = beam.ways[way_number]
     first, last = jump_range(film, way.row)
     if first == last:
-        return n
+        return branch_count
     # A jump changes neither the place nor, if the body can be turned, the heading: the cost to come
     # to a goal is the same after all of them.
-    same = film.body and not objective.route.x.size
-    turned, to_come = (1.0, 0.0), way.terms[TO_COME]
-    if film.body and not same:
-        turned = heading_vector(graph.leads[way.row], way)
-    so_far, least = way.total - to_come, to_come if same else 0.0
-    for e in range(first, last):
-        jump, worst = graph.jumps[e], np.inf
-        if n == beam.totals.size:
-            worst = beam.totals[n - 1]
-        total = so_far + jump.cost
-        if total + least >= worst:
-            found.over[way.first] = True
+    same_cost = film.body and not objective.route.x.size
+    direction, to_come = (1.0, 0.0), way.terms[TO_COME]
+    if film.body and not same_cost:
+        direction = heading_vector(graph.leads[way.row], way)
+    past_cost, least_to_come = way.total - to_come, to_come if same_cost else 0.0
+    for number in range(first, last):
+        jump, worst = graph.jumps[number], np.inf
+        if branch_count == beam.totals.size:
+            worst = beam.totals[branch_count - 1]
+        total = past_cost + jump.cost
+        if total + least_to_come >= worst:
+            outcomes.over[way.first] = True
             break  # those that follow cost as much, or more
-        if not same:
+        if not same_cost:
             lead = graph.leads[jump.to]
             if not film.body:
-                turned = heading_vector(lead, way)
-            to_come = estimate_cost_to_come(lead, way, turned, objective, costs)
+                direction = heading_vector(lead, way)
+            to_come = estimate_cost_to_come(lead, way, direction, objective, costs)
         total += to_come
         if total >= worst:
-            found.over[way.first] = True
+            outcomes.over[way.first] = True
             continue
         repeat = _repetition_cost(beam, way, jump.to, start, costs)
-        n = insert_branch(
-            beam, n, Branch(total + repeat, way.first, way_number, e, repeat), found.over
+        branch_count = insert_branch(
+            beam,
+            branch_count,
+            Branch(total + repeat, way.first, way_number, number, repeat),
+            outcomes.over,
         )
-    return n
+    return branch_count
 
 
 @leaf_kernel
 def _repetition_cost(beam, way, row, start, costs):  # type: ignore[no-untyped-def]
     """Return the cost, in ticks, of a row shown next by a way, if it was on screen not long ago.
 
-    Before the search any row of its first stride counts; within the way its last one.
+    Before the search any row of its first stride counts, within the way the last row of that
+    stride. start: `SearchStart`; costs: `SearchCosts`.
     """
-    tick, last = start.tick + way.ticks, row + costs.weights.stride - 1
-    shown = find_last_on_screen(start.recent, costs.memory, row, last)
-    if way.shown & mark_rows(0, last, last):
-        shown = max(shown, tick_row_shown(beam.runs, way.run, last, tick))
-    return repeat_cost(float(tick - shown), costs.weights)
+    tick, last_row = start.tick + way.ticks, row + costs.weights.stride - 1
+    shown_tick = find_last_on_screen(start.recent, costs.memory, row, last_row)
+    if way.shown & mark_rows(0, last_row, last_row):
+        shown_tick = max(shown_tick, tick_row_shown(beam.runs, way.run, last_row, tick))
+    return repeat_cost(float(tick - shown_tick), costs.weights)
 
 
 @leaf_kernel
 def tick_row_shown(runs, last_run, row, tick):  # type: ignore[no-untyped-def]
     """Return the last tick at which a way of the search showed a row; NEVER if it did not.
 
-    runs: of all ways, dtype `RUN`; last_run: number of the way's last one; tick: to which the way
-    has come.
+    runs: runs of film of all ways, dtype `RUN`; last_run: number of the way's last one; tick: the
+    tick up to which the way has come.
     """
     while last_run >= 0:
-        one = runs[last_run]
-        if one.row <= row < one.row + tick - one.tick:
-            return one.tick + row - one.row
-        last_run, tick = one.before, one.tick
+        run = runs[last_run]
+        if run.row <= row < run.row + tick - run.tick:
+            return run.tick + row - run.row
+        last_run, tick = run.before, run.tick
     return np.int64(NEVER)
 
 
@@ -406,22 +412,23 @@ def tick_row_shown(runs, last_run, row, tick):  # type: ignore[no-untyped-def]
 def insert_branch(beam: Beam, branch_count: int, branch: Branch, displaced: Mask) -> int:
     """Insert a branch if it is among the best; return how many branches there are then.
 
-    beam: its branches are changed, `branch_count` of them filled; displaced (candidates,): set
-    where a better branch displaces one of a candidate.
+    beam: its branches are changed, `branch_count` of them filled; the costliest is replaced if
+    there is no room. displaced (candidates,): set where a better branch displaces one of a
+    candidate.
     """
-    totals, order, k, number = beam.totals, beam.order, branch_count, branch_count
+    totals, order, place, number = beam.totals, beam.order, branch_count, branch_count
     if branch_count == totals.size:
-        k = branch_count - 1
-        number = order[k]
-        if branch.total >= totals[k]:
+        place = branch_count - 1
+        number = order[place]
+        if branch.total >= totals[place]:
             displaced[branch.first] = True
             return branch_count
         displaced[beam.branches[number].first] = True
-    while k > 0 and branch.total < totals[k - 1]:
-        totals[k], order[k] = totals[k - 1], order[k - 1]
-        k -= 1
-    totals[k], order[k], at = branch.total, number, beam.branches[number]
-    _, at.first, at.way, at.jump, at.repeat = branch
+    while place > 0 and branch.total < totals[place - 1]:
+        totals[place], order[place] = totals[place - 1], order[place - 1]
+        place -= 1
+    totals[place], order[place], slot = branch.total, number, beam.branches[number]
+    _, slot.first, slot.way, slot.jump, slot.repeat = branch
     return min(branch_count + 1, totals.size)
 
 
@@ -431,16 +438,16 @@ def start_next_leg(graph, beam: Beam, branch_count: int, leg: int, start_tick: i
 
     leg: number of the leg that they begin; start_tick: at which the search began.
     """
-    film, runs = graph.film, leg * beam.ways.size
+    film, first_run = graph.film, leg * beam.ways.size
     for k in range(branch_count):
         branch, way = beam.branches[beam.order[k]], beam.spare[k]
         beam.spare[k] = beam.ways[branch.way]
         if branch.jump >= 0:
-            jump, run = graph.jumps[branch.jump], beam.runs[runs + k]
+            jump, run = graph.jumps[branch.jump], beam.runs[first_run + k]
             if film.body:
                 turn_way_to_row(graph, way, jump.to)
             run.row, run.tick, run.before = jump.to, start_tick + way.ticks, way.run
-            way.row, way.run = jump.to, runs + k
+            way.row, way.run = jump.to, first_run + k
             way.terms[SEAM] += jump.cost
         way.terms[REPEAT] += branch.repeat
         beam.rows[leg, k], beam.parents[leg, k] = way.row, branch.way
@@ -453,8 +460,8 @@ def start_next_leg(graph, beam: Beam, branch_count: int, leg: int, start_tick: i
 @kernel_part
 def backtrack_rows(beam: Beam, best: BestWay) -> Ints:
     """Return the rows (l,) with which the best way began its legs, in the order of the legs."""
-    rows, way = np.empty(best.legs, np.int64), best.way
+    rows, number = np.empty(best.legs, np.int64), best.way
     for leg in range(best.legs - 1, -1, -1):
-        rows[leg] = beam.rows[leg, way]
-        way = beam.parents[leg, way]
+        rows[leg] = beam.rows[leg, number]
+        number = beam.parents[leg, number]
     return rows

@@ -29,7 +29,7 @@ class SearchGraph(NamedTuple):
     """The motion graph that is searched, and what keeps a fish inside the tank.
 
     jumps (e,): of dtype `JUMP`, those that replace one row together, the cheapest first; run (n,):
-    ticks that the film goes on from each row; leg (n,): ticks to the first row with jumps after a
+    ticks that the film plays on from each row; leg (n,): ticks to the first row with jumps after a
     stride, or to where the film ends; leads (n,): where the film leads from each row, of dtype
     `LEAD`.
     """
@@ -47,21 +47,21 @@ def search_graph(
 ) -> SearchGraph:
     """Return the graph for a search through a film: jumps by cost, legs, and places ahead.
 
-    lead_ticks: how many ticks ahead those places lie.
+    bounds: what keeps a fish inside the tank; lead_ticks: how many ticks ahead the places lie.
     """
     jumps = np.zeros(len(film.to), JUMP)
     _sort_jumps(film, weights, jumps)
     rows = film.rows
-    here, run = np.arange(len(rows)), ticks_to_film_end(rows["has_next"])
-    ends = np.append(np.flatnonzero(rows["jump_slot"] >= 0), 2 * len(rows))
-    leg = np.minimum(run, ends[np.searchsorted(ends, here + weights.stride)] - here)
+    numbers, run = np.arange(len(rows)), ticks_to_film_end(rows["has_next"])
+    jump_rows = np.append(np.flatnonzero(rows["jump_slot"] >= 0), 2 * len(rows))
+    leg = np.minimum(run, jump_rows[np.searchsorted(jump_rows, numbers + weights.stride)] - numbers)
     leads, headings = np.zeros(len(rows), LEAD), np.radians(rows["heading"])
     leads["ticks"] = np.minimum(run, lead_ticks)
-    for part, ticks in (("", leads["ticks"]), ("half_", leads["ticks"] // 2)):
-        offset = np.column_stack([rows[axis][here + ticks] - rows[axis] for axis in "xy"])
-        leads[part + "ahead"], leads[part + "left"] = to_body_axes(offset, headings).T
-        leads[part + "far"] = np.hypot(*offset.T)
-        if not part:
+    for prefix, ticks in (("", leads["ticks"]), ("half_", leads["ticks"] // 2)):
+        offset = np.column_stack([rows[axis][numbers + ticks] - rows[axis] for axis in "xy"])
+        leads[prefix + "ahead"], leads[prefix + "left"] = to_body_axes(offset, headings).T
+        leads[prefix + "far"] = np.hypot(*offset.T)
+        if not prefix:
             leads["dx"], leads["dy"] = offset.T
     leads["cos"], leads["sin"] = np.cos(headings), np.sin(headings)
     return SearchGraph(film, jumps, bounds, run, leg, leads)
@@ -69,16 +69,16 @@ def search_graph(
 
 @kernel
 def _sort_jumps(film, weights, sorted_jumps):  # type: ignore[no-untyped-def]
-    """Write the jumps (e,) of a film, at each loop end in the order of their costs.
+    """Write the jumps (e,) of a film to `sorted_jumps`, those of each row from the cheapest on.
 
-    Few are at one end: each is moved forward past those that cost more.
+    Few leave one row, so each is inserted before those that cost more.
     """
     for row in range(len(film.rows)):
-        at = film.rows[row]
-        if at.jump_slot < 0:
+        film_row = film.rows[row]
+        if film_row.jump_slot < 0:
             continue
-        first = film.start[at.jump_slot]
-        for e in range(first, film.start[at.jump_slot + 1]):
+        first = film.start[film_row.jump_slot]
+        for e in range(first, film.start[film_row.jump_slot + 1]):
             to, place = film.to[e], e
             cost = weights.seam * film.seam[e]
             while place > first and sorted_jumps[place - 1].cost > cost:

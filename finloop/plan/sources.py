@@ -84,28 +84,28 @@ class FilmSource:
         dx, dy = rotate(film.rows["dx"][fish.row], film.rows["dy"][fish.row], fish.rot)
         start = _search_start(fish, (fish.x + dx, fish.y + dy, fish.tick + 1), rest_cost, along_px)
         weights = self._world.cost_weights
-        made = weigh_film_candidates(
+        candidates = weigh_film_candidates(
             film, fish.row + 1, fish.rot, start.recent, start.tick, weights
         )
-        return (made, start) if len(made.rows) else None
+        return (candidates, start) if len(candidates.rows) else None
 
     def swim_run(
         self, fish: Fish, run: Run, along_px: float, objective: Objective, goal: Target
     ) -> Passage:
         """Move a fish along a run of film from its next tick on, steered to its objective.
 
-        along_px: px along the path, before.
+        along_px: px along the path at the start; goal: ends the run when the fish touches it.
         """
         place = np.array([fish.x, fish.y, fish.heading, fish.rot])
-        way, used, along_px, touched, seam = swim_film_run(
+        way, corrections, along_px, touches, seam = swim_film_run(
             self.graph, place, fish.row, run, (along_px, fish.tick), (objective, goal)
         )
         rows = np.arange(run.row, run.row + len(way))
-        return Passage(way, used, along_px, touched, rows, run.row != fish.row + 1, seam)
+        return Passage(way, corrections, along_px, touches, rows, run.row != fish.row + 1, seam)
 
 
 class PredictionSource:
-    """Moves a fish as the forecast predicts. sampler: from `remove_dead_ends`."""
+    """Moves a fish as the forecast predicts; its sampler comes from `remove_dead_ends`."""
 
     state = FORECAST
 
@@ -115,10 +115,10 @@ class PredictionSource:
         rate, length = world.motion.rate_hz, world.motion.body_length_px
         self._pace = Pace(length / rate, float(np.degrees(1 / rate)))
         rows = np.arange(len(sampler.usable))
-        leads = np.flatnonzero(sampler.usable | (np.diff(sampler.start) > 0))
-        after = np.minimum(np.searchsorted(leads, rows), len(leads) - 1)
-        near = leads[np.stack([np.maximum(after - 1, 0), after])]
-        self._near = near[np.abs(near - rows).argmin(0), rows]
+        has_similar = np.flatnonzero(sampler.usable | (np.diff(sampler.start) > 0))
+        later = np.minimum(np.searchsorted(has_similar, rows), len(has_similar) - 1)
+        neighbours = has_similar[np.stack([np.maximum(later - 1, 0), later])]
+        self._near = neighbours[np.abs(neighbours - rows).argmin(0), rows]
 
     @cached_property
     def graph(self) -> SearchGraph:
@@ -143,19 +143,20 @@ class PredictionSource:
         rots = wrap_deg(fish.heading - film.heading[rows])
         terms = np.zeros((len(rows), len(TERMS)))
         codes = self.sampler.states[:, :-MOTION]
-        far = np.linalg.norm(codes[rows] - codes[row], axis=1)
-        terms[:, RARITY] = self._rarity.transition_costs(rows, far)
-        made = Candidates(rows, rots, np.zeros(len(rows)), rows != row, terms)
+        code_distances = np.linalg.norm(codes[rows] - codes[row], axis=1)
+        terms[:, RARITY] = self._rarity.transition_costs(rows, code_distances)
+        candidates = Candidates(rows, rots, np.zeros(len(rows)), rows != row, terms)
         start = _search_start(fish, (fish.x, fish.y, fish.tick), rest_cost, along_px)
-        add_jump_and_repeat_costs(made, start.recent, start.tick, self._world.cost_weights)
-        return made, start
+        add_jump_and_repeat_costs(candidates, start.recent, start.tick, self._world.cost_weights)
+        return candidates, start
 
     def swim_run(
         self, fish: Fish, run: Run, along_px: float, objective: Objective, goal: Target
     ) -> Passage:
         """Move a fish along a run of predictions from its next tick on, steered to its objective.
 
-        along_px: px along the path, before.
+        The predicted trajectory is extended by film, for steering to look ahead. along_px: px along
+        the path at the start; goal: ends the run when the fish touches it.
         """
         film, row = self.graph.film, run.row
         past = start_at_row(self.sampler, self._row_with_similar(fish)).past
@@ -163,20 +164,24 @@ class PredictionSource:
             past = fish.past
         states = follow_row(self.sampler, past, row, run.ticks, self.sampler.control[row])
         states = np.ascontiguousarray(states[::-1])
-        begins = predicted_trajectory(states, np.array([fish.x, fish.y, fish.heading]), self._pace)
-        last = row + len(states)
-        rot = float(begins[-1, 2] - film.rows["heading"][last])
-        way = extend_trajectory_by_film(self.graph, begins, last, rot, self._world.steering_ticks)
+        predicted = predicted_trajectory(
+            states, np.array([fish.x, fish.y, fish.heading]), self._pace
+        )
+        last_row = row + len(states)
+        rot = float(predicted[-1, 2] - film.rows["heading"][last_row])
+        way = extend_trajectory_by_film(
+            self.graph, predicted, last_row, rot, self._world.steering_ticks
+        )
         speed = film.speed[row : row + len(way) - 1].copy()
         rows, jumps = row + 1 + np.arange(len(states)), row != self._row_with_similar(fish)
-        way, used, along_px, touched = swim_trajectory(
+        way, corrections, along_px, touches = swim_trajectory(
             way, speed, rows, (along_px, fish.tick), (objective, goal), self.graph
         )
         shown = np.concatenate([past[::-1], states[: len(way)]])
-        return Passage(way, used, along_px, touched, rows[: len(way)], jumps, past=shown)
+        return Passage(way, corrections, along_px, touches, rows[: len(way)], jumps, past=shown)
 
     def _row_with_similar(self, fish: Fish) -> int:
-        """Return the nearest row that has similar rows; for a predicted fish, its row on screen."""
+        """Return the row on screen of a predicted fish, else the nearest row with similar ones."""
         return int(self._near[fish.row]) if fish.past is None else fish.row
 
 
@@ -189,7 +194,8 @@ def _search_start(
 ) -> SearchStart:
     """Return the start of a search whose candidates are shown at x, y px and a tick.
 
-    The first tick of the next stretch counts as `fish.tick` + 1.
+    rest_cost: ticks that a tick on the spot costs; along_px: px along the path. The other fish are
+    known from `fish.tick` + 1 on, the first tick of the next stretch.
     """
     company = fish.company
     if company.near:

@@ -16,8 +16,8 @@ from finloop.animate.company import NO_DISCS, Discs, disc_orientation
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, leaf_kernel
 
-_CELL = 4  # bits; where every picture fits is looked up first by cells of 16 x 16 px
-_MARGIN_PX = 1.5  # beyond the edge of a disc; extraction drops silhouettes at the very edge
+_CELL = 4  # log₂ of the cells' 16 px, by which it is looked up first where every picture fits
+_MARGIN_PX = 1.5  # of room beyond the edge of a disc; extraction drops silhouettes at the very edge
 _PUSHES = 6  # steps in which a place is moved off the walls
 
 
@@ -39,20 +39,23 @@ class Bounds(NamedTuple):
 
 def tank_bounds(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
     """Return what keeps a fish inside a tank; without discs it must keep to `tank.legal`."""
-    walled = np.pad(tank.arena.astype(np.uint8), 1)
-    depth, beyond = (
-        cv2.distanceTransform(side, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
-        for side in (walled, 1 - walled)
+    inside = np.pad(tank.arena.astype(np.uint8), 1)  # the picture's edge is a wall
+    to_wall, to_tank = (
+        cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+        for mask in (inside, 1 - inside)
     )
     side = 1 << _CELL
-    whole = np.pad(tank.legal, [(0, -n % side) for n in tank.legal.shape], constant_values=True)
-    cells = whole.reshape(whole.shape[0] // side, side, -1, side).all(axis=(1, 3))
-    return Bounds(tank.legal, np.asarray(cells), depth - beyond, tank.nearest, discs)
+    roomy = np.pad(tank.legal, [(0, -n % side) for n in tank.legal.shape], constant_values=True)
+    cells = roomy.reshape(roomy.shape[0] // side, side, -1, side).all(axis=(1, 3))
+    return Bounds(tank.legal, np.asarray(cells), to_wall - to_tank, tank.nearest, discs)
 
 
 @leaf_kernel
 def _wall_distance(bounds, x: float, y: float) -> float:  # type: ignore[no-untyped-def]
-    """Return how far a point x, y px is inside the wall, px; < 0 outside the tank."""
+    """Return how far a point x, y px is inside the wall, px; < 0 outside the tank.
+
+    Beyond the picture each px away from the picture counts as one px more.
+    """
     height, width = bounds.depth.shape
     column, row = round(x), round(y)
     in_x, in_y = min(max(column, 0), width - 1), min(max(row, 0), height - 1)
@@ -63,17 +66,18 @@ def _wall_distance(bounds, x: float, y: float) -> float:  # type: ignore[no-unty
 def _disc_nearest_to_wall(bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
     """Return how many px a picture's tightest disc lacks to clear the wall, and its x, y px.
 
-    picture: its number as in `Discs`; heading: degrees.
+    picture: its number as in `Discs`; x, y: its mass centre, px; heading: degrees. Negative: there
+    is room.
     """
     number, side, cos, sin = disc_orientation(bounds.discs, (picture, heading))
-    table, most, at_x, at_y = bounds.discs.table, -np.inf, x, y
+    table, most_px, worst_x, worst_y = bounds.discs.table, -np.inf, x, y
     for i in range(table.shape[1]):
         ahead, left = table[number, i, 0], side * table[number, i, 1]
         disc_x, disc_y = x + ahead * cos - left * sin, y - ahead * sin - left * cos
-        lacks = table[number, i, 2] + _MARGIN_PX - _wall_distance(bounds, disc_x, disc_y)
-        if lacks > most:
-            most, at_x, at_y = lacks, disc_x, disc_y
-    return most, at_x, at_y
+        lacks_px = table[number, i, 2] + _MARGIN_PX - _wall_distance(bounds, disc_x, disc_y)
+        if lacks_px > most_px:
+            most_px, worst_x, worst_y = lacks_px, disc_x, disc_y
+    return most_px, worst_x, worst_y
 
 
 @leaf_kernel
@@ -96,7 +100,8 @@ def fits_in_tank(bounds: Bounds, picture: int, x: float, y: float, heading: floa
 def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
     """Return about the nearest place (x, y px) at which a picture fits, and whether it fits there.
 
-    picture: its number as in `Discs`. Without discs it is the nearest roomy pixel.
+    picture: its number as in `Discs`. Without discs it is the nearest roomy pixel; with discs the
+    picture is moved off the walls up to 6 times.
     """
     if fits_in_tank(bounds, picture, x, y, heading):
         return x, y, True
@@ -105,17 +110,17 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
         row, column = min(max(round(y), 0), height - 1), min(max(round(x), 0), width - 1)
         return float(bounds.nearest[1, row, column]), float(bounds.nearest[0, row, column]), True
     for _ in range(_PUSHES):
-        lacks, disc_x, disc_y = _disc_nearest_to_wall(bounds, picture, x, y, heading)
+        lacks_px, disc_x, disc_y = _disc_nearest_to_wall(bounds, picture, x, y, heading)
         inward_x = _wall_distance(bounds, disc_x + 1.0, disc_y) - _wall_distance(
             bounds, disc_x - 1.0, disc_y
         )
         inward_y = _wall_distance(bounds, disc_x, disc_y + 1.0) - _wall_distance(
             bounds, disc_x, disc_y - 1.0
         )
-        steep = np.hypot(inward_x, inward_y)
-        if steep < 1e-6:  # as far from one wall as from another
+        slope = np.hypot(inward_x, inward_y)
+        if slope < 1e-6:  # as far from one wall as from another
             break
-        x, y = x + (lacks + 0.5) * inward_x / steep, y + (lacks + 0.5) * inward_y / steep
+        x, y = x + (lacks_px + 0.5) * inward_x / slope, y + (lacks_px + 0.5) * inward_y / slope
         if fits_in_tank(bounds, picture, x, y, heading):
             return x, y, True
     return x, y, False
@@ -125,15 +130,15 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
 def keep_inside(bounds: Bounds, pictures: Ints, trajectory: Floats, most_px: float) -> Floats:
     """Return the part of a trajectory (n, 3) inside the tank, moved off the walls where necessary.
 
-    pictures (n,): their numbers as in `Discs`; trajectory: x, y px, heading; most_px: by which a
-    tick may be moved. What follows a moved tick is moved by the same amount.
+    pictures (n,): their numbers as in `Discs`; trajectory: x, y px, heading; most_px: most by which
+    a tick may be moved, else the part ends. What follows a moved tick is moved by the same amount.
     """
     out = trajectory.copy()
     aside_x = aside_y = 0.0
     for t in range(len(trajectory)):
         x, y = trajectory[t, 0] + aside_x, trajectory[t, 1] + aside_y
-        to_x, to_y, free = push_inside(bounds, pictures[t], x, y, trajectory[t, 2])
-        if not free or np.hypot(to_x - x, to_y - y) > most_px:
+        to_x, to_y, fits = push_inside(bounds, pictures[t], x, y, trajectory[t, 2])
+        if not fits or np.hypot(to_x - x, to_y - y) > most_px:
             return out[:t]
         aside_x, aside_y = to_x - trajectory[t, 0], to_y - trajectory[t, 1]
         out[t, 0], out[t, 1] = to_x, to_y

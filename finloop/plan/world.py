@@ -72,10 +72,10 @@ class FilmWorld(World):
     def cost_weights(self) -> CostWeights:
         """Return the settings of the search and the weights of its costs."""
         motion, p = self.motion, self.settings
-        swims, delta = self.film.speed[self.film.has_next], motion.delta
-        brisk = fast_rate(swims, p) if len(swims) else 1.0
+        speeds, delta = self.film.speed[self.film.has_next], motion.delta
+        fast_speed = fast_rate(speeds, p) if len(speeds) else 1.0
         return CostWeights(
-            pace=brisk * motion.body_length_px / motion.rate_hz,
+            pace=fast_speed * motion.body_length_px / motion.rate_hz,
             turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
             stride=max(1, self.to_ticks(p.search_step_deltas)), beam=p.beam,
             seam=p.discontinuity_cost * delta, repeat=p.repeat_cost * delta,
@@ -89,8 +89,8 @@ class FilmWorld(World):
         first = np.flatnonzero(ticks_to_film_end(rows["has_next"]) >= delta)
         if not len(first):
             return 0.0
-        turned = wrap_deg(rows["heading"][first + delta] - rows["heading"][first])
-        return float(turned.std())
+        turns = wrap_deg(rows["heading"][first + delta] - rows["heading"][first])
+        return float(turns.std())
 
     @cached_property
     def steering(self) -> Steering:
@@ -116,8 +116,8 @@ class FilmWorld(World):
         return round(self.settings.seconds * self.motion.rate_hz)
 
 
-_QUICKEST = 0.99  # quantile of speeds and turn rates; beyond it are faults
-_FASTEST = 0.998  # quantile of speeds
+_QUICK = 0.99  # quantile of speeds and turn rates; beyond it are faults
+_FASTEST = 0.998  # quantile of speeds, taken for the highest; beyond it are faults
 
 
 def learn_fast_fish(
@@ -127,19 +127,19 @@ def learn_fast_fish(
 
     rate_hz: frames per second; delta: Δ in frames.
     """
-    every = kinematics_of_tracks(features, rate_hz, delta)
-    turned = [np.abs(c.heading_deg[delta:] - c.heading_deg[:-delta]) / delta for c in every]
-    speeds = np.concatenate([c.speed for c in every])
+    tracks = kinematics_of_tracks(features, rate_hz, delta)
+    turned = [np.abs(t.heading_deg[delta:] - t.heading_deg[:-delta]) / delta for t in tracks]
+    speeds = np.concatenate([track.speed for track in tracks])
     return FastFish(
-        fast_rate(np.concatenate(turned), settings),
-        float(np.quantile(speeds, _FASTEST)),
+        fast_rate(np.concatenate(turned), settings), float(np.quantile(speeds, _FASTEST))
     )
 
 
 def fast_rate(rates: Floats, settings: AllSettings) -> float:
     """Return the speed, or turn rate, of a fast fish among those (n,) of a film, in their unit.
 
-    It is a quantile, or, where the fish rests for most of the film, a share of the quickest.
+    It is their quantile `typical_speed_quantile`, or at least a share of a quick one, for a fish
+    that rests for most of the film.
     """
-    quantile, quickest = np.quantile(rates, (settings.typical_speed_quantile, _QUICKEST))
-    return float(max(quantile, settings.typical_speed_least * quickest, 1e-6))
+    quantile, quick = np.quantile(rates, (settings.typical_speed_quantile, _QUICK))
+    return float(max(quantile, settings.typical_speed_least * quick, 1e-6))
