@@ -5,6 +5,7 @@ film takes no longer than five hundred frames. Light and doubled pictures are me
 frame, while the clip is written (`ClipTally`).
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 
@@ -93,19 +94,19 @@ class ClipTally:
         self.brightness_sum += float(np.mean(cv2.mean(frame)[: 3 if frame.ndim == 3 else 1]))
         low, high, *_ = cv2.minMaxLoc(frame.reshape(frame.shape[0], -1))
         self.darkest, self.brightest = min(self.darkest, int(low)), max(self.brightest, int(high))
-        here = subsample_grey(frame)
-        self._first = here if self._first is None else self._first
-        self.lights.append(float(measure_gain(here, self._first)[0]))
+        subsample = subsample_grey(frame)
+        self._first = subsample if self._first is None else self._first
+        self.lights.append(float(measure_gain(subsample, self._first)[0]))
         self.changes.append(
-            float("nan") if self._last is None else picture_change(self._last, here)
+            float("nan") if self._last is None else picture_change(self._last, subsample)
         )
-        self._last = here
+        self._last = subsample
         if self.frames % self._stride == 0:
             self.samples[self.frames] = frame.copy()
             if len(self.samples) > SAMPLES:
                 self._stride *= 2
-                kept = [number for number in self.samples if number % self._stride == 0]
-                self.samples = {number: self.samples[number] for number in kept}
+                remaining = [number for number in self.samples if number % self._stride == 0]
+                self.samples = {number: self.samples[number] for number in remaining}
         self.frames += 1
 
     @property
@@ -122,7 +123,7 @@ class ClipTally:
 def psnr_db(pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> float:
     """Return the peak signal-to-noise ratio [dB] of pairs of pictures, such as filmed and coded.
 
-    It is 10 log₁₀(255² / mean squared difference) of all pixels; infinite where nothing differs.
+    It is 10 log₁₀(255² / mean squared difference) of all pixels; infinite if nothing differs.
     """
     squares = pixels = 0.0
     for a, b in pairs:
@@ -140,34 +141,36 @@ def choose_examined_runs(frames: int, key_frame_distance: int = 1) -> list[tuple
     """
     if frames <= RUNS * LENGTH:
         return [(0, frames)]
-    starts = (
-        np.linspace(0, frames - LENGTH, RUNS).astype(int) // key_frame_distance * key_frame_distance
-    )
+    starts = np.linspace(0, frames - LENGTH, RUNS).astype(int)
+    starts = starts // key_frame_distance * key_frame_distance
     return [(int(start), int(start) + LENGTH) for start in starts]
 
 
 def _empty_tank(frames: Sequence[Picture]) -> Picture:
     """Return the empty tank (h, w[, 3]): the median of frames, after light and shake are undone."""
-    few = frames[:: -(-len(frames) // _SAMPLES)]
-    gains = [measure_gain(frame, few[0]) for frame in few]
-    usual = np.median(gains, axis=0)
-    few = [undo_gain(frame, bright / usual) for frame, bright in zip(few, gains, strict=True)]
-    landmarks = find_landmarks(_median_picture(few))
-    shifts = [measure_shift(frame, landmarks) for frame in few]
+    sample = list(frames[:: math.ceil(len(frames) / _SAMPLES)])
+    gains = [measure_gain(frame, sample[0]) for frame in sample]
+    median_gain = np.median(gains, axis=0)
+    sample = [
+        undo_gain(frame, gain / median_gain) for frame, gain in zip(sample, gains, strict=True)
+    ]
+    landmarks = find_landmarks(_median_picture(sample))
+    shifts = [measure_shift(frame, landmarks) for frame in sample]
     certain = np.array([shift for shift in shifts if shift is not UNKNOWN])
     if len(certain):
         middle = Shift(*np.median(certain, axis=0))
-        few = [
-            frame
-            if shift is UNKNOWN
-            else undo_shift(frame, Shift(shift.x - middle.x, shift.y - middle.y, shift.apart))
-            for frame, shift in zip(few, shifts, strict=True)
-        ]
-    return _median_picture(few)
+        for number, shift in enumerate(shifts):
+            if shift is not UNKNOWN:
+                shift = Shift(shift.x - middle.x, shift.y - middle.y, shift.apart)
+                sample[number] = undo_shift(sample[number], shift)
+    return _median_picture(sample)
 
 
 def _median_picture(frames: Sequence[Picture]) -> Picture:
-    """Return the median of pictures of one size, a strip at a time to save memory."""
+    """Return the median of pictures of one size; of an even number the upper middle one.
+
+    A strip of rows is sorted at a time, which saves memory.
+    """
     middle = np.empty_like(frames[0])
     for top in range(0, len(middle), _STRIP):
         strip = np.stack([frame[top : top + _STRIP] for frame in frames])
@@ -182,37 +185,37 @@ def check_film(
     tally: ClipTally,
     key_frame_distance: int = 1,
 ) -> tuple[Quality, pd.DataFrame, Picture]:
-    """Measure a film: return its quality, a table of measures per frame, and the empty tank.
+    """Return the quality of a film, a table of measures per frame, and the empty tank (h, w[, 3]).
 
     read_frames(start=, stop=): yields grey frames (h, w) uint8. rate_hz: frames per second. tally:
-    the brightness of all frames. The table has the columns `CHECK`; the tank is a picture (h, w[,
-    3]). key_frame_distance: frames from one key frame to the next.
+    brightness and samples of all frames. The table has the columns `CHECK`. key_frame_distance:
+    frames from one key frame to the next.
     """
-    whole = _empty_tank(list(tally.samples.values()))
-    tank, landmarks, last = to_grey(whole), find_landmarks(whole), STILL
+    tank_picture = _empty_tank(list(tally.samples.values()))
+    tank, landmarks, last = to_grey(tank_picture), find_landmarks(tank_picture), STILL
     rows: list[dict[str, float]] = []
     movers: list[tuple[float, float, float, float]] = []
     for start, stop in choose_examined_runs(tally.frames, key_frame_distance):
         before: Picture | None = None
-        light_before = 1.0
+        gain_before = 1.0
         for frame, picture in enumerate(read_frames(start=start, stop=stop), start):
-            here = picture.copy()  # the decoder reuses its memory
-            bright = float(measure_gain(here, tank)[0])
-            shift = measure_shift(here, landmarks, last)
+            grey = picture.copy()  # the decoder reuses its memory
+            gain = float(measure_gain(grey, tank)[0])
+            shift = measure_shift(grey, landmarks, last)
             last = last if shift is UNKNOWN else shift
             row = {f"shift_{name}": value for name, value in shift._asdict().items()}
             if before is not None and frame % _EVERY == 1:
-                row["field_order"] = measure_field_order(before, here)
-                row["noise"] = _measure_noise(before, here, light_before / bright)
-                steady = undo_shift(here, STILL if shift is UNKNOWN else shift, _THIN)
-                movers.append(_measure_movers(steady, tank[::_THIN, ::_THIN], bright))
+                row["field_order"] = measure_field_order(before, grey)
+                row["noise"] = _measure_noise(before, grey, gain_before / gain)
+                steady = undo_shift(grey, STILL if shift is UNKNOWN else shift, _THIN)
+                movers.append(_measure_movers(steady, tank[::_THIN, ::_THIN], gain))
             rows.append({"frame": frame} | row)
-            before, light_before = here, bright
+            before, gain_before = grey, gain
     table = pd.DataFrame({"light": tally.lights, "change": tally.changes})
     table = table.join(pd.DataFrame(rows).set_index("frame")).rename_axis("frame").reset_index()
     table = table.reindex(columns=CHECK.names)
     quality = _summarize_quality(table, rate_hz, len(rows), np.array(movers).reshape(-1, 4))
-    return quality, table, whole
+    return quality, table, tank_picture
 
 
 def to_grey(picture: Picture) -> Picture:
@@ -221,38 +224,39 @@ def to_grey(picture: Picture) -> Picture:
 
 
 def measure_field_order(before: Picture, after: Picture) -> float:
-    """Measure which field of interlaced film is earlier: above 0 the upper one, below 0 the lower.
+    """Return a number that says which field of interlaced film is earlier.
 
-    before, after: two successive grey frames. In interlaced film two fields, half a frame apart in
-    time, are woven into one picture. The later field of a frame and the earlier one of the next are
-    one step of time apart, the earlier and the later three. The number is the relative difference
-    between two mean squares of what moved: lower field before against upper field after, and the
-    reverse. Whole pictures give 0, interlaced ones up to ±0.8; NaN where too little moved.
+    It is above 0 for the upper field, below 0 for the lower: up to ±0.8, and 0 for whole pictures;
+    NaN if too little moved. before, after: two successive grey frames (h, w). In interlaced film
+    two fields, the even and the odd rows, half a frame apart in time, are woven into one picture.
+    From the later field of a frame to the earlier one of the next is one step of time, from the
+    earlier to the later are three: the pair that differs less tells the order.
     """
-    last, here = (picture[:, ::_FIELD_THIN].astype(np.float64) for picture in (before, after))
-    motion = np.abs(here - last) >= _MOTION
-    rows = (len(last) - 1) // 2 * 2
-    near = motion[:rows:2] | motion[1:rows:2] | motion[2 : rows + 1 : 2]
-    if near.sum() < _FEW:
+    pair = [picture[:, ::_FIELD_THIN].astype(np.float64) for picture in (before, after)]
+    motion = np.abs(pair[1] - pair[0]) >= _MOTION
+    rows = (len(motion) - 1) // 2 * 2
+    moved = motion[:rows:2] | motion[1:rows:2] | motion[2 : rows + 1 : 2]
+    if moved.sum() < _FEW:
         return float("nan")
     # A row of the lower field lies between two of the upper: it is compared with their mean.
-    upper = [(picture[:rows:2] + picture[2 : rows + 1 : 2]) / 2 for picture in (last, here)]
-    lower = [picture[1:rows:2] for picture in (last, here)]
-    if_upper = float(((lower[0] - upper[1])[near] ** 2).mean())
-    if_lower = float(((upper[0] - lower[1])[near] ** 2).mean())
-    whole = if_upper + if_lower
-    return (if_lower - if_upper) / whole if whole else 0.0
+    upper = [(picture[:rows:2] + picture[2 : rows + 1 : 2]) / 2 for picture in pair]
+    lower = [picture[1:rows:2] for picture in pair]
+    lower_to_upper = float(((lower[0] - upper[1])[moved] ** 2).mean())
+    upper_to_lower = float(((upper[0] - lower[1])[moved] ** 2).mean())
+    total = lower_to_upper + upper_to_lower
+    return (upper_to_lower - lower_to_upper) / total if total else 0.0
 
 
 def _measure_noise(before: Picture, after: Picture, gain: float) -> float:
     """Return the noise of two successive grey frames, as a standard deviation in grey levels.
 
-    gain: brightness of the first frame divided by that of the second.
+    gain: brightness of the first frame divided by that of the second. The median of 6 × 6 tiles
+    counts, so that animals, which move in a few of them, do not.
     """
-    few = after[::_THIN, ::_THIN].astype(np.float32) * gain
-    off = np.abs(few - before[::_THIN, ::_THIN])
-    size = min(_TILES, off.shape[1]), min(_TILES, off.shape[0])
-    tiles = cv2.resize(off, size, interpolation=cv2.INTER_AREA)
+    equally_bright = after[::_THIN, ::_THIN].astype(np.float32) * gain
+    difference = np.abs(equally_bright - before[::_THIN, ::_THIN])
+    size = min(_TILES, difference.shape[1]), min(_TILES, difference.shape[0])
+    tiles = cv2.resize(difference, size, interpolation=cv2.INTER_AREA)
     # Of normal noise the mean difference of two values is 2/√π of its standard deviation.
     return float(np.median(tiles)) * np.pi**0.5 / 2
 
@@ -260,17 +264,19 @@ def _measure_noise(before: Picture, after: Picture, gain: float) -> float:
 def _measure_movers(
     frame: Picture, tank: Picture, gain: float
 ) -> tuple[float, float, float, float]:
-    """Return size, contrast, black and white pixels of what differs from the empty tank in a frame.
+    """Measure the pixels of a frame that differ from the empty tank, mostly those of animals.
 
-    frame, tank: grey (h, w); gain: brightness of the frame divided by that of the tank.
+    Return how many they are, their median difference from the tank [grey levels] (NaN without any),
+    and how many are black and white. frame, tank: grey (h, w); gain: brightness of the frame
+    divided by that of the tank.
     """
-    off = np.abs(frame / gain - tank)
-    usual = _SIGMAS * 1.4826 * float(np.median(off))
+    difference = np.abs(frame / gain - tank)
+    noise_limit = _SIGMAS * 1.4826 * float(np.median(difference))
     # Where the tank's median still holds an animal, it is the floor that differs.
     floor = np.abs(frame / gain - np.median(tank)) <= _LEAST
-    away = (off > max(usual, _LEAST)) & ~floor
-    level = frame[away]
-    contrast = float(np.median(off[away])) if level.size else float("nan")
+    moving = (difference > max(noise_limit, _LEAST)) & ~floor
+    level = frame[moving]
+    contrast = float(np.median(difference[moving])) if level.size else float("nan")
     return level.size, contrast, (level <= _BLACK).sum(), (level >= _WHITE).sum()
 
 
@@ -280,27 +286,28 @@ def _summarize_quality(
     """Return the quality of a film from the measures of its frames.
 
     table: columns `CHECK`; rate_hz: frames per second; examined: number of frames that were
-    examined; movers: (n, 4), from `_measure_movers`.
+    examined; movers (n, 4): number, contrast, black and white ones of the pixels of animals, in n
+    frames.
     """
-    lamp = measure_light(table["light"].to_numpy(np.float64), rate_hz)
+    light = measure_light(table["light"].to_numpy(np.float64), rate_hz)
     place = table[["shift_x", "shift_y"]].to_numpy(np.float64)
     places = place[np.isfinite(place[:, 0])]
-    far = np.hypot(*(places - np.median(places, axis=0)).T) if len(places) else places[:, 0]
+    distance = np.hypot(*(places - np.median(places, axis=0)).T) if len(places) else places[:, 0]
     known = 2 * len(places) >= examined  # else the floor has too few marks
-    twice = find_repeats(table["change"].to_numpy(np.float64))
+    repeats = find_repeats(table["change"].to_numpy(np.float64))
     pixels, contrast, black, white = movers.T
     medians = table[["shift_apart", "field_order", "noise"]].median()
-    many = max(1.0, float(pixels.sum()))
+    pixel_sum = max(1.0, float(pixels.sum()))
     return Quality(
-        **{f"light_{name}": value for name, value in lamp._asdict().items()},
-        shake_px=float(np.mean(far**2)) ** 0.5 if known else float("nan"),
-        shake_most_px=float(far.max()) if known else float("nan"),
+        **{f"light_{name}": value for name, value in light._asdict().items()},
+        shake_px=float(np.mean(distance**2)) ** 0.5 if known else float("nan"),
+        shake_most_px=float(distance.max()) if known else float("nan"),
         shake_apart_px=float(medians["shift_apart"]) if known else float("nan"),
-        doubled_pct=100 * twice.share,
-        doubled_rate=twice.rate,
+        doubled_pct=100 * repeats.share,
+        doubled_rate=repeats.rate,
         field_order=float(medians["field_order"]),
         noise_grey=float(medians["noise"]),
         contrast_grey=float(pd.Series(contrast).median()),
-        animal_black_pct=100 * float(black.sum()) / many,
-        animal_white_pct=100 * float(white.sum()) / many,
+        animal_black_pct=100 * float(black.sum()) / pixel_sum,
+        animal_white_pct=100 * float(white.sum()) / pixel_sum,
     )

@@ -27,8 +27,12 @@ _FEW = 8  # doubled pictures from which a cadence is searched for
 
 def subsample_grey(frame: Picture) -> Picture:
     """Return a frame in grey, with every second row and column only, for `picture_change`."""
-    few = frame[::_THIN, ::_THIN]
-    return np.ascontiguousarray(few) if few.ndim == 2 else cv2.cvtColor(few, cv2.COLOR_RGB2GRAY)
+    sample = frame[::_THIN, ::_THIN]
+    return (
+        np.ascontiguousarray(sample)
+        if sample.ndim == 2
+        else cv2.cvtColor(sample, cv2.COLOR_RGB2GRAY)
+    )
 
 
 def picture_change(before: Picture, after: Picture) -> float:
@@ -37,8 +41,8 @@ def picture_change(before: Picture, after: Picture) -> float:
     Only the 1 % of all blocks (12×12 px) that change most count, so a small animal is noticed.
     """
     size = tuple(max(1, side // _BLOCK) for side in before.shape[::-1])
-    off = cv2.absdiff(before, after).astype(np.float32)
-    blocks = np.sort(cv2.resize(off, size, interpolation=cv2.INTER_AREA), axis=None)
+    difference = cv2.absdiff(before, after).astype(np.float32)
+    blocks = np.sort(cv2.resize(difference, size, interpolation=cv2.INTER_AREA), axis=None)
     return float(blocks[-max(1, round(_MOST * blocks.size)) :].mean())
 
 
@@ -58,18 +62,18 @@ class RepeatedFrames(NamedTuple):
 def find_repeats(changes: Floats) -> RepeatedFrames:
     """Find the frames that show the same picture as the frame before.
 
-    changes (frames,): grey levels, from `picture_change`; changes[k] compares frame k with k − 1,
-    and changes[0] is NaN.
+    changes (frames,): how much each frame differs from the one before, grey levels; changes[0] is
+    NaN. The rate is NaN, and no frame counts as a repeat, if the repeats follow no regular rhythm.
     """
-    decidable, twice = _find_doubled(changes)
-    share = float(twice[decidable].mean()) if decidable.any() else 0.0
+    decidable, doubled = _find_doubled(changes)
+    share = float(doubled[decidable].mean()) if decidable.any() else 0.0
     all_new = np.arange(len(changes)), np.zeros(len(changes), bool)
-    if twice.sum() < _FEW:
-        return RepeatedFrames(share, 1.0 if not twice.any() else float("nan"), *all_new)
-    rate, pictures, repeats = _find_cadence(decidable, twice)
-    if np.mean(repeats[decidable] == twice[decidable]) < _AGREE:
+    if doubled.sum() < _FEW:
+        return RepeatedFrames(share, 1.0 if not doubled.any() else float("nan"), *all_new)
+    rate, pictures, repeats = _find_cadence(decidable, doubled)
+    if np.mean(repeats[decidable] == doubled[decidable]) < _AGREE:
         return RepeatedFrames(share, float("nan"), *all_new)
-    repeats = np.where(decidable, twice, repeats)  # the cadence may be off by a frame
+    repeats = np.where(decidable, doubled, repeats)  # the cadence may be off by a frame
     repeats[0] = False
     return RepeatedFrames(share, rate, pictures - pictures[0], repeats)
 
@@ -77,7 +81,8 @@ def find_repeats(changes: Floats) -> RepeatedFrames:
 def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
     """Return two masks (frames,): where enough moves to decide, and which frames there are doubled.
 
-    changes (frames,): grey levels, as in `find_repeats`.
+    changes (frames,): how much each frame differs from the one before, grey levels. A change is
+    small if, among those of the frames around it, sorted, it lies below the largest gap.
     """
     padded = np.pad(np.nan_to_num(changes), _AROUND)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
@@ -89,44 +94,45 @@ def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
     around = np.maximum(around, 0.02 * around[:, -1:] + 1e-9)  # avoids ratios of near zeros
     ratios = around[:, 1:] / around[:, :-1]
     gap = ratios.argmax(axis=1)
-    below = np.take_along_axis(around, gap[:, None], axis=1)[:, 0]
-    twice = (np.nan_to_num(changes) <= below) & (ratios.max(axis=1) >= _GAP)
+    largest_small = np.take_along_axis(around, gap[:, None], axis=1)[:, 0]
+    small_change = (np.nan_to_num(changes) <= largest_small) & (ratios.max(axis=1) >= _GAP)
     # A resting animal that darts away has small changes on one side only.
-    beyond = np.pad(np.nan_to_num(changes), _BESIDE, constant_values=np.inf)
-    sides = np.lib.stride_tricks.sliding_window_view(beyond, _BESIDE).max(axis=1)
-    amid = (sides[: len(changes)] > below) & (sides[_BESIDE + 1 :] > below)
-    return decidable, decidable & twice & amid
+    edge_padded = np.pad(np.nan_to_num(changes), _BESIDE, constant_values=np.inf)
+    sides = np.lib.stride_tricks.sliding_window_view(edge_padded, _BESIDE).max(axis=1)
+    between_new = (sides[: len(changes)] > largest_small) & (sides[_BESIDE + 1 :] > largest_small)
+    return decidable, decidable & small_change & between_new
 
 
-def _find_cadence(decidable: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
+def _find_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
     """Find the regular rhythm in which a rate conversion has doubled frames.
 
     Return the number of new pictures per frame, the number of each frame's picture (frames,), and
     the doubled frames. Frame k shows picture floor(k · rate + phase); the rate is the peak of a
-    spectrum. decidable, twice: masks from `_find_doubled`.
+    spectrum. decidable, doubled: masks (frames,) where enough moves, and what is doubled there.
     """
     frames = len(decidable)
-    rare = twice if 2 * twice.sum() < decidable.sum() else decidable & ~twice
-    place = np.arange(frames)
+    # The rarer kind of frames, doubled or new, has the simpler rhythm.
+    rare = doubled if 2 * doubled.sum() < decidable.sum() else decidable & ~doubled
+    number = np.arange(frames)
     density = rare[decidable].mean()
     signal = np.where(decidable, rare - density, 0.0)
     power = np.abs(np.fft.rfft(signal, 8 * frames))
     low = max(1, round(8 * frames * 0.25 * density))
-    near = low + int(power[low : round(8 * frames * min(0.5, 2 * density)) + 1].argmax())
-    rates = (near + np.linspace(-1, 1, 41)) / (8 * frames)
-    waves = np.exp(-2j * np.pi * rates[:, None] * place[rare]).sum(axis=1)
+    peak = low + int(power[low : round(8 * frames * min(0.5, 2 * density)) + 1].argmax())
+    rates = (peak + np.linspace(-1, 1, 41)) / (8 * frames)
+    waves = np.exp(-2j * np.pi * rates[:, None] * number[rare]).sum(axis=1)
     best = int(np.abs(waves).argmax())
     beat, phase = float(rates[best]), float(np.angle(waves[best])) / (2 * np.pi)
 
     def rises(phase: float) -> Mask:
-        """Return in which frames the number of the picture rises."""
-        return np.floor(place * beat + phase) > np.floor((place - 1) * beat + phase)
+        """Return a mask (frames,) of the frames in which floor(k · beat + phase) rises."""
+        return np.floor(number * beat + phase) > np.floor((number - 1) * beat + phase)
 
     tries = [phase + beat * share for share in np.linspace(0, 1, _PHASES)]
-    right = np.array([np.mean(rises(t)[decidable] == rare[decidable]) for t in tries])
-    best_tries = np.flatnonzero(right == right.max())
+    agreement = np.array([np.mean(rises(offset)[decidable] == rare[decidable]) for offset in tries])
+    best_tries = np.flatnonzero(agreement == agreement.max())
     phase = tries[best_tries[len(best_tries) // 2]]
-    beats = np.floor(place * beat + phase).astype(np.int64)
-    if rare is twice:
-        return 1 - beat, place - beats, rises(phase)
+    beats = np.floor(number * beat + phase).astype(np.int64)
+    if rare is doubled:
+        return 1 - beat, number - beats, rises(phase)
     return beat, beats, ~rises(phase)

@@ -25,33 +25,33 @@ def measure_gain(frame: Picture, tank: Picture) -> Floats:
     """Return how bright a frame is relative to the empty tank, per channel: (1,) or (3,).
 
     It is a ratio of sums over the pixels that show the tank in both pictures and are neither black
-    nor white; 1 if there are no such pixels.
+    nor white; 1 if there are no such pixels. frame, tank: (h, w[, 3]).
     """
-    here, there = (_sample_pixels(picture) for picture in (frame, tank))
+    frame_levels, tank_levels = _sample_pixels(frame), _sample_pixels(tank)
     low, high = _LIT
-    lit = ((there > low) & (there < high) & (here < high)).all(axis=1)
+    lit = ((tank_levels > low) & (tank_levels < high) & (frame_levels < high)).all(axis=1)
     if not lit.any():
-        return np.ones(there.shape[1])
-    here, there = here[lit], there[lit]
-    ratio = np.median(here / there, axis=0)
-    for _ in range(_ROUNDS):
-        off = np.abs(here - ratio * there).max(axis=1)
-        near = off <= max(1.0, _SIGMAS * 1.4826 * float(np.median(off)))
-        ratio = here[near].sum(axis=0) / there[near].sum(axis=0)
-    return np.asarray(np.where(ratio > 0, ratio, 1.0))
+        return np.ones(tank_levels.shape[1])
+    frame_levels, tank_levels = frame_levels[lit], tank_levels[lit]
+    gain = np.median(frame_levels / tank_levels, axis=0)
+    for _ in range(_ROUNDS):  # leave out the pixels that an animal covers
+        difference = np.abs(frame_levels - gain * tank_levels).max(axis=1)
+        is_tank = difference <= max(1.0, _SIGMAS * 1.4826 * float(np.median(difference)))
+        gain = frame_levels[is_tank].sum(axis=0) / tank_levels[is_tank].sum(axis=0)
+    return np.asarray(np.where(gain > 0, gain, 1.0))
 
 
 def _sample_pixels(picture: Picture) -> Floats:
     """Return about 1500 pixels (n, channels) of a picture, evenly spread."""
     step = max(1, round((picture.shape[0] * picture.shape[1] / _PIXELS) ** 0.5))
-    few = picture[::step, ::step].astype(np.float64)
-    return few.reshape(few.shape[0] * few.shape[1], -1)
+    sample = picture[::step, ::step].astype(np.float64)
+    return sample.reshape(sample.shape[0] * sample.shape[1], -1)
 
 
 def undo_gain(frame: Picture, gains: Floats) -> Picture:
-    """Make a frame (h, w[, 3]) as bright as the empty tank: divide each channel by its gain.
+    """Return a frame (h, w[, 3]) made as bright as the empty tank: each channel over its gain.
 
-    gains: (1,) or (3,), from `measure_gain`.
+    gains: (1,) or (3,), the frame's brightness relative to the tank.
     """
     levels = np.arange(256)[:, None] / gains
     table = np.clip(np.rint(levels), 0, 255).astype(np.uint8)[None]
@@ -72,16 +72,18 @@ def measure_light(brightness: Floats, rate_hz: float) -> LightMeasures:
     rate_hz: frames per second. Changes slower than three seconds are drift, the rest is flicker.
     """
     mean = float(brightness.mean())
-    half = min(round(_SLOW_S * rate_hz / 2), (len(brightness) - 1) // 2)
-    padded = np.pad(brightness, half, mode="reflect") if half else brightness
-    slow = np.convolve(padded, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid")
+    half_window = min(round(_SLOW_S * rate_hz / 2), (len(brightness) - 1) // 2)
+    padded = np.pad(brightness, half_window, mode="reflect") if half_window else brightness
+    slow = np.convolve(
+        padded, np.full(2 * half_window + 1, 1 / (2 * half_window + 1)), mode="valid"
+    )
     fast = brightness - slow
     second = max(2, round(rate_hz))
     parts = [fast[k : k + second] for k in range(0, len(fast), second)]
-    usual = float(np.median([np.mean(part**2) for part in parts])) ** 0.5
+    flicker = float(np.median([np.mean(part**2) for part in parts])) ** 0.5
     low, high = np.quantile(slow, (0.01, 0.99))
     return LightMeasures(
-        100 * usual / mean, _peak_frequency(fast, rate_hz), 100 * float(high - low) / mean
+        100 * flicker / mean, _peak_frequency(fast, rate_hz), 100 * float(high - low) / mean
     )
 
 
@@ -96,7 +98,7 @@ def _peak_frequency(flicker: Floats, rate_hz: float) -> float:
     waves = np.stack([np.fft.rfft(flicker[k : k + length] * window, size) for k in starts])
     power = (np.abs(waves) ** 2).sum(axis=0)
     peak = int(np.argmax(power))
-    near = power[max(0, peak - 2 * _FINER) : peak + 2 * _FINER + 1].sum()
-    if near < _PEAK * power.sum() or not power.any():
+    peak_power = power[max(0, peak - 2 * _FINER) : peak + 2 * _FINER + 1].sum()
+    if peak_power < _PEAK * power.sum() or not power.any():
         return float("nan")
     return peak * rate_hz / size

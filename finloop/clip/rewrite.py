@@ -64,7 +64,7 @@ _PICTURES, _TAKING = {"deinterlace", "undouble"}, {"even_light", "steady"}
 
 @dataclass(frozen=True)
 class ClipResult:
-    """What is known of a written clip: facts, tally of its frames, arena (h, w), and quality."""
+    """The facts about a written clip, the tally of its frames, its arena (h, w), its quality."""
 
     facts: VideoFacts
     tally: ClipTally
@@ -92,7 +92,9 @@ def make_clip(
     """Write a film as a clip: upright, at a constant frame rate, with the footage's faults mended.
 
     The folder also receives a table of checks (`CHECK_NAME`) and a picture of the empty tank
-    (`TANK_NAME`). FinloopError as in `write_clip`.
+    (`TANK_NAME`). show_progress(word, frames): a context that yields a function to call after each
+    frame. FinloopError if the film has fewer than two readable or only plain frames, or the arena
+    does not fit.
     """
     with show_progress("clip", source.facts.frames) as advance:
         facts, tally, arena = write_clip(source, p, folder, advance)
@@ -101,7 +103,7 @@ def make_clip(
     if not isinstance(p, FootageSettings):
         return result
     fields: Order = ""
-    twice: RepeatedFrames | None = None
+    repeats: RepeatedFrames | None = None
     corrector: _FrameCorrector | None = None
     for kind in (_PICTURES, _TAKING):
         todo = choose_repairs(p, result.quality, min(arena.shape)) & kind
@@ -115,12 +117,12 @@ def make_clip(
             order = result.quality.field_order
             fields = "tff" if order > 0 else "bff" if order <= 0 else "auto"  # auto: NaN
         if "undouble" in todo:
-            twice = find_repeats(np.array(result.tally.changes))
+            repeats = find_repeats(np.array(result.tally.changes))
         if todo & _TAKING:
             corrector = _FrameCorrector(tank, "even_light" in todo, "steady" in todo)
-        again = _reopen_film(p, fields, twice, corrector)
-        with show_progress("mend", again.facts.frames) as advance:
-            facts, tally, arena = write_clip(again, p, folder, advance)
+        repaired_source = _reopen_film(p, fields, repeats, corrector)
+        with show_progress("mend", repaired_source.facts.frames) as advance:
+            facts, tally, arena = write_clip(repaired_source, p, folder, advance)
         if corrector:
             arena = arena & corrector.common_mask()
             save_mask(folder / ARENA_NAME, arena)
@@ -135,7 +137,7 @@ def choose_repairs(p: FootageSettings, quality: Quality, smaller_side_px: int) -
     They are keys of `REPAIRED_BY`. smaller_side_px: of the picture; it limits the shake that can be
     repaired.
     """
-    far = (
+    is_small_shift = (
         quality.shake_most_px <= FARTHEST * smaller_side_px
         and quality.shake_apart_px <= APART * quality.shake_px
     )
@@ -145,21 +147,22 @@ def choose_repairs(p: FootageSettings, quality: Quality, smaller_side_px: int) -
         "undouble": quality.doubled_pct >= DOUBLED_PCT and converted,
         "even_light": quality.light_flicker_pct >= FLICKER_PCT
         or quality.light_drift_pct >= DRIFT_PCT,
-        "steady": quality.shake_px >= SHAKE_PX and far,
+        "steady": quality.shake_px >= SHAKE_PX and is_small_shift,
     }
     possible = {"undouble": converted, "steady": isfinite(quality.shake_px)}
     modes = {name: getattr(p, REPAIRED_BY[name]) for name in faults}
-    return {
-        name
-        for name, mode in modes.items()
-        if (mode == "always" and possible.get(name, True)) or (mode == "auto" and faults[name])
-    }
+    asked = {name for name, mode in modes.items() if mode == "always" and possible.get(name, True)}
+    return asked | {name for name, mode in modes.items() if mode == "auto" and faults[name]}
 
 
 def _drop_repeats(
     frames: NumberedFrames, repeated: RepeatedFrames, rate_hz: float
 ) -> NumberedFrames:
-    """Yield the frames that do not repeat the frame before; picture k at k / rate_hz seconds."""
+    """Yield time and frame of those frames that do not repeat the one before.
+
+    Picture k of the film is shown at k / rate_hz seconds. Frames beyond those of `repeated` are
+    left out.
+    """
     for (_, frame), picture, repeats in zip(
         frames, repeated.pictures, repeated.repeats, strict=False
     ):
@@ -193,12 +196,12 @@ class _FrameCorrector:
     def _steady_frame(self, frame: Picture) -> Picture:
         """Return a frame moved back by its shift against the empty tank, and store the shift."""
         self._marks = self._marks or find_landmarks(self.tank)
-        by = measure_shift(to_grey(frame), self._marks, self._last)
-        by = self._last if by is UNKNOWN else by
-        self._last = by
-        self.right_px, self.left_px = max(self.right_px, by.x), max(self.left_px, -by.x)
-        self.down_px, self.up_px = max(self.down_px, by.y), max(self.up_px, -by.y)
-        return undo_shift(frame, by)
+        shift = measure_shift(to_grey(frame), self._marks, self._last)
+        shift = self._last if shift is UNKNOWN else shift
+        self._last = shift
+        self.right_px, self.left_px = max(self.right_px, shift.x), max(self.left_px, -shift.x)
+        self.down_px, self.up_px = max(self.down_px, shift.y), max(self.up_px, -shift.y)
+        return undo_shift(frame, shift)
 
     def common_mask(self) -> Mask:
         """Return the mask (h, w) of the pixels that every corrected frame shows."""
@@ -235,13 +238,13 @@ def _reopen_film(
 def _simplest_fraction(rate: float, frames: int) -> Fraction:
     """Return the simplest fraction that differs from a rate by less than half a frame in a film.
 
-    frames: length of the film.
+    frames: length of the film. If none of a denominator up to 1001 does, the nearest of them.
     """
-    tries = (Fraction(rate).limit_denominator(most) for most in range(1, 1002))
-    return next(
-        (fraction for fraction in tries if abs(float(fraction) - rate) * frames < 0.5),
-        Fraction(rate).limit_denominator(1001),
-    )
+    for denominator in range(1, 1002):
+        fraction = Fraction(rate).limit_denominator(denominator)
+        if abs(float(fraction) - rate) * frames < 0.5:
+            break
+    return fraction
 
 
 def _check_clip(facts: VideoFacts, tally: ClipTally, folder: Path) -> tuple[Quality, Picture]:

@@ -95,17 +95,23 @@ class FootageSettings:
         return Path(self.path).expanduser()
 
     def settings_by_path(self) -> list[tuple[str, "FootageSettings"]]:
-        """Return (path, parameters) for each film that `path` lists."""
+        """Return the path and the parameters of each film that `path` lists."""
         if isinstance(self.path, str):
             return [(self.path, self)]
-        return [
-            (path, replace(self, path=path)) if isinstance(path, str)
-            else (path["path"], self._settings_of_film(path)[0])
-            for path in self.path
-        ]  # fmt: skip
+        films = []
+        for entry in self.path:
+            if isinstance(entry, str):
+                films.append((entry, replace(self, path=entry)))
+            else:
+                films.append((entry["path"], self._settings_of_film(entry)[0]))
+        return films
 
     def _settings_of_film(self, values: dict[str, Any]) -> tuple[Any, list[str]]:
-        """Return these parameters with one film's own values, and what is wrong with them."""
+        """Return these parameters with one film's own values, and a list of problems.
+
+        values: the film's path, and parameters that differ. The first result is None if there are
+        problems.
+        """
         if not isinstance(values.get("path"), str):
             return None, [f"a film of the list needs a path, got {values!r}"]
         return check_values("clip", {"file": FootageSettings}, {**vars(self), **values})

@@ -5,6 +5,7 @@ makes the frame most like the tank at many marks, places where the tank has edge
 with weights that leave out animals (Gauss-Newton; Lucas and Kanade 1981, with Tukey's weights).
 """
 
+import math
 from typing import NamedTuple
 
 import cv2
@@ -53,7 +54,7 @@ UNKNOWN = Shift(float("nan"), float("nan"), float("nan"))
 
 
 def _smooth_grey(picture: Picture) -> Picture:
-    """Return a picture (h, w[, 3]) in grey and smoothed, so that slopes are those of edges."""
+    """Return a picture (h, w[, 3]) as a smoothed grey one (h, w), so that noise makes no edges."""
     grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     return np.asarray(cv2.GaussianBlur(grey, (7, 7), 1.2))
 
@@ -66,30 +67,32 @@ def _shrink_picture(picture: Picture) -> np.ndarray:
 
 def find_landmarks(tank: Picture) -> Landmarks:
     """Find the steepest edges of the empty tank (h, w[, 3]), at most 60 in each of 36 tiles."""
-    soft = _smooth_grey(tank)
-    level = soft.astype(np.float64)
-    down, right = (np.asarray(part) for part in np.gradient(level))
-    steep: Floats = np.asarray(np.hypot(right, down))
-    edge = min(_MARGIN, *(side // 4 for side in soft.shape))
-    rows, columns = (np.linspace(edge, side - edge, _TILES + 1).astype(int) for side in soft.shape)
+    smooth = _smooth_grey(tank)
+    level = smooth.astype(np.float64)
+    down, right = (np.asarray(parts) for parts in np.gradient(level))
+    steepness: Floats = np.asarray(np.hypot(right, down))
+    margin = min(_MARGIN, *(side // 4 for side in smooth.shape))
+    rows, columns = (
+        np.linspace(margin, side - margin, _TILES + 1).astype(int) for side in smooth.shape
+    )
     x, y, tile = [], [], []
     for number in range(_TILES**2):
         row, column = divmod(number, _TILES)
         top, left = rows[row], columns[column]
-        patch = steep[top : rows[row + 1], left : columns[column + 1]]
+        patch = steepness[top : rows[row + 1], left : columns[column + 1]]
         if not patch.size:
             continue
         best = np.argsort(patch, axis=None, kind="stable")[-_POINTS:]
-        at = np.stack(np.unravel_index(best[patch.ravel()[best] >= _STEEP], patch.shape))
-        y.append(at[0] + top)
-        x.append(at[1] + left)
-        tile.append(np.full(at.shape[1], number))
-    xs, ys, tiles = (np.concatenate([np.empty(0, int), *part]) for part in (x, y, tile))
-    share = np.bincount(tiles, steep[ys, xs] ** 2, _TILES**2)
-    usual = float(np.median(share[share > 0])) if len(tiles) else 1.0
-    trust = np.minimum(1.0, usual / share[tiles])
+        place = np.stack(np.unravel_index(best[patch.ravel()[best] >= _STEEP], patch.shape))
+        y.append(place[0] + top)
+        x.append(place[1] + left)
+        tile.append(np.full(place.shape[1], number))
+    xs, ys, tiles = (np.concatenate([np.empty(0, int), *parts]) for parts in (x, y, tile))
+    share = np.bincount(tiles, steepness[ys, xs] ** 2, _TILES**2)
+    median_share = float(np.median(share[share > 0])) if len(tiles) else 1.0
+    trust = np.minimum(1.0, median_share / share[tiles])
     return Landmarks(
-        xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _shrink_picture(soft)
+        xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _shrink_picture(smooth)
     )
 
 
@@ -100,23 +103,24 @@ def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift
     """
     if len(tank.x) < 12:
         return UNKNOWN
-    soft = _smooth_grey(frame)
-    place = _choose_start(soft, tank, last)
+    smooth = _smooth_grey(frame)
+    place = _choose_start(smooth, tank, last)
+    # Unknowns: the shift to the right and down, the gain of the light, and an added grey level.
     slope = np.stack([tank.right, tank.down, tank.level, np.ones(len(tank.level))], axis=1)
     weight = tank.trust
     for _ in range(_ROUNDS):
-        value = _sample_marks(soft, tank, place)
-        for _ in range(2):
+        value = _sample_marks(smooth, tank, place)
+        for _ in range(2):  # the weights depend on the fit
             normal = (slope * weight[:, None]).T @ slope + 1e-9 * np.eye(4)
             step = np.linalg.solve(normal, slope.T @ (weight * value))
-            off = value - slope @ step
-            sigma = max(0.3, 1.4826 * float(np.median(np.abs(off))))
-            weight = tank.trust * np.maximum(0.0, 1 - (off / (_TUKEY * sigma)) ** 2) ** 2
+            residual = value - slope @ step
+            sigma = max(0.3, 1.4826 * float(np.median(np.abs(residual))))
+            weight = tank.trust * np.maximum(0.0, 1 - (residual / (_TUKEY * sigma)) ** 2) ** 2
         move = np.clip(-step[:2] / max(0.2, step[2]), -1.5, 1.5)
         place = place + move
         if np.hypot(*move) < _STILL:
             break
-    return _judge_shift(place, off, weight, sigma, tank)
+    return _judge_shift(place, residual, weight, sigma, tank)
 
 
 def _choose_start(picture: Picture, tank: Landmarks, last: Shift) -> Floats:
@@ -162,30 +166,32 @@ def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats
 def _judge_shift(
     shift_px: Floats, residual: Floats, weight: Floats, sigma: float, tank: Landmarks
 ) -> Shift:
-    """Return a shift with its uncertainty; `UNKNOWN` if too few tiles of the picture support it.
+    """Return a shift with its `apart`; `UNKNOWN` if too few tiles of the picture support it.
 
-    The uncertainty is how far the shifts of single tiles are from it [px]. residual, weight:
-    (marks,) grey levels left over, and each mark's weight; sigma: usual residual, grey levels.
+    `apart` is how far the shifts of single tiles are from the whole [px]. shift_px: (2,); residual,
+    weight: (marks,) grey levels left over, and each mark's weight; sigma: usual residual, grey
+    levels; tank: its landmarks.
     """
     apart = []
     for slope in (tank.right, tank.down):
-        count = np.bincount(tank.tile, weight * slope**2, _TILES**2)
+        # Per tile: information (inverse variance × sigma²), and the sum that it moves the fit by.
+        information = np.bincount(tank.tile, weight * slope**2, _TILES**2)
         push = np.bincount(tank.tile, weight * slope * residual, _TILES**2)
-        informed = np.sort(count)[: round((1 - _BEST) * len(count))].sum()
-        if informed * _SURE**2 < sigma**2:
+        without_best = np.sort(information)[: round((1 - _BEST) * len(information))].sum()
+        if without_best * _SURE**2 < sigma**2:
             return UNKNOWN
-        sure = count * (2 * _SURE) ** 2 > sigma**2
-        if sure.any():
-            apart.append(float(np.median(np.abs(push[sure] / count[sure]))))
+        certain = information * (2 * _SURE) ** 2 > sigma**2
+        if certain.any():
+            apart.append(float(np.median(np.abs(push[certain] / information[certain]))))
     return Shift(float(shift_px[0]), float(shift_px[1]), max(apart, default=float("nan")))
 
 
 def undo_shift(frame: Picture, shift: Shift, stride: int = 1) -> Picture:
-    """Move a frame back by the camera's shift, and keep every `stride`-th row and column.
+    """Return a frame moved back by the camera's shift, with every `stride`-th row and column only.
 
-    What was not filmed repeats the border.
+    Pixels that were not filmed repeat the border.
     """
-    size = [-(-side // stride) for side in frame.shape[1::-1]]
+    size = [math.ceil(side / stride) for side in frame.shape[1::-1]]
     matrix = np.array([[stride, 0, shift.x], [0, stride, shift.y]])
     return np.asarray(
         cv2.warpAffine(

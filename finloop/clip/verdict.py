@@ -57,17 +57,17 @@ def list_findings(
     before = (
         {finding.word: finding for finding in _judge_all(filmed)} if filmed and remedies else {}
     )
-    found = []
+    findings = []
     for finding in _judge_all(quality):
         if finding.word in remedies and not before[finding.word].good:
-            told = f"{before[finding.word].text} {remedies[finding.word]} {finding.text}"
-            finding = finding._replace(text=told)
-        found.append(finding)
-    return found
+            text = f"{before[finding.word].text} {remedies[finding.word]} {finding.text}"
+            finding = finding._replace(text=text)
+        findings.append(finding)
+    return findings
 
 
 def _judge_all(quality: Quality) -> Iterator[Finding]:
-    """Yield the findings on a film of this quality, one subject after the other."""
+    """Yield all findings on a film of this quality."""
     yield from _judge_light(quality)
     yield _judge_shake(quality)
     yield from _judge_pictures(quality)
@@ -76,7 +76,7 @@ def _judge_all(quality: Quality) -> Iterator[Finding]:
 
 
 def _format_number(value: float) -> str:
-    """Format a number with two digits, or with all digits before the point."""
+    """Format a number with two significant digits below 10, else as a whole number."""
     return f"{value:.2g}" if value < 10 else f"{value:.0f}"
 
 
@@ -86,13 +86,10 @@ def _judge_light(quality: Quality) -> Iterator[Finding]:
     if quality.light_flicker_pct < FLICKER_PCT:
         yield Finding("flicker", True, f"{flicker}, less than is seen.")
     else:
-        hertz = (
-            "irregularly"
-            if isnan(quality.light_flicker_hz)
-            else f"at {quality.light_flicker_hz:.3g} Hz"
-        )
+        is_irregular = isnan(quality.light_flicker_hz)
+        rhythm = "irregularly" if is_irregular else f"at {quality.light_flicker_hz:.3g} Hz"
         yield Finding(
-            "flicker", False, f"{flicker} {hertz}.",
+            "flicker", False, f"{flicker} {rhythm}.",
             "Use lamps on direct current, set exposure and gain by hand, or a shutter of 1/50 s or "
             "1/100 s (60 Hz mains: 1/60 s, 1/120 s).",
         )  # fmt: skip

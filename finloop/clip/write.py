@@ -78,9 +78,9 @@ def write_clip(
 ) -> tuple[VideoFacts, ClipTally, np.ndarray]:
     """Write a film as a clip to a folder: pictures, facts, arena, frame numbers, true carp.
 
-    Return the facts, the tally of the frames, and the arena. `advance()` is called after each
-    frame. FinloopError if fewer than two frames can be read, all frames are plain, or the mask does
-    not fit.
+    Return the facts, the tally of the frames, and the arena (h, w) bool. `advance()` is called
+    after each frame. FinloopError if fewer than two frames can be read, all frames are plain, or
+    the mask does not fit.
     """
     facts = source.facts
     arena = _make_arena(p, facts.width_px, facts.height_px)
@@ -179,12 +179,13 @@ def _write_streams(
     """Write the frames of one film after another, re-timed to a constant frame rate.
 
     write_truth: writes the true places of drawn carp; None for filmed fish. Return the timing, the
-    tally, and the numbers that the written frames have in their source.
+    tally, and the numbers that the written frames have in their source. FinloopError if fewer than
+    two frames can be decoded, all are plain, or the disk has too little space.
     """
     timing, tally, source_frames = FrameCounts(), ClipTally(), array("i")
 
     def flush_truth(least: int) -> None:
-        """Write the collected rows of truth if they are at least so many."""
+        """Write the collected rows of truth, and forget them, if there are `least` or more."""
         if write_truth and len(source.truth) >= least:
             write_truth(pd.DataFrame(source.truth))
             source.truth.clear()
@@ -194,7 +195,7 @@ def _write_streams(
             writer.write(frame)
             source_frames.append(number)
             tally.add_frame(frame)
-            if tally.frames == _SAMPLE:  # is there space for a clip as its beginning suggests?
+            if tally.frames == _SAMPLE:  # is there space for the clip, judged by its beginning?
                 size = writer.bytes_per_frame() * (source.facts.frames - writer.frames)
                 what = f"the clip of {source.facts.frames} frames"
                 do = "take a shorter film (clip.end_s)"
