@@ -37,22 +37,21 @@ def appearance_descriptors(
 ) -> Floats:
     """Return a vector (rows, d) per fish and frame that describes its looks.
 
-    It holds measures of the body and principal components of the picture. measures (rows, m): any
-    units; read_pictures: returns the pictures (k, pixels) of some row numbers; most_components:
-    limit of the components. Each measure has a standard deviation of 1, and all components together
-    have, too.
+    It holds the measures of the body, each scaled to a standard deviation of 1, and principal
+    components of the picture, scaled together to 1. measures (rows, m): any units; read_pictures:
+    returns the pictures (k, pixels) of k row numbers; most_components: their largest number.
     """
     rows = np.arange(len(measures))
-    some = read_pictures(spread_rows(rows, _PICTURES)).astype(float)
-    count = min(most_components, *(side - 1 for side in some.shape))
+    sample = read_pictures(spread_rows(rows, _PICTURES)).astype(float)
+    count = min(most_components, *(side - 1 for side in sample.shape))
     if count < 1:
         return _standardise(measures)
     from sklearn.decomposition import PCA
 
-    few = PCA(count, svd_solver="arpack", random_state=0).fit(some)
-    del some
+    pca = PCA(count, svd_solver="arpack", random_state=0).fit(sample)
+    del sample
     blocks = np.split(rows, range(_BLOCK, len(rows), _BLOCK))
-    codes = np.concatenate([few.transform(read_pictures(block).astype(float)) for block in blocks])
+    codes = np.concatenate([pca.transform(read_pictures(block).astype(float)) for block in blocks])
     return np.hstack([_standardise(measures), codes / max(float(codes.std()), 1e-12)])
 
 
@@ -64,41 +63,42 @@ def _standardise(values: Floats) -> Floats:
 def appearance_log_ratios(
     tracks: Sequence[Floats], at_once: TrackPairs, pairs: TrackPairs
 ) -> Floats:
-    """Return how probably each pair of tracks looks like one animal, as log ratios (e,).
+    """Return for each pair of tracks log(probability of one animal / of two) by their looks, (e,).
 
-    The ratio is one animal : two. tracks: the descriptors (k, d) of each track's pictures, in the
-    order of time; at_once: pairs of tracks with a frame in common, certainly two animals; pairs:
-    those to rate. All zeros if the film has too few pairs to learn from.
+    tracks: the descriptors (k, d) of each track's pictures, in the order of time; at_once: pairs of
+    tracks with a frame in common, certainly two animals; pairs: those to rate. All zeros if the
+    film has too few pairs to learn from.
     """
-    long = np.array([i for i in range(len(tracks)) if len(tracks[i]) >= 2 * _PARTS], np.intp)
-    one_animal, two = list[Floats](), list[Floats]()
+    long_tracks = np.array([i for i in range(len(tracks)) if len(tracks[i]) >= 2 * _PARTS], np.intp)
+    one_animal, two_animals = list[Floats](), list[Floats]()  # distances of such tracks
     for fold in range(_FOLDS):
         test = np.zeros(len(tracks), bool)
-        test[long[fold::_FOLDS]] = True
-        first, last = _mean_descriptors_at_ends(
-            tracks, _find_discriminant(tracks, long[~test[long]])
-        )
+        test[long_tracks[fold::_FOLDS]] = True
+        directions = _find_discriminant(tracks, long_tracks[~test[long_tracks]])
+        first, last = _mean_descriptors_at_ends(tracks, directions)
         one_animal.append(_descriptor_distances(first[test], last[test]))
-        a, b = (track[test[at_once.a] & test[at_once.b]] for track in at_once)
-        two.append(_descriptor_distances(first[a], last[b]))
-    distances = [np.concatenate(apart) for apart in (one_animal, two)]
-    counts = [len(apart) for apart in distances]
+        in_test = test[at_once.a] & test[at_once.b]
+        two_animals.append(
+            _descriptor_distances(first[at_once.a[in_test]], last[at_once.b[in_test]])
+        )
+    distances = [np.concatenate(one_animal), np.concatenate(two_animals)]
+    counts = [len(listed) for listed in distances]
     if min(counts) < _LEAST:
         return np.zeros(len(pairs.a))
     # A track of two animals that touch is far from itself; a single one would flatten the curve.
     farthest = float(np.median(distances[1]))
     from sklearn.linear_model import LogisticRegression
 
-    learnt = LogisticRegression(class_weight="balanced").fit(
+    regression = LogisticRegression(class_weight="balanced").fit(
         np.minimum(np.concatenate(distances), farthest)[:, None], np.repeat([1, 0], counts)
     )
-    slope, offset = float(learnt.coef_[0, 0]), float(learnt.intercept_[0])
+    slope, offset = float(regression.coef_[0, 0]), float(regression.intercept_[0])
     if slope >= 0:  # farther apart would mean more alike: nothing was learnt
         return np.zeros(len(pairs.a))
-    first, last = _mean_descriptors_at_ends(tracks, _find_discriminant(tracks, long))
-    most = float(np.log(min(counts)))
-    apart = np.minimum(_descriptor_distances(last[pairs.a], first[pairs.b]), farthest)
-    return np.clip(slope * apart + offset, -most, most)
+    first, last = _mean_descriptors_at_ends(tracks, _find_discriminant(tracks, long_tracks))
+    limit = float(np.log(min(counts)))
+    distance = np.minimum(_descriptor_distances(last[pairs.a], first[pairs.b]), farthest)
+    return np.clip(slope * distance + offset, -limit, limit)
 
 
 def _find_discriminant(

@@ -63,8 +63,8 @@ def collect_evidence(
     """
     segment = np.searchsorted(np.array(cuts, int), reel.features["frame"], side="right")
     widths = lists_to_array(tracks["half_width_px"])[:, ::_EVERY][:, 1:-1]
-    back = begins_at_tail(lists_to_points(tracks, "backbone"), reel.features)
-    widths = np.where(back[:, None], widths[:, ::-1], widths)  # from head to tail
+    tail_first = begins_at_tail(lists_to_points(tracks, "backbone"), reel.features)
+    widths = np.where(tail_first[:, None], widths[:, ::-1], widths)  # from head to tail
     body = tracks[["length_px", "area_px", "contrast"]].to_numpy(float)
     return IdentityEvidence(reel, np.hstack([body, widths]), segment, p)
 
@@ -76,14 +76,15 @@ def identify_animals(evidence: IdentityEvidence) -> pd.DataFrame:
     parts = [rows[span] for span in track_slices(features)]
     joins = _join_tracks(evidence, parts)
     frame, track = features["frame"].to_numpy(), features["track_id"].to_numpy()
-    first, last = (np.array([rows[k] for rows in parts]) for k in (0, -1))
-    has = joins.before >= 0
+    first = np.array([rows[0] for rows in parts])
+    last = np.array([rows[-1] for rows in parts])
+    has_predecessor = joins.before >= 0
     return pd.DataFrame(
         {
             "track_id": track[first],
             "identity": _number_animals(joins, [len(rows) for rows in parts]),
-            "after_track": np.where(has, track[last[joins.before]], -1),
-            "gap_frames": np.where(has, frame[first] - frame[last[joins.before]], 0),
+            "after_track": np.where(has_predecessor, track[last[joins.before]], -1),
+            "gap_frames": np.where(has_predecessor, frame[first] - frame[last[joins.before]], 0),
             "probability": joins.probability,
         }
     ).astype(IDENTITIES.kinds)
@@ -95,8 +96,8 @@ def identities_from_names(features: pd.DataFrame, animals: pd.Series) -> pd.Data
     animals (rows,): the name of the animal in each row of the feature table. Animal 0 has the most
     rows, and every probability is 1.
     """
-    span = features.assign(animal=animals.to_numpy()).groupby("track_id", as_index=False)
-    table = span.agg(
+    by_track = features.assign(animal=animals.to_numpy()).groupby("track_id", as_index=False)
+    table = by_track.agg(
         animal=("animal", "first"), start=("frame", "min"), stop=("frame", "max"),
         rows=("frame", "size"),
     )  # fmt: skip
@@ -104,8 +105,8 @@ def identities_from_names(features: pd.DataFrame, animals: pd.Series) -> pd.Data
     table["identity"] = table["animal"].map({animal: k for k, animal in enumerate(totals.index)})
     ordered = table.sort_values(["identity", "start"])
     ordered["after_track"] = ordered.groupby("identity")["track_id"].shift(fill_value=-1)
-    ended = ordered.groupby("identity")["stop"].shift()
-    ordered["gap_frames"] = (ordered["start"] - ended).fillna(0)
+    previous_stop = ordered.groupby("identity")["stop"].shift()
+    ordered["gap_frames"] = (ordered["start"] - previous_stop).fillna(0)
     result = ordered.sort_index().assign(probability=1.0)
     return result[IDENTITIES.names].astype(IDENTITIES.kinds)
 
@@ -116,70 +117,73 @@ def measure_trial_gaps(
     """Return the shares of artificial gaps that are joined right and wrong, (2,); NaN without gaps.
 
     Every track that is long enough is cut: as many frames are removed from its middle as one of the
-    film's own gaps `gap_frames` (k,) has. Then all tracks are joined anew. A gap that stays open
-    counts as neither.
+    film's own gaps `gap_frames` (k,), drawn at random, has; 1 if there are none. Then all tracks
+    are joined anew. A gap that stays open counts as neither.
     """
-    parts, halves = list[NDArray[np.intp]](), list[int]()
+    parts, halves = list[NDArray[np.intp]](), list[int]()  # halves: part before each trial gap
     frame = evidence.reel.features["frame"].to_numpy()
     for span in track_slices(evidence.reel.features):
-        a, b = span.start, span.stop
+        start, stop = span.start, span.stop
         gap = int(rng.choice(gap_frames)) if len(gap_frames) else 1
-        middle = int(np.searchsorted(frame[a:b], (frame[a] + frame[b - 1] - gap) // 2)) + a
-        after = int(np.searchsorted(frame[a:b], frame[middle - 1] + gap)) + a
-        if middle - a >= _LEAST_HALF <= b - after:
+        middle = (
+            int(np.searchsorted(frame[start:stop], (frame[start] + frame[stop - 1] - gap) // 2))
+            + start
+        )
+        resume = int(np.searchsorted(frame[start:stop], frame[middle - 1] + gap)) + start
+        if middle - start >= _LEAST_HALF <= stop - resume:
             halves.append(len(parts))
-            parts += [np.arange(a, middle), np.arange(after, b)]
+            parts += [np.arange(start, middle), np.arange(resume, stop)]
         else:
-            parts.append(np.arange(a, b))
+            parts.append(np.arange(start, stop))
     before = _join_tracks(evidence, parts).before
     before_half = before[np.array(halves, int) + 1]
     if not len(before_half):
         return np.full(2, np.nan)
-    right = before_half == halves
-    return np.array([right.mean(), (~right & (before_half >= 0)).mean()])
+    is_right = before_half == halves
+    return np.array([is_right.mean(), (~is_right & (before_half >= 0)).mean()])
 
 
 def _join_tracks(evidence: IdentityEvidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
-    """Decide which tracks belong to one animal, by motion and appearance.
+    """Return which track continues which, by motion and appearance.
 
-    parts: the row numbers of each track.
+    parts: the numbers of each track's rows in the feature table.
     """
     reel, p = evidence.reel, evidence.settings
     features = reel.features
     frame = features["frame"].to_numpy()
     place = features[["x_px", "y_px"]].to_numpy(float) / reel.length_px
-    whole = features[["track_id", "frame"]].assign(x=place[:, 0], y=place[:, 1])
-    drift = motion.measure_drift(whole)
+    drift = motion.measure_drift(
+        features[["track_id", "frame"]].assign(x=place[:, 0], y=place[:, 1])
+    )
     ends = motion.measure_track_ends(
         [frame[rows] for rows in parts], [place[rows] for rows in parts], drift.before
     )
     segment = np.array([evidence.segment[rows[0]] for rows in parts])
-    some = [spread_rows(rows, p.looked_at) for rows in parts]
-    every = np.concatenate(some)
-    looks = appearance.appearance_descriptors(
-        evidence.measures[every],
-        lambda few: reel.draw_rows(every[few], p.size_px, BODY).reshape(len(few), -1),
+    samples = [spread_rows(rows, p.looked_at) for rows in parts]
+    sampled_rows = np.concatenate(samples)
+    descriptors = appearance.appearance_descriptors(
+        evidence.measures[sampled_rows],
+        lambda rows: reel.draw_rows(sampled_rows[rows], p.size_px, BODY).reshape(len(rows), -1),
         p.components,
     )
-    by_track = np.split(looks, np.cumsum([len(rows) for rows in some])[:-1])
+    by_track = np.split(descriptors, np.cumsum([len(rows) for rows in samples])[:-1])
 
-    def scores(chains: Chains) -> tuple[TrackPairs, Floats]:
+    def score_pairs(chains: Chains) -> tuple[TrackPairs, Floats]:
         """Return the pairs of chains that may be joined, and the log ratio of each join."""
-        between = motion.select_chain_ends(ends, chains)
-        pairs = successor_pairs(
-            between.start, between.stop, segment[[chain[0] for chain in chains]]
-        )
-        looks = [np.concatenate([by_track[k] for k in chain]) for chain in chains]
+        chain_ends = motion.select_chain_ends(ends, chains)
+        start, stop = chain_ends.start, chain_ends.stop
+        pairs = successor_pairs(start, stop, segment[[chain[0] for chain in chains]])
+        by_chain = [np.concatenate([by_track[k] for k in chain]) for chain in chains]
         look_ratio = appearance.appearance_log_ratios(
-            looks, simultaneous_pairs(between.start, between.stop), pairs
+            by_chain, simultaneous_pairs(start, stop), pairs
         )
-        return pairs, motion.motion_log_ratios(between, drift, pairs) + look_ratio
+        return pairs, motion.motion_log_ratios(chain_ends, drift, pairs) + look_ratio
 
-    best = partial(
+    find_joins = partial(
         find_best_joins, stranger_probability=p.new_animal_probability,
         least_probability=p.min_join_probability, rng=np.random.default_rng(p.seed),
     )  # fmt: skip
-    return join_in_passes(len(parts), scores, p.sure, best)
+    return join_in_passes(len(parts), score_pairs, p.sure, find_joins)
 
 
 def _number_animals(joins: TrackJoins, track_rows: list[int]) -> NDArray[np.intp]:
@@ -187,7 +191,7 @@ def _number_animals(joins: TrackJoins, track_rows: list[int]) -> NDArray[np.intp
 
     track_rows: how many rows each track has.
     """
-    root = np.arange(len(track_rows))
+    root = np.arange(len(track_rows))  # becomes the first track of each track's animal
     while (has_before := joins.before[root] >= 0).any():
         root = np.where(has_before, joins.before[root], root)
     rows = np.bincount(root, weights=track_rows, minlength=len(track_rows))

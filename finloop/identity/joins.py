@@ -43,8 +43,8 @@ def successor_pairs(
     """Pair every track with those that begin soonest after its end, in the same part of the film.
 
     start, stop (n,): first and last frame of each track; segment (n,): its part of the film between
-    cuts, ascending with the frames. In a pair, `a` is the earlier track. most_successors: for each
-    track.
+    cuts, ascending with the frames. In a pair, `a` is the earlier track. most_successors: how many
+    a track is paired with at most.
     """
     order = np.argsort(start, kind="stable")
     low = np.searchsorted(start[order], stop, side="right")
@@ -65,7 +65,7 @@ def simultaneous_pairs(start: Reals, stop: Reals) -> TrackPairs:
 
 
 def _pair_with_ranges(order: Tracks, low: Tracks, high: Tracks) -> TrackPairs:
-    """Pair every track k with the tracks order[low[k]:high[k]]."""
+    """Return pairs of every track k with each of the tracks order[low[k]:high[k]]; all are (n,)."""
     count = np.maximum(high - low, 0)
     offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     return TrackPairs(
@@ -87,16 +87,18 @@ def find_best_joins(
     (Papandreou and Yuille, Perturb-and-MAP random fields, ICCV 2011). The noise of a join is the
     mean of two Gumbel variables, one for each of its tracks.
     """
-    sets = _JoinSearch(pairs, tracks)
-    alone = np.full((2, tracks), np.log(stranger_probability))
-    before = sets.find_best(log_ratio, alone)
-    times = np.zeros(tracks)
+    search = _JoinSearch(pairs, tracks)
+    no_join = np.full((2, tracks), np.log(stranger_probability))
+    before = search.find_best(log_ratio, no_join)
+    hits = np.zeros(tracks)
     for _ in range(_DRAWS):
         noise = rng.gumbel(size=(2, len(log_ratio))).mean(0)
-        times += before == sets.find_best(log_ratio + noise, alone + rng.gumbel(size=alone.shape))
-    probability = np.where(before >= 0, times / _DRAWS, 1.0)
-    sure = probability >= least_probability
-    return TrackJoins(np.where(sure, before, -1), np.where(sure, probability, 1.0))
+        hits += before == search.find_best(
+            log_ratio + noise, no_join + rng.gumbel(size=no_join.shape)
+        )
+    probability = np.where(before >= 0, hits / _DRAWS, 1.0)
+    is_kept = probability >= least_probability
+    return TrackJoins(np.where(is_kept, before, -1), np.where(is_kept, probability, 1.0))
 
 
 def join_in_passes(
@@ -108,20 +110,21 @@ def join_in_passes(
     """Join tracks in several passes, the most certain joins first.
 
     tracks: their number. Tracks that a join of at least `sure_probability` connects are one chain
-    in the next pass, which shows more of an animal and has fewer open ends. score_pairs: returns
-    pairs of chains and the log ratio of each; find_joins: `find_best_joins`, for a number of
-    chains.
+    in the next pass, which shows more of an animal and has fewer open ends; without such a join all
+    are accepted. score_pairs: returns pairs of chains and the log ratio of each; find_joins:
+    returns the best joins of a number of chains, from these pairs and ratios.
     """
     before, probability = np.full(tracks, -1), np.ones(tracks)
     chains: Chains = [[track] for track in range(tracks)]
     while True:
         joins = find_joins(len(chains), *score_pairs(chains))
-        made = joins.before >= 0
-        is_sure = made & (joins.probability >= sure_probability)
-        new = is_sure if is_sure.any() else made
-        first, last = (np.array([chain[k] for chain in chains], np.intp) for k in (0, -1))
-        before[first[new]] = last[joins.before[new]]
-        probability[first[new]] = joins.probability[new]
+        is_join = joins.before >= 0
+        is_sure = is_join & (joins.probability >= sure_probability)
+        accepted = is_sure if is_sure.any() else is_join
+        first = np.array([chain[0] for chain in chains], np.intp)
+        last = np.array([chain[-1] for chain in chains], np.intp)
+        before[first[accepted]] = last[joins.before[accepted]]
+        probability[first[accepted]] = joins.probability[accepted]
         if not is_sure.any():
             return TrackJoins(before, probability)
         chains = _chain_tracks(before)
@@ -161,14 +164,14 @@ class _JoinSearch:
     """
 
     def __init__(self, pairs: TrackPairs, tracks: int) -> None:
-        """Divide the pairs of tracks into components; tracks: their number."""
+        """Divide the pairs into components that are not connected; tracks: number of tracks."""
         self._starts, self._tracks = pairs.b, tracks
         links = coo_array((np.ones(len(pairs.a)), pairs), (tracks, tracks))
         part = connected_components(links, directed=False)[1]
         in_order = np.argsort(part, kind="stable")
         size = np.bincount(part)
         first = np.cumsum(size) - size
-        place = np.empty(tracks, np.intp)  # of a track in its part
+        place = np.empty(tracks, np.intp)  # number of a track within its part
         place[in_order] = np.arange(tracks) - np.repeat(first, size)
         end = np.append(pairs.a, np.arange(tracks))
         column = np.append(place[pairs.b], size[part] + place)
@@ -187,7 +190,8 @@ class _JoinSearch:
     def find_best(self, score: Floats, alone: Floats) -> Tracks:
         """Return each track's predecessor (n,), −1 for none, in the joins with the highest score.
 
-        score (e,): of the pairs; alone (2, n): score of an end, and of a start, without a join.
+        score (e,): of the pairs; alone (2, n): score of each track's end, and of its start, without
+        a join.
         """
         weight = np.append(score - alone[1, self._starts], alone[0])[self._order]
         # Every end has one edge: a constant changes no assignment, and no edge may cost 0.

@@ -43,20 +43,27 @@ def measure_track_ends(frames: list[Reals], places: list[Floats], velocity_steps
     frames, places: of each track, (k,) frame numbers and (k, 2) body lengths; velocity_steps:
     number of rows over which a velocity is measured, if the track has as many.
     """
-    tracks = [(f, p, min(velocity_steps, len(f) - 1)) for f, p in zip(frames, places, strict=True)]
+    arriving, leaving = [], []
+    for frame, place in zip(frames, places, strict=True):
+        steps = min(velocity_steps, len(frame) - 1)
+        arriving.append(_mean_velocity(frame, place, 0, steps))
+        leaving.append(_mean_velocity(frame, place, -1 - steps, -1))
     return TrackEnds(
-        np.array([track[0] for track in frames]),
-        np.array([track[-1] for track in frames]),
-        np.array([track[0] for track in places]),
-        np.array([track[-1] for track in places]),
-        np.array([_mean_velocity(f, p, 0, n) for f, p, n in tracks]),
-        np.array([_mean_velocity(f, p, -1 - n, -1) for f, p, n in tracks]),
+        start=np.array([frame[0] for frame in frames]),
+        stop=np.array([frame[-1] for frame in frames]),
+        first=np.array([place[0] for place in places]),
+        last=np.array([place[-1] for place in places]),
+        arriving=np.array(arriving),
+        leaving=np.array(leaving),
     )
 
 
 def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
-    """Return where chains of joined tracks begin and end: at the first start and the last end."""
-    first, last = ([chain[k] for chain in chains] for k in (0, -1))
+    """Return where chains of tracks begin and end: start of the first track, end of the last.
+
+    tracks: where each track begins and ends; chains: numbers of tracks.
+    """
+    first, last = [chain[0] for chain in chains], [chain[-1] for chain in chains]
     return TrackEnds(
         tracks.start[first], tracks.stop[last], tracks.first[first], tracks.last[last],
         tracks.arriving[first], tracks.leaving[last],
@@ -77,8 +84,8 @@ def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floa
 class GapDrift:
     """How far apart two predictions of a place in a gap are: from the track before, and after it.
 
-    gaps (k,): lengths in frames, ascending; error (k,): median distance of the two, body lengths;
-    before: frames over which the velocity is measured.
+    gaps (k,): lengths in frames, ascending; error (k,): median distance of the two predictions,
+    body lengths; before: frames before and after a gap over which a velocity is measured.
     """
 
     gaps: Floats
@@ -88,7 +95,7 @@ class GapDrift:
     before: int
 
     def log_ratio(self, gap_frames: Floats, distance: Floats) -> Floats:
-        """Return the log ratios (e,) of one animal to any two, for tracks before and after a gap.
+        """Return log(probability of one animal / of two), (e,), for tracks before and after gaps.
 
         gap_frames (e,): lengths; distance (e,): d between the two predicted places, body lengths.
         The result is log((1 − ε) A m² / (π (m² + d²)²) + ε), with the median m of d for such a gap,
@@ -111,13 +118,15 @@ def measure_drift(tracks: pd.DataFrame) -> GapDrift:
     tank = float(np.maximum(spread, 1.0).prod())
     anywhere = float(np.sqrt(tank / np.pi))
     trials = [(before, *_measure_errors(tracks, before)) for before in _BEFORE]
-    common = min(len(error) for _, error, _ in trials if error) if trials[0][1] else 0
-    if not common:
+    if not trials[0][1]:  # the tracks are too short for any trial gap
         return GapDrift(np.ones(1), np.full(1, anywhere), np.zeros(1), tank, _BEFORE[0])
+    trials = [trial for trial in trials if trial[1]]
+    common = min(len(error) for _, error, _ in trials)
     before, error, share = min(
-        (trial for trial in trials if trial[1]),
-        key=lambda trial: np.log(np.add(trial[1][:common], 1e-6)).sum(),
+        trials, key=lambda trial: np.log(np.add(trial[1][:common], 1e-6)).sum()
     )
+    # After a gap so long that the error, which grows with its root, spans the tank, it may be
+    # anywhere.
     gaps = 2.0 ** np.arange(len(error))
     last = max(anywhere, error[-1])
     beyond = gaps[-1] * (last / max(error[-1], _NO_ERROR)) ** 2 + 1
@@ -129,8 +138,9 @@ def measure_drift(tracks: pd.DataFrame) -> GapDrift:
 def _measure_errors(tracks: pd.DataFrame, velocity_frames: int) -> tuple[list[float], list[float]]:
     """Return, for gaps of 1, 2, 4 … frames, the median error of predictions and a velocity's share.
 
-    The share is the part of the velocity that lasts over the gap. tracks: as in `measure_drift`;
-    velocity_frames: over which a velocity is measured.
+    The error is in body lengths; the share is the part of the velocity that lasts over the gap.
+    tracks: track_id, frame, x, y (body lengths), sorted by track and frame; velocity_frames: over
+    which a velocity is measured. Both lists end where the film has too few gaps so long.
     """
     place, key = tracks[["x", "y"]].to_numpy(float), tracks[["track_id", "frame"]].to_numpy()
     error, shares = list[float](), list[float]()
@@ -143,23 +153,25 @@ def _measure_errors(tracks: pd.DataFrame, velocity_frames: int) -> tuple[list[fl
         end = first + velocity_frames
         leaving = (place[end] - place[first]) / velocity_frames
         arriving = (place[end + gap + velocity_frames] - place[end + gap]) / velocity_frames
-        went = place[end + gap] - place[end]
-        share = float(np.clip((leaving * went).sum() / max(gap * (leaving**2).sum(), 1e-12), 0, 1))
+        travel = place[end + gap] - place[end]
+        share = float(
+            np.clip((leaving * travel).sum() / max(gap * (leaving**2).sum(), 1e-12), 0, 1)
+        )
         shares.append(share)
-        apart = went - 0.5 * share * gap * (leaving + arriving)
-        error.append(float(np.median(np.hypot(*apart.T))))
+        difference = travel - 0.5 * share * gap * (leaving + arriving)
+        error.append(float(np.median(np.hypot(*difference.T))))
         gap *= 2
 
 
 def motion_log_ratios(ends: TrackEnds, drift: GapDrift, pairs: TrackPairs) -> Floats:
-    """Return for each pair of tracks the log ratio (e,) of one animal to two, judged by motion.
+    """Return for each pair of tracks log(probability of one animal / of two) by motion, (e,).
 
     In a pair, track b begins after a has ended. The place half way between is predicted from both
     sides, from the end of a and from the start of b.
     """
     a, b = pairs
     gap = (ends.start[b] - ends.stop[a]).astype(float)
-    half = (0.5 * np.interp(gap, drift.gaps, drift.share) * gap)[:, None]
-    ahead = ends.last[a] + half * ends.leaving[a]
-    back = ends.first[b] - half * ends.arriving[b]
-    return drift.log_ratio(gap, np.hypot(*(back - ahead).T))
+    half_travel_frames = (0.5 * np.interp(gap, drift.gaps, drift.share) * gap)[:, None]
+    from_a = ends.last[a] + half_travel_frames * ends.leaving[a]
+    from_b = ends.first[b] - half_travel_frames * ends.arriving[b]
+    return drift.log_ratio(gap, np.hypot(*(from_b - from_a).T))

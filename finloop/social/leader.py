@@ -29,7 +29,8 @@ def leaders_by_follower(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, 
         else:
             leader_of[follower] = leader
     if not problems:
-        problems = [circle for one in leader_of if (circle := _find_circle(leader_of, one))]
+        circles = [_find_circle(leader_of, follower) for follower in leader_of]
+        problems = [circle for circle in circles if circle]
     if problems:
         raise FinloopError(
             f"the pairs of followers and leaders contradict each other: {problems[0]}"
@@ -44,7 +45,7 @@ def leaders_by_follower(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, 
 def describe_contradiction(leader_of: Mapping[int, int], follower: int, leader: int) -> str | None:
     """Return in words why `follower` cannot follow `leader`, or None if it can.
 
-    leader_of: the leaders by follower. The only obstacle is a circle of followers.
+    leader_of: the present leaders by follower. The only obstacle is a circle of followers.
     """
     return _find_circle({**leader_of, follower: leader}, follower)
 

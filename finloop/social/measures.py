@@ -31,26 +31,28 @@ _PAIRS = 1 << 18  # of fish at a time, about 90 bytes each
 
 
 def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -> pd.DataFrame:
-    """Measure how fish swim together: a table with the columns of `SHOAL`, a row per fish a frame.
+    """Return how fish swim together: a table with the columns of `SHOAL`, a row per fish per frame.
 
     frame (n,): of each fish; places (n, 2): px, y down; headings_deg (n,): anticlockwise; walls: of
     the tank. Rows keep their order; the fish of a frame are numbered in that order.
     """
     index, fish, shape = frame_slots(frame)
-    own = complex_vectors(places, headings_deg, walls.length)
-    place, heading = (spread_to_slots(one, index, fish, shape) for one in own)
-    far, aligned, bearing = _measure_nearest_neighbours(place, heading)
-    there = np.isfinite(heading)
-    polarised = np.abs(np.where(there, heading, 0).sum(axis=1)) / there.sum(axis=1)
-    polarised[there.sum(axis=1) < 2] = np.nan
+    row_place, row_heading = complex_vectors(places, headings_deg, walls.length)
+    place = spread_to_slots(row_place, index, fish, shape)
+    heading = spread_to_slots(row_heading, index, fish, shape)
+    distance, alignment, bearing = _measure_nearest_neighbours(place, heading)
+    present = np.isfinite(heading)
+    count = present.sum(axis=1)
+    polarisation = np.abs(np.where(present, heading, 0).sum(axis=1)) / count
+    polarisation[count < 2] = np.nan
     return pd.DataFrame({
         "frame": np.asarray(frame),
         "fish": fish,
-        "neighbour_distance": far[index, fish],
-        "alignment_deg": aligned[index, fish],
+        "neighbour_distance": distance[index, fish],
+        "alignment_deg": alignment[index, fish],
         "inter_fish_deg": bearing[index, fish],
-        "wall_distance": walls.wall_distance(own[0]),
-        "polarisation": polarised[index],
+        "wall_distance": walls.wall_distance(row_place),
+        "polarisation": polarisation[index],
     }).astype(SHOAL.kinds)[SHOAL.names]  # fmt: skip
 
 
@@ -60,18 +62,18 @@ def _measure_nearest_neighbours(place: Complex, heading: Complex) -> tuple[Float
     place, heading (frames, m): complex, NaN for absent fish. The results are (frames, m), NaN where
     a frame shows no other fish.
     """
-    far, aligned, bearing = np.full((3, *place.shape), np.nan)
-    most = max(1, _PAIRS // max(1, place.shape[1] ** 2))
-    for first in range(0, len(place) if place.shape[1] else 0, most):
-        lot = slice(first, first + most)
-        seen = all_neighbours(place[lot], heading[lot])
+    distances, alignments, bearings = np.full((3, *place.shape), np.nan)
+    block_frames = max(1, _PAIRS // max(1, place.shape[1] ** 2))
+    for first in range(0, len(place) if place.shape[1] else 0, block_frames):
+        block = slice(first, first + block_frames)
+        seen = all_neighbours(place[block], heading[block])
         which = seen.distance.argmin(axis=-1)[..., None]
-        distance, towards, along = (np.take_along_axis(one, which, -1)[..., 0] for one in seen)
-        has_other = np.isfinite(distance)
-        far[lot] = np.where(has_other, distance, np.nan)
-        for angle, vector in ((aligned, along), (bearing, towards)):
-            angle[lot] = np.where(has_other, np.degrees(np.abs(np.angle(vector))), np.nan)
-    return far, aligned, bearing
+        nearest, towards, along = (np.take_along_axis(part, which, -1)[..., 0] for part in seen)
+        has_other = np.isfinite(nearest)
+        distances[block] = np.where(has_other, nearest, np.nan)
+        for angle, vector in ((alignments, along), (bearings, towards)):
+            angle[block] = np.where(has_other, np.degrees(np.abs(np.angle(vector))), np.nan)
+    return distances, alignments, bearings
 
 
 def frame_slots(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:
@@ -88,24 +90,25 @@ def frame_slots(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:
 def spread_to_slots(values: Complex, index: Ints, slot: Ints, shape: tuple[int, int]) -> Complex:
     """Spread the values (n,) of a table over an array (frames, m); NaN where a fish is absent.
 
-    index, slot, shape: from `frame_slots`.
+    index, slot (n,): row and column of each value in the array, of this `shape` (`frame_slots`).
     """
     slots = np.full(shape, np.nan, complex)
     slots[index, slot] = values
     return slots
 
 
-def wasserstein_distances(one: pd.DataFrame, other: pd.DataFrame) -> dict[str, float]:
+def wasserstein_distances(first: pd.DataFrame, second: pd.DataFrame) -> dict[str, float]:
     """Return how far the measures of two groups differ, as Wasserstein distances in their units.
 
-    one, other: columns of `SHOAL`. Polarisation counts once a frame. A measure that a group lacks
-    is left out.
+    first, second: columns of `SHOAL`. Polarisation counts once a frame. The result has the names of
+    measures; a measure that a group lacks is left out.
     """
-    return {
-        name: wasserstein_distance(a, b)
-        for name in MEASURES
-        if len(a := measure_values(one, name)) and len(b := measure_values(other, name))
-    }
+    distances = {}
+    for name in MEASURES:
+        a, b = measure_values(first, name), measure_values(second, name)
+        if len(a) and len(b):
+            distances[name] = wasserstein_distance(a, b)
+    return distances
 
 
 def compare_groups(
@@ -114,7 +117,8 @@ def compare_groups(
     """Compare the measures of each simulated group with those of each film.
 
     films, shoals: name → table of `SHOAL`. The result has one row per group, film and measure:
-    shoal, beside (the film), measure, median (of the group), distance (`wasserstein_distances`).
+    shoal, beside (the film), measure, median (of the group), distance (Wasserstein's, in the unit
+    of the measure).
     """
     rows = [
         (shoal, film, name, float(np.median(measure_values(table, name))), distance)
@@ -140,7 +144,7 @@ def middle_frame(frame: Ints) -> float:
 
 
 def measure_values(table: pd.DataFrame, name: str) -> Floats:
-    """Return the values (k,) of one measure that exist; polarisation counts once a frame.
+    """Return the values (k,) of one measure without missing ones; polarisation once a frame.
 
     table: columns of `SHOAL`; name: one of MEASURES.
     """

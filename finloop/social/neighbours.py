@@ -12,7 +12,7 @@ from finloop.base.arrays import Complex, Floats, Reals
 
 
 class Neighbours(NamedTuple):
-    """Where fish (…) see the n others, (…, n) each, in the frame of the observer's body.
+    """Where fish (…) see n other fish, three arrays (…, n) relative to the observer's body.
 
     distance: body lengths, inf for an absent fish; bearing: unit vectors to the others; heading:
     unit vectors of the others' headings. Both are complex, 1 = ahead, i = left, 0 for an absent
@@ -37,28 +37,28 @@ def complex_vectors(places: Reals, headings_deg: Reals, length: float) -> tuple[
 def all_neighbours(place: Complex, heading: Complex) -> Neighbours:
     """Return where each of m fish sees every other one, as `Neighbours` (…, m, m).
 
-    place, heading (…, m): complex, as from `complex_vectors`, NaN for absent fish. No fish is its
-    own neighbour.
+    place, heading (…, m): complex, body lengths and unit vectors, NaN for absent fish. A fish
+    counts as absent for itself.
     """
-    own = np.eye(place.shape[-1], dtype=bool)
-    others = np.where(own, np.nan, place[..., None, :]), heading[..., None, :]
+    itself = np.eye(place.shape[-1], dtype=bool)
+    others = np.where(itself, np.nan, place[..., None, :]), heading[..., None, :]
     return neighbours_among(place[..., :, None], heading[..., :, None], others)
 
 
 def neighbours_among(
     place: Complex, heading: Complex, others: tuple[Complex, Complex]
 ) -> Neighbours:
-    """Return where fish see other fish, seen from each fish's own body.
+    """Return distance, bearing and heading of other fish, as seen from each fish's own body.
 
-    place, heading: complex, as from `complex_vectors`; others: places and headings of the other
-    fish. All four are broadcast against each other.
+    place, heading: complex, body lengths and unit vectors; others: places and headings of the other
+    fish, NaN where absent. All four are broadcast against each other.
     """
     offset = (others[0] - place) * heading.conj()
     distance = np.abs(offset)
-    there = np.isfinite(distance)
-    bearing = np.where(there, offset, 0j) / np.where(there & (distance > 0), distance, 1)
+    present = np.isfinite(distance)
+    bearing = np.where(present, offset, 0j) / np.where(present & (distance > 0), distance, 1)
     return Neighbours(
-        np.where(there, distance, np.inf),
+        np.where(present, distance, np.inf),
         np.asarray(bearing, complex),
-        np.where(there, others[1] * heading.conj(), 0j),
+        np.where(present, others[1] * heading.conj(), 0j),
     )

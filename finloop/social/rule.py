@@ -35,8 +35,10 @@ body."""
 class SocialSteps:
     """The n steps of a film's fish without the pull of other fish, relative to their bodies.
 
-    wall, last, move, turn (n,): complex, as in `SOCIAL_STEPS`. forward: body lengths by which a
-    pull of 1 moves a fish; onward: what a pull of 1 adds to the unit vector of its heading.
+    All are complex (n,). wall: away from the wall, longer if nearer; last: displacement in the step
+    before, move: in this step, body lengths; turn: what remains of the heading afterwards, a unit
+    vector, without the pull. forward: body lengths by which a pull of 1 moves a fish; onward: what
+    a pull of 1 adds to the unit vector of its heading.
     """
 
     wall: Complex
@@ -48,15 +50,15 @@ class SocialSteps:
 
     @cached_property
     def _step_scales(self) -> tuple[float, float]:
-        """Units to compare steps in: root mean squares of `wall` and `last`, at least 1e-9."""
+        """Root mean squares of `wall` and `last`, at least 1e-9: units to compare steps in."""
         wall, last = (float(np.sqrt(np.mean(np.abs(v) ** 2))) for v in (self.wall, self.last))
         return max(wall, 1e-9), max(last, 1e-9)
 
     @cached_property
     def _tree(self) -> scipy.spatial.KDTree:
-        """Search tree to find steps, and mirror images, that began alike."""
-        own = self._search_vectors(self.wall, self.last)
-        return scipy.spatial.KDTree(np.concatenate([own, own * (1, -1, 1, -1)]))
+        """Search tree of all steps and their mirror images, by how they began."""
+        vectors = self._search_vectors(self.wall, self.last)
+        return scipy.spatial.KDTree(np.concatenate([vectors, vectors * (1, -1, 1, -1)]))
 
     def _search_vectors(self, wall: Complex, last: Complex) -> Floats:
         """Return the vectors (…, 4) in which steps are compared, from `wall` and `last`."""
@@ -66,11 +68,11 @@ class SocialSteps:
     def draw_similar_steps(
         self, wall: Complex, last: Complex, alike: int, rng: np.random.Generator
     ) -> tuple[Complex, Complex]:
-        """Draw random steps for m fish from those of the film that began alike.
+        """Return, for m fish, the film's steps that began most alike, in random order.
 
         Mirror images of steps count, too. The results, moves in body lengths and turns, are (m,
-        alike), complex, in random order; fewer if the film has fewer steps. wall, last (m,): vector
-        from the wall, and last step, of the fish.
+        alike), complex; fewer if the film has fewer steps. wall, last (m,): vector from the wall,
+        and last step, of the fish.
         """
         count = min(alike, 2 * len(self.move))
         which = self._tree.query(self._search_vectors(wall, last), k=[*range(1, count + 1)])[1]
@@ -79,13 +81,14 @@ class SocialSteps:
         return move[which], turn[which]
 
     def add_pulls(self, turns: Complex, pulls: Complex) -> Complex:
-        """Return new headings (…) as unit vectors: own turns plus the pull of the other fish.
+        """Return new headings as unit vectors: own turns plus the weighted pulls of other fish.
 
-        All are complex, relative to the body before the step.
+        All are complex, of any one shape, relative to the body before the step. `onward` is the
+        weight of pulls. The fish goes straight on (1) where turn and pull cancel.
         """
-        to = turns + self.onward * pulls
-        size = np.abs(to)
-        return np.where(size > 0, to / np.where(size > 0, size, 1), 1)
+        direction = turns + self.onward * pulls
+        length = np.abs(direction)
+        return np.where(length > 0, direction / np.where(length > 0, length, 1), 1)
 
     def to_table(self) -> pd.DataFrame:
         """Return the steps as a table with the columns of `SOCIAL_STEPS`."""
@@ -98,7 +101,7 @@ class SocialSteps:
 
     @classmethod
     def from_table(cls, table: pd.DataFrame, forward: float, onward: float) -> "SocialSteps":
-        """Restore the steps from a table of `to_table` and the two pull factors.
+        """Return steps from a table with the columns of `SOCIAL_STEPS`, and two pull factors.
 
         forward: body lengths by which a pull of 1 moves a fish; onward: what it adds to the
         heading.
@@ -124,7 +127,7 @@ class SchoolRule:
 
 
 def require_rule(shoaling: SchoolRule | None) -> SchoolRule:
-    """Return a school's rule unchanged; FinloopError if it is None or has no steps."""
+    """Return a school's rule unchanged; raise FinloopError if it is None or has no steps."""
     if shoaling is None or not len(shoaling.steps.move):
         raise FinloopError(
             "there are no zones for fish in a school"
@@ -162,9 +165,9 @@ def next_place_in_school(
 ) -> tuple[float, float] | None:
     """Return the place x, y in px to which a fish swims next; None if no other fish pulls it.
 
-    rng: source of chance. The place is the end of a step of the film plus the pull of the other
-    fish. Of several steps drawn, it is the first that ends in the tank. If all end outside, it is
-    the last, and the caller must move it into the tank.
+    rng: source of chance. Steps of the film that began alike are drawn, and the pull of the other
+    fish is added to each. The place is the first end that lies in the tank. If all lie outside, it
+    is the last, and the caller must move it into the tank.
     """
     place, heading = complex_vectors(
         np.array([[fish.x, fish.y]]), np.array([fish.heading_deg]), walls.length

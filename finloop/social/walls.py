@@ -42,7 +42,7 @@ class Walls:
     def vectors_from_wall(self, place: Complex, heading: Complex) -> Complex:
         """Return vectors (…) away from the wall, of length 1 / (1 + distance in body lengths).
 
-        They are complex, relative to the body. place, heading (…): complex.
+        They are complex, relative to the fish's body. place, heading (…): of the fish, complex.
         """
         away = self._values_at_places(self._directions_from_wall, place) * heading.conj()
         return away / (1 + self._values_at_places(self.depth, place))
@@ -51,16 +51,15 @@ class Walls:
         """Return a mask (…) of the places (…) that lie in the arena."""
         height, width = self.arena.shape
         x, y = place.real * self.length, -place.imag * self.length
-        on = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
-        return on & self._values_at_places(self.arena, place)
+        in_picture = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+        return in_picture & self._values_at_places(self.arena, place)
 
     def _values_at_places(self, values: np.ndarray, place: Complex) -> np.ndarray:
-        """Look up the values (h, w) of pixels at places.
+        """Return the values of the pixels (h, w) that are nearest to places (…).
 
-        Places outside the arena get those of the nearest pixel inside.
+        Places outside the picture get the value of the nearest pixel in it.
         """
-        row, column = (
-            np.clip(np.rint(at * self.length), 0, size - 1).astype(int)
-            for at, size in zip((-place.imag, place.real), values.shape, strict=True)
-        )
+        height, width = values.shape
+        row = np.clip(np.rint(-place.imag * self.length), 0, height - 1).astype(int)
+        column = np.clip(np.rint(place.real * self.length), 0, width - 1).astype(int)
         return values[row, column]

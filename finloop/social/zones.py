@@ -39,7 +39,7 @@ class Zones:
 
     def __post_init__(self) -> None:
         """Raise FinloopError for a negative number or a blind angle above 360°."""
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
         wrong = [f"{name}={value}" for name, value in values.items() if not 0 <= value < np.inf]
         if wrong or self.blind_deg > 360:
             raise FinloopError(
@@ -79,36 +79,37 @@ NO_ZONES = Zones(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 def zone_means(seen: Neighbours, radii: tuple[float, float, float], blind_deg: float) -> Complex:
     """Return how other fish pull a fish: by repulsion, alignment and attraction, unweighted (…, 3).
 
-    Pulls are complex, relative to the body, at most 1 long. Alignment and attraction are 0 while a
-    fish is in the zone of repulsion. seen: the others (…, n); radii: outer ones of the zones in
-    body lengths, ascending; blind_deg: blind angle behind the fish.
+    Each pull is the mean of the neighbours' unit vectors in a zone, complex, relative to the body.
+    Alignment and attraction are 0 while a fish is in the zone of repulsion. seen: the others (…,
+    n); radii: outer ones of the zones in body lengths, ascending; blind_deg: blind angle behind the
+    fish.
     """
     inner, middle, outer = radii
     sees = seen.bearing.real >= -np.cos(np.radians(blind_deg) / 2)
     near = seen.distance < inner
-    aligned = sees & ~near & (seen.distance < middle)
-    drawn = sees & ~near & ~aligned & (seen.distance < outer)
-    free = ~near.any(axis=-1)
+    aligning = sees & ~near & (seen.distance < middle)
+    attracting = sees & ~near & ~aligning & (seen.distance < outer)
+    is_unrepelled = ~near.any(axis=-1)
     pulls = [
         -_masked_mean(seen.bearing, near),
-        free * _masked_mean(seen.heading, aligned),
-        free * _masked_mean(seen.bearing, drawn),
+        is_unrepelled * _masked_mean(seen.heading, aligning),
+        is_unrepelled * _masked_mean(seen.bearing, attracting),
     ]
     return np.stack(pulls, axis=-1)
 
 
-def _masked_mean(vectors: Complex, which: Any) -> Complex:
+def _masked_mean(vectors: Complex, mask: Any) -> Complex:
     """Return the mean (…) of selected vectors (…, n); 0 where none is selected.
 
-    which (…, n): mask of the vectors that count.
+    mask (…, n): True for the vectors that count.
     """
-    return np.where(which, vectors, 0).sum(axis=-1) / np.maximum(which.sum(axis=-1), 1)
+    return np.where(mask, vectors, 0).sum(axis=-1) / np.maximum(mask.sum(axis=-1), 1)
 
 
 def pull_of_others(seen: Neighbours, zones: Zones) -> Complex:
     """Return how other fish pull a fish, by weighted zones: complex (…), relative to its body.
 
-    seen: where they are (…, n). 0 = no pull.
+    seen: where the others are (…, n). A pull of 1 counts as much as the fish's own direction.
     """
     return weigh_zone_pulls(zone_means(seen, zones.radii, zones.blind_deg), zones.weights)
 
@@ -116,7 +117,7 @@ def pull_of_others(seen: Neighbours, zones: Zones) -> Complex:
 def weigh_zone_pulls(means: Complex, weights: Sequence[float] | Floats) -> Complex:
     """Return the weighted sum (…) of the pulls (…, 3) of the three zones.
 
-    Unlike `@` it rounds the same on every processor and for any number of rows. means: the pulls;
-    weights (3,).
+    means: the pulls, complex; weights (3,). Unlike `means @ weights`, this sum rounds alike on
+    every processor and for any number of rows.
     """
     return np.asarray((means * np.asarray(weights, float)).sum(axis=-1))
