@@ -26,7 +26,7 @@ from finloop.curve.contour import Curve
 from finloop.curve.glyph import glyph_outlines
 from finloop.morph.folds import count_polygon_folds
 from finloop.morph.layers import linear_morph, physical_morph
-from finloop.morph.simple import path_lengths, simple_morph
+from finloop.morph.simple import morph_without_folds, path_lengths
 
 FRAMES, POINTS = 60 + 2, 256
 ELASTIC, DAMPING, MASS = 0.1, 4.0, 1.0
@@ -66,7 +66,7 @@ def main() -> None:
     """Morph all pairs of glyphs; print and write the table."""
     pairs = list(combinations(single_contour_glyphs().values(), 2))
     for a, b in pairs[:40:8]:  # compiles
-        simple_morph(a, b, FRAMES, POINTS)
+        morph_without_folds(a, b, FRAMES, POINTS)
         physical_morph(a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)
     straight = [time_call(partial(linear_morph, a, b, FRAMES, POINTS)) for a, b in pairs]
     way = [path_lengths(frames)[-1] for _, frames in straight]
@@ -74,7 +74,7 @@ def main() -> None:
         time_call(partial(physical_morph, a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS))
         for a, b in pairs
     ]
-    found = [time_call(partial(simple_morph, a, b, FRAMES, POINTS)) for a, b in pairs]
+    found = [time_call(partial(morph_without_folds, a, b, FRAMES, POINTS)) for a, b in pairs]
     rows = [
         result_row(
             name,

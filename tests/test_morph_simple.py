@@ -18,9 +18,9 @@ from finloop.morph.match import match_curves, misfit_by_start
 from finloop.morph.simple import (
     cut_ears,
     join_simplified_poses,
+    morph_without_folds,
     path_lengths,
-    shorten_polygon,
-    simple_morph,
+    round_off_polygon,
     straighten_curve,
 )
 
@@ -32,7 +32,7 @@ GLYPHS = {
 
 
 def simple_frames(a, b, frames, points):
-    return simple_morph(a, b, frames, points).frames
+    return morph_without_folds(a, b, frames, points).frames
 
 
 METHODS = (
@@ -196,7 +196,7 @@ def test_physics():
 def test_shortening(curve, n):
     """The last two are so coarse that whole steps would fold: they are halved."""
     points = resample_curve(curve, n).points
-    poses, done = shorten_polygon(points)
+    poses, done = round_off_polygon(points)
     assert done and stays_simple(poses)
     np.testing.assert_array_equal(poses[0], points)
     areas = np.array([area(pose) for pose in poses])
@@ -229,7 +229,7 @@ def test_ears(curve, n):
 
 def test_plain_ends_can_always_be_joined():
     """Whatever the turn between two near-circles, or a triangle and a circle, or two lines."""
-    points, _ = shorten_polygon(resample_curve(GLYPHS["k"], 64).points)
+    points, _ = round_off_polygon(resample_curve(GLYPHS["k"], 64).points)
     triangle, _ = cut_ears(resample_curve(comb(3, 2), 64).points)
     for start in range(0, 64, 7):
         for other in (points[-1], triangle[-1]):
@@ -253,7 +253,7 @@ def test_plain_ends_can_always_be_joined():
 @pytest.mark.parametrize("pair", ["CS", "CW", "nu", "XI", "MW", "km", "2G", "Es", "71", "mJ", "CI"])
 def test_glyphs(pair):
     a, b = (GLYPHS[name] for name in pair)
-    found = simple_morph(a, b, 62, 256)
+    found = morph_without_folds(a, b, 62, 256)
     frames = found.frames
     assert found.proved and not count_polygon_folds(frames).any()
     assert sum(map(folds_seen, frames)) == 0
@@ -261,7 +261,7 @@ def test_glyphs(pair):
     np.testing.assert_array_equal(frames[0], one)
     assert set(map(tuple, frames[-1])) == set(map(tuple, two))
     low, high = sorted(abs(area(end)) for end in (one, two))
-    if found.way != "linear":
+    if found.method != "linear":
         assert all(low * (1 - 1e-9) <= abs(area(frame)) <= high * (1 + 1e-9) for frame in frames)
         assert path_lengths(frames)[-1] < 2 * np.hypot(*(frames[-1] - frames[0]).T).mean()
         steps = np.diff(path_lengths(frames))
@@ -271,8 +271,8 @@ def test_glyphs(pair):
 def test_linear_where_that_is_simple():
     for pair in ("CI", "IS", "HW"):
         a, b = (GLYPHS[name] for name in pair)
-        found = simple_morph(a, b, 62, 256)
-        assert found.way == "linear" and found.proved
+        found = morph_without_folds(a, b, 62, 256)
+        assert found.method == "linear" and found.proved
         np.testing.assert_array_equal(found.frames, linear_morph(a, b, 62, 256))
 
 
@@ -281,7 +281,7 @@ def test_a_fold_between_frames_is_no_linear_morph():
     straight = linear_morph(GLYPHS["m"], GLYPHS["J"], 62, 256)
     finer = linear_morph(GLYPHS["m"], GLYPHS["J"], 61 * 200 + 1, 256)
     assert not count_polygon_folds(straight).any() and count_polygon_folds(finer).any()
-    assert simple_morph(GLYPHS["m"], GLYPHS["J"], 62, 256).way != "linear"
+    assert morph_without_folds(GLYPHS["m"], GLYPHS["J"], 62, 256).method != "linear"
 
 
 @pytest.mark.parametrize(
@@ -296,7 +296,7 @@ def test_a_fold_between_frames_is_no_linear_morph():
 )
 def test_tangles(a, b):
     for frames in (62, 4):
-        found = simple_morph(a, b, frames, 256)
+        found = morph_without_folds(a, b, frames, 256)
         assert found.proved and not count_polygon_folds(found.frames, a.closed).any()
         assert sum(folds_seen(frame, a.closed) for frame in found.frames) == 0
 
@@ -309,14 +309,14 @@ def test_any_simple_polygons(seed, back):
     b = Curve(b.points[:: -1 if back else 1] * 40 + [300, -20], True)
     if not all(is_simple(resample_curve(curve, 128).points) for curve in (a, b)):
         return
-    found = simple_morph(a, b, 20, 128)
+    found = morph_without_folds(a, b, 20, 128)
     assert found.proved and not count_polygon_folds(found.frames).any()
 
 
 def test_too_coarse_to_shorten():
     """Ears are taken off instead: simple all the same."""
-    assert not shorten_polygon(resample_curve(comb(15, 8), 32).points)[1]
-    found = simple_morph(comb(15, 8), GLYPHS["S"], 62, 32)
+    assert not round_off_polygon(resample_curve(comb(15, 8), 32).points)[1]
+    found = morph_without_folds(comb(15, 8), GLYPHS["S"], 62, 32)
     assert found.proved and not count_polygon_folds(found.frames).any()
 
 

@@ -23,10 +23,10 @@ def signed_area(curve: Curve) -> float:
 
 def area_centroids(points: Floats) -> Floats:
     """Return the centres (…, 2) of the areas within closed polygons (…, n, 2), in their unit."""
-    p = points - points[..., :1, :]
-    q = np.roll(p, -1, axis=-2)
-    cross = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
-    moment = ((p + q) * cross[..., None]).sum(axis=-2)
+    corner = points - points[..., :1, :]
+    next_corner = np.roll(corner, -1, axis=-2)
+    cross = corner[..., 0] * next_corner[..., 1] - corner[..., 1] * next_corner[..., 0]
+    moment = ((corner + next_corner) * cross[..., None]).sum(axis=-2)
     return points[..., 0, :] + moment / (3 * cross.sum(axis=-1)[..., None])
 
 

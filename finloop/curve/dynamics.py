@@ -146,9 +146,9 @@ def solve_motion(
         solution = solve_by_runge_kutta(problem, options)
     else:
         solution = solve_by_euler(problem, options, method == "implicit-euler")
-    off = np.abs(solution.displacement - exact.displacement).max()
-    size = np.abs(exact.displacement).max()
-    error = float(off / size) if size else float(off)
+    deviation = np.abs(solution.displacement - exact.displacement).max()
+    largest = np.abs(exact.displacement).max()
+    error = float(deviation / largest) if largest else float(deviation)
     return Trajectory(
         problem.times, solution.displacement, solution.velocity, error, solution.facts
     )
@@ -214,8 +214,8 @@ class Oscillators:
         Real roots creep, complex roots swing. If ρ = 0 every oscillator has one root, and counts as
         real or, with c = 0, as double.
         """
-        inside = self.damping**2 - 4 * self.density * self.stiffness
-        signs = {"real": inside > 0, "double": inside == 0, "complex": inside < 0}
+        discriminant = self.damping**2 - 4 * self.density * self.stiffness
+        signs = {"real": discriminant > 0, "double": discriminant == 0, "complex": discriminant < 0}
         return {kind: int(is_kind.sum()) for kind, is_kind in signs.items()}
 
 
@@ -237,40 +237,41 @@ class Response(NamedTuple):
 def oscillator_response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Response:
     """Return the factors that solve Eq. 3.16 for independent oscillators, at times (t,).
 
-    forced: False sets the factor `pushed` of the force to 0, and saves half of the time. The
-    formulas neither cancel nor overflow near double roots, where swinging becomes creeping.
+    The factors are (t, m). forced: False sets the factor `pushed` of the force to 0, and saves half
+    of the time. The formulas neither cancel nor overflow near double roots, where swinging becomes
+    creeping.
     """
     t = np.asarray(times, np.float64)[:, None]
     k = oscillators.stiffness
     if oscillators.density == 0:
         rate = k / oscillators.damping
         place = np.exp(-rate * t)
-        none = np.zeros_like(place)
+        zeros = np.zeros_like(place)
         pushed = t * _mean_of_decay(rate * t) / oscillators.damping
-        return Response(place, none, pushed, -rate * place, none, place / oscillators.damping)
+        return Response(place, zeros, pushed, -rate * place, zeros, place / oscillators.damping)
     # The roots are r = −γ ± √(γ² − k / ρ).
     gamma, square = oscillators.damping / (2 * oscillators.density), k / oscillators.density
-    inside = gamma**2 - square
-    root, real = np.sqrt(np.abs(inside)), inside >= 0
-    slow = np.where(real, square / np.where(real & (gamma + root > 0), gamma + root, 1), gamma)
-    even = np.exp(-slow * t)
-    speed = even * t
-    apart, turn = 2 * root[real] * t, root[~real] * t
-    even[:, real] *= (1 + np.exp(-apart)) / 2
-    speed[:, real] *= _mean_of_decay(apart)
-    even[:, ~real] *= np.cos(turn)
-    speed[:, ~real] *= np.sin(turn) / np.where(turn > 0, turn, 1) + (turn == 0)
-    place = even + gamma * speed
+    discriminant = gamma**2 - square
+    root, creeps = np.sqrt(np.abs(discriminant)), discriminant >= 0
+    slow = np.where(creeps, square / np.where(creeps & (gamma + root > 0), gamma + root, 1), gamma)
+    decay = np.exp(-slow * t)
+    speed = decay * t
+    root_distance, angle = 2 * root[creeps] * t, root[~creeps] * t
+    decay[:, creeps] *= (1 + np.exp(-root_distance)) / 2
+    speed[:, creeps] *= _mean_of_decay(root_distance)
+    decay[:, ~creeps] *= np.cos(angle)
+    speed[:, ~creeps] *= np.sin(angle) / np.where(angle > 0, angle, 1) + (angle == 0)
+    place = decay + gamma * speed
     pushed = np.zeros_like(place)
     if forced:
-        share = _force_response(2 * gamma * t, square * t**2, slow * t, place)
-        pushed = t**2 * share / oscillators.density
+        moved = _force_response(2 * gamma * t, square * t**2, slow * t, place)
+        pushed = t**2 * moved / oscillators.density
     return Response(
         place,
         speed,
         pushed,
         -square * speed,
-        even - gamma * speed,
+        decay - gamma * speed,
         speed / oscillators.density,
     )
 
@@ -286,17 +287,18 @@ def _force_response(total: Floats, product: Floats, slow: Floats, place: Floats)
     −x, −y are the roots in steps of t, `total` = x + y, `product` = xy, `slow` the x nearer 0. With
     D = `_mean_of_decay` the value is (D(x) − D(y)) / (y − x), or a power series if both are small.
     """
-    term, before = np.ones_like(product), np.zeros_like(product)
+    # Each formula is evaluated everywhere, on harmless numbers where it does not hold.
+    term, last_term = np.ones_like(product), np.zeros_like(product)
     series = np.zeros_like(product)
-    near, spread = np.minimum(total, 0.5), np.minimum(product, 0.25)
+    small_total, small_product = np.minimum(total, 0.5), np.minimum(product, 0.25)
     for n in range(1, 16):
         series += (-1) ** (n + 1) * term / factorial(n + 1)
-        term, before = near * term - spread * before, term
-    far = product < 0.01 * total**2  # x is much nearer 0 than y
-    x, y = np.where(far, slow, 0), np.where(far, total - slow, 1)
-    apart = (_mean_of_decay(x) - _mean_of_decay(y)) / (y - x)
-    rest = (1 - place) / np.where(product > 0, product, 1)
-    return np.where((total < 0.5) & (product < 0.25), series, np.where(far, apart, rest))
+        term, last_term = small_total * term - small_product * last_term, term
+    unequal = product < 0.01 * total**2  # x is much nearer 0 than y
+    x, y = np.where(unequal, slow, 0), np.where(unequal, total - slow, 1)
+    by_roots = (_mean_of_decay(x) - _mean_of_decay(y)) / (y - x)
+    by_place = (1 - place) / np.where(product > 0, product, 1)
+    return np.where((total < 0.5) & (product < 0.25), series, np.where(unequal, by_roots, by_place))
 
 
 def oscillator_motion(
@@ -307,12 +309,12 @@ def oscillator_motion(
     a, v (m, d): places and speeds at the start, may be complex as FFTs are; times (t,): since the
     start; force (m, d), or None for none.
     """
-    table = Response(
-        *(part[..., None] for part in oscillator_response(oscillators, times, force is not None))
-    )
-    places, speeds = table.place * a + table.speed * v, table.place_rate * a + table.speed_rate * v
+    response = oscillator_response(oscillators, times, forced=force is not None)
+    factors = Response(*(field[..., None] for field in response))
+    places = factors.place * a + factors.speed * v
+    speeds = factors.place_rate * a + factors.speed_rate * v
     if force is not None:
-        places, speeds = places + table.pushed * force, speeds + table.pushed_rate * force
+        places, speeds = places + factors.pushed * force, speeds + factors.pushed_rate * force
     return places, speeds
 
 
@@ -357,13 +359,15 @@ def _solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
 
 
 def _solve_in_basis(basis: Basis, problem: Problem, options: SolverOptions) -> Solution:
-    """Return the motion of one independent oscillator for each coefficient of the basis.
+    """Return the motion of a curve: one independent oscillator for each coefficient of a basis.
 
-    A constant force has exact factors, any other is integrated.
+    Under a constant force the motion is exact; any other force is integrated.
     """
     material, (u, v) = problem.material, problem.state_at_start()
-    c = material.mass_damping * (material.density or 1.0) + material.stiffness_damping * basis.k
-    modes = Oscillators(material.density, c, basis.k)
+    damping = (
+        material.mass_damping * (material.density or 1.0) + material.stiffness_damping * basis.k
+    )
+    modes = Oscillators(material.density, damping, basis.k)
     facts = {f"{kind}_roots": float(count) for kind, count in modes.count_root_kinds().items()}
     if callable(problem.force):
         return _integrate_changing_force(basis, modes, problem, facts, options.tolerance)
@@ -405,25 +409,29 @@ def _integrate_changing_force(
 
     start = problem.state_at_start().ravel()
     formula = "DOP853" if density else "LSODA"  # without mass the equations are stiff
-    span, before = (problem.times[0], problem.times[-1]), None
+    span, last_u = (problem.times[0], problem.times[-1]), None
     for rtol in tolerance * np.array([0.1, 0.01, 1e-3, 1e-4]):
         atol = rtol * (np.abs(start).max() or 1.0)
-        found = scipy.integrate.solve_ivp(
+        result = scipy.integrate.solve_ivp(
             slope, span, start, formula, problem.times, rtol=max(rtol, 3e-14), atol=atol
         )
-        if not found.success:
+        if not result.success:
             raise too_fast
-        u, v = np.moveaxis(found.y.T.reshape(-1, 2, *shape), 1, 0)
-        if before is not None:
-            size = np.abs(u).max()
-            change = float(np.abs(u - before).max() / size) if size else 0.0
+        u, v = np.moveaxis(result.y.T.reshape(-1, 2, *shape), 1, 0)
+        if last_u is not None:
+            largest = np.abs(u).max()
+            change = float(np.abs(u - last_u).max() / largest) if largest else 0.0
             if change <= tolerance:
                 break
-        before = u
+        last_u = u
     else:
         raise too_fast
     if density == 0:
-        rates = [slope(*moment)[: u[0].size] for moment in zip(found.t, found.y.T, strict=True)]
+        # Without mass the speed is no part of the state: it follows from the places.
+        rates = [
+            slope(time, state)[: u[0].size]
+            for time, state in zip(result.t, result.y.T, strict=True)
+        ]
         v = np.reshape(rates, u.shape)
     return Solution(u, v, {**facts, "estimate": change})
 
@@ -478,21 +486,23 @@ def solve_by_runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
 
     def slope(time: float, state: Floats) -> Floats:
         q, rate = state.reshape(2, *shape)
-        pull = system.k @ q + system.c @ rate
-        return np.concatenate([rate.ravel(), ((system.push(time, q) - pull) / density).ravel()])
+        resistance = system.k @ q + system.c @ rate
+        return np.concatenate(
+            [rate.ravel(), ((system.push(time, q) - resistance) / density).ravel()]
+        )
 
     scale = float(np.abs(start).max()) or 1.0
     state, states, evaluations, step = start.ravel(), [start.ravel()], 0, None
     # One call per interval: scipy's interpolation between steps is less accurate than its steps.
-    for begin, end in pairwise(problem.times):
+    for first, last in pairwise(problem.times):
         result = scipy.integrate.solve_ivp(
             slope,
-            (begin, end),
+            (first, last),
             state,
             options.integrator,
             rtol=options.rtol,
             atol=options.rtol * scale,
-            first_step=None if step is None else min(step, end - begin),
+            first_step=None if step is None else min(step, last - first),
         )
         if not result.success:
             raise FinloopError(
@@ -515,14 +525,18 @@ def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> 
     FinloopError if the times are not even.
     """
     times, substeps = problem.times, options.substeps
-    gaps = np.diff(times)
-    if substeps < 1 or not len(gaps) or not np.allclose(gaps, gaps[0], rtol=1e-9, atol=0):
+    intervals = np.diff(times)
+    if (
+        substeps < 1
+        or not len(intervals)
+        or not np.allclose(intervals, intervals[0], rtol=1e-9, atol=0)
+    ):
         raise FinloopError(
             f"{len(times)} times, perhaps unevenly spaced, and {substeps} substeps",
             "two or more evenly spaced times and at least 1 substep, for Euler's method",
             "correct the times or options.substeps, or use the method modal",
         )
-    step = float(gaps.mean()) / substeps
+    step = float(intervals.mean()) / substeps
     c, k, to, points, push = _wavelet_system(problem, options)
     if not implicit:
         stiffest = float(np.abs(k).sum(axis=1).max())  # no eigenvalue is larger
@@ -538,23 +552,24 @@ def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> 
     inverse, facts = _build_solver(csr_array(c + step * k) if implicit else c, options.inverse)
     rate_of = _build_solver(c, "sparse")[0] if implicit else inverse
     q = to(problem.displacement)
-    course = [q]
-    for begin in times[:-1]:
-        for time in begin + step * np.arange(substeps):
+    states = [q]
+    for first in times[:-1]:
+        for time in first + step * np.arange(substeps):
             force = push(time, q)
             q = inverse(c @ q + step * force) if implicit else q + step * inverse(force - k @ q)
-        course.append(q)
-    rates = [rate_of(push(time, q) - k @ q) for time, q in zip(times, course, strict=True)]
-    facts["steps"] = float(substeps * len(gaps))
-    return Solution(points(np.stack(course)), points(np.stack(rates)), facts)
+        states.append(q)
+    rates = [rate_of(push(time, q) - k @ q) for time, q in zip(times, states, strict=True)]
+    facts["steps"] = float(substeps * len(intervals))
+    return Solution(points(np.stack(states)), points(np.stack(rates)), facts)
 
 
 def _build_solver(
     matrix: csr_array, method: str
 ) -> tuple[Callable[[Floats], Floats], dict[str, float]]:
-    """Return a function that solves equations with a matrix, and facts about its factors.
+    """Return a function that solves matrix · x = right for x, and facts about its factors.
 
-    method: "sparse" factors or "schulz" iteration.
+    method: "sparse" factors or "schulz" iteration. The facts are `factors_nonzero`, or
+    `schulz_iterations` and `schulz_residual`. FinloopError for any other method.
     """
     if method == "schulz":
         x, iterations, residual = invert_by_schulz(matrix.toarray())
@@ -577,11 +592,11 @@ def invert_by_schulz(matrix: Floats, tolerance: float = 1e-10) -> tuple[Floats, 
     unit = np.eye(len(matrix))
     x = matrix.T / np.abs(matrix.T @ matrix).sum(axis=1).max()
     for iteration in range(SCHULZ_ITERATIONS):
-        rest = unit - x @ matrix
-        residual = float(np.abs(rest).max())
+        deviation = unit - x @ matrix
+        residual = float(np.abs(deviation).max())
         if residual <= tolerance:
             return x, iteration, residual
-        x = x + rest @ x
+        x = x + deviation @ x
     raise FinloopError(
         f"the Schulz iteration has a residual of {residual:.2g} after {SCHULZ_ITERATIONS} steps",
         f"{tolerance:g}: a matrix far from singular",
@@ -599,9 +614,9 @@ def total_energy(problem: Problem, motion: Trajectory) -> Floats:
     """
     n = len(problem.rest)
     k = stiffness_eigenvalues(problem.wavelet, n, problem.material.elastic)
-    twice = np.full(len(k), 2.0)  # rfft leaves out the mirror images
-    twice[[0, -1]] = 1
+    counts = np.full(len(k), 2.0)  # rfft leaves out the mirror images
+    counts[[0, -1]] = 1
     modes = np.abs(np.fft.rfft(motion.displacement, axis=1)) ** 2
-    elastic = np.einsum("tmd,m->t", modes, twice * k) / n**2
+    elastic = np.einsum("tmd,m->t", modes, counts * k) / n**2
     kinetic = problem.material.density * (motion.velocity**2).sum(axis=(1, 2)) / n
     return (elastic + kinetic) / 2

@@ -30,5 +30,8 @@ def glyph_outlines(character: str, size: float = 1000.0) -> list[Curve]:
         raise FinloopError(
             f"{character!r} has no outline", "a letter, digit or sign", "choose another character"
         )
-    # On a screen y is down.
-    return [clean_curve(Curve(np.array(o, float) * (1, -1), True), character) for o in outlines]
+    y_down = (1, -1)  # matplotlib's y is up
+    return [
+        clean_curve(Curve(np.array(outline, float) * y_down, closed=True), character)
+        for outline in outlines
+    ]

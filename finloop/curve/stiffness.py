@@ -68,15 +68,15 @@ def connection_coefficients(wavelet: str) -> ConnectionCoefficients:
             "a wavelet with φ in H¹",
             "use a smoother wavelet: db3 or longer, coif1, sym4, …",
         )
-    size = taps - 1  # μ_l is 0 beyond the support
-    transfer = _refinement_matrix(alpha, size)
-    half = transfer[size - 1 :, size - 1 :].copy()
-    half[:, 1:] += transfer[size - 1 :, size - 2 :: -1]  # μ_l = μ_{−l}
-    mu = np.linalg.svd(4 * half - np.eye(size))[2][-1]
-    mu *= -2 / (2 * (np.arange(size) ** 2 @ mu))
+    count = taps - 1  # μ_l is 0 beyond the support
+    transfer = _refinement_matrix(alpha, count)
+    folded = transfer[count - 1 :, count - 1 :].copy()
+    folded[:, 1:] += transfer[count - 1 :, count - 2 :: -1]  # μ_l = μ_{−l}
+    mu = np.linalg.svd(4 * folded - np.eye(count))[2][-1]
+    mu *= -2 / (2 * (np.arange(count) ** 2 @ mu))
     nu = -mu
-    even = mu[::2]
-    nu[: len(even)] += 8 * even
+    coarse_mu = mu[::2]
+    nu[: len(coarse_mu)] += 8 * coarse_mu
     for table in (alpha, mu, nu):
         table.setflags(write=False)
     return ConnectionCoefficients(alpha, mu, nu)
@@ -85,17 +85,17 @@ def connection_coefficients(wavelet: str) -> ConnectionCoefficients:
 def _refinement_matrix(alpha: Floats, size: int) -> Floats:
     """Return the matrix T_lk = α_{2l − k} / 2, |l|, |k| < size: how refinement maps inner products.
 
-    alpha: as in `ConnectionCoefficients.autocorrelation`.
+    alpha (P + 1,): autocorrelation of the low filter, which is 0 beyond P.
     """
     index = np.arange(1 - size, size)
-    far = np.abs(2 * index[:, None] - index)
-    return np.where(far < len(alpha), alpha[np.minimum(far, len(alpha) - 1)], 0) / 2
+    lag = np.abs(2 * index[:, None] - index)
+    return np.where(lag < len(alpha), alpha[np.minimum(lag, len(alpha) - 1)], 0) / 2
 
 
 def _sobolev_smoothness(alpha: Floats) -> float:
     """Return how smooth a wavelet's scaling function φ is: its Sobolev exponent s, at most 2.
 
-    That is the largest s with φ in H^s. alpha: as in `ConnectionCoefficients.autocorrelation`. The
+    That is the largest s with φ in H^s. alpha (P + 1,): autocorrelation of the low filter. The
     method is Villemoes's (1992): if the shifts of φ sum to every line, the transfer operator keeps
     the moments 0 … 3 of a sequence at 0, and shrinks it by at most 4^−s a step. If they do not, φ
     has a jump or worse, and the result is 0.5.
@@ -121,17 +121,17 @@ def first_stiffness_row(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
     """
     count_halvings(n)
     mu = connection_coefficients(wavelet).mu
-    apart = np.arange(1 - len(mu), len(mu))
+    offset = np.arange(1 - len(mu), len(mu))
     row = np.zeros(n)
-    np.add.at(row, apart % n, mu[np.abs(apart)])
+    np.add.at(row, offset % n, mu[np.abs(offset)])
     return elastic * n**2 * row
 
 
 def stiffness_eigenvalues(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
     """Return the eigenvalues (n // 2 + 1,) of the stiffness matrix K of a curve of n points.
 
-    Their order is that of `numpy.fft.rfft`. elastic: the constant e₀. FinloopError as in
-    `first_stiffness_row`.
+    Their order is that of `numpy.fft.rfft`. elastic: the constant e₀. FinloopError if n is no power
+    of two, or the wavelet's stiffness is not finite.
     """
     values = np.fft.rfft(first_stiffness_row(wavelet, n, elastic)).real.copy()
     values[0] = 0  # exactly: a shift strains nothing
@@ -143,18 +143,18 @@ def stiffness_matrix(wavelet: str, n: int, levels: int, elastic: float = 1.0) ->
 
     n: points of the curve; elastic: the constant e₀; levels: 0 gives K in the basis of scaling
     functions φ. A step at one scale is 2, 4, … steps at finer scales, so the first row of a scale
-    gives all its rows. FinloopError as in `first_stiffness_row`, or if n cannot be halved `levels`
-    times, or the wavelet is longer than the curve.
+    gives all its rows. FinloopError if n cannot be halved `levels` times, the wavelet is longer
+    than the curve, or its stiffness is not finite.
     """
-    filters_for_transform(n, wavelet, levels)
-    row = first_stiffness_row(wavelet, n, elastic)
+    filters_for_transform(n, wavelet, levels)  # only to check the arguments
+    stiffness_row = first_stiffness_row(wavelet, n, elastic)
     slices = scale_slices(n, levels)
     units = np.zeros((n, len(slices)))
     units[[scale.start for scale in slices], range(len(slices))] = 1
     functions = inverse_transform(units, wavelet, levels)
     image = np.zeros_like(functions)
-    for l in np.flatnonzero(row):  # noqa: E741  # zeros stay exactly 0, unlike by FFT
-        image += row[l] * np.roll(functions, l, axis=0)
+    for offset in np.flatnonzero(stiffness_row):  # zeros stay exactly 0, unlike by FFT
+        image += stiffness_row[offset] * np.roll(functions, offset, axis=0)
     first_rows = wavelet_transform(image, wavelet, levels).T
     rows, columns, values = [], [], []
     for number, scale in enumerate(slices):
@@ -166,6 +166,7 @@ def stiffness_matrix(wavelet: str, n: int, levels: int, elastic: float = 1.0) ->
             if finer is scale:
                 part = (part + np.roll(part[::-1], 1)) / 2  # symmetric to the last digit
             nonzero = np.flatnonzero(part).astype(np.int32)
+            # From one row of a scale to the next, the entries move on, round the curve.
             row = np.repeat(steps + scale.start, len(nonzero))
             column = ((nonzero + (size // count) * steps[:, None]) % size + finer.start).ravel()
             # Blocks below the diagonal are transposes.

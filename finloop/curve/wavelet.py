@@ -67,15 +67,15 @@ def _cubic_spline_filters() -> Floats:
     """Return filters (4, taps) of the biorthogonal cubic spline with 4 + 4 vanishing moments."""
     spline = np.array([1, 4, 6, 4, 1]) / 16  # cos⁴(ξ/2)
     sine = np.array([-1, 2, -1]) / 4  # sin²(ξ/2)
-    dual, power = np.zeros(7), np.ones(1)
+    dual, sine_power = np.zeros(7), np.ones(1)
     for k in range(4):
-        dual[3 - k : 4 + k] += comb(3 + k, k) * power
-        power = np.convolve(power, sine)
-    low = np.zeros((2, 12))
-    low[0, 1:] = np.sqrt(2) * np.convolve(spline, dual)
-    low[1, 3:8] = np.sqrt(2) * spline
+        dual[3 - k : 4 + k] += comb(3 + k, k) * sine_power
+        sine_power = np.convolve(sine_power, sine)
+    low_filters = np.zeros((2, 12))
+    low_filters[0, 1:] = np.sqrt(2) * np.convolve(spline, dual)
+    low_filters[1, 3:8] = np.sqrt(2) * spline
     sign = (-1.0) ** np.arange(12)
-    return np.stack([low[0], -sign * low[1], low[1], sign * low[0]])
+    return np.stack([low_filters[0], -sign * low_filters[1], low_filters[1], sign * low_filters[0]])
 
 
 def _make_lossless(bank: Floats) -> Floats:
@@ -87,18 +87,18 @@ def _make_lossless(bank: Floats) -> Floats:
     """
     taps = bank.shape[1]
     orthogonal = np.allclose(bank[2], bank[0, ::-1], rtol=0, atol=_TOLERANCE)
-    shift = 2 * np.arange(-(taps // 2 - 1), taps // 2)[:, None] + np.arange(taps)
-    inside = (shift >= 0) & (shift < taps)
+    lag = 2 * np.arange(-(taps // 2 - 1), taps // 2)[:, None] + np.arange(taps)
+    has_tap = (lag >= 0) & (lag < taps)
     unit = (np.arange(-(taps // 2 - 1), taps // 2) == 0).astype(float)
     dual, low = bank[0, ::-1].copy(), bank[2].copy()
     for _ in range(3):
         if orthogonal:
             low = dual
-        slope = np.where(inside, low[shift * inside], 0)
-        missing = unit - slope @ dual
+        factors = np.where(has_tap, low[lag * has_tap], 0)
+        deviation = unit - factors @ dual
         if orthogonal:  # both factors move
-            slope = slope + slope[::-1]
-        dual = dual + np.linalg.lstsq(slope, missing, rcond=_FREE)[0]
+            factors = factors + factors[::-1]
+        dual = dual + np.linalg.lstsq(factors, deviation, rcond=_FREE)[0]
     if orthogonal:
         low = dual
     sign = (-1.0) ** np.arange(taps)
@@ -164,25 +164,26 @@ def wavelet_transform(points: Floats, wavelet: str, levels: int) -> Floats:
     """Return the wavelet coefficients (…, n, k) of curves of points (…, n, k) (Eq. 2.8).
 
     The transform runs along n; k is 2 for plane curves. The approximation comes first, then the
-    details from coarse to fine. FinloopError as in `filters_for_transform`. levels: how often the
-    points are halved.
+    details from coarse to fine. levels: how often the points are halved. FinloopError if n cannot
+    be halved so often, or the wavelet is longer than the curve.
     """
     bank = filters_for_transform(points.shape[-2], wavelet, levels)
-    out = np.array(points, np.float64, order="C")
+    coefficients = np.array(points, np.float64, order="C")
     # Written as Σ_i w[i] x[2n + i − before], the sum of Eq. 2.8 runs forward.
-    _transform_in_place(out.reshape(-1, *points.shape[-2:]), bank[:2, ::-1].copy(), levels)
-    return out
+    _transform_in_place(coefficients.reshape(-1, *points.shape[-2:]), bank[:2, ::-1].copy(), levels)
+    return coefficients
 
 
 def inverse_transform(coefficients: Floats, wavelet: str, levels: int) -> Floats:
-    """Return the points (…, n, k) of wavelet coefficients (…, n, k), undoing `wavelet_transform`.
+    """Return the points (…, n, k) of wavelet coefficients (…, n, k) (Eq. 2.9).
 
-    This is Eq. 2.9. FinloopError as in `filters_for_transform`.
+    This undoes `wavelet_transform` with the same wavelet and levels. FinloopError if n cannot be
+    halved so often, or the wavelet is longer than the curve.
     """
     bank = filters_for_transform(coefficients.shape[-2], wavelet, levels)
-    out = np.array(coefficients, np.float64, order="C")
-    _invert_in_place(out.reshape(-1, *coefficients.shape[-2:]), bank[2:].copy(), levels)
-    return out
+    points = np.array(coefficients, np.float64, order="C")
+    _invert_in_place(points.reshape(-1, *coefficients.shape[-2:]), bank[2:].copy(), levels)
+    return points
 
 
 @kernel
@@ -204,8 +205,8 @@ def _fill_periodically(padded, source, half, k, first):  # type: ignore[no-untyp
 def _transform_in_place(curves, filters, levels):  # type: ignore[no-untyped-def]
     """Replace curves (b, n, k) by their wavelet coefficients, with filters (2, taps).
 
-    Even and odd samples are stored separately. Every tap then adds one run of numbers to another,
-    which compilers make fast for every k.
+    levels: how often the points are halved. Even and odd samples are stored separately. Every tap
+    then adds one run of numbers to another, which compilers make fast for every k.
     """
     count, n, k = curves.shape
     taps = filters.shape[1]
@@ -309,7 +310,8 @@ def curves_from_control(points: Floats, wavelet: str, level: int) -> Floats:
 def drop_details(points: Floats, wavelet: str, level: int, closed: bool = True) -> Floats:
     """Rebuild curves (…, n, k) from 1/2^level as many control points (Fig. 2).
 
-    closed: False mirrors open curves first. FinloopError as in `filters_for_transform`.
+    closed: False mirrors open curves first. FinloopError if the points cannot be halved `level`
+    times, or the wavelet is longer than the curve.
     """
     if not closed:
         return drop_details(close_by_mirroring(points), wavelet, level)[..., : points.shape[-2], :]

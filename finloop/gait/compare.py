@@ -20,8 +20,8 @@ from finloop.gait.fit import (
     GaitContours,
     Subcycle,
     check_phases,
-    correct_key_frames,
     fit_all_gammas,
+    fit_key_frames,
     sort_into_subcycles,
 )
 from finloop.gait.model import contour_from_descriptor, gamma_per_coefficient
@@ -45,17 +45,18 @@ class ClockComparison:
     scheme: str  # what is held out at a time: "cycles" or "every other frame"
     rms: dict[str, float]  # by clock: RMS distance of contours / body length
     by_contour: pd.DataFrame  # columns contour, subcycle, frames, and rms_<clock>
-    # columns contour, subcycle, scale (0 = the approximation), coefficients, gamma (fitted to all
-    # frames), energy_share (of the motion between the keys), rms_linear, rms_gamma_scale,
-    # gamma_buys_pct (of the squared error), verdict
+    # columns contour, subcycle, scale (0 = the coarsest), coefficients (number), gamma (fitted to
+    # all frames), energy_share (of the motion between the keys), rms_linear, rms_gamma_scale,
+    # gamma_buys_pct (% of the squared error that γ removes), verdict (buys, buys nothing, costs, or
+    # not seen)
     by_scale: pd.DataFrame
 
 
 def choose_held_out_frames(film: GaitContours) -> tuple[str, list[Mask]]:
     """Choose which frames of a film are held out of each fit: name of the scheme, masks (frames,).
 
-    A film of two cycles or more holds out one cycle at a time; an incomplete last cycle has a mask
-    of its own. A shorter film holds out every other frame.
+    A film of two gait cycles or more holds out one cycle at a time; an incomplete last cycle has a
+    mask of its own. A shorter film holds out every other frame.
     """
     frames = np.arange(len(film.phase))
     # A frame that ends a cycle to rounding belongs to the next one.
@@ -68,11 +69,12 @@ def choose_held_out_frames(film: GaitContours) -> tuple[str, list[Mask]]:
 def compare_clocks(
     film: GaitContours, *, split: float = 0.25, wavelet: str = "coif2", coarse: int = 4
 ) -> ClockComparison:
-    """Measure how well each of the four CLOCKS predicts frames that it was not fitted to.
+    """Measure how well the four CLOCKS of a gait model predict frames that they were not fitted to.
 
-    split: phase of key 2, in cycles; wavelet: of the descriptor; coarse: coefficients of its
-    coarsest scale. Frames to hold out are skipped if the others cannot be fitted; if all are, the
-    last error is raised. FinloopError as in `gait.fit.fit_gait`.
+    A clock says when a contour is how far between two key frames. split: phase of key frame 2, in
+    cycles; wavelet, coarse: of the descriptor, and coefficients of its coarsest scale. Held-out
+    frames are skipped if the other frames cannot be fitted; if all are skipped, the last error is
+    raised. FinloopError, too, if the film shows less than half a cycle or its phase does not rise.
     """
     check_phases(film)
     scheme, masks = choose_held_out_frames(film)
@@ -85,13 +87,15 @@ def compare_clocks(
             problem = error
     if problem is not None and not rows:
         raise problem
-    _, subcycles = correct_key_frames(film, split, wavelet, coarse)
+    _, subcycles = fit_key_frames(film, split, wavelet, coarse)
     table = pd.DataFrame(rows).groupby(_KEYS, sort=False).sum().reset_index()
     contours = table[table["scale"] == _WHOLE].drop(columns="scale").reset_index(drop=True)
     total = contours["frames"].sum()
-    rms = {c: float(np.sqrt(contours[c].sum() / total)) / film.body_length for c in CLOCKS}
-    for c in CLOCKS:
-        contours[f"rms_{c}"] = np.sqrt(contours.pop(c) / contours["frames"]) / film.body_length
+    rms = {}
+    for clock in CLOCKS:
+        squares = contours.pop(clock)
+        rms[clock] = float(np.sqrt(squares.sum() / total)) / film.body_length
+        contours[f"rms_{clock}"] = np.sqrt(squares / contours["frames"]) / film.body_length
     scales = table[table["scale"] != _WHOLE].reset_index(drop=True)
     return ClockComparison(scheme, rms, contours, _errors_by_scale(film, scales, subcycles))
 
@@ -101,36 +105,37 @@ def _held_out_errors(
 ) -> Iterator[dict[str, Any]]:
     """Yield a table row for each contour, subcycle and scale: the clocks' summed squared errors.
 
-    mask (frames,): frames held out of the fit; split, wavelet, coarse as in `compare_clocks`. The
-    scale _WHOLE stands for all scales together.
+    mask (frames,): frames held out of the fit; split: phase of key frame 2, in cycles; wavelet,
+    coarse: of the descriptor, and coefficients of its coarsest scale. A row has the columns of
+    _KEYS, the number of `frames`, and by clock the squared error a point, in the contours' unit.
+    The scale _WHOLE stands for all scales together.
     """
-    still = LEAST_MOTION * film.body_length
-    _, subcycles = correct_key_frames(_select_frames(film, ~mask), split, wavelet, coarse)
-    per_limb, per_scale = (fit_all_gammas(subcycles, per, still) for per in (False, True))
-    tests = sort_into_subcycles(_select_frames(film, mask), split, wavelet, coarse)
-    for (name, sub), model in subcycles.items():
-        test = tests[name][sub]
-        if not len(test.tau):
+    least_motion = LEAST_MOTION * film.body_length
+    _, subcycles = fit_key_frames(_select_frames(film, ~mask), split, wavelet, coarse)
+    one_gamma = fit_all_gammas(subcycles, per_scale=False, least_motion=least_motion)
+    scale_gammas = fit_all_gammas(subcycles, per_scale=True, least_motion=least_motion)
+    held_out = sort_into_subcycles(_select_frames(film, mask), split, wavelet, coarse)
+    for (name, number), model in subcycles.items():
+        tau, coefficients = held_out[name][number].tau, held_out[name][number].coefficients
+        if not len(tau):
             continue
-        size, letter = len(model.end), "AB"[sub]
-        spread = gamma_per_coefficient(per_scale[name][letter], size, coarse)
-        f = _fit_free_clock(model, test.tau)[:, None, None]
+        points, letter = len(model.end), "AB"[number]
+        gammas = gamma_per_coefficient(scale_gammas[name][letter], points, coarse)
+        start_share = _fit_free_clock(model, tau)[:, None, None]
         predictions = {
-            "linear": model.predict(test.tau, np.zeros(1)),
-            "gamma": model.predict(test.tau, np.array(per_limb[name][letter])),
-            "gamma_scale": model.predict(test.tau, spread),
-            "free": model.end + f * (model.start - model.end),
+            "linear": model.predict(tau, np.zeros(1)),
+            "gamma": model.predict(tau, np.array(one_gamma[name][letter])),
+            "gamma_scale": model.predict(tau, gammas),
+            "free": model.end + start_share * (model.start - model.end),
         }
-        errors = {clock: test.coefficients - frames for clock, frames in predictions.items()}
-        parts = {
-            _WHOLE: {c: contour_from_descriptor(errors[c], size, wavelet, coarse) for c in CLOCKS}
-        }
-        for number, scale in enumerate(model.scales):
-            parts[number] = {c: errors[c][:, scale] for c in CLOCKS}
-        for number, part in parts.items():
-            squares = {c: float((part[c] ** 2).sum()) / size for c in CLOCKS}
-            keys = dict(zip(_KEYS, (name, letter, number), strict=True))
-            yield keys | {"frames": len(test.tau)} | squares
+        errors = {clock: coefficients - predictions[clock] for clock in CLOCKS}
+        for scale, part in [(_WHOLE, slice(None)), *enumerate(model.scales)]:
+            row = dict(zip(_KEYS, (name, letter, scale), strict=True)) | {"frames": len(tau)}
+            for clock, error in errors.items():
+                if scale == _WHOLE:  # distances of the contours' points, not of coefficients
+                    error = contour_from_descriptor(error, points, wavelet, coarse)
+                row[clock] = float((error[:, part] ** 2).sum()) / points
+            yield row
 
 
 def _select_frames(film: GaitContours, mask: Mask) -> GaitContours:
@@ -140,9 +145,10 @@ def _select_frames(film: GaitContours, mask: Mask) -> GaitContours:
 
 
 def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
-    """Fit how the first key frame's share falls in a subcycle, in any way: values (s,) at tau (s,).
+    """Fit a share of the first key frame that falls from 1 to 0 in a subcycle: (s,) at tau (s,).
 
-    tau: shares 0-1 of the subcycle. The fit is an isotonic regression, the best clock possible.
+    tau: shares 0-1 of the subcycle's time. The share may fall in any way (isotonic regression), so
+    this clock is the best possible. It falls evenly in a subcycle without motion or frames.
     """
     change = (model.start - model.end).ravel()
     norm = float(change @ change)
@@ -161,15 +167,18 @@ def _errors_by_scale(
 ) -> pd.DataFrame:
     """Summarise squared errors by wavelet scale: the table `ClockComparison.by_scale`.
 
-    subcycles: those fitted to all frames, by contour id and 0 for A, 1 for B.
+    table: columns of _KEYS, `frames`, and by clock the squared error summed over them. subcycles:
+    those fitted to all frames, by contour id and 0 for A, 1 for B.
     """
-    gammas, share, count = [], [], []
-    for name, letter, m in table[_KEYS].itertuples(index=False):
+    gammas, energy_shares, counts = [], [], []
+    least_motion = LEAST_MOTION * film.body_length
+    for name, letter, number in table[_KEYS].itertuples(index=False):
         model = subcycles[name, "AB".index(letter)]
-        change, scale = model.start - model.end, model.scales[m]
-        gammas.append(model.gammas(True, LEAST_MOTION * film.body_length)[m])
-        share.append(float((change[scale] ** 2).sum() / max((change**2).sum(), 1e-300)))
-        count.append(scale.stop - scale.start)
+        change, scale = model.start - model.end, model.scales[number]
+        gammas.append(model.fit_gammas(per_scale=True, least_motion=least_motion)[number])
+        energy = max((change**2).sum(), 1e-300)  # never divide by 0
+        energy_shares.append(float((change[scale] ** 2).sum() / energy))
+        counts.append(scale.stop - scale.start)
     linear, gamma_scale, frames = table["linear"], table["gamma_scale"], table["frames"]
     rms_linear = np.sqrt(linear / frames) / film.body_length
     gain = (linear - gamma_scale) / linear.where(linear > 0)
@@ -179,9 +188,9 @@ def _errors_by_scale(
         "buys nothing",
     )
     return table[_KEYS].assign(
-        coefficients=count,
+        coefficients=counts,
         gamma=gammas,
-        energy_share=share,
+        energy_share=energy_shares,
         rms_linear=rms_linear,
         rms_gamma_scale=np.sqrt(gamma_scale / frames) / film.body_length,
         gamma_buys_pct=(100 * gain).fillna(0.0),

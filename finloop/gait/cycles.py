@@ -33,7 +33,7 @@ def swimmer_gait_contours(swim: TrackContours) -> GaitContours:
     swim: the contours of one track, in body lengths. FinloopError if no motion repeats.
     """
     points, phase = join_steady_frames([swim])
-    return GaitContours({OUTLINE: points}, phase, 1.0, "mirror")
+    return GaitContours({OUTLINE: points}, phase, body_length=1.0, symmetry="mirror")
 
 
 def walker_gait_contours(
@@ -45,78 +45,84 @@ def walker_gait_contours(
 ) -> tuple[GaitContours, Period, Limbs]:
     """Return a walker's outlines and phases in frames with a steady gait, its period, its limbs.
 
-    frames: contours by id for each frame, in px; n: points of a contour; split: phase of key 2, in
-    cycles; first: the number of the first frame, for messages. Limbs are relative to the body, px.
-    The period is computed twice, because the body's track is smoothed over a cycle. FinloopError as
-    in `gait.limbs.limb_contours`, or if no motion repeats.
+    frames: contours by id for each frame, in px; n: points of a contour; split: phase of key frame
+    2, in cycles; first: number of the first frame, for messages. Limbs are in px from the body.
+    FinloopError if there is no limb, half of the frames lack a limb, or no motion repeats.
     """
-    contours = limb_contours(frames, n, None, first)
-    beat = _find_limb_period(contours, frame_rate_hz)
-    contours = limb_contours(frames, n, round(frame_rate_hz / beat.frequency_hz), first)
-    beat = _find_limb_period(contours, frame_rate_hz)
-    steady = {name: points[beat.steady] for name, points in contours.points.items()}
-    phase = align_phase(beat.phase[beat.steady], foot_positions(steady), split)
-    film = GaitContours(steady, phase, contours.length_px, "swap").add_hidden_limbs()
-    return replace(film, offsets=partner_offsets(film)), beat, contours
+    # The body's track is smoothed over a cycle, so the period is found twice.
+    limbs = limb_contours(frames, n, smooth_frames=None, first=first)
+    period = _find_limb_period(limbs, frame_rate_hz)
+    cycle_frames = round(frame_rate_hz / period.frequency_hz)
+    limbs = limb_contours(frames, n, smooth_frames=cycle_frames, first=first)
+    period = _find_limb_period(limbs, frame_rate_hz)
+    contours = {name: points[period.steady] for name, points in limbs.points.items()}
+    phase = align_phase(period.phase[period.steady], foot_positions(contours), split)
+    film = GaitContours(contours, phase, limbs.length_px, symmetry="swap").add_hidden_limbs()
+    return replace(film, offsets=partner_offsets(film)), period, limbs
 
 
-def _find_limb_period(contours: Limbs, frame_rate_hz: float) -> Period:
+def _find_limb_period(limbs: Limbs, frame_rate_hz: float) -> Period:
     """Return the common period of an animal's limbs; FinloopError if their motion does not repeat.
 
-    contours: of all limbs.
+    Its phase is 0 at key frame 1, see `_key_1_signal`.
     """
-    points = contours.points
-    signal = np.concatenate([of.reshape(len(of), -1) for of in points.values()], axis=1)
-    beat = find_period(fill_gaps(signal), frame_rate_hz, _key_1_signal(points))
-    return require_periodic(beat, f"the limbs {', '.join(points)}")
+    points = limbs.points
+    coordinates = [limb.reshape(len(limb), -1) for limb in points.values()]
+    signal = fill_gaps(np.concatenate(coordinates, axis=1))
+    period = find_period(signal, frame_rate_hz, extreme=_key_1_signal(points))
+    return require_periodic(period, f"the limbs {', '.join(points)}")
 
 
 def _key_1_signal(points: dict[str, Floats]) -> Floats:
     """Return a signal (frames,) that is greatest at key frame 1 of a walk.
 
-    There the right fore and left hind limbs are foremost. points: contours (frames, n, 2) by id.
-    Among ids that are neither fore nor hind, the right lead.
+    There the right fore and left hind limbs are foremost. points: contours (frames, n, 2) by id,
+    x forward. Limbs whose id has no "hind" count as fore limbs.
     """
-    total = np.zeros(len(next(iter(points.values()))))
+    signal = np.zeros(len(next(iter(points.values()))))
     for name, limb in points.items():
         x = limb[..., 0].mean(axis=1)
         sign = 1 if ("right" in name) != ("hind" in name) else -1
-        total += sign * fill_gaps((x - np.nanmean(x))[:, None])[:, 0]
-    return total
+        signal += sign * fill_gaps((x - np.nanmean(x))[:, None])[:, 0]
+    return signal
 
 
 def foot_positions(limbs: Mapping[str, Floats]) -> Floats:
     """Return how far forward each foot is in each frame: x (frames, limbs), NaN where hidden.
 
     limbs: contours (frames, n, 2) by id, x forward and y down; the result has their unit. A foot is
-    the lowest 1/FOOT of the points.
+    the 1/FOOT of a contour's points that are lowest on average.
     """
-    feet = []
+    feet_x = []
     for points in limbs.values():
-        low = np.argsort(-np.nanmean(points[..., 1], axis=0), kind="stable")
-        feet.append(points[:, low[: max(1, len(low) // FOOT)], 0].mean(axis=1))
-    return np.stack(feet, axis=1)
+        lowest_first = np.argsort(-np.nanmean(points[..., 1], axis=0), kind="stable")
+        foot = lowest_first[: max(1, len(lowest_first) // FOOT)]
+        feet_x.append(points[:, foot, 0].mean(axis=1))
+    return np.stack(feet_x, axis=1)
 
 
 def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
     """Shift and stretch the phase (frames,) so that the feet turn round at the key frames.
 
-    phase: in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key 2. Least
-    squares over the shift, at most about REACH, and the stretch. Rows with NaN are ignored.
+    phase: in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key frame 2.
+    Least squares over the shift, at most about REACH, and the stretch. Frames with NaN are not
+    fitted; if fewer than 12 are left, the phase is returned unchanged.
     """
-    whole = np.isfinite(foot_x).all(axis=1)
-    if whole.sum() < 12:  # the fit has eight numbers per foot
+    complete = np.isfinite(foot_x).all(axis=1)
+    if complete.sum() < 12:  # the fit has eight numbers per foot
         return phase
-    phases, centred_x = phase[whole], foot_x[whole] - foot_x[whole].mean(axis=0)
-    middle = float(phases.mean())
+    fitted_phase, centred_x = phase[complete], foot_x[complete] - foot_x[complete].mean(axis=0)
+    middle = float(fitted_phase.mean())
 
-    def residual(change: Floats) -> float:
-        return _fit_residual(phases - change[0] + change[1] * (phases - middle), centred_x, split)
+    def squared_error(change: Floats) -> float:
+        shift, stretch = change
+        changed = fitted_phase - shift + stretch * (fitted_phase - middle)
+        return _parabola_fit_error(changed, centred_x, split)
 
-    moves = np.linspace(-REACH, REACH, STEPS)
-    first = float(moves[np.argmin([residual(np.array([move, 0.0])) for move in moves])])
-    best = scipy.optimize.minimize(
-        residual,
+    shifts = np.linspace(-REACH, REACH, STEPS)
+    first = float(shifts[np.argmin([squared_error(np.array([s, 0.0])) for s in shifts])])
+    shift, stretch = scipy.optimize.minimize(
+        squared_error,
         (first, 0.0),
         method="Nelder-Mead",
         options={
@@ -125,19 +131,20 @@ def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
             "fatol": 1e-12 * float((centred_x**2).sum()),
         },
     ).x
-    return phase - best[0] + best[1] * (phase - middle)
+    return phase - shift + stretch * (phase - middle)
 
 
-def _fit_residual(phase: Floats, foot_x: Floats, split: float) -> float:
-    """Return how badly four parabolas, joined at the key frames, fit how feet move: squared error.
+def _parabola_fit_error(phase: Floats, foot_x: Floats, split: float) -> float:
+    """Return the squared error of four parabolas, joined at the key frames, fitted to moving feet.
 
     phase (frames,): in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key
-    2.
+    frame 2. The error is summed over frames and feet.
     """
-    which, tau = locate_in_subcycle(phase, split)
+    subcycle, tau = locate_in_subcycle(phase, split)
     terms, row = np.zeros((len(phase), 8)), np.arange(len(phase))
-    terms[row, which] = 1 - tau
-    terms[row, (which + 1) % 4] = tau
-    terms[row, 4 + which] = tau * (1 - tau)
-    left = foot_x - terms @ np.linalg.lstsq(terms, foot_x, rcond=None)[0]
-    return float((left**2).sum())
+    # Straight between the values at four key frames, plus a bow for each subcycle.
+    terms[row, subcycle] = 1 - tau
+    terms[row, (subcycle + 1) % 4] = tau
+    terms[row, 4 + subcycle] = tau * (1 - tau)
+    residual = foot_x - terms @ np.linalg.lstsq(terms, foot_x, rcond=None)[0]
+    return float((residual**2).sum())

@@ -49,8 +49,8 @@ class GaitContours:
     contours: Mapping[str, Points]
     phase: Points  # (frames,) in cycles, rising; the whole part counts the cycles
     body_length: float  # in the unit of the contours
-    # symmetry, offsets: as in `gait.model.HalfCycleLayout`
-    symmetry: Symmetry
+    symmetry: Symmetry  # what half a cycle later is like, see `gait.model`
+    # (2,) by id: how much farther right and down a limb hangs than its left-right partner
     offsets: Mapping[str, Points] | None = None
 
     def contours_half_cycle_later(self, contours: Mapping[str, Points]) -> dict[str, Points]:
@@ -60,9 +60,10 @@ class GaitContours:
         )
 
     def add_hidden_limbs(self) -> "GaitContours":
-        """Return the film with NaN for limbs that it never shows; a fish is left unchanged.
+        """Return the film with contours of NaN for limbs of which it shows the partner alone.
 
-        Later a hidden limb follows from its partner by symmetry, see `gait.model.opposite_limb`.
+        Later a hidden limb follows from its partner by symmetry. A film of symmetry "mirror", a
+        fish, is returned unchanged.
         """
         if self.symmetry != "swap":
             return self
@@ -107,61 +108,63 @@ def check_phases(film: GaitContours) -> None:
 def partner_offsets(film: GaitContours) -> dict[str, Points]:
     """Return how far right and down of its left-right partner each limb hangs: (2,) by id.
 
-    In the unit of the contours. It is the mean difference between a limb and its partner half a
-    cycle later, when both are at the same point of their motion. 0 if the film is shorter than a
+    The unit is that of the contours. It is the mean difference between a limb and its partner half
+    a cycle later, when both are at the same point of their motion. 0 if the film is shorter than a
     cycle, or lacks one of the two limbs.
     """
-    out = {name: np.zeros(2) for name in film.contours}
+    offsets = {name: np.zeros(2) for name in film.contours}
     if film.cycles < 1 - 1e-6:
-        return out
-    centre = {name: points.mean(axis=1) for name, points in film.contours.items()}
-    for name, here in centre.items():
-        twin = opposite_limb(name, film.contours)
-        if name < twin:
-            own, twins = (np.isfinite(centre[limb]).all(axis=1) for limb in (name, twin))
-            if own.any() and twins.any():
-                phase = film.phase[own] + 0.5
-                there = [
-                    np.interp(phase, film.phase[twins], centre[twin][twins, k], period=1.0)
-                    for k in range(2)
-                ]
-                out[name] = (here[own] - np.column_stack(there)).mean(axis=0)
-                out[twin] = -out[name]
-    return out
+        return offsets
+    centres = {name: points.mean(axis=1) for name, points in film.contours.items()}
+    for name, centre in centres.items():
+        partner = opposite_limb(name, film.contours)
+        if partner <= name:  # a limb without a partner, or a pair that is done already
+            continue
+        partner_centre = centres[partner]
+        shown = np.isfinite(centre).all(axis=1)
+        partner_shown = np.isfinite(partner_centre).all(axis=1)
+        if shown.any() and partner_shown.any():
+            later, known = film.phase[shown] + 0.5, film.phase[partner_shown]
+            x, y = partner_centre[partner_shown].T
+            partner_later = [np.interp(later, known, values, period=1.0) for values in (x, y)]
+            offsets[name] = (centre[shown] - np.column_stack(partner_later)).mean(axis=0)
+            offsets[partner] = -offsets[name]
+    return offsets
 
 
 def interpolate_key_frames(film: GaitContours, split: float) -> KeyFrames:
     """Interpolate the gait's key frames 1, 2 and 1' from the film's frames nearest in phase.
 
-    split: phase of key 2, in cycles. All cycles and both halves count. Weights fall linearly to 0
-    at one frame's step from the key's phase. Missing frames widen the weights up to WIDEST. For the
-    error of the interpolation see `gait.fit.correct_key_frames`. FinloopError if a contour is
-    missing in every frame near a key; the message names all such contours.
+    split: phase of key 2, in cycles. All cycles and both halves count. A frame's weight falls
+    linearly to 0 at one frame's step of phase from the key. Where frames are missing, the distance
+    at which it is 0 doubles, up to WIDEST cycles. FinloopError if a contour is missing in every
+    frame near a key; the message names all such contours.
     """
-    phase, here = film.phase, film.contours
-    there = film.contours_half_cycle_later(here)
-    step = float(np.median(np.diff(phase)))
+    later = film.contours_half_cycle_later(film.contours)
+    step = float(np.median(np.diff(film.phase)))
     keys: list[dict[str, Points]] = []
-    lacking = []
+    missing = []
     for number, key_phase in enumerate((0.0, split), start=1):
-        halves = np.round((phase - key_phase) / 0.5)
-        apart = np.abs(phase - key_phase - 0.5 * halves)
+        half_cycles = np.round((film.phase - key_phase) / 0.5)
+        in_first_half = (half_cycles % 2 == 0)[:, None, None]
+        distance = np.abs(film.phase - key_phase - 0.5 * half_cycles)
         key = dict[str, Points]()
-        for name, points in here.items():
-            nearby = np.where((halves % 2 == 0)[:, None, None], points, there[name])
-            present = np.isfinite(nearby).all(axis=(1, 2))
+        for name, points in film.contours.items():
+            poses = np.where(in_first_half, points, later[name])
+            shown = np.isfinite(poses).all(axis=(1, 2))
             width = step
-            while not (weight := np.clip(1 - apart / width, 0, None) * present).any():
-                if width >= WIDEST:
-                    lacking.append(f"{name!r} near key {number}")
-                    break
+            weight = np.clip(1 - distance / width, 0, None) * shown
+            while not weight.any() and width < WIDEST:
                 width = min(2 * width, WIDEST)
+                weight = np.clip(1 - distance / width, 0, None) * shown
+            if weight.any():
+                key[name] = np.tensordot(weight[shown] / weight.sum(), poses[shown], axes=1)
             else:
-                key[name] = np.tensordot(weight[present] / weight.sum(), nearby[present], 1)
+                missing.append(f"{name!r} near key {number}")
         keys.append(key)
-    if lacking:
+    if missing:
         raise FinloopError(
-            f"no frame shows {', '.join(lacking)}",
+            f"no frame shows {', '.join(missing)}",
             f"each contour in a frame within {WIDEST:g} of a cycle of both keys",
             "use more cycles, or omit the contours that the film does not show",
         )
@@ -186,22 +189,22 @@ def sort_into_subcycles(
 ) -> dict[str, list[SubcycleFrames]]:
     """Sort a film's frames into subcycles, between key frames: by contour id, those in A and in B.
 
-    By symmetry they include the frames of C and D. split: phase of key 2, in cycles; wavelet: of
-    the descriptor; coarse: coefficients of its coarsest scale.
+    Frames of C and D count as frames of A and B of the symmetric pose. split: phase of key 2, in
+    cycles; wavelet: of the descriptor; coarse: coefficients of its coarsest scale.
     """
     later = film.contours_half_cycle_later(film.contours)
-    second = np.mod(film.phase, 1.0) >= 0.5
-    which, tau = locate_in_subcycle(np.mod(film.phase, 0.5), split)
-    out = dict[str, list[SubcycleFrames]]()
+    in_second_half = (np.mod(film.phase, 1.0) >= 0.5)[:, None, None]
+    subcycle, tau = locate_in_subcycle(np.mod(film.phase, 0.5), split)
+    frames_by_contour = dict[str, list[SubcycleFrames]]()
     for name, points in film.contours.items():
-        points = np.where(second[:, None, None], later[name], points)
-        present = np.isfinite(points).all(axis=(1, 2))
-        out[name] = []
-        for sub in range(2):
-            frame = np.flatnonzero(present & (which == sub))
-            coefficients = wavelet_descriptor(points[frame], wavelet, coarse)
-            out[name].append(SubcycleFrames(tau[frame], coefficients, frame))
-    return out
+        poses = np.where(in_second_half, later[name], points)
+        shown = np.isfinite(poses).all(axis=(1, 2))
+        frames_by_contour[name] = []
+        for number in range(2):
+            frame = np.flatnonzero(shown & (subcycle == number))
+            coefficients = wavelet_descriptor(poses[frame], wavelet, coarse)
+            frames_by_contour[name].append(SubcycleFrames(tau[frame], coefficients, frame))
+    return frames_by_contour
 
 
 @dataclass(frozen=True)
@@ -215,26 +218,27 @@ class Subcycle:
     scales: list[slice]  # the slice of each scale in the n coefficients
 
     def gamma_fraction(self, scale: slice = slice(None)) -> tuple[float, float]:
-        """Return the gait parameter γ of some coefficients as numerator and denominator.
+        """Return numerator and denominator of the gait parameter γ that fits some coefficients.
 
-        Fractions of several sets can be summed, see `gamma_from_fractions`. scale: the slice.
+        scale: which coefficients. Numerators and denominators of several sets can be summed, see
+        `gamma_from_fractions`.
         """
         frames = self.samples.coefficients[:, scale].reshape(len(self.samples.tau), -1)
         return gamma_fraction(
             self.samples.tau, frames, self.start[scale].ravel(), self.end[scale].ravel()
         )
 
-    def gammas(self, per_scale: bool, still: float) -> tuple[float, ...]:
+    def fit_gammas(self, per_scale: bool, least_motion: float) -> tuple[float, ...]:
         """Fit the gait parameter γ: return one per scale, coarse to fine, or one for all scales.
 
-        still: γ is 0 where points move less than this (RMS), in the unit of the contours.
+        least_motion: γ is 0 where points move less than this (RMS), in the unit of the contours.
         """
-        out = []
+        gammas = []
         for scale in self.scales if per_scale else [slice(None)]:
             distance = np.linalg.norm(self.start[scale].ravel() - self.end[scale].ravel())
-            moves = distance > still * np.sqrt(len(self.start))
-            out.append(gamma_from_fractions([self.gamma_fraction(scale)]) if moves else 0.0)
-        return tuple(out)
+            moves = distance > least_motion * np.sqrt(len(self.start))
+            gammas.append(gamma_from_fractions([self.gamma_fraction(scale)]) if moves else 0.0)
+        return tuple(gammas)
 
     def predict(self, tau: Points, gamma: Points) -> Points:
         """Predict wavelet coefficients (s, n, 2) at tau (s,), shares 0-1 of the subcycle.
@@ -247,52 +251,53 @@ class Subcycle:
 def build_subcycles(
     keys: KeyFrames, samples: Mapping[str, list[SubcycleFrames]], wavelet: str, coarse: int
 ) -> dict[tuple[str, int], Subcycle]:
-    """Return, by contour id and number (0: A, 1: B), what lies between two key frames.
+    """Return the subcycles A and B of each contour, by contour id and number (0 for A, 1 for B).
 
-    samples: by contour id, the film's frames in A and those in B; wavelet, coarse as in
-    `sort_into_subcycles`.
+    samples: by contour id, the film's frames in A and those in B; wavelet: of the descriptor;
+    coarse: coefficients of its coarsest scale.
     """
-    out = {}
-    ends = keys.first, keys.second, keys.first_later
-    for name, pair in samples.items():
-        for sub, frames in enumerate(pair):
-            start, end = (
-                wavelet_descriptor(key[name], wavelet, coarse) for key in ends[sub : sub + 2]
-            )
-            out[name, sub] = Subcycle(frames, start, end, descriptor_slices(len(start), coarse))
-    return out
+    subcycles = {}
+    for name, (frames_a, frames_b) in samples.items():
+        key_1, key_2, key_1_later = (
+            wavelet_descriptor(key[name], wavelet, coarse)
+            for key in (keys.first, keys.second, keys.first_later)
+        )
+        scales = descriptor_slices(len(key_1), coarse)
+        subcycles[name, 0] = Subcycle(frames_a, start=key_1, end=key_2, scales=scales)
+        subcycles[name, 1] = Subcycle(frames_b, start=key_2, end=key_1_later, scales=scales)
+    return subcycles
 
 
 def fit_all_gammas(
-    subcycles: Mapping[tuple[str, int], Subcycle], per_scale: bool, still: float
+    subcycles: Mapping[tuple[str, int], Subcycle], per_scale: bool, least_motion: float
 ) -> Gammas:
     """Fit gait parameters γ: return by id, then by "A" and "B", one per scale or one for all.
 
-    still: γ is 0 where points move less than this (RMS), in the unit of the contours.
+    least_motion: γ is 0 where points move less than this (RMS), in the unit of the contours.
     """
-    out: Gammas = {}
-    for (name, sub), contour_subcycle in subcycles.items():
-        out.setdefault(name, {})["AB"[sub]] = contour_subcycle.gammas(per_scale, still)
-    return out
+    gammas: Gammas = {}
+    for (name, number), subcycle in subcycles.items():
+        gammas.setdefault(name, {})["AB"[number]] = subcycle.fit_gammas(per_scale, least_motion)
+    return gammas
 
 
-def correct_key_frames(
+def fit_key_frames(
     film: GaitContours, split: float, wavelet: str, coarse: int
 ) -> tuple[KeyFrames, dict[tuple[str, int], Subcycle]]:
-    """Interpolate key frames without flattening the curved motion between film frames.
+    """Return a film's key frames, and the subcycles between them by (id, 0 for A or 1 for B).
 
-    Return them and the subcycles between them, by (id, 0 for A or 1 for B). A smooth model of the
-    film, a cubic for each coefficient of each subcycle, shows by how much linear interpolation
-    (`interpolate_key_frames`) is wrong; ROUNDS times that is subtracted. A frame exactly at a key's
-    phase stays that key. split, wavelet, coarse as in `sort_into_subcycles`. FinloopError as in
-    `interpolate_key_frames`, or if a subcycle of a contour has fewer than LEAST frames between its
-    keys.
+    Linear interpolation (`interpolate_key_frames`) flattens the curved motion between film frames.
+    A smooth model of the film, a cubic for each coefficient of each subcycle, shows by how much.
+    This error is subtracted, in ROUNDS rounds. A frame exactly at a key's phase stays that key.
+    split: phase of key 2, in cycles; wavelet, coarse: of the descriptor, and coefficients of its
+    coarsest scale. FinloopError if no frame near a key shows a contour, or fewer than LEAST frames
+    between the keys of a subcycle do.
     """
     samples = sort_into_subcycles(film, split, wavelet, coarse)
     few = [
-        f"{name!r} in {'AB'[sub]}"
+        f"{name!r} in {letter}"
         for name, pair in samples.items()
-        for sub, frames in enumerate(pair)
+        for letter, frames in zip("AB", pair, strict=True)
         if ((frames.tau > 1e-6) & (frames.tau < 1 - 1e-6)).sum() < LEAST
     ]
     if few:
@@ -304,17 +309,13 @@ def correct_key_frames(
     linear = keys = interpolate_key_frames(film, split)
     subcycles = build_subcycles(keys, samples, wavelet, coarse)
     for _ in range(ROUNDS):
-        model = replace(
-            film, contours=_fit_smooth_contours(film, subcycles, split, wavelet, coarse)
-        )
-        short = interpolate_key_frames(model, split)
-        first, second = (
-            {name: key[name] + film_key[name] - model_key[name] for name in key}
-            for key, film_key, model_key in (
-                (keys.first, linear.first, short.first),
-                (keys.second, linear.second, short.second),
-            )
-        )
+        smooth = _fit_smooth_contours(film, subcycles, split, wavelet, coarse)
+        # The key frames are exact in the model, so its interpolation differs by the error alone.
+        flattened = interpolate_key_frames(replace(film, contours=smooth), split)
+        first, second = dict[str, Points](), dict[str, Points]()
+        for name in keys.first:
+            first[name] = keys.first[name] + linear.first[name] - flattened.first[name]
+            second[name] = keys.second[name] + linear.second[name] - flattened.second[name]
         keys = KeyFrames(first, second, film.contours_half_cycle_later(first))
         subcycles = build_subcycles(keys, samples, wavelet, coarse)
     return keys, subcycles
@@ -329,34 +330,35 @@ def _fit_smooth_contours(
 ) -> dict[str, Points]:
     """Return the film's contours smoothed in time, each coefficient a cubic between the key frames.
 
-    NaN stays NaN. split, wavelet, coarse as in `sort_into_subcycles`.
+    The cubics go through the key frames. NaN stays NaN. split: phase of key 2, in cycles; wavelet,
+    coarse: of the descriptor, and coefficients of its coarsest scale.
     """
-    which, tau = locate_in_subcycle(np.mod(film.phase, 0.5), split)
-    out = dict[str, Points]()
+    linear = np.zeros(1)  # γ: evenly from key to key
+    subcycle, tau = locate_in_subcycle(np.mod(film.phase, 0.5), split)
+    first_half = dict[str, Points]()
     for name, points in film.contours.items():
-        out[name] = np.empty_like(points)
-        for sub in range(2):
-            model, film_tau = subcycles[name, sub], tau[which == sub]
-            sample_tau = model.samples.tau
-            rest = model.samples.coefficients - model.predict(sample_tau, np.zeros(1))
-            size = np.linalg.lstsq(
-                _two_cubics(sample_tau), rest.reshape(len(rest), -1), rcond=None
-            )[0]
-            bend = (_two_cubics(film_tau) @ size).reshape(-1, *model.end.shape)
-            coefficients = model.predict(film_tau, np.zeros(1)) + bend
-            out[name][which == sub] = contour_from_descriptor(
+        first_half[name] = np.empty_like(points)
+        for number in range(2):
+            frames, model = subcycle == number, subcycles[name, number]
+            samples = model.samples
+            deviation = samples.coefficients - model.predict(samples.tau, linear)
+            flat = deviation.reshape(len(deviation), -1)
+            factors = np.linalg.lstsq(_evaluate_two_cubics(samples.tau), flat, rcond=None)[0]
+            bend = (_evaluate_two_cubics(tau[frames]) @ factors).reshape(-1, *model.end.shape)
+            coefficients = model.predict(tau[frames], linear) + bend
+            first_half[name][frames] = contour_from_descriptor(
                 coefficients, points.shape[1], wavelet, coarse
             )
-    later, second = film.contours_half_cycle_later(out), np.mod(film.phase, 1.0) >= 0.5
-    return {
-        name: np.where(
-            np.isfinite(points), np.where(second[:, None, None], later[name], out[name]), np.nan
-        )
-        for name, points in film.contours.items()
-    }
+    later = film.contours_half_cycle_later(first_half)
+    in_second_half = (np.mod(film.phase, 1.0) >= 0.5)[:, None, None]
+    smooth = dict[str, Points]()
+    for name, points in film.contours.items():
+        poses = np.where(in_second_half, later[name], first_half[name])
+        smooth[name] = np.where(np.isfinite(points), poses, np.nan)
+    return smooth
 
 
-def _two_cubics(tau: Points) -> Points:
+def _evaluate_two_cubics(tau: Points) -> Points:
     """Evaluate two cubics that are 0 at τ = 0 and 1: return their values (s, 2) at tau (s,)."""
     bow = tau * (1 - tau)
     return np.column_stack([bow, bow * (1 - 2 * tau)])
@@ -377,17 +379,17 @@ def fit_gait(
     name: of the gait; split: phase of key 2, in cycles; wavelet: of the descriptor; coarse:
     coefficients of its coarsest scale; per_scale: fit one γ for each scale instead of one for all.
     The caller fills in the gait's `source`, `confidence` and `residuals`. The γ of POOLED belongs
-    to all contours together. FinloopError as in `check_phases` and `correct_key_frames`.
+    to all contours together. FinloopError if the film shows less than half a cycle, its phase does
+    not rise, or it shows a contour in too few frames.
     """
     check_phases(film)
-    keys, subcycles = correct_key_frames(film, split, wavelet, coarse)
-    still = LEAST_MOTION * film.body_length
-    gamma = fit_all_gammas(subcycles, per_scale, still)
-    for sub, letter in enumerate("AB"):
-        fractions = [
-            model.gamma_fraction() for (_, which), model in subcycles.items() if which == sub
-        ]
-        gamma.setdefault(POOLED, {})[letter] = (gamma_from_fractions(fractions),)
+    keys, subcycles = fit_key_frames(film, split, wavelet, coarse)
+    gamma = fit_all_gammas(subcycles, per_scale, LEAST_MOTION * film.body_length)
+    gamma[POOLED] = {}
+    for number, letter in enumerate("AB"):
+        models = [subcycles[name, number] for name in film.contours]
+        fractions = [model.gamma_fraction() for model in models]
+        gamma[POOLED][letter] = (gamma_from_fractions(fractions),)
     gait = Gait(
         name=name,
         symmetry=film.symmetry,
@@ -407,18 +409,19 @@ def fit_gait(
 def _ground_contact_phases(
     film: GaitContours, keys: KeyFrames, gait: Gait
 ) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Return when each foot is on the ground: spans of phase by id, as in `Gait.support`.
+    """Return when each foot is on the ground: by id, one span (from, to) of phase, in cycles.
 
     A foot is down from its foremost to its hindmost place; the animal heads for screen right. A
     foot is the lowest point of a contour that has "left" or "right" in its id.
     """
     frames = 240
-    out = dict[str, tuple[tuple[float, float], ...]]()
+    spans = dict[str, tuple[tuple[float, float], ...]]()
     layout = HalfCycleLayout(offsets=film.offsets)
     for name, points in contours_of_cycle(keys.first, keys.second, gait, frames, layout).items():
-        if any(side in name for side in ("left", "right")):
-            x = points[:, int(points[..., 1].mean(axis=0).argmax()), 0]
-            start = int(x.argmax()) / frames
-            stop = int(x.argmin()) / frames
-            out[name] = ((start, stop if stop > start else stop + 1.0),)
-    return out
+        if "left" in name or "right" in name:
+            lowest = int(points[..., 1].mean(axis=0).argmax())
+            foot_x = points[:, lowest, 0]
+            start = int(foot_x.argmax()) / frames
+            stop = int(foot_x.argmin()) / frames
+            spans[name] = ((start, stop if stop > start else stop + 1.0),)
+    return spans

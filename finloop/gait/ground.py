@@ -44,11 +44,16 @@ def support_frames(spans: tuple[tuple[float, float], ...], frames: int) -> list[
     """Return the numbers of the frames in which a foot is on the ground, for each span of phase.
 
     spans: (from, to) in cycles, both ends included; frames: number of frames of a cycle. A returned
-    number may exceed it.
+    number may exceed it. A span in which no frame lies gives no entry.
     """
-    room = 1e-9
-    ends = [(np.ceil((a - room) * frames), np.floor((b + room) * frames)) for a, b in spans]
-    return [np.arange(int(a), int(b) + 1) for a, b in ends if b >= a]
+    rounding = 1e-9
+    runs = []
+    for start, end in spans:
+        first = int(np.ceil((start - rounding) * frames))
+        last = int(np.floor((end + rounding) * frames))
+        if last >= first:
+            runs.append(np.arange(first, last + 1))
+    return runs
 
 
 def measure_ground(limbs: Mapping[str, Points], support: Support) -> Ground:
@@ -75,29 +80,39 @@ def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Point
 
 
 def foot_displacement(limb: Points) -> Points:
-    """Return how far the foot of a limb (frames, n, 2) has moved in x since the first frame."""
-    return np.concatenate([[0.0], np.cumsum([_foot_shift(*pair) for pair in pairwise(limb)])])
+    """Return how far the foot of a limb (frames, n, 2) has moved in x since frame 0: (frames,)."""
+    steps = [_foot_shift(contour, next_contour) for contour, next_contour in pairwise(limb)]
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _foot_shift(contour: Points, next_contour: Points) -> float:
-    """Return how far a foot moves in x, where it is on the ground, between two contours (n, 2)."""
+    """Return how far a foot moves in x, where it is on the ground, between two contours (n, 2).
+
+    A rigid motion (x, y, turn about the place of contact) is fitted to the points' motion across
+    the contour; along it they slide without the foot.
+    """
     middle = (contour + next_contour) / 2
     along = np.roll(middle, -1, axis=0) - np.roll(middle, 1, axis=0)
-    across = along[:, ::-1] * [1, -1]  # length: the point's piece of contour
+    across = along[:, ::-1] * [
+        1,
+        -1,
+    ]  # its length, the point's piece of contour, is a weight
     y = middle[:, 1]
     foot = y >= y.max() - PAW * np.ptp(y)
-    touch = middle[y >= y.max() - SOLE * np.ptp(y)].mean(axis=0)
-    arm = middle - touch
+    contact = middle[y >= y.max() - SOLE * np.ptp(y)].mean(axis=0)
+    arm = middle - contact
     turn = arm[:, 0] * across[:, 1] - arm[:, 1] * across[:, 0]
     motion = np.column_stack([across, turn])[foot]
     displacement = ((next_contour - contour) * across).sum(axis=1)[foot]
-    return float(np.linalg.lstsq(motion, displacement, rcond=None)[0][0])
+    x, _, _ = np.linalg.lstsq(motion, displacement, rcond=None)[0]
+    return float(x)
 
 
 def _foot_paths(limbs: Mapping[str, Points], support: Support) -> Paths:
     """Return, for each foot and each time on the ground, its frames and its displacement in them.
 
-    They are listed by id. limbs, support as in `measure_ground`.
+    The result is by id, without limbs that are never on the ground. limbs: contours (frames, n, 2)
+    of one cycle by id; support: spans of phase on the ground by id.
     """
     paths: Paths = {}
     for name, stack in limbs.items():
@@ -107,16 +122,19 @@ def _foot_paths(limbs: Mapping[str, Points], support: Support) -> Paths:
 
 
 def _fit_ground(paths: Paths) -> Ground:
-    """Return the ground speed that fits all foot paths best, and how far each foot slides."""
-    runs = [
-        (run - run.mean(), displacement - displacement.mean())
-        for supports in paths.values()
-        for run, displacement in supports
-    ]
-    spread = sum(float(run @ run) for run, _ in runs)
-    speed = sum(float(run @ displacement) for run, displacement in runs) / spread if spread else 0.0
+    """Return the ground speed that fits all foot paths best, and how far each foot slides.
+
+    The speed is the common slope of straight lines through the paths (least squares); 0 without.
+    """
+    time_squares, products = [], []
+    for supports in paths.values():
+        for frames, displacement in supports:
+            time = frames - frames.mean()
+            time_squares.append(float(time @ time))
+            products.append(float(time @ (displacement - displacement.mean())))
+    speed = sum(products) / sum(time_squares) if any(time_squares) else 0.0
     slide = {
-        name: max(float(np.ptp(displacement - speed * run)) for run, displacement in supports)
+        name: max(float(np.ptp(displacement - speed * frames)) for frames, displacement in supports)
         for name, supports in paths.items()
     }
     return Ground(speed, slide)
@@ -128,7 +146,8 @@ def _shear_limb(
     """Return a limb's contours (frames, n, 2), sheared so that its foot moves with the ground.
 
     name: of the limb, for messages; foot_paths: the frames of each span on the ground and the
-    foot's displacement in them; speed: of the ground, drawing units a frame.
+    foot's displacement in them; speed: of the ground, drawing units a frame. FinloopError if the
+    limb has no height.
     """
     frames = len(contours)
     top, low = contours[..., 1].min(axis=1), contours[..., 1].max(axis=1)
@@ -136,24 +155,27 @@ def _shear_limb(
         raise FinloopError(
             f"the limb {name!r} has no height", "a limb that stands on its foot", "draw it upright"
         )
-    level = float(np.median(low[np.concatenate([run for run, _ in foot_paths]) % frames]))
-    shift = np.full((frames, 2), np.nan)
+    standing = np.concatenate([run for run, _ in foot_paths]) % frames
+    ground_y = float(np.median(low[standing]))
+    foot_shift = np.full((frames, 2), np.nan)
     for run, displacement in foot_paths:
         frame, slid = run % frames, displacement - speed * run
-        shift[frame] = np.stack([slid.mean() - slid, level - low[frame]], axis=1)
-    shift = _fill_shifts(shift)
-    shift[:, 1] = np.minimum(shift[:, 1], level - low)  # never below the ground
+        foot_shift[frame] = np.stack([slid.mean() - slid, ground_y - low[frame]], axis=1)
+    foot_shift = _fill_shifts(foot_shift)
+    foot_shift[:, 1] = np.minimum(foot_shift[:, 1], ground_y - low)  # never below the ground
+    # 0 at the top of the limb, 1 in the whole foot, which keeps its shape
     share = (contours[..., 1] - top[:, None]) / (low - top)[:, None] / (1 - FOOT)
-    return contours + np.minimum(share, 1)[..., None] * shift[:, None]
+    return contours + np.minimum(share, 1)[..., None] * foot_shift[:, None]
 
 
 def _fill_shifts(shift: Points) -> Points:
-    """Interpolate the missing shifts (NaN) of a cycle smoothly: (f, 2)."""
-    frames, present = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
-    out = shift.copy()
-    for start, end in zip(present, np.append(present[1:], present[0] + frames), strict=True):
+    """Replace the missing shifts (NaN) of a repeating cycle (frames, 2) by a smooth transition."""
+    frames, known = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
+    filled = shift.copy()
+    following = np.append(known[1:], known[0] + frames)  # the first one again, a cycle later
+    for start, end in zip(known, following, strict=True):
         between = np.arange(start + 1, end)
-        s = (between - start) / (end - start)
-        s = (s * s * (3 - 2 * s))[:, None]
-        out[between % frames] = (1 - s) * shift[start] + s * shift[end % frames]
-    return out
+        share = (between - start) / (end - start)
+        share = (share * share * (3 - 2 * share))[:, None]
+        filled[between % frames] = (1 - share) * shift[start] + share * shift[end % frames]
+    return filled

@@ -54,9 +54,10 @@ class Limbs:
 def region_contour(mask: Mask, smooth_px: float = SMOOTH_PX) -> Region:
     """Return the outline of the largest part of a mask (h, w): closed, clockwise, in px.
 
-    The result is EMPTY or BORDER where there is no whole region. A Gaussian of SD `smooth_px`
-    smooths the mask, and the contour runs at half height. This removes pixel steps; a corner of
-    radius r shrinks by about smooth_px² / 2r. Pixel centres are whole numbers.
+    Return EMPTY if fewer than LEAST_PX pixels are set, BORDER if the region touches the border of
+    the picture. A Gaussian of SD `smooth_px` smooths the mask, and the contour runs at half height.
+    This removes pixel steps; a corner of radius r shrinks by about smooth_px² / 2r. Pixel centres
+    are whole numbers.
     """
     if int(mask.sum()) < LEAST_PX:
         return EMPTY
@@ -64,22 +65,24 @@ def region_contour(mask: Mask, smooth_px: float = SMOOTH_PX) -> Region:
         return BORDER
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     pad = int(np.ceil(4 * smooth_px)) + 1
-    part = mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].astype(np.float32)
-    part = np.pad(part, pad)
+    window = mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].astype(np.float32)
+    window = np.pad(window, pad)
     if smooth_px > 0:
-        part = cv2.GaussianBlur(part, (0, 0), smooth_px)
-    curves = [
-        Curve(ring[:-1, ::-1].copy(), True) for ring in skimage.measure.find_contours(part, 0.5)
-    ]
-    curves = [curve for curve in curves if len(curve.points) > 3]
+        window = cv2.GaussianBlur(window, (0, 0), smooth_px)
+    curves = []
+    for ring in skimage.measure.find_contours(window, 0.5):  # (row, column), first point repeated
+        curve = Curve(ring[:-1, ::-1].copy(), closed=True)
+        if len(curve.points) > 3:
+            curves.append(curve)
     if not curves:
         return EMPTY
     largest = orient_clockwise(max(curves, key=lambda curve: abs(signed_area(curve))))
-    return Curve(largest.points + np.array([columns[0] - pad, rows[0] - pad]), True)
+    corner = np.array([columns[0] - pad, rows[0] - pad])
+    return Curve(largest.points + corner, closed=True)
 
 
 def check_traced_contour(curve: Curve, width: float, height: float) -> Region:
-    """Return a traced contour; BORDER in its place if it leaves the picture (both in px)."""
+    """Return a traced contour, or BORDER if it leaves a picture of width × height px."""
     inside = (curve.points > 0).all() and (curve.points < [width, height]).all()
     return curve if inside else BORDER
 
@@ -98,7 +101,8 @@ def limb_contours(
     messages. FinloopError if there is no limb, or less than half of the frames show a limb.
     """
     names = list(dict.fromkeys(name for frame in frames for name in frame))
-    if not [name for name in names if name != BODY]:
+    limb_names = [name for name in names if name != BODY]
+    if not limb_names:
         raise FinloopError(
             f"regions of {len(frames)} frames, without a limb",
             "a region for each limb, such as fore_left, fore_right, hind_left and hind_right",
@@ -106,29 +110,26 @@ def limb_contours(
         )
     regions = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
     notes = _check_missing_regions(regions, first)
-    where = [BODY] if BODY in regions else names
-    centres = {
-        name: np.array(
-            [
-                area_centroids(region.points) if isinstance(region, Curve) else (np.nan, np.nan)
-                for region in regions[name]
-            ]
-        )
-        for name in where
-    }
-    course = smooth_track(
-        np.mean([fill_gaps(centres[name]) for name in where], axis=0), smooth_frames
-    )
+    place_names = [BODY] if BODY in regions else names  # their mean is the place of the body
+    places = []
+    for name in place_names:
+        centres = [
+            area_centroids(region.points) if isinstance(region, Curve) else (np.nan, np.nan)
+            for region in regions[name]
+        ]
+        places.append(fill_gaps(np.array(centres)))
+    course = smooth_track(np.mean(places, axis=0), smooth_frames)
     points = dict[str, Floats]()
-    for name in names:
-        if name != BODY and name not in points:
+    for name in limb_names:
+        if name not in points:
             # A limb and its partner together: their points correspond too.
-            pair = dict.fromkeys((name, opposite_limb(name, names)))
-            both = match_contours([region for each in pair for region in regions[each]], n)
-            for each, of in zip(pair, np.split(both, len(pair)), strict=True):
-                points[each] = of - course[:, None]
-    points = {name: points[name] for name in names if name != BODY}
-    return Limbs(points, course, _median_contour_width([regions[name] for name in where]), notes)
+            pair = list(dict.fromkeys((name, opposite_limb(name, names))))
+            contours = match_contours([r for limb in pair for r in regions[limb]], n)
+            for limb, limb_points in zip(pair, np.split(contours, len(pair)), strict=True):
+                points[limb] = limb_points - course[:, None]
+    points = {name: points[name] for name in limb_names}  # in the order of the film
+    length_px = _median_contour_width([regions[name] for name in place_names])
+    return Limbs(points, course, length_px, notes)
 
 
 def match_contours(regions: Sequence[Region], n: int) -> Floats:
@@ -136,33 +137,33 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
 
     Return (frames, n, 2), px; NaN where a frame has no contour. Points lie at equal distances along
     a contour. Each contour starts where, turned and moved, it fits the mean shape best: the
-    greatest |Σ a̅ b| of centred contours a, b as complex numbers, by FFT. The start may lie between
-    two points. Point 0 is the uppermost of the mean shape: the hip or the shoulder.
+    greatest |Σ a̅ b| of centred contours a, b as complex numbers x + iy, by FFT. The start may lie
+    between two points. Point 0 is the uppermost of the mean shape: the hip or the shoulder.
     """
-    curves = [orient_clockwise(region) if isinstance(region, Curve) else None for region in regions]
-    there = [k for k, curve in enumerate(curves) if curve is not None]
-    out = np.full((len(curves), n, 2), np.nan)
-    fine = np.stack(
-        [resample_curve(curve, n * FINE).points @ [1, 1j] for curve in curves if curve is not None]
-    )
-    centred = fine - fine.mean(axis=1, keepdims=True)
+    shown, fine_contours = [], []
+    for frame, region in enumerate(regions):
+        if isinstance(region, Curve):
+            shown.append(frame)
+            fine = resample_curve(orient_clockwise(region), n * FINE)
+            fine_contours.append(fine.points @ [1, 1j])
+    contours = np.stack(fine_contours)
+    centred = contours - contours.mean(axis=1, keepdims=True)
     spectra = np.fft.fft(centred, axis=1)
-    mean = centred[0]
+    mean_shape = centred[0]
     for _ in range(ROUNDS):
-        fits = np.fft.ifft(spectra * np.fft.fft(mean).conj(), axis=1)
+        fits = np.fft.ifft(spectra * np.fft.fft(mean_shape).conj(), axis=1)
         starts = np.abs(fits).argmax(axis=1)
-        aligned = np.stack(
-            [
-                np.roll(shape, -start) * np.exp(-1j * np.angle(fit[start]))
-                for shape, start, fit in zip(centred, starts, fits, strict=True)
-            ]
-        )
-        mean = aligned.mean(axis=0)
-    top = int(mean.imag.argmin())
-    for k, shape, start in zip(there, fine, starts, strict=True):
-        ring = np.roll(shape, -start - top)[::FINE]
-        out[k] = np.column_stack([ring.real, ring.imag])
-    return out
+        aligned = [
+            np.roll(contour, -start) * np.exp(-1j * np.angle(fit[start]))
+            for contour, start, fit in zip(centred, starts, fits, strict=True)
+        ]
+        mean_shape = np.stack(aligned).mean(axis=0)
+    top = int(mean_shape.imag.argmin())
+    numbered = np.full((len(regions), n, 2), np.nan)
+    for frame, contour, start in zip(shown, contours, starts, strict=True):
+        ring = np.roll(contour, -start - top)[::FINE]
+        numbered[frame] = np.column_stack([ring.real, ring.imag])
+    return numbered
 
 
 def smooth_track(track: Floats, window: float | None) -> Floats:
@@ -173,55 +174,68 @@ def smooth_track(track: Floats, window: float | None) -> Floats:
     """
     time = np.arange(len(track), dtype=float)
     if window is None or len(track) < 2 * window:
-        return _fit_line(time, track, time)
+        return _evaluate_fitted_line(time, track, time)
     half = int(np.ceil(window / 2))
     # The share of each frame's time within the window.
     weight = np.clip(window / 2 + 0.5 - np.abs(np.arange(-half, half + 1)), 0, 1)
     means = np.column_stack(
         [np.convolve(values, weight / weight.sum(), "valid") for values in track.T]
     )
-    inner, some = time[half : len(track) - half], round(window)
-    before = _fit_line(inner[:some], means[:some], time[:half])
-    after = _fit_line(inner[-some:], means[-some:], time[len(track) - half :])
+    inner, count = time[half : len(track) - half], round(window)
+    before = _evaluate_fitted_line(inner[:count], means[:count], time[:half])
+    after = _evaluate_fitted_line(inner[-count:], means[-count:], time[len(track) - half :])
     return np.concatenate([before, means, after])
 
 
-def _fit_line(time: Floats, values: Floats, times: Floats) -> Floats:
-    """Fit a straight line to values (m, k) at `time` (m,); return its values at `times`."""
-    basis, there = (np.column_stack([np.ones(len(x)), x]) for x in (time, times))
-    return np.asarray(there @ np.linalg.lstsq(basis, values, rcond=None)[0])
+def _evaluate_fitted_line(time: Floats, values: Floats, wanted_time: Floats) -> Floats:
+    """Fit a straight line to values (m, k) at `time` (m,); return its values at `wanted_time`."""
+    basis, wanted = (np.column_stack([np.ones(len(x)), x]) for x in (time, wanted_time))
+    return np.asarray(wanted @ np.linalg.lstsq(basis, values, rcond=None)[0])
 
 
 def _median_contour_width(regions: Sequence[Sequence[Region]]) -> float:
-    """Return the median width [px] of all limbs together, in the frames that show most limbs."""
-    frames = zip(*regions, strict=True)
-    contours = [[each.points for each in frame if isinstance(each, Curve)] for frame in frames]
-    most = max(len(frame) for frame in contours)
-    return float(np.median([np.ptp(np.concatenate(f)[:, 0]) for f in contours if len(f) == most]))
+    """Return the median width [px] of all limbs together, in the frames that show most limbs.
+
+    regions: for each limb, one region a frame.
+    """
+    contours_by_frame = [
+        [region.points for region in frame if isinstance(region, Curve)]
+        for frame in zip(*regions, strict=True)
+    ]
+    most = max(len(contours) for contours in contours_by_frame)
+    widths = [
+        np.ptp(np.concatenate(contours)[:, 0])
+        for contours in contours_by_frame
+        if len(contours) == most
+    ]
+    return float(np.median(widths))
 
 
 def _check_missing_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:
     """Return notes on frames that lack a limb; FinloopError if too many frames lack it.
 
-    regions: by id, one for each frame; first: number of the first frame.
+    regions: by id, one for each frame; first: number of the first frame. Notes are sentences for
+    the user, on regions, too, that are much smaller than usual.
     """
     notes, wrong, hints = [], [], []
-    often = {
+    usual_names = {
         name
         for name, frames in regions.items()
         if sum(isinstance(region, Curve) for region in frames) >= LEAST_SHARE * len(frames)
     }
     for name, frames in regions.items():
-        lacking = {
-            why: [
-                k for k, each in enumerate(frames, first) if isinstance(each, str) and each == why
+        gaps = []
+        for why in (MISSING, EMPTY, BORDER):
+            numbers = [
+                number
+                for number, region in enumerate(frames, first)
+                if isinstance(region, str) and region == why
             ]
-            for why in (MISSING, EMPTY, BORDER)
-        }
-        gaps = [f"{_format_frame_numbers(which)}: {why}" for why, which in lacking.items() if which]
-        if name not in often:
+            if numbers:
+                gaps.append(f"{_format_frame_numbers(numbers)}: {why}")
+        if name not in usual_names:
             wrong.append(f"{name!r} in frames {'; '.join(gaps)}")
-            hints += difflib.get_close_matches(name, sorted(often), 1, 0.8)
+            hints += difflib.get_close_matches(name, sorted(usual_names), n=1, cutoff=0.8)
             continue
         if name != BODY and "left" not in name and "right" not in name:
             notes.append(
@@ -230,13 +244,13 @@ def _check_missing_regions(regions: Mapping[str, Sequence[Region]], first: int) 
             )
         if gaps:
             notes.append(f"{name} is left out of frames {'; '.join(gaps)}")
-        size = np.array(
+        area = np.abs(
             [signed_area(region) if isinstance(region, Curve) else np.nan for region in frames]
         )
-        if small := np.flatnonzero(np.abs(size) < HIDDEN * np.nanmedian(np.abs(size))).tolist():
-            which = _format_frame_numbers([first + k for k in small])
+        if small := np.flatnonzero(area < HIDDEN * np.nanmedian(area)).tolist():
+            numbers = [first + frame for frame in small]
             notes.append(
-                f"{name} is smaller than usual in frames {which}:"
+                f"{name} is smaller than usual in frames {_format_frame_numbers(numbers)}:"
                 " if something hides a part of it there, trace it whole or omit it"
             )
     if wrong:
@@ -251,12 +265,8 @@ def _check_missing_regions(regions: Mapping[str, Sequence[Region]], first: int) 
 
 
 def _format_frame_numbers(numbers: Sequence[int]) -> str:
-    """Return frame numbers as text, with a run of them as "3-7"."""
-    cuts = [
-        0,
-        *(i for i in range(1, len(numbers)) if numbers[i] != numbers[i - 1] + 1),
-        len(numbers),
-    ]
-    runs = [(numbers[a], numbers[b - 1]) for a, b in pairwise(cuts)]
-    words = [f"{a}-{b}" if b > a else f"{a}" for a, b in runs[:8]]
+    """Return ascending frame numbers as text, with a run of them as "3-7"; at most 8 runs."""
+    starts = [i for i in range(1, len(numbers)) if numbers[i] != numbers[i - 1] + 1]
+    runs = [(numbers[a], numbers[b - 1]) for a, b in pairwise([0, *starts, len(numbers)])]
+    words = [f"{first}-{last}" if last > first else f"{first}" for first, last in runs[:8]]
     return ", ".join(words) + (f" and {len(runs) - 8} more runs" if len(runs) > 8 else "")

@@ -57,12 +57,16 @@ def _check_power_of_two(count: int) -> int:
 
 
 def _check_spans(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """Return spans of phase (from, to) unchanged; ValueError if one is empty or two overlap."""
+    """Return spans of phase (from, to) unchanged; ValueError if they overlap or one is invalid.
+
+    A span is at most one cycle long, and may end in the next cycle: to ≤ 2.
+    """
     if not all(0 <= start < end <= min(2, start + 1) for start, end in spans):
         raise ValueError("no list of [from, to], 0 ≤ from < to ≤ 2")
-    order = sorted(spans)
-    starts = [start for start, _ in order[1:]] + [start + 1 for start, _ in order[:1]]
-    if any(end > start for (_, end), start in zip(order, starts, strict=True)):
+    ordered = sorted(spans)
+    # After the last span comes the first one again, a cycle later.
+    next_starts = [start for start, _ in ordered[1:]] + [start + 1 for start, _ in ordered[:1]]
+    if any(end > start for (_, end), start in zip(ordered, next_starts, strict=True)):
         raise ValueError("spans that overlap")
     return spans
 
@@ -130,6 +134,7 @@ def _round_floats(content: Any) -> Any:
         return {key: _round_floats(item) for key, item in content.items()}
     if isinstance(content, list | tuple):
         return [_round_floats(item) for item in content]
+    # + 0.0 makes -0.0 to 0.0
     return round(float(content), DECIMALS) + 0.0 if isinstance(content, float) else content
 
 
@@ -137,44 +142,49 @@ def _round_floats(content: Any) -> Any:
 
 
 def key_1_share(tau: Points, gamma: float | Points) -> Points:
-    """Return how much of a subcycle's first key frame is left at tau: f(τ) = 1 − (1 + γ)τ + γτ².
+    """Return the share of a subcycle's first key frame at tau (§4.2): f(τ) = 1 − (1 + γ)τ + γτ².
 
-    tau: shares 0-1 of the subcycle's time (§4.2). f falls from 1 at τ = 0 to 0 at τ = 1; γ = 0 is
-    linear. It is monotone if |γ| ≤ 1: slow at its start for γ = −1, at its end for γ = 1.
+    The second key frame has the rest. tau: shares 0-1 of the subcycle's time. f falls from 1 at
+    τ = 0 to 0 at τ = 1, evenly if γ = 0. It is monotone if |γ| ≤ 1: slow at its start for γ = −1,
+    at its end for γ = 1.
     """
     return 1 - (1 + gamma) * tau + gamma * tau**2
 
 
 def gamma_fraction(tau: Points, frames: Points, start: Points, end: Points) -> tuple[float, float]:
-    """Return a fraction's numerator and denominator: the gait parameter γ that fits frames best.
+    """Return numerator and denominator of the gait parameter γ with which frames fit best.
 
-    tau (s,): shares 0-1 of the subcycle; frames (s, k): coordinates; start, end (k,): coordinates
-    of the key frames at both ends.
+    tau (s,): shares 0-1 of the subcycle's time; frames (s, k): coordinates at tau; start, end (k,):
+    coordinates of the key frames at both ends. Formula: see the top of `gait.model`.
     """
     change = start - end
     bow = tau * (1 - tau)
-    rest = (frames - end) @ change - (1 - tau) * float(change @ change)
-    return -float(bow @ rest), float(bow @ bow) * float(change @ change)
+    off_linear = (frames - end) @ change - (1 - tau) * float(change @ change)
+    return -float(bow @ off_linear), float(bow @ bow) * float(change @ change)
 
 
 def gamma_from_fractions(fractions: Iterable[tuple[float, float]]) -> float:
-    """Return the gait parameter γ that fits several sets of frames, from their `gamma_fraction`.
+    """Return the gait parameter γ that fits several sets of frames together.
 
-    Sets that move more count more. γ is 0 if nothing moves, or no frame lies between the keys.
+    fractions: numerator and denominator of each set, see `gamma_fraction`; both are summed, so
+    sets that move more count more. γ is 0 if nothing moves, or no frame lies between the keys.
     """
-    above, below = np.sum([*fractions], axis=0)
-    return float(above / below) if below > 0 else 0.0
+    numerator, denominator = np.sum([*fractions], axis=0)
+    return float(numerator / denominator) if denominator > 0 else 0.0
 
 
 # --- contours as wavelet descriptors
 
 
 def _count_halvings(n: int, coarse: int, closed: bool) -> int:
-    """Return how many halvings reduce a contour to `coarse` control points.
+    """Return how many halvings reduce a contour to `coarse` control points; 0 if it has fewer.
 
-    n: points of the contour, counted after mirroring if it is open (not closed).
+    n: points of the contour, counted after mirroring if it is open (not closed); then 2 `coarse`
+    are left.
     """
-    return max(0, count_halvings(n) - count_halvings(2 * coarse) + 1 - (0 if closed else 1))
+    # `count_halvings` refuses a single point, so 2 `coarse` are halved once more.
+    halvings = count_halvings(n) - (count_halvings(2 * coarse) - 1)
+    return max(0, halvings if closed else halvings - 1)
 
 
 def wavelet_descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -> Points:
@@ -190,9 +200,10 @@ def wavelet_descriptor(points: Points, wavelet: str, coarse: int, closed: bool =
 def contour_from_descriptor(
     coefficients: Points, n: int, wavelet: str, coarse: int, closed: bool = True
 ) -> Points:
-    """Return contours of n points (…, n, 2) from their wavelet coefficients.
+    """Return contours of n points (…, n, 2) from the coefficients that `wavelet_descriptor` gives.
 
-    This undoes `wavelet_descriptor`, which explains the arguments.
+    coefficients: (…, n, 2), or (…, 2n, 2) of open contours (not closed); coarse: coefficients of
+    the coarsest scale.
     """
     levels = _count_halvings(coefficients.shape[-2], coarse, closed)
     return inverse_transform(coefficients, wavelet, levels)[..., :n, :]
@@ -211,12 +222,13 @@ def gamma_per_coefficient(
 ) -> Points:
     """Spread gait parameters γ, one per wavelet scale, over n coefficients: (n,).
 
-    n, coarse, closed as in `descriptor_slices`. The last γ holds for all finer scales.
+    gamma: from coarse to fine, the last for all finer scales; n: for an open contour (not closed),
+    twice its points; coarse: coefficients of the coarsest scale.
     """
-    out = np.empty(n)
-    for m, scale in enumerate(descriptor_slices(n, coarse, closed)):
-        out[scale] = gamma[min(m, len(gamma) - 1)]
-    return out
+    spread = np.empty(n)
+    for number, scale in enumerate(descriptor_slices(n, coarse, closed)):
+        spread[scale] = gamma[min(number, len(gamma) - 1)]
+    return spread
 
 
 def interpolate_contours(
@@ -228,19 +240,18 @@ def interpolate_contours(
     coarse: int,
     closed: bool = True,
 ) -> Points:
-    """Return contours (f, n, 2) between two key frames (n, 2), at tau (f,), shares 0-1 of the time.
+    """Return the contours (frames, n, 2) between two key frames (n, 2) of a subcycle.
 
-    c(τ) = c_to + f(τ) (c_from − c_to), f as in `key_1_share`. gamma: one γ per scale, coarse to
-    fine, or a single one. A single γ moves every coefficient, and so every point, alike: no
-    transform is needed. wavelet, coarse as in `wavelet_descriptor`.
+    tau (frames,): 0 at `start`, 1 at `end`. A contour is end + f(τ) (start − end), f =
+    `key_1_share`. gamma: one γ per wavelet scale, coarse to fine, or a single one; wavelet: of the
+    descriptor; coarse: coefficients of its coarsest scale; closed: whether the contours are closed.
     """
-    if len(gamma) == 1:
+    if len(gamma) == 1:  # All coefficients, and so all points, move alike: no transform is needed.
         return end + key_1_share(tau, gamma[0])[:, None, None] * (start - end)
-    step = wavelet_descriptor(start - end, wavelet, coarse, closed)
-    weights = key_1_share(tau[:, None], gamma_per_coefficient(gamma, len(step), coarse, closed))
-    return end + contour_from_descriptor(
-        weights[..., None] * step, len(end), wavelet, coarse, closed
-    )
+    difference = wavelet_descriptor(start - end, wavelet, coarse, closed)
+    gammas = gamma_per_coefficient(gamma, len(difference), coarse, closed)
+    shares = key_1_share(tau[:, None], gammas)[..., None]
+    return end + contour_from_descriptor(shares * difference, len(end), wavelet, coarse, closed)
 
 
 def _reduce_control_points(
@@ -248,13 +259,15 @@ def _reduce_control_points(
 ) -> Points:
     """Rebuild contours (…, n, 2) from only `control` control points each (Fig. 14).
 
-    wavelet: of the transform; closed: whether the contours are closed.
+    wavelet: of the transform; closed: whether the contours are closed. FinloopError if `control` is
+    no power of two, or exceeds the number of points.
     """
     if control < 1 or control & (control - 1):
         raise FinloopError(
             f"{control} control points", "a power of two", "set 4, 16 or 64 control points"
         )
-    level = count_halvings(points.shape[-2]) - count_halvings(2 * control) + 1
+    # `count_halvings` refuses a single point, so 2 `control` are halved once more.
+    level = count_halvings(points.shape[-2]) - (count_halvings(2 * control) - 1)
     if level < 0:
         raise FinloopError(
             f"{control} control points for contours of {points.shape[-2]} points",
@@ -311,26 +324,22 @@ def four_key_frames(
     """Return key frames 1, 2, 1', 2' (Fig. 9) from 1 and 2: contours (n, 2) by id.
 
     Point i of an id corresponds to point i in the other key, and, if the symmetry is "swap", to
-    point i of its partner. FinloopError, with all problems, if ids or numbers of points differ
-    between the keys or between partners.
+    point i of its left-right partner. layout: where the second half of the cycle is placed.
+    FinloopError, with all problems, if ids or numbers of points differ between the keys or between
+    partners.
     """
-    wrong = [
-        f"{name!r} only in key {which}"
-        for which, here, there in ((1, key1, key2), (2, key2, key1))
-        for name in here
-        if name not in there
-    ]
+    problems = [f"{name!r} only in key 1" for name in key1 if name not in key2]
+    problems += [f"{name!r} only in key 2" for name in key2 if name not in key1]
     for name in key1:
-        if name in key2 and len(key1[name]) != len(key2[name]):
-            wrong.append(f"{name!r} has {len(key1[name])} points in key 1, {len(key2[name])} in 2")
+        count = len(key1[name])
+        if name in key2 and count != len(key2[name]):
+            problems.append(f"{name!r} has {count} points in key 1, {len(key2[name])} in 2")
         twin = opposite_limb(name, key1)
-        if name < twin and len(key1[name]) != len(key1[twin]):
-            wrong.append(
-                f"{name!r} has {len(key1[name])} points, its partner {twin!r} {len(key1[twin])}"
-            )
-    if wrong or not key1:
+        if name < twin and count != len(key1[twin]):
+            problems.append(f"{name!r} has {count} points, its partner {twin!r} {len(key1[twin])}")
+    if problems or not key1:
         raise FinloopError(
-            f"the keys do not match: {'; '.join(wrong[:6]) or 'no contours'}",
+            f"the keys do not match: {'; '.join(problems[:6]) or 'no contours'}",
             "the same ids and numbers of points in both keys and in left and right",
             "give the contours of a pair the same id and resample them alike",
         )
@@ -344,38 +353,40 @@ def contours_half_cycle_later(
 ) -> dict[str, Points]:
     """Return the contours (…, n, 2), by id, that an animal has half a cycle later, by symmetry.
 
-    Two calls give the first contours again. FinloopError if the symmetry is none of SYMMETRIES, or
-    if the layout does not undo itself.
+    Left and right exchange their contours, which "mirror" reflects as well. layout: where the
+    result is placed. Two calls give the first contours again: FinloopError if the layout prevents
+    that, or the symmetry is none of SYMMETRIES.
     """
     if symmetry not in SYMMETRIES:
         raise FinloopError(
             f"the symmetry {symmetry!r}", f"one of {', '.join(SYMMETRIES)}", "choose one of these"
         )
     orders, offsets = layout.orders or {}, layout.offsets or {}
-    out = dict[str, Points]()
+    later = dict[str, Points]()
     for name in contours:
         twin = opposite_limb(name, contours)
         if symmetry == "mirror":
             order = orders.get(name, reversed_order(contours[twin].shape[-2]))
-            identity = np.array_equal(order[orders.get(twin, order)], np.arange(len(order)))
-            out[name] = mirror_contours(contours[twin], layout.middle, order)
+            undone = np.array_equal(order[orders.get(twin, order)], np.arange(len(order)))
+            later[name] = mirror_contours(contours[twin], layout.middle, order)
         else:
             offset = offsets.get(name, np.zeros(2))
-            identity = np.allclose(offset, -np.asarray(offsets.get(twin, -offset)))
-            out[name] = contours[twin] + offset
-        if not identity:
+            undone = np.allclose(offset, -np.asarray(offsets.get(twin, -offset)))
+            later[name] = contours[twin] + offset
+        if not undone:
             raise FinloopError(
                 f"two half cycles later the contour {name!r} is not what it was",
                 "orders of points that undo each other, and offsets that add up to 0",
                 f"correct the orders or offsets of {name!r} and {twin!r} in the Layout",
             )
-    return out
+    return later
 
 
 def locate_in_subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
     """Return in which subcycle (0…3 for A…D) each phase lies, and at which share of it, 0-1.
 
-    phase: in cycles, an array of any shape, which both results share; split: phase of key 2.
+    phase: in cycles, an array of any shape, which both results have too; split: phase of key 2,
+    where A ends. FinloopError unless it is between 0 and 0.5.
     """
     if not 0 < split < 0.5:
         raise FinloopError(
@@ -385,8 +396,8 @@ def locate_in_subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
         )
     ends = np.array([0.0, split, 0.5, 0.5 + split, 1.0])
     phase = np.mod(phase, 1.0)
-    which = np.searchsorted(ends[1:-1], phase, side="right")
-    return which, (phase - ends[which]) / (ends[which + 1] - ends[which])
+    subcycle = np.searchsorted(ends[1:-1], phase, side="right")
+    return subcycle, (phase - ends[subcycle]) / (ends[subcycle + 1] - ends[subcycle])
 
 
 # --- the cycle
@@ -403,8 +414,9 @@ def contours_of_cycle(
     """Return the contours of a whole gait cycle, (frames, n, 2) by id (Figs. 12–14).
 
     key1, key2: key frames, contours (n, 2) by id. Frame k is at phase k / frames, so the first
-    frame follows the last. options: `closed` and `control` of `contours_at_phases`. FinloopError as
-    there, or if `frames` is below 4.
+    frame follows the last. layout: where the second half of the cycle is placed. options: `closed`
+    and `control` of `contours_at_phases`. FinloopError if the keys do not match, if numbers of
+    points are not powers of two where they must be, or if `frames` is below 4.
     """
     if frames < 4:
         raise FinloopError(
@@ -423,34 +435,32 @@ def contours_at_phases(
     closed: Mapping[str, bool] | None = None,
     control: int | None = None,
 ) -> dict[str, Points]:
-    """Return contours (f, n, 2), by id, at phases (f,) of a gait cycle, in cycles.
+    """Return contours (frames, n, 2), by id, at phases (frames,) of a gait, in cycles.
 
-    key1, key2: key frames, contours (n, 2) by id; closed: by id, True if absent; control: control
-    points of each contour (Fig. 14), a power of two, None = all. FinloopError as in
-    `four_key_frames`, or if γ per scale or control points meet contours whose number of points is
-    no power of two.
+    key1, key2: key frames, contours (n, 2) by id; layout: where the second half of the cycle is
+    placed; closed: by id, True if absent; control: control points of each contour (Fig. 14), a
+    power of two, None = all. FinloopError if the keys do not match, or if γ per scale or control
+    points meet contours whose number of points is no power of two.
     """
     keys = four_key_frames(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)
-    which, tau = locate_in_subcycle(np.mod(phases, 0.5), gait.split)
-    out = dict[str, Points]()
+    subcycle, tau = locate_in_subcycle(np.mod(phases, 0.5), gait.split)
+    first_half = dict[str, Points]()
     for name in key1:
         gammas = gait.gamma.get(name, gait.gamma.get(POOLED, {}))
-        loop = (closed or {}).get(name, True)
-        frames = np.empty((len(which), *keys[0][name].shape))
-        for sub in range(2):
-            start, end = keys[sub][name], keys[sub + 1][name]
-            gamma = gammas.get("AB"[sub], (0.0,))
-            frames[which == sub] = interpolate_contours(
-                start, end, tau[which == sub], gamma, gait.wavelet, gait.coarse, loop
+        is_closed = (closed or {}).get(name, True)
+        poses = np.empty((len(phases), *keys[0][name].shape))
+        for number, letter in enumerate("AB"):
+            frames, gamma = subcycle == number, gammas.get(letter, (0.0,))
+            start, end = keys[number][name], keys[number + 1][name]
+            poses[frames] = interpolate_contours(
+                start, end, tau[frames], gamma, gait.wavelet, gait.coarse, is_closed
             )
         if control is not None:
-            frames = _reduce_control_points(frames, control, gait.wavelet, loop)
-        out[name] = frames
+            poses = _reduce_control_points(poses, control, gait.wavelet, is_closed)
+        first_half[name] = poses
     # C and D are images of A and B, not computed again: reversed numbering changes the descriptor
     # a little.
-    later = contours_half_cycle_later(out, gait.symmetry, layout)
-    return {
-        name: np.where((phases < 0.5)[:, None, None], frames, later[name])
-        for name, frames in out.items()
-    }
+    later = contours_half_cycle_later(first_half, gait.symmetry, layout)
+    in_first_half = (phases < 0.5)[:, None, None]
+    return {name: np.where(in_first_half, poses, later[name]) for name, poses in first_half.items()}

@@ -64,29 +64,31 @@ def swim_contours(
     """Return a fish's contours relative to the body and its tail beat, from consecutive frames.
 
     outline_px (frames, m, 2) in either direction; backbone_px (frames, k, 2) head first; n: points
-    of a contour, even.
+    of a contour, even. If the fish does not swim straight with a steady beat, `period.why` says so,
+    and every contour is aligned by the pose of its own frame.
     """
     points = contours_from_snout(outline_px, backbone_px[:, 0], n)
     length = float(np.median(np.hypot(*np.diff(backbone_px, axis=1).transpose(2, 0, 1)).sum(1)))
     centre, angle = body_centres_and_directions(points, backbone_px)
-    own = move_to_body_frame(points, centre, angle) / length
+    by_pose = move_to_body_frame(points, centre, angle) / length
     # The midline's place, the mean of the two points equally far from the snout: a tail beat moves
     # it; fins that spread on both sides do not.
-    y = own[..., 1]
+    y = by_pose[..., 1]
     sideways = (y + y[:, -np.arange(n)])[:, : n // 2 + 1] / 2
-    beat = find_period(sideways, frame_rate_hz, -tail_sideways_positions(own))
+    beat = find_period(sideways, frame_rate_hz, -tail_sideways_positions(by_pose))
     if not beat.cycles:
-        return TrackContours(own, beat, length)
-    smooth = remove_beat(np.column_stack([centre, angle]), beat.phase)
-    straightened = move_to_body_frame(points, smooth[:, :2], smooth[:, 2]) / length
-    flat = straightened.reshape(len(straightened), -1)
+        return TrackContours(by_pose, beat, length)
+    smooth_body = remove_beat(np.column_stack([centre, angle]), beat.phase)
+    straightened = move_to_body_frame(points, smooth_body[:, :2], smooth_body[:, 2]) / length
+    coordinates = straightened.reshape(len(straightened), -1)
     straight = (
-        contour_asymmetry(remove_beat(flat, beat.phase).reshape(straightened.shape)) <= STRAIGHT
+        contour_asymmetry(remove_beat(coordinates, beat.phase).reshape(straightened.shape))
+        <= STRAIGHT
     )
-    steady = period_from_phase(flat, beat.phase, beat.steady & straight, frame_rate_hz)
+    steady = period_from_phase(coordinates, beat.phase, beat.steady & straight, frame_rate_hz)
     if not steady.cycles:
         why = f"it turns: where it is straight, {steady.why}"
-        return TrackContours(own, replace(steady, why=why), length)
+        return TrackContours(by_pose, replace(steady, why=why), length)
     return TrackContours(
         straightened, set_phase_zero(steady, -tail_sideways_positions(straightened)), length
     )
@@ -100,16 +102,16 @@ def join_steady_frames(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
     reasons.
     """
     points, phase = list[Floats](), list[Floats]()
-    begin = 0.0
+    next_cycle = 0.0
     for swim in swims:
         if swim.period.why:
             continue
-        where = np.flatnonzero(swim.period.steady)
-        for run in np.split(where, np.flatnonzero(np.diff(where) > 1) + 1):
-            own = swim.period.phase[run]
+        steady_rows = np.flatnonzero(swim.period.steady)
+        for run in np.split(steady_rows, np.flatnonzero(np.diff(steady_rows) > 1) + 1):
+            run_phase = swim.period.phase[run]
             points.append(swim.points[run])
-            phase.append(own - np.floor(own[0]) + begin)
-            begin = np.floor(phase[-1][-1]) + 1
+            phase.append(run_phase - np.floor(run_phase[0]) + next_cycle)
+            next_cycle = np.floor(phase[-1][-1]) + 1
     if not points:
         why = Counter(re.sub(r"[\d.]+ cycles", "… cycles", swim.period.why) for swim in swims)
         raise FinloopError(
@@ -129,20 +131,26 @@ def contours_from_snout(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
     snout_px (frames, 2): point 0 is the point of the outline nearest to it. Points lie at equal
     distances along the outline.
     """
-    out = np.empty((len(outline_px), n, 2))
-    for outline, snout, row in zip(outline_px, snout_px, out, strict=True):
-        ring = orient_clockwise(Curve(outline, True)).points
-        ends = np.roll(ring, -1, axis=0)
-        edge = ends - ring
+    contours = np.empty((len(outline_px), n, 2))
+    for outline, snout, row in zip(outline_px, snout_px, contours, strict=True):
+        corners = orient_clockwise(Curve(outline, True)).points
+        next_points = np.roll(corners, -1, axis=0)
+        edge = next_points - corners
         square = np.maximum((edge**2).sum(axis=1), 1e-12)
-        share = np.clip(((snout - ring) * edge).sum(axis=1) / square, 0, 1)
-        near = ring + share[:, None] * edge
-        i = int(((near - snout) ** 2).sum(axis=1).argmin())
-        line = np.concatenate([near[i : i + 1], np.roll(ring, -i - 1, axis=0), near[i : i + 1]])
-        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-        marks = np.arange(n) / n * along[-1]
-        row[:] = np.stack([np.interp(marks, along, line[:, c]) for c in range(2)], axis=1)
-    return out
+        share = np.clip(((snout - corners) * edge).sum(axis=1) / square, 0, 1)
+        projections = corners + share[:, None] * edge
+        start = int(((projections - snout) ** 2).sum(axis=1).argmin())
+        line = np.concatenate(
+            [
+                projections[start : start + 1],
+                np.roll(corners, -start - 1, axis=0),
+                projections[start : start + 1],
+            ]
+        )
+        distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+        marks = np.arange(n) / n * distance[-1]
+        row[:] = np.stack([np.interp(marks, distance, line[:, c]) for c in range(2)], axis=1)
+    return contours
 
 
 def body_centres_and_directions(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
@@ -153,7 +161,8 @@ def body_centres_and_directions(points: Floats, backbone: Floats) -> tuple[Float
     wrapped.
     """
     off = backbone - backbone.mean(axis=1, keepdims=True)
-    xx, yy, xy = (off**2).sum(axis=1).T[0], (off**2).sum(axis=1).T[1], off.prod(axis=2).sum(axis=1)
+    xx, yy = (off**2).sum(axis=1).T
+    xy = off.prod(axis=2).sum(axis=1)
     angle = np.arctan2(2 * xy, xx - yy) / 2
     ahead = backbone[:, 0] - backbone[:, -1]
     away = ahead[:, 0] * np.cos(angle) + ahead[:, 1] * np.sin(angle) < 0
@@ -173,14 +182,18 @@ def move_to_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
 def contour_asymmetry(points: Floats) -> Floats:
     """Return how far contours (frames, n, 2) relative to the body differ from their mirror images.
 
-    It is half the RMS distance of points of the contour and its mirror image, in their unit.
+    The result (frames,) is half the RMS distance between the points of a contour, the first at the
+    snout, and of its image in the axis y = 0, in their unit.
     """
     image = points[:, -np.arange(points.shape[1])] * [1, -1]
     return np.sqrt(((points - image) ** 2).sum(axis=2).mean(axis=1)) / 2
 
 
 def tail_sideways_positions(points: Floats) -> Floats:
-    """Return how far to the right the tail end is, (frames,), from outlines (frames, n, 2)."""
+    """Return how far to the right the tail end is, (frames,), from outlines (frames, n, 2).
+
+    Outlines begin at the snout; the mean counts over TAIL of the points on both sides of the end.
+    """
     n = points.shape[1]
     reach = max(1, round(TAIL * n))
     return points[:, n // 2 - reach : n // 2 + reach + 1, 1].mean(axis=1)

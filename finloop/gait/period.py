@@ -58,7 +58,7 @@ def find_period(
 ) -> Period:
     """Find the frequency and phase of a motion that repeats, from coordinates (frames, k).
 
-    signal: NaN where missing. extreme (frames,): phase 0 is where its fundamental is greatest; by
+    signal: NaN where missing. extreme (frames,): phase 0 is where its main wave is greatest; by
     default the strongest mode, signed so that its largest coordinate is positive. slowest_hz,
     fastest_hz: bounds of the search, limited to one cycle in the film and to 0.4 of the frame rate.
     FinloopError if the signal is not (frames, k), has no complete row, or the rate is not positive.
@@ -76,11 +76,11 @@ def find_period(
         raise FinloopError(
             f"a frame rate of {frame_rate_hz:g} Hz", "a positive number", "pass the film's rate"
         )
-    whole = np.asarray(np.isfinite(signal).all(axis=1))
+    complete_rows = np.asarray(np.isfinite(signal).all(axis=1))
     frames = len(signal)
     if frames < LEAST_FRAMES:
         return _no_period(frames, f"{frames} frames are too few, {LEAST_FRAMES} are needed")
-    modes = _principal_modes(fill_gaps(np.where(whole[:, None], signal, np.nan)))
+    modes = _principal_modes(fill_gaps(np.where(complete_rows[:, None], signal, np.nan)))
     if not modes.size:
         return _no_period(frames, "nothing moves")
     low = max(frame_rate_hz / frames, slowest_hz)
@@ -93,24 +93,26 @@ def find_period(
     count = max(3, int(np.ceil(np.log(high / low) / np.log(_STEP))))
     grid = np.geomspace(low, high, count) / frame_rate_hz  # cycles a frame
     share = np.stack([_fit_sinusoids(modes, frequency)[0] for frequency in grid])
-    path = _best_frequency_path(share, grid)
-    phase = _phase_of_frequency_path(modes, share, path, grid)
-    along = path, np.arange(frames)
-    beat = period_from_phase(modes, phase, (share[along] >= _STEADY) & whole, frame_rate_hz)
-    if not beat.cycles:
-        return replace(beat, why=_explain_missing_period(modes, share[along], beat.why))
+    ridge = _best_frequency_path(share, grid)
+    phase = _phase_of_frequency_path(modes, share, ridge, grid)
+    on_ridge = ridge, np.arange(frames)
+    period = period_from_phase(
+        modes, phase, (share[on_ridge] >= _STEADY) & complete_rows, frame_rate_hz
+    )
+    if not period.cycles:
+        return replace(period, why=_explain_missing_period(modes, share[on_ridge], period.why))
     if extreme is None:
-        complete = signal[whole]
+        complete = signal[complete_rows]
         mode = np.linalg.svd(complete - complete.mean(axis=0), full_matrices=False)[2][0]
         extreme = modes[:, 0] * np.sign(mode[np.abs(mode).argmax()])
-    return set_phase_zero(beat, np.asarray(extreme, float))
+    return set_phase_zero(period, np.asarray(extreme, float))
 
 
 def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:
     """Return the period of a motion (frames, k) whose phase is known, with the confidence in it.
 
     phase (frames,): in cycles. good (frames,): where the motion may be steady; steady frames are
-    its runs of at least one cycle.
+    its runs of at least one cycle. With too few of them there is no period, see `Period.why`.
     """
     steady = _find_steady_runs(good, phase)
     inner = steady[1:] & steady[:-1]
@@ -125,16 +127,16 @@ def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: 
     return Period(float(frequency), phase, steady, confidence, cycles, why)
 
 
-def set_phase_zero(beat: Period, extreme: Floats) -> Period:
+def set_phase_zero(period: Period, extreme: Floats) -> Period:
     """Shift the phase so that it is 0 where the main wave of a signal (frames,) is greatest.
 
-    beat: whose phase is shifted; extreme (frames,): the signal.
+    period: whose phase is shifted; extreme (frames,): the signal.
     """
-    frames = beat.steady & np.isfinite(extreme)
-    terms = _harmonic_terms(beat.phase[frames], 1)
+    frames = period.steady & np.isfinite(extreme)
+    terms = _harmonic_terms(period.phase[frames], 1)
     _, cos, sin = np.linalg.lstsq(terms, extreme[frames], rcond=None)[0]
-    phase = beat.phase - np.arctan2(sin, cos) / (2 * np.pi)
-    return replace(beat, phase=phase - np.floor(phase.min()))
+    phase = period.phase - np.arctan2(sin, cos) / (2 * np.pi)
+    return replace(period, phase=phase - np.floor(phase.min()))
 
 
 def require_periodic(beat: Period, name: str) -> Period:
@@ -174,20 +176,24 @@ def fill_gaps(signal: Floats) -> Floats:
 
 
 def _principal_modes(signal: Floats) -> Floats:
-    """Return the scores (frames, m) of the principal components, strongest first; none if still."""
+    """Return the scores (frames, m) of a signal's principal components, strongest first.
+
+    They hold _VARIANCE of the variance, but are at most _MODES; m is 0 if nothing moves.
+    """
     centred = signal - signal.mean(axis=0)
-    left, size, _ = np.linalg.svd(centred, full_matrices=False)
-    if size[0] <= 1e-12 * max(1.0, np.abs(signal).max()):
+    left, strength, _ = np.linalg.svd(centred, full_matrices=False)
+    if strength[0] <= 1e-12 * max(1.0, np.abs(signal).max()):
         return np.zeros((len(signal), 0))
-    variance = np.cumsum(size**2) / (size**2).sum()
+    variance = np.cumsum(strength**2) / (strength**2).sum()
     keep = min(_MODES, int(np.searchsorted(variance, _VARIANCE)) + 1)
-    return left[:, :keep] * size[:keep]
+    return left[:, :keep] * strength[:keep]
 
 
 def _find_steady_runs(good: Mask, phase: Floats) -> Mask:
     """Return which good frames (frames,) lie in runs of at least one whole cycle.
 
-    good (frames,): candidates; phase (frames,): ascending in a run, in cycles.
+    good (frames,): frames that may be steady; phase (frames,): in cycles. A run ends where
+    the phase does not rise.
     """
     good = good & np.r_[True, np.diff(phase) > 0]
     edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
@@ -234,13 +240,13 @@ def _cross_validated_share(modes: Floats, phase: Floats, steady: Mask) -> float:
     y, moment = modes[steady], phase[steady]
     terms = _harmonic_terms(moment, _HARMONICS)
     cycle = np.floor(moment - moment[0]).astype(int)
-    left = 0.0
+    squared_error = 0.0
     for number in np.unique(cycle):
-        own = cycle == number
-        fit = np.linalg.lstsq(terms[~own], y[~own], rcond=None)[0]
-        left += float(((y[own] - terms[own] @ fit) ** 2).sum())
+        held_out = cycle == number
+        fit = np.linalg.lstsq(terms[~held_out], y[~held_out], rcond=None)[0]
+        squared_error += float(((y[held_out] - terms[held_out] @ fit) ** 2).sum())
     total = float(((y - y.mean(axis=0)) ** 2).sum())
-    return max(0.0, 1 - left / total)
+    return max(0.0, 1 - squared_error / total)
 
 
 def _explain_missing_period(modes: Floats, share: Floats, why: str) -> str:
@@ -301,45 +307,50 @@ def _best_frequency_path(share: Floats, grid: Floats) -> NDArray[np.intp]:
     """
     count, frames = share.shape
     cost = _OCTAVE * np.log2(grid[1] / grid[0]) / grid  # cycles a frame: slow beats move seldom
-    best = share[:, 0].copy()
-    came = np.zeros((frames, count), np.intp)
-    for t in range(1, frames):
+    best_sum = share[:, 0].copy()
+    previous = np.zeros((frames, count), np.intp)
+    for row in range(1, frames):
         options = np.stack(
-            [np.r_[-np.inf, best[:-1] - cost[:-1]], best, np.r_[best[1:] - cost[1:], -np.inf]]
+            [
+                np.r_[-np.inf, best_sum[:-1] - cost[:-1]],
+                best_sum,
+                np.r_[best_sum[1:] - cost[1:], -np.inf],
+            ]
         )
         move = options.argmax(axis=0)
-        came[t] = np.arange(count) + move - 1
-        best = np.take_along_axis(options, move[None], axis=0)[0] + share[:, t]
+        previous[row] = np.arange(count) + move - 1
+        best_sum = np.take_along_axis(options, move[None], axis=0)[0] + share[:, row]
     path = np.empty(frames, np.intp)
-    path[-1] = best.argmax()
-    for t in range(frames - 1, 0, -1):
-        path[t - 1] = came[t, path[t]]
+    path[-1] = best_sum.argmax()
+    for row in range(frames - 1, 0, -1):
+        path[row - 1] = previous[row, path[row]]
     return path
 
 
 def _phase_of_frequency_path(
     modes: Floats, share: Floats, path: NDArray[np.intp], grid: Floats
 ) -> Floats:
-    """Return the phase (frames,) of the beat that all modes (frames, m) share, not wrapped.
+    """Return the phase (frames,) of the beat that all modes (frames, m) share, in cycles, rising.
 
-    It is in cycles. share, grid as in `_best_frequency_path`, which returns `path`. The amplitudes
-    (frames, m), turned from the middle of the window to the frame, are approximated by one pattern
-    of modes times one complex number a frame. A wave runs through the modes in one direction, so
-    the number's angle always rises.
+    share (frequencies, frames): variance that each frequency explains, 0-1; grid: the frequencies,
+    cycles a frame; path (frames,): index of each frame's frequency. The modes' amplitudes, turned
+    from the middle of the window to the frame, are approximated by one pattern of modes times one
+    complex number a frame. A wave runs through the modes in one direction, so the number's angle
+    always rises.
     """
-    # The frequency of the greatest share near the ridge, interpolated.
+    # The frequency of the greatest share near the path, by a parabola through three shares.
     frame = np.arange(len(path))
     middle = np.clip(path, 1, len(grid) - 2)
-    low, here, high = (share[middle + step, frame] for step in (-1, 0, 1))
-    bow = 2 * here - low - high
-    off = np.divide(high - low, 2 * bow, out=np.zeros(len(path)), where=bow > 1e-12)
-    frequency = grid[middle] * (grid[1] / grid[0]) ** np.clip(off, -1, 1)
+    low, frames_there, high = (share[middle + step, frame] for step in (-1, 0, 1))
+    curvature = 2 * frames_there - low - high
+    offset = np.divide(high - low, 2 * curvature, out=np.zeros(len(path)), where=curvature > 1e-12)
+    frequency = grid[middle] * (grid[1] / grid[0]) ** np.clip(offset, -1, 1)
     amplitudes = np.empty(modes.shape, np.complex128)
-    for place in np.unique(path):
-        here = path == place
-        _, amplitude, apart = _fit_sinusoids(modes, grid[place])
-        turn = np.exp(2j * np.pi * frequency[here] * apart[here])
-        amplitudes[here] = amplitude[here] * turn[:, None]
+    for index in np.unique(path):
+        frames_there = path == index
+        _, amplitude, apart = _fit_sinusoids(modes, grid[index])
+        turn = np.exp(2j * np.pi * frequency[frames_there] * apart[frames_there])
+        amplitudes[frames_there] = amplitude[frames_there] * turn[:, None]
     pattern = np.linalg.svd(amplitudes, full_matrices=False)[2][0]
     angle = np.angle(amplitudes @ pattern.conj()) / (2 * np.pi)
     # Unwrapped about the phase that the frequencies predict, so that every step has the right sign.

@@ -67,8 +67,8 @@ def animate_drawing(
 
     key1, key2: key poses with the same ids, each contour closed in both or open in both; the second
     is fitted into the picture of the first. frames: of the cycle, at least 4. points: of every
-    contour, a power of two if γ is per scale, or with `control`, the number of control points of
-    every contour (Fig. 14); None = all. FinloopError if the poses do not match, a limb has no
+    contour, a power of two if γ is per scale or there is a `control`: the number of control points
+    of every contour (Fig. 14), None = all. FinloopError if the poses do not match, a limb has no
     height, or a number is out of range.
     """
     check_sizes("cycle", frames, points, LEAST_FRAMES)
@@ -120,24 +120,23 @@ def add_pooled_gamma(gait: Gait) -> Gait:
 
 
 def _standing_offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
-    """Return by how much (x, y) a limb stands lower than its partner if both stand in key 1.
+    """Return, by id, how much lower (0, y) a limb stands than its partner if both stand in key 1.
 
-    They are listed by id. The far limbs of a drawing often stand higher in the picture: farther up
-    on the ground.
+    key1: contours (n, 2) by id, y down. The far limbs of a drawing often stand higher in the
+    picture: farther up on the ground.
     """
-    down = {
-        name
-        for name in key1
-        if any(
-            0 in run % LEAST_FRAMES
-            for run in support_frames(gait.support.get(name, ()), LEAST_FRAMES)
-        )
-    }
-    return {
-        name: np.array([0, key1[name][:, 1].max() - key1[twin][:, 1].max()])
-        for name in down
-        if (twin := opposite_limb(name, key1)) in down and twin != name
-    }
+    standing = set()
+    for name in key1:
+        runs = support_frames(gait.support.get(name, ()), LEAST_FRAMES)
+        if any(0 in run % LEAST_FRAMES for run in runs):  # frame 0 is key 1
+            standing.add(name)
+    offsets = dict[str, Points]()
+    for name in standing:
+        twin = opposite_limb(name, key1)
+        if twin in standing and twin != name:
+            lower = key1[name][:, 1].max() - key1[twin][:, 1].max()
+            offsets[name] = np.array([0, lower])
+    return offsets
 
 
 def _find_lifted_feet(
@@ -145,20 +144,21 @@ def _find_lifted_feet(
 ) -> tuple[str, ...]:
     """Return the ids of feet that stand in key 2 but are drawn higher than their lifted partners.
 
-    offsets: as `_standing_offsets` returns them.
+    key2: contours (n, 2) by id, y down; offsets: how much lower a limb stands than its partner if
+    both stand. A height counts from LIFT of the partner's height on.
     """
-    down = {
+    standing = {
         name
         for name, spans in gait.support.items()
-        if any(a <= gait.split + turn <= b for a, b in spans for turn in (0, 1))
+        if any(start <= gait.split + cycle <= end for start, end in spans for cycle in (0, 1))
     }
-    out = []
-    for name in down & key2.keys():
-        if (twin := opposite_limb(name, key2)) not in down and twin in gait.support:
-            lower = key2[twin][:, 1].max() - key2[name][:, 1].max()
-            if lower + offsets.get(name, np.zeros(2))[1] > LIFT * np.ptp(key2[twin][:, 1]):
-                out.append(name)
-    return tuple(sorted(out))
+    lifted = []
+    for name in standing & key2.keys():
+        if (twin := opposite_limb(name, key2)) not in standing and twin in gait.support:
+            higher = key2[twin][:, 1].max() - key2[name][:, 1].max()
+            if higher + offsets.get(name, np.zeros(2))[1] > LIFT * np.ptp(key2[twin][:, 1]):
+                lifted.append(name)
+    return tuple(sorted(lifted))
 
 
 def _ground_in_widths(limbs: dict[str, Points], support: Support, width: float) -> Ground | None:
@@ -181,9 +181,9 @@ def match_key_poses(
 ) -> tuple[dict[str, Points], dict[str, Points]]:
     """Resample both key poses so that equal rows are the same place: contours (points, 2) by id.
 
-    If the symmetry is "swap", the rows of left and right limbs correspond too: the first of the
-    pair in drawing order numbers all four contours. FinloopError if a limb is closed and its
-    partner or its other pose open.
+    If the symmetry is "swap", the rows of left and right limbs correspond too: the first limb of
+    the pair in the drawing numbers all four contours. points: of every contour. FinloopError if a
+    limb is closed and its partner or its other pose open.
     """
     first, second = dict[str, Points](), dict[str, Points]()
     for name, curve in key1.curves.items():
@@ -204,7 +204,8 @@ def match_key_poses(
 def renumber_curve(model: Points, curve: Curve) -> Points:
     """Resample a curve to n points (n, 2), numbered so that they match `model` (n, 2) best.
 
-    A closed curve may start between two points: an error of half a step would make feet slide.
+    A closed curve may start between two points (FINE starts are tried a step): an error of half a
+    step would make feet slide. An open curve may be reversed.
     """
     a, n = _centred_complex_points(model), len(model)
     if not curve.closed:
@@ -248,10 +249,12 @@ def mirrored_point_orders(
                 n, int(np.sum([_contour_likeness(z) for z in product], axis=0).argmax())
             )
         else:
-            ways = (np.arange(n), np.arange(n)[::-1])
+            both_orders = (np.arange(n), np.arange(n)[::-1])
             orders[name] = max(
-                ways,
-                key=lambda way: float(sum(_contour_likeness(a @ b[way].conj()) for a, b in pairs)),
+                both_orders,
+                key=lambda indices: float(
+                    sum(_contour_likeness(a @ b[indices].conj()) for a, b in pairs)
+                ),
             )
     return orders
 

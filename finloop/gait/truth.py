@@ -11,16 +11,17 @@ QUADRATURE = 401
 def true_gamma(dog: DogFilm, n: int = 256) -> dict[str, dict[str, float]]:
     """Return the true gait parameters γ of the drawn dog, by limb and subcycle ("A", "B").
 
-    n: points of a contour. It is the least-squares γ of the exact contours. It differs a little
-    from the γ of the foot's clock (`gammas`), as points move on arcs and the body bobs.
+    n: points of a contour. They are least-squares γ of the exact contours, at QUADRATURE moments.
+    They differ a little from γ of the foot's clock, as points move on arcs and the body bobs.
     """
     tau = np.linspace(0, 1, QUADRATURE)
-    out = dict[str, dict[str, float]]()
+    gammas = dict[str, dict[str, float]]()
     for name in NAMES:
-        out[name] = {}
-        for which, label in enumerate("AB"):
-            # The last phase belongs to this quarter: the foot lands in it.
-            phase = (which + np.minimum(tau, 1 - 1e-12)) / 4
-            c = limb_contours_at(dog, name, phase, n).reshape(len(tau), -1)
-            out[name][label] = gamma_from_fractions([gamma_fraction(tau, c, c[0], c[-1])])
-    return out
+        gammas[name] = {}
+        for number, letter in enumerate("AB"):
+            # The last moment, too, belongs to this quarter of the cycle: the foot lands in it.
+            phase = (number + np.minimum(tau, 1 - 1e-12)) / 4
+            contours = limb_contours_at(dog, name, phase, n).reshape(len(tau), -1)
+            fraction = gamma_fraction(tau, contours, contours[0], contours[-1])
+            gammas[name][letter] = gamma_from_fractions([fraction])
+    return gammas

@@ -34,12 +34,14 @@ def count_polygon_folds(stack: Reals, closed: bool = True) -> Ints:
     repeated. FinloopError if a coordinate is not finite, or there are too few vertices.
     """
     stack = _check_polygons(stack, closed)
-    return np.array([count_folds_unchecked(points, closed, False) for points in stack], np.int64)
+    counts = [count_folds_unchecked(points, closed, False) for points in stack]
+    return np.array(counts, np.int64)
 
 
 def is_simple(points: Reals, closed: bool = True) -> bool:
-    """Return whether no two edges of a polygon (n, 2) meet (`count_polygon_folds`)."""
-    return count_folds_unchecked(_check_polygons(points, closed)[0], closed, True) == 0
+    """Return whether a polygon (n, 2) never meets itself, as `count_polygon_folds` counts."""
+    polygon = _check_polygons(points, closed)[0]
+    return count_folds_unchecked(polygon, closed, True) == 0
 
 
 def stays_simple(poses: Reals, closed: bool = True) -> bool:
@@ -92,21 +94,25 @@ def _two_product(a: float, b: float) -> tuple[float, float]:
 
 @kernel
 def _exact_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
-    """Return the sign of (a − c) × (b − c), by adding its six products without rounding."""
-    left = (ax, -ay, bx, -by, cx, -cy)
-    right = (by, bx, cy, cx, ay, ax)
+    """Return the sign of (a − c) × (b − c), by adding its six products without rounding.
+
+    The sum is kept as numbers of ascending size that do not overlap, so the last one that is not 0
+    has its sign (Shewchuk 1997).
+    """
+    factors = (ax, -ay, bx, -by, cx, -cy)
+    other_factors = (by, bx, cy, cx, ay, ax)
     sums = np.zeros(12)
     count = 0
     for k in range(6):
-        high, low = _two_product(left[k], right[k])
+        high, low = _two_product(factors[k], other_factors[k])
         for term in (low, high):
-            q = term
-            for m in range(count):
-                total = q + sums[m]
-                part = total - q
-                sums[m] = (q - (total - part)) + (sums[m] - part)
-                q = total
-            sums[count] = q
+            carry = term
+            for index in range(count):
+                total = carry + sums[index]
+                added = total - carry
+                sums[index] = (carry - (total - added)) + (sums[index] - added)
+                carry = total
+            sums[count] = carry
             count += 1
     for k in range(11, -1, -1):
         if sums[k] > 0:
@@ -191,9 +197,10 @@ def _boxes_overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
 
 @kernel
 def count_folds_unchecked(points: Floats, closed: bool, first_only: bool) -> int:
-    """Count the pairs of edges that meet in one polygon (n, 2), as `count_polygon_folds`.
+    """Count the pairs of edges that meet in one polygon (n, 2), without checking its shape.
 
-    Its shape is not checked. first_only: stop at the first pair, so the result is 0 or more.
+    Neighbours count if they overlap in more than their vertex, an edge of length 0 counts as one
+    more. first_only: stop at the first pair; the result then says only whether there is one.
     """
     n = len(points)
     edges = n if closed else n - 1
@@ -239,7 +246,8 @@ def _stays_apart(before: Floats, after: Floats, v: int, i: int, j: int) -> bool:
 
     before, after (n, 2): the poses; v, i, j: rows. u and w join vertex v to vertices i and j. There
     is no contact while u × w is not 0 or u · w is positive. Both are quadratics in time, given by
-    their Bernstein coefficients.
+    their Bernstein coefficients c0, c1, c2 and d0, d1, d2. Where these do not decide, the time is
+    halved, up to DEPTH times.
     """
     ax, ay = before[i, 0] - before[v, 0], before[i, 1] - before[v, 1]
     bx, by = after[i, 0] - after[v, 0], after[i, 1] - after[v, 1]
@@ -249,28 +257,28 @@ def _stays_apart(before: Floats, after: Floats, v: int, i: int, j: int) -> bool:
     c1 = ((ax * dy - ay * dx) + (bx * cy - by * cx)) / 2
     u = max(abs(ax), abs(ay), abs(bx), abs(by))
     w = max(abs(cx), abs(cy), abs(dx), abs(dy))
-    room = _ROUNDING * u * w
-    if min(c0, c1, c2) > room or max(c0, c1, c2) < -room:
+    margin = _ROUNDING * u * w
+    if min(c0, c1, c2) > margin or max(c0, c1, c2) < -margin:
         return True
     d0, d2 = ax * cx + ay * cy, bx * dx + by * dy
     d1 = ((ax * dx + ay * dy) + (bx * cx + by * cy)) / 2
-    waiting = np.empty((DEPTH + 2, 7))
-    _copy_numbers(waiting[0], (c0, c1, c2, d0, d1, d2, 0.0))
-    left = 1
-    while left:
-        left -= 1
-        c0, c1, c2, d0, d1, d2, depth = waiting[left]
-        if min(c0, c1, c2) > room or max(c0, c1, c2) < -room or min(d0, d1, d2) > room:
+    stack = np.empty((DEPTH + 2, 7))
+    _copy_numbers(stack[0], (c0, c1, c2, d0, d1, d2, 0.0))
+    remaining = 1
+    while remaining:
+        remaining -= 1
+        c0, c1, c2, d0, d1, d2, depth = stack[remaining]
+        if min(c0, c1, c2) > margin or max(c0, c1, c2) < -margin or min(d0, d1, d2) > margin:
             continue
         if depth >= DEPTH:
             return False
         c01, c12, d01, d12 = (c0 + c1) / 2, (c1 + c2) / 2, (d0 + d1) / 2, (d1 + d2) / 2
         c, d = (c01 + c12) / 2, (d01 + d12) / 2
-        if abs(c) <= room and d <= room:
+        if abs(c) <= margin and d <= margin:
             return False
-        _copy_numbers(waiting[left], (c, c12, c2, d, d12, d2, depth + 1))
-        _copy_numbers(waiting[left + 1], (c0, c01, c, d0, d01, d, depth + 1))
-        left += 2
+        _copy_numbers(stack[remaining], (c, c12, c2, d, d12, d2, depth + 1))
+        _copy_numbers(stack[remaining + 1], (c0, c01, c, d0, d01, d, depth + 1))
+        remaining += 2
     return True
 
 
@@ -283,32 +291,33 @@ def _copy_numbers(row, values):  # type: ignore[no-untyped-def]
 
 @kernel
 def stays_simple_unchecked(stack: Floats, closed: bool) -> bool:
-    """Return whether a moving polygon (k, n, 2) stays simple, without checking its shape.
+    """Return whether a polygon that moves straight from pose to pose (k, n, 2) never meets itself.
 
-    This is the test of `stays_simple`; the first pose must be simple.
+    The first pose must be simple; neither this nor the shape is checked. False may mean that two
+    parts come too near each other to decide.
     """
     poses, n = len(stack), stack.shape[1]
     edges = n if closed else n - 1
-    points = np.empty((n, 4))  # bounding boxes of the moving vertices
+    vertex_boxes = np.empty((n, 4))  # of the vertices' ways between two poses
     for k in range(poses - 1):
-        a, b = stack[k], stack[k + 1]
+        before, after = stack[k], stack[k + 1]
         for i in range(n):
             for axis in range(2):
-                points[i, axis] = min(a[i, axis], b[i, axis])
-                points[i, 2 + axis] = max(a[i, axis], b[i, axis])
-        lines = _edge_boxes(points, edges)
-        point_blocks, line_blocks = _merge_boxes(points), _merge_boxes(lines)
-        for block in range(len(point_blocks)):
-            for partner in range(len(line_blocks)):
-                if not _boxes_overlap(point_blocks, block, line_blocks, partner):
+                vertex_boxes[i, axis] = min(before[i, axis], after[i, axis])
+                vertex_boxes[i, 2 + axis] = max(before[i, axis], after[i, axis])
+        edge_boxes = _edge_boxes(vertex_boxes, edges)
+        vertex_blocks, edge_blocks = _merge_boxes(vertex_boxes), _merge_boxes(edge_boxes)
+        for block in range(len(vertex_blocks)):
+            for partner in range(len(edge_blocks)):
+                if not _boxes_overlap(vertex_blocks, block, edge_blocks, partner):
                     continue
                 for v in range(block * BLOCK, min((block + 1) * BLOCK, n)):
-                    if not _boxes_overlap(points, v, line_blocks, partner):
+                    if not _boxes_overlap(vertex_boxes, v, edge_blocks, partner):
                         continue
                     for i in range(partner * BLOCK, min((partner + 1) * BLOCK, edges)):
-                        if v == i or not _boxes_overlap(points, v, lines, i):
+                        if v == i or not _boxes_overlap(vertex_boxes, v, edge_boxes, i):
                             continue
                         j = i + 1 if i + 1 < n else 0
-                        if v != j and not _stays_apart(a, b, v, i, j):
+                        if v != j and not _stays_apart(before, after, v, i, j):
                             return False
     return True

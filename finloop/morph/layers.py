@@ -19,7 +19,7 @@ from finloop.curve.dynamics import Material, Problem, solve_motion
 from finloop.curve.wavelet import close_by_mirroring, control_points, curves_from_control
 from finloop.morph.folds import count_polygon_folds, stays_simple
 from finloop.morph.match import match_curves
-from finloop.morph.simple import simple_morph
+from finloop.morph.simple import morph_without_folds
 
 METHODS = ("linear", "physical", "simple")
 DIGITS = (6, 9, 12)  # significant digits of the larger side: the grid is 1e-5 of it or finer
@@ -76,13 +76,13 @@ def morph_drawings(
     check_pairs(a, b)
     b = fit_drawing(b, a.width, a.height)
     side = max(a.width, a.height)
-    make: dict[str, Callable[[Curve, Curve], Points]] = {
+    morph_pair: dict[str, Callable[[Curve, Curve], Points]] = {
         "linear": lambda a, b: linear_morph(a, b, frames, points, *scales),
         "physical": lambda a, b: physical_morph(a, b, frames, points, *physics),
-        "simple": lambda a, b: simple_morph(a, b, frames, points).frames,
+        "simple": lambda a, b: morph_without_folds(a, b, frames, points).frames,
     }
     layers = {
-        name: _morph_contour(name, curve, b.curves[name], side, make[method])
+        name: _morph_contour(name, curve, b.curves[name], side, morph_pair[method])
         for name, curve in a.curves.items()
     }
     digits = DIGITS if method == "simple" else DIGITS[:1]
@@ -105,21 +105,22 @@ def build_morph(
     frame follows the last.
     """
     closed = {name: curve.closed for name, curve in a.curves.items()}
-    for count in digits:
-        decimals = count - ceil(log10(max(a.width, a.height)))
+    for significant in digits:
+        decimals = significant - ceil(log10(max(a.width, a.height)))
         rounded = {name: np.round(stack, decimals) + 0.0 for name, stack in layers.items()}  # no −0
-        counts = {name: count_polygon_folds(stack, closed[name]) for name, stack in rounded.items()}
-        if not any(count.any() for count in counts.values()):
+        folds = {name: count_polygon_folds(stack, closed[name]) for name, stack in rounded.items()}
+        if not any(count.any() for count in folds.values()):
             break
+    continuous = {}
+    for name, stack in rounded.items():
+        motion = np.r_[stack, stack[:1]] if repeats else stack
+        continuous[name] = stays_simple(motion, closed[name])
     return Morph(
         tau=tau,
         layers=rounded,
         closed=closed,
-        folds=counts,
-        continuous={
-            name: stays_simple(np.r_[stack, stack[:1]] if repeats else stack, closed[name])
-            for name, stack in rounded.items()
-        },
+        folds=folds,
+        continuous=continuous,
         styles=b.styles | a.styles,
         width=a.width,
         height=a.height,
@@ -132,7 +133,8 @@ def _morph_contour(
 ) -> Points:
     """Return the frames (frames, points, 2) of one pair of contours a, b, made by `morph_pair`.
 
-    name: of the contour, for error messages; side: longer side of the picture.
+    name: of the contour, for error messages; side: longer side of the picture. FinloopError if
+    `morph_pair` raises it, or a frame reaches farther than REACH sides.
     """
     try:
         stack = morph_pair(a, b)
@@ -154,8 +156,8 @@ def linear_morph(
 
     A(τ) = (1 − τ) Aˢ + τ Aᵈ, with A the points of both curves. With a level, A are the control
     points for 1/2^level of the points, so the ends are coarse versions of the curves, and `points`
-    is a power of two. FinloopError if one curve is open and the other closed, or, with a level, as
-    in `curve.wavelet.filters_for_transform`.
+    is a power of two. FinloopError if one curve is open and the other closed, or, with a level, the
+    points cannot be halved so often or the wavelet is longer than the curve.
     """
     ends = np.stack(match_curves(a, b, points))
     tau = np.linspace(0, 1, frames)[:, None, None]
@@ -181,17 +183,18 @@ def physical_morph(
     """
     shape, rest = match_curves(a, b, points)
     offset = shape - rest
-    place = offset.mean(axis=0)
-    offset = offset - place if a.closed else close_by_mirroring(offset - place)
-    slowest = np.cos(2 * np.pi * (np.arange(len(offset)) + 0.5) / len(offset))
-    material = Material(mass, elastic, damping / mass if mass > 0 else damping, 0.0)
+    mean_offset = offset.mean(axis=0)
+    bend = offset - mean_offset if a.closed else close_by_mirroring(offset - mean_offset)
+    slowest = np.cos(2 * np.pi * (np.arange(len(bend)) + 0.5) / len(bend))
+    mass_damping = damping / mass if mass > 0 else damping
+    material = Material(density=mass, elastic=elastic, mass_damping=mass_damping)
     times = np.linspace(0, 1, frames)
-    start = np.column_stack([offset, slowest])
-    modes = solve_motion(Problem(np.zeros_like(start), start, material, times)).displacement
-    course = modes[:, 0, 2] / slowest[0]
-    swing = modes[:, :points, :2] + course[:, None, None] * place
+    start = np.column_stack([bend, slowest])  # x, y, and a third coordinate for the mean's motion
+    motion = solve_motion(Problem(np.zeros_like(start), start, material, times)).displacement
+    mean_factor = motion[:, 0, 2] / slowest[0]
+    displacement = motion[:, :points, :2] + mean_factor[:, None, None] * mean_offset
     fade = np.clip((1 - times) / FADE, 0, 1)
-    return rest + (fade**2 * (3 - 2 * fade))[:, None, None] * swing
+    return rest + (fade**2 * (3 - 2 * fade))[:, None, None] * displacement
 
 
 def there_and_back(morph: Morph) -> Morph:
@@ -224,33 +227,30 @@ def check_sizes(what: str, frames: int, points: int, least_frames: int) -> None:
 
     what: the noun for the message, such as "morph"; least_frames: fewest frames allowed.
     """
-    for name, count, least, most, usual in (
+    for came, count, least, most, usual in (
         (f"a {what} of {frames} frames", frames, least_frames, MOST_FRAMES, "24 frames or more"),
         (f"contours of {points} points", points, LEAST_POINTS, MOST_POINTS, "128 points"),
     ):
         if not least <= count <= most:
-            raise FinloopError(name, f"{least} … {most}", f"set {usual}")
+            raise FinloopError(came, f"{least} … {most}", f"set {usual}")
 
 
 def check_pairs(a: Drawing, b: Drawing) -> None:
     """Raise FinloopError, with all problems, if the contours of two drawings form no pairs."""
-    wrong = [
-        f"{', '.join(map(repr, lone[:5]))}{' …' * (len(lone) > 5)} only in the {which}"
-        for which, lone in (
-            ("first", [name for name in a.curves if name not in b.curves]),
-            ("second", [name for name in b.curves if name not in a.curves]),
-        )
-        if lone
-    ]
+    problems = []
+    for which, drawing, other in (("first", a, b), ("second", b, a)):
+        single = [name for name in drawing.curves if name not in other.curves]
+        if single:
+            names = ", ".join(map(repr, single[:5])) + (" …" if len(single) > 5 else "")
+            problems.append(f"{names} only in the {which}")
     kind = {True: "closed", False: "open"}
-    wrong += [
-        f"{name!r} {kind[curve.closed]} in the first, {kind[not curve.closed]} in the second"
-        for name, curve in a.curves.items()
-        if name in b.curves and b.curves[name].closed != curve.closed
-    ]
-    if wrong:
+    for name, curve in a.curves.items():
+        if name in b.curves and b.curves[name].closed != curve.closed:
+            here, there = kind[curve.closed], kind[not curve.closed]
+            problems.append(f"{name!r} {here} in the first, {there} in the second")
+    if problems:
         raise FinloopError(
-            f"the drawings do not match: {'; '.join(wrong)}",
+            f"the drawings do not match: {'; '.join(problems)}",
             "the same ids in both, each contour closed (Z) in both or open in both",
             "give the contours of a pair the same id, and close both or neither",
         )

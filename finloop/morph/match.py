@@ -17,7 +17,8 @@ from finloop.morph.folds import is_simple
 def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
     """Resample two curves to n points at equal distances, (n, 2) each, so that rows correspond.
 
-    The order of a is kept, b is renumbered. FinloopError if one is closed and the other open.
+    The order of a is kept. b is renumbered, and perhaps reversed, so that the points lie nearest to
+    those of a. FinloopError if one is closed and the other open.
     """
     if a.closed != b.closed:
         kinds = ["closed" if curve.closed else "open" for curve in (a, b)]
@@ -29,17 +30,19 @@ def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
     first, second = resample_curve(a, n).points, resample_curve(b, n).points
     if not a.closed:
         centred = first - first.mean(axis=0)
-        return first, min(
-            (second, second[::-1]),
-            key=lambda points: ((centred - points + points.mean(axis=0)) ** 2).sum(),
-        )
+
+        def misfit(points: Floats) -> float:
+            return float(((centred - points + points.mean(axis=0)) ** 2).sum())
+
+        return first, min((second, second[::-1]), key=misfit)
     directions = [second, second[::-1]]
     if is_simple(first) and is_simple(second):  # if they turn opposite ways, the morph folds
         opposite = signed_area(Curve(first, True)) * signed_area(Curve(second, True)) <= 0
         directions = directions[1:] if opposite else directions[:1]
-    fits = [(misfit_by_start(first, points), points) for points in directions]
-    far, points = min(fits, key=lambda fit: fit[0].min())
-    return first, np.roll(points, -int(far.argmin()), axis=0)
+    misfits = [misfit_by_start(first, points) for points in directions]
+    best = int(np.argmin([misfit.min() for misfit in misfits]))
+    start = int(misfits[best].argmin())
+    return first, np.roll(directions[best], -start, axis=0)
 
 
 def misfit_by_start(first: Floats, second: Floats) -> Floats:

@@ -10,14 +10,14 @@ makes no folds. Finally every frame is tested exactly.
 A curve is simplified by one of three methods. Vertex i stays vertex i, between poses the vertices
 move straight, and a step counts only if it is proved free of contact (`morph.folds.stays_simple`).
 
-- `shorten_polygon`, closed: curve shortening, x_t = x_uu / |x_u|², makes every simple closed curve
+- `round_off_polygon`, closed: curve shortening, x_t = x_uu / |x_u|², makes a simple closed curve
   round before it vanishes, and keeps it simple (Gage 1984, Gage and Hamilton 1986, Grayson 1987).
   The tangential part of this form spreads the vertices evenly. Each step restores the area. The
   theorems hold for smooth curves; for polygons each step is checked.
 - `cut_ears`, closed: a polygon of more than three corners has a corner whose triangle with its two
   neighbours is empty (two ears theorem, Meisters 1975). Moved onto the opposite side, it leaves
   one corner less. Every polygon ends as a triangle. This is not pretty, so it only takes over
-  where `shorten_polygon` fails.
+  where `round_off_polygon` fails.
 - `straighten_curve`, open: a part of a simple curve is simple, and so is that part enlarged.
   Shorter and shorter parts about the middle end at a line without bends.
 """
@@ -54,47 +54,49 @@ NUDGE = 0.1  # edges: how far a proof may stray from the straight motion between
 
 
 @dataclass(frozen=True)
-class SimpleMorph:
+class FoldFreeMorph:
     """Frames of a morph that never meet themselves, and whether that is proved between them too."""
 
     frames: Points  # (f, n, 2), the first and last being the ends
-    way: str  # "linear"; "plain" through plainer poses; "joined" through the plain last poses
+    method: str  # "linear"; "plain" through simplified poses; "joined" through the last of them
     # whether a motion from each frame to the next is proved simple at every moment: the straight
     # motion; a motion that strays from it by at most NUDGE of the mean edge length; or, with few
     # frames, the path through the poses. The frames themselves are always tested exactly
     proved: bool
 
 
-def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
-    """Morph curve a into b so that no frame meets itself; return the frames and what is proved.
+def morph_without_folds(a: Curve, b: Curve, frames: int, points: int) -> FoldFreeMorph:
+    """Morph curve a into b so that no frame count itself.
 
-    frames: their number, ends included; points: of every frame. FinloopError if one curve is open
-    and the other closed, or a curve, resampled, meets itself.
+    Return the frames, the method, and whether it is proved that no moment between two frames count
+    itself either. frames: their number, the curves themselves included; points: of every frame.
+    FinloopError if one curve is open and the other closed, if a curve, resampled, count itself, or
+    if its parts are too near each other.
     """
     first, second = match_curves(a, b, points)
     closed = a.closed
-    for name, ends in (("first", first), ("second", second)):
-        meets = count_polygon_folds(ends, closed)[0]
-        if meets:
+    for name, points_of_curve in (("first", first), ("second", second)):
+        count = count_polygon_folds(points_of_curve, closed)[0]
+        if count:
             raise FinloopError(
-                f"the {name} curve, at {points} points, meets itself {meets} times",
+                f"the {name} curve, at {points} points, meets itself {count} times",
                 "a curve that does not meet itself",
                 "correct the drawing, set more points, or use the method linear",
             )
     tau = np.linspace(0, 1, frames)[:, None, None]
-    straight = (1 - tau) * first + tau * second
-    if not count_polygon_folds(straight, closed).any() and _has_simple_motion(straight, closed):
-        return SimpleMorph(straight, "linear", True)
-    poses, way = _find_simple_path(first, second, closed)
-    stack, on_the_way = _frames_along_path(poses, frames, closed)
+    linear = (1 - tau) * first + tau * second
+    if not count_polygon_folds(linear, closed).any() and _has_simple_motion(linear, closed):
+        return FoldFreeMorph(linear, "linear", proved=True)
+    poses, method = _find_simple_path(first, second, closed)
+    stack, on_path = _frames_along_path(poses, frames, closed)
     if count_polygon_folds(stack, closed).any():
         raise FinloopError(
             "a morph with frames too narrow to be distinguished from folded frames",
             "curves with some room between their parts",
             "set fewer points (morph.contour_points), or morph.method=linear",
         )
-    proved = stays_simple(stack, closed) or (on_the_way and stays_simple(poses, closed))
-    return SimpleMorph(stack, way, proved)
+    proved = stays_simple(stack, closed) or (on_path and stays_simple(poses, closed))
+    return FoldFreeMorph(stack, method, proved=proved)
 
 
 def path_lengths(poses: Points) -> Points:
@@ -106,19 +108,22 @@ def path_lengths(poses: Points) -> Points:
 def _find_simple_path(first: Points, second: Points, closed: bool) -> tuple[Points, str]:
     """Find poses (k, n, 2) between two curves (n, 2) without folds; also name the method.
 
-    The name is one of those of `SimpleMorph.way`.
+    The method is "plain" where poses on the way to a round or straight shape can be joined, else
+    "joined": through the last, simplest poses of both curves.
     """
     a, b = _simplify_curve(first, closed), _simplify_curve(second, closed)
-    best: tuple[float, Points] | None = None
+    shortest_length: float = np.inf
+    shortest_path: Points | None = None
     for start in _candidate_starts(a, b) if closed else [0]:
-        rolled = np.roll(b, -start, axis=1)
-        shortest = _find_shortest_path(a, rolled, closed, np.inf if best is None else best[0])
-        if shortest:
-            far, i, j = shortest
-            best = far, np.concatenate([a[: i + 1], rolled[j::-1]])
-    if best:
-        return best[1], "plain"
-    return np.concatenate([a, join_simplified_poses(a[-1], b[-1], closed)[1:-1], b[::-1]]), "joined"
+        renumbered = np.roll(b, -start, axis=1)
+        path = _find_shortest_path(a, renumbered, closed, shortest_length)
+        if path:
+            shortest_length, i, j = path
+            shortest_path = np.concatenate([a[: i + 1], renumbered[j::-1]])
+    if shortest_path is not None:
+        return shortest_path, "plain"
+    between = join_simplified_poses(a[-1], b[-1], closed)[1:-1]
+    return np.concatenate([a, between, b[::-1]]), "joined"
 
 
 def _candidate_starts(a: Points, b: Points) -> list[int]:
@@ -127,65 +132,68 @@ def _candidate_starts(a: Points, b: Points) -> list[int]:
     a, b (k, n, 2): poses of both, simplified step by step. Neighbouring start points give similar
     paths, so only local minima of the misfit count.
     """
-    starts = [0]
+    n, starts = a.shape[1], [0]
     for share in (0.0, 0.5, 1.0):
         first, second = (poses[int(share * (len(poses) - 1))] for poses in (a, b))
-        far = misfit_by_start(first, second)
-        least = (far <= np.roll(far, 1)) & (far < np.roll(far, -1))
-        starts += [int(s) for s in sorted(np.flatnonzero(least), key=far.__getitem__)[:2]]
-    apart = len(far) // 32
-    apart_starts: list[int] = []
+        misfit = misfit_by_start(first, second)
+        is_minimum = (misfit <= np.roll(misfit, 1)) & (misfit < np.roll(misfit, -1))
+        minima = np.flatnonzero(is_minimum)
+        starts += minima[np.argsort(misfit[minima], kind="stable")][:2].tolist()
+    different: list[int] = []
     for start in starts:
-        if all(min((start - s) % len(far), (s - start) % len(far)) > apart for s in apart_starts):
-            apart_starts.append(start)
-    return apart_starts
+        if all(min((start - s) % n, (s - start) % n) > n // 32 for s in different):
+            different.append(start)
+    return different
 
 
 def _find_shortest_path(
-    a: Points, b: Points, closed: bool, below: float
+    a: Points, b: Points, closed: bool, limit: float
 ) -> tuple[float, int, int] | None:
     """Return length, i, j of the shortest path a → a_i → b_j → b without folds.
 
     a, b (k, n, 2): poses of both curves, simplified step by step. None if no path is shorter than
-    `below`. If two poses cannot be joined, all pairs of less simplified poses are skipped too.
+    `limit`. If two poses cannot be joined, all pairs of less simplified poses are skipped too.
     """
     before, after = path_lengths(a), path_lengths(b)
-    far = before[:, None] + _pose_distances(a, b) + after
-    open_to = far < below
+    length = before[:, None] + _pose_distances(a, b) + after
+    possible = length < limit
 
     def is_free(i: int, j: int) -> bool:
         if _straight_motion_is_simple(a[i], b[j], closed):
             return True
-        open_to[: i + 1, : j + 1] = False
+        possible[: i + 1, : j + 1] = False
         return False
 
     low, high = 0, min(len(a), len(b)) - 1
-    while low < high:  # bisection: how plain must both be? This rules out many pairs
+    while low < high:  # bisection: how simple must both poses be? This rules out many pairs
         middle = (low + high) // 2
         low, high = (low, middle) if is_free(middle, middle) else (middle + 1, high)
-    for way in np.argsort(far, axis=None):
-        i, j = divmod(int(way), len(b))
-        if open_to[i, j] and is_free(i, j):
-            # One pose plainer if that is is_free too: the shortest is_free path almost folds.
+    for flat_index in np.argsort(length, axis=None):
+        i, j = divmod(int(flat_index), len(b))
+        if possible[i, j] and is_free(i, j):
+            # One pose simpler if that is free too: the shortest free path almost folds.
             if (
                 i + 1 < len(a)
                 and j + 1 < len(b)
                 and _straight_motion_is_simple(a[i + 1], b[j + 1], closed)
             ):
-                return float(far[i, j]), i + 1, j + 1
-            return float(far[i, j]), i, j
+                return float(length[i, j]), i + 1, j + 1
+            return float(length[i, j]), i, j
     return None
 
 
 def _simplify_curve(points: Points, closed: bool) -> Points:
-    """Simplify a curve (n, 2) step by step to a round shape, a triangle or a line: (k, n, 2)."""
+    """Simplify a curve (n, 2) step by step to a round shape, a triangle or a line: (k, n, 2).
+
+    FinloopError if all methods give up.
+    """
     if not closed:
-        poses, plain = straighten_curve(points)
+        poses, is_done = straighten_curve(points)
     else:
-        poses, plain = shorten_polygon(points)
-        if not plain:
-            poses, plain = cut_ears(points)
-    if not plain:
+        poses, is_done = round_off_polygon(points)
+        if not is_done:
+            poses, is_done = cut_ears(points)
+    if not is_done:
         raise FinloopError(
             "a curve whose parts are too near each other to stay separate while it moves",
             "a curve with some room between its parts",
@@ -222,25 +230,24 @@ def _straight_motion_is_simple(first: Points, second: Points, closed: bool) -> b
 
 
 def _frames_along_path(poses: Points, frames: int, closed: bool) -> tuple[Points, bool]:
-    """Return frames at constant speed along poses, smoothed in time if they stay simple.
+    """Return frames (frames, n, 2) at constant speed along poses, smoothed in time if they can be.
 
-    poses (k, n, 2); frames: their number. Also return whether each frame lies, up to its size, on
-    the unsmoothed path.
+    poses (k, n, 2). Smoothing is left out if it makes folds. Also return whether it is: then each
+    frame lies, up to its size, on the path through the poses.
     """
-    on_the_way = True
     along = path_lengths(poses)
     marks = np.linspace(0, along[-1], frames)
     k = np.clip(np.searchsorted(along, marks, side="right") - 1, 0, len(along) - 2)
     share = ((marks - along[k]) / (along[k + 1] - along[k]))[:, None, None]
-    even = (1 - share) * poses[k] + share * poses[k + 1]
-    even[0], even[-1] = poses[0], poses[-1]
+    stack, on_path = (1 - share) * poses[k] + share * poses[k + 1], True
+    stack[0], stack[-1] = poses[0], poses[-1]
     for width in SMOOTHING:
-        smooth = _smooth_in_time(even, width * frames)
+        smooth = _smooth_in_time(stack, width * frames)
         smooth[0], smooth[-1] = poses[0], poses[-1]
         if stays_simple(smooth, closed):
-            even, on_the_way = smooth, False
+            stack, on_path = smooth, False
             break
-    return (_limit_areas(even) if closed else even), on_the_way
+    return (_limit_areas(stack) if closed else stack), on_path
 
 
 def _smooth_in_time(stack: Points, width: float) -> Points:
@@ -248,36 +255,36 @@ def _smooth_in_time(stack: Points, width: float) -> Points:
 
     width: its standard deviation in frames. The motion is mirrored beyond its ends.
     """
-    f = len(stack)
-    reach = min(int(3 * width) + 1, f - 1)
-    longer = np.concatenate(
+    frames = len(stack)
+    reach = min(int(3 * width) + 1, frames - 1)
+    extended = np.concatenate(
         [2 * stack[0] - stack[reach:0:-1], stack, 2 * stack[-1] - stack[-2 : -reach - 2 : -1]]
     )
     weight = np.exp(-((np.arange(-reach, reach + 1) / width) ** 2) / 2)
     weight /= weight.sum()
-    rows = np.zeros((f, len(longer)))
-    for row in range(f):
+    rows = np.zeros((frames, len(extended)))
+    for row in range(frames):
         rows[row, row : row + len(weight)] = weight
-    return (rows @ longer.reshape(len(longer), -1)).reshape(stack.shape)
+    return (rows @ extended.reshape(len(extended), -1)).reshape(stack.shape)
 
 
 def _limit_areas(stack: Points) -> Points:
     """Scale frames (f, n, 2) so that their areas lie between those of the first and the last."""
-    sizes = [signed_area(Curve(pose, True)) for pose in stack]
-    goals = np.clip(sizes, min(sizes[0], sizes[-1]), max(sizes[0], sizes[-1]))
-    return np.stack(
-        [
-            pose if size == goal else _resize_polygon(pose, goal)
-            for pose, size, goal in zip(stack, sizes, goals, strict=True)
-        ]
-    )
+    areas = [signed_area(Curve(pose, closed=True)) for pose in stack]
+    goals = np.clip(areas, min(areas[0], areas[-1]), max(areas[0], areas[-1]))
+    resized = [
+        pose if area == goal else _resize_polygon(pose, goal)
+        for pose, area, goal in zip(stack, areas, goals, strict=True)
+    ]
+    return np.stack(resized)
 
 
 def _has_simple_motion(stack: Points, closed: bool) -> bool:
     """Return whether it is proved that the motion between frames (f, n, 2) never meets itself.
 
     An edge that turns round passes through length 0, where it meets its neighbours. So the motion
-    may stray slightly, as `SimpleMorph.proved` says, and the edge turns at a positive length.
+    may stray from the straight line by up to NUDGE of the mean edge length, and the edge turns at a
+    positive length.
     """
     for k in range(len(stack) - 1):
         pair = stack[k : k + 2]
@@ -286,21 +293,24 @@ def _has_simple_motion(stack: Points, closed: bool) -> bool:
         middle = pair.mean(axis=0)
         away = _smooth_contour(middle, closed) - middle
         edge = np.hypot(*np.diff(middle, axis=0).T).mean()
-        sizes = (stray * edge / abs(away).max() for stray in (NUDGE / 100, NUDGE / 10, NUDGE))
-        detours = (np.stack([pair[0], middle + size * away, pair[1]]) for size in sizes)
-        if not any(stays_simple_unchecked(detour, closed) for detour in detours):
+        for stray in (NUDGE / 100, NUDGE / 10, NUDGE):
+            factor = stray * edge / abs(away).max()
+            detour = np.stack([pair[0], middle + factor * away, pair[1]])
+            if stays_simple_unchecked(detour, closed):
+                break
+        else:
             return False
     return True
 
 
 def _smooth_contour(points: Points, closed: bool) -> Points:
     """Smooth a polygon (n, 2): replace each edge by a mean of the edges near it."""
-    longer = np.r_[points, points[:1]] if closed else np.r_[points, points[-2::-1]]
-    edges = np.diff(longer, axis=0)
+    doubled = np.r_[points, points[:1]] if closed else np.r_[points, points[-2::-1]]
+    edges = np.diff(doubled, axis=0)
     if not closed:
         edges[len(points) - 1 :] *= -1  # the second half mirrors the first
-    turn = np.pi * np.arange(len(edges)) / len(edges)
-    weight = 1 / (1 + 4 * REACH**2 * np.sin(turn) ** 2)
+    angle = np.pi * np.arange(len(edges)) / len(edges)
+    weight = 1 / (1 + 4 * REACH**2 * np.sin(angle) ** 2)
     mean = np.fft.ifft(np.fft.fft(edges @ [1, 1j]) * weight)[: len(points) - 1]
     z = np.r_[0, np.cumsum(mean)]
     smooth = np.stack([z.real, z.imag], axis=1)
@@ -316,25 +326,25 @@ def _resize_polygon(points: Points, goal: float) -> Points:
     return middle + (points - middle) * np.sqrt(goal / signed_area(Curve(points, True)))
 
 
-def shorten_polygon(points: Points) -> tuple[Points, bool]:
+def round_off_polygon(points: Points) -> tuple[Points, bool]:
     """Return poses (k, n, 2) from a simple polygon (n, 2) to a round one, and whether it is round.
 
-    All poses have the same area, and no step makes a fold. The last pose is not round if the method
-    gives up.
+    The steps are curve shortening; all poses have the same area, and no step makes a fold. The last
+    pose is not round if HALVINGS halvings of a step, or MOST poses, do not suffice.
     """
     poses = [np.ascontiguousarray(points, np.float64)]
     edges = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
     goal = signed_area(Curve(points, True))
-    step, halved = edges.mean() ** 2, 0
+    step, halvings = edges.mean() ** 2, 0
     while 4 * np.pi * abs(goal) <= ROUND * edges.sum() ** 2:
         pose = _resize_polygon(_implicit_step(poses[-1], step), goal)
         if stays_simple_unchecked(np.stack([poses[-1], pose]), True):
             poses.append(pose)
             edges = np.hypot(*(np.roll(pose, -1, axis=0) - pose).T)
-            step, halved = min(step * GROWTH, STEP * abs(goal)), 0
-        elif halved < HALVINGS:
-            step, halved = step / 2, halved + 1
-        if halved == HALVINGS or len(poses) == MOST:
+            step, halvings = min(step * GROWTH, STEP * abs(goal)), 0
+        elif halvings < HALVINGS:
+            step, halvings = step / 2, halvings + 1
+        if halvings == HALVINGS or len(poses) == MOST:
             return np.stack(poses), False
     return np.stack(poses), True
 
@@ -391,19 +401,20 @@ def cut_ears(points: Points) -> tuple[Points, bool]:
 def straighten_curve(points: Points) -> tuple[Points, bool]:
     """Return poses (k, n, 2) from an open simple curve (n, 2) to a line, and whether it is one.
 
-    Straight means that every edge runs within 45° of the line from end to end.
+    Straight means that every edge runs within 45° of the line from end to end. The poses are ever
+    shorter parts about the curve's middle, enlarged to its length.
     """
     points = np.ascontiguousarray(points, np.float64)
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
-    poses, part, shrink = [points], 1.0, SHRINK
+    poses, length_share, shrink = [points], 1.0, SHRINK
     while not _is_straight(poses[-1]):
-        marks = along[-1] * (0.5 + shrink * part * (np.linspace(0, 1, len(points)) - 0.5))
+        marks = along[-1] * (0.5 + shrink * length_share * (np.linspace(0, 1, len(points)) - 0.5))
         x, y = (np.interp(marks, along, values) for values in points.T)
-        pose = np.stack([x - x.mean(), y - y.mean()], axis=1) / (shrink * part)
+        pose = np.stack([x - x.mean(), y - y.mean()], axis=1) / (shrink * length_share)
         pose += points.mean(axis=0)
         if stays_simple_unchecked(np.stack([poses[-1], pose]), False):
             poses.append(pose)
-            part, shrink = shrink * part, max(SHRINK, shrink**2)
+            length_share, shrink = shrink * length_share, max(SHRINK, shrink**2)
         elif shrink < SLOWEST:
             shrink = shrink**0.5
         else:

@@ -43,8 +43,8 @@ def _write_morph(options: argparse.Namespace) -> str:
         LinearOptions(options.level),
         physics,
     )
-    film = there_and_back(result) if options.back else result
-    save_animation(options.output, film, options.fps, options.size)
+    shown = there_and_back(result) if options.back else result
+    save_animation(options.output, shown, options.fps, options.size)
     return _summarise_morph(result)
 
 

@@ -178,7 +178,7 @@ def _figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
             model = subcycles[name, sub]
             way = (model.start - model.end).ravel()
             flat = (model.samples.coefficients - model.end).reshape(len(model.samples.tau), -1)
-            gamma = model.gammas(False, 0.0)[0]
+            gamma = model.fit_gammas(per_scale=False, least_motion=0.0)[0]
             ink = INKS[sub]
             text = f"{'AB'[sub]}: γ = {gamma:+.2f}"
             ax.plot(tau, key_1_share(tau, np.array(gamma)), color=ink, lw=1.2)

@@ -31,8 +31,9 @@ def draw_in_pose(
     Drawn in its own pose at its own place it is the frame itself.
     """
     source = place_backbone(pose, cutout.x0_px, cutout.y0_px)
-    strip = PosedPicture(cutout.pixels, source, place_backbone(target), mirrored, sharp)
-    return strip.draw_part((0, 0, *size))
+    picture = PosedPicture(cutout.pixels, source, place_backbone(target), mirrored, sharp)
+    height, width = size
+    return picture.draw_part((0, 0, height, width))
 
 
 class PosedPicture:
@@ -51,13 +52,13 @@ class PosedPicture:
     ) -> None:
         """Prepare to draw a picture (h, w, c), 0 … 255, premultiplied, in another pose.
 
-        source, target: the animal's backbone in it and in the new picture; mirrored, sharp as in
-        `draw_in_pose`.
+        source, target: the animal's backbone in it and in the new picture; mirrored: whether the
+        animal's left is drawn as its right; sharp: Keys' cubic filter, else a linear one.
         """
-        across = source.size_px / target.size_px
-        self._how = DrawingMode(across, mirrored, sharp)
-        self._film = blur_for_shrinking(pixels.astype(np.float32), 1 / across)
-        self._plan = plan_strips(self._film, source, target, self._how)
+        film_px_per_px = source.size_px / target.size_px
+        self._mode = DrawingMode(film_px_per_px, mirrored, sharp)
+        self._film = blur_for_shrinking(pixels.astype(np.float32), 1 / film_px_per_px)
+        self._plan = plan_strips(self._film, source, target, self._mode)
         self.box: tuple[int, int, int, int] = self._plan.box
 
     def draw_part(self, box: tuple[int, int, int, int]) -> Premultiplied:
@@ -67,7 +68,7 @@ class PosedPicture:
         """
         top, left, bottom, right = box
         canvas = np.zeros((bottom - top, right - left, self._film.shape[2]), np.float32)
-        paint_strips(canvas, self._film, self._plan, self._how, (top, left))
+        paint_strips(canvas, self._film, self._plan, self._mode, (top, left))
         return canvas
 
 

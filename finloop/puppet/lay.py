@@ -128,18 +128,22 @@ def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
         for side in range(2):
             sign, limit = 1 - 2 * side, strip.limits[i, side]
             nx, ny = sign * strip.normals[i, 0], sign * strip.normals[i, 1]
-            o = min(limit, height + width)  # at most to the picture's edges
+            offset = min(limit, height + width)  # at most to the picture's edges
             if abs(nx) > _ONE / 1024:
-                o = min(o, max((width - 1 - x) / nx, -x / nx))
+                offset = min(offset, max((width - 1 - x) / nx, -x / nx))
             if abs(ny) > _ONE / 1024:
-                o = min(o, max((height - 1 - y) / ny, -y / ny))
-            while o > 0:
-                u, v = int(x + o * nx + 0.5), int(y + o * ny + 0.5)
-                if 0 <= u < width and 0 <= v < height and film[v, u, channels - 1] > 0:
+                offset = min(offset, max((height - 1 - y) / ny, -y / ny))
+            while offset > 0:
+                column, row = int(x + offset * nx + 0.5), int(y + offset * ny + 0.5)
+                if (
+                    0 <= column < width
+                    and 0 <= row < height
+                    and film[row, column, channels - 1] > 0
+                ):
                     break
-                o -= _STRIDE
-            o = max(o, 0.0) + _STRIDE + _RIM
-            rays[i, side] = unsqueeze_offset(o, limit) if o < limit else 2 * limit
+                offset -= _STRIDE
+            offset = max(offset, 0.0) + _STRIDE + _RIM
+            rays[i, side] = unsqueeze_offset(offset, limit) if offset < limit else 2 * limit
     reach = np.empty((m - 1, 2))
     for i in range(m - 1):
         for side in range(2):
@@ -166,17 +170,20 @@ def _section_numbers(strip, i):  # type: ignore[no-untyped-def]
 def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
     """Return from where to where, in x, a row of pixels lies between two cross-sections.
 
-    y: the row; front, rear: the cross-sections, as `_section_numbers` returns them.
+    y: the row; front, rear: the cross-sections that bound a step, each as point, normal, lengths.
+    Bounds are ±HIDDEN where a section is parallel to the row.
     """
     (ax, ay), (anx, any_), _ = front
     (bx, by), (bnx, bny), _ = rear
     start, stop = -HIDDEN, HIDDEN
     if abs(any_) > 1e-9:
-        cut = ax + (y - ay) * anx / any_
-        start, stop = (cut, stop) if any_ > 0 else (start, cut)
+        x_of_section = ax + (y - ay) * anx / any_
+        start, stop = (x_of_section, stop) if any_ > 0 else (start, x_of_section)
     if abs(bny) > 1e-9:
-        cut = bx + (y - by) * bnx / bny
-        start, stop = (start, min(stop, cut)) if bny > 0 else (max(start, cut), stop)
+        x_of_section = bx + (y - by) * bnx / bny
+        start, stop = (
+            (start, min(stop, x_of_section)) if bny > 0 else (max(start, x_of_section), stop)
+        )
     return start - 1e-3, stop + 1e-3
 
 
@@ -184,8 +191,8 @@ def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
 def _paint_step(canvas, film, strips, part, mode, corner):  # type: ignore[no-untyped-def]
     """Draw the part of the animal along one step of its backbone into the canvas.
 
-    strips: in the film and in the new picture; part: number of the step, its reach to the left and
-    to the right; corner: as in `paint_strips`.
+    strips: in the film and in the new picture; part: number of the step, its reach [px] to the left
+    and to the right; corner: row and column of the canvas's first pixel.
     """
     height, width, channels = canvas.shape
     (there, here), (i, left, right) = strips, part
@@ -207,8 +214,8 @@ def _paint_step(canvas, film, strips, part, mode, corner):  # type: ignore[no-un
                 continue
             share = before / (before + after)
             t, along = _strip_place(x, y, front, rear, share)
-            at = t * mode.across, along * mode.across, share
-            u, v = _film_place(at, film_front, film_rear, mode.mirrored)
+            place = t * mode.across, along * mode.across, share
+            u, v = _film_place(place, film_front, film_rear, mode.mirrored)
             if u >= HIDDEN:
                 continue
             red, green, blue, alpha = (
@@ -241,27 +248,27 @@ def _strip_place(x, y, front, rear, share):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _film_place(at, front, rear, mirrored):  # type: ignore[no-untyped-def]
+def _film_place(place, front, rear, mirrored):  # type: ignore[no-untyped-def]
     """Return the place (u, v) [px] in the film that a place beside the backbone shows.
 
-    This undoes `_strip_place`. at: how far beside the backbone and along it, px of the film, and
-    the share from the section `front` to `rear`. (HIDDEN, HIDDEN) where the film's pose does not
-    show it.
+    This undoes `_strip_place`. place: how far beside the backbone (+ = left) and along it, px of
+    the film, and the share from the section `front` to `rear`; mirrored: whether left and right are
+    exchanged. (HIDDEN, HIDDEN) where the film's pose does not show it.
     """
     (ax, ay), (anx, any_), (aleft, aright) = front
     (bx, by), (bnx, bny), (bleft, bright) = rear
-    t, along, share = at
+    unbent, along, share = place
     if mirrored:
-        t = -t
-    if t >= 0:
-        o = squeeze_offset(t, aleft + share * (bleft - aleft))
+        unbent = -unbent
+    if unbent >= 0:
+        offset = squeeze_offset(unbent, aleft + share * (bleft - aleft))
     else:
-        o = -squeeze_offset(-t, aright + share * (bright - aright))
-    if abs(o) >= HIDDEN:
+        offset = -squeeze_offset(-unbent, aright + share * (bright - aright))
+    if abs(offset) >= HIDDEN:
         return HIDDEN, HIDDEN
     nx, ny = anx + share * (bnx - anx), any_ + share * (bny - any_)
-    u = ax + share * (bx - ax) + o * nx + along * ny
-    v = ay + share * (by - ay) + o * ny - along * nx
+    u = ax + share * (bx - ax) + offset * nx + along * ny
+    v = ay + share * (by - ay) + offset * ny - along * nx
     return u, v
 
 
@@ -301,8 +308,8 @@ def _sample_cubically(film, u, v):  # type: ignore[no-untyped-def]
 def _sum_pixels(film, left, top, across, down):  # type: ignore[no-untyped-def]
     """Return the weighted mean of some pixels in a square: red (or grey), green, blue, alpha.
 
-    left, top: its first pixel; across, down: weights of columns and rows. Outside, the film is
-    transparent.
+    left, top: column and row of its first pixel; across, down: weights of columns and rows. Outside
+    its borders the film is transparent. Loops are written out for each number of channels: speed.
     """
     height, width, channels = film.shape
     red = green = blue = alpha = _ZERO
@@ -357,12 +364,12 @@ def distances_in_pose(film: PictureSet, rows: Ints, others: Ints, mirrored: Mask
     others are drawn in the postures of `rows`, mirrored (k,) or not. If a picture is nearer as
     filmed, that distance counts.
     """
-    apart = np.empty(len(rows))
+    distances = np.empty(len(rows))
     canvas = np.empty(film.pictures.shape[1:], np.float32)
     for k in range(len(rows)):
         pair = rows[k], others[k], mirrored[k]
-        apart[k] = _distance_in_pose(film, pair, canvas)
-    return apart
+        distances[k] = _distance_in_pose(film, pair, canvas)
+    return distances
 
 
 @finite_kernel
@@ -371,60 +378,61 @@ def nearest_in_pose(
 ) -> Floats:
     """Measure how unlike pairs of pictures look in one pose, for each row's best pairs only.
 
-    Return distances (k,) as `distances_in_pose`, −1 for pairs that cannot be among the `count`
-    cheapest of their row. A pair costs its least cost plus the square of (distance / unit). rows:
-    (k,), ascending. pairs: the second pictures, whether they are mirrored, and the least costs,
+    Return distances (k,) (Eq. 5), −1 for pairs that cannot be among the `count` cheapest of their
+    row. A pair costs its least cost plus the square of (distance / unit). rows: (k,), the first
+    pictures, ascending. pairs: the second pictures, whether they are mirrored, and the least costs,
     ascending within each row; (k,) each.
     """
-    partner, mirrored, least = pairs
-    apart = np.full(len(rows), -1.0)
+    partner, mirrored, least_cost = pairs
+    distances = np.full(len(rows), -1.0)
     canvas = np.empty(film.pictures.shape[1:], np.float32)
     best = np.empty(count)
-    many = 0
+    filled = 0
     for k in range(len(rows)):
         if k == 0 or rows[k] != rows[k - 1]:
-            many = 0
-        if many == count and least[k] > best[-1]:
+            filled = 0
+        if filled == count and least_cost[k] > best[-1]:
             continue
         pair = rows[k], partner[k], mirrored[k]
-        apart[k] = _distance_in_pose(film, pair, canvas)
-        worth = least[k] + (apart[k] / unit) ** 2
-        if many == count and worth >= best[-1]:
+        distances[k] = _distance_in_pose(film, pair, canvas)
+        cost = least_cost[k] + (distances[k] / unit) ** 2
+        if filled == count and cost >= best[-1]:
             continue
-        many = min(many + 1, count)
-        place = many - 1
-        while place > 0 and best[place - 1] > worth:
+        filled = min(filled + 1, count)
+        place = filled - 1
+        while place > 0 and best[place - 1] > cost:
             best[place] = best[place - 1]
             place -= 1
-        best[place] = worth
-    return apart
+        best[place] = cost
+    return distances
 
 
 @finite_kernel
 def _distance_in_pose(film, pair, canvas):  # type: ignore[no-untyped-def]
-    """Return the distance of two pictures, drawn in one pose (Eq. 5).
+    """Return the Euclidean distance of two pictures, the second in the pose of the first (Eq. 5).
 
     pair: row of either picture, and whether the second is mirrored; canvas: (s, s, c), overwritten.
+    If the second is nearer as filmed, that distance counts.
     """
     pictures, postures, size_px = film
-    row, to, mirrored = pair
+    row, other, mirrored = pair
     side, channels = pictures.shape[1], pictures.shape[3]
     middle, unit = (side - 1) / 2, np.float32(1 / 255)
     here = PlacedBackbone(middle, middle, 0.0, size_px, postures[row])
-    there = PlacedBackbone(middle, middle, 0.0, size_px, postures[to])
-    picture, partner = pictures[row], pictures[to].astype(np.float32)
+    there = PlacedBackbone(middle, middle, 0.0, size_px, postures[other])
+    picture, partner = pictures[row], pictures[other].astype(np.float32)
     mode = DrawingMode(1.0, mirrored, False)
     canvas[:] = 0
     # No literals: numba would compile all kernels of `paint_strips` again for them.
     paint_strips(
         canvas, partner, plan_strips(partner, there, here, mode), mode, (np.int64(0), np.int64(0))
     )
-    posed = plain = 0.0
+    posed = as_filmed = 0.0
     for y in range(side):
         from_y = side - 1 - y if mirrored else y
         for x in range(side):
             for c in range(channels):
                 target = picture[y, x, c] * unit
                 posed += (canvas[y, x, c] - target) ** 2
-                plain += (partner[from_y, x, c] * unit - target) ** 2
-    return math.sqrt(min(posed, plain))
+                as_filmed += (partner[from_y, x, c] * unit - target) ** 2
+    return math.sqrt(min(posed, as_filmed))

@@ -49,7 +49,10 @@ class Pose:
     def move_to(
         self, x_px: ArrayLike, y_px: ArrayLike, heading_rad: ArrayLike, size_px: ArrayLike
     ) -> "Pose":
-        """Return the same postures at other places, headings and sizes; a number applies to all."""
+        """Return the same postures at other places, headings and sizes.
+
+        A single number applies to all poses.
+        """
         place, shape = (x_px, y_px, heading_rad, size_px), self.posture.shape[:-1]
         x, y, heading, size = (np.broadcast_to(np.asarray(part, float), shape) for part in place)
         return Pose(x, y, heading, size, self.posture)
@@ -74,13 +77,11 @@ class Pose:
 
     def backbone_px(self) -> Points:
         """Return the backbone's n + 1 points (…, n + 1, 2), from head to tail: x, y in px."""
-        angles, length = (
-            backbone_bends(self.posture) + self.heading_rad[..., None],
-            self.steps_px[..., None],
-        )
-        way = np.stack([-np.cos(angles), np.sin(angles)], -1) * length
+        angles = backbone_bends(self.posture) + self.heading_rad[..., None]
+        # The angles point to the head, the steps to the tail; y is down.
+        steps = np.stack([-np.cos(angles), np.sin(angles)], -1) * self.steps_px[..., None]
         head = self.head_px[..., None, :]
-        return np.concatenate([head, head + way.cumsum(-2)], -2)
+        return np.concatenate([head, head + steps.cumsum(-2)], -2)
 
 
 def backbone_bends(posture: Floats) -> Floats:
@@ -111,17 +112,17 @@ def mirror_posture(posture: Floats) -> Floats:
 def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:
     """Return the poses (k) of the fish in the k rows of a feature table.
 
-    backbones: (k, n + 1, 2) px, head first, from `features.table.measure_features`, or from
-    `puppet.tail.align_body_and_tail` for an animal with a thin tail.
+    features: x_px, y_px, heading_deg and lengths of the k rows; backbones: (k, n + 1, 2) px, head
+    first. For an animal with a thin tail they come from `puppet.tail.align_body_and_tail`.
     """
     lines = np.asarray(backbones, float)
-    way = -np.diff(lines, axis=1)
+    headward_steps = -np.diff(lines, axis=1)
     x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
     heading = np.radians(features["heading_deg"].to_numpy(float))
     size = typical_lengths_px(features).to_numpy(float)
-    angles = np.arctan2(-way[..., 1], way[..., 0]) - heading[:, None]
+    angles = np.arctan2(-headward_steps[..., 1], headward_steps[..., 0]) - heading[:, None]
     angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the other angles continue from the head
-    length = np.hypot(way[..., 0], way[..., 1]) / size[:, None]
+    length = np.hypot(headward_steps[..., 0], headward_steps[..., 1]) / size[:, None]
     head = to_body_axes((lines[:, 0] - np.stack([x, y], -1)) / size[:, None], heading)
     posture = np.concatenate([head, np.unwrap(angles, axis=1), length], 1)
     return Pose(x, y, heading, size, posture)

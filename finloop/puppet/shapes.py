@@ -61,24 +61,33 @@ class PoseShapes:
                 "two or more postures of a film",
                 "use the postures from `finloop.puppet.poses_from_features`",
             )
-        both = np.concatenate([postures, mirror_posture(postures)])
-        weights = np.ones(both.shape[1])
-        count = backbone_bends(weights).size
-        backbone_bends(weights)[:] = count**-0.5
-        backbone_steps(weights)[:] = count**0.5
-        mean = both.mean(0)
-        apart = both  # in place: in a film of hours these are the largest arrays
-        apart -= mean
-        apart *= weights
-        variance, shapes = np.linalg.eigh(apart.T @ apart / len(both))
+        with_mirrored = np.concatenate([postures, mirror_posture(postures)])
+        weights = np.ones(with_mirrored.shape[1])
+        steps = backbone_bends(weights).size
+        backbone_bends(weights)[:] = steps**-0.5
+        backbone_steps(weights)[:] = steps**0.5
+        mean = with_mirrored.mean(0)
+        weighted = with_mirrored  # in place: in a film of hours these are the largest arrays
+        weighted -= mean
+        weighted *= weights
+        variance, shapes = np.linalg.eigh(weighted.T @ weighted / len(with_mirrored))
         variance, shapes = np.maximum(variance[::-1], 0), _fix_signs(shapes.T[::-1])
-        total = float(variance.sum())
-        enough = int(np.searchsorted(variance.cumsum(), min(share, 1 - 1e-12) * total)) + 1
-        codes = apart @ shapes[:enough].T
+        total_variance = float(variance.sum())
+        wanted = min(share, 1 - 1e-12) * total_variance
+        shape_count = int(np.searchsorted(variance.cumsum(), wanted)) + 1
+        codes = weighted @ shapes[:shape_count].T
         sample = codes[spread_rows(np.arange(len(codes)), _SAMPLE)]
         nearest = scipy.spatial.cKDTree(codes).query(sample, k=2)[0][:, 1]
         gap = float(np.quantile(nearest, gap_quantile))
-        return cls(mean, shapes[:enough], weights, variance[:enough], total, codes, gap)
+        return cls(
+            mean,
+            shapes[:shape_count],
+            weights,
+            variance[:shape_count],
+            total_variance,
+            codes,
+            gap,
+        )
 
     @property
     def variance_shares(self) -> Floats:
@@ -88,14 +97,14 @@ class PoseShapes:
     @cached_property
     def mirror_matrix(self) -> Floats:
         """Matrix (c, c) that mirrors pose codes (…, c): multiply codes @ matrix."""
-        both = mirror_posture(np.ones_like(self.mean))
-        return (self.shapes * both) @ self.shapes.T
+        signs = mirror_posture(np.ones_like(self.mean))
+        return (self.shapes * signs) @ self.shapes.T
 
     def encode(self, postures: Floats) -> Floats:
         """Return the pose codes (…, c), scores of the principal shapes, of postures (…, d)."""
-        away = postures - self.mean
-        away *= self.weights  # in place: a film of hours has a million postures
-        return away @ self.shapes.T
+        deviations = postures - self.mean
+        deviations *= self.weights  # in place: a film of hours has a million postures
+        return deviations @ self.shapes.T
 
     def decode(self, codes: Floats) -> Floats:
         """Return the postures (…, d) of pose codes (…, c), the scores of principal shapes."""
@@ -116,16 +125,17 @@ class PoseShapes:
     def nearest_codes(self, codes: Floats) -> NearestCodes:
         """Move pose codes (…, c) that are far from all filmed ones towards the nearest filmed one.
 
-        They stop where they are within `gap` of it. Mirror images count as filmed.
+        They stop where they are `gap` away from it; nearer ones are not moved. Mirror images count
+        as filmed.
         """
-        near, most = np.array(codes, float), self.gap + _EXACT
-        clamped = np.asarray(np.isinf(self._tree.query(near, distance_upper_bound=most)[0]))
+        moved, limit = np.array(codes, float), self.gap + _EXACT
+        clamped = np.asarray(np.isinf(self._tree.query(moved, distance_upper_bound=limit)[0]))
         if clamped.any():
-            far = near[clamped]
-            apart, row = self._tree.query(far)
-            from_film = (far - self.codes[row]) * (self.gap / apart)[:, None]
-            near[clamped] = self.codes[row] + from_film
-        return NearestCodes(near, clamped)
+            far = moved[clamped]
+            distance, row = self._tree.query(far)
+            from_film = (far - self.codes[row]) * (self.gap / distance)[:, None]
+            moved[clamped] = self.codes[row] + from_film
+        return NearestCodes(moved, clamped)
 
 
 def _fix_signs(shapes: Floats) -> Floats:

@@ -77,38 +77,44 @@ def cross_sections(line: PlacedBackbone) -> Strip:
 def _section_limits(points, normals):  # type: ignore[no-untyped-def]
     """Return how long (m, 2) [px], left and right, cross-sections can be without meeting another.
 
-    points, normals (m, 2) as in `Strip`. A limit is the radius of the largest circle that touches
-    the backbone at one point. The circle that touches B(i) with its normal N(i) and passes through
-    B(j), d = B(j) − B(i), has the radius |d|² / (2 d·N(i)): the least one over all j counts.
+    points, normals (m, 2): of the sections; normals point to the animal's left. A limit is the
+    radius of the largest circle that touches the backbone at one point. The circle that touches
+    B(i) with its normal N(i) and passes through B(j), d = B(j) − B(i), has the radius
+    |d|² / (2 d·N(i)): the least one over all j counts. Sections that lie beyond an end but nearer
+    to another part of the backbone get the length LEAST, which shows nothing.
     """
     m = len(points)
-    head, tail = (
-        np.int64(BEYOND),
-        m - 1 - BEYOND,
-    )  # a literal would compile `_is_nearest_to_end` again
+    head = np.int64(BEYOND)  # a literal would compile `_is_nearest_to_end` again
+    tail = m - 1 - BEYOND
     first, last = head, tail
     while first > 0 and _is_nearest_to_end(points, first - 1, head):
         first -= 1
     while last < m - 1 and _is_nearest_to_end(points, last + 1, tail):
         last += 1
-    curve = np.full((m, 2), 1 / LEAST)  # 1 / radius
+    curvatures = np.full((m, 2), 1 / LEAST)  # 1 / radius
     for i in range(first, last + 1):
-        curve[i, :] = 1 / HIDDEN
+        curvatures[i, :] = 1 / HIDDEN
         for j in range(first, last + 1):
             dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
-            square = dx * dx + dy * dy + LEAST**2
-            curvature = 2 * (dx * normals[i, 0] + dy * normals[i, 1]) / square
-            curve[i, 0], curve[i, 1] = max(curve[i, 0], curvature), max(curve[i, 1], -curvature)
-    return 1 / curve
+            distance_square = dx * dx + dy * dy + LEAST**2
+            curvature = 2 * (dx * normals[i, 0] + dy * normals[i, 1]) / distance_square
+            curvatures[i, 0], curvatures[i, 1] = (
+                max(curvatures[i, 0], curvature),
+                max(curvatures[i, 1], -curvature),
+            )
+    return 1 / curvatures
 
 
 @finite_kernel
 def _is_nearest_to_end(points, i, end):  # type: ignore[no-untyped-def]
-    """Return whether an end of the backbone is the point of it nearest to point i, beyond it."""
-    own = (points[end, 0] - points[i, 0]) ** 2 + (points[end, 1] - points[i, 1]) ** 2
+    """Return whether no point of a backbone is nearer than its end to point i, which is beyond it.
+
+    points (m, 2): of the backbone and beyond; end: row of the head or tail end. 1 % is tolerated.
+    """
+    to_end = (points[end, 0] - points[i, 0]) ** 2 + (points[end, 1] - points[i, 1]) ** 2
     for j in range(BEYOND, len(points) - BEYOND):
-        square = (points[j, 0] - points[i, 0]) ** 2 + (points[j, 1] - points[i, 1]) ** 2
-        if square < 0.99 * own:
+        to_other = (points[j, 0] - points[i, 0]) ** 2 + (points[j, 1] - points[i, 1]) ** 2
+        if to_other < 0.99 * to_end:
             return False
     return True
 
@@ -122,12 +128,12 @@ def squeeze_offset(t: float, limit: float) -> float:
     which leaves f with slope 1 and reaches the limit, with slope 0, at q = 2. What lies farther out
     is hidden.
     """
-    free = _FREE * limit
-    if t <= free:
+    unsqueezed = _FREE * limit
+    if t <= unsqueezed:
         return t
-    rest = limit - free
-    far = (t - free) / rest
-    return free + rest * (far - far * far / 4) if far < 2 else HIDDEN
+    free_room = limit - unsqueezed
+    share = (t - unsqueezed) / free_room
+    return unsqueezed + free_room * (share - share * share / 4) if share < 2 else HIDDEN
 
 
 @finite_kernel
@@ -137,9 +143,9 @@ def unsqueeze_offset(o: float, limit: float) -> float:
     limit: length [px] of the cross-section. With f = r = limit / 2 the result is o up to f; beyond
     it f + 2 r (1 − √(1 − (o − f) / r)).
     """
-    free = _FREE * limit
-    if o <= free:
+    unsqueezed = _FREE * limit
+    if o <= unsqueezed:
         return o
-    rest = limit - free
-    far = (o - free) / rest
-    return free + rest * 2 * (1 - math.sqrt(1 - far)) if far < 1 else HIDDEN
+    free_room = limit - unsqueezed
+    share = (o - unsqueezed) / free_room
+    return unsqueezed + free_room * 2 * (1 - math.sqrt(1 - share)) if share < 1 else HIDDEN

@@ -33,8 +33,9 @@ class TailParameters(NamedTuple):
 def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
     """Return how much the visible length of the tail varies: its 95 % less its 5 % quantile.
 
-    The unit is the median length of the body without the tail. Arguments as in
-    `align_body_and_tail`. thin: as in `TailParameters`.
+    The unit is the median length of the body without the tail. tracks: half_width_px and backbone
+    of k rows; backbones: (k, n, 2) px, head first; thin: the body ends where its width falls to
+    this share of its largest.
     """
     end = _find_body_ends(_half_widths_head_first(tracks, backbones), thin)
     step, last = _mean_step_lengths(backbones.astype(float)), backbones.shape[1] - 1
@@ -52,20 +53,22 @@ def align_body_and_tail(
     rows; backbones: (k, n, 2), head first, from `features.table.measure_features`.
     """
     widths = _half_widths_head_first(tracks, backbones)
-    lines = np.stack([
+    smooth = np.stack([
         _smooth_line(line, width, parameters.smoothing)
         for line, width in zip(backbones.astype(float), widths, strict=True)
     ])  # fmt: skip
-    count = lines.shape[1]
-    body = max(1, round(parameters.body * (count - 1)))
-    step, end = _mean_step_lengths(lines), _find_body_ends(widths, parameters.thin)
-    tail = np.quantile((count - 1 - end) * step, parameters.whole) / step  # in steps, as below
-    shares = np.arange(count - body) / max(count - 1 - body, 1)
-    before = end[:, None] * np.linspace(0, 1, body + 1)[:-1]
-    places = np.concatenate([before, end[:, None] + tail[:, None] * shares], 1)  # also beyond n - 1
-    low = np.minimum(places.astype(int), count - 2)[..., None]
-    start, stop = (np.take_along_axis(lines, low + k, 1) for k in (0, 1))
-    return start + (places[..., None] - low) * (stop - start)
+    count = smooth.shape[1]
+    body_steps = max(1, round(parameters.body * (count - 1)))
+    step_px, body_end = _mean_step_lengths(smooth), _find_body_ends(widths, parameters.thin)
+    tail_px = (count - 1 - body_end) * step_px
+    tail_steps = np.quantile(tail_px, parameters.whole) / step_px
+    shares = np.arange(count - body_steps) / max(count - 1 - body_steps, 1)
+    before = body_end[:, None] * np.linspace(0, 1, body_steps + 1)[:-1]
+    after = body_end[:, None] + tail_steps[:, None] * shares
+    places = np.concatenate([before, after], 1)  # in steps, also beyond n - 1
+    corner = np.minimum(places.astype(int), count - 2)[..., None]
+    start, stop = (np.take_along_axis(smooth, corner + k, 1) for k in (0, 1))
+    return start + (places[..., None] - corner) * (stop - start)
 
 
 def _mean_step_lengths(lines: Floats) -> Floats:
@@ -74,40 +77,47 @@ def _mean_step_lengths(lines: Floats) -> Floats:
 
 
 def _half_widths_head_first(tracks: pd.DataFrame, backbones: Reals) -> Floats:
-    """Return the half widths (k, n) [px] of tracks, head first as their backbones (k, n, 2) are."""
+    """Return the half widths (k, n) [px] along backbones (k, n, 2) px that begin at the head.
+
+    tracks: half_width_px and backbone of the k rows, in either direction.
+    """
     width = lists_to_array(tracks["half_width_px"]).astype(float)
     first = lists_to_points(tracks, "backbone")[:, 0]
-    near, far = (np.abs(first - backbones[:, end]).sum(1) for end in (0, -1))
-    return np.where((near <= far)[:, None], width, width[:, ::-1])
+    to_head, to_tail = (np.abs(first - backbones[:, end]).sum(1) for end in (0, -1))
+    return np.where((to_head <= to_tail)[:, None], width, width[:, ::-1])
 
 
 def _find_body_ends(widths: Floats, thin: float) -> Floats:
-    """Return where bodies end (k,), in points from the head; n - 1 if there is no tail.
+    """Return where bodies end (k,), in points from the head; n - 1 if there is no is_tail.
 
-    widths (k, n): along the backbones, px; thin: as in `TailParameters`.
+    widths (k, n): along the backbones, px; thin: the body ends where its width falls to this share
+    of its largest. Ends lie between points, by linear interpolation.
     """
     points = np.arange(widths.shape[1])
-    most = widths.max(1, keepdims=True)
-    tail = (widths < thin * most) & (points > widths.argmax(1)[:, None])
-    first = np.where(tail.any(1), tail.argmax(1), points[-1])
+    greatest = widths.max(1, keepdims=True)
+    is_tail = (widths < thin * greatest) & (points > widths.argmax(1)[:, None])
+    first = np.where(is_tail.any(1), is_tail.argmax(1), points[-1])
     rows = np.arange(len(widths))
-    inner, outer = widths[rows, first - 1], widths[rows, first]
-    drop = np.maximum(inner - outer, 1e-9)
-    share = np.where(tail.any(1), np.clip((inner - thin * most[:, 0]) / drop, 0, 1), 1)
+    width_before, width_after = widths[rows, first - 1], widths[rows, first]
+    drop = np.maximum(width_before - width_after, 1e-9)
+    share = np.where(
+        is_tail.any(1), np.clip((width_before - thin * greatest[:, 0]) / drop, 0, 1), 1
+    )
     return first - 1 + share
 
 
 def _smooth_line(line: Floats, width: Floats, smoothing: float) -> Floats:
     """Smooth bends of a backbone (n, 2) that are shorter than the body is wide; its ends stay.
 
-    width (n,): half widths, px; smoothing: as in `TailParameters`.
+    width (n,): half widths, px; smoothing: standard deviation, in half widths. The line is mirrored
+    beyond its ends, and divided evenly afterwards.
     """
     count = len(line)
     step = max(np.hypot(*np.diff(line, axis=0).T).mean(), 1e-6)
-    inner = width.copy()
-    inner[[0, -1]] = width[[1, -2]]  # the tips have no width
-    spread = np.clip(smoothing * inner / step, 1e-3, count / 4)
-    long = np.concatenate([2 * line[0] - line[:0:-1], line, 2 * line[-1] - line[-2::-1]])
-    places = np.arange(len(long)) - (count - 1)
-    weight = np.exp(-0.5 * ((places - np.arange(count)[:, None]) / spread[:, None]) ** 2)
-    return resample_line(weight / weight.sum(1, keepdims=True) @ long, count)
+    known_width = width.copy()
+    known_width[[0, -1]] = width[[1, -2]]  # the tips have no width
+    sd_points = np.clip(smoothing * known_width / step, 1e-3, count / 4)
+    extended = np.concatenate([2 * line[0] - line[:0:-1], line, 2 * line[-1] - line[-2::-1]])
+    places = np.arange(len(extended)) - (count - 1)
+    weight = np.exp(-0.5 * ((places - np.arange(count)[:, None]) / sd_points[:, None]) ** 2)
+    return resample_line(weight / weight.sum(1, keepdims=True) @ extended, count)

@@ -100,16 +100,16 @@ def _pack_page(slots: list[AtlasSlot], most_width: int, most_height: int) -> Atl
     """
     places: dict[str, AtlasSlot] = {}
     x = y = PADDING
-    row = right = 0
+    line_height = page_width = 0
     for slot in sorted(slots, key=lambda s: (-s.height, -s.width)):
         if x + slot.width + PADDING > most_width:
-            x, y, row = PADDING, y + row + PADDING, 0
+            x, y, line_height = PADDING, y + line_height + PADDING, 0
         if x + slot.width + PADDING > most_width or y + slot.height + PADDING > most_height:
             return None
         places[slot.name] = slot._replace(x=x, y=y)
         x += slot.width + PADDING
-        row, right = max(row, slot.height), max(right, x)
-    return AtlasPage(right, y + row + PADDING, [places[slot.name] for slot in slots])
+        line_height, page_width = max(line_height, slot.height), max(page_width, x)
+    return AtlasPage(page_width, y + line_height + PADDING, [places[slot.name] for slot in slots])
 
 
 def draw_atlas_page(
@@ -122,9 +122,10 @@ def draw_atlas_page(
     """
     canvas = np.zeros((page.height, page.width, 4), np.uint8)
     for slot in page.slots:
-        here = canvas[slot.y : slot.y + slot.height, slot.x : slot.x + slot.width]
+        target = canvas[slot.y : slot.y + slot.height, slot.x : slot.x + slot.width]
         source = read_pixels(slot.sprite, slot.orientation)
-        here[..., :3], here[..., 3:] = source[..., :-1], source[..., -1:]  # grey gives R = G = B
+        target[..., :3] = source[..., :-1]  # grey gives R = G = B
+        target[..., 3:] = source[..., -1:]
     return to_straight_alpha(canvas)
 
 
@@ -149,9 +150,11 @@ def to_straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     for _ in range(BLEED):
         count = cv2.boxFilter(coloured, cv2.CV_16U, (3, 3), normalize=False, borderType=0)
         total = cv2.boxFilter(colour, cv2.CV_16U, (3, 3), normalize=False, borderType=0)
-        new = (coloured == 0) & (count > 0)
-        colour[new] = (total[new] / count[new][:, None]).round().astype(np.uint8)
-        coloured |= new.astype(np.uint8)
+        newly_coloured = (coloured == 0) & (count > 0)
+        colour[newly_coloured] = (
+            (total[newly_coloured] / count[newly_coloured][:, None]).round().astype(np.uint8)
+        )
+        coloured |= newly_coloured.astype(np.uint8)
     return np.dstack([colour, alpha])
 
 

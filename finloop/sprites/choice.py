@@ -53,18 +53,18 @@ def swimmer_table(
     """
     table = features.assign(area_px=tracks["area_px"], contrast=tracks["contrast"])
     table = table.reset_index(drop=True)
-    of_track = table.groupby("track_id", sort=False)
-    length = of_track["body_length_px"].transform("median").to_numpy()
-    back = np.radians(table["heading_deg"].to_numpy(float))
+    by_track = table.groupby("track_id", sort=False)
+    length = by_track["body_length_px"].transform("median").to_numpy()
+    heading_rad = np.radians(table["heading_deg"].to_numpy(float))
     dx = (table["tail_x_px"] - table["head_x_px"]).to_numpy(float)
     dy = (table["tail_y_px"] - table["head_y_px"]).to_numpy(float)
     path = pd.DataFrame(places_through_water(table)).groupby(table["track_id"], sort=False)
     place = path.transform(lambda x: smooth_series(x.to_numpy(float))).to_numpy()
     travel = np.diff(place, axis=0, append=place[-1:])
-    last = (of_track.cumcount(ascending=False) == 0).to_numpy()
-    travel[last] = travel[np.maximum(np.flatnonzero(last) - 1, 0)]
+    is_last = (by_track.cumcount(ascending=False) == 0).to_numpy()
+    travel[is_last] = travel[np.maximum(np.flatnonzero(is_last) - 1, 0)]
     alone = _nearest_neighbour_px(table) / np.median(length)
-    off = np.abs(table["body_length_px"].to_numpy() / length - 1)
+    length_error = np.abs(table["body_length_px"].to_numpy() / length - 1)
     copied = ["track_id", "frame", "x_px", "y_px", "orientations", "bend", "area_px", "contrast"]
     return table[copied].assign(
         bend=table["bend"].to_numpy(float),
@@ -72,16 +72,16 @@ def swimmer_table(
         contrast=table["contrast"].to_numpy(float),
         area_rel=table["motion_area_rel"].to_numpy(float),
         type=table["swimming_type"],
-        heading=of_track["heading_deg"].transform(lambda h: np.unwrap(h.astype(float), period=360)),
+        heading=by_track["heading_deg"].transform(lambda h: np.unwrap(h.astype(float), period=360)),
         step_x_px=travel[:, 0],
         step_y_px=travel[:, 1],
-        tail=(-dx * np.sin(back) - dy * np.cos(back)) / length,
+        tail=(-dx * np.sin(heading_rad) - dy * np.cos(heading_rad)) / length,
         speed=np.hypot(*travel.T) / length,
         length_px=length,
         alone=alone,
         animal_off=np.abs(length / np.median(table["body_length_px"]) - 1) / settings.size_off,
         usable=(table["head_confidence"].to_numpy() >= settings.min_head_confidence)
-        & (off <= settings.length_off)
+        & (length_error <= settings.length_off)
         & (alone > settings.min_neighbour_distance_bl),
     )
 
@@ -91,8 +91,8 @@ def smooth_series(values: Reals) -> Floats:
     x = np.array(values, np.float64)
     if len(x) < 3:
         return x
-    ends = np.r_[2 * x[0] - x[1], x, 2 * x[-1] - x[-2]]
-    return scipy.ndimage.convolve1d(ends, [0.25, 0.5, 0.25])[1:-1]
+    extended = np.r_[2 * x[0] - x[1], x, 2 * x[-1] - x[-2]]
+    return scipy.ndimage.convolve1d(extended, [0.25, 0.5, 0.25])[1:-1]
 
 
 def _nearest_neighbour_px(table: pd.DataFrame) -> Floats:
@@ -101,9 +101,9 @@ def _nearest_neighbour_px(table: pd.DataFrame) -> Floats:
     place = table[["x_px", "y_px"]].to_numpy()
     for rows in table.groupby("frame").indices.values():
         if len(rows) > 1:
-            gaps = np.hypot(*(place[rows, None] - place[None, rows]).transpose(2, 0, 1))
-            np.fill_diagonal(gaps, np.inf)
-            nearest[rows] = gaps.min(1)
+            distances = np.hypot(*(place[rows, None] - place[None, rows]).transpose(2, 0, 1))
+            np.fill_diagonal(distances, np.inf)
+            nearest[rows] = distances.min(1)
     return nearest
 
 
@@ -137,15 +137,17 @@ class FrameRun:
 def _parse_frame_run(table: pd.DataFrame, sequence: str, text: str, hold_share: float) -> FrameRun:
     """Return the frames that the setting `sprites.<sequence>_frames` lists, as "track:first-last".
 
-    hold_share: as in `turn_phases`. FinloopError if the text, the track or the frames are wrong.
+    table: from `swimmer_table`; hold_share: share of the largest bend from which a turn is held.
+    FinloopError if the text or the track is wrong, frames are missing, or show no turn where one is
+    wanted.
     """
     name = f"sprites.{sequence}_frames={text}"
-    form = re.fullmatch(r"\s*(\d+)\s*:\s*(\d+)\s*-\s*(\d+)\s*", text)
-    if form is None:
+    match = re.fullmatch(r"\s*(\d+)\s*:\s*(\d+)\s*-\s*(\d+)\s*", text)
+    if match is None:
         raise FinloopError(
             name, 'a track and its first and last frame, as "8:120-140"', "write it in this form"
         )
-    number, first, last = map(int, form.groups())
+    number, first, last = map(int, match.groups())
     ids = table["track_id"].unique()
     track = np.flatnonzero(table["track_id"] == number)
     if not track.size:
@@ -188,6 +190,7 @@ def turn_phases(table: pd.DataFrame, run: FrameRun, side: int, hold_share: float
     if bend[peak] <= 0 or peak in (0, len(bend) - 1):
         return ["none"]
     strong = bend >= hold_share * bend[peak]
+    # The strong frames next to the peak; argmin finds the first that is not strong.
     first = peak - int(np.argmin(np.r_[strong[:peak][::-1], False]))
     last = peak + int(np.argmin(np.r_[strong[peak + 1 :], False]))
     first, last = max(first, 1), min(last, len(bend) - 2)
@@ -214,14 +217,14 @@ def cycle_headings(table: pd.DataFrame, first_row: int, frames: int) -> Floats:
 def find_tail_beats(
     table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Find runs of frames with one tail beat in straight swimming, with their faults.
+    """Find runs of frames with one tail is_beat in straight swimming, with their faults.
 
-    table: from `swimmer_table`; the result is a table of candidates (start, length, one column per
-    fault).
+    table: from `swimmer_table`; the result has the columns start (row of `table`), length (frames)
+    and one per fault, of which 1 is just acceptable. It is empty if there is no tail beat.
     """
     least = max(settings.beat_frames, round(settings.beat_least * delta_frames))
     parts = []
-    for track, n, start, at in _find_straight_runs(
+    for track, n, start, table_rows in _find_straight_runs(
         table, least, round(settings.beat_most * delta_frames)
     ):
         tail = sliding_window_view(track["tail"].to_numpy(), n)[start]
@@ -234,12 +237,12 @@ def find_tail_beats(
             "flicker": settings.flicker_frames / n,
             "lopsided": np.abs(tail.mean(1)) / swing / settings.lopsided,
         }
-        parts.append(pd.DataFrame({"start": at, "length": n, "swing": swing, **faults}))
+        parts.append(pd.DataFrame({"start": table_rows, "length": n, "swing": swing, **faults}))
     if not parts:
         return pd.DataFrame()
     waves = pd.concat(parts, ignore_index=True)
-    beat = waves["swing"].between(settings.min_tail_swing_bl, settings.max_tail_swing_bl)
-    waves = waves[beat & (waves["several waves"] <= 1)]
+    is_beat = waves["swing"].between(settings.min_tail_swing_bl, settings.max_tail_swing_bl)
+    waves = waves[is_beat & (waves["several waves"] <= 1)]
     untypical = np.abs(np.log2(waves["swing"] / waves["swing"].median()))
     return waves.drop(columns="swing").assign(**{"untypical beat": untypical})
 
@@ -247,25 +250,26 @@ def find_tail_beats(
 def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSettings) -> pd.DataFrame:
     """Find runs of frames of straight gliding with a still tail, with their faults.
 
-    table: from `swimmer_table`; the result is a table of candidates (start, length, one column per
-    fault). Runs shorter than `slide_least` are included only if there are no longer ones, and those
-    whose tail moves more than `still` only if no tail is still.
+    table: from `swimmer_table`; the result has the columns start (row of `table`), length (frames)
+    and one per fault, of which 1 is just acceptable. Runs shorter than `slide_least` are included
+    only if there are no longer ones, and those whose tail moves more than `still` only if no tail
+    is still.
     """
     least = max(3, round(settings.slide_least * delta_frames))
     most = max(3, round(settings.slide_most * delta_frames))
-    typical = max(float(table.loc[table["usable"], "speed"].median()), 1e-6)
+    typical_speed = max(float(table.loc[table["usable"], "speed"].median()), 1e-6)
     for shortest in sorted({least, max(3, least // 2), 3}, reverse=True):
         parts = []
-        for track, n, start, at in _find_straight_runs(table, shortest, most):
+        for track, n, start, table_rows in _find_straight_runs(table, shortest, most):
             tail = sliding_window_view(track["tail"].to_numpy(), n)[start]
             speed = sliding_window_view(track["speed"].to_numpy(), n)[start].mean(1)
             faults = _common_faults(track, start, n, settings) | {
                 "tail moves": np.ptp(tail, axis=1) / settings.still,
                 "tail aside": np.abs(tail.mean(1)) / settings.still,
-                "untypical speed": np.abs(np.log2(np.maximum(speed, 1e-6) / typical)) / 2,
+                "untypical speed": np.abs(np.log2(np.maximum(speed, 1e-6) / typical_speed)) / 2,
                 "short": least / n,
             }
-            parts.append(pd.DataFrame({"start": at, "length": n, **faults}))
+            parts.append(pd.DataFrame({"start": table_rows, "length": n, **faults}))
         if parts:
             glides = pd.concat(parts, ignore_index=True)
             still = glides[glides["tail moves"] <= 1]
@@ -292,10 +296,10 @@ def _find_straight_runs(
     Each item is a track, a length (`least_frames` … `most_frames`), and the first rows of all runs
     of that length, in that track and in `table`.
     """
-    fine = ((table["type"] == STRAIGHT) & table["usable"]).to_numpy()
+    is_suitable = ((table["type"] == STRAIGHT) & table["usable"]).to_numpy()
     for span in _unbroken_row_slices(table):
         for n in range(least_frames, min(most_frames, span.stop - span.start - 1) + 1):
-            start = np.flatnonzero(sliding_window_view(fine[span], n + 1).all(1))
+            start = np.flatnonzero(sliding_window_view(is_suitable[span], n + 1).all(1))
             if start.size:
                 yield table.iloc[span], n, start, start + span.start
 
@@ -342,9 +346,10 @@ def _crowding_fault(alone: Reals, settings: SpritesSettings) -> Floats:
 def find_turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.DataFrame:
     """Find the film's strongest whole turns to one side, with their faults.
 
-    side: 1 left, −1 right. A turn is whole if all its frames are usable, it has frames before and
-    after the largest bend, and the heading changes. Weaker turns are included only if there are no
-    stronger ones: see `strong` in the settings.
+    side: 1 left, −1 right; the result has the columns start (row of `table`), length (frames) and
+    one per fault. A turn is whole if all its frames are usable, it has frames before and after the
+    largest bend, and the heading changes. Weaker turns are included only if there are no stronger
+    ones: see `strong` in the settings.
     """
     bend = side * table["bend"].to_numpy()
     turning = (table["type"] == side).to_numpy() & table["usable"].to_numpy()
@@ -353,10 +358,10 @@ def find_turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.
     strongest = float(bend[turning].max())
     turns = []
     for span in _unbroken_row_slices(table):
-        track, inside = table.iloc[span], bend[span]
-        inner = np.flatnonzero((inside[1:-1] > inside[:-2]) & (inside[1:-1] >= inside[2:])) + 1
-        for peak in inner[turning[span][inner] & (inside[inner] > 0)]:
-            turn = _measure_turn(track, inside, side, peak, strongest, settings)
+        track, bends = table.iloc[span], bend[span]
+        peaks = np.flatnonzero((bends[1:-1] > bends[:-2]) & (bends[1:-1] >= bends[2:])) + 1
+        for peak in peaks[turning[span][peaks] & (bends[peaks] > 0)]:
+            turn = _measure_turn(track, bends, side, peak, strongest, settings)
             if turn is not None:
                 turns.append(turn | {"start": span.start + turn["start"]})
     for share in settings.strong:
@@ -396,9 +401,9 @@ def _measure_turn(
     """
     first = _find_straightest_row(bend, peak_row, 0, -1, settings)
     last = _find_straightest_row(bend, peak_row, len(bend) - 1, 1, settings)
-    before = first - 1  # the head has begun to turn by the first frame that is bent at all
-    if before >= 0 and abs(bend[before]) < settings.bent * bend[peak_row]:
-        first = before
+    earlier = first - 1  # the head has begun to turn by the first frame that is bent at all
+    if earlier >= 0 and abs(bend[earlier]) < settings.bent * bend[peak_row]:
+        first = earlier
     inside = slice(first, last + 1)
     strong = np.flatnonzero(bend[inside] >= settings.hold * bend[peak_row]) + first
     if first == strong[0] or last == strong[-1] or last + 1 >= len(bend):
@@ -412,18 +417,18 @@ def _measure_turn(
     if step.sum() < settings.min_turn_deg:
         return None
     area = track["area_px"].to_numpy()[inside]
-    ends = np.abs(bend[[first, last]])
-    change, top = np.diff(bend[inside]), int(bend[inside].argmax())
-    second = float(-np.minimum(change[:top], 0).sum() + np.maximum(change[top:], 0).sum())
+    end_bends = np.abs(bend[[first, last]])
+    change, peak = np.diff(bend[inside]), int(bend[inside].argmax())
+    second_bend = float(-np.minimum(change[:peak], 0).sum() + np.maximum(change[peak:], 0).sum())
     n = last - first + 1
     return {
         "start": first,
         "length": n,
         "weaker": (1 - bend[peak_row] / strongest_bend) / settings.weaker,
-        "bent at the ends": ends.sum() / bend[peak_row] / (2 * settings.bent),
+        "bent at the ends": end_bends.sum() / bend[peak_row] / (2 * settings.bent),
         "turns back": -np.minimum(step, 0).sum() / settings.drift_deg,
         "goes on": abs(heading[-1] - heading[-2]) / settings.drift_deg,
-        "bends twice": second / bend[peak_row] / settings.bent,
+        "bends twice": second_bend / bend[peak_row] / settings.bent,
         "jumps": step.max() / settings.jump_deg,
         "flicker": settings.flicker_frames / n,
         "area changes": np.abs(np.diff(area)).max() / area.mean() / settings.area_change,
@@ -440,14 +445,14 @@ def _find_straightest_row(
     bend: of each row of a track; end_row: the last row to look at; direction: 1 = later, −1 =
     earlier. Small rises do not end the search; a straight fish does.
     """
-    low = row = peak_row
-    while row != end_row and abs(bend[low]) > settings.straight_bend * bend[peak_row]:
+    straightest = row = peak_row
+    while row != end_row and abs(bend[straightest]) > settings.straight_bend * bend[peak_row]:
         row += direction
-        if abs(bend[row]) < abs(bend[low]):
-            low = row
-        elif bend[row] < 0 or bend[row] > bend[low] + settings.bent * bend[peak_row]:
+        if abs(bend[row]) < abs(bend[straightest]):
+            straightest = row
+        elif bend[row] < 0 or bend[row] > bend[straightest] + settings.bent * bend[peak_row]:
             break
-    return low
+    return straightest
 
 
 # -- the choice ------------------------------------------------------------------------------------
@@ -483,7 +488,7 @@ def choose_frames(
     pictures = draw_pictures(sample, table["heading"].to_numpy()[sample])
     typical_sharpness = float(np.median(measure_sharpness(pictures)))
 
-    def best(word: str, candidates: pd.DataFrame) -> list[FrameRun]:
+    def best_runs(sequence: str, candidates: pd.DataFrame) -> list[FrameRun]:
         """Return the best candidates for one sequence, one of each track."""
         return best_runs_of_tracks(
             table,
@@ -491,48 +496,48 @@ def choose_frames(
             draw_pictures,
             typical_sharpness,
             settings,
-            is_cycle=word not in SIDES,
+            is_cycle=sequence not in SIDES,
         )
 
     runs: dict[str, Sequence[FrameRun]] = {}
     stands_in: set[str] = set()
-    for word in WORDS:
-        text = getattr(settings, f"{word}_frames")
+    for sequence in WORDS:
+        text = getattr(settings, f"{sequence}_frames")
         if text is not None:
-            runs[word] = [_parse_frame_run(table, word, text, settings.hold)]
-        elif word in SIDES:
-            runs[word] = best(word, find_turns(table, SIDES[word], settings))
+            runs[sequence] = [_parse_frame_run(table, sequence, text, settings.hold)]
+        elif sequence in SIDES:
+            runs[sequence] = best_runs(sequence, find_turns(table, SIDES[sequence], settings))
         else:
-            find = find_tail_beats if word == "straight" else find_glides
-            runs[word] = best(word, find(table, delta_frames, settings))
+            find_candidates = find_tail_beats if sequence == "straight" else find_glides
+            runs[sequence] = best_runs(sequence, find_candidates(table, delta_frames, settings))
     if not runs["straight"]:
-        runs["straight"] = best(
+        runs["straight"] = best_runs(
             "straight", _find_substitute_tail_beats(table, delta_frames, settings)
         )
         stands_in.add("straight")
     if not (runs["left"] or runs["right"]):
-        for word, side in SIDES.items():
-            runs[word] = best(word, _find_substitute_turns(table, side))
-            stands_in.add(word)
-    lacks = [] if runs["straight"] else ["four frames of one track, one after the other"]
+        for sequence, side in SIDES.items():
+            runs[sequence] = best_runs(sequence, _find_substitute_turns(table, side))
+            stands_in.add(sequence)
+    missing = [] if runs["straight"] else ["four frames of one track, one after the other"]
     if not (runs["left"] or runs["right"]):
-        lacks.append("a fish that bends")
-    if lacks:
+        missing.append("a fish that bends")
+    if missing:
         raise FinloopError(
-            f"the film does not show {' nor '.join(lacks)}",
+            f"the film does not show {' nor '.join(missing)}",
             "a fish that swims, some seconds of it",
             "take a longer film (reports/film/features/trajectories.png shows what was followed)",
         )
     choices = {
-        word: ChosenFrames(run, stands_in=word in stands_in)
-        for word, run in choose_run_combination(table, runs, settings).items()
+        sequence: ChosenFrames(run, stands_in=sequence in stands_in)
+        for sequence, run in choose_run_combination(table, runs, settings).items()
     }
     if "slide" not in choices:  # nothing glides: the straightest there is
         choices["slide"] = choices["straight"]
-    for word, opposite in (("left", "right"), ("right", "left")):
-        if word not in choices:
-            choices[word] = replace(choices[opposite], mirrored=True)
-    return {word: choices[word] for word in WORDS}
+    for sequence, opposite in (("left", "right"), ("right", "left")):
+        if sequence not in choices:
+            choices[sequence] = replace(choices[opposite], mirrored=True)
+    return {sequence: choices[sequence] for sequence in WORDS}
 
 
 def best_runs_of_tracks(
@@ -550,22 +555,22 @@ def best_runs_of_tracks(
         return []
     faults = [name for name in candidates if name not in ("start", "length")]
     cost = candidates[faults].sum(axis=1)
-    number = table["track_id"].to_numpy()[candidates["start"]]
+    track_ids = table["track_id"].to_numpy()[candidates["start"]]
     order = cost.sort_values(kind="stable").index
-    rank = cost[order].groupby(pd.Series(number, candidates.index)[order]).cumcount()
+    rank = cost[order].groupby(pd.Series(track_ids, candidates.index)[order]).cumcount()
     best: dict[int, FrameRun] = {}
-    for at in order[(rank < settings.candidates_per_track).to_numpy()][: settings.candidates]:
-        start, n = int(candidates.at[at, "start"]), int(candidates.at[at, "length"])
+    for label in order[(rank < settings.candidates_per_track).to_numpy()][: settings.candidates]:
+        start, n = int(candidates.at[label, "start"]), int(candidates.at[label, "length"])
         rows = np.arange(start, start + n + 1)
         heading = cycle_headings(table, start, n) if is_cycle else table["heading"].to_numpy()[rows]
         pictures = draw_pictures(rows, heading)
-        more = {"does not close": measure_loop_closure(pictures)} if is_cycle else {}
-        soft = 1 - float(np.median(measure_sharpness(pictures))) / typical_sharpness
-        more["soft"] = max(0.0, soft) / settings.soft
+        picture_faults = {"does not close": measure_loop_closure(pictures)} if is_cycle else {}
+        softness = 1 - float(np.median(measure_sharpness(pictures))) / typical_sharpness
+        picture_faults["soft"] = max(0.0, softness) / settings.soft
         track = int(table["track_id"].iat[start])
         run = FrameRun(
             track, int(table["frame"].iat[start]), int(table["frame"].iat[start + n - 1]),
-            slice(start, start + n), candidates.loc[at, faults].to_dict() | more,
+            slice(start, start + n), candidates.loc[label, faults].to_dict() | picture_faults,
         )  # fmt: skip
         if track not in best or run.cost < best[track].cost:
             best[track] = run
@@ -578,9 +583,8 @@ def measure_loop_closure(pictures: Reals) -> float:
     It is the picture distance of the jump, over the loop's median step. pictures (n + 1, size,
     size, channels): the n frames of the loop and the frame after them.
     """
-    return float(paired_distances(pictures[-1], pictures[0])) / max(
-        float(np.median(successive_distances(pictures))), 1e-9
-    )
+    jump = float(paired_distances(pictures[-1], pictures[0]))
+    return jump / max(float(np.median(successive_distances(pictures))), 1e-9)
 
 
 def measure_sharpness(pictures: Reals) -> Floats:
@@ -597,11 +601,11 @@ def choose_run_combination(
 ) -> dict[str, FrameRun]:
     """Choose one run of frames for each sequence: few faults, and few changes of the animal.
 
-    runs: the candidates of each sequence. A sequence of another track than the first one costs
-    `track_change_cost`. A relative difference of `size_off` in length, contrast and area, on
-    average, costs 1 more.
+    runs: the candidates of each sequence; those without any are left out of the result. A sequence
+    of another track than the first one costs `track_change_cost`. A relative difference of
+    `size_off` in length, contrast and area, on average, costs 1 more.
     """
-    words = [word for word in runs if runs[word]]
+    sequences = [sequence for sequence in runs if runs[sequence]]
     appearance = (
         table[table["type"] == STRAIGHT]
         .groupby("track_id")[["length_px", "contrast", "area_px"]]
@@ -611,20 +615,20 @@ def choose_run_combination(
     )
     log_appearance = np.log(appearance)
 
-    def change_cost(a: int, b: int) -> float:
+    def change_cost(track_a: int, track_b: int) -> float:
         """Return what a change from one track to another costs."""
-        if a == b:
+        if track_a == track_b:
             return 0.0
-        difference = float(np.abs(log_appearance.loc[a] - log_appearance.loc[b]).mean())
+        difference = float(np.abs(log_appearance.loc[track_a] - log_appearance.loc[track_b]).mean())
         return settings.track_change_cost + difference / settings.size_off
 
     best: tuple[float, dict[str, FrameRun]] = (np.inf, {})
-    for first in runs[words[0]]:
-        choice = {words[0]: first}
+    for first in runs[sequences[0]]:
+        choice = {sequences[0]: first}
         total = settings.cycle_weight * first.cost
-        for word in words[1:]:
-            costs = [run.cost + change_cost(first.track_id, run.track_id) for run in runs[word]]
-            choice[word] = runs[word][int(np.argmin(costs))]
+        for sequence in sequences[1:]:
+            costs = [run.cost + change_cost(first.track_id, run.track_id) for run in runs[sequence]]
+            choice[sequence] = runs[sequence][int(np.argmin(costs))]
             total += min(costs)
         if total < best[0]:
             best = (total, choice)

@@ -24,7 +24,7 @@ def sprite_orientation_table(sprites: pd.DataFrame, features: pd.DataFrame) -> p
     in turns to that side.
     """
     count = count_orientations(sprites)
-    types = [SIDES.get(word, STRAIGHT) for word in sprites["sequence"]]
+    types = [SIDES.get(sequence, STRAIGHT) for sequence in sprites["sequence"]]
     pictures = pd.DataFrame({
         "orientation": np.tile(np.arange(1, count + 1), len(sprites)),
         "orientations": count,
@@ -32,13 +32,13 @@ def sprite_orientation_table(sprites: pd.DataFrame, features: pd.DataFrame) -> p
         "motion_area": np.repeat(sprites["bend"].abs().to_numpy(), count),
     })  # fmt: skip
     table = orientation_table(pictures)
-    for word, side in SIDES.items():
-        own, film = (
+    for sequence, side in SIDES.items():
+        of_sprites, of_film = (
             rows.loc[rows["swimming_type"] == side, "motion_area"].max()
             for rows in (pictures, features)
         )
-        if film > 0:  # NaN where the film never turns to this side and the other is mirrored
-            table[f"max_area_{word}"] *= own / film
+        if of_film > 0:  # NaN where the film never turns to this side and the other is mirrored
+            table[f"max_area_{sequence}"] *= of_sprites / of_film
     return table
 
 
@@ -56,7 +56,8 @@ def sprite_metrics(
 ) -> dict[str, float]:
     """Return the metrics of the chosen sprites, by their names in metrics.json.
 
-    sprites: schema `SPRITES`; table: from `swimmer_table`; film_frames: how many the film has.
+    sprites: schema `SPRITES`; table: a row for each fish in each frame, from `swimmer_table`;
+    features: the film's; film_frames: how many frames the film has.
     """
     sequences = dict(iter(sprites.groupby("sequence", sort=False)))
     used = sprites[["track_id", "frame"]].drop_duplicates()
@@ -69,19 +70,19 @@ def sprite_metrics(
         "tracks_used": sprites["track_id"].nunique(),
         "scale_min": sprites["scale"].min(),
         "scale_max": sprites["scale"].max(),
-        "mirrored_turns": sum(sequences[word]["mirrored"].any() for word in SIDES),
+        "mirrored_turns": sum(sequences[sequence]["mirrored"].any() for sequence in SIDES),
         "orientations_with_all_types_before": count_complete_orientations(
             orientation_table(features)
         ),
         "orientations_with_all_types_after": count_complete_orientations(after),
         "tail_beat_hz": rate_hz / len(sequences["straight"]),
     }
-    for word, rows in sequences.items():
+    for sequence, rows in sequences.items():
         result |= {
-            f"{word}_frames": len(rows),
-            f"{word}_speed_body_lengths_per_s": rows["forward"].mean() * rate_hz,
-            f"{word}_turn_deg": rows["turn_deg"].sum(),
-            f"{word}_motion_area_max_rel": rows["motion_area_rel"].max(),
+            f"{sequence}_frames": len(rows),
+            f"{sequence}_speed_body_lengths_per_s": rows["forward"].mean() * rate_hz,
+            f"{sequence}_turn_deg": rows["turn_deg"].sum(),
+            f"{sequence}_motion_area_max_rel": rows["motion_area_rel"].max(),
         }
     return result
 
@@ -99,11 +100,11 @@ def cycle_metrics(
     tail = table["tail"].to_numpy()[start:stop]
     result = {f"{sequence}_tail_swing_body_lengths": float(np.ptp(tail))}
     if stop < len(table) and table["track_id"].iat[stop] == choice.stretch.track_id:
-        heading = cycle_headings(table, start, stop - start)
-        pictures = draw_pictures(np.arange(start, stop + 1), heading)
-        median = max(float(np.median(successive_distances(pictures))), 1e-9)
+        headings = cycle_headings(table, start, stop - start)
+        pictures = draw_pictures(np.arange(start, stop + 1), headings)
+        median_step = max(float(np.median(successive_distances(pictures))), 1e-9)
         last = float(paired_distances(pictures[-2], pictures[0]))
-        result[f"{sequence}_closure_last_to_first"] = last / median
+        result[f"{sequence}_closure_last_to_first"] = last / median_step
         result[f"{sequence}_closure_after_last_to_first"] = measure_loop_closure(pictures)
     return result
 
@@ -127,8 +128,8 @@ def fault_table(choices: dict[str, ChosenFrames]) -> pd.DataFrame:
     A value of 1 is just acceptable.
     """
     rows = []
-    for word, choice in choices.items():
+    for sequence, choice in choices.items():
         run = choice.stretch
         for name, value in (run.faults or {"listed by hand": 0.0}).items():
-            rows.append((word, f"{run.track_id}:{run.first}-{run.last}", name, value))
+            rows.append((sequence, f"{run.track_id}:{run.first}-{run.last}", name, value))
     return pd.DataFrame(rows, columns=["sequence", "frames", "fault", "value"])

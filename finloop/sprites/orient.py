@@ -61,32 +61,32 @@ def _sequence_rows(
 ) -> pd.DataFrame:
     """Return a table of one sequence's sprites: columns of `SPRITES`, without their numbers."""
     run, sign = choice.stretch, -1 if choice.mirrored else 1
-    here = table.iloc[run.rows]
-    n, start, after = len(here), run.rows.start, run.rows.stop
-    goes_on = after < len(table) and table["track_id"].iat[after] == run.track_id
+    frames = table.iloc[run.rows]
+    n, start, stop = len(frames), run.rows.start, run.rows.stop
+    has_next = stop < len(table) and table["track_id"].iat[stop] == run.track_id
     side = sign * SIDES.get(sequence, 0)  # as filmed
     if side:
-        heading = smooth_series(table["heading"].to_numpy()[start : after + goes_on])
+        heading = smooth_series(table["heading"].to_numpy()[start : stop + has_next])
     else:
-        heading = cycle_headings(table, start, n if goes_on else n - 1)
-    if not goes_on:  # to the frame that would come next
+        heading = cycle_headings(table, start, n if has_next else n - 1)
+    if not has_next:  # to the frame that would come next
         heading = np.r_[heading, 2 * heading[-1] - heading[-2]]
     if side and -np.minimum(side * np.diff(heading), 0).sum() <= settings.turn_back_deg:
         heading = side * scipy.optimize.isotonic_regression(side * heading).x
     angle = np.radians(heading[:-1])
-    dx, dy = here["step_x_px"].to_numpy(), here["step_y_px"].to_numpy()
-    length = here["length_px"].to_numpy()
-    return here[["track_id", "frame", "x_px", "y_px", "orientations"]].assign(
+    dx, dy = frames["step_x_px"].to_numpy(), frames["step_y_px"].to_numpy()
+    length = frames["length_px"].to_numpy()
+    return frames[["track_id", "frame", "x_px", "y_px", "orientations"]].assign(
         sequence=sequence,
         step=np.arange(n),
         phase=turn_phases(table, run, side, settings.hold) if side else "cycle",
-        row=np.arange(start, after),
+        row=np.arange(start, stop),
         mirrored=choice.mirrored,
         heading_deg=wrap_deg(heading[:-1]),
-        head_offset_deg=sign * wrap_deg(here["heading"].to_numpy() - heading[:-1]),
+        head_offset_deg=sign * wrap_deg(frames["heading"].to_numpy() - heading[:-1]),
         scale=np.median(table["length_px"]) / length,
-        motion_area_rel=here["area_rel"],
-        bend=sign * here["bend"],
+        motion_area_rel=frames["area_rel"],
+        bend=sign * frames["bend"],
         forward=(dx * np.cos(angle) - dy * np.sin(angle)) / length,
         sideways=sign * (-dx * np.sin(angle) - dy * np.cos(angle)) / length,
         turn_deg=sign * np.diff(heading),
@@ -150,9 +150,9 @@ def turn_cutout(
     pivot, origin = np.array([x_px, y_px]), np.array([source.x0_px, source.y0_px])
     h, w = source.pixels.shape[:2]
     corners = np.array([[0, 0], [w - 1, 0], [0, h - 1], [w - 1, h - 1]]) + origin
-    there = (corners - pivot) @ linear.T + pivot
-    low = np.floor(there.min(0)).astype(int) - _REACH
-    high = np.ceil(there.max(0)).astype(int) + _REACH
+    turned_corners = (corners - pivot) @ linear.T + pivot
+    low = np.floor(turned_corners.min(0)).astype(int) - _REACH
+    high = np.ceil(turned_corners.max(0)).astype(int) + _REACH
     back = linear.T  # rigid: the inverse
     offset = pivot - origin + back @ (low - pivot)  # in the source, under the canvas's first pixel
     width, height = (high - low + 1).tolist()
@@ -162,8 +162,8 @@ def turn_cutout(
     )  # fmt: skip
     # The filter overshoots. Where alpha exceeds 255, the colour is lowered with it; otherwise edges
     # would shine.
-    level = canvas * (255 / np.maximum(canvas[..., -1:], 255))
-    pixels = np.rint(np.clip(level, 0, 255)).astype(np.uint8)
+    scaled = canvas * (255 / np.maximum(canvas[..., -1:], 255))
+    pixels = np.rint(np.clip(scaled, 0, 255)).astype(np.uint8)
     np.minimum(pixels[..., :-1], pixels[..., -1:], out=pixels[..., :-1])
     left, top, pixels = trim_picture(pixels)
     return source._replace(pixels=pixels, x0_px=int(low[0]) + left, y0_px=int(low[1]) + top)
