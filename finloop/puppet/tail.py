@@ -88,7 +88,7 @@ def _half_widths_head_first(tracks: pd.DataFrame, backbones: Reals) -> Floats:
 
 
 def _find_body_ends(widths: Floats, thin: float) -> Floats:
-    """Return where bodies end (k,), in points from the head; n - 1 if there is no is_tail.
+    """Return where bodies end (k,), in points from the head; n - 1 if there is no tail.
 
     widths (k, n): along the backbones, px; thin: the body ends where its width falls to this share
     of its largest. Ends lie between points, by linear interpolation.

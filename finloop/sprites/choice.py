@@ -217,7 +217,7 @@ def cycle_headings(table: pd.DataFrame, first_row: int, frames: int) -> Floats:
 def find_tail_beats(
     table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Find runs of frames with one tail is_beat in straight swimming, with their faults.
+    """Find runs of frames with one tail beat in straight swimming, with their faults.
 
     table: from `swimmer_table`; the result has the columns start (row of `table`), length (frames)
     and one per fault, of which 1 is just acceptable. It is empty if there is no tail beat.
