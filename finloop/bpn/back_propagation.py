@@ -41,9 +41,9 @@ def draw_first_weights(hidden_units: int, rng: np.random.Generator) -> Floats:
     """
     weights = np.zeros((_IN + _OUT) * hidden_units + _OUT)
     for layer in split_layers(weights):
-        before = layer[:, :-1].T
-        reach = np.sqrt(6 / sum(before.shape))
-        before[:] = rng.uniform(-reach, reach, before.shape)
+        unit_weights = layer[:, :-1].T
+        reach = np.sqrt(6 / sum(unit_weights.shape))
+        unit_weights[:] = rng.uniform(-reach, reach, unit_weights.shape)
     return weights
 
 
@@ -79,29 +79,29 @@ def learn_epoch(x, t, weights, velocity, rule):  # type: ignore[no-untyped-def]
     momentum. After each batch velocity ← momentum · velocity - learning rate · ∂E/∂weights, and
     weights ← weights + velocity.
     """
-    size, learning_rate, momentum = rule
+    batch_size, learning_rate, momentum = rule
     first, second = split_layers(weights)
     first_velocity, second_velocity = split_layers(velocity)
     hidden = len(first)
-    h, step = np.ones(hidden + 1), np.empty(_OUT)
-    for begin in range(0, len(x), size):
+    hidden_signals, step = np.ones(hidden + 1), np.empty(_OUT)
+    for begin in range(0, len(x), batch_size):
         velocity *= momentum
-        for n in range(begin, min(begin + size, len(x))):
+        for row in range(begin, min(begin + batch_size, len(x))):
             for j in range(hidden):
-                h[j] = unit_output(first[j], x[n])
+                hidden_signals[j] = unit_output(first[j], x[row])
             for k in range(_OUT):
-                o = unit_output(second[k], h)
-                step[k] = learning_rate * (o - t[n, k]) * o * (1 - o)
+                output = unit_output(second[k], hidden_signals)
+                step[k] = learning_rate * (output - t[row, k]) * output * (1 - output)
             for j in range(hidden):
-                back = 0.0
+                gradient = 0.0
                 for k in range(_OUT):
-                    back += second[k, j] * step[k]
-                back *= h[j] * (1 - h[j])
+                    gradient += second[k, j] * step[k]
+                gradient *= hidden_signals[j] * (1 - hidden_signals[j])
                 for i in range(_IN):
-                    first_velocity[j, i] -= back * x[n, i]
+                    first_velocity[j, i] -= gradient * x[row, i]
             for k in range(_OUT):
                 for j in range(hidden + 1):
-                    second_velocity[k, j] -= step[k] * h[j]
+                    second_velocity[k, j] -= step[k] * hidden_signals[j]
         weights += velocity
 
 
@@ -114,7 +114,8 @@ def train_on_film_rows(
 ) -> tuple[MotionModel, pd.DataFrame]:
     """Train the network on some of a film's rows; return model and learning curve.
 
-    sides: masks (n,) of the rows to learn from, and of those held out to measure errors.
+    sides: masks (n,) of the rows to learn from, and of those held out to measure errors; rate_hz:
+    frames a second of the film; advance: called after each epoch.
     """
     training, held_out = ((rows.inputs[side], rows.outputs[side]) for side in sides)
     rng = np.random.default_rng((p.seed, 1))
@@ -184,7 +185,9 @@ def _learning_curve_row(
     """
     result: dict[str, float] = {}
     for side, (inputs, outputs) in sides.items():
-        parts = [model.predict(inputs[at : at + _PART]) for at in range(0, len(inputs), _PART)]
-        found = state_errors(np.concatenate(parts), outputs) if parts else {}
-        result |= {f"{side}_{name}": found.get(name, math.nan) for name in COMPARED}
+        parts = [
+            model.predict(inputs[start : start + _PART]) for start in range(0, len(inputs), _PART)
+        ]
+        errors = state_errors(np.concatenate(parts), outputs) if parts else {}
+        result |= {f"{side}_{name}": errors.get(name, math.nan) for name in COMPARED}
     return result

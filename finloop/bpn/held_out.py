@@ -59,14 +59,14 @@ def state_errors(predicted: Floats, true: Floats) -> dict[str, float]:
     right. …_recall_pct: rows of one true type that are predicted as it; NaN if the type does not
     occur.
     """
-    area, kind = np.sqrt(np.mean((predicted - true) ** 2, axis=0))
+    area_rmse, type_rmse = np.sqrt(np.mean((predicted - true) ** 2, axis=0))
     counts = count_confusions(predicted, true)
     with np.errstate(invalid="ignore"):
         recall = 100 * np.diag(counts) / counts.sum(1)
     wrong = 100 * (1 - np.trace(counts) / len(true))
     return {
-        "area_rmse": float(area),
-        "type_rmse": float(kind),
+        "area_rmse": float(area_rmse),
+        "type_rmse": float(type_rmse),
         "type_error_pct": float(wrong),
         "type_accuracy_pct": float(100 - wrong),
         **{
@@ -81,8 +81,12 @@ def count_confusions(predicted: Floats, true: Floats) -> Ints:
 
     predicted, true: (n, 2), columns OUTPUTS. Types are rounded, in the order straight, left, right.
     """
-    answer, truth = round_swimming_types(predicted[:, 1]), round_swimming_types(true[:, 1])
-    return np.array([[np.sum((truth == a) & (answer == b)) for b in WORDS] for a in WORDS])
+    predicted_type, true_type = (round_swimming_types(types[:, 1]) for types in (predicted, true))
+    counts = [
+        [np.sum((true_type == row) & (predicted_type == column)) for column in WORDS]
+        for row in WORDS
+    ]
+    return np.array(counts)
 
 
 def assess_model(
@@ -90,15 +94,16 @@ def assess_model(
 ) -> dict[str, float]:
     """Return a model's errors, its skills against the baselines, and numbers of rows, by name.
 
-    train, held_out: masks (n,) of `rows`. A skill against a baseline without error is NaN. Without
-    held-out rows there are only the errors on the training rows.
+    train, held_out: masks (n,) of `rows`. A skill is 1 − error / error of a baseline: persistence
+    (no change) or a linear fit; NaN if the baseline has no error. Without held-out rows there are
+    only the errors on the training rows.
     """
     inputs, outputs = rows.inputs[held_out], rows.outputs[held_out]
     training = rows.inputs[train], rows.outputs[train]
     results = {"train": state_errors(model.predict(training[0]), training[1])}
     skills: dict[str, float] = {}
     if held_out.any():
-        own = results["held_out"] = state_errors(model.predict(inputs), outputs)
+        model_errors = results["held_out"] = state_errors(model.predict(inputs), outputs)
         baselines = {
             "persistence": inputs[:, :2],
             "linear": predict_by_linear_fit(*training, inputs),
@@ -106,7 +111,7 @@ def assess_model(
         for baseline, predicted in baselines.items():
             errors = results[baseline] = state_errors(predicted, outputs)
             for name in COMPARED:
-                skill = 1 - own[name] / errors[name] if errors[name] > 0 else float("nan")
+                skill = 1 - model_errors[name] / errors[name] if errors[name] > 0 else float("nan")
                 skills[f"{name.removesuffix('_pct')}_skill_against_{baseline}"] = skill
         skills["skills_not_above_0"] = sum(skill <= 0 for skill in skills.values())
     return {
@@ -114,8 +119,8 @@ def assess_model(
         "held_out_rows": int(held_out.sum()),
         **{
             f"{side}_{name}": value
-            for side, numbers in results.items()
-            for name, value in numbers.items()
+            for side, errors_of_side in results.items()
+            for name, value in errors_of_side.items()
             if name != "type_error_pct"  # the accuracy already gives it
         },
         **skills,

@@ -122,9 +122,9 @@ def find_input_range(inputs: Floats) -> tuple[Floats, Floats]:
     Displacement and angle take theirs from the rows, without the extreme 1 %, so that a wild frame
     does not squeeze the rest. 0° stays in the middle.
     """
-    near, far = np.quantile(inputs[:, 2], [_TAIL, 1 - _TAIL])
-    wide = np.quantile(np.abs(inputs[:, 3]), 1 - _TAIL)
-    low, high = np.array([0.0, -1.0, near, -wide]), np.array([1.0, 1.0, far, wide])
+    shortest, farthest = np.quantile(inputs[:, 2], [_TAIL, 1 - _TAIL])
+    widest = np.quantile(np.abs(inputs[:, 3]), 1 - _TAIL)
+    low, high = np.array([0.0, -1.0, shortest, -widest]), np.array([1.0, 1.0, farthest, widest])
     constant = high - low < 1e-9
     return low - 0.5 * constant, high + 0.5 * constant
 
@@ -153,13 +153,13 @@ def pair_rows_with_later(features: pd.DataFrame, delta_frames: int) -> LearningR
     now = features[["track_id", "frame", *INPUTS]]
     later = features[["track_id", "frame", *OUTPUTS]]
     later = later.assign(frame=later["frame"] - delta_frames)
-    both = now.merge(later, on=["track_id", "frame"], suffixes=("", "_later")).dropna()
-    both = both.sort_values(["track_id", "frame"])
+    pairs = now.merge(later, on=["track_id", "frame"], suffixes=("", "_later")).dropna()
+    pairs = pairs.sort_values(["track_id", "frame"])
     return LearningRows(
-        both[list(INPUTS)].to_numpy(float),
-        both[[f"{name}_later" for name in OUTPUTS]].to_numpy(float),
-        both["track_id"].to_numpy(np.int64),
-        both["frame"].to_numpy(np.int64),
+        pairs[list(INPUTS)].to_numpy(float),
+        pairs[[f"{name}_later" for name in OUTPUTS]].to_numpy(float),
+        pairs["track_id"].to_numpy(np.int64),
+        pairs["frame"].to_numpy(np.int64),
         delta_frames,
     )
 
@@ -189,8 +189,8 @@ def split_by_blocks(
             "a smaller bpn.held_out_block_deltas, or a longer film",
         )
     sample = _draw_groups(first, held_out_share, rng)
-    begins, ends = np.isin(first, sample), np.isin(last, sample)
-    return _require_rows(~begins & ~ends, begins & ends)
+    begins_held_out, ends_held_out = np.isin(first, sample), np.isin(last, sample)
+    return _require_rows(~begins_held_out & ~ends_held_out, begins_held_out & ends_held_out)
 
 
 def split_by_tracks(
@@ -207,8 +207,8 @@ def split_by_tracks(
             "at least two for bpn.held_out_by=tracks: one to learn from, one to hold out",
             "bpn.held_out_by=blocks, which splits by time",
         )
-    test = np.isin(rows.track_id, _draw_groups(rows.track_id, held_out_share, rng))
-    return _require_rows(~test, test)
+    held_out = np.isin(rows.track_id, _draw_groups(rows.track_id, held_out_share, rng))
+    return _require_rows(~held_out, held_out)
 
 
 def split_rows(rows: LearningRows, split_by: str, p: BpnSettings) -> tuple[Mask, Mask]:
@@ -233,10 +233,11 @@ def split_rows(rows: LearningRows, split_by: str, p: BpnSettings) -> tuple[Mask,
 
 
 def split_rows_if_possible(rows: LearningRows, p: BpnSettings) -> tuple[Mask, Mask]:
-    """Divide rows into those to learn from and those held out, masks (n,); none in a short film.
+    """Divide rows into those to learn from and those held out: masks (n,).
 
-    They are those of `split_rows` by `p.held_out_by`. FinloopError if the film has no rows, or if
-    `p` is the reason for too few rows: whole tracks, or blocks shorter than Δ.
+    A film too short to divide has all rows in the first mask and none held out. FinloopError if
+    there are no rows, or if the user's settings prevent the division: whole tracks, or blocks
+    shorter than Δ.
     """
     try:
         return split_rows(rows, p.held_out_by, p)
@@ -244,8 +245,8 @@ def split_rows_if_possible(rows: LearningRows, p: BpnSettings) -> tuple[Mask, Ma
         by_user = p.held_out_by == "tracks" or p.held_out_block_deltas < 1
         if by_user or not len(rows.inputs):
             raise
-    every = np.ones(len(rows.inputs), bool)
-    return every, ~every
+    all_rows = np.ones(len(rows.inputs), bool)
+    return all_rows, ~all_rows
 
 
 def _draw_groups(group: Ints, share: float, rng: np.random.Generator) -> list[int]:

@@ -21,13 +21,13 @@ _TOLERANCE = 1e-4  # share of the range of an output; 32-bit rounding gives abou
 
 def build_onnx_model(model: MotionModel) -> onnx.ModelProto:
     """Build the ONNX graph of `MotionModel.predict`: float32 (n, 4) → (n, 2), in physical units."""
-    reach = (model.input_high - model.input_low) / 2
+    half_range = (model.input_high - model.input_low) / 2
     span = (model.output_high - model.output_low) / (1 - 2 * model.margin)
     constants = {
         "input_low": model.input_low,
         "input_high": model.input_high,
         "input_middle": (model.input_low + model.input_high) / 2,
-        "input_scale": 1 / reach,
+        "input_scale": 1 / half_range,
         "hidden_weights": model.hidden_weights,
         "hidden_bias": model.hidden_bias,
         "output_weights": model.output_weights,
@@ -47,8 +47,8 @@ def build_onnx_model(model: MotionModel) -> onnx.ModelProto:
     ]  # fmt: skip
     names = [INPUT_NAME, *(f"step_{number}" for number in range(1, len(chain))), OUTPUT_NAME]
     nodes = [
-        helper.make_node(kind, [names[number], *more], [names[number + 1]])
-        for number, (kind, more) in enumerate(chain)
+        helper.make_node(kind, [names[number], *constant_names], [names[number + 1]])
+        for number, (kind, constant_names) in enumerate(chain)
     ]
     graph = helper.make_graph(
         nodes,
@@ -77,10 +77,10 @@ def export_onnx_bytes(model: MotionModel) -> bytes:
     """
     proto = build_onnx_model(model)
     onnx.checker.check_model(proto, full_check=True)
-    off = largest_output_difference(proto, model)
-    if not off <= _TOLERANCE:
+    difference = largest_output_difference(proto, model)
+    if not difference <= _TOLERANCE:
         raise FinloopError(
-            f"the ONNX export is off by {off:g} of the range of an output",
+            f"the ONNX export is off by {difference:g} of the range of an output",
             f"the numbers of the model itself, to {_TOLERANCE:g}",
             "train with a smaller bpn.learning_rate: 32 bits cannot represent weights this large",
         )

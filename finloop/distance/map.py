@@ -106,10 +106,10 @@ def _distances_of_pairs(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
     x (n, k): pictures as rows.
     """
     distances = np.empty(len(a), np.float32)
-    lot = max(1, _CHUNK // x.shape[1])
-    for start in range(0, len(a), lot):
-        here = slice(start, start + lot)
-        distances[here] = np.linalg.norm(x[a[here]] - x[b[here]], axis=1)
+    lot_size = max(1, _CHUNK // x.shape[1])
+    for start in range(0, len(a), lot_size):
+        lot = slice(start, start + lot_size)
+        distances[lot] = np.linalg.norm(x[a[lot]] - x[b[lot]], axis=1)
     return distances
 
 
@@ -117,7 +117,7 @@ def _distances_of_pairs(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
 
 
 def full_distance_map(pictures: Picture) -> Picture:
-    """Return the complete distance map (n, n) of pictures (n, …): Eq. 5 for all pairs."""
+    """Return the Euclidean distances (n, n) between all pairs of pictures (n, …) (Eq. 5)."""
     x = pictures.reshape(len(pictures), -1)
     x = x - x.mean(axis=0)
     norms = _squared_norms(x)
@@ -126,7 +126,7 @@ def full_distance_map(pictures: Picture) -> Picture:
         for columns in _split_range(rows.start, len(x), _SIDE):  # the map is symmetric
             block = _squared_distances(x, norms, MapBlock(rows, columns))
             if rows == columns:
-                np.fill_diagonal(block, np.inf)  # not measured again
+                np.fill_diagonal(block, np.inf)  # so that it is not recomputed; it becomes 0 below
             _recompute_small_squares(x, norms, MapBlock(rows, columns), block)
             if rows == columns:  # a kernel may round a product and its transpose differently
                 block = np.triu(block, 1)
@@ -173,26 +173,22 @@ def _recompute_small_squares(
     than EXACT are replaced. x (n, k): pictures as rows; norms (n,): squared. An error e of a square
     d² is an error e / 2d of its root.
     """
+    rows, columns = rectangle
     share = _LOSS / (2 * EXACT)
-    if (
-        block_squares.min()
-        >= (share * (norms[rectangle.rows].max() + norms[rectangle.columns].max())) ** 2
-    ):
+    if block_squares.min() >= (share * (norms[rows].max() + norms[columns].max())) ** 2:
         return
-    limit = norms[rectangle.rows, None] + norms[rectangle.columns]
+    limit = norms[rows, None] + norms[columns]
     limit *= share
     close = block_squares < np.square(limit, out=limit)
     count = np.count_nonzero(close)
-    if count > _MANY * block_squares.size:  # a fish that does not move
-        wide = x[rectangle.rows].astype(np.float64), x[rectangle.columns].astype(np.float64)
-        squares = [np.einsum("nk,nk->n", w, w) for w in wide]
-        exact = squares[0][:, None] + squares[1] - 2 * (wide[0] @ wide[1].T)
+    if count > _MANY * block_squares.size:  # a fish that does not move: all in float64
+        a, b = x[rows].astype(np.float64), x[columns].astype(np.float64)
+        a_squares, b_squares = (np.einsum("nk,nk->n", part, part) for part in (a, b))
+        exact = a_squares[:, None] + b_squares - 2 * (a @ b.T)
         block_squares[close] = np.maximum(exact[close], 0)
     elif count:
-        a, b = np.nonzero(close)
-        block_squares[close] = (
-            _distances_of_pairs(x, a + rectangle.rows.start, b + rectangle.columns.start) ** 2
-        )
+        i, j = np.nonzero(close)
+        block_squares[close] = _distances_of_pairs(x, i + rows.start, j + columns.start) ** 2
 
 
 # --- Eq. 6: like with like
@@ -201,11 +197,11 @@ def _recompute_small_squares(
 def find_frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
     """Return the kind (n,) of each row as a number; only rows of one kind are compared (Eqs. 6, 7).
 
-    It stands for the swimming type, and in the pose FILM, where turned fish differ, also for the
-    orientation.
+    Rows of one kind have the same swimming type and, in the pose FILM, where turned fish differ,
+    the same orientation.
     """
-    swims = features["swimming_type"].to_numpy(np.intp)
-    return 3 * features["orientation"].to_numpy(np.intp) * (pose == FILM) + swims
+    swimming_type = features["swimming_type"].to_numpy(np.intp)
+    return 3 * features["orientation"].to_numpy(np.intp) * (pose == FILM) + swimming_type
 
 
 def find_comparable_pairs(kind: Ints, area: Reals, threshold: float) -> Mask:
@@ -230,16 +226,19 @@ def sort_by_kind_and_area(kind: Ints, area: Reals) -> Ints:
 def find_comparison_blocks(kind: Ints, area: Reals, threshold: float) -> Iterator[MapBlock]:
     """Yield blocks of the distance map that hold every pair a < b to be compared (Eq. 6) once.
 
-    kind, area (n,): of frames sorted by `sort_by_kind_and_area`; threshold: as in Eq. 8.
+    kind, area (n,): kind and motion area of frames sorted by `sort_by_kind_and_area`; threshold:
+    largest difference of two areas (Eq. 8).
     """
     area = area.astype(float)
     edges = [0, *(np.flatnonzero(np.diff(kind)) + 1), len(kind)]
     for start, stop in pairwise(edges):
         for rows in _split_range(start, stop, _BAND):
             # Slightly wider than the threshold: the exact test comes after the product.
-            far = np.nextafter(area[rows.stop - 1] + threshold, np.inf)
-            end = start + int(np.searchsorted(area[start:stop], far, "right"))
-            yield from (MapBlock(rows, c) for c in _split_range(rows.start, end, 8 * _BAND))
+            greatest_area = np.nextafter(area[rows.stop - 1] + threshold, np.inf)
+            end = start + int(np.searchsorted(area[start:stop], greatest_area, "right"))
+            yield from (
+                MapBlock(rows, columns) for columns in _split_range(rows.start, end, 8 * _BAND)
+            )
 
 
 def count_pairs(blocks: Iterable[MapBlock]) -> int:
@@ -256,19 +255,20 @@ def find_similar_pairs(
 ) -> Iterator[PicturePairs]:
     """Yield, block by block, the pairs a < b that are comparable (Eq. 6) and look alike.
 
-    x: from `subtract_mean_picture`; kind, area, threshold: as in `find_comparison_blocks`;
-    most_distance: of a pair. Memory does not grow with the number of pairs.
+    x: from `subtract_mean_picture`; kind, area (n,): kind and motion area of its sorted rows;
+    threshold: largest difference of two areas (Eq. 8); most_distance: of a pair. Memory does not
+    grow with the number of pairs.
     """
     norms = _squared_norms(x)
-    for at in find_comparison_blocks(kind, area, threshold):
-        block = _squared_distances(x, norms, at)
-        rows, columns = (np.arange(part.start, part.stop) for part in at)
-        compared = _have_similar_areas(area[at.rows], area[at.columns], threshold) & (
-            rows[:, None] < columns
-        )
-        block[~compared] = np.inf
-        _recompute_small_squares(x, norms, at, block)
-        a, b = np.nonzero(compared & (block <= most_distance**2))
+    for rectangle in find_comparison_blocks(kind, area, threshold):
+        block = _squared_distances(x, norms, rectangle)
+        rows, columns = (np.arange(part.start, part.stop) for part in rectangle)
+        is_compared = _have_similar_areas(
+            area[rectangle.rows], area[rectangle.columns], threshold
+        ) & (rows[:, None] < columns)
+        block[~is_compared] = np.inf
+        _recompute_small_squares(x, norms, rectangle, block)
+        a, b = np.nonzero(is_compared & (block <= most_distance**2))
         yield rows[a], columns[b], np.sqrt(block[a, b])
 
 
@@ -295,26 +295,27 @@ def natural_step_table(
 ) -> pd.DataFrame:
     """Return how much the picture changes from each row to a later frame of its track (Eq. 5).
 
-    features (n rows); x: pictures as rows; place (n,): each row's place in x; step_frames: how much
-    later. Columns: track_id, frame, step; step is NaN where the track has no such frame.
+    features (n rows); x: pictures as rows; place (n,): where each row's picture is in x; step_frames: how many
+    frames later. Columns: track_id, frame, step (the distance), NaN where the track has no such
+    frame.
     """
-    here = features[["track_id", "frame"]]
-    follows = here["track_id"].diff(step_frames).eq(0) & here["frame"].diff(step_frames).eq(
+    table = features[["track_id", "frame"]]
+    follows = table["track_id"].diff(step_frames).eq(0) & table["frame"].diff(step_frames).eq(
         step_frames
     )
-    after = np.flatnonzero(follows)
-    step = np.full(len(here), np.nan, np.float32)
-    step[after - step_frames] = _distances_of_pairs(x, place[after - step_frames], place[after])
-    return here.assign(step=step)
+    later = np.flatnonzero(follows)
+    step = np.full(len(table), np.nan, np.float32)
+    step[later - step_frames] = _distances_of_pairs(x, place[later - step_frames], place[later])
+    return table.assign(step=step)
 
 
 def find_map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
     """Return the numbers (k,) of the feature rows in the distance map: those that STEPS lists."""
-    here, there = (
+    feature_keys, step_keys = (  # one number for each track and frame
         table["track_id"].to_numpy(np.int64) << 32 | table["frame"].to_numpy(np.int64)
         for table in (features, steps)
     )
-    return np.flatnonzero(np.isin(here, there))
+    return np.flatnonzero(np.isin(feature_keys, step_keys))
 
 
 def measure_usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
@@ -352,14 +353,12 @@ def _choose_and_sort_rows(
 
     The rows are all of the film, or stretches spread over a longer one.
     """
-    most, track = p.max_pictures, features["track_id"].to_numpy()
-    stretches = sample_stretches(track, max(2, most // _STRETCHES), most, seed=0)
+    most_rows, track = p.max_pictures, features["track_id"].to_numpy()
+    stretches = sample_stretches(track, max(2, most_rows // _STRETCHES), most_rows, seed=0)
     rows = np.concatenate([np.arange(stretch.start, stretch.stop) for stretch in stretches])
     features = features.iloc[rows]
-    kind, area = (
-        find_frame_kinds(features, p.frame_of_reference),
-        features["motion_area_rel"].to_numpy(),
-    )
+    kind = find_frame_kinds(features, p.frame_of_reference)
+    area = features["motion_area_rel"].to_numpy()
     order = sort_by_kind_and_area(kind, area)
     return rows, order, kind[order], area[order]
 
@@ -385,11 +384,11 @@ def compare_frames(
         del headed  # as large as x
     steps["as_filmed"] = film.measure_steps(size, FILM, rows)
     median, p95 = measure_usual_steps(steps)
-    most = np.inf if p.max_distance_steps is None else p.max_distance_steps * median
+    most_distance = np.inf if p.max_distance_steps is None else p.max_distance_steps * median
 
     def with_progress() -> Iterator[PicturePairs]:
         """Yield the similar pairs, block by block, and report each block."""
-        for pairs in find_similar_pairs(x, kind, area, p.motion_area_threshold, most):
+        for pairs in find_similar_pairs(x, kind, area, p.motion_area_threshold, most_distance):
             yield pairs
             advance()
 

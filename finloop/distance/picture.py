@@ -61,11 +61,11 @@ def typical_lengths_px(features: pd.DataFrame) -> pd.Series:
     track = features["track_id"]
     tracks = features.groupby("track_id")["body_length_px"]
     rows, medians = tracks.size().astype(float), tracks.median().astype(float)
-    late = tracks.cumcount() >= track.map(rows) / 2
-    halves = features["body_length_px"].groupby([track, late]).median().unstack()
+    is_late = tracks.cumcount() >= track.map(rows) / 2
+    halves = features["body_length_px"].groupby([track, is_late]).median().unstack()
     if len(rows) > 1 and halves.shape[1] == 2:
-        square = (halves[True] - halves[False]).fillna(0.0) ** 2
-        kappa = float((square * rows**2).sum() / (4 * rows.sum()))
+        square_difference = (halves[True] - halves[False]).fillna(0.0) ** 2
+        kappa = float((square_difference * rows**2).sum() / (4 * rows.sum()))
         medians = _shrink_to_mean(medians, kappa / rows) if kappa else medians
     return track.map(medians)
 

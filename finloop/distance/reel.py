@@ -59,8 +59,8 @@ class Reel:
             problems.append(f"{len(self.film)} cut-outs are not those of the {len(keys)} rows")
         if len(self.sprites):
             rows = self.sprites["row"].to_numpy()
-            true = keys[rows] if rows.max() < len(keys) else keys[:0]
-            if not np.array_equal(self.sprites[_KEY].to_numpy(), true):
+            keys_of_rows = keys[rows] if rows.max() < len(keys) else keys[:0]
+            if not np.array_equal(self.sprites[_KEY].to_numpy(), keys_of_rows):
                 problems.append(f"{len(self.sprites)} sprites are of other frames than they say")
         if self.store is not None:
             index, count = self.store.index, self.orientations
@@ -220,12 +220,14 @@ class Reel:
         They are turned, and mirrored, as the next sprite would be in this orientation. At the end
         of a track the sprite's own frame is drawn.
         """
-        ahead = float(orientation_heading_deg(orientation, self.orientations))
+        orientation_deg = float(orientation_heading_deg(orientation, self.orientations))
         pictures = []
         for sprite, length in zip(self.sprites.itertuples(), self._sprite_lengths_px, strict=True):
             row, side = int(sprite.row), -1 if sprite.mirrored else 1
             turn = -sprite.heading_deg - side * sprite.turn_deg * self.has_next_frame[row]
             # A mirrored one is turned to the right, mirrored there, and its mirror turned on.
-            picture = self.draw_row(int(self.next_rows(row)), size_px, length, turn + side * ahead)
+            picture = self.draw_row(
+                int(self.next_rows(row)), size_px, length, turn + side * orientation_deg
+            )
             pictures.append(picture[::side])
         return np.stack(pictures)

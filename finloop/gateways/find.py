@@ -87,24 +87,25 @@ def measure_sprite_distances(
     advance(k): called when k more rows are done. At most `_BLOCK` pictures are held at once.
     """
     features, sprites = reel.features, reel.sprites
-    row, after = _rows_of_sprites(reel)
+    row, next_row = _rows_of_sprites(reel)
     if pose == BODY:
         orientation = np.zeros(len(rows), np.int8)
         heading = features["heading_deg"].to_numpy(float)
         pose_deg = heading[rows]
         ahead_deg, own_deg = (
-            _headings_relative_to_sprites(sprites, heading[at]) for at in (after, row)
+            _headings_relative_to_sprites(sprites, heading[rows_of_pictures])
+            for rows_of_pictures in (next_row, row)
         )
     else:
         orientation = features["orientation"].to_numpy()[rows]
         pose_deg = orientation_heading_deg(orientation, count_orientations(features))
-        ahead_deg = np.where(after > row, sprites["turn_deg"], 0.0)
+        ahead_deg = np.where(next_row > row, sprites["turn_deg"], 0.0)
         own_deg = np.zeros(len(sprites))
     ahead, own = np.empty((2, len(sprites), len(rows)))
     for number in np.unique(orientation):
         next_pictures, own_pictures = draw_sprites_and_next(reel, size_px, pose, int(number))
-        mine = np.flatnonzero(orientation == number)
-        for block in np.split(mine, range(_BLOCK, len(mine), _BLOCK)):
+        columns = np.flatnonzero(orientation == number)
+        for block in np.split(columns, range(_BLOCK, len(columns), _BLOCK)):
             filmed = reel.draw_rows(rows[block], size_px, pose)
             ahead[:, block] = all_distances(next_pictures, filmed).round(_DIGITS)
             own[:, block] = all_distances(own_pictures, filmed).round(_DIGITS)
@@ -124,14 +125,14 @@ def draw_sprites_and_next(
         return reel.draw_frames_after_sprites(size_px, orientation), reel.draw_sprites(
             size_px, orientation
         )
-    row, after = _rows_of_sprites(reel)
-    ahead = reel.draw_rows(after, size_px, pose)
+    row, next_row = _rows_of_sprites(reel)
+    ahead = reel.draw_rows(next_row, size_px, pose)
     mirrored = reel.sprites["mirrored"].to_numpy()
     ahead[mirrored] = ahead[mirrored, ::-1]
     turn = -_headings_relative_to_sprites(
         reel.sprites, reel.features["heading_deg"].to_numpy(float)[row]
     )
-    own = [reel.draw_sprite(at, size_px, 1, angle) for at, angle in enumerate(turn)]
+    own = [reel.draw_sprite(number, size_px, 1, angle) for number, angle in enumerate(turn)]
     return ahead, np.stack(own)
 
 
@@ -140,8 +141,8 @@ def _headings_relative_to_sprites(sprites: pd.DataFrame, filmed_deg: Floats) -> 
 
     filmed_deg (s,): of the film frames that follow the sprites.
     """
-    off = wrap_deg(filmed_deg - sprites["heading_deg"].to_numpy(float))
-    return np.where(sprites["mirrored"], -off, off)
+    relative = wrap_deg(filmed_deg - sprites["heading_deg"].to_numpy(float))
+    return np.where(sprites["mirrored"], -relative, relative)
 
 
 def _rows_of_sprites(reel: Reel) -> tuple[Ints, Ints]:
@@ -162,20 +163,22 @@ def list_gateways(
     """List all gateways (schema `GATEWAYS`), pairs of a sprite and a film row that look alike.
 
     First come the ways from sprite to film, then those back. step_median: the film's median step. A
-    sprite leads to its `frames_per_sprite` nearest rows in each orientation, which are `apart`
-    apart and have `least` of their track ahead. A row leads to the `sprites_per_frame` sprites of
-    each sequence nearest to its next row. The last row of a track has no way out, and a turn is
-    entered only by its first sprite.
+    sprite leads to its `frames_per_sprite` nearest rows in each orientation. These are at least
+    `apart` Δ from each other, and have `least` Δ of their track ahead. A row leads to the
+    `sprites_per_frame` sprites of each sequence nearest to its next row. The last row of a track
+    has no way out, and a turn is entered only by its first sprite.
     """
-    most = settings.distance_threshold * step_median
-    ways_in = _find_ways_in(distances, features, most, settings).assign(direction=IN)
-    ways_out = _find_ways_out(distances, sprites, features, most, settings.sprites_per_frame)
+    most_distance = settings.distance_threshold * step_median
+    ways_in = _find_ways_in(distances, features, most_distance, settings).assign(direction=IN)
+    ways_out = _find_ways_out(
+        distances, sprites, features, most_distance, settings.sprites_per_frame
+    )
     table = pd.concat([ways_in, ways_out.assign(direction=OUT)], ignore_index=True)
     sprite, leads_in = table["sprite"].to_numpy(), (table["direction"] == IN).to_numpy()
     column = np.searchsorted(distances.rows, table["row"].to_numpy() + ~leads_in)
     table["orientation"] = distances.orientation[column]
-    fits = np.where(leads_in, distances.ahead_deg[sprite], distances.own_deg[sprite])
-    table["turn_deg"] = wrap_deg(fits - distances.pose_deg[column])
+    sprite_deg = np.where(leads_in, distances.ahead_deg[sprite], distances.own_deg[sprite])
+    table["turn_deg"] = wrap_deg(sprite_deg - distances.pose_deg[column])
     return table[GATEWAYS.names]
 
 
@@ -191,20 +194,22 @@ def _find_ways_in(
     """
     track, frame = (features[name].to_numpy()[distances.rows] for name in ("track_id", "frame"))
     delta = infer_delta_frames(features)
-    lasts = _count_frames_ahead(features)[distances.rows] >= settings.least * delta
+    has_enough_ahead = _count_frames_ahead(features)[distances.rows] >= settings.least * delta
     ways: list[tuple[int, int, int, float]] = []
     for number in np.unique(distances.orientation):
-        rows = np.flatnonzero(lasts & (distances.orientation == number))
-        for sprite, far in enumerate(distances.ahead[:, rows]):
-            order = rows[np.argsort(far, kind="stable")]
+        rows = np.flatnonzero(has_enough_ahead & (distances.orientation == number))
+        for sprite, row_distances in enumerate(distances.ahead[:, rows]):
+            order = rows[np.argsort(row_distances, kind="stable")]
             order = order[distances.ahead[sprite, order] <= most_distance]
             best: list[int] = []
             while len(order) and len(best) < settings.frames_per_sprite:
                 best.append(int(order[0]))
-                late = np.abs(frame[order] - frame[best[-1]]) >= settings.apart * delta
-                order = order[(late & (order != best[-1])) | (track[order] != track[best[-1]])]
-            far = distances.ahead[sprite, best]
-            ways += zip(repeat(sprite), distances.rows[best], count(1), far, strict=False)
+                is_apart = np.abs(frame[order] - frame[best[-1]]) >= settings.apart * delta
+                order = order[(is_apart & (order != best[-1])) | (track[order] != track[best[-1]])]
+            best_distances = distances.ahead[sprite, best]
+            ways += zip(
+                repeat(sprite), distances.rows[best], count(1), best_distances, strict=False
+            )
     kinds = {"sprite": int, "row": int, "rank": int, "distance": float}
     table = pd.DataFrame(ways, columns=list(kinds)).astype(kinds)
     return table.sort_values("sprite", kind="stable")
@@ -221,16 +226,16 @@ def _find_ways_out(
 
     most_distance: of a gateway, in the unit of the distances; most_sprites: for a row.
     """
-    # Rows whose next frame is among `near.rows`, and its place there.
+    # Rows whose next frame is among the measured rows, and the column of that frame.
     follows = np.append(False, _count_frames_ahead(features) > 0)[distances.rows]
-    row, after = distances.rows[follows] - 1, np.flatnonzero(follows)
+    row, next_column = distances.rows[follows] - 1, np.flatnonzero(follows)
     entries = np.flatnonzero(sprites["sequence"].isin(_CYCLES) | (sprites["step"] == 0))
     ways = []
     for _, sequence in sprites.iloc[entries].groupby("sequence", sort=False):
-        far = distances.own[np.ix_(sequence.index, after)]
-        best = np.argsort(far, axis=0, kind="stable")[:most_sprites]
+        from_next_row = distances.own[np.ix_(sequence.index, next_column)]
+        best = np.argsort(from_next_row, axis=0, kind="stable")[:most_sprites]
         sprite = sequence.index.to_numpy()[best].T.ravel()
-        distance = np.take_along_axis(far, best, 0).T.ravel()
+        distance = np.take_along_axis(from_next_row, best, 0).T.ravel()
         rows = np.repeat(row, len(best))
         ways.append(pd.DataFrame({"sprite": sprite, "row": rows, "distance": distance}))
     table = pd.concat(ways).query("distance <= @most_distance").sort_values(["row", "distance"])
@@ -246,28 +251,30 @@ def gateway_metrics(
     table: the gateways; nearest: those without a threshold; step_median: the film's median step.
     """
     result: dict[str, float] = {}
-    for word in (IN, OUT):
-        far = table.loc[table["direction"] == word, "distance"] / step_median
-        least = nearest.loc[nearest["direction"] == word, "distance"].min()
+    for direction in (IN, OUT):
+        steps = table.loc[table["direction"] == direction, "distance"] / step_median
+        least = nearest.loc[nearest["direction"] == direction, "distance"].min()
         result |= {
-            f"ways_{word}": len(far),
-            f"distance_{word}_median_steps": far.median(),
-            f"distance_{word}_p95_steps": far.quantile(0.95),
-            f"nearest_{word}_steps": least / step_median,
+            f"ways_{direction}": len(steps),
+            f"distance_{direction}_median_steps": steps.median(),
+            f"distance_{direction}_p95_steps": steps.quantile(0.95),
+            f"nearest_{direction}_steps": least / step_median,
         }
-    leads_in, leads_out = (table[table["direction"] == word] for word in (IN, OUT))
+    leads_in, leads_out = (table[table["direction"] == direction] for direction in (IN, OUT))
     compared = len(distances.ahead) * len(np.unique(distances.orientation))
     entered = len(leads_in[["sprite", "orientation"]].drop_duplicates())
-    out = np.isin(distances.rows, leads_out["row"])
+    has_way_out = np.isin(distances.rows, leads_out["row"])
     track = features["track_id"].to_numpy()
-    without = pd.Series(~out).groupby([track[distances.rows], out.cumsum()]).sum()  # runs of rows
+    rows_without = (
+        pd.Series(~has_way_out).groupby([track[distances.rows], has_way_out.cumsum()]).sum()
+    )  # runs of rows
     return result | {
         "sprites": len(distances.ahead),
         "sprites_in_orientations": compared,
         "sprites_in_orientations_without_way_in": compared - entered,
         "film_rows_led_to": leads_in["row"].nunique(),
         "film_tracks_led_to": len(np.unique(track[leads_in["row"]])),
-        "film_rows_with_way_out_pct": 100 * out.mean(),
-        "film_longest_without_way_out_s": int(without.max()) / rate_hz,
+        "film_rows_with_way_out_pct": 100 * has_way_out.mean(),
+        "film_longest_without_way_out_s": int(rows_without.max()) / rate_hz,
         "sprites_led_to": leads_out["sprite"].nunique(),
     }

@@ -62,22 +62,28 @@ def build_loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> Loop
     loops: columns a, b (feature rows) and distance (Eq. 5); track_id (n,): of every feature row.
     """
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
-    far = loops["distance"].to_numpy(np.float32)
+    loop_distance = loops["distance"].to_numpy(np.float32)
     ends, source = np.unique(np.r_[a, b].astype(np.int32), return_inverse=True)
     to = np.r_[source[len(a) :], source[: len(a)]]
-    m = int(ends.size)
-    ahead = np.full(m, -1, np.int32)
+    end_count = int(ends.size)
+    ahead = np.full(end_count, -1, np.int32)
     follows = np.flatnonzero(np.diff(track_id[ends]) == 0)
     ahead[follows] = follows + 1
-    order = np.lexsort((to, np.r_[far, far], source))
-    start = np.searchsorted(source[order], np.arange(m + 1)).astype(np.int32)
+    order = np.lexsort((to, np.r_[loop_distance, loop_distance], source))
+    start = np.searchsorted(source[order], np.arange(end_count + 1)).astype(np.int32)
     jumps = to[order].astype(np.int32)
     following = _segment_successors(ahead, start, jumps)
-    count, name = connected_components(following, directed=True, connection="strong")
-    cyclic = (np.bincount(name, minlength=count) > 1)[name] | (following.diagonal() > 0)
-    component = renumber_groups(name, np.where(ahead >= 0, ends[ahead] - ends, 0) * cyclic)
+    count, component_of_segment = connected_components(
+        following, directed=True, connection="strong"
+    )
+    cyclic = (np.bincount(component_of_segment, minlength=count) > 1)[component_of_segment] | (
+        following.diagonal() > 0
+    )
+    component = renumber_groups(
+        component_of_segment, np.where(ahead >= 0, ends[ahead] - ends, 0) * cyclic
+    )
     endless = _has_endless_future(track_id, ends, start, jumps)[ends]
-    distance = np.r_[far, far][order]
+    distance = np.r_[loop_distance, loop_distance][order]
     return LoopGraph(ends, ahead, start, jumps, distance, component, cyclic, endless)
 
 
@@ -86,7 +92,8 @@ def _segment_successors(
 ) -> csr_array:
     """Return the sparse matrix (m, m) of which segment of film (row) can follow which (column).
 
-    A segment runs from a loop end to the next. ahead, start, to: as in `LoopGraph`.
+    A segment runs from a loop end to the next. ahead (m,): the next end in the track, −1 for none;
+    from end k the film can jump to the ends `to[start[k]:start[k + 1]]`.
     """
     m = len(ahead)
     played = np.flatnonzero(ahead >= 0)
@@ -103,8 +110,8 @@ def renumber_groups(
 ) -> NDArray[np.int32]:
     """Renumber groups so that group 0 weighs most; return the new group (n,) of each member.
 
-    group (n,): the old group of each member; weight (n,): of each member, None: 1. Groups of equal
-    weight keep their order.
+    group (n,): the old group of each member, 0 … k − 1, each with a member; weight (n,): of each
+    member, None: 1. Groups of equal weight are ordered by their first member.
     """
     total, first = np.bincount(group, weight), np.unique(group, return_index=True)[1]
     rank = np.empty(len(total), np.int32)
@@ -121,25 +128,25 @@ def find_endless_rows(has_next, end, start, to):  # type: ignore[no-untyped-def]
     removed until nothing changes.
     """
     n = has_next.size
-    live = np.ones(n, np.bool_)
+    is_endless = np.ones(n, np.bool_)
     changed = True
     while changed:
         changed = False
         for row in range(n - 1, -1, -1):
-            if not live[row]:
+            if not is_endless[row]:
                 continue
-            goes = has_next[row] and live[row + 1]
+            goes_on = has_next[row] and is_endless[row + 1]
             k = end[row]
-            if not goes and k >= 0:
-                for e in range(start[k], start[k + 1]):
+            if not goes_on and k >= 0:
+                for jump in range(start[k], start[k + 1]):
                     # The film must play on from there, or two ends would swap for ever.
-                    if has_next[to[e]] and live[to[e] + 1]:
-                        goes = True
+                    if has_next[to[jump]] and is_endless[to[jump] + 1]:
+                        goes_on = True
                         break
-            if not goes:
-                live[row] = False
+            if not goes_on:
+                is_endless[row] = False
                 changed = True
-    return live
+    return is_endless
 
 
 def _has_endless_future(
@@ -148,12 +155,13 @@ def _has_endless_future(
 ) -> Mask:  # fmt: skip
     """Return after which feature rows (n,) the film can play for ever, given the graph's arrays.
 
-    track_id (n,): of every row; ends, start, to: as in `LoopGraph`.
+    track_id (n,): of every row; ends (m,): rows at which the film can jump, from end k to the ends
+    `to[start[k]:start[k + 1]]`.
     """
-    more = np.append(track_id[1:] == track_id[:-1], False)
+    has_next = np.append(track_id[1:] == track_id[:-1], False)
     end = np.full(len(track_id), -1, np.int32)
     end[ends] = np.arange(len(ends))
-    return more & np.append(find_endless_rows(more, end, start, ends[to])[1:], False)
+    return has_next & np.append(find_endless_rows(has_next, end, start, ends[to])[1:], False)
 
 
 def can_play_for_ever(graph: LoopGraph, track_id: NDArray[np.integer]) -> Mask:
@@ -169,11 +177,11 @@ def is_in_component(graph: LoopGraph, rows: int, number: int = 0) -> Mask:
 
     Film and loops connect its rows. rows: their number; number: of the part, 0 has the most film.
     """
-    edge = np.zeros(rows + 1, np.int32)
-    mine = (graph.component == number) & (graph.ahead >= 0)
-    np.add.at(edge, graph.ends[mine], 1)
-    np.add.at(edge, graph.ends[graph.ahead[mine]], -1)
-    return np.cumsum(edge)[:-1] > 0
+    change = np.zeros(rows + 1, np.int32)
+    segments = (graph.component == number) & (graph.ahead >= 0)
+    np.add.at(change, graph.ends[segments], 1)
+    np.add.at(change, graph.ends[graph.ahead[segments]], -1)
+    return np.cumsum(change)[:-1] > 0
 
 
 def find_routes(
@@ -186,32 +194,32 @@ def find_routes(
     end to the next. It may pass an end twice (GHCDEBCDEF does), but takes no jump twice, and plays
     some film between two jumps. The search follows at most `most_routes` routes through any end.
     """
-    rest = _least_route_costs(graph, target_end, jump_frames)
-    ways: list[list[Leg]] = []
+    least_rest = _least_route_costs(graph, target_end, jump_frames)
+    routes: list[list[Leg]] = []
     # (least cost of the whole route, order of arrival, cost so far, end, route so far)
     queue: list[tuple[float, int, float, int, tuple[Leg, ...]]]
-    queue = [(rest[source_end], 0, 0, source_end, ())]
+    queue = [(least_rest[source_end], 0, 0, source_end, ())]
     visits: dict[tuple[int, bool], int] = {}
     arrival = 0
-    while queue and len(ways) < most_routes:
-        _, _, cost, end, way = heapq.heappop(queue)
-        if way and end == target_end:
-            ways.append(list(way))
+    while queue and len(routes) < most_routes:
+        _, _, cost, end, route = heapq.heappop(queue)
+        if route and end == target_end:
+            routes.append(list(route))
             continue
-        jumped = bool(way) and way[-1][2] == JUMP
+        jumped = bool(route) and route[-1][2] == JUMP
         visits[end, jumped] = visits.get((end, jumped), 0) + 1
         if visits[end, jumped] > most_routes:
             continue
         choices = [] if jumped else [(int(to), JUMP, jump_frames) for to in graph.jump_targets(end)]
         if graph.ahead[end] >= 0:
             choices.append((int(graph.ahead[end]), PLAY, float(graph.segment_frames[end])))
-        for to, how, more in choices:
-            leg = int(graph.ends[end]), int(graph.ends[to]), how
-            if np.isfinite(rest[to]) and not (how == JUMP and leg in way):
+        for to, kind, leg_cost in choices:
+            leg = int(graph.ends[end]), int(graph.ends[to]), kind
+            if np.isfinite(least_rest[to]) and not (kind == JUMP and leg in route):
                 arrival += 1
-                best = cost + more + rest[to]
-                heapq.heappush(queue, (best, arrival, cost + more, to, (*way, leg)))
-    return ways
+                least_whole = cost + leg_cost + least_rest[to]
+                heapq.heappush(queue, (least_whole, arrival, cost + leg_cost, to, (*route, leg)))
+    return routes
 
 
 def _least_route_costs(graph: LoopGraph, target_end: int, jump_frames: float) -> Floats:

@@ -33,7 +33,8 @@ def find_quadrants(dx: Any, dy: Any) -> NDArray[np.int8]:
 def quadrant_of_displacement(dx, dy):  # type: ignore[no-untyped-def]
     """Return the quadrant, 1 … 4, of one displacement (y up); compiled, for use in kernels.
 
-    It counts as `find_quadrants` does.
+    1 upper right, 2 upper left, 3 lower left, 4 lower right. An axis belongs to the quadrant that
+    follows it anticlockwise; no displacement is quadrant 1.
     """
     if (dx > 0 and dy >= 0) or (dx == 0 and dy == 0):
         return 1
@@ -51,11 +52,11 @@ def choose_table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
     spread evenly in time.
     """
     tracks, count = np.unique(track_id[ends], return_counts=True)
-    mine = ends[track_id[ends] == tracks[count.argmax()]]
-    if len(mine) > len(LETTERS):
-        moments = np.linspace(mine[0], mine[-1], len(LETTERS))
-        mine = mine[np.unique(np.abs(mine[:, None] - moments).argmin(0))]
-    return mine.astype(np.int32)
+    track_ends = ends[track_id[ends] == tracks[count.argmax()]]
+    if len(track_ends) > len(LETTERS):
+        moments = np.linspace(track_ends[0], track_ends[-1], len(LETTERS))
+        track_ends = track_ends[np.unique(np.abs(track_ends[:, None] - moments).argmin(0))]
+    return track_ends.astype(np.int32)
 
 
 def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
@@ -83,23 +84,23 @@ def route_table(
     track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     columns = ["route", "how", "from_track", "from_frame", "to_track", "to_frame", "frames"]
     rows: list[tuple[Any, ...]] = []
-    for number, way in enumerate(routes, start=1):
-        for a, b, how in merge_play_legs(way):
+    for number, route in enumerate(routes, start=1):
+        for a, b, kind in merge_play_legs(route):
             frames, distance = b - a, None
-            if how == JUMP:
+            if kind == JUMP:
                 end, to = np.searchsorted(graph.ends, [a, b])
                 jump = graph.start[end] + np.flatnonzero(graph.jump_targets(end) == to)[0]
                 frames, distance = 0, float(graph.distance[jump]) / step_median
-            rows.append((number, how, track[a], frame[a], track[b], frame[b], frames, distance))
+            rows.append((number, kind, track[a], frame[a], track[b], frame[b], frames, distance))
     return pd.DataFrame(rows, columns=[*columns, "jump_distance"])
 
 
 def merge_play_legs(route: Sequence[Leg]) -> list[Leg]:
     """Join successive stretches of play in a route, so that play and jumps alternate."""
     legs: list[Leg] = []
-    for a, b, how in route:
-        if legs and how != JUMP and legs[-1][2] == how:
-            legs[-1] = legs[-1][0], b, how
+    for first_row, last_row, kind in route:
+        if legs and kind != JUMP and legs[-1][2] == kind:
+            legs[-1] = legs[-1][0], last_row, kind
         else:
-            legs.append((a, b, how))
+            legs.append((first_row, last_row, kind))
     return legs

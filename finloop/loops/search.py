@@ -113,25 +113,31 @@ def find_loop_candidates(
 
     The table has columns a, b (feature rows, a < b), distance, filtered, improper (Fig. 13: the
     fish travels against its heading). Counts: pairs, pairs_below_threshold, minima,
-    improper_dropped. most_distance: of filtered D, in its unit.
+    improper_dropped. pairs: picture distances D of comparable rows; most_distance: of filtered D.
     """
     track = features["track_id"].to_numpy(np.int32)
     weight = binomial_weights(settings.compared_neighbour_frames)
-    value = filter_diagonals(pairs, track, weight, most_distance)
+    filtered = filter_diagonals(pairs, track, weight, most_distance)
     delta = infer_delta_frames(features)
     radius, least = max(1, round(settings.apart * delta)), least_loop_frames(delta, settings)
-    at = np.flatnonzero(find_local_minima(pairs, value, track, radius, least))
-    a = (np.searchsorted(pairs.start, at, side="right") - 1).astype(np.int32)
-    b = pairs.j[at]
-    bad = find_improper_loops(a, b, features, settings.improper_angle_deg)
+    minima = np.flatnonzero(find_local_minima(pairs, filtered, track, radius, least))
+    a = (np.searchsorted(pairs.start, minima, side="right") - 1).astype(np.int32)
+    b = pairs.j[minima]
+    is_improper = find_improper_loops(a, b, features, settings.improper_angle_deg)
     table = pd.DataFrame(
-        {"a": a, "b": b, "distance": pairs.distance[at], "filtered": value[at], "improper": bad}
+        {
+            "a": a,
+            "b": b,
+            "distance": pairs.distance[minima],
+            "filtered": filtered[minima],
+            "improper": is_improper,
+        }
     )
     counts = {
         "pairs": float(len(pairs.j)),  # rounded: see `distance.pairs_kept`
-        "pairs_below_threshold": int(np.isfinite(value).sum()),
-        "minima": len(at),
-        "improper_dropped": int(bad.sum()),
+        "pairs_below_threshold": int(np.isfinite(filtered).sum()),
+        "minima": len(minima),
+        "improper_dropped": int(is_improper.sum()),
     }
     return table.sort_values(["filtered", "a", "b"], ignore_index=True), counts
 
@@ -165,27 +171,27 @@ def filter_diagonals(
     """
     start, j, distance = pairs
     n, rows = len(weight) // 2, len(track)
-    value = np.full(len(j), np.inf, np.float32)
+    filtered = np.full(len(j), np.inf, np.float32)
     for a in range(n, rows - n):
         if track[a - n] != track[a] or track[a + n] != track[a]:
             continue
-        for p in range(start[a], start[a + 1]):
-            b = j[p]
+        for pair in range(start[a], start[a + 1]):
+            b = j[pair]
             if b + n >= rows or track[b - n] != track[b] or track[b + n] != track[b]:
                 continue
-            total = weight[n] * distance[p]
+            total = weight[n] * distance[pair]
             for k in range(-n, n + 1):
                 if k == 0 or total > most_distance:
                     continue
                 end = start[a + k + 1]
-                q = _find_column(j, start[a + k], end, b + k)
-                if q == end or j[q] != b + k:
+                neighbour = _find_column(j, start[a + k], end, b + k)
+                if neighbour == end or j[neighbour] != b + k:
                     total = np.inf
                 else:
-                    total += weight[k + n] * distance[q]
+                    total += weight[k + n] * distance[neighbour]
             if total <= most_distance:
-                value[p] = total
-    return value
+                filtered[pair] = total
+    return filtered
 
 
 @kernel
@@ -200,26 +206,28 @@ def find_local_minima(pairs, filtered, track, radius_frames, least_frames):  # t
     start, j = pairs.start, pairs.j
     minimum = np.zeros(len(j), np.bool_)
     for a in range(len(track)):
-        for p in range(start[a], start[a + 1]):
-            b = j[p]
-            if np.isinf(filtered[p]) or (track[a] == track[b] and b - a < least_frames):
+        for pair in range(start[a], start[a + 1]):
+            b = j[pair]
+            if np.isinf(filtered[pair]) or (track[a] == track[b] and b - a < least_frames):
                 continue
             smallest = True
             for row in range(max(0, a - radius_frames), min(len(track), a + radius_frames + 1)):
                 if track[row] != track[a]:
                     continue
-                for q in range(
+                for neighbour in range(
                     _find_column(j, start[row], start[row + 1], b - radius_frames), start[row + 1]
                 ):
-                    if j[q] > b + radius_frames:
+                    if j[neighbour] > b + radius_frames:
                         break
-                    less = filtered[q] < filtered[p] or (filtered[q] == filtered[p] and minimum[q])
-                    if less and track[j[q]] == track[b]:
+                    less = filtered[neighbour] < filtered[pair] or (
+                        filtered[neighbour] == filtered[pair] and minimum[neighbour]
+                    )
+                    if less and track[j[neighbour]] == track[b]:
                         smallest = False
                         break
                 if not smallest:
                     break
-            minimum[p] = smallest
+            minimum[pair] = smallest
     return minimum
 
 
@@ -231,11 +239,11 @@ def choose_best_loops(a, b, most_per_end):  # type: ignore[no-untyped-def]
     frame.
     """
     keep, count = np.zeros(len(a), np.bool_), np.zeros(b.max() + 1, np.int32)
-    for p in range(len(a)):
-        if count[a[p]] < most_per_end and count[b[p]] < most_per_end:
-            keep[p] = True
-            count[a[p]] += 1
-            count[b[p]] += 1
+    for loop in range(len(a)):
+        if count[a[loop]] < most_per_end and count[b[loop]] < most_per_end:
+            keep[loop] = True
+            count[a[loop]] += 1
+            count[b[loop]] += 1
     return keep
 
 
@@ -248,17 +256,20 @@ def group_overlapping_loops(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
     """
     n = len(a)
     within = track[a] == track[b]
-    low = np.r_[a, b]
-    high = np.r_[np.where(within, b, a), b]
-    order = np.lexsort((-high, low))
-    reach = np.maximum.accumulate(high[order])
-    parts = np.r_[0, np.cumsum(low[order][1:] > reach[:-1])]
-    part = np.empty(2 * n, np.int64)
-    part[order] = parts
-    size = int(parts[-1]) + 1
-    overlaps = coo_array((np.ones(n, np.int8), (part[:n], part[n:])), (size, size))
-    _, name = connected_components(overlaps, directed=False)
-    return renumber_groups(name[part[:n]])
+    first = np.r_[a, b]
+    last = np.r_[np.where(within, b, a), b]
+    order = np.lexsort((-last, first))
+    reach = np.maximum.accumulate(last[order])
+    stretch_of_sorted = np.r_[0, np.cumsum(first[order][1:] > reach[:-1])]
+    stretch_of_end = np.empty(2 * n, np.int64)
+    stretch_of_end[order] = stretch_of_sorted
+    stretch_count = int(stretch_of_sorted[-1]) + 1
+    overlaps = coo_array(
+        (np.ones(n, np.int8), (stretch_of_end[:n], stretch_of_end[n:])),
+        (stretch_count, stretch_count),
+    )
+    _, group_of_stretch = connected_components(overlaps, directed=False)
+    return renumber_groups(group_of_stretch[stretch_of_end[:n]])
 
 
 def _explain_no_loops(
@@ -316,10 +327,10 @@ def find_improper_loops(a: Rows, b: Rows, features: pd.DataFrame, most_deg: floa
     """Return which loops (n,) are improper: the fish travels against its heading (Fig. 13).
 
     a, b (n,): the loops' ends, feature rows. Travel and heading differ by more than `most_deg` over
-    the loop, at its end a or at its end b (`measure_travel`): head and tail may be swapped there,
-    or the fish adrift.
+    the loop, at its end a or at its end b: head and tail may be swapped there, or the fish drifts.
     """
-    return np.asarray((measure_travel(a, b, features).off_deg > most_deg).any(axis=-1))
+    angles = measure_travel(a, b, features).off_deg
+    return np.asarray((angles > most_deg).any(axis=-1))
 
 
 class LoopTravel(NamedTuple):
@@ -348,17 +359,17 @@ def measure_travel(a: Rows, b: Rows, features: pd.DataFrame) -> LoopTravel:
     track = features["track_id"].to_numpy()
     x, y = places_through_water(features).T * ((1,), (-1,))
     length = typical_lengths_px(features).to_numpy(float)
-    unit = np.exp(1j * np.radians(features["heading_deg"].to_numpy(float)))
+    heading_vector = np.exp(1j * np.radians(features["heading_deg"].to_numpy(float)))
 
     def travel(low: Rows, high: Rows, known: Mask) -> Floats:
         """Return the direction of travel from low to high rows; NaN where there is none."""
-        way = (x[high] - x[low]) + 1j * (y[high] - y[low])
-        known = known & (np.abs(way) >= TRAVEL * length[low])
-        return np.where(known, np.degrees(np.angle(way)), np.nan)
+        displacement = (x[high] - x[low]) + 1j * (y[high] - y[low])
+        known = known & (np.abs(displacement) >= TRAVEL * length[low])
+        return np.where(known, np.degrees(np.angle(displacement)), np.nan)
 
-    total = np.r_[0, np.cumsum(unit)]
-    mean = (total[b + 1] - total[a]) / (b + 1 - a)
-    travels = [travel(a, b, (track[a] == track[b]) & (np.abs(mean) >= RESULTANT))]
+    heading_sum = np.r_[0, np.cumsum(heading_vector)]
+    mean_heading = (heading_sum[b + 1] - heading_sum[a]) / (b + 1 - a)
+    travels = [travel(a, b, (track[a] == track[b]) & (np.abs(mean_heading) >= RESULTANT))]
     delta = infer_delta_frames(features)
     first = np.searchsorted(track, track)  # tracks lie one after another, their numbers rise
     last = np.searchsorted(track, track, side="right") - 1
@@ -366,7 +377,10 @@ def measure_travel(a: Rows, b: Rows, features: pd.DataFrame) -> LoopTravel:
         low = np.maximum(end - delta // 2, first[end])
         high = np.minimum(low + delta, last[end])
         travels.append(travel(low, high, np.ones(len(end), bool)))
-    headings = [np.degrees(np.angle(vector)) for vector in (mean, unit[a], unit[b])]
+    headings = [
+        np.degrees(np.angle(vector))
+        for vector in (mean_heading, heading_vector[a], heading_vector[b])
+    ]
     return LoopTravel(np.stack(travels, axis=-1), np.stack(headings, axis=-1))
 
 
