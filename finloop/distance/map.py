@@ -295,9 +295,9 @@ def natural_step_table(
 ) -> pd.DataFrame:
     """Return how much the picture changes from each row to a later frame of its track (Eq. 5).
 
-    features (n rows); x: pictures as rows; place (n,): where each row's picture is in x; step_frames: how many
-    frames later. Columns: track_id, frame, step (the distance), NaN where the track has no such
-    frame.
+    features (n rows); x: pictures as rows; place (n,): row of x with each row's picture;
+    step_frames: how many frames later. Columns: track_id, frame, and step (the distance), which is
+    NaN where the track has no such frame.
     """
     table = features[["track_id", "frame"]]
     follows = table["track_id"].diff(step_frames).eq(0) & table["frame"].diff(step_frames).eq(
