@@ -560,13 +560,13 @@ def test_a_file_that_is_none_is_said(tmp_path, name, made, said):
         load_poses(tmp_path / name, None, 25.0)
 
 
-def test_the_missing_extra_is_named(tmp_path, monkeypatch, film):
+def test_the_missing_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "finloop.io.poses.extra.import_module", lambda name: __import__("no_" + name)
     )
-    save_csv_in_blocks(tmp_path / "tracks.csv", deeplabcut_tables(film[1]), decimals=3)
+    (tmp_path / "tracks.nwb").write_bytes(b"any")
     with pytest.raises(FinloopError, match="extra `tracks`") as caught:
-        load_poses(tmp_path / "tracks.csv", None, 25.0)
+        load_poses(tmp_path / "tracks.nwb", None, 25.0)
     assert caught.value.do == "make tracks"
 
 
@@ -665,6 +665,72 @@ def test_old_trajectories_without_names_and_a_bare_array(tmp_path, film):
         np.testing.assert_array_equal(arrays(poses)[:, :, 0], places)
 
 
+def as_spreadsheet(text, encoding, separator):
+    """A CSV as a spreadsheet of another country saves it."""
+    if separator == ";":
+        text = text.replace(",", ";").replace(".", ",")
+    return text.replace(",", separator if separator == "\t" else ",").encode(encoding)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_csv_of_any_spreadsheet_gives_the_same_tracks(tmp_path, film, encoding, separator):
+    path = tmp_path / "plain.csv"
+    save_csv_in_blocks(path, deeplabcut_tables(film[1]), decimals=3)
+    text = path.read_text("utf-8").replace("anna", "änne")
+    path.write_text(text, "utf-8")
+    other = tmp_path / "other.csv"
+    other.write_bytes(as_spreadsheet(text, encoding, separator))
+    plain, same = (load_poses(file, None, 25.0) for file in (path, other))
+    assert same.individuals == plain.individuals and "änne" in same.individuals
+    np.testing.assert_array_equal(same.places, plain.places)
+    np.testing.assert_allclose(
+        arrays(plain)[:, [plain.individuals.index(n) for n in ("änne", "berta", "carl")]],
+        arrays(film[1]), atol=1e-3,
+    )  # fmt: skip
+
+
+def test_keypoints_that_belong_to_no_animal_are_left_out_and_named(tmp_path, capsys):
+    head = [
+        "scorer" + ",DLC" * 9, "individuals" + ",a" * 3 + ",b" * 3 + ",single" * 3,
+        "bodyparts" + ",nose" * 6 + ",corner" * 3, "coords" + ",x,y,likelihood" * 3,
+    ]  # fmt: skip
+    rows = ["0,1,2,0.9,3,4,0.8,5,6,0.7", "1,1,3,0.9,,,,5,6,0.7"]
+    (tmp_path / "a.csv").write_text("\n".join(head + rows))
+    poses = load_poses(tmp_path / "a.csv", None, 25.0)
+    assert poses.individuals == ("a", "b") and poses.keypoints == ("nose",)
+    assert poses.places[:, 0].tolist() == [[1, 2], [3, 4], [1, 3]]
+    assert poses.confidence.ravel().tolist() == [0.9, 0.8, 0.9]
+    assert "single has other keypoints than the animals (corner)" in capsys.readouterr().err
+
+
+def test_the_analysis_csv_of_sleap_is_read(tmp_path):
+    rows = ["b,4,0.9,7,8,0.7,,,", "a,0,0.9,1,2,0.9,3,4,0.8", "a,4,0.9,5,6,0.9,,,"]
+    head = "track,frame_idx,instance.score,nose.x,nose.y,nose.score,tail.x,tail.y,tail.score"
+    path = tmp_path / "labels.analysis.csv"
+    path.write_text("\n".join([head, *rows]))
+    poses = load_poses(path, None, 25.0)
+    assert set(poses.individuals) == {"a", "b"} and poses.keypoints == ("nose", "tail")
+    assert poses.frame.tolist() == [0, 4, 4] and poses.frames == 5
+    first = poses.individual == poses.individuals.index("a")
+    assert poses.places[first][:, 0].tolist() == [[1, 2], [5, 6]]
+    assert np.isnan(poses.places[~first][:, 1]).all()
+    path.write_text("\n".join([head, rows[1], rows[1]]))
+    with pytest.raises(FinloopError, match="several animals of a frame"):
+        load_poses(path, None, 25.0)
+
+
+def test_labelled_pictures_and_half_a_head_are_no_tracks(tmp_path):
+    head = "scorer,D,D\nbodyparts,nose,nose\ncoords,x,y\n"
+    for text, said in (
+        (head + "labeled-data/a/img1.png,1,2\n", "its rows are named"),
+        ("scorer,D,D\nbodyparts,nose,nose\n0,1,2\n", "cannot be read as tracks of DeepLabCut"),
+    ):
+        (tmp_path / "a.csv").write_text(text)
+        with pytest.raises(FinloopError, match=said):
+            load_poses(tmp_path / "a.csv", None, 25.0)
+
+
 class Runs:
     """A pickle that would run a program."""
 
@@ -677,6 +743,71 @@ def test_a_pickle_that_would_run_something_is_refused(tmp_path, capsys):
     with pytest.raises(FinloopError, match=r"would run builtins\.print"):
         load_poses(tmp_path / "a.npy", None, 25.0)
     assert capsys.readouterr().out == ""
+
+
+class Kind:
+    """A pickle of a numpy kind, with a name or a state that points into memory."""
+
+    def __init__(self, name, state=None):
+        self.name, self.state = name, state
+
+    def __reduce__(self):
+        made = (np.dtype, (self.name,))
+        return made if self.state is None else (*made, self.state)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        Kind("f8,O"),
+        Kind("V16"),
+        Kind("V8", (3, "|", None, ("a",), {"a": (np.dtype("O"), 0)}, 8, 1, 16)),
+        Kind("f8", (3, "<", None, ("a",), {"a": (np.dtype("f8"), 0)}, 8, 1, 0)),
+    ],
+)
+def test_a_pickle_with_a_kind_that_points_into_memory_is_refused(tmp_path, kind):
+    (tmp_path / "a.pickle").write_bytes(pickle.dumps({"trajectories": [kind]}))
+    with pytest.raises(FinloopError, match="it holds an array"):
+        load_poses(tmp_path / "a.pickle", None, 25.0)
+
+
+@pytest.mark.parametrize("protocol", range(6))
+@pytest.mark.parametrize("kind", [">f4", "<f8", "int16"])
+def test_arrays_in_a_pickle_of_any_protocol_are_read(tmp_path, protocol, kind):
+    places = np.arange(24).reshape(4, 3, 2).astype(kind)
+    record = {"trajectories": places, "identities_labels": np.array(["x", "y", "z"])}
+    (tmp_path / "a.pickle").write_bytes(pickle.dumps(record, protocol))
+    poses = load_poses(tmp_path / "a.pickle", None, 25.0)
+    assert poses.individuals == ("x", "y", "z")
+    np.testing.assert_array_equal(arrays(poses)[:, :, 0], places)
+
+
+@pytest.mark.parametrize("kind", ["table", "fixed"])
+def test_the_head_of_a_deeplabcut_h5_runs_nothing(tmp_path, kind, capsys):
+    h5py = pytest.importorskip("h5py", reason="the extra `tracks` is not installed: make tracks")
+    labels = [("D", "nose", part) for part in ("x", "y", "likelihood")]
+    values = np.array([[1.0, 2.0, 0.9], [3.0, 4.0, 0.8]])
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        group = file.create_group("df_with_missing")
+        if kind == "table":
+            rows = np.zeros(2, [("index", "i8"), ("values_block_0", "f8", 3)])
+            rows["index"], rows["values_block_0"] = [0, 1], values
+            group["table"] = rows
+            group.attrs["non_index_axes"] = np.void(pickle.dumps([(1, labels)], 0))
+        else:
+            group.attrs["axis0_nlevels"] = 3
+            for k, level in enumerate((["D"], ["nose"], ["x", "y", "likelihood"])):
+                group[f"axis0_level{k}"] = np.array(level, "S")
+                group[f"axis0_label{k}"] = [0, 1, 2] if k == 2 else [0, 0, 0]
+            group["axis1"], group["block0_values"] = [0, 1], values
+    poses = load_poses(tmp_path / "a.h5", None, 25.0)
+    assert poses.places[:, 0].tolist() == [[1, 2], [3, 4]]
+    if kind == "table":
+        with h5py.File(tmp_path / "a.h5", "a") as file:
+            file["df_with_missing"].attrs["non_index_axes"] = np.void(pickle.dumps(Runs(), 0))
+        with pytest.raises(FinloopError, match=r"would run \w+\.print"):
+            load_poses(tmp_path / "a.h5", None, 25.0)
+        assert capsys.readouterr().out == ""
 
 
 def test_tracks_of_trex(tmp_path, film):

@@ -1,12 +1,15 @@
 """Tracks of another program as poses: which program made them, and where animals are in each frame.
 
-`movement` reads DeepLabCut, SLEAP, LightningPose, Anipose, NWB, VIA and its own format; it is
-optional (the extra `tracks`). This package reads idtracker.ai and TRex, which it does not know.
+`movement` reads SLEAP, Anipose, NWB, VIA and its own format; it is optional (the extra `tracks`).
+This package itself reads DeepLabCut, LightningPose, the CSV of SLEAP, idtracker.ai and TRex. No
+file runs anything: whatever is stored as a pickle may only hold words, numbers and arrays.
 """
 
 import csv
+import io
 import warnings
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, get_args
 
 import numpy as np
@@ -15,6 +18,8 @@ from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses, Software, poses_from_arrays
 from finloop.io.poses.extra import import_extra, not_installed_error, unreadable_error
 from finloop.io.poses.idtracker import read_idtracker
+from finloop.io.poses.keypoints import read_deeplabcut, read_sleap_csv
+from finloop.io.poses.text import first_lines, read_plain_csv
 from finloop.io.poses.trex import read_trex
 
 _BY_SUFFIX: dict[str, Software] = {
@@ -48,6 +53,10 @@ def load_poses(
         poses = read_idtracker(path)
     elif software == "TRex":
         poses = read_trex(path)
+    elif software in ("DeepLabCut", "LightningPose") and path.is_file():
+        poses = read_deeplabcut(path, software)
+    elif software == "SLEAP" and path.suffix.lower() == ".csv":
+        poses = read_sleap_csv(path)
     else:
         poses = _read_by_movement(path, software, rate_hz)
     if not len(poses.frame):
@@ -71,8 +80,9 @@ def _detect_software(path: Path) -> Software:
     else:
         software = _BY_SUFFIX.get(suffix)
     if software is None:
+        begins = f"; it begins with {first_lines(path)}" if suffix == ".csv" else ""
         raise FinloopError(
-            f"the program that made {path} is unknown",
+            f"the program that made {path} is unknown{begins}",
             f"tracks of {', '.join(get_args(Software))}",
             "name it: extract.tracks_software; or export tracks in one of these formats",
         )
@@ -95,13 +105,14 @@ def _folder_software(path: Path) -> Software | None:
 def _csv_software(path: Path) -> Software | None:
     """Return the program that made a CSV of tracks, by its header; None if unknown."""
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            header = [name.strip() for name in next(csv.reader(file), [])]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        header = [name.strip() for name in next(csv.reader(io.StringIO(read_plain_csv(path))), [])]
+    except (OSError, csv.Error) as error:
         raise unreadable_error(path, "any program", error) from error
     first, names = header[0] if header else "", set(header)
     if first == "scorer":
         return "DeepLabCut"  # LightningPose writes the same
+    if {"track", "frame_idx"} <= names:
+        return "SLEAP"
     if {"time", "x1", "y1"} <= names or {"frame", "individual", "x", "y"} <= names:
         return "idtracker.ai"
     if first == "frame" and any(name.startswith("X") for name in names):
@@ -159,10 +170,14 @@ def _load_dataset(path: Path, software: Software) -> Any:
     load = import_extra("movement.io", path).load_dataset
     import_extra("loguru", path).logger.disable("movement")
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), TemporaryDirectory() as folder:
             warnings.simplefilter("ignore")
             if software == "movement":
                 dataset = xarray.load_dataset(path)
+            elif path.suffix.lower() == ".csv":
+                plain = Path(folder) / path.name
+                plain.write_text(read_plain_csv(path), encoding="utf-8")
+                dataset = load(plain, source_software=software).load()
             else:
                 dataset = load(path, source_software=software)
     except ImportError as error:

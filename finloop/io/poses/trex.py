@@ -5,6 +5,7 @@ pixel. A CSV lacks it, so its places stay in cm. Frames that are `missing` are i
 they are left out.
 """
 
+import io
 import re
 import zipfile
 from pathlib import Path
@@ -14,6 +15,7 @@ import pandas as pd
 
 from finloop.base.poses import Poses, poses_from_arrays
 from finloop.io.poses.extra import unreadable_error
+from finloop.io.poses.text import read_plain_csv
 
 SOFTWARE, HEAD, CENTRE = "TRex", "head", "centre"
 _CENTRES = ("#wcentroid", "#centroid", "#pcentroid")
@@ -66,7 +68,7 @@ def _load_fields(path: Path) -> dict[str, np.ndarray]:
     """Load the named columns or arrays in one file of TRex."""
     try:
         if path.suffix.lower() == ".csv":
-            table = pd.read_csv(path)
+            table = pd.read_csv(io.StringIO(read_plain_csv(path)))
             return {name.split(" (")[0].strip(): table[name].to_numpy() for name in table}
         with np.load(path, allow_pickle=False) as file:
             kinds = ("frame", "missing", "cm_per_pixel", "X", "Y")

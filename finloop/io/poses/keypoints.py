@@ -1,0 +1,144 @@
+"""Tracks in tables of keypoints: DeepLabCut, LightningPose, and the CSV of SLEAP's analysis.
+
+A table of DeepLabCut has a column for each number of each keypoint of each animal. Its head has the
+rows scorer, individuals (of several animals), bodyparts and coords. LightningPose writes the same,
+with a row `set` where a frame belonged to the training.
+"""
+
+import io
+import pickle
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Floats, Ints
+from finloop.base.poses import Poses, poses_from_arrays
+from finloop.io.poses.extra import import_extra, unreadable_error
+from finloop.io.poses.text import read_plain_csv
+
+_COORDS = ("x", "y", "likelihood")
+_KEY = "df_with_missing"  # of the table in an HDF5 file of DeepLabCut
+Labels = list[tuple[str, ...]]
+"""The head of a table: for each column its scorer, animal if there are several, keypoint, coord."""
+
+
+def read_deeplabcut(path: Path, software: str = "DeepLabCut") -> Poses:
+    """Load poses of DeepLabCut or LightningPose from a .csv or .h5.
+
+    Keypoints that belong to no animal (`uniquebodyparts` of DeepLabCut) are left out and named on
+    the error stream. FinloopError if the file is none of these.
+    """
+    read = _read_csv if path.suffix.lower() == ".csv" else _read_hdf5
+    try:
+        labels, frame, values = read(path)
+    except (
+        AttributeError, LookupError, OSError, TypeError, ValueError, pickle.UnpicklingError,
+    ) as error:  # fmt: skip
+        raise unreadable_error(path, software, error) from error
+    animal_names = [label[1] if len(label) == 4 else software for label in labels]
+    keypoints = {
+        animal: tuple(dict.fromkeys(
+            label[-2] for label, owner in zip(labels, animal_names, strict=True) if owner == animal
+        ))
+        for animal in dict.fromkeys(animal_names)
+    }  # fmt: skip
+    kinds = list(keypoints.values())
+    usual = max(kinds, key=kinds.count)
+    if len(keypoints) > 1 and (unique := [n for n in keypoints if keypoints[n] != usual]):
+        print(
+            f"finloop: {path.name}: {', '.join(unique)} has other keypoints than the animals "
+            f"({', '.join(keypoints[unique[0]])}): left out",
+            file=sys.stderr,
+        )
+    animals = [name for name in keypoints if keypoints[name] == usual]
+    cells = np.full((len(frame), len(animals), len(usual), len(_COORDS)), np.nan)
+    for column, (label, animal) in enumerate(zip(labels, animal_names, strict=True)):
+        if animal in animals and label[-1] in _COORDS:
+            cells[:, animals.index(animal), usual.index(label[-2]), _COORDS.index(label[-1])] = (
+                values[:, column]
+            )
+    return poses_from_arrays(tuple(animals), usual, frame, cells[..., :2], cells[..., 2])
+
+
+def _read_csv(path: Path) -> tuple[Labels, Ints, Floats]:
+    """Return the labels of the columns, the frames (n,) and the numbers (n, columns) of a CSV."""
+    table = pd.read_csv(
+        io.StringIO(read_plain_csv(path)),
+        header=None,
+        index_col=0,
+        dtype=str,
+        keep_default_na=False,
+    )
+    head = [str(name).strip() for name in table.index[:4]]
+    lines = head.index("coords") + 1
+    if head[0] != "scorer" or head[lines - 2] != "bodyparts":
+        raise ValueError(f"its first column begins with {', '.join(head)}")
+    labels = list(zip(*table.iloc[:lines].to_numpy(), strict=True))
+    rows = table.iloc[lines:]
+    numbers = [k for k, label in enumerate(labels) if label[-1] in _COORDS]
+    values = rows.iloc[:, numbers].apply(pd.to_numeric, errors="coerce").to_numpy(float)
+    index = pd.to_numeric(pd.Series(rows.index), errors="coerce")
+    if index.isna().any():  # labelled pictures are named, not numbered
+        raise ValueError(f"its rows are named, such as {rows.index[0]!r}, and not numbered")
+    return [labels[k] for k in numbers], index.to_numpy(np.int64), values
+
+
+def _read_hdf5(path: Path) -> tuple[Labels, Ints, Floats]:
+    """Return the labels of the columns, the frames (n,) and the numbers (n, columns) of an HDF5.
+
+    pandas keeps the labels as a pickle: only words, numbers, lists and tuples in it are read.
+    """
+    h5py = import_extra("h5py", path)
+    with h5py.File(path) as file:
+        group = file[_KEY]
+        if "table" in group:
+            rows = group["table"][()]
+            blocks = [name for name in rows.dtype.names if name != "index"]
+            values = np.concatenate([rows[name].reshape(len(rows), -1) for name in blocks], axis=1)
+            axes: Any = load_plain_pickle(bytes(group.attrs["non_index_axes"]))
+            return [tuple(map(str, label)) for label in axes[0][1]], rows["index"], values
+        levels = [
+            group[f"axis0_level{k}"][()].astype(str)[group[f"axis0_label{k}"][()]]
+            for k in range(int(group.attrs["axis0_nlevels"]))
+        ]
+        return list(zip(*levels, strict=True)), group["axis1"][()], group["block0_values"][()]
+
+
+class _PlainUnpickler(pickle.Unpickler):
+    """Reader of pickles that hold only words, numbers, lists, tuples and dictionaries."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Refuse whatever a pickle names: it could run any program."""
+        raise pickle.UnpicklingError(f"it would run {module}.{name}")
+
+
+def load_plain_pickle(data: bytes) -> Any:
+    """Return the words, numbers, lists and tuples in a pickle; UnpicklingError for all else."""
+    return _PlainUnpickler(io.BytesIO(data)).load()
+
+
+def read_sleap_csv(path: Path) -> Poses:
+    """Load poses from the CSV of SLEAP's analysis: a row for each animal in each frame.
+
+    Columns are track, frame_idx, and for each node node.x, node.y, node.score. FinloopError if a
+    column is missing, or several animals of a frame have no track.
+    """
+    try:
+        table = pd.read_csv(io.StringIO(read_plain_csv(path)))
+        nodes = [name.removesuffix(".x") for name in table if name.endswith(".x")]
+        columns = [[f"{node}.{part}" for part in ("x", "y", "score")] for node in nodes]
+        values = table[np.ravel(columns)].to_numpy(float).reshape(len(table), len(nodes), 3)
+        frame, row = np.unique(table["frame_idx"].to_numpy(np.int64), return_inverse=True)
+        animal, names = pd.factorize(table["track"].fillna("animal"))
+    except (LookupError, TypeError, ValueError) as error:
+        raise unreadable_error(path, "SLEAP", error) from error
+    if table.duplicated(["track", "frame_idx"]).any():
+        raise unreadable_error(path, "SLEAP", "several animals of a frame have the same track")
+    cells = np.full((len(frame), len(names), len(nodes), 3), np.nan)
+    cells[row, animal] = values
+    return poses_from_arrays(
+        tuple(map(str, names)), tuple(nodes), frame, cells[..., :2], cells[..., 2]
+    )

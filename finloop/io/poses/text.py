@@ -1,0 +1,57 @@
+"""CSV of any program, whatever its encoding, separator and decimal sign, as plain text."""
+
+import codecs
+import csv
+import io
+import re
+from contextlib import suppress
+from pathlib import Path
+
+from finloop.base.errors import FinloopError
+
+_MARKS = {  # byte-order marks
+    codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16",
+}  # fmt: skip
+_HEADER_LINES = 4  # from which the separator is found
+
+
+def read_plain_csv(path: Path) -> str:
+    """Return the text of a CSV file with commas between cells and points in numbers.
+
+    UTF-8 and UTF-16 with a mark, UTF-8 without and Windows-1252 are read; cells may be separated
+    by comma, semicolon or tab. With the latter two, a comma between digits is a decimal point.
+    FinloopError for a file that holds no text.
+    """
+    data = path.read_bytes()
+    text = _decode(data)
+    if text is None or "\0" in text:
+        raise FinloopError(
+            f"{path} cannot be read as text: it begins with {data[:16]!r}",
+            "a CSV file",
+            "export the tracks again as CSV; of a spreadsheet save the sheet as CSV",
+        )
+    head = "\n".join(text.splitlines()[:_HEADER_LINES])
+    separator = max(",;\t", key=head.count)
+    if separator == ",":
+        return text
+    rows = csv.reader(io.StringIO(text), delimiter=separator)
+    plain = io.StringIO()
+    csv.writer(plain, lineterminator="\n").writerows(
+        [re.sub(r"(?<=\d),(?=\d)", ".", cell) for cell in row] for row in rows
+    )
+    return plain.getvalue()
+
+
+def _decode(data: bytes) -> str | None:
+    """Return the text of bytes by their byte-order mark, else of UTF-8 or Windows-1252, or None."""
+    marked = [encoding for mark, encoding in _MARKS.items() if data.startswith(mark)]
+    for encoding in marked or ["utf-8", "cp1252"]:
+        with suppress(UnicodeDecodeError):
+            return data.decode(encoding)
+    return None
+
+
+def first_lines(path: Path, count: int = 2, width: int = 80) -> str:
+    """Return the first lines of a CSV file, each cut to `width` characters, for a message."""
+    lines = read_plain_csv(path).splitlines()[:count]
+    return " / ".join(line[:width] + ("…" if len(line) > width else "") for line in lines)
