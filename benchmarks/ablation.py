@@ -60,19 +60,22 @@ MEASURES = {
 
 def named_paths() -> dict[str, Line]:
     """Return a circle without times and an eight with times, in shares of the tank."""
-    turn = np.linspace(0, 2 * np.pi, 300)
-    circle = Line("circle", 0.5 + 0.3 * np.cos(turn), 0.5 + 0.25 * np.sin(turn), TANK, closed=True)
+    angle = np.linspace(0, 2 * np.pi, 300)
+    circle = Line(
+        "circle", 0.5 + 0.3 * np.cos(angle), 0.5 + 0.25 * np.sin(angle), TANK, closed=True
+    )
     eight = Line(
-        "eight", 0.5 + 0.3 * np.cos(turn), 0.5 + 0.25 * np.sin(2 * turn), TANK,
-        time_s=30 * turn / turn[-1],
+        "eight", 0.5 + 0.3 * np.cos(angle), 0.5 + 0.25 * np.sin(2 * angle), TANK,
+        time_s=30 * angle / angle[-1],
     )  # fmt: skip
     return {"circle": circle, "eight": eight}
 
 
 def measure_seed(part_and_seed: tuple[str, int]) -> dict[str, float] | str:
-    """Return the measures of the film in the present folder, without one part of the planner.
+    """Return measures of an animation by name, planned without one part of the planner.
 
-    part_and_seed: name of the part, and the seed. If planning fails, the result is the reason.
+    The film is that of the present folder. part_and_seed: name of the part, and the seed of the
+    animation. If planning fails, the result is the reason.
     """
     try:
         return _measure_without(*part_and_seed)
@@ -87,49 +90,49 @@ def _measure_without(part: str, seed: int) -> dict[str, float]:
         usual = merge_settings(project.settings("animate"), project.settings("matching"))
         fixed = {"path": None, "seed": seed, "seconds": SECONDS, "trial_goals": GOALS}
         p = replace_settings(usual, **fixed | PARTS[part])
-        plans = matching_animator(matching_data(project, p), p)
-        film = measures.motion_of_film(project.features, plans.world.motion)
+        animator = matching_animator(matching_data(project, p), p)
+        film = measures.motion_of_film(project.features, animator.world.motion)
         steps = project.step_distances[["headed", "as_filmed"]].dropna()
         trials = []
         for number in range(TRIALS):
-            edit, goals = plans.trial(number)
-            for one, theirs in zip(split_by_fish(edit), goals, strict=True):
-                trials.append(measures.measure_plan(one, theirs, plans.player, film))
-        sample = plans.sample(7000 + seed, SECONDS)
-        found = dict(pd.DataFrame(trials).mean())
-        found |= measures.measure_plan(sample, [], plans.player, film)
-        found |= measure_pictures(sample, plans, steps, project.rate_hz)
-        made = {name: float(found.get(key, np.nan)) for key, name in MEASURES.items()}
-        return made | path_deviations(plans, seed)
+            edit, goals = animator.trial(number)
+            for fish_edit, fish_goals in zip(split_by_fish(edit), goals, strict=True):
+                trials.append(measures.measure_plan(fish_edit, fish_goals, animator.player, film))
+        sample = animator.sample(7000 + seed, SECONDS)
+        measures_by_key = dict(pd.DataFrame(trials).mean())
+        measures_by_key |= measures.measure_plan(sample, [], animator.player, film)
+        measures_by_key |= measure_pictures(sample, animator, steps, project.rate_hz)
+        row = {name: float(measures_by_key.get(key, np.nan)) for key, name in MEASURES.items()}
+        return row | path_deviations(animator, seed)
 
 
 def path_deviations(animator: MatchingAnimator, seed: int) -> dict[str, float]:
     """Return the RMS distances of a fish from two paths, in body lengths."""
-    world, ticks, made = animator.world, round(30 * animator.world.motion.rate_hz), {}
+    world, ticks, deviations = animator.world, round(30 * animator.world.motion.rate_hz), {}
     for name, line in named_paths().items():
         path = lay_path(line, world.tank, world.motion, None)
-        made_way = animate_fish(animator.player, [], ticks, np.random.default_rng(seed), path.route)
-        table = path_table("matching", made_way, path, ticks, world)
-        left = find_departures(table, path, world, swimming_limits(world.film, world))
-        numbers = path_metrics(table, left, path, world)
-        made[f"{name}_lengths"] = numbers["path_across_rms_body_lengths"]
-    return made
+        record = animate_fish(animator.player, [], ticks, np.random.default_rng(seed), path.route)
+        table = path_table("matching", record, path, ticks, world)
+        departures = find_departures(table, path, world, swimming_limits(world.film, world))
+        metrics = path_metrics(table, departures, path, world)
+        deviations[f"{name}_lengths"] = metrics["path_across_rms_body_lengths"]
+    return deviations
 
 
 def film_table(film_name: str, seed_count: int) -> pd.DataFrame:
     """Return a row for each removed part, for the film in the present folder."""
     jobs = [(part, seed) for part in PARTS for seed in range(seed_count)]
-    found = list(ordered_map(measure_seed, jobs, Processes(2)))
+    results = list(ordered_map(measure_seed, jobs, Processes(2)))
     rows, whole = [], pd.DataFrame()
     for number, part in enumerate(PARTS):
-        every = found[number * seed_count : (number + 1) * seed_count]
-        if refused := [one for one in every if isinstance(one, str)]:
-            rows.append({"film": film_name, "without": part, "changes": refused[0]})
+        of_part = results[number * seed_count : (number + 1) * seed_count]
+        if failures := [result for result in of_part if isinstance(result, str)]:
+            rows.append({"film": film_name, "without": part, "changes": failures[0]})
             continue
-        table = pd.DataFrame(every)
+        table = pd.DataFrame(of_part)
         whole = table if part == "whole" else whole
-        unsure = np.sqrt((table.var() + whole.var()) / seed_count).fillna(0)
-        differs = (table.mean() - whole.mean()).abs() > 2 * unsure + 1e-9
+        standard_error = np.sqrt((table.var() + whole.var()) / seed_count).fillna(0)
+        differs = (table.mean() - whole.mean()).abs() > 2 * standard_error + 1e-9
         rows.append(
             {"film": film_name, "without": part, **table.mean().round(3)}
             | {f"{name}_sd": value for name, value in table.std().round(3).items()}

@@ -41,8 +41,8 @@ def main(quick: bool = False) -> None:
         for name, overrides in FILMS.items():
             length = ["clip.frames=300"] if quick else []
             prepare_folder(Path(scratch), ["clip=carp", *length, *overrides])
-            for word in STAGES:
-                metrics = run_stage(Path(scratch), word)
+            for stage in STAGES:
+                metrics = run_stage(Path(scratch), stage)
             rows[name] = {title: metrics[key] for key, title in COLUMNS.items()}
             print(name, rows[name], flush=True)
     table = pd.DataFrame(rows).T

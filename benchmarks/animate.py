@@ -34,13 +34,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         scratch = Path(name)
         prepare_folder(scratch, ["clip=carp", "clip.frames=750"])
-        for word in STAGES:
-            run_stage(scratch, word)
+        for stage in STAGES:
+            run_stage(scratch, stage)
         home = Path.cwd()
         os.chdir(scratch)
         try:
             with Project() as project:
-                players = {name: one.player for name, one in open_modes(project).items()}
+                players = {name: mode.player for name, mode in open_modes(project).items()}
         finally:
             os.chdir(home)
     frame = np.zeros((720, 1280, 3), np.uint8)
@@ -57,10 +57,11 @@ def main() -> None:
         def swim(fish: AnyPlayer = fish, goals: list[Goal] = goals) -> None:
             plan_edit_list(fish, goals, TICKS, np.random.default_rng(1))
 
-        ours, theirs, _, _ = time_pairs(swim, copy)
+        planning_s, copying_s, _, _ = time_pairs(swim, copy)
+        tick_s = planning_s / TICKS
         rows += [
-            (f"{name}: planning and edit list", "ticks/s", TICKS / ours),
-            (f"{name}: time of a tick / time of a copy", "1", (ours / TICKS) / (theirs / COPIES)),
+            (f"{name}: planning and edit list", "ticks/s", TICKS / planning_s),
+            (f"{name}: time of a tick / time of a copy", "1", tick_s / (copying_s / COPIES)),
         ]
     table = pd.DataFrame(rows, columns=["what", "unit", "value"])
     print(table.to_string(index=False))

@@ -45,32 +45,34 @@ def train_by_torch(settings: BpnSettings) -> None:
     rng = np.random.default_rng(0)
     weights = torch.from_numpy(draw_first_weights(settings.hidden_units, rng)).requires_grad_()
     first, second = split_layers(weights)
-    rule = torch.optim.SGD([weights], lr=settings.learning_rate, momentum=settings.momentum)
+    optimiser = torch.optim.SGD([weights], lr=settings.learning_rate, momentum=settings.momentum)
     inputs, outputs = random_training_rows(ROWS)
     x = torch.from_numpy(np.column_stack([inputs, np.ones(ROWS)]))
-    t = torch.from_numpy(outputs)
+    targets = torch.from_numpy(outputs)
     for _ in range(settings.epochs):
         order = torch.from_numpy(rng.permutation(ROWS))
-        for lot in order.split(settings.batch_size):
-            rule.zero_grad()
-            h = torch.sigmoid(x[lot] @ first.T)
-            o = torch.sigmoid(h @ second[:, :-1].T + second[:, -1])
-            (0.5 * (o - t[lot]).square().sum()).backward()
-            rule.step()
+        for batch in order.split(settings.batch_size):
+            optimiser.zero_grad()
+            hidden = torch.sigmoid(x[batch] @ first.T)
+            output = torch.sigmoid(hidden @ second[:, :-1].T + second[:, -1])
+            (0.5 * (output - targets[batch]).square().sum()).backward()
+            optimiser.step()
 
 
 def main() -> None:
     """Time both trainings; print and write the table."""
-    whole, part = (settings("bpn", epochs=epochs) for epochs in (200, PEER_EPOCHS))
-    train_by_finloop(part)  # compiled
-    mine = median(time_call(lambda: train_by_finloop(whole))[0] for _ in range(PAIRS))
-    short, usual, peer, _ = time_pairs(lambda: train_by_finloop(part), lambda: train_by_torch(part))
+    full, short = (settings("bpn", epochs=epochs) for epochs in (200, PEER_EPOCHS))
+    train_by_finloop(short)  # compiled
+    full_s = median(time_call(lambda: train_by_finloop(full))[0] for _ in range(PAIRS))
+    short_s, torch_s, ratio, _ = time_pairs(
+        lambda: train_by_finloop(short), lambda: train_by_torch(short)
+    )
     results = [
-        ("200 epochs, 4480 rows / the paper's 70 s", mine, PAPER_S, mine / PAPER_S),
-        (f"{PEER_EPOCHS} epochs, 4480 rows / autograd and SGD of torch", short, usual, peer),
+        ("200 epochs, 4480 rows / the paper's 70 s", full_s, PAPER_S, full_s / PAPER_S),
+        (f"{PEER_EPOCHS} epochs, 4480 rows / autograd and SGD of torch", short_s, torch_s, ratio),
     ]
     table = pd.DataFrame(results, columns=["what", "ours_s", "theirs_s", "ratio"]).round(4)
-    print(f"{whole.batch_size} rows a step, {200 * ROWS // whole.batch_size / mine:.0f} steps/s")
+    print(f"{full.batch_size} rows a step, {200 * ROWS // full.batch_size / full_s:.0f} steps/s")
     print(table.to_string(index=False))
     table.to_csv(ROOT / "benchmarks/bpn.csv", index=False)
 

@@ -50,10 +50,10 @@ def file_digests(folder: Path) -> dict[str, str]:
 def processor_times(processes: list[psutil.Process]) -> dict[int, float]:
     """Return the processor time [s] of processes and all their children, by process id."""
     times = {}
-    for one in processes:
+    for process in processes:
         try:
-            for each in (one, *one.children(recursive=True)):
-                times[each.pid] = sum(each.cpu_times()[:2])
+            for member in (process, *process.children(recursive=True)):
+                times[member.pid] = sum(member.cpu_times()[:2])
         except psutil.NoSuchProcess:
             continue
     return times
@@ -64,63 +64,63 @@ def time_extract(folder: Path, other_processes: list[psutil.Process]) -> tuple[f
 
     other_processes: those of the scheduler and its workers, counted, too.
     """
-    before, last = processor_times(other_processes), dict[int, float]()
+    before, latest = processor_times(other_processes), dict[int, float]()
     start = time.perf_counter()
     command = [sys.executable, "-m", "stages.extract"]
     run = subprocess.Popen(
         command, cwd=folder, env=process_environment(), stderr=subprocess.DEVNULL
     )
     while run.poll() is None:
-        last |= processor_times([psutil.Process(run.pid), *other_processes])
+        latest |= processor_times([psutil.Process(run.pid), *other_processes])
         time.sleep(0.1)
     if run.returncode:
         raise SystemExit("extract failed")
-    return time.perf_counter() - start, sum(last.values()) - sum(before.values())
+    return time.perf_counter() - start, sum(latest.values()) - sum(before.values())
 
 
 @contextmanager
 def run_scheduler() -> Iterator[list[psutil.Process]]:
     """Run Dask's scheduler and two workers as docs/cluster.md does; yield the processes."""
     address = f"tcp://127.0.0.1:{PORT}"
-    quiet = {
+    options = {
         "env": process_environment(),
         "stdout": subprocess.DEVNULL,
         "stderr": subprocess.DEVNULL,
     }
     dask = [sys.executable, "-m", "dask", "scheduler", "--host", "127.0.0.1", "--port", str(PORT)]
-    start = [sys.executable, "-m", "stages.cluster", address, "--count", "1"]
+    worker = [sys.executable, "-m", "stages.cluster", address, "--count", "1"]
     processes = [
-        subprocess.Popen(dask, cwd="/", **quiet),  # type: ignore[call-overload]
-        *(subprocess.Popen(start, cwd=ROOT, **quiet) for _ in range(2)),  # type: ignore[call-overload]
+        subprocess.Popen(dask, cwd="/", **options),  # type: ignore[call-overload]
+        *(subprocess.Popen(worker, cwd=ROOT, **options) for _ in range(2)),  # type: ignore[call-overload]
     ]
     try:
-        yield [psutil.Process(one.pid) for one in processes]
+        yield [psutil.Process(process.pid) for process in processes]
     finally:
-        for one in reversed(processes):
-            one.terminate()
-            one.wait()
+        for process in reversed(processes):
+            process.terminate()
+            process.wait()
 
 
 def time_by_workers(folder: Path) -> pd.DataFrame:
     """Return seconds and processor seconds of `extract`, by kind of workers; compare the bytes."""
-    wheres = {
+    overrides_by_name = {
         "2 processes": [],
         "2 workers of Dask": [f"cluster.scheduler_address=tcp://127.0.0.1:{PORT}"],
         "cluster=local": ["cluster=local"],
     }
-    rows, made = [], []
+    rows, digests = [], []
     prepare_folder(folder, FILM)
     run_stage(folder, "clip")
-    with run_scheduler() as others:
+    with run_scheduler() as dask_processes:
         for _ in range(PAIRS + 1):  # the first run does not count: it compiles, and workers import
-            for name, where in wheres.items():
-                prepare_folder(folder, [*FILM, *where])
-                rows.append((name, *time_extract(folder, others)))
-                made.append(file_digests(folder / "data/extract"))
-    if any(one != made[0] for one in made):
+            for name, overrides in overrides_by_name.items():
+                prepare_folder(folder, [*FILM, *overrides])
+                rows.append((name, *time_extract(folder, dask_processes)))
+                digests.append(file_digests(folder / "data/extract"))
+    if any(digest != digests[0] for digest in digests):
         raise SystemExit("the bytes differ")
-    table = pd.DataFrame(rows[len(wheres) :], columns=["by", "wall_s", "processor_s"])
-    table["pair"] = np.repeat(np.arange(PAIRS), len(wheres))
+    table = pd.DataFrame(rows[len(overrides_by_name) :], columns=["by", "wall_s", "processor_s"])
+    table["pair"] = np.repeat(np.arange(PAIRS), len(overrides_by_name))
     first = table[table["by"] == "2 processes"].set_index("pair")
     for column in ("wall_s", "processor_s"):
         table[f"{column[:-2]}_ratio"] = table[column] / table["pair"].map(first[column])
@@ -141,22 +141,22 @@ def extract_with_kills(
     moments = sorted(
         rng.choice(frames - 4 * SHORT, most_kills, replace=False).tolist(), reverse=True
     )
-    count = done = 0
-    before: set[int] = set()  # workers at the end of the last piece
+    kills = done_frames = 0
+    known_workers: set[int] = set()  # workers at the end of the last piece
 
     def advance() -> None:
-        nonlocal count, done, before
-        done += 1
-        if moments and done > moments[-1] and (ids := worker_ids() & before):
+        nonlocal kills, done_frames, known_workers
+        done_frames += 1
+        if moments and done_frames > moments[-1] and (ids := worker_ids() & known_workers):
             os.kill(int(rng.choice(sorted(ids))), signal.SIGKILL)
             moments.pop()
-            count += 1
-        if done % SHORT == 0:
-            before = worker_ids()
+            kills += 1
+        if done_frames % SHORT == 0:
+            known_workers = worker_ids()
 
     out.mkdir()
     extract_tracks(clip, load_settings("extract"), out, pool, advance)
-    return count
+    return kills
 
 
 def compare_killed_runs(folder: Path) -> list[tuple[str, int, bool]]:
@@ -166,14 +166,14 @@ def compare_killed_runs(folder: Path) -> list[tuple[str, int, bool]]:
     run_stage(folder, "clip")
     run_stage(folder, "extract")
     results: list[tuple[str, int, bool]] = []
-    for name, where in {"2 processes": [], "cluster=local": ["cluster=local"]}.items():
-        prepare_folder(folder, [*CARP, *where])
+    for name, overrides in {"2 processes": [], "cluster=local": ["cluster=local"]}.items():
+        prepare_folder(folder, [*CARP, *overrides])
         with chdir(folder), open_workers(WORKERS_NEED) as pool:
 
             def worker_ids(pool: Workers = pool) -> set[int]:
                 if client := getattr(pool, "client", None):
                     return {*client.run(os.getpid, on_error="ignore").values()}
-                return {one.pid for one in multiprocessing.active_children() if one.pid}
+                return {process.pid for process in multiprocessing.active_children() if process.pid}
 
             out = folder / f"out-{len(results)}"
             count = extract_with_kills(folder, out, pool, worker_ids, KILLS)

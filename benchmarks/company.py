@@ -60,28 +60,29 @@ def measure_animation(animator: MatchingAnimator) -> dict[str, object]:
     tank, rng = LiveTank({MODE: player}, MODE, FISH, 0), np.random.default_rng(1)
     y, x = np.nonzero(world.tank.legal)
     count, ticks = len(tank.fish), round(SECONDS * rate)
-    places, near, met, reached, took = np.empty((ticks, count, 2)), [], 0, 0, 0.0
+    places, distance_parts = np.empty((ticks, count, 2)), list[np.ndarray]()
+    overlaps, reached, planning_s = 0, 0, 0.0
     for tick in range(ticks):
         for number, fish in enumerate(tank.fish):
             reached += fish.reached
             if fish.reached or fish.goal is None:
                 place = rng.integers(len(x))
                 tank.send_to_goal(number, float(x[place]), float(y[place]))
-        begin = time.process_time()
+        start = time.process_time()
         tank.advance()
-        took += time.process_time() - begin
+        planning_s += time.process_time() - start
         rows = [row for fish in tank.fish if (row := fish.row_at(tank.tick)) is not None]
         places[tick] = [(row.x_px, row.y_px) for row in rows]
-        near += [nearest_distances(places[tick]) / length] if count > 1 else []
+        distance_parts += [nearest_distances(places[tick]) / length] if count > 1 else []
         outlines = [outline_on_screen(player, row) for row in rows]
-        met += sum(do_outlines_overlap(one, other) for one, other in combinations(outlines, 2))
+        overlaps += sum(do_outlines_overlap(*pair) for pair in combinations(outlines, 2))
     speeds = np.hypot(*np.diff(places, axis=0).transpose(2, 0, 1)) / length * rate
-    distances = np.concatenate([np.zeros(0), *near])
+    distances = np.concatenate([np.zeros(0), *distance_parts])
     return {
         "mode": MODE, "overlap": world.settings.overlap, "fish": count,
-        "overlapping_pairs_per_1000_ticks": 1000 * met / ticks,
+        "overlapping_pairs_per_1000_ticks": 1000 * overlaps / ticks,
         "goals_per_fish_min": reached / count / SECONDS * 60,
-        **summarize_distances(distances, speeds, rate), "real_times": ticks / rate / took,
+        **summarize_distances(distances, speeds, rate), "real_times": ticks / rate / planning_s,
     }  # fmt: skip
 
 
@@ -89,24 +90,23 @@ def measure_film(features: pd.DataFrame, rate_hz: float) -> dict[str, object]:
     """Return distances and speeds of the filmed animals, as a row of the table."""
     length = typical_lengths_px(features).to_numpy(float)
     places = features[["x_px", "y_px"]].to_numpy(float)
-    step = np.hypot(*np.diff(places, axis=0, append=np.nan).T) / length * rate_hz
+    speed = np.hypot(*np.diff(places, axis=0, append=np.nan).T) / length * rate_hz
     tracks = features["track_id"].to_numpy()
-    step[np.append(tracks[1:] != tracks[:-1], True)] = np.nan
-    animals, near = features.groupby("frame").size().mean(), film_nearest_distances(features)
-    return {"mode": "film", "fish": animals, **summarize_distances(near, step[:, None], rate_hz)}
+    speed[np.append(tracks[1:] != tracks[:-1], True)] = np.nan
+    animals, nearest = features.groupby("frame").size().mean(), film_nearest_distances(features)
+    distances = summarize_distances(nearest, speed[:, None], rate_hz)
+    return {"mode": "film", "fish": animals, **distances}
 
 
 def film_rows(film_name: str) -> Iterator[dict[str, object]]:
     """Yield the rows of the film in the present folder, animated and filmed."""
     p = settings_without_path()
     with Project() as project:
-        made = matching_data(project, p)
-        yield {"film": film_name, **measure_film(made.reel.features, made.rate_hz)}
-        for through in (False, True):
-            yield {
-                "film": film_name,
-                **measure_animation(matching_animator(made, replace_settings(p, overlap=through))),
-            }
+        film_data = matching_data(project, p)
+        yield {"film": film_name, **measure_film(film_data.reel.features, film_data.rate_hz)}
+        for overlap in (False, True):
+            animator = matching_animator(film_data, replace_settings(p, overlap=overlap))
+            yield {"film": film_name, **measure_animation(animator)}
 
 
 if __name__ == "__main__":

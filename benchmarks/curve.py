@@ -48,16 +48,16 @@ def invert_one_by_one(coefficients: list[list[NDArray]], wavelet: pywt.Wavelet) 
 def compare_transforms() -> list[tuple[str, float, float, float]]:
     """Return the rows of the table on transforms; print the worst round trip."""
     points = np.random.default_rng(0).normal(size=(CURVES, POINTS, 2))
-    rows, worst = [], 0.0
+    rows, worst_error = [], 0.0
     for name in ("db4", "coif2", "bior4.4"):
         wavelet = pywt.Wavelet(name)
         theirs = transform_one_by_one(points, wavelet)
         ours = wavelet_transform(points, name, LEVELS)
-        there = time_pairs(
+        forward = time_pairs(
             partial(wavelet_transform, points, name, LEVELS),
             partial(transform_one_by_one, points, wavelet),
         )
-        again = time_pairs(
+        back = time_pairs(
             partial(inverse_transform, ours, name, LEVELS),
             partial(invert_one_by_one, theirs, wavelet),
         )
@@ -65,19 +65,15 @@ def compare_transforms() -> list[tuple[str, float, float, float]]:
             partial(wavelet_transform, points, name, LEVELS),
             partial(pywt.wavedec, points, wavelet, "periodization", LEVELS, axis=1),
         )
-        rows.append((f"{name} forward / PyWavelets, curve by curve", *there[:3]))
-        rows.append((f"{name} back / PyWavelets, curve by curve", *again[:3]))
+        rows.append((f"{name} forward / PyWavelets, curve by curve", *forward[:3]))
+        rows.append((f"{name} back / PyWavelets, curve by curve", *back[:3]))
         rows.append((f"{name} forward / PyWavelets, all at once", *at_once[:3]))
     for name in (*pywt.wavelist(kind="discrete"), CUBIC):
         if name != "dmey":
-            few = points[:4]
-            worst = max(
-                worst,
-                float(
-                    np.abs(inverse_transform(wavelet_transform(few, name, 3), name, 3) - few).max()
-                ),
-            )
-    print(f"worst round trip of all wavelets but dmey: {worst:.1e}")
+            few_curves = points[:4]
+            returned = inverse_transform(wavelet_transform(few_curves, name, 3), name, 3)
+            worst_error = max(worst_error, float(np.abs(returned - few_curves).max()))
+    print(f"worst round trip of all wavelets but dmey: {worst_error:.1e}")
     return rows
 
 
@@ -97,14 +93,14 @@ def integrate_with_scipy(problem: Problem) -> NDArray:
 
     def slope(time: float, state: NDArray) -> NDArray:
         u, v = state[:size].reshape(n, 2), state[size:].reshape(n, 2)
-        pull = k @ u + MATERIAL.mass_damping * v
-        return np.concatenate([state[size:], -pull.ravel()])
+        resistance = k @ u + MATERIAL.mass_damping * v
+        return np.concatenate([state[size:], -resistance.ravel()])
 
     start = np.concatenate([problem.displacement.ravel(), np.zeros(size)])
-    found = solve_ivp(
+    result = solve_ivp(
         slope, (TIMES[0], TIMES[-1]), start, "DOP853", TIMES, rtol=TIGHT, atol=TIGHT / 100
     )
-    return found.y[:size].T.reshape(len(TIMES), n, 2)
+    return result.y[:size].T.reshape(len(TIMES), n, 2)
 
 
 def change_basis(stiffness: csr_array, basis: csr_array) -> csr_array:
@@ -120,9 +116,11 @@ def main() -> None:
     mine, theirs, ratio, _ = time_pairs(
         lambda: solve_motion(problem), lambda: integrate_with_scipy(problem)
     )
-    off = np.abs(ours.displacement - integrate_with_scipy(problem)).max()
+    difference = np.abs(ours.displacement - integrate_with_scipy(problem)).max()
     rows.append((f"exact solution, {POINTS} points / solve_ivp at {TIGHT:g}", mine, theirs, ratio))
-    print(f"exact solution against solve_ivp: {off:.1e} apart, {1 / ratio:.0f} times as fast")
+    print(
+        f"exact solution against solve_ivp: {difference:.1e} apart, {1 / ratio:.0f} times as fast"
+    )
     for levels in (1, 4, 8):
         seconds = min(
             time_call(partial(stiffness_matrix, "coif2", LARGE, levels))[0] for _ in range(5)
@@ -137,24 +135,28 @@ def main() -> None:
         )
     basis = csr_array(wavelet_transform(np.eye(POINTS), "coif2", 4))
     k = stiffness_matrix("coif2", POINTS, 0)
-    done = time_pairs(lambda: stiffness_matrix("coif2", POINTS, 4), lambda: change_basis(k, basis))
-    rows.append((f"K, {POINTS} × {POINTS}, 4 levels / sparse W K Wᵀ", *done[:3]))
+    timing = time_pairs(
+        lambda: stiffness_matrix("coif2", POINTS, 4), lambda: change_basis(k, basis)
+    )
+    rows.append((f"K, {POINTS} × {POINTS}, 4 levels / sparse W K Wᵀ", *timing[:3]))
     table = pd.DataFrame(rows, columns=["what", "ours_s", "theirs_s", "ratio"])
     table = table.assign(
-        **{c: table[c].map("{:.4g}".format).astype(float) for c in table.columns[1:]}
+        **{column: table[column].map("{:.4g}".format).astype(float) for column in table.columns[1:]}
     )
     print(table.to_string(index=False))
     table.to_csv(ROOT / "benchmarks/curve.csv", index=False)
 
     shares = pd.DataFrame(
         {
-            name: [100 * off_diagonal_share(stiffness_matrix(name, POINTS, at)) for at in range(7)]
+            name: [100 * off_diagonal_share(stiffness_matrix(name, POINTS, m)) for m in range(7)]
             for name in WAVELETS
         }
     )
     print("off-diagonal energy of K [%] per level:")
     print(shares.round(1).to_string(index_names=False))
-    few = {material: Problem(*bend_hoop(256), material, TIMES) for material in (MATERIAL, MASSLESS)}
+    problems = {
+        material: Problem(*bend_hoop(256), material, TIMES) for material in (MATERIAL, MASSLESS)
+    }
     for method, material, options in (
         ("modal", MATERIAL, SolverOptions()),
         ("runge-kutta", MATERIAL, SolverOptions()),
@@ -167,11 +169,11 @@ def main() -> None:
         ("explicit-euler", MASSLESS, SolverOptions(inverse="schulz")),
         ("decoupled", MASSLESS, SolverOptions()),
     ):
-        seconds, motion = time_call(partial(solve_motion, few[material], method, options))
-        way = options.integrator if method == "runge-kutta" else ""
-        way = options.inverse if method.endswith("euler") else way
+        seconds, motion = time_call(partial(solve_motion, problems[material], method, options))
+        detail = options.integrator if method == "runge-kutta" else ""
+        detail = options.inverse if method.endswith("euler") else detail
         print(
-            f"{method} {way}, density {material.density:g}: error {motion.error:.1e}, "
+            f"{method} {detail}, density {material.density:g}: error {motion.error:.1e}, "
             f"{1e3 * seconds:.1f} ms, {motion.facts}"
         )
 

@@ -38,10 +38,10 @@ def kind_shares() -> NDArray[np.float64]:
     """Return the shares of 24 × 3 kinds, geometric in the orientation, Σ share² = 1 − SKIPPED."""
     low, high = 0.5, 1.0
     while high - low > 1e-12:
-        fall = (low + high) / 2
-        turn = fall ** np.arange(ORIENTATIONS)
-        share = np.outer(turn / turn.sum(), TYPES).ravel()
-        low, high = (fall, high) if (share**2).sum() > 1 - SKIPPED else (low, fall)
+        ratio = (low + high) / 2
+        orientation_share = ratio ** np.arange(ORIENTATIONS)
+        share = np.outer(orientation_share / orientation_share.sum(), TYPES).ravel()
+        low, high = (ratio, high) if (share**2).sum() > 1 - SKIPPED else (low, ratio)
     return share
 
 
@@ -57,8 +57,8 @@ def random_film(frame_count: int, mixed: bool = True) -> tuple[NDArray[np.float3
 
 def pairs_by_kind(pictures: NDArray[np.float32], kinds: Ints, areas: Floats) -> pd.DataFrame:
     """Return the table of pairs of pictures of one kind, with their distances (Eq. 6)."""
-    found = find_similar_pairs(subtract_mean_picture(pictures), kinds, areas, THRESHOLD)
-    return pair_table(found, np.arange(len(kinds)))
+    pairs = find_similar_pairs(subtract_mean_picture(pictures), kinds, areas, THRESHOLD)
+    return pair_table(pairs, np.arange(len(kinds)))
 
 
 def peak_gib(frame_count: int, mixed: bool) -> float:
@@ -71,9 +71,9 @@ def peak_gib(frame_count: int, mixed: bool) -> float:
 def distances_one_by_one(pictures: NDArray[np.float32]) -> list[float]:
     """Return the distances (Eq. 5) of pictures, computed pair by pair."""
     return [
-        float(np.linalg.norm(one - other))
-        for number, one in enumerate(pictures)
-        for other in pictures[number + 1 :]
+        float(np.linalg.norm(picture - later_picture))
+        for number, picture in enumerate(pictures)
+        for later_picture in pictures[number + 1 :]
     ]
 
 
@@ -83,7 +83,7 @@ def main() -> None:
     flat = pictures.reshape(FRAMES, -1)
     turned = np.ascontiguousarray(flat.T)
     pairs = FRAMES * (FRAMES - 1) / 2
-    alike = np.bincount(kind)
+    alike = np.bincount(kind)  # rows of each kind
     print(
         f"{FRAMES} frames: orientation and type skip "
         f"{100 * (1 - (alike * (alike - 1) / 2).sum() / pairs):.1f} % of the pairs, with the area "
@@ -94,10 +94,10 @@ def main() -> None:
     some_s, _, faster, _ = time_pairs(
         lambda: pairs_by_kind(pictures, kind, area), lambda: full_distance_map(pictures)
     )
-    few = int(PART * FRAMES)
-    scipy_s = time_call(lambda: cdist(flat[:few], flat))[0] * FRAMES / few
-    seconds, found = time_call(lambda: distances_one_by_one(pictures[:few]))
-    loop_s = seconds * pairs / len(found)
+    part_frames = int(PART * FRAMES)
+    scipy_s = time_call(lambda: cdist(flat[:part_frames], flat))[0] * FRAMES / part_frames
+    seconds, distances = time_call(lambda: distances_one_by_one(pictures[:part_frames]))
+    loop_s = seconds * pairs / len(distances)
     speed = [
         ("full / the bare product x @ xT", all_s, bare_s, bare),
         ("grouped, Table 1 mix / full", some_s, all_s, faster),
@@ -107,8 +107,8 @@ def main() -> None:
         ("grouped, Table 1 mix / a loop over pairs", some_s, loop_s, some_s / loop_s),
     ]
     memory = [
-        (f"{LONG} frames grouped, {word}; pictures alone", peak_gib(LONG, mixed), LEAST)
-        for word, mixed in (("Table 1 mix", True), ("types alone, all kept", False))
+        (f"{LONG} frames grouped, {mix}; pictures alone", peak_gib(LONG, mixed), LEAST)
+        for mix, mixed in (("Table 1 mix", True), ("types alone, all kept", False))
     ]
     results = [(*row, "s") for row in speed] + [
         (what, peak, alone, peak / alone, "GiB") for what, peak, alone in memory

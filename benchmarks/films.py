@@ -89,10 +89,12 @@ def run_pipeline(folder: Path, overrides: list[str], last_stages: list[str]) -> 
     """Run the pipeline on a film up to its last stages; return one row of the table."""
     prepare_folder(folder, [*overrides, "animate.trials=4"])
     numbers = {}
-    for word in data_stages(last_stages):
-        numbers[word] = run_stage(folder, word)
-        if word == "clip" and (truth := folder / TRUTH_NAME).is_file():
-            shutil.copyfile(truth, folder / "data/clip" / TRUTH_NAME)  # `features` compares with it
+    for stage in data_stages(last_stages):
+        numbers[stage] = run_stage(folder, stage)
+        if stage == "clip" and (truth_file := folder / TRUTH_NAME).is_file():
+            shutil.copyfile(
+                truth_file, folder / "data/clip" / TRUTH_NAME
+            )  # `features` compares with it
     features, animated = numbers["features"], numbers["animate"]
     row = {
         "rows": features["fish_frames"],
@@ -144,8 +146,8 @@ def parse_arguments(command_line: Sequence[str] | None = None) -> argparse.Names
 def failure_reason(error: BaseException) -> str:
     """Return a line with the reason of a failure: the stage's message, else the last line."""
     lines = (str(error).strip() or repr(error)).splitlines()
-    own = [line.removeprefix("finloop: ") for line in lines if line.startswith("finloop: ")]
-    return (own or lines)[-1]
+    messages = [line.removeprefix("finloop: ") for line in lines if line.startswith("finloop: ")]
+    return (messages or lines)[-1]
 
 
 def measure_films(
@@ -170,14 +172,17 @@ def measure_films(
 def main() -> None:
     """Run the pipeline on all films; print and write the table; exit with 1 if a film failed."""
     args = parse_arguments()
-    last = ["animate", "render", *(["realism"] if args.realism else [])]
-    own = zip(
+    last_stages = ["animate", "render", *(["realism"] if args.realism else [])]
+    given_films = zip(
         film_keys(args.films), (file_overrides(Path(film)) for film in args.films), strict=True
     )
-    films: list[tuple[str, list[str] | None]] = [*((name, None) for name in args.only), *own]
+    films: list[tuple[str, list[str] | None]] = [
+        *((name, None) for name in args.only),
+        *given_films,
+    ]
     failures = 0
     with tempfile.TemporaryDirectory() as scratch:
-        for row in measure_films(films, args.keep or Path(scratch), last):
+        for row in measure_films(films, args.keep or Path(scratch), last_stages):
             print(pd.Series(row).to_string(), end="\n\n", flush=True)
             keep_row(pd.DataFrame([row]))
             failures += "failed" in row

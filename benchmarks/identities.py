@@ -87,9 +87,9 @@ def carp_film(seed: int, folder: Path) -> Film:
     )  # fmt: skip
     path, rows = folder / "carp.mp4", list[dict[str, object]]()
     with VideoWriter(path, p.width_px, p.height_px, Fraction(RATE), p.colour) as writer:
-        for picture, of_frame in film_frames(p, crossing_motion(p)):
+        for picture, frame_rows in film_frames(p, crossing_motion(p)):
             writer.write(picture)
-            rows += of_frame
+            rows += frame_rows
     truth = pd.DataFrame(rows).rename(columns={"fish_id": "animal"})
     inside = 12, 12, p.width_px - 24, p.height_px - 24  # the rim is dark
     overrides = file_overrides(path)
@@ -100,12 +100,14 @@ def crossing_motion(carp: CarpSettings) -> CarpMotion:
     """Return the poses of carp that each swim as if alone."""
     room = allowed_rectangle(carp.width_px, carp.height_px, carp.body_length_px)
     streams = np.random.default_rng(carp.seed).spawn(carp.fish)
-    alone = [
+    motions = [
         simulate_swimming(carp.frames, 1, room, carp.frame_rate_hz, carp.fins_open_ratio, rng)
         for rng in streams
     ]
     names = [field.name for field in fields(CarpMotion)]
-    return CarpMotion(*(np.concatenate([getattr(one, n) for one in alone], axis=1) for n in names))
+    return CarpMotion(
+        *(np.concatenate([getattr(motion, name) for motion in motions], axis=1) for name in names)
+    )
 
 
 FILMS: dict[str, Callable[[Path], Film]] = {
@@ -168,8 +170,8 @@ def track_by_idtracker(
 def track_by_finloop(film: Film, folder: Path) -> pd.DataFrame:
     """Return what finloop tracks in a film: frame, animal, x_px, y_px, body_length_px."""
     prepare_folder(folder, film.overrides)
-    for word in ("clip", "extract", "features", "identity"):
-        run_stage(folder, word)
+    for stage in ("clip", "extract", "features", "identity"):
+        run_stage(folder, stage)
     project = Project(folder)
     rows = project.features.merge(project.identities, on="track_id").rename(
         columns={"identity": "animal"}

@@ -114,8 +114,8 @@ def when_it_acts(parameter: str) -> str:
 def pipeline_stages() -> dict[str, Any]:
     """Return the stages of dvc.yaml, in their order."""
     text = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
-    every: dict[str, Any] = yaml.safe_load(text)["stages"]
-    return every
+    stages: dict[str, Any] = yaml.safe_load(text)["stages"]
+    return stages
 
 
 def reading_stages(group: str) -> list[str]:
@@ -124,10 +124,13 @@ def reading_stages(group: str) -> list[str]:
     `realism` also reads the parameters of `extract` and `features`: it measures as they do.
     """
     return [
-        word
-        for word, stage in pipeline_stages().items()
-        if any(one.partition(".")[0] == group for one in stage.get("meta", {}).get("params", []))
-        and (word != "realism" or group == "realism")
+        name
+        for name, stage in pipeline_stages().items()
+        if any(
+            parameter.partition(".")[0] == group
+            for parameter in stage.get("meta", {}).get("params", [])
+        )
+        and (name != "realism" or group == "realism")
     ]
 
 
@@ -138,14 +141,14 @@ def stage_outputs(stage: str) -> list[str]:
 
 def digest_outputs(folder: Path, stage: str) -> str:
     """Return a digest of a stage's outputs in a folder."""
-    whole = hashlib.sha256()
+    digest = hashlib.sha256()
     for out in stage_outputs(stage):
         path = folder / out
         files = sorted(path.rglob("*")) if path.is_dir() else [path]
         for file in files:
             if file.is_file():
-                whole.update(file.relative_to(folder).as_posix().encode() + file.read_bytes())
-    return whole.hexdigest()
+                digest.update(file.relative_to(folder).as_posix().encode() + file.read_bytes())
+    return digest.hexdigest()
 
 
 def other_values(value_type: Any, value: Any) -> Iterator[Any]:
@@ -153,20 +156,20 @@ def other_values(value_type: Any, value: Any) -> Iterator[Any]:
     if get_origin(value_type) is Annotated:
         yield from other_values(get_args(value_type)[0], value)
     elif get_origin(value_type) is Literal:
-        yield from (one for one in get_args(value_type) if one != value)
+        yield from (item for item in get_args(value_type) if item != value)
     elif get_origin(value_type) in (Union, UnionType):
         for part in get_args(value_type):
             yield from other_values(part, value)
     elif value_type is bool:
         yield not value
     elif value_type in (int, float):
-        known = value if isinstance(value, int | float) and not isinstance(value, bool) else 1
-        for times in (2, 0.3, 0.001, 20, 1.3, 0.8):
-            yield value_type(round(known * times)) if value_type is int else known * times
-        yield from (value_type(1), value_type(0), value_type(3), known + 1, known - 1)
+        number = value if isinstance(value, int | float) and not isinstance(value, bool) else 1
+        for factor in (2, 0.3, 0.001, 20, 1.3, 0.8):
+            yield value_type(round(number * factor)) if value_type is int else number * factor
+        yield from (value_type(1), value_type(0), value_type(3), number + 1, number - 1)
     elif isinstance(value, list) and value:
         yield value[:-1]
-        yield [one * 1.5 if isinstance(one, float) else one for one in value]
+        yield [item * 1.5 if isinstance(item, float) else item for item in value]
 
 
 @contextlib.contextmanager
@@ -206,72 +209,76 @@ def run_unchanged(folder: Path, overrides: list[str], stages: Sequence[str]) -> 
         if not (folder / name).exists():
             (folder / name).symlink_to(ROOT / name)
     write_params(folder, overrides)
-    made = {word: run_stage(folder, word) for word in stages}
-    for word in (word for word in stages if made[word] is None):
-        print(f"parameters: stage {word} fails with {' '.join(overrides)}", file=sys.stderr)
-    return {word: digest for word, digest in made.items() if digest is not None}
+    digests = {stage: run_stage(folder, stage) for stage in stages}
+    for stage in (stage for stage in stages if digests[stage] is None):
+        print(f"parameters: stage {stage} fails with {' '.join(overrides)}", file=sys.stderr)
+    return {stage: digest for stage, digest in digests.items() if digest is not None}
 
 
 def first_changed_stage(
     group: str, key: str, base: Path, known_digests: dict[str, str], overrides: list[str]
 ) -> str | None:
     """Return the first stage whose output a changed parameter changes; None if there is none."""
-    words = [word for word in reading_stages(group) if word in known_digests]
-    if not words:
+    stages = [stage for stage in reading_stages(group) if stage in known_digests]
+    if not stages:
         return None
     value = yaml.safe_load((base / "params.yaml").read_text())[group][key]
-    (option, *_) = [one for one in variants(group).values() if key in get_type_hints(one)]
+    (option, *_) = [
+        variant for variant in variants(group).values() if key in get_type_hints(variant)
+    ]
     hint = get_type_hints(option, include_extras=True)[key]
     tries = 0
     name = f"{group}.{key}"
-    for other in [OTHER[name]] if name in OTHER else other_values(hint, value):
-        if other == value or tries == 4:
+    for value_to_try in [OTHER[name]] if name in OTHER else other_values(hint, value):
+        if value_to_try == value or tries == 4:
             continue
         with contextlib.suppress(Exception):
-            write_params(base, [*overrides, f"{name}={format_override(other)}"])
+            write_params(base, [*overrides, f"{name}={format_override(value_to_try)}"])
             tries += 1
-            for word in words:
-                kept = base / "kept"
-                for out in stage_outputs(word):
+            for stage in stages:
+                backup = base / "kept"
+                for out in stage_outputs(stage):
                     if (base / out).exists():
-                        (kept / out).parent.mkdir(parents=True, exist_ok=True)
-                        shutil.move(base / out, kept / out)
-                made = run_stage(base, word)
-                for out in stage_outputs(word):
+                        (backup / out).parent.mkdir(parents=True, exist_ok=True)
+                        shutil.move(base / out, backup / out)
+                digest = run_stage(base, stage)
+                for out in stage_outputs(stage):
                     path = base / out
                     shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-                    if (kept / out).exists():
+                    if (backup / out).exists():
                         path.parent.mkdir(parents=True, exist_ok=True)
-                        shutil.move(kept / out, path)
-                if made not in (None, known_digests[word]):
-                    return word
+                        shutil.move(backup / out, path)
+                if digest not in (None, known_digests[stage]):
+                    return stage
     return None
 
 
 def main() -> None:
     """Try every parameter; write benchmarks/parameters.csv."""
     wanted = sys.argv[1:] or [word for word in WORDS if word != "report"]
-    every = [word for word in pipeline_stages() if word not in ("code", "params")]
+    all_stages = [word for word in pipeline_stages() if word not in ("code", "params")]
     rows: list[dict[str, str]] = []
     with tempfile.TemporaryDirectory() as scratch:
         base = Path(scratch) / "film"
-        bases = [(base, run_unchanged(base, FILM, every), FILM)]
-        for name, (more, words) in MORE.items():
-            other, both = Path(scratch) / name.replace(" ", "-"), [*FILM, *more]
-            shutil.copytree(base, other, symlinks=True)
-            bases.append((other, run_unchanged(other, both, words), both))
+        bases = [(base, run_unchanged(base, FILM, all_stages), FILM)]
+        for name, (more_overrides, stages) in MORE.items():
+            folder, overrides = Path(scratch) / name.replace(" ", "-"), [*FILM, *more_overrides]
+            shutil.copytree(base, folder, symlinks=True)
+            bases.append((folder, run_unchanged(folder, overrides, stages), overrides))
         values = yaml.safe_load((bases[0][0] / "params.yaml").read_text())
         for group in wanted:
             for key in values[group]:
                 if key == "source":
                     continue
-                found = None
+                changed_stage = None
                 for folder, known, overrides in bases:
-                    if found := first_changed_stage(group, key, folder, known, overrides):
+                    if changed_stage := first_changed_stage(group, key, folder, known, overrides):
                         break
                 name = f"{group}.{key}"
-                rest = "" if found else when_it_acts(name)
-                rows.append({"parameter": name, "acts_on": found or "", "else_for": rest})
+                condition = "" if changed_stage else when_it_acts(name)
+                rows.append(
+                    {"parameter": name, "acts_on": changed_stage or "", "else_for": condition}
+                )
                 print(json.dumps(rows[-1], ensure_ascii=False), flush=True)
     table = pd.DataFrame(rows)
     if not sys.argv[1:]:

@@ -53,11 +53,15 @@ class Swimming(NamedTuple):
 
 def animate_route(planner: Planner, ticks: int, seed: int, route: Route | None = None) -> Work:
     """Animate a fish along a route until its end, or wandering without a route."""
-    made = animate_fish(planner, [], ticks, np.random.default_rng(seed), route)
+    record = animate_fish(planner, [], ticks, np.random.default_rng(seed), route)
     if route is not None:
-        way = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
-        ticks = min(ticks, sum(way))
-    return build_edit_lists([made], ticks, planner.sources), ()
+        ticks_of_stretches = [
+            len(stretch.way)
+            for stretch, name in zip(record.stretches, record.names, strict=True)
+            if name
+        ]
+        ticks = min(ticks, sum(ticks_of_stretches))
+    return build_edit_lists([record], ticks, planner.sources), ()
 
 
 def routes_by_motion(
@@ -65,7 +69,7 @@ def routes_by_motion(
 ) -> dict[str, list[Swimming]]:
     """Return routes and animators by kind of motion; those of a track omit its film."""
     world = animator.world
-    found: dict[str, list[Swimming]] = {
+    routes: dict[str, list[Swimming]] = {
         "wandering": [Swimming(animator, None)],
         "shapes, own pace": [
             Swimming(animator, lay_path(line, world.tank, world.motion, None).route)
@@ -75,14 +79,14 @@ def routes_by_motion(
         "tracks, with times": [],
     }
     for _, line in longest_tracks(film_data, animator, TRACKS):
-        without = matching_animator(film_data._replace(lines=[line]), settings)
-        for name, one in (
+        animator_without = matching_animator(film_data._replace(lines=[line]), settings)
+        for name, route_line in (
             ("tracks, own pace", line._replace(time_s=None, heading_deg=None)),
             ("tracks, with times", line),
         ):
-            route = lay_path(one, world.tank, world.motion, None).route
-            found[name].append(Swimming(without, route))
-    return found
+            route = lay_path(route_line, world.tank, world.motion, None).route
+            routes[name].append(Swimming(animator_without, route))
+    return routes
 
 
 def animations_by_motion(
@@ -92,13 +96,15 @@ def animations_by_motion(
     plans = routes["wandering"][0].plans
     rate = plans.world.motion.rate_hz
     works: dict[str, list[Work]] = {}
-    for name, ways in routes.items():
-        made, left, seed = works.setdefault(f"{MODE}, {name}", []), seconds * rate, 0
-        while left > rate:
-            by, route = ways[seed % len(ways)]
-            work = animate_route(by.player, round(min(left, PIECE_S * rate)), seed, route)
-            made.append(work)
-            left, seed = left - len(work[0]), seed + 1
+    for name, swimmings in routes.items():
+        animations, left_ticks, seed = works.setdefault(f"{MODE}, {name}", []), seconds * rate, 0
+        while left_ticks > rate:
+            swimming_animator, route = swimmings[seed % len(swimmings)]
+            work = animate_route(
+                swimming_animator.player, round(min(left_ticks, PIECE_S * rate)), seed, route
+            )
+            animations.append(work)
+            left_ticks, seed = left_ticks - len(work[0]), seed + 1
     return works
 
 
@@ -113,10 +119,10 @@ def film_rows(film_name: str) -> Iterator[dict[str, object]]:
     }
     amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
     with project, open_workers(WORKERS_NEED) as pool:
-        made = matching_data(project, q)
-        plans = matching_animator(made, q)
-        size = plans.pictures.reel.size
-        works |= animations_by_motion(routes_by_motion(made, plans, q), amount)
+        film_data = matching_data(project, q)
+        animator = matching_animator(film_data, q)
+        size = animator.pictures.reel.size
+        works |= animations_by_motion(routes_by_motion(film_data, animator, q), amount)
         pictures, instrument = GalleryOpener(project), build_instrument(project)
         drawn = instrument.adapt_to_animation(size)
         instruments = {name: instrument if name == FILM else drawn for name in works}

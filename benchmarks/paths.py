@@ -65,20 +65,20 @@ def random_spline(
     rows, columns = np.nonzero(free_area)
     for number in range(TRIES):
         knots = max(3, KNOTS - number * KNOTS // TRIES)
-        chosen = rng.integers(len(rows), size=knots)
-        nodes = np.column_stack([columns[chosen], rows[chosen]]).astype(float)
+        picks = rng.integers(len(rows), size=knots)
+        nodes = np.column_stack([columns[picks], rows[picks]]).astype(float)
         chord = np.hypot(*np.diff(nodes, axis=0).T)
         if chord.min() < 1:
             continue
         curve = scipy.interpolate.CubicSpline(np.append(0, np.cumsum(np.sqrt(chord))), nodes)
-        at = np.linspace(0, curve.x[-1], 600)
-        (x, y), (dx, dy), (ddx, ddy) = (curve(at, order).T for order in range(3))
-        sharp = np.abs(dx * ddy - dy * ddx) / np.maximum(np.hypot(dx, dy), 1e-9) ** 3
+        parameter = np.linspace(0, curve.x[-1], 600)
+        (x, y), (dx, dy), (ddx, ddy) = (curve(parameter, order).T for order in range(3))
+        curvature = np.abs(dx * ddy - dy * ddx) / np.maximum(np.hypot(dx, dy), 1e-9) ** 3
         column, row = np.round(x).astype(int), np.round(y).astype(int)
-        there = (
+        is_inside = (
             (column >= 0) & (row >= 0) & (column < free_area.shape[1]) & (row < free_area.shape[0])
         )
-        if there.all() and free_area[row, column].all() and sharp.max() <= most_bend:
+        if is_inside.all() and free_area[row, column].all() and curvature.max() <= most_bend:
             return Line(name, x, y, PX)
     raise RuntimeError(f"no spline bends less than {most_bend} per px")
 
@@ -88,17 +88,19 @@ def longest_tracks(
 ) -> Iterator[tuple[str, Line]]:
     """Yield the longest stretches of tracks within the tank, the liveliest first among equals."""
     features, legal = film_data.reel.features, animator.world.tank.legal
-    most = round(TRACK_S * film_data.rate_hz)
-    found = []
+    most_frames = round(TRACK_S * film_data.rate_hz)
+    stretches = []
     for number in features["track_id"].unique().tolist():
         line = track_as_path(features, f"{TRACK}{number}")
-        free = legal[np.round(line.y).astype(int), np.round(line.x).astype(int)]
-        for first, stop in np.flatnonzero(np.diff(free, prepend=0, append=0)).reshape(-1, 2):
-            for begin in range(first, stop - most // 3, most):
-                part = slice(begin, min(begin + most, stop))
-                far = float(np.hypot(np.diff(line.x[part]), np.diff(line.y[part])).sum())
-                found.append((part.stop - part.start, far, int(number), int(begin), part))
-    for *_, number, begin, part in sorted(found, reverse=True, key=lambda one: one[:4])[:count]:
+        is_free = legal[np.round(line.y).astype(int), np.round(line.x).astype(int)]
+        for first, stop in np.flatnonzero(np.diff(is_free, prepend=0, append=0)).reshape(-1, 2):
+            for begin in range(first, stop - most_frames // 3, most_frames):
+                part = slice(begin, min(begin + most_frames, stop))
+                length = float(np.hypot(np.diff(line.x[part]), np.diff(line.y[part])).sum())
+                stretches.append((part.stop - part.start, length, int(number), int(begin), part))
+    for *_, number, begin, part in sorted(stretches, reverse=True, key=lambda stretch: stretch[:4])[
+        :count
+    ]:
         line, name = track_as_path(features, f"{TRACK}{number}"), f"track {number}, {begin}"
         yield name, cut_line(line, part)._replace(name=name)
 
@@ -117,8 +119,8 @@ def add_times(line: Line, speed_px: float) -> Line:
     x, y = line.x, line.y
     if line.closed:
         x, y = np.append(x, x[0]), np.append(y, y[0])
-    way = np.append(0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
-    return line._replace(x=x, y=y, time_s=way / speed_px, closed=False)
+    distance = np.append(0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
+    return line._replace(x=x, y=y, time_s=distance / speed_px, closed=False)
 
 
 def measure_path(
@@ -132,22 +134,30 @@ def measure_path(
         ticks = min(ticks, len(path.route.when))
     player = animator.player
     record = animate_fish(player, [], ticks, np.random.default_rng(0), path.route)
-    played = sum(len(one.way) for one, at in zip(record.stretches, record.names, strict=True) if at)
+    played = sum(
+        len(stretch.way)
+        for stretch, name_of_stretch in zip(record.stretches, record.names, strict=True)
+        if name_of_stretch
+    )
     begin = time.process_time()  # time of the path alone: after an open path the fish wanders
     animate_fish(player, [], played, np.random.default_rng(0), path.route)
-    took = time.process_time() - begin
+    planning_s = time.process_time() - begin
     table = path_table(MODE, record, path, ticks, world)
-    left = find_departures(table, path, world, swimming_limits(world.film, world))
-    numbers = path_metrics(table, left, path, world)
-    new = [one for one, at in zip(record.stretches, record.names, strict=True) if at and one.new]
-    jumps = [one.decision.seam for one in new]
+    departures = find_departures(table, path, world, swimming_limits(world.film, world))
+    metrics = path_metrics(table, departures, path, world)
+    new_stretches = [
+        stretch
+        for stretch, name_of_stretch in zip(record.stretches, record.names, strict=True)
+        if name_of_stretch and stretch.new
+    ]
+    jumps = [stretch.decision.seam for stretch in new_stretches]
     return {
         "film": film_name, "path": name, "timed": path.route.is_timed, "mode": MODE,
-        **{key.removeprefix("path_"): value for key, value in numbers.items()},
+        **{key.removeprefix("path_"): value for key, value in metrics.items()},
         "seconds": len(table) / world.motion.rate_hz,
         "jumps_per_s": len(jumps) / max(played, 1) * world.motion.rate_hz,
         "seam_median": float(np.nanmedian(jumps)) if np.isfinite(jumps).any() else np.nan,
-        "real_times": played / world.motion.rate_hz / took,
+        "real_times": played / world.motion.rate_hz / planning_s,
     }  # fmt: skip
 
 
@@ -155,20 +165,20 @@ def film_rows(film_name: str) -> Iterator[dict[str, object]]:
     """Yield the rows of all paths for the film in the present folder."""
     p = replace_settings(settings_without_path(), path_own_frames=False)
     with Project() as project:
-        made = matching_data(project, p)
-        plans = matching_animator(made, p)
-        motion = plans.world.motion
-        swims = plans.world.film.speed[plans.world.film.has_next]
-        speed_px = float(np.median(swims)) * motion.body_length_px
-        for name, line in path_shapes(plans, np.random.default_rng(0)):
-            yield measure_path(film_name, name, line, plans)
-            yield measure_path(film_name, name, add_times(line, speed_px), plans)
-        for name, line in longest_tracks(made, plans):
-            without = matching_animator(made._replace(lines=[line]), p)
+        film_data = matching_data(project, p)
+        animator = matching_animator(film_data, p)
+        motion = animator.world.motion
+        speeds = animator.world.film.speed[animator.world.film.has_next]
+        speed_px = float(np.median(speeds)) * motion.body_length_px
+        for name, line in path_shapes(animator, np.random.default_rng(0)):
+            yield measure_path(film_name, name, line, animator)
+            yield measure_path(film_name, name, add_times(line, speed_px), animator)
+        for name, line in longest_tracks(film_data, animator):
+            animator_without = matching_animator(film_data._replace(lines=[line]), p)
             yield measure_path(
-                film_name, name, line._replace(time_s=None, heading_deg=None), without
+                film_name, name, line._replace(time_s=None, heading_deg=None), animator_without
             )
-            yield measure_path(film_name, name, line, without)
+            yield measure_path(film_name, name, line, animator_without)
 
 
 def main() -> None:

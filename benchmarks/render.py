@@ -39,20 +39,20 @@ def swim_in_circle(
 ) -> list[PlacedFish]:
     """Return a fish on a wide circle, cross-faded with a partner or in the partner's posture."""
     rng = np.random.default_rng(seed)
-    at, turn = rng.uniform(0, 2 * np.pi, 2)
-    angle = at + 0.01 * np.arange(TICKS)
-    row, other = (np.arange(TICKS) + n for n in (0, 9))
+    start, rotation = rng.uniform(0, 2 * np.pi, 2)
+    angle = start + 0.01 * np.arange(TICKS)
+    row, partner = (np.arange(TICKS) + first for first in (0, 9))
     count = len(bodies.poses.codes)
-    codes = bodies.poses.codes[other % count]
+    codes = bodies.poses.codes[partner % count]
     edit = pd.DataFrame({
         "x_px": 640 + 300 * np.cos(angle), "y_px": 360 - 200 * np.sin(angle), "kind": FRAME,
-        "source": row % count, "orientation": 0, "rotation_deg": np.degrees(turn + angle),
+        "source": row % count, "orientation": 0, "rotation_deg": np.degrees(rotation + angle),
         "scale": 1.02, "mirrored": False, "weight": 0.4 * fades, "partner_kind": FRAME,
-        "partner": other % count, "partner_orientation": 0,
-        "partner_rotation_deg": np.degrees(turn + angle), "partner_scale": 1.02,
+        "partner": partner % count, "partner_orientation": 0,
+        "partner_rotation_deg": np.degrees(rotation + angle), "partner_scale": 1.02,
         "partner_mirrored": False, "pose": pd.Series(list(codes) if bends else None, range(TICKS)),
     })  # fmt: skip
-    return [gallery.place_row(one) for one in edit.replace({np.nan: None}).itertuples()]
+    return [gallery.place_row(tick) for tick in edit.replace({np.nan: None}).itertuples()]
 
 
 def edit_columns(placed_fish: list[PlacedFish]) -> pd.DataFrame:
@@ -61,8 +61,8 @@ def edit_columns(placed_fish: list[PlacedFish]) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "fish": 0,
-            "x_px": [one.x_px for one in placed_fish],
-            "y_px": [one.y_px for one in placed_fish],
+            "x_px": [fish.x_px for fish in placed_fish],
+            "y_px": [fish.y_px for fish in placed_fish],
             "time_s": np.arange(TICKS) / float(RATE),
             "mode": "network",
             "kind": "sprite",
@@ -79,7 +79,7 @@ def ways_to_draw(
 ) -> dict[str, Callable[[], None]]:
     """Return functions that draw all ticks, by name."""
     school = [swim_in_circle(gallery, bodies, seed=seed) for seed in range(8)]
-    joined = [swim_in_circle(gallery, bodies, True, seed, True) for seed in range(8)]
+    cross_faded_and_bent = [swim_in_circle(gallery, bodies, True, seed, True) for seed in range(8)]
     fading, bent = (
         swim_in_circle(gallery, bodies, True),
         swim_in_circle(gallery, bodies, bends=True),
@@ -89,25 +89,25 @@ def ways_to_draw(
     def draw(fish: list[list[PlacedFish]]) -> None:
         for tick in zip(*fish, strict=True):
             painter.wipe()
-            for one in tick:
-                painter.draw(*one)
+            for placed in tick:
+                painter.draw(*placed)
 
     def render_with_marks() -> None:
         with_marks = Painter(background, colour=True)
         marks = MarkPainter(
             with_marks, edit_columns(school[0]), [Goal("A", 300.0, 200.0), Goal("B", 900.0, 500.0)]
         )
-        for tick, one in enumerate(school[0]):
-            marks.show(tick, one)
+        for tick, placed in enumerate(school[0]):
+            marks.show(tick, placed)
 
     return {
         "one fish": lambda: draw(school[:1]),
         "one fish, cross-faded": lambda: draw([fading]),
         "one fish, in another pose": lambda: draw([bent]),
-        "one fish, joined": lambda: draw(joined[:1]),
+        "one fish, joined": lambda: draw(cross_faded_and_bent[:1]),
         "one fish, with marks": render_with_marks,
         "eight fish": lambda: draw(school),
-        "eight fish, all joined": lambda: draw(joined),
+        "eight fish, all joined": lambda: draw(cross_faded_and_bent),
     }
 
 
@@ -116,8 +116,8 @@ def print_encoder_speeds(
 ) -> None:
     """Print how many frames per second the encoders write."""
     painter, frames = Painter(background), []
-    for one in placed_fish[:100]:
-        painter.show(one)
+    for placed in placed_fish[:100]:
+        painter.show(placed)
         frames.append(painter.frame.copy())
 
     def write(writer: FilmWriter) -> None:
@@ -139,8 +139,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         prepare_folder(folder, ["clip=carp", *SIZE])
-        for word in ("clip", "extract"):
-            run_stage(folder, word)
+        for stage in ("clip", "extract"):
+            run_stage(folder, stage)
         frame, copy = np.zeros((720, 1280, 3), np.uint8), np.zeros((720, 1280, 3), np.uint8)
         with Project(folder) as project:
             background, tracks = project.background, project.tracks(USED)
@@ -154,9 +154,9 @@ def main() -> None:
                 for _ in range(TICKS):
                     np.copyto(copy, frame)
 
-            for what, work in ways_to_draw(background, gallery, bodies).items():
-                ours, limit, ratio, _ = time_pairs(work, copies)
-                rows.append((what, TICKS / ours, TICKS / limit, ratio))
+            for name_of_way, draw_all in ways_to_draw(background, gallery, bodies).items():
+                drawing_s, copying_s, ratio, _ = time_pairs(draw_all, copies)
+                rows.append((name_of_way, TICKS / drawing_s, TICKS / copying_s, ratio))
             print_encoder_speeds(background, swim_in_circle(gallery, bodies), folder)
     columns = ["drawn", "frames_per_s", "copies_per_s", "time_ratio"]
     table = pd.DataFrame(rows, columns=columns).round(

@@ -44,13 +44,13 @@ _TABLE = ROOT / "benchmarks/scale.csv"
 def later_stages() -> list[str]:
     """Return the stages, except plots, that depend on `extract`, in their order."""
     stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
-    made, words = {"data/extract"}, []
-    for word, stage in stages.items():
+    written, names = {"data/extract"}, []
+    for name, stage in stages.items():
         reads = {dep for dep in stage["deps"] if isinstance(dep, str)}
-        if not word.startswith("plots-") and made & reads:
-            words.append(word)
-            made |= {out if isinstance(out, str) else next(iter(out)) for out in stage["outs"]}
-    return words
+        if not name.startswith("plots-") and written & reads:
+            names.append(name)
+            written |= {out if isinstance(out, str) else next(iter(out)) for out in stage["outs"]}
+    return names
 
 
 def measure_stage(folder: Path, stage_name: str) -> dict[str, float]:
@@ -63,19 +63,19 @@ def measure_stage(folder: Path, stage_name: str) -> dict[str, float]:
             [sys.executable, "-m", *PROGRAMS.get(stage_name, [f"stages.{stage_name}"])],
             cwd=folder, env=environment, stdout=output, stderr=output,
         )  # fmt: skip
-        most, worked = 0, dict[int, float]()
+        peak_bytes, processor_s = 0, dict[int, float]()
         while process.poll() is None:
-            now, each = _memory_and_times(process)
-            most, worked = max(most, now), worked | each
+            present_bytes, present_s = _memory_and_times(process)
+            peak_bytes, processor_s = max(peak_bytes, present_bytes), processor_s | present_s
             time.sleep(_EVERY_S)
-    took, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+    seconds, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
     waited_for = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
     if process.returncode:
         raise SystemExit(f"{stage_name} failed:\n{log.read_text(errors='replace')[-2000:]}")
     return {
-        "seconds": took,
-        "processor_s": max(waited_for, sum(worked.values())),
-        "memory_gib": most / 2**30,
+        "seconds": seconds,
+        "processor_s": max(waited_for, sum(processor_s.values())),
+        "memory_gib": peak_bytes / 2**30,
         "disk_gib": _bytes_on_disk(folder / "data" / stage_name) / 2**30,
     }
 
@@ -85,13 +85,13 @@ def _memory_and_times(process: psutil.Process) -> tuple[int, dict[int, float]]:
 
     Shared memory counts once. The system does not sum the time of workers that no stage waits for.
     """
-    total, worked = 0, {}
+    total, times = 0, {}
     with suppress(psutil.Error):
-        for one in (process, *process.children(recursive=True)):
+        for member in (process, *process.children(recursive=True)):
             with suppress(psutil.Error):
-                total += one.memory_full_info().pss
-                worked[one.pid] = sum(one.cpu_times()[:2])
-    return total, worked
+                total += member.memory_full_info().pss
+                times[member.pid] = sum(member.cpu_times()[:2])
+    return total, times
 
 
 def _bytes_on_disk(folder: Path) -> int:
@@ -170,12 +170,12 @@ def plot_growth(table: pd.DataFrame) -> Figure:
 
     Dashed lines show n log n and the memory limit.
     """
-    figure, words = Figure(figsize=(10, 5), layout="constrained"), list(table["stage"].unique())
+    figure, stages = Figure(figsize=(10, 5), layout="constrained"), list(table["stage"].unique())
     for axes, column in zip(figure.subplots(1, 2), ("processor_s", "memory_gib"), strict=True):
-        for word, rows in table[table["stage"] != FILM].groupby("stage", sort=False):
-            style = {"color": "black", "linewidth": 2.5} if word == TOGETHER else {}
-            style |= {"linestyle": "-" if words.index(word) < _COLOURS else ":"}
-            label = None if column == "memory_gib" else word
+        for stage, rows in table[table["stage"] != FILM].groupby("stage", sort=False):
+            style = {"color": "black", "linewidth": 2.5} if stage == TOGETHER else {}
+            style |= {"linestyle": "-" if stages.index(stage) < _COLOURS else ":"}
+            label = None if column == "memory_gib" else stage
             axes.loglog(rows["pictures"], rows[column], marker=".", label=label, **style)
         axes.set_xlabel("pictures")
     sums = table[table["stage"] == TOGETHER]
@@ -195,10 +195,10 @@ def write_report(table: pd.DataFrame) -> None:
     sums = sum_stages(table)
     print(sums.round(2).to_string(index=False))
     table = pd.concat([table, sums], ignore_index=True)
-    for word, rows in table.dropna(subset="processor_s").groupby("stage", sort=False):
+    for stage, rows in table.dropna(subset="processor_s").groupby("stage", sort=False):
         if len(rows) > 1:
-            k = growth_exponent(rows["pictures"], rows["processor_s"])
-            print(f"{word}: processor time ~ pictures^{k:.2f}")
+            exponent = growth_exponent(rows["pictures"], rows["processor_s"])
+            print(f"{stage}: processor time ~ pictures^{exponent:.2f}")
     table.round(3).to_csv(_TABLE, index=False)
     plot_growth(table).savefig(_TABLE.with_suffix(".png"), dpi=100)
 
@@ -213,24 +213,24 @@ def main() -> None:
     parser.add_argument("--stages", nargs="*", default=None, help="only these stages")
     parser.add_argument("--keep", type=Path, help="a working folder, kept for later runs")
     parser.add_argument("--report", action="store_true", help="report --keep; run nothing")
-    wanted = parser.parse_args()
-    words = [FILM, *(word for word in later_stages() if word not in FORGOTTEN), *PROGRAMS]
+    options = parser.parse_args()
+    stages = [FILM, *(stage for stage in later_stages() if stage not in FORGOTTEN), *PROGRAMS]
     rows = []
     with tempfile.TemporaryDirectory() as scratch:
-        for pictures in wanted.pictures:
-            folder = (wanted.keep or Path(scratch)) / str(pictures)
-            if not wanted.report:
-                make_film(folder, wanted.data, pictures)
-            for word in wanted.stages or words:
-                if wanted.report and not (folder / "figures" / f"{word}.json").exists():
+        for pictures in options.pictures:
+            folder = (options.keep or Path(scratch)) / str(pictures)
+            if not options.report:
+                make_film(folder, options.data, pictures)
+            for stage in options.stages or stages:
+                if options.report and not (folder / "figures" / f"{stage}.json").exists():
                     continue
-                rows.append({"pictures": pictures, "stage": word, **stage_figures(folder, word)})
+                rows.append({"pictures": pictures, "stage": stage, **stage_figures(folder, stage)})
                 print(pd.DataFrame(rows[-1:]).round(2).to_string(header=False), flush=True)
             print(
                 pictures, {name: round(value, 2) for name, value in measure_quality(folder).items()}
             )
     table = pd.DataFrame(rows)
-    if wanted.stages:
+    if options.stages:
         print(sum_stages(table).round(2).to_string(index=False))
     else:
         write_report(table)

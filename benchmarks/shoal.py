@@ -37,22 +37,24 @@ def measure_group(animator: MatchingAnimator, seconds_per_goal: float) -> dict[s
         world, p.fish * round(p.seconds / seconds_per_goal), np.random.default_rng(1)
     )
     animate_group(player, make_tasks(goals, p.fish, np.random.default_rng(0)), WARM_UP)
-    todo = make_tasks(goals, p.fish, np.random.default_rng(p.seed))
-    begin = time.process_time()
-    swims = animate_group(player, todo, ticks)
+    tasks = make_tasks(goals, p.fish, np.random.default_rng(p.seed))
+    start = time.process_time()
+    swims = animate_group(player, tasks, ticks)
     planned = time.process_time()
     edit = build_edit_lists(swims, ticks, player.sources)
     listed = time.process_time()
-    where, length = fish_places(edit), world.motion.body_length_px
-    near = np.concatenate([nearest_distances(tick) for tick in where.transpose(1, 0, 2)]) / length
-    speeds = np.hypot(*np.diff(where, axis=1).transpose(2, 1, 0)) / length * rate
+    places, length = fish_places(edit), world.motion.body_length_px
+    nearest = (
+        np.concatenate([nearest_distances(tick) for tick in places.transpose(1, 0, 2)]) / length
+    )
+    speeds = np.hypot(*np.diff(places, axis=1).transpose(2, 1, 0)) / length * rate
     return {
         "mode": MODE, "fish": p.fish, "overlap": p.overlap, "s": p.seconds,
         "overlapping_pairs": int(count_overlaps(edit, player).sum()),
-        "goals_reached_pct": 100 * np.concatenate([one.reached >= 0 for one in swims]).mean(),
-        **summarize_distances(near, speeds, rate),
-        "planned_real_times": p.seconds / (planned - begin),
-        "with_edit_list_real_times": p.seconds / (listed - begin),
+        "goals_reached_pct": 100 * np.concatenate([swim.reached >= 0 for swim in swims]).mean(),
+        **summarize_distances(nearest, speeds, rate),
+        "planned_real_times": p.seconds / (planned - start),
+        "with_edit_list_real_times": p.seconds / (listed - start),
     }  # fmt: skip
 
 
@@ -60,10 +62,12 @@ def film_rows(film_name: str) -> Iterator[dict[str, object]]:
     """Yield the rows of groups for the film in the present folder."""
     p = settings_without_path()
     with Project() as project:
-        made = matching_data(project, p)
+        film_data = matching_data(project, p)
         for fish, size, seconds, goal_s in SHOALS:
-            own = replace_settings(p, fish=fish, fish_scale=size, seconds=seconds, overlap=False)
-            row = measure_group(matching_animator(made, own), goal_s)
+            group_settings = replace_settings(
+                p, fish=fish, fish_scale=size, seconds=seconds, overlap=False
+            )
+            row = measure_group(matching_animator(film_data, group_settings), goal_s)
             print(row, flush=True)
             yield {"film": film_name, "size": size, **row}
 

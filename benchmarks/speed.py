@@ -74,12 +74,12 @@ def time_pairs(
     ours(), theirs()
     times = []
     for _ in range(pairs):
-        mine, result = time_call(ours)
-        times.append((mine, time_call(theirs)[0]))
+        our_s, result = time_call(ours)
+        times.append((our_s, time_call(theirs)[0]))
     return (
-        median(a for a, _ in times),
-        median(b for _, b in times),
-        median(a / b for a, b in times),
+        median(our for our, _ in times),
+        median(their for _, their in times),
+        median(our / their for our, their in times),
         result,
     )
 
@@ -151,9 +151,9 @@ def carp_masks(
     arena = np.full(frames[0].shape, 255, np.uint8)
     scene, _ = measure_scene_and_fish(frames[:: max(1, count // 41)], arena, extract_settings)
     return [
-        (s.mask, s.field)
+        (silhouette.mask, silhouette.field)
         for frame in frames
-        for s in find_silhouettes(
+        for silhouette in find_silhouettes(
             frame,
             scene,
             arena,
@@ -166,8 +166,8 @@ def carp_masks(
 def skan_length(masks: list[np.ndarray]) -> float:
     """Return the total length of the longest branches, by the peer skan."""
     return sum(
-        float(summarize(Skeleton(skeletonize(m)), separator="-")["branch-distance"].max())
-        for m in masks
+        float(summarize(Skeleton(skeletonize(mask)), separator="-")["branch-distance"].max())
+        for mask in masks
     )
 
 
@@ -182,9 +182,9 @@ def skimage_length(masks: list[np.ndarray]) -> int:
         ends = np.argwhere(skeleton & (neighbours == 2))
         cost = np.where(skeleton, 1.0, 1e6)
         paths = [
-            route_through_array(cost, a, b, geometric=True)
-            for i, a in enumerate(ends)
-            for b in ends[i + 1 :]
+            route_through_array(cost, first, last, geometric=True)
+            for i, first in enumerate(ends)
+            for last in ends[i + 1 :]
         ]
         total += len(max(paths, key=lambda path: path[1])[0]) if paths else 0
     return total

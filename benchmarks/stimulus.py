@@ -79,9 +79,9 @@ def free_ports(port_count: int) -> list[int]:
     """Return free UDP ports."""
     ports = []
     for _ in range(port_count):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-            one.bind(("127.0.0.1", 0))
-            ports.append(one.getsockname()[1])
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
+            server.bind(("127.0.0.1", 0))
+            ports.append(server.getsockname()[1])
     return ports
 
 
@@ -130,9 +130,9 @@ def run_through(live: Live, meanwhile: Callable[[float], None], step_s: float) -
             meanwhile(time.perf_counter())
             due += step_s
             while True:
-                left = due - time.perf_counter()
+                waiting_s = due - time.perf_counter()
                 try:
-                    state = json.loads(way.recv(timeout=max(left, 0.0)))
+                    state = json.loads(way.recv(timeout=max(waiting_s, 0.0)))
                 except TimeoutError:
                     break
         return state
@@ -205,16 +205,16 @@ def frame_timing(session_name: str, record: SessionRecord) -> Iterator[Row]:
         float(measure_tick_errors_ms(table).std()),
     )
     frames = table[(table["kind"] == "frame") & table["trial"].notna()]
-    span = float(frames["time_s"].iloc[-1] - frames["time_s"].iloc[0])
-    yield session_name, "displayed frames", "1/s", (len(frames) - 1) / span
+    seconds = float(frames["time_s"].iloc[-1] - frames["time_s"].iloc[0])
+    yield session_name, "displayed frames", "1/s", (len(frames) - 1) / seconds
     yield session_name, "dropped frames", "1", float(frames["dropped"].sum())
     yield session_name, "displayed in all", "1", len(frames)
-    took = 1e3 * (frames["drawn_s"] - frames["time_s"])
+    drawing_ms = 1e3 * (frames["drawn_s"] - frames["time_s"])
     yield (
         session_name,
         "drawn after the frame began, percentile 99",
         "ms",
-        float(took.quantile(0.99)),
+        float(drawing_ms.quantile(0.99)),
     )
 
 
@@ -247,11 +247,11 @@ def displayed_speeds(record: SessionRecord) -> np.ndarray:
     """Return the speed (n,) of a single fish between displayed frames, px/s."""
     steps, last = [], None
     for frame in read_displayed_frames(record):
-        seen = len(frame.states) and frame.states[0, PICTURE] >= 0
-        here = (frame.shown_s, frame.states[0, [X, Y]].astype(float)) if seen else None
-        if last is not None and here is not None:
-            steps.append(float(np.hypot(*(here[1] - last[1]))) / (here[0] - last[0]))
-        last = here
+        is_visible = len(frame.states) and frame.states[0, PICTURE] >= 0
+        present = (frame.shown_s, frame.states[0, [X, Y]].astype(float)) if is_visible else None
+        if last is not None and present is not None:
+            steps.append(float(np.hypot(*(present[1] - last[1]))) / (present[0] - last[0]))
+        last = present
     return np.array(steps)
 
 

@@ -30,8 +30,8 @@ def main() -> None:
     p, rows = load_settings("tank"), []
     with Project() as project:
         facts, background = project.facts, project.background
-        every, times = animated_fish(p, project)
-        fish = every[0]
+        animated, times = animated_fish(p, project)
+        fish = animated[0]
         depth, aspect = p.water_depth_bl * fish.length_px, SIZE[0] / SIZE[1]
         room = TankRoom(facts.width_px, facts.height_px, depth, fish.length_px, aspect)
         count = min(TICKS, len(fish))
@@ -41,19 +41,19 @@ def main() -> None:
                 view = camera_views(
                     camera, room, fish.place, fish.poses.heading, facts.frame_rate_hz
                 )
-                took = []
+                frame_times = []
                 for tick in range(count):
                     start, worked = time.perf_counter(), time.process_time()
                     frame = scene.draw_frame([fish.shape_at(tick)], view, tick, times[tick])
                     if writer is not None:
                         writer.write(frame)
-                    took.append((time.perf_counter() - start, time.process_time() - worked))
-                return np.array(took)
+                    frame_times.append((time.perf_counter() - start, time.process_time() - worked))
+                return np.array(frame_times)
 
             for camera in (*PRESETS, TOUR):
                 show(camera)
-                took = np.concatenate([show(camera) for _ in range(ROUNDS)])
-                rows.append((camera, *frame_rates(took)))
+                frame_times = np.concatenate([show(camera) for _ in range(ROUNDS)])
+                rows.append((camera, *frame_rates(frame_times)))
             with tempfile.TemporaryDirectory() as name:
                 path = Path(name) / "tank.mp4"
                 with Mp4Writer(path, (*SIZE[::-1], 3), facts.frame_rate, p.crf) as writer:
@@ -71,8 +71,8 @@ def frame_rates(frame_times: np.ndarray) -> tuple[float, ...]:
     Last comes ms of work per frame on all cores together, which ignores other running programs.
     """
     wall, work = frame_times.T
-    middle, quick, slow = np.quantile(wall, (0.5, 0.25, 0.99))
-    return 1 / middle, 1 / quick, 1000 * slow, 1000 * np.median(work)
+    median_s, quarter_s, slow_s = np.quantile(wall, (0.5, 0.25, 0.99))
+    return 1 / median_s, 1 / quarter_s, 1000 * slow_s, 1000 * np.median(work)
 
 
 if __name__ == "__main__":

@@ -81,17 +81,19 @@ class Variation:
             return cls(0.0, 1.0, 1.0, 1.0, False)
         rng = np.random.default_rng(number)
         turn_rad = float(rng.uniform(0, 2 * np.pi))
-        bend, size, light = (float(rng.uniform(1 - by, 1 + by)) for by in (0.2, 0.1, 0.15))
+        bend, size, light = (
+            float(rng.uniform(1 - spread, 1 + spread)) for spread in (0.2, 0.1, 0.15)
+        )
         return cls(turn_rad, bend, size, light, bool(rng.integers(2)))
 
     def transform_points(self, points: Floats, base: Base) -> Floats:
         """Transform points (…, 2) of the film to the picture of the copy."""
         facts = load_facts(base.home / "clip" / FACTS_NAME)
-        away = points - (facts.width_px / 2, facts.height_px / 2)
+        from_middle = points - (facts.width_px / 2, facts.height_px / 2)
         if self.mirror:
-            away = away * (1, -1)
+            from_middle = from_middle * (1, -1)
         cos, sin = np.cos(self.turn_rad), np.sin(self.turn_rad)
-        x, y = away[..., 0], away[..., 1]
+        x, y = from_middle[..., 0], from_middle[..., 1]
         return np.stack([cos * x + sin * y, cos * y - sin * x], -1) + base.side / 2
 
 
@@ -114,12 +116,12 @@ def write_film(home: Path, folder: Path, pictures: int) -> None:
         CutoutWriter(extract / CUTOUTS_NAME) as cutouts,
         ProcessPoolExecutor(WORKERS) as pool,
     ):
-        left = pictures
-        for table, made in pool.map(partial(_vary_film, home), range(copies)):
-            write(table[:left])
-            for cutout in made[:left]:
+        missing = pictures
+        for table, cutouts_of_copy in pool.map(partial(_vary_film, home), range(copies)):
+            write(table[:missing])
+            for cutout in cutouts_of_copy[:missing]:
                 cutouts.write(cutout)
-            left -= len(made[:left])
+            missing -= len(cutouts_of_copy[:missing])
 
 
 def _write_clip(base: Base, folder: Path, copies: int) -> None:
@@ -127,15 +129,15 @@ def _write_clip(base: Base, folder: Path, copies: int) -> None:
     home = base.home / "clip"
     facts = load_facts(home / FACTS_NAME)
     segments = [
-        (a + k * facts.frames, b + k * facts.frames)
-        for k in range(copies)
-        for a, b in facts.segments
+        (first + copy * facts.frames, stop + copy * facts.frames)
+        for copy in range(copies)
+        for first, stop in facts.segments
     ]
-    whole = replace(
+    all_copies = replace(
         facts, width_px=base.side, height_px=base.side, frames=copies * facts.frames,
         segments=tuple(segments),
     )  # fmt: skip
-    save_facts(folder / FACTS_NAME, whole)
+    save_facts(folder / FACTS_NAME, all_copies)
     (folder / CLIP_NAME).symlink_to((home / CLIP_NAME).resolve())
     _pad_to_square(home / "tank.png", folder / "tank.png", base.side)
     save_picture(folder / ARENA_NAME, np.full((base.side, base.side), 255, np.uint8))
@@ -151,33 +153,33 @@ def _pad_to_square(source: Path, target: Path, side: int) -> None:
 
 def _vary_film(home: Path, copy_number: int) -> tuple[pd.DataFrame, list[Cutout]]:
     """Return the table of tracks and the cut-outs of one copy of the film."""
-    base, how = Base.from_folder(home), Variation.from_number(copy_number)
+    base, variation = Base.from_folder(home), Variation.from_number(copy_number)
     frames = load_facts(home / "clip" / FACTS_NAME).frames
     tracks, pose = base.tracks, base.poses.pose
     mean = base.poses.shapes.mean
-    posture = mean + how.bend * (pose.posture - mean)
-    if how.mirror:
+    posture = mean + variation.bend * (pose.posture - mean)
+    if variation.mirror:
         posture = mirror_posture(posture)
-    x, y = how.transform_points(tracks[["x_px", "y_px"]].to_numpy(float), base).T
-    heading = (-1 if how.mirror else 1) * pose.heading_rad + how.turn_rad
-    target = Pose(x, y, heading, how.size * pose.size_px, posture)
-    first = copy_number * (int(tracks["track_id"].max()) + 1)
+    x, y = variation.transform_points(tracks[["x_px", "y_px"]].to_numpy(float), base).T
+    heading = (-1 if variation.mirror else 1) * pose.heading_rad + variation.turn_rad
+    target = Pose(x, y, heading, variation.size * pose.size_px, posture)
+    first_track = copy_number * (int(tracks["track_id"].max()) + 1)
     table = tracks.assign(
-        track_id=(tracks["track_id"] + first).astype("int32"),
+        track_id=(tracks["track_id"] + first_track).astype("int32"),
         frame=(tracks["frame"] + copy_number * frames).astype("int32"),
         x_px=x, y_px=y,
-        area_px=tracks["area_px"] * np.float32(how.size**2),
-        contrast=tracks["contrast"] * np.float32(how.light),
-        length_px=tracks["length_px"] * np.float32(how.size),
-        half_width_px=_split_values(lists_to_array(tracks["half_width_px"]) * how.size),
+        area_px=tracks["area_px"] * np.float32(variation.size**2),
+        contrast=tracks["contrast"] * np.float32(variation.light),
+        length_px=tracks["length_px"] * np.float32(variation.size),
+        half_width_px=_split_values(lists_to_array(tracks["half_width_px"]) * variation.size),
     )  # fmt: skip
-    outline = how.transform_points(lists_to_points(tracks, "outline").astype(float), base)
+    outline = variation.transform_points(lists_to_points(tracks, "outline").astype(float), base)
     for name, points in (("backbone", target.backbone_px()), ("outline", outline)):
         for axis, values in zip("xy", np.moveaxis(points, -1, 0), strict=True):
             table[f"{name}_{axis}_px"] = _split_values(values)
     keys = table[["track_id", "frame"]].to_numpy().tolist()
     with open_cutouts(home / "extract" / CUTOUTS_NAME) as store:
-        return table, list(_draw_cutouts(base, store, target, how, keys))
+        return table, list(_draw_cutouts(base, store, target, variation, keys))
 
 
 def _draw_cutouts(
@@ -185,14 +187,16 @@ def _draw_cutouts(
 ) -> Iterator[Cutout]:
     """Yield the copy's cut-outs, cropped to the fish."""
     for row, (track_id, frame) in enumerate(keys):
-        one = store[row]
-        source = place_backbone(base.poses.pose[row], one.x0_px, one.y0_px)
-        laid = PosedPicture(one.pixels, source, place_backbone(target[row]), variation.mirror)
-        top, left, bottom, right = laid.box
+        film_cutout = store[row]
+        source = place_backbone(base.poses.pose[row], film_cutout.x0_px, film_cutout.y0_px)
+        posed = PosedPicture(
+            film_cutout.pixels, source, place_backbone(target[row]), variation.mirror
+        )
+        top, left, bottom, right = posed.box
         box = max(top, 0), max(left, 0), min(bottom, base.side), min(right, base.side)
-        shown = laid.draw_part(box)
-        shown[..., :-1] = np.minimum(variation.light * shown[..., :-1], shown[..., -1:])
-        pixels = np.round(255 * shown).clip(0, 255).astype(np.uint8)
+        picture = posed.draw_part(box)
+        picture[..., :-1] = np.minimum(variation.light * picture[..., :-1], picture[..., -1:])
+        pixels = np.round(255 * picture).clip(0, 255).astype(np.uint8)
         x, y, w, h = cv2.boundingRect(pixels[..., -1])
         cropped = np.ascontiguousarray(pixels[y : y + h, x : x + w])
         yield Cutout(track_id, frame, box[1] + x, box[0] + y, cropped)
