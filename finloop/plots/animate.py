@@ -18,7 +18,8 @@ _FILM = "0.35"
 def draw_kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure:
     """Draw speeds and turn rates of every mode beside the film's, and the time in each state.
 
-    table: columns of `measures.KINEMATICS`. numbers: `<mode>_<state>_pct`, 0 … 100.
+    table: columns mode, speed, turn_rate, a row per moment. numbers: `<mode>_<state>_pct`, per cent
+    of the time, 0 … 100.
     """
     motion = dict(iter(table.groupby("mode", sort=False)))
     film = motion.pop(FILM_MOTION)
@@ -31,11 +32,11 @@ def draw_kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure
         bins = np.linspace(low, high, 60)
         axes.hist(film[column], bins, density=True, color=_FILM, alpha=0.35, label="film")
         for mode, colour in colours.items():
-            mine = motion[mode][column].to_numpy()
-            far = kinematic_distance(mine, film[column].to_numpy())
+            values = motion[mode][column].to_numpy()
+            distance_sd = kinematic_distance(values, film[column].to_numpy())
             axes.hist(
-                mine, bins, density=True, histtype="step", color=colour, lw=1.6,
-                label=f"{mode}, {far:.2f} sd away",
+                values, bins, density=True, histtype="step", color=colour, lw=1.6,
+                label=f"{mode}, {distance_sd:.2f} sd away",
             )  # fmt: skip
         axes.set(xlabel=f"{name}, over Δ", ylabel="density")
         axes.set_yscale("log")
@@ -44,8 +45,8 @@ def draw_kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure
     place = np.arange(len(STATES))
     width = 0.8 / (1 + len(colours))
     for number, (mode, colour) in enumerate({FILM_MOTION: _FILM, **colours}.items()):
-        values = [numbers.get(f"{mode}_{state}_pct", 0.0) for state in STATES]
-        states.bar(place + width * number, values, width, color=colour, label=mode)
+        shares = [numbers.get(f"{mode}_{state}_pct", 0.0) for state in STATES]
+        states.bar(place + width * number, shares, width, color=colour, label=mode)
     states.set_xticks(place + width * len(colours) / 2, STATES, rotation=20)
     states.set(ylabel="% of the time")
     states.legend(frameon=False)

@@ -18,14 +18,15 @@ def figure15(curve: pd.DataFrame) -> Figure:
     """
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     panels = figure.subplots(1, 2)
-    words = ("motion area: RMS error (0–1 scale)", "swimming type: wrong (%)")
-    for axes, name, word in zip(panels, ("area_rmse", "type_error_pct"), words, strict=True):
+    labels = ("motion area: RMS error (0–1 scale)", "swimming type: wrong (%)")
+    for axes, name, ylabel in zip(panels, ("area_rmse", "type_error_pct"), labels, strict=True):
         for side, colour in (("train", "#0072B2"), ("held_out", "#D55E00")):
             label = "learnt from" if side == "train" else "held out"
             axes.plot(curve["epoch"], curve[f"{side}_{name}"], color=colour, lw=1.3, label=label)
-        taught = curve.loc[curve["epoch"] > 0, [f"train_{name}", f"held_out_{name}"]]
-        top = 2 * float(taught.iloc[-1].max()) or 1.0  # epoch 0 may be far above
-        axes.set(xlabel="epoch", ylabel=word, ylim=(0, max(top, 1.05 * float(taught.max().max()))))
+        # Epoch 0, before any learning, may be far above.
+        errors = curve.loc[curve["epoch"] > 0, [f"train_{name}", f"held_out_{name}"]]
+        top = max(2 * float(errors.iloc[-1].max()) or 1.0, 1.05 * float(errors.max().max()))
+        axes.set(xlabel="epoch", ylabel=ylabel, ylim=(0, top))
         axes.grid(alpha=0.3)
         axes.legend(frameon=False)
     return figure
@@ -38,11 +39,11 @@ def draw_held_out_predictions(predicted: Floats, true: Floats) -> Figure:
     """
     figure = Figure(figsize=(10, 4.8), layout="constrained")
     left, right = figure.subplots(1, 2)
-    kinds = round_swimming_types(true[:, 1])
+    types = round_swimming_types(true[:, 1])
     colours = np.empty((len(true), 4))
-    for kind, (word, colour) in TYPES.items():
-        colours[kinds == kind] = to_rgba_array(colour)
-        left.scatter([], [], s=14, color=colour, label=word)
+    for swimming_type, (name, colour) in TYPES.items():
+        colours[types == swimming_type] = to_rgba_array(colour)
+        left.scatter([], [], s=14, color=colour, label=name)  # for the key alone
     left.scatter(true[:, 0], predicted[:, 0], s=7, c=colours, alpha=0.45, linewidths=0)
     left.plot([0, 1], [0, 1], color="0.3", lw=0.9)
     left.set(
@@ -53,7 +54,7 @@ def draw_held_out_predictions(predicted: Floats, true: Floats) -> Figure:
 
     counts = count_confusions(predicted, true)
     share = 100 * counts / np.maximum(counts.sum(1, keepdims=True), 1)
-    words = [word for word, _ in TYPES.values()]
+    names = [name for name, _ in TYPES.values()]
     right.imshow(share, cmap="Blues", vmin=0, vmax=100)
     for row, column in np.ndindex(counts.shape):
         right.text(
@@ -61,7 +62,7 @@ def draw_held_out_predictions(predicted: Floats, true: Floats) -> Figure:
             ha="center", va="center", color="white" if share[row, column] > 55 else "black",
         )  # fmt: skip
     right.set(
-        xticks=range(3), xticklabels=words, yticks=range(3), yticklabels=words,
+        xticks=range(3), xticklabels=names, yticks=range(3), yticklabels=names,
         xlabel="predicted type", ylabel="true type, Δ later", title="type of held-out rows",
     )  # fmt: skip
     return figure

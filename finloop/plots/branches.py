@@ -30,7 +30,7 @@ from finloop.plots.parts import draw_message
 _KEPT, _PAPER, _BACKBONE = "#0072B2", "#D55E00", "#009E73"  # Okabe-Ito
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
 _MARGIN = 6  # px of tank around a fish
-_NEAR = np.ones((3, 3), np.uint8)
+_NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
 
 
 class SkeletonBranch(NamedTuple):
@@ -78,24 +78,24 @@ class ThinnedFish(NamedTuple):
 
     @property
     def difference_px(self) -> int:
-        """Return how many pixels of the two rules' backbones lie apart from the other backbone."""
-        apart = np.abs(self.branches[0].path[:, None] - self.kept).max(-1)  # (m, k)
-        return int((apart.min(0) > 1).sum() + (apart.min(1) > 1).sum())
+        """Return how many pixels of the two rules' paths lie more than 1 px off the other path."""
+        distances = np.abs(self.branches[0].path[:, None] - self.kept).max(-1)  # (m, k)
+        return int((distances.min(0) > 1).sum() + (distances.min(1) > 1).sum())
 
 
 def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
-    """Return the number of each pixel of a skeleton (h, w), counted from a start, as in Fig. 4.
+    """Return the number of each pixel of a skeleton, (h, w), counted from a start, as in Fig. 4.
 
     The start (x, y) has 0, each pixel one more than its lowest neighbour, so at a joint all
     branches continue with the same number. Other pixels have −1.
     """
     number = np.full(skeleton.shape, -1, np.int64)
-    ring = np.zeros(skeleton.shape, np.uint8)
-    ring[start[1], start[0]] = 1
+    front = np.zeros(skeleton.shape, np.uint8)  # pixels that get the next number
+    front[start[1], start[0]] = 1
     count = 0
-    while ring.any():
-        number[ring > 0] = count
-        ring = cv2.dilate(ring, _NEAR) * (skeleton & (number < 0))
+    while front.any():
+        number[front > 0] = count
+        front = cv2.dilate(front, _NEIGHBOURHOOD) * (skeleton & (number < 0))
         count += 1
     return number
 
@@ -103,7 +103,8 @@ def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
 def _find_ends(skeleton: Mask) -> list[tuple[int, int]]:
     """Return the ends (x, y) of a skeleton (h, w): pixels with at most one neighbour."""
     pixels = skeleton.astype(np.uint8)
-    neighbours = cv2.filter2D(pixels, -1, _NEAR, borderType=cv2.BORDER_CONSTANT) - pixels
+    around = cv2.filter2D(pixels, -1, _NEIGHBOURHOOD, borderType=cv2.BORDER_CONSTANT)
+    neighbours = around - pixels
     return [(int(x), int(y)) for y, x in np.argwhere(skeleton & (neighbours <= 1))]
 
 
@@ -114,10 +115,10 @@ def find_branches(skeleton: Mask) -> list[SkeletonBranch]:
     the greatest number, is the paper's backbone. Every other end has a branch, which starts at its
     joint with a branch of a greater number.
     """
-    some_y, some_x = np.argwhere(skeleton)[0].tolist()
-    first = number_pixels(skeleton, (some_x, some_y))
-    far_y, far_x = np.unravel_index(first.argmax(), first.shape)
-    start = int(far_x), int(far_y)
+    any_y, any_x = np.argwhere(skeleton)[0].tolist()
+    distance = number_pixels(skeleton, (any_x, any_y))
+    start_y, start_x = np.unravel_index(distance.argmax(), distance.shape)  # the farthest pixel
+    start = int(start_x), int(start_y)
     number = number_pixels(skeleton, start)
     ends = [end for end in _find_ends(skeleton & (number >= 0)) if end != start]
     ends.sort(key=lambda end: -number[end[1], end[0]])
@@ -136,9 +137,9 @@ def find_branches(skeleton: Mask) -> list[SkeletonBranch]:
 
 
 def _step_back(number: Ints, x: int, y: int) -> tuple[int, int]:
-    """Return the neighbour (x, y) of a pixel whose number is one less.
+    """Return the neighbour (x, y) of a pixel x, y whose number is one less.
 
-    A neighbour beside the pixel comes before a diagonal one.
+    A neighbour beside the pixel comes before a diagonal one. ValueError if there is none.
     """
     steps = ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
     height, width = number.shape
@@ -155,12 +156,12 @@ def thin_fish(
 ) -> Iterator[ThinnedFish]:  # fmt: skip
     """Yield every isolated fish of a frame (h, w) or (h, w, 3), thinned to a skeleton.
 
-    The pale pixels around a fish are thinned with it. label: film and frame, for the figure. arena
-    (h, w): 255 where animals can be.
+    The pale pixels around a fish, such as fins, are thinned with it. label: film and frame, for the
+    figure. typical: measures of a typical fish. arena (h, w): 255 where animals can be.
     """
-    lit = match_scene_to_light(scene, frame)
-    ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, "all", typical.thin)
-    for silhouette in find_silhouettes(frame, lit, arena, settings.least_area_px, ends):
+    lit_scene = match_scene_to_light(scene, frame)
+    edge = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, "all", typical.thin)
+    for silhouette in find_silhouettes(frame, lit_scene, arena, settings.least_area_px, edge):
         if judge_silhouette(silhouette, typical, settings) == "fish":
             yield _thin_silhouette(silhouette, frame, label, settings.points, scene.threshold)
 
@@ -168,7 +169,7 @@ def thin_fish(
 def _thin_silhouette(
     silhouette: Silhouette, frame: Picture, label: str, points: int, floor: float
 ) -> ThinnedFish:
-    """Thin a silhouette together with the pale pixels around it.
+    """Thin a silhouette of a frame together with the pale pixels around it, such as fins.
 
     label: film and frame. points: number of points of the backbone. floor: grey levels of the
     noise.
@@ -177,16 +178,16 @@ def _thin_silhouette(
     left, top = pale.x0 - _MARGIN, pale.y0 - _MARGIN
     size = pale.mask.shape[0] + 2 * _MARGIN, pale.mask.shape[1] + 2 * _MARGIN
     body = _paste_mask(silhouette.mask, silhouette.x0 - left, silhouette.y0 - top, size)
-    seen = body | _paste_mask(pale.mask, _MARGIN, _MARGIN, size)
-    pieces, _ = ndimage.label(seen, np.ones((3, 3)))
-    seen = ndimage.binary_fill_holes(pieces == pieces[body].max())
-    rows, columns = (np.flatnonzero(seen.any(axis)) for axis in (1, 0))
-    first_row, first_column = rows[0] - _MARGIN, columns[0] - _MARGIN
+    fish = body | _paste_mask(pale.mask, _MARGIN, _MARGIN, size)
+    pieces, _ = ndimage.label(fish, np.ones((3, 3)))
+    fish = ndimage.binary_fill_holes(pieces == pieces[body].max())  # without other pieces
+    rows, columns = np.flatnonzero(fish.any(axis=1)), np.flatnonzero(fish.any(axis=0))
+    first_row, first_column = max(rows[0] - _MARGIN, 0), max(columns[0] - _MARGIN, 0)
     window = np.s_[
-        max(first_row, 0) : rows[-1] + _MARGIN + 1, max(first_column, 0) : columns[-1] + _MARGIN + 1
-    ]
-    left, top = left + window[1].start, top + window[0].start
-    whole = seen[window]
+        first_row : rows[-1] + _MARGIN + 1, first_column : columns[-1] + _MARGIN + 1
+    ]  # fmt: skip
+    left, top = left + first_column, top + first_row
+    whole = fish[window]
     skeleton = skimage.morphology.skeletonize(whole)
     half_width = cv2.distanceTransform(whole.astype(np.uint8), cv2.DIST_L2, 3)
     backbone = trace_backbone(silhouette.mask, silhouette.field, points, floor)
@@ -203,40 +204,46 @@ def _thin_silhouette(
 
 
 def _paste_mask(mask: Mask, x: int, y: int, size: tuple[int, int]) -> Mask:
-    """Return a mask of size (h, w) with a smaller mask at x, y, where its upper left pixel lies."""
-    into = np.zeros(size, bool)
-    into[y : y + mask.shape[0], x : x + mask.shape[1]] = mask
-    return into
+    """Return a mask of size (h, w) with a smaller mask in it, whose upper left pixel is at x, y."""
+    pasted = np.zeros(size, bool)
+    pasted[y : y + mask.shape[0], x : x + mask.shape[1]] = mask
+    return pasted
 
 
 def choose_fish_to_draw(fish: Iterable[ThinnedFish]) -> tuple[list[ThinnedFish], str]:
-    """Return the one or two fish to draw, and a sentence on how many fish have side branches.
+    """Return at most two fish to draw, and a sentence on how many fish have side branches.
 
     The first has the most side branches; of equals, the longest ones. The second is that of the
     others for which the two rules differ most, if they differ for any.
     """
     count = branched = differing = alone = 0
-    most: list[ThinnedFish] = []
-    different: list[ThinnedFish] = []
+    most_branched: list[ThinnedFish] = []
+    most_different: list[ThinnedFish] = []
 
-    def branch_order(fish: ThinnedFish) -> tuple[int, int]:
-        branches = fish.side_branches
+    def branch_order(thinned: ThinnedFish) -> tuple[int, int]:
+        """Return a key by which fish with more, then longer, side branches come first."""
+        branches = thinned.side_branches
         return -len(branches), -sum(len(branch.path) for branch in branches)
 
-    for one in fish:
+    for thinned in fish:  # fish may be many: only those that may be drawn are kept
         count += 1
-        branched += bool(one.side_branches)
-        differing += one.difference_px > 0
-        alone += one.body_ends > 2
-        most = sorted([*most, one], key=branch_order)[:1]
-        different = sorted([*different, one], key=lambda fish: -fish.difference_px)[:2]
-    second = [one for one in different if one.difference_px and one is not most[0]]
+        branched += bool(thinned.side_branches)
+        differing += thinned.difference_px > 0
+        alone += thinned.body_ends > 2
+        most_branched = sorted([*most_branched, thinned], key=branch_order)[:1]
+        candidates = [*most_different, thinned]
+        most_different = sorted(candidates, key=lambda thinned: -thinned.difference_px)[:2]
+    second = [
+        thinned
+        for thinned in most_different
+        if thinned.difference_px and thinned is not most_branched[0]
+    ]
     words = (
         f"{count} fish, thinned with every pixel above the noise: {branched} have a side branch "
         f"that leaves the fish, the two rules differ for {differing}.\n"
         f"Their silhouettes alone, which finloop thins: {alone} have a side branch."
     )
-    return [*most, *second[:1]], words
+    return [*most_branched, *second[:1]], words
 
 
 def figure3_4(fish: Sequence[ThinnedFish], headline: str) -> Figure:
@@ -246,15 +253,16 @@ def figure3_4(fish: Sequence[ThinnedFish], headline: str) -> Figure:
     """
     if not fish:
         return draw_message("Figs. 3, 4: no isolated fish in the examined frames.")
-    fish = [lay_horizontally(one) for one in fish]
-    heights = [2 * 6 * one.film.shape[0] / one.film.shape[1] + 1.1 for one in fish]
+    fish = [lay_horizontally(thinned) for thinned in fish]
+    # Two rows of panels, each 6 inches wide, and their titles.
+    heights = [2 * 6 * thinned.film.shape[0] / thinned.film.shape[1] + 1.1 for thinned in fish]
     figure = Figure(figsize=(12.5, sum(heights) + 0.5), layout="constrained")
     figure.suptitle(headline, fontsize=10)
     parts = np.atleast_1d(np.asarray(figure.subfigures(len(fish), 1, height_ratios=heights)))
-    for part, one in zip(parts, fish, strict=True):
-        kept = _draw_fish(part, one)
+    for part, thinned in zip(parts, fish, strict=True):
+        last_panel = _draw_fish(part, thinned)
     parts[-1].legend(
-        handles=kept.get_legend_handles_labels()[0], loc="outside lower center", ncols=3,
+        handles=last_panel.get_legend_handles_labels()[0], loc="outside lower center", ncols=3,
         frameon=False, fontsize=9,
     )  # fmt: skip
     return figure
@@ -266,7 +274,8 @@ def lay_horizontally(fish: ThinnedFish) -> ThinnedFish:
     if height <= width:
         return fish
 
-    def turn_points(xy: Any) -> Any:  # (m, 2), integer or float
+    def turn_points(xy: Any) -> Any:
+        """Turn points (m, 2), x and y in px, whole numbers or not, with the picture."""
         return np.column_stack([xy[:, 1], width - 1 - xy[:, 0]])
 
     pictures = ("film", "body", "whole", "skeleton", "half_width")
@@ -299,10 +308,10 @@ def _draw_fish(part: SubFigure, fish: ThinnedFish) -> Axes:
     film.contour(fish.body, [0.5], colors=_BACKBONE, linewidths=1.2, linestyles="dashed")
     for axes in (thinned, numbered):
         axes.imshow(np.where(fish.whole, 0.86, 1.0), cmap="gray", vmin=0, vmax=1)
-    side = np.argwhere(fish.skeleton)[:, ::-1]
-    _draw_pixels(thinned, side, "black")
+    skeleton_xy = np.argwhere(fish.skeleton)[:, ::-1]
+    _draw_pixels(thinned, skeleton_xy, "black")
     _draw_numbers(numbered, fish)
-    _draw_pixels(kept, side, "white", 0.6)
+    _draw_pixels(kept, skeleton_xy, "white", alpha=0.6)
     kept.plot(*fish.branches[0].path.T, color=_PAPER, lw=5, alpha=0.7, label="the paper's rule")
     kept.plot(*fish.kept.T, color=_KEPT, lw=2.2, label="steps weighted by width, as in finloop")
     if fish.backbone is not None:
@@ -314,8 +323,9 @@ def _draw_fish(part: SubFigure, fish: ThinnedFish) -> Axes:
 
 
 def _draw_pixels(axes: Axes, xy: Ints, colour: str | Floats, alpha: float = 1.0) -> None:
-    """Colour the pixels xy (n, 2): x, y, in one colour or in one for each (n, 4)."""
-    picture = np.zeros((*(int(max(lim)) + 1 for lim in (axes.get_ylim(), axes.get_xlim())), 4))
+    """Colour pixels xy (n, 2) of the axes: all in one colour, or each in its own, (n, 4) RGBA."""
+    height, width = int(max(axes.get_ylim())) + 1, int(max(axes.get_xlim())) + 1
+    picture = np.zeros((height, width, 4))
     picture[xy[:, 1], xy[:, 0]] = np.array(to_rgba(colour) if isinstance(colour, str) else colour)
     picture[..., 3] *= alpha
     axes.imshow(picture, interpolation="nearest")
@@ -327,13 +337,13 @@ def _draw_numbers(axes: Axes, fish: ThinnedFish) -> None:
     for path, numbers in fish.branches:
         _draw_pixels(axes, path, colormaps["viridis"](numbers / max(last, 1)))
     blocked = cv2.dilate(fish.skeleton.astype(np.uint8), np.ones((3, 3))).astype(float)
-    ends = [(fish.branches[0].path[0], f"A {fish.branches[0].numbers[0]}", True)]
-    ends += [
-        (branch.path[-1], f"{name}{branch.numbers[-1]}", True)
-        for name, branch in zip(["D ", *[""] * len(fish.branches)], fish.branches, strict=False)
-    ]
-    ends += [(one.path[0], f"{one.numbers[0]}", False) for one in fish.side_branches]
-    for (x, y), text, bold in ends:
+    # Labels: a pixel, its text, and whether it is an end. The paper's backbone leads from A to D.
+    backbone = fish.branches[0]
+    labels = [(backbone.path[0], f"A {backbone.numbers[0]}", True)]
+    labels += [(backbone.path[-1], f"D {backbone.numbers[-1]}", True)]
+    labels += [(branch.path[-1], f"{branch.numbers[-1]}", True) for branch in fish.branches[1:]]
+    labels += [(branch.path[0], f"{branch.numbers[0]}", False) for branch in fish.side_branches]
+    for (x, y), text, bold in labels:
         right, down = _place_label(blocked, x, y, 1.4 * len(text) + 1)
         axes.annotate(
             text, (x, y), (right, down), ha="center", va="center", fontsize=9, zorder=4,
@@ -342,22 +352,24 @@ def _draw_numbers(axes: Axes, fish: ThinnedFish) -> None:
         )  # fmt: skip
 
 
-def _place_label(blocked: Floats, x: int, y: int, wide: float) -> tuple[float, float]:
-    """Return where to centre a pixel's label, `wide` px wide, so that it hides least.
+def _place_label(blocked: Floats, x: int, y: int, label_width: float) -> tuple[float, float]:
+    """Return where to centre (x, y px) the label of a pixel x, y, so that it hides least.
 
-    blocked (h, w): how much each pixel should stay visible; the label's own pixels are added.
+    blocked (h, w): how much each pixel should stay visible; it is raised where the label lies.
+    label_width: in px. The place is the pixel itself if there is no room around it.
     """
-    best, place, box = np.inf, (float(x), float(y)), np.s_[0:0, 0:0]
+    least_cost, place, label_box = np.inf, (float(x), float(y)), np.s_[0:0, 0:0]
     height, width = blocked.shape
-    for far in (3.0, 4.0, 5.0, 6.5, 8.0):
+    for distance in (3.0, 4.0, 5.0, 6.5, 8.0):
         for angle in np.arange(0, 2 * np.pi, np.pi / 8):
-            right, down = x + far * np.cos(angle) * 1.3, y + far * np.sin(angle)
-            left, top = right - wide / 2, down - 1.4
-            if left < 0 or top < 0 or left + wide > width or top + 2.8 > height:
+            centre = x + distance * np.cos(angle) * 1.3, y + distance * np.sin(angle)
+            left, top = centre[0] - label_width / 2, centre[1] - 1.4
+            right, bottom = left + label_width, top + 2.8
+            if left < 0 or top < 0 or right > width or bottom > height:
                 continue
-            window = np.s_[int(top) : int(top + 2.8) + 1, int(left) : int(left + wide) + 1]
-            cost = blocked[window].sum() + 0.3 * far
-            if cost < best:
-                best, place, box = cost, (right, down), window
-    blocked[box] += 3
+            box = np.s_[int(top) : int(bottom) + 1, int(left) : int(right) + 1]
+            cost = blocked[box].sum() + 0.3 * distance
+            if cost < least_cost:
+                least_cost, place, label_box = cost, centre, box
+    blocked[label_box] += 3
     return place

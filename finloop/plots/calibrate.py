@@ -21,20 +21,20 @@ _BINS = 30
 
 
 def draw_school_measures(groups: Mapping[str, pd.DataFrame]) -> Figure:
-    """Draw how each measure of a group of fish is distributed, one line per group.
+    """Draw how each measure of a school is distributed, in a panel each, one line per group.
 
-    groups: name of a group → its table of `SHOAL`.
+    groups: name of a group, such as a half of the film → its table, with a column per measure.
     """
     figure = Figure(figsize=(12, 6.4), layout="constrained")
     grid = figure.subplots(2, 3)
     for axes, name in zip(grid.flat, MEASURES, strict=False):
         values_by_group = {group: measure_values(table, name) for group, table in groups.items()}
-        every = np.concatenate(list(values_by_group.values()))
+        all_values = np.concatenate(list(values_by_group.values()))
         axes.set(xlabel=_LABELS[name], ylabel="density")
-        if not len(every):
+        if not len(all_values):
             axes.text(0.5, 0.5, "one fish at a time", ha="center", transform=axes.transAxes)
             continue
-        edges = np.linspace(0, max(float(np.quantile(every, _SHOWN)), 1e-6), _BINS + 1)
+        edges = np.linspace(0, max(float(np.quantile(all_values, _SHOWN)), 1e-6), _BINS + 1)
         for (group, values), colour in zip(values_by_group.items(), _COLOURS, strict=False):
             if len(values):
                 heights = np.histogram(values, edges)[0] / len(values) / np.diff(edges)

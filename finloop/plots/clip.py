@@ -19,8 +19,8 @@ def draw_film_check(
 ) -> Picture:
     """Draw a frame, its difference from the still tank, and curves of light, camera and change.
 
-    difference (h, w): grey levels. table: columns of `clip.check.CHECK`, a row per frame. rate_hz:
-    frames per second. title: text above the frame. Returns RGB (h, w, 3).
+    difference (h, w): grey levels. table: columns frame, light, shift_x, shift_y (px), change, a
+    row per frame. rate_hz: frames per second. title: text above the frame. Returns RGB (h, w, 3).
     """
     height, width = difference.shape
     figure = Figure((12, 6 * height / width + 5.5), dpi=110, layout="constrained")
@@ -54,11 +54,12 @@ def draw_film_check(
 def _draw_curve(axes: Axes, time_s: pd.Series, values: pd.Series, **style: Any) -> None:
     """Draw values over time, with gaps where nothing was measured.
 
-    The axis spans at least a fixed range, so that a nearly constant line looks flat.
+    The axis spans at least a fixed range, so that a nearly constant line looks flat. style: label
+    and colour of the line.
     """
     axes.plot(time_s, values, lw=0.8, **style)
     low, high = axes.get_ylim()
-    least = {"brightness": 0.1, "change": 4.0}.get(style["label"], 1.0)
-    if high - low < least:
+    least_span = {"brightness": 0.1, "change": 4.0}.get(style["label"], 1.0)
+    if high - low < least_span:
         middle = (low + high) / 2
-        axes.set_ylim(middle - least / 2, middle + least / 2)
+        axes.set_ylim(middle - least_span / 2, middle + least_span / 2)

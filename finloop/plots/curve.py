@@ -27,7 +27,7 @@ def _draw_curve(
 
 
 def _fit_axes(ax: Axes, points: Array) -> None:
-    """Let a plot show these points (…, 2) with a margin, and hide its axes."""
+    """Let a plot show given points (…, 2) with a margin, and hide its axes."""
     low, high = points.reshape(-1, 2).min(axis=0), points.reshape(-1, 2).max(axis=0)
     margin = 0.06 * float((high - low).max())
     ax.set(xlim=(low[0] - margin, high[0] + margin), ylim=(high[1] + margin, low[1] - margin))
@@ -36,15 +36,16 @@ def _fit_axes(ax: Axes, points: Array) -> None:
 
 
 def _panel_height(points: Array, width: float) -> float:
-    """Return the height, in inches, of a panel of this width that shows these points (…, 2)."""
-    wide, high = np.ptp(points.reshape(-1, 2), axis=0) + 1e-9
-    return min(3.0, max(0.7, width * float(high / wide))) + 0.3
+    """Return the height of a panel, with its title, that shows points (…, 2); all in inches."""
+    extent_x, extent_y = np.ptp(points.reshape(-1, 2), axis=0) + 1e-9
+    return min(3.0, max(0.7, width * float(extent_y / extent_x))) + 0.3
 
 
 def _name_row(ax: Axes, text: str) -> None:
     """Write the name of a row of panels to the left of its first panel."""
-    at = ax.transAxes
-    ax.text(-0.08, 0.5, text, transform=at, rotation=90, va="center", ha="right", fontsize=9)
+    ax.text(
+        -0.08, 0.5, text, transform=ax.transAxes, rotation=90, va="center", ha="right", fontsize=9
+    )
 
 
 def figure2(curve: Curve, wavelets: Sequence[tuple[str, str]]) -> Figure:
@@ -70,20 +71,17 @@ def figure3(matrix: csr_array, levels: int, title: str) -> Figure:
 
     matrix: K in the wavelet basis. levels: number of scales, which lines separate.
     """
-    size = np.abs(matrix.toarray())
-    n = len(size)
-    top = float(size.max())
+    magnitude = np.abs(matrix.toarray())
+    largest = float(magnitude.max())
     figure = Figure(figsize=(6.4, 5.6), layout="constrained")
     ax = figure.subplots()
     shades = ax.imshow(
-        np.where(size > 1e-6 * top, size, np.nan) / top,
-        cmap="gray_r",
-        norm=LogNorm(1e-6, 1),
-        interpolation="nearest",
-    )
-    for place in scale_slices(n, levels)[1:]:
-        ax.axhline(place.start - 0.5, color=INK, lw=0.8)
-        ax.axvline(place.start - 0.5, color=INK, lw=0.8)
+        np.where(magnitude > 1e-6 * largest, magnitude, np.nan) / largest,
+        cmap="gray_r", norm=LogNorm(1e-6, 1), interpolation="nearest",
+    )  # fmt: skip
+    for scale in scale_slices(len(magnitude), levels)[1:]:
+        ax.axhline(scale.start - 0.5, color=INK, lw=0.8)
+        ax.axvline(scale.start - 0.5, color=INK, lw=0.8)
     ax.set(title=title, xlabel="coefficient, coarse to fine", ylabel="coefficient, coarse to fine")
     figure.colorbar(shades, ax=ax, label="size of the entry, largest = 1 (white: below 1e-6)")
     return figure
@@ -97,17 +95,17 @@ def figure6(
     frames (t, n, 2): the curve at the times (t,). rest (n, 2): its shape without forces. columns:
     pictures per row.
     """
-    rows = -(-len(frames) // columns)
-    box = np.concatenate([frames, rest[None]])
-    height = rows * _panel_height(box, 1.7) + 0.4
+    rows = -(-len(frames) // columns)  # rounded up
+    all_points = np.concatenate([frames, rest[None]])
+    height = rows * _panel_height(all_points, width=1.7) + 0.4
     figure = Figure(figsize=(1.7 * columns, height), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for ax, points, time in zip(axes, frames, times, strict=False):
-        _draw_curve(ax, rest, closed, REST, 0.8)
+        _draw_curve(ax, rest, closed, colour=REST, width=0.8)
         _draw_curve(ax, points, closed)
         ax.set_title(f"τ = {time:.3g}", fontsize=8)
     for ax in axes:
-        _fit_axes(ax, box)
+        _fit_axes(ax, all_points)
     figure.suptitle(title, fontsize=10)
     return figure
 
@@ -119,16 +117,16 @@ def figure7(
 
     shapes: pairs (number of control points, curves (t, n, 2) at the times (t,)).
     """
-    box = np.concatenate([frames for _, frames in shapes])
-    height = len(shapes) * _panel_height(box, 1.5) + 0.5
+    all_points = np.concatenate([frames for _, frames in shapes])
+    height = len(shapes) * _panel_height(all_points, width=1.5) + 0.5
     figure = Figure(figsize=(1.5 * len(times) + 0.6, height), layout="constrained")
     rows = figure.subplots(len(shapes), len(times), squeeze=False)
-    for index, (row, (points, frames)) in enumerate(zip(rows, shapes, strict=True)):
-        for ax, time, frame in zip(row, times, frames, strict=True):
-            _draw_curve(ax, frame, closed)
-            _fit_axes(ax, box)
+    for index, (row, (control_points, frames)) in enumerate(zip(rows, shapes, strict=True)):
+        for ax, time, points in zip(row, times, frames, strict=True):
+            _draw_curve(ax, points, closed)
+            _fit_axes(ax, all_points)
             if index == 0:
                 ax.set_title(f"τ = {time:.3g}", fontsize=8)
-        _name_row(row[0], f"({'abcdefgh'[index]}) {points}")
+        _name_row(row[0], f"({'abcdefgh'[index]}) {control_points}")
     figure.suptitle(title, fontsize=10)
     return figure

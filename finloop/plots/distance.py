@@ -12,8 +12,9 @@ BLANK = "#F0DFA8"  # no shade of grey: nothing was measured there
 def rows_of_longest_tracks(features: pd.DataFrame, most: int) -> NDArray[np.intp]:
     """Return at most `most` row numbers of a feature table, rising: those of the longest tracks."""
     track = features["track_id"]
-    longest = track.groupby(track).transform("size").to_numpy()
-    return np.sort(np.lexsort((np.arange(len(track)), track, -longest))[:most])
+    track_length = track.groupby(track).transform("size").to_numpy()
+    longest_first = np.lexsort((np.arange(len(track)), track, -track_length))
+    return np.sort(longest_first[:most])
 
 
 def figure9(
@@ -24,9 +25,9 @@ def figure9(
 ) -> Figure:
     """Draw Fig. 9 of the fish paper: distances of all pairs of frames (a), of compared pairs (b).
 
-    (a) shows Eq. 5; (b) shows Eq. 6, which compares only frames of like motion. distance, compared
-    (n, n). track (n,): the track of each frame. natural_step: the median distance between one
-    picture and the next.
+    distance (n, n): Euclidean distances (Eq. 5). compared (n, n): the pairs that Eq. 6 compares,
+    those of like motion. track (n,): the track of each frame. natural_step: the median distance
+    between one picture and the next.
     """
     figure = Figure(figsize=(13, 6.8), layout="constrained")
     axes = figure.subplots(1, 2, sharex=True, sharey=True)

@@ -27,32 +27,32 @@ def draw_detections(
 ) -> Picture:  # fmt: skip
     """Draw frames, two per row, with each silhouette's outline in the colour of its verdict.
 
-    labels: a text for each frame. arena (h, w): 255 where animals can be. scene, typical, settings:
-    what extraction measured and was told. Returns an RGB picture with a key on top.
+    labels: a text for each frame. scene, typical: the background and a typical fish, as extraction
+    measured them. arena (h, w): 255 where animals can be. Returns an RGB picture with a key on top.
     """
     panels = []
     for frame, label in zip(frames, labels, strict=True):
         panel, scale = convert_to_colour(frame), frame.shape[1] / 900
-        lit = match_scene_to_light(scene, frame)
-        ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, thin=typical.thin)
-        for s in find_silhouettes(frame, lit, arena, settings.least_area_px, ends):
+        lit_scene = match_scene_to_light(scene, frame)
+        edge = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, thin=typical.thin)
+        found = find_silhouettes(frame, lit_scene, arena, settings.least_area_px, edge)
+        for silhouette in found:
             contours = cv2.findContours(
-                s.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE,
-                offset=(s.x0, s.y0),
+                silhouette.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE,
+                offset=(silhouette.x0, silhouette.y0),
             )[0]  # fmt: skip
-            outline, colour = (
-                max(contours, key=len),
-                _COLOURS[judge_silhouette(s, typical, settings)],
-            )
+            outline = max(contours, key=len)
+            colour = _COLOURS[judge_silhouette(silhouette, typical, settings)]
             cv2.drawContours(panel, [outline], -1, colour, max(1, frame.shape[1] // 600))
-        place, line = (int(12 * scale), int(30 * scale)), max(1, round(2 * scale))
-        write_text(panel, label, place, (255, 255, 255), 0.9 * scale, line)
+        place, stroke = (int(12 * scale), int(30 * scale)), max(1, round(2 * scale))
+        write_text(panel, label, place, (255, 255, 255), size=0.9 * scale, line=stroke)
         panels.append(panel)
-    rows = join_in_rows(panels, 2)
+    rows = join_in_rows(panels, columns=2)
     width = rows[0].shape[1]
     scale = width / 1800
     key = np.full((int(50 * scale), width, 3), 255, np.uint8)
-    for i, (word, colour) in enumerate(_COLOURS.items()):
-        place = (int((20 + 300 * i) * scale), int(36 * scale))
-        write_text(key, word, place, colour, 1.1 * scale, max(1, round(3 * scale)))
+    for number, (verdict, colour) in enumerate(_COLOURS.items()):
+        place = (int((20 + 300 * number) * scale), int(36 * scale))
+        stroke = max(1, round(3 * scale))
+        write_text(key, verdict, place, colour, size=1.1 * scale, line=stroke)
     return np.vstack([key, *rows])

@@ -27,7 +27,7 @@ from finloop.plots.parts import (
     write_text,
 )
 
-_WAYS = 200  # tracks drawn, at most; more hide one another
+_MOST_TRACKS = 200  # that are drawn; more hide one another
 TYPES = {  # Okabe-Ito colours, which colour-blind people distinguish, too
     STRAIGHT: (WORDS[STRAIGHT], "#0072B2"),
     LEFT: (WORDS[LEFT], "#D55E00"),
@@ -39,19 +39,19 @@ def figure7(features: pd.DataFrame) -> Figure:
     """Draw Fig. 7 of the fish paper for the longest track: (a) motion area, (b) swimming type."""
     track = rows_of_longest_track(features)
     figure = Figure(figsize=(10, 4.5), layout="constrained")
-    area, kind = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    area, types = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     area.plot(track["frame"], track["motion_area_rel"], lw=0.9, color="0.25")
-    for code, (word, colour) in TYPES.items():
-        here = (track["swimming_type"] == code).to_numpy()
+    for swimming_type, (name, colour) in TYPES.items():
+        is_type = (track["swimming_type"] == swimming_type).to_numpy()
         area.fill_between(
-            track["frame"], 0, track["motion_area_rel"], where=here, color=colour, alpha=0.4,
-            label=word, linewidth=0, step=None,
+            track["frame"], 0, track["motion_area_rel"], where=is_type, color=colour, alpha=0.4,
+            label=name, linewidth=0, step=None,
         )  # fmt: skip
     title = f"track {track['track_id'].iloc[0]}, the longest: {len(track)} frames"
     area.set(ylabel="motion area (relative)", ylim=(0, None), title=title)
     area.legend(loc="upper right", ncols=3, frameon=False)
-    kind.step(track["frame"], track["swimming_type"], where="mid", lw=0.9, color="0.25")
-    kind.set(xlabel="frame", yticks=(-1, 0, 1), yticklabels=("right", "straight", "left"))
+    types.step(track["frame"], track["swimming_type"], where="mid", lw=0.9, color="0.25")
+    types.set(xlabel="frame", yticks=(-1, 0, 1), yticklabels=("right", "straight", "left"))
     return figure
 
 
@@ -60,18 +60,18 @@ def draw_trajectories(features: pd.DataFrame, background: Picture) -> Figure:
 
     Arrows show some headings.
     """
-    figure, axes = draw_empty_tank(background, 0.6)
+    figure, axes = draw_empty_tank(background, alpha=0.6)
     colours = mpl.colormaps["tab20"](np.arange(20))
-    every = features["track_id"].unique()
-    some = spread_rows(np.arange(len(every)), _WAYS)
-    sample = features[features["track_id"].isin(every[some])]
+    tracks = features["track_id"].unique()
+    drawn = spread_rows(np.arange(len(tracks)), _MOST_TRACKS)
+    sample = features[features["track_id"].isin(tracks[drawn])]
     for number, (_, track) in enumerate(sample.groupby("track_id")):
         colour = colours[number % len(colours)]
         axes.plot(track["x_px"], track["y_px"], color=colour, lw=1.2)
         axes.plot(track["x_px"].iloc[0], track["y_px"].iloc[0], "o", color=colour, ms=5)
         draw_heading_arrows(axes, track.iloc[:: max(1, len(track) // 8)], color=colour)
-    left = "" if len(some) == len(every) else f"; {len(some)} of {len(every)} tracks"
-    axes.set_title(f"dot: a track begins; arrow: heading{left}")
+    share = "" if len(drawn) == len(tracks) else f"; {len(drawn)} of {len(tracks)} tracks"
+    axes.set_title(f"dot: a track begins; arrow: heading{share}")
     return figure
 
 
@@ -82,13 +82,13 @@ def draw_rose(features: pd.DataFrame) -> Figure:
     axes = figure.add_subplot(projection="polar")
     angle = np.radians(orientation_heading_deg(np.arange(1, count + 1), count))
     base = np.zeros(count)
-    for code, (word, colour) in TYPES.items():
-        of_kind = features.loc[features["swimming_type"] == code, "orientation"]
-        share = 100 * np.bincount(of_kind - 1, minlength=count) / len(features)
-        axes.bar(angle, share, width=0.9 * angle[1], bottom=base, color=colour, label=word)
+    for swimming_type, (name, colour) in TYPES.items():
+        orientations = features.loc[features["swimming_type"] == swimming_type, "orientation"]
+        share = 100 * np.bincount(orientations - 1, minlength=count) / len(features)
+        axes.bar(angle, share, width=0.9 * angle[1], bottom=base, color=colour, label=name)
         base += share
-    every = -(-count // 12)  # that are numbered, 12 at most
-    axes.set_xticks(angle[::every], [f"{number}" for number in range(1, count + 1, every)])
+    step = -(-count // 12)  # at most 12 orientations are numbered
+    axes.set_xticks(angle[::step], [f"{number}" for number in range(1, count + 1, step)])
     axes.set_title("orientation of the head, % of all frames (1 = screen right)")
     axes.legend(loc="lower left", bbox_to_anchor=(-0.08, -0.08), frameon=False)
     return figure
@@ -103,7 +103,7 @@ class Specimen(NamedTuple):
 
     row: pd.Series
     backbone: NDArray[np.floating]
-    film: Picture  # (h, w) or (h, w, 3)
+    film: Picture
     x0_px: int
     y0_px: int
 
@@ -114,15 +114,14 @@ def read_specimens(
 ) -> Iterator[Specimen]:  # fmt: skip
     """Yield the fish of some rows, each with its backbone and its cut-out over the empty tank.
 
-    table, tracks: the feature table and the tracks, which have the same rows.
+    table, tracks: the feature table and the tracks, which have the same rows. cutouts: by row.
     """
     lines = lists_to_points(tracks, "backbone")
     lines = np.where(begins_at_tail(lines, table)[:, None, None], lines[:, ::-1], lines)
     for row in rows.tolist():
-        feature_row, cutout = table.iloc[row], cutouts[row]
-        yield Specimen(
-            feature_row, lines[row], cutout.blend_over(background), cutout.x0_px, cutout.y0_px
-        )
+        cutout = cutouts[row]
+        film = cutout.blend_over(background)
+        yield Specimen(table.iloc[row], lines[row], film, cutout.x0_px, cutout.y0_px)
 
 
 def choose_rows_to_check(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
@@ -132,8 +131,9 @@ def choose_rows_to_check(features: pd.DataFrame, count: int) -> NDArray[np.intp]
     track. The second half is spread over the range of motion areas, the largest first.
     """
     order = features["head_confidence"].to_numpy().argsort(kind="stable")
-    rank = features["track_id"].iloc[order].groupby(features["track_id"].iloc[order]).cumcount()
-    doubtful = order[(rank < 3).to_numpy()][: count // 2]
+    track = features["track_id"].iloc[order]
+    rank_in_track = track.groupby(track).cumcount().to_numpy()
+    doubtful = order[rank_in_track < 3][: count // 2]
     by_area = features["motion_area"].to_numpy().argsort(kind="stable")[::-1]
     spread = by_area[np.linspace(0, len(by_area) - 1, count - len(doubtful)).astype(int)]
     return np.concatenate([doubtful, spread])
@@ -146,9 +146,11 @@ def draw_specimens(specimens: Iterable[Specimen], columns: int = 6, size: int = 
     """
     rows = join_in_rows([_draw_tile(specimen, size) for specimen in specimens], columns)
     key = np.full((24, rows[0].shape[1], 3), 40, np.uint8)
-    words = (("backbone", _BACKBONE), ("control points", _CONTROL), ("B-spline", _SPLINE))
-    for number, (word, colour) in enumerate((*words, ("heading", _HEADING))):
-        write_text(key, word, (8 + 130 * number, 16), colour, _LETTERS)
+    colours = {
+        "backbone": _BACKBONE, "control points": _CONTROL, "B-spline": _SPLINE, "heading": _HEADING,
+    }  # fmt: skip
+    for number, (name, colour) in enumerate(colours.items()):
+        write_text(key, name, (8 + 130 * number, 16), colour, _LETTERS)
     return np.vstack([key, *rows])
 
 
@@ -171,18 +173,20 @@ def _draw_tile(specimen: Specimen, size: int) -> Picture:
         return np.round(16 * (inside * scale - 0.5 + [left, top])).astype(np.int32)
 
     control = control_points(specimen.backbone[None])[0]
-    cv2.polylines(tile, [to_tile(closed_spline_points(control))], True, _SPLINE, 1, cv2.LINE_AA, 4)
-    cv2.polylines(tile, [to_tile(specimen.backbone)], False, _BACKBONE, 1, cv2.LINE_AA, 4)
+    style: dict[str, int] = {"lineType": cv2.LINE_AA, "shift": 4}
+    spline = to_tile(closed_spline_points(control))
+    cv2.polylines(tile, [spline], isClosed=True, color=_SPLINE, **style)
+    cv2.polylines(tile, [to_tile(specimen.backbone)], isClosed=False, color=_BACKBONE, **style)
     for x, y in to_tile(control):
-        cv2.circle(tile, (int(x), int(y)), 40, _CONTROL, -1, cv2.LINE_AA, 4)
+        cv2.circle(tile, (int(x), int(y)), 40, _CONTROL, cv2.FILLED, **style)
     angle = np.radians(specimen.row["heading_deg"])
-    step = 0.25 * specimen.row["body_length_px"] * np.array([np.cos(angle), -np.sin(angle)])
-    start, end = to_tile(np.stack([specimen.backbone[0], specimen.backbone[0] + step]))
+    ahead = 0.25 * specimen.row["body_length_px"] * np.array([np.cos(angle), -np.sin(angle)])
+    start, end = to_tile(np.stack([specimen.backbone[0], specimen.backbone[0] + ahead]))
     ends = tuple(map(int, start)), tuple(map(int, end))
-    cv2.arrowedLine(tile, *ends, _HEADING, 2, cv2.LINE_AA, 4, 0.3)
+    cv2.arrowedLine(tile, *ends, _HEADING, 2, cv2.LINE_AA, shift=4, tipLength=0.3)
     row = specimen.row
-    word = TYPES[int(row["swimming_type"])][0]
-    above = f"track {row['track_id']:.0f} frame {row['frame']:.0f} {word}"
+    swimming_type = TYPES[int(row["swimming_type"])][0]
+    above = f"track {row['track_id']:.0f} frame {row['frame']:.0f} {swimming_type}"
     below = f"confidence {row['head_confidence']:.3f}  area {row['motion_area_rel']:.2f}"
     for text, y in ((above, 13), (below, 27)):
         write_text(tile, text, (5, y), _WORDS, _LETTERS)

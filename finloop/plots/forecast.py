@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from finloop.forecast.assess import autocorrelation
 from finloop.forecast.film import FilmStates
 
-_FILM, _OWN, _OTHER = "0.35", "#D55E00", "#0072B2"
+_FILM, _PREDICTED, _TRAIN = "0.35", "#D55E00", "#0072B2"
 _CHANNELS = (
     ("forward", -3, "forward speed (body lengths/s)"),
     ("turning", -1, "turning speed (rad/s)"),
@@ -20,12 +20,13 @@ _SPAN_S = 1.0  # of the autocorrelations
 def draw_learning(curve: pd.DataFrame, held_out: pd.DataFrame) -> Figure:
     """Draw the forecast's error per epoch, and how the true values rank among its predictions.
 
-    curve: columns epoch, train_error, held_out_error. held_out: columns of `HELD_OUT`, ranks 0 … 1.
+    curve: columns epoch, train_error, held_out_error. held_out: a row per held-out row, columns
+    pose_rank, forward_rank and others: the share of predicted next states below the true one.
     """
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     errors, ranks = figure.subplots(1, 2)
     for side, colour, label in (
-        ("train", _OTHER, "learnt from"), ("held_out", _OWN, "held out"),
+        ("train", _TRAIN, "learnt from"), ("held_out", _PREDICTED, "held out"),
     ):  # fmt: skip
         errors.plot(curve["epoch"], curve[f"{side}_error"], color=colour, label=label)
     errors.set(xlabel="epoch", ylabel="mean square / that of persistence", ylim=(0, 1.2))
@@ -45,29 +46,31 @@ def draw_learning(curve: pd.DataFrame, held_out: pd.DataFrame) -> Figure:
 
 
 def draw_free_swimming(film: FilmStates, predicted: pd.DataFrame) -> Figure:
-    """Draw the motion of a fish that only the forecast moves beside the film's.
+    """Draw the motion of a fish that only the forecast moves, beside that of the film.
 
-    Above are distributions, below autocorrelations. film: states of the film. predicted: columns of
-    `FREE`, a row per predicted frame.
+    Above are distributions, below autocorrelations. film: states of the film. predicted: columns
+    forward, turning and pose, a row per predicted frame.
     """
     figure = Figure(figsize=(12, 6.5), layout="constrained")
     panels = figure.subplots(2, 3)
-    rows = film.rows[film.rows < film.count] + 1
+    rows = film.rows[film.rows < film.count] + 1  # without mirror images; the state that follows
     follows = np.diff(rows) == 1
     lags = max(2, round(_SPAN_S * film.rate_hz))
     for (name, number, label), above, below in zip(_CHANNELS, *panels, strict=True):
-        filmed, own = film.states[rows, number], predicted[name].to_numpy(float)
+        filmed, free = film.states[rows, number], predicted[name].to_numpy(float)
         low, high = np.quantile(filmed, [0.002, 0.998])
         bins = np.linspace(low, high, 60).tolist()
         above.hist(filmed, bins, density=True, color=_FILM, alpha=0.35, label="film")
-        above.hist(own, bins, density=True, histtype="step", color=_OWN, lw=1.6, label="free")
+        above.hist(
+            free, bins, density=True, histtype="step", color=_PREDICTED, lw=1.6, label="free"
+        )
         above.set_yscale("log")
         above.legend(frameon=False)
         above.set(xlabel=label, ylabel="density")
         times = np.arange(lags) / film.rate_hz
         below.plot(times, autocorrelation(filmed, follows, lags), color=_FILM, label="film")
-        whole = np.ones(len(own) - 1, bool)
-        below.plot(times, autocorrelation(own, whole, lags), color=_OWN, label="free")
+        unbroken = np.ones(len(free) - 1, bool)
+        below.plot(times, autocorrelation(free, unbroken, lags), color=_PREDICTED, label="free")
         below.axhline(0, color="0.8", lw=0.8)
         below.set(xlabel="s", ylabel=f"autocorrelation of {name}")
         below.legend(frameon=False)

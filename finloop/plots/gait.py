@@ -38,8 +38,9 @@ def draw_gait_figures(
 ) -> Iterator[tuple[str, Figure]]:
     """Yield Figs. 8 to 14 of the curve paper, each with its name, "fig8" to "fig14".
 
-    film: contours with their phases. keys: the key frames. subcycles: by contour and 0 for A, 1 for
-    B. pictures: of the film with their phases; None: Fig. 8 shows contours.
+    film: contours with their phases. gait: phases and γ. keys: the two key frames. subcycles: by
+    name of the contour and 0 for A, 1 for B. pictures: frames of the film with their phases; None:
+    Fig. 8 shows contours.
     """
     yield "fig8", _figure8(*pictures) if pictures else _figure8_contours(film)
     yield "fig9", _figure9(gait, keys, film)
@@ -55,21 +56,23 @@ def _figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points) -> Figure:
 
     phases (k,): in cycles.
     """
-    high, wide = pictures[0].shape[:2]
-    columns, rows = _COLUMNS, -(-len(pictures) // _COLUMNS)
-    figure, ax = _open_plot(columns * 2.0, rows * (2.0 * high / wide + 0.2), "")
+    height, width = pictures[0].shape[:2]
+    rows = -(-len(pictures) // _COLUMNS)  # rounded up
+    figure, ax = _open_plot(_COLUMNS * 2.0, rows * (2.0 * height / width + 0.2), title="")
+    cell_width, cell_height = 1.04 * width, height + 0.1 * width
     for k, (picture, phase) in enumerate(zip(pictures, phases, strict=True)):
-        x, y = (k % columns) * 1.04 * wide, (k // columns) * (high + 0.1 * wide)
-        ax.imshow(picture, cmap="gray", vmin=0, vmax=255, extent=(x, x + wide, y + high, y))
-        ax.text(x + wide / 2, y, f"phase {phase % 1:.2f}", ha="center", va="bottom", fontsize=7)
-    ax.set(xlim=(0, columns * 1.04 * wide), ylim=(rows * (high + 0.1 * wide), -0.1 * wide))
+        x, y = (k % _COLUMNS) * cell_width, (k // _COLUMNS) * cell_height
+        ax.imshow(picture, cmap="gray", vmin=0, vmax=255, extent=(x, x + width, y + height, y))
+        ax.text(x + width / 2, y, f"phase {phase % 1:.2f}", ha="center", va="bottom", fontsize=7)
+    ax.set(xlim=(0, _COLUMNS * cell_width), ylim=(rows * cell_height, -0.1 * width))
     return figure
 
 
 def _figure8_contours(film: GaitContours) -> Figure:
     """Draw Fig. 8 with contours instead of pictures, of frames spread over the first cycle."""
-    first = np.flatnonzero(film.phase < film.phase[0] + 1)
-    frames = first[np.unique(np.linspace(0, len(first) - 1, min(_FRAMES, len(first))).astype(int))]
+    first_cycle = np.flatnonzero(film.phase < film.phase[0] + 1)
+    count = min(_FRAMES, len(first_cycle))
+    frames = first_cycle[np.unique(np.linspace(0, len(first_cycle) - 1, count).astype(int))]
     rows = _arrange_poses({name: points[frames] for name, points in film.contours.items()})
     titles = [f"phase {film.phase[k] % 1:.2f}" for k in frames]
     return _draw_sheet(rows, titles, [""] * len(rows), "contours of the film")
@@ -82,11 +85,11 @@ def _figure9(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
     ax = parts[0].subplots()
     edges = np.array([0, gait.split, 0.5, 0.5 + gait.split, 1])
     above_axes = ax.get_xaxis_transform()
-    for at, name in zip(edges, (*KEY_NAMES, "1"), strict=True):
-        ax.axvline(at, color=GREY, lw=0.8)
-        ax.text(at, 1.02, f"key {name}", transform=above_axes, ha="center", fontsize=8)
-    for letter, (a, b) in zip("ABCD", pairwise(edges), strict=True):
-        ax.text((a + b) / 2, 1.02, letter, transform=above_axes, ha="center")
+    for phase, name in zip(edges, (*KEY_NAMES, "1"), strict=True):
+        ax.axvline(phase, color=GREY, lw=0.8)
+        ax.text(phase, 1.02, f"key {name}", transform=above_axes, ha="center", fontsize=8)
+    for letter, (start, stop) in zip("ABCD", pairwise(edges), strict=True):
+        ax.text((start + stop) / 2, 1.02, letter, transform=above_axes, ha="center")
     if gait.support:
         _draw_support(ax, gait)
     else:
@@ -102,28 +105,29 @@ def _figure9(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
 
 def _draw_support(ax: Axes, gait: Gait) -> None:
     """Draw a row per limb over the phase: ● where it is on the ground, ○ where it is lifted."""
-    places = np.linspace(0, 1, 24, endpoint=False) + 1 / 48
+    phases = np.linspace(0, 1, 24, endpoint=False) + 1 / 48
     inks = _contour_colours(gait.support)
     for row, (ink, spans) in enumerate(zip(inks, gait.support.values(), strict=True)):
-        down = np.zeros(len(places), bool)
-        for start, stop in spans:
-            down |= (start <= places) & (places < stop)
-            down |= (start <= places + 1) & (places + 1 < stop)
-        ax.plot(places[down], np.full(down.sum(), row), "o", color=ink, ms=7)
-        ax.plot(places[~down], np.full((~down).sum(), row), "o", color=ink, ms=7, mfc="none")
+        on_ground = np.zeros(len(phases), bool)
+        for start, stop in spans:  # a span may end in the next cycle
+            on_ground |= (start <= phases) & (phases < stop)
+            on_ground |= (start <= phases + 1) & (phases + 1 < stop)
+        level = np.full(len(phases), row)
+        ax.plot(phases[on_ground], level[on_ground], "o", color=ink, ms=7)
+        ax.plot(phases[~on_ground], level[~on_ground], "o", color=ink, ms=7, mfc="none")
     ax.set_yticks(range(len(gait.support)), [name.replace("_", " ") for name in gait.support])
     ax.set_ylim(len(gait.support) - 0.5, -0.5)
     ax.set_title("● on the ground, ○ lifted", fontsize=9, pad=18)
 
 
 def _draw_reach(ax: Axes, gait: Gait, keys: KeyFrames, film: GaitContours) -> None:
-    """Draw how far each contour reaches to either side over the cycle, in body lengths."""
+    """Draw where the point of each contour that swings most is over the cycle, in body lengths."""
     phases = np.linspace(0, 1, 121)
     frames = _synthesize_contours(gait, keys, film, phases)
     for ink, (name, points) in zip(_contour_colours(frames), frames.items(), strict=True):
-        most = int(np.ptp(points[..., 1], axis=0).argmax())
-        side = points[:, most, 1] / film.body_length
-        ax.plot(phases, side, color=ink, label=f"{name.replace('_', ' ')}: its farthest point")
+        widest = int(np.ptp(points[..., 1], axis=0).argmax())
+        sideways = points[:, widest, 1] / film.body_length
+        ax.plot(phases, sideways, color=ink, label=f"{name.replace('_', ' ')}: its farthest point")
     ax.set_ylabel("sideways / body length")
     ax.invert_yaxis()
     ax.legend(fontsize=8)
@@ -132,29 +136,32 @@ def _draw_reach(ax: Axes, gait: Gait, keys: KeyFrames, film: GaitContours) -> No
 def _figure10(film: GaitContours, keys: KeyFrames, split: float) -> Figure:
     """Draw Fig. 10: the frames of subcycle A up to key 2, and of C mapped onto them by symmetry.
 
-    split: phase of key 2, in cycles.
+    split: phase of key 2, in cycles. Each contour has a cell of its own.
     """
-    inside = (np.mod(film.phase, 0.5) > 0) & (np.mod(film.phase, 0.5) < split)
-    late = (np.mod(film.phase, 1) >= 0.5)[inside, None, None]
-    later = film.contours_half_cycle_later(film.contours)
-    frames = {n: np.where(late, later[n][inside], of[inside]) for n, of in film.contours.items()}
-    names = list(film.contours)
+    in_a_or_c = (np.mod(film.phase, 0.5) > 0) & (np.mod(film.phase, 0.5) < split)
+    in_c = (np.mod(film.phase, 1) >= 0.5)[in_a_or_c, None, None]
+    mapped = film.contours_half_cycle_later(film.contours)
+    frames, middles, sizes = {}, {}, []
+    for name, contours in film.contours.items():
+        frames[name] = np.where(in_c, mapped[name][in_a_or_c], contours[in_a_or_c])
+        low, high = _least_xy(frames[name]), _greatest_xy(frames[name])
+        middles[name] = (low + high) / 2
+        sizes.append(high - low)
+    size = np.max(sizes, axis=0)
+    names, (width, height) = list(frames), 1.15 * size
     columns = min(4, len(names))
-    middles = {n: (_least_xy(of) + _greatest_xy(of)) / 2 for n, of in frames.items()}
-    size = np.max([_greatest_xy(of) - _least_xy(of) for of in frames.values()], axis=0)
-    wide, high = 1.15 * size
-    rows = -(-len(names) // columns)
-    figure, ax = _open_plot(9.0, 9.0 / columns * rows * high / wide + 0.6, "")
+    rows = -(-len(names) // columns)  # rounded up
+    figure, ax = _open_plot(9.0, 9.0 / columns * rows * height / width + 0.6, title="")
     ax.set_title("subcycle A: key 1 dashed, key 2 solid, frames dotted", fontsize=10)
     for k, (name, ink) in enumerate(zip(names, _contour_colours(names), strict=True)):
-        shift = np.array([k % columns * wide, k // columns * high]) - middles[name]
+        shift = np.array([k % columns * width, k // columns * height]) - middles[name]
         for points in frames[name]:
             _draw_contour(ax, points + shift, color=GREY, ls=":", lw=1.0)
         _draw_contour(ax, keys.first[name] + shift, color=ink, ls="--", lw=1.5)
         _draw_contour(ax, keys.second[name] + shift, color=ink, ls="-", lw=1.5)
         x, y = shift + middles[name] - [0, size[1] / 2]
         ax.text(x, y, name.replace("_", " "), ha="center", va="bottom", fontsize=9)
-    ax.set(xlim=(-wide / 2, (columns - 0.5) * wide), ylim=((rows - 0.5) * high, -0.6 * high))
+    ax.set(xlim=(-width / 2, (columns - 0.5) * width), ylim=((rows - 0.5) * height, -0.6 * height))
     return figure
 
 
@@ -162,11 +169,11 @@ def _figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
     """Draw Fig. 11: the share f(τ) of the change between two keys that remains, and its fit by γ.
 
     τ: time from key to key, 0 … 1. Frames of subcycle A are 'o', of B 'x'; f is found by least
-    squares over the contour.
+    squares over the contour. subcycles: by name of the contour and 0 for A, 1 for B.
     """
     names = list(dict.fromkeys(name for name, _ in subcycles))
     columns = min(4, len(names))
-    rows = -(-len(names) // columns)
+    rows = -(-len(names) // columns)  # rounded up
     figure = Figure(figsize=(max(5.0, 2.7 * columns), 2.7 * rows + 0.3), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     tau = np.linspace(0, 1, 101)
@@ -174,17 +181,17 @@ def _figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
         ax.axis("off")
     for ax, name in zip(axes, names, strict=False):
         ax.plot(tau, 1 - tau, color=GREY, lw=1, label="linear")
-        for sub, mark in enumerate("ox"):
-            model = subcycles[name, sub]
-            way = (model.start - model.end).ravel()
-            flat = (model.samples.coefficients - model.end).reshape(len(model.samples.tau), -1)
-            gamma = model.fit_gammas(per_scale=False, least_motion=0.0)[0]
-            ink = INKS[sub]
-            text = f"{'AB'[sub]}: γ = {gamma:+.2f}"
+        for number, (letter, mark, ink) in enumerate(zip("AB", "ox", INKS, strict=False)):
+            subcycle = subcycles[name, number]
+            change = (subcycle.start - subcycle.end).ravel()
+            samples = subcycle.samples
+            left = (samples.coefficients - subcycle.end).reshape(len(samples.tau), -1)
+            share = left @ change / max(float(change @ change), 1e-300)  # not 0 / 0 at rest
+            gamma = subcycle.fit_gammas(per_scale=False, least_motion=0.0)[0]
             ax.plot(tau, key_1_share(tau, np.array(gamma)), color=ink, lw=1.2)
             ax.plot(
-                model.samples.tau, flat @ way / max(float(way @ way), 1e-300), mark,
-                color=ink, ms=4.5, mfc="none", label=text,
+                samples.tau, share, mark, color=ink, ms=4.5, mfc="none",
+                label=f"{letter}: γ = {gamma:+.2f}",
             )  # fmt: skip
         ax.set_title(name.replace("_", " "), fontsize=9)
         ax.legend(fontsize=7)
@@ -197,7 +204,7 @@ def _figure12(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
     """Draw Fig. 12: the synthesized cycle, with subcycles A to D in rows."""
     edges = np.array([0, gait.split, 0.5, 0.5 + gait.split, 1])
     tau = np.arange(_COLUMNS) / _COLUMNS
-    phases = np.concatenate([a + tau * (b - a) for a, b in pairwise(edges)])
+    phases = np.concatenate([start + tau * (stop - start) for start, stop in pairwise(edges)])
     rows = _arrange_poses(_synthesize_contours(gait, keys, film, phases))
     titles = [f"phase {phase:.3f}" for phase in phases]
     return _draw_sheet(rows, titles, list("ABCD"), "synthesized cycle")
@@ -220,7 +227,7 @@ def _figure14(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
     ]
     titles = [f"phase {phase:.2f}" for phase in phases] + [""] * (2 * _COLUMNS)
     names = [f"{control} points" for control in _CONTROL]
-    return _draw_sheet(rows, titles, names, "the same at few control points")
+    return _draw_sheet(rows, titles, names, title="the same at few control points")
 
 
 def _synthesize_contours(
@@ -228,19 +235,20 @@ def _synthesize_contours(
 ) -> dict[str, Points]:
     """Return the contours of a gait at some phases (k,), by name, each (k, n, 2).
 
-    control: number of control points per contour, None for all.
+    control: number of control points per contour, None for all. film: gives the contours' places.
     """
     layout = HalfCycleLayout(offsets=film.offsets)
     return contours_at_phases(keys.first, keys.second, gait, phases, layout, control=control)
 
 
 def _arrange_poses(frames: Mapping[str, Points]) -> list[list[Pose]]:
-    """Return the pose of each frame of some contours, in rows of _COLUMNS.
+    """Return the pose of each frame, its contours by name, in rows of _COLUMNS poses.
 
-    frames: by the name of the contour, (k, n, 2).
+    frames: contours of k frames by name, (k, n, 2).
     """
-    each = zip(*frames.values(), strict=True)
-    poses: list[Pose] = [dict(zip(frames, pose, strict=True)) for pose in each]
+    poses: list[Pose] = [
+        dict(zip(frames, contours, strict=True)) for contours in zip(*frames.values(), strict=True)
+    ]
     return [poses[k : k + _COLUMNS] for k in range(0, len(poses), _COLUMNS)]
 
 
@@ -248,21 +256,20 @@ def _draw_sheet(
     rows: Sequence[Sequence[Pose]], titles: Sequence[str], names: Sequence[str], title: str
 ) -> Figure:
     """Return a figure of poses in rows, with a title above each pose, and names beside the rows."""
-    wide, high = _cell_size(rows)
+    cell_width, cell_height = _cell_size(rows)
     columns = max(map(len, rows))
-    inches = 1.7 * columns + 0.4
-    figure, ax = _open_plot(
-        inches, (inches / (columns + 0.3)) * len(rows) * high / wide + 0.4, title
-    )
+    width = 1.7 * columns + 0.4  # inches
+    height = (width / (columns + 0.3)) * len(rows) * cell_height / cell_width + 0.4
+    figure, ax = _open_plot(width, height, title)
     _draw_cells(ax, rows, titles, names)
     return figure
 
 
 def _cell_size(rows: Sequence[Sequence[Pose]]) -> Points:
     """Return width and height of the cell in which each of some poses is drawn."""
-    box = _all_points([pose for row in rows for pose in row])
-    wide, high = _greatest_xy(box) - _least_xy(box)
-    return np.array([1.08 * wide, 1.04 * high + 0.13 * wide])
+    points = _all_points([pose for row in rows for pose in row])
+    width, height = _greatest_xy(points) - _least_xy(points)
+    return np.array([1.08 * width, 1.04 * height + 0.13 * width])  # with room for a title
 
 
 def _draw_cells(
@@ -272,33 +279,32 @@ def _draw_cells(
 
     All are in one plot: a plot for each would take ten times as long.
     """
-    box = _all_points([pose for row in rows for pose in row])
-    low, (wide, high) = _least_xy(box), _cell_size(rows)
-    left = iter(titles)
-    for r, row in enumerate(rows):
-        for c, pose in enumerate(row):
-            corner = np.array([c * wide, r * high])
+    least = _least_xy(_all_points([pose for row in rows for pose in row]))
+    width, height = _cell_size(rows)
+    next_titles = iter(titles)
+    for row_number, row in enumerate(rows):
+        for column, pose in enumerate(row):
+            corner = np.array([column * width, row_number * height])
             for ink, points in zip(_contour_colours(pose), pose.values(), strict=True):
-                ax.fill(*(points - low + corner).T, color=ink, alpha=0.25, lw=0)
-                _draw_contour(ax, points - low + corner, color=ink, lw=1.1)
-            x, y = corner + np.array([0.46 * wide, -0.02 * wide])
-            ax.text(x, y, next(left), ha="center", va="bottom", fontsize=7)
+                ax.fill(*(points - least + corner).T, color=ink, alpha=0.25, lw=0)
+                _draw_contour(ax, points - least + corner, color=ink, lw=1.1)
+            x, y = corner + np.array([0.46 * width, -0.02 * width])
+            ax.text(x, y, next(next_titles), ha="center", va="bottom", fontsize=7)
         if names:
-            at = (-0.06 * wide, (r + 0.45) * high)
-            ax.text(*at, names[r], rotation=90, ha="right", va="center", fontsize=10)
-    columns = max(map(len, rows))
+            x, y = -0.06 * width, (row_number + 0.45) * height
+            ax.text(x, y, names[row_number], rotation=90, ha="right", va="center", fontsize=10)
     ax.set(
-        xlim=(-0.25 * wide if names else 0, columns * wide),
-        ylim=(len(rows) * high - 0.13 * wide, -0.13 * wide),
+        xlim=(-0.25 * width if names else 0, max(map(len, rows)) * width),
+        ylim=(len(rows) * height - 0.13 * width, -0.13 * width),
     )
     ax.set_aspect("equal")
     ax.axis("off")
 
 
-def _open_plot(wide: float, high: float, title: str) -> tuple[Figure, Axes]:
-    """Return a figure of this size in inches, filled by one plot without a frame."""
-    figure = Figure(figsize=(wide, high))
-    ax = figure.add_axes((0.01, 0.01, 0.98, 0.98 - 0.3 / high))
+def _open_plot(width: float, height: float, title: str) -> tuple[Figure, Axes]:
+    """Return a figure of a size in inches, filled by one plot without a frame, and the plot."""
+    figure = Figure(figsize=(width, height))
+    ax = figure.add_axes((0.01, 0.01, 0.98, 0.98 - 0.3 / height))
     ax.set_title(title, fontsize=10)
     ax.set_aspect("equal")
     ax.axis("off")

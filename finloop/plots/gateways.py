@@ -40,7 +40,7 @@ class GatewayPictures(NamedTuple):
 
 
 def choose_gateways_to_draw(gateways: pd.DataFrame, count: int) -> pd.DataFrame:
-    """Return `count` gateways, evenly spaced from the smallest distance to the largest."""
+    """Return at most `count` gateways, evenly spaced from the smallest distance to the largest."""
     return spread_table_rows(gateways.sort_values("distance", kind="stable"), count)
 
 
@@ -49,28 +49,33 @@ def gateway_pictures(
 ) -> Iterator[GatewayPictures]:
     """Yield the pictures of each gateway, in the pose in which they were compared.
 
-    gateways: columns of `GATEWAYS`. reel: frames and sprites. facts: how the distance map was made.
+    gateways: columns sprite, row, orientation, direction, distance. reel: frames and sprites.
+    facts: how the distance map was made.
     """
 
-    @lru_cache(1)  # in the pose BODY there is but one
-    def load_sprite_pictures(number: int) -> tuple[Stack, Stack]:
-        return draw_sprites_and_next(reel, TILE, facts.pose, number)
+    @lru_cache(1)  # in the pose BODY all sprites have one orientation
+    def load_sprite_pictures(orientation: int) -> tuple[Stack, Stack]:
+        """Draw the frame after each sprite, and each sprite, in an orientation."""
+        return draw_sprites_and_next(reel, TILE, facts.pose, orientation)
 
-    for way in gateways.itertuples():
-        sprite, row = reel.sprites.iloc[way.sprite], reel.features.iloc[way.row]
-        ahead, own = (of[way.sprite] for of in load_sprite_pictures(max(1, way.orientation)))
-        inward = way.direction == IN
-        rows = np.array([way.row, way.row + (not inward)])
-        here, after = reel.draw_rows(rows, TILE, facts.pose)
-        names = [
-            f"{sprite['sequence']} {sprite['step']} ({sprite['track_id']}:{sprite['frame']})",
-            f"film {row['track_id']:.0f}:{row['frame']:.0f}",
-        ]
-        yield GatewayPictures(
-            *((own, ahead, here) if inward else (here, after, own)),
-            " > ".join(names if inward else names[::-1]),
-            f"{way.distance / facts.step_median:.2f} steps",
-        )
+    for gateway in gateways.itertuples():
+        sprite, row = reel.sprites.iloc[gateway.sprite], reel.features.iloc[gateway.row]
+        next_pictures, sprite_pictures = load_sprite_pictures(max(1, gateway.orientation))
+        after_sprite = next_pictures[gateway.sprite]
+        sprite_itself = sprite_pictures[gateway.sprite]
+        inward = gateway.direction == IN
+        rows = np.array([gateway.row, gateway.row + (not inward)])
+        frame, after_frame = reel.draw_rows(rows, TILE, facts.pose)
+        sprite_name = f"{sprite['sequence']} {sprite['step']} "
+        sprite_name += f"({sprite['track_id']}:{sprite['frame']})"
+        frame_name = f"film {row['track_id']:.0f}:{row['frame']:.0f}"
+        below = f"{gateway.distance / facts.step_median:.2f} steps"
+        if inward:
+            above = f"{sprite_name} > {frame_name}"
+            yield GatewayPictures(sprite_itself, after_sprite, frame, above, below)
+        else:
+            above = f"{frame_name} > {sprite_name}"
+            yield GatewayPictures(frame, after_frame, sprite_itself, above, below)
 
 
 def draw_gateways(gateways: Mapping[str, Sequence[GatewayPictures]], columns: int = 3) -> Picture:
@@ -79,19 +84,19 @@ def draw_gateways(gateways: Mapping[str, Sequence[GatewayPictures]], columns: in
     gateways: direction (IN, OUT) → gateways. columns: gateways per row. Returns (h, w, 3).
     """
     bands = []
-    for direction, some in gateways.items():
+    for direction, pictures in gateways.items():
         strip = np.full((_STRIP, 4 * TILE * columns, 3), 255, np.uint8)
-        write_text(strip, _HEADLINES[direction], (4, _STRIP - 5), _INK, 0.45)
-        bands += [strip, *join_in_rows([_draw_gateway(gateway) for gateway in some], columns)]
+        write_text(strip, _HEADLINES[direction], (4, _STRIP - 5), _INK, size=0.45)
+        bands += [strip, *join_in_rows([_draw_gateway(gateway) for gateway in pictures], columns)]
     return np.vstack(bands)
 
 
 def _draw_gateway(gateway: GatewayPictures) -> Picture:
     """Draw the three pictures of a gateway, and the mean of the last two, side by side."""
-    half = ((gateway.natural + gateway.instead) / 2).astype(np.float32)
-    stacks = (gateway.before, gateway.natural, gateway.instead, half)
-    whole = np.hstack([lay_on_grey(255 * stack[..., :-1], stack[..., -1:]) for stack in stacks])
+    mean = ((gateway.natural + gateway.instead) / 2).astype(np.float32)
+    stacks = (gateway.before, gateway.natural, gateway.instead, mean)
+    picture = np.hstack([lay_on_grey(255 * stack[..., :-1], stack[..., -1:]) for stack in stacks])
     for text, y in ((gateway.above, 12), (gateway.below, TILE - 5)):
-        write_text(whole, text, (4, y), _INK, 0.36)
-    cv2.rectangle(whole, (0, 0), (whole.shape[1] - 1, TILE - 1), (235,) * 3, 2)
-    return whole
+        write_text(picture, text, (4, y), _INK, size=0.36)
+    cv2.rectangle(picture, (0, 0), (picture.shape[1] - 1, TILE - 1), (235,) * 3, thickness=2)
+    return picture

@@ -48,9 +48,9 @@ def find_most_improper_loop(
     """Return the improper loop that shows the fault most clearly; None if no pair is improper.
 
     Pairs that are improper between their ends come before those that are improper at an end. Of
-    these it is the pair whose travel differs most from the heading; a path below one body length
-    counts less. candidates: from `loops.search.find_loop_candidates`. max_angle_deg: a larger angle
-    is improper.
+    these the pair whose travel differs most from the heading is taken; a path below one body length
+    counts less. candidates: pairs of similar rows, columns a, b, improper, filtered. max_angle_deg:
+    a larger angle between travel and heading is improper.
     """
     pairs = candidates[candidates["improper"]]
     if pairs.empty:
@@ -61,16 +61,16 @@ def find_most_improper_loop(
     displacement = np.diff(places_through_water(features)[np.stack([a, b])], axis=0)[0]
     length = features["body_length_px"].to_numpy(float)[a]
     off[:, 0] *= np.minimum(np.hypot(*displacement.T) / length, 1.0)
-    places = off[:, :1] if off[:, 0].any() else off
-    pair, place = np.unravel_index(int(places.argmax()), places.shape)
+    considered = off[:, :1] if off[:, 0].any() else off  # column 0: between the ends
+    pair, place = np.unravel_index(int(considered.argmax()), considered.shape)
     return ImproperLoop(
-        int(a[pair]),
-        int(b[pair]),
-        int(place),
-        float(travel.travel_deg[pair, place]),
-        float(travel.heading_deg[pair, place]),
-        float(travel.off_deg[pair, place]),
-        float(pairs["filtered"].iloc[pair]),
+        a=int(a[pair]),
+        b=int(b[pair]),
+        place=int(place),
+        travel_deg=float(travel.travel_deg[pair, place]),
+        heading_deg=float(travel.heading_deg[pair, place]),
+        off_deg=float(travel.off_deg[pair, place]),
+        filtered=float(pairs["filtered"].iloc[pair]),
     )
 
 
@@ -106,10 +106,9 @@ def figure13(
     film = background.copy()
     for row in _rows_to_show(loop).values():
         cutout = reel.film[row]
-        h, w = cutout.pixels.shape[:2]
-        film[cutout.y0_px : cutout.y0_px + h, cutout.x0_px : cutout.x0_px + w] = cutout.blend_over(
-            film
-        )
+        height, width = cutout.pixels.shape[:2]
+        left, top = cutout.x0_px, cutout.y0_px
+        film[top : top + height, left : left + width] = cutout.blend_over(film)
     path_panel.imshow(film, cmap="gray", vmin=0, vmax=255, interpolation="bicubic")
     _draw_loop_path(path_panel, loop, features, film)
     pictures = reel.draw_rows(np.array([loop.a, loop.b]), SIZE_PX, pose)
@@ -124,9 +123,10 @@ def figure13(
 
 
 def _rows_to_show(loop: ImproperLoop) -> dict[str, int]:
-    """Return the rows at which the fish is drawn, by letter: both ends, or the improper one."""
-    ends = {"a": loop.a, "b": loop.b}
-    return ends if loop.place == 0 else dict([list(ends.items())[loop.place - 1]])
+    """Return the rows at which the fish is drawn, by letter: both ends, or the improper end."""
+    if loop.place == 0:
+        return {"a": loop.a, "b": loop.b}
+    return {"a": loop.a} if loop.place == 1 else {"b": loop.b}
 
 
 def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film: Picture) -> None:
@@ -138,7 +138,7 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
     part = features.iloc[rows]
     place = part[["x_px", "y_px"]].to_numpy(float)
     head = part[["head_x_px", "head_y_px"]].to_numpy(float)
-    length = float(part["body_length_px"].median())
+    length = float(part["body_length_px"].median())  # all arrows are shares of the body length
     axes.plot(*place.T, "-", color="white", lw=1.2)
     axes.plot(*place[[0, -1]].T, "o", color="white", ms=4)
     for letter, row in _rows_to_show(loop).items():
@@ -155,20 +155,21 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
         draw_arrow(axes, middle, middle + 0.75 * length * ahead, color=_HEADING, lw=2.5, ls=_DASHED)
         turned = float(wrap_deg(np.array(loop.heading_deg - loop.travel_deg)))
         angles = loop.travel_deg + np.linspace(0, turned, 40)
-        arc = middle + 0.35 * length * np.array([_unit_vector(one) for one in angles])
+        arc = middle + 0.35 * length * np.array([_unit_vector(angle) for angle in angles])
         axes.plot(*arc.T, color="black", lw=1)
         right, down = middle + 0.58 * length * _unit_vector(loop.travel_deg + turned / 2)
         words = f"{loop.off_deg:.0f}°"
         axes.text(right, down, words, ha="center", va="center", fontweight="bold")
-    every = np.vstack([place, head, head + length / 2, head - length / 2])
-    half = np.ptp(every, axis=0) / 2 + 0.3 * length
-    half = np.maximum(half, half[::-1] * (1 / _HIGH, _HIGH))
-    left, top = (every.min(0) + every.max(0)) / 2 - half
-    height, width = film.shape[:2]
-    left = np.clip(left, -0.5, max(width - 0.5 - 2 * half[0], -0.5))
-    top = np.clip(top, -0.5, max(height - 0.5 - 2 * half[1], -0.5))
+    # Show all of these points with a margin, in the panel's shape, and within the film if possible.
+    shown = np.vstack([place, head, head + length / 2, head - length / 2])
+    half_size = np.ptp(shown, axis=0) / 2 + 0.3 * length
+    half_size = np.maximum(half_size, half_size[::-1] * (1 / _HIGH, _HIGH))
+    left, top = (shown.min(0) + shown.max(0)) / 2 - half_size
+    (height, width), (shown_width, shown_height) = film.shape[:2], 2 * half_size
+    left = np.clip(left, -0.5, max(width - 0.5 - shown_width, -0.5))
+    top = np.clip(top, -0.5, max(height - 0.5 - shown_height, -0.5))
     axes.set(
-        xlim=(left, left + 2 * half[0]), ylim=(top + 2 * half[1], top), xticks=[], yticks=[],
+        xlim=(left, left + shown_width), ylim=(top + shown_height, top), xticks=[], yticks=[],
         facecolor="0.75",
     )  # fmt: skip
     keys = [

@@ -34,7 +34,7 @@ def find_stretches(inside: Mask, track_id: Rows) -> list[tuple[int, int]]:
     number = np.where(inside, track_id, -1)
     edges = np.flatnonzero(np.diff(number, prepend=-1, append=-1))
     edges = np.unique(np.r_[edges, len(number)])
-    return [(int(a), int(b)) for a, b in pairwise(edges) if inside[a]]
+    return [(int(start), int(stop)) for start, stop in pairwise(edges) if inside[start]]
 
 
 def rows_below_loops(loops: pd.DataFrame, track_id: Rows) -> Mask:
@@ -42,12 +42,12 @@ def rows_below_loops(loops: pd.DataFrame, track_id: Rows) -> Mask:
 
     Of a loop between two tracks only its ends count. track_id (n,): the track of each row.
     """
-    change = np.zeros(len(track_id) + 1, np.int64)
+    change = np.zeros(len(track_id) + 1, np.int64)  # of how many loops lie over a row
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     within = track_id[a] == track_id[b]
-    for low, high in ((a, np.where(within, b, a)), (b, b)):
-        np.add.at(change, low, 1)
-        np.add.at(change, high + 1, -1)
+    for first, last in ((a, np.where(within, b, a)), (b, b)):
+        np.add.at(change, first, 1)
+        np.add.at(change, last + 1, -1)
     return np.cumsum(change)[:-1] > 0
 
 
@@ -57,7 +57,8 @@ def figure12(
     """Draw Fig. 12 of the fish paper: groups of loops along the film, and its dead ends.
 
     At the top are the loops within a track, as in the paper. Below are a row for each group of all
-    loops, and the parts of the film that can be played for ever.
+    loops, and the parts of the film that can be played for ever. graph: of all loops. rate_hz:
+    frames per second.
     """
     track_id = features["track_id"].to_numpy()
     group_sizes = loops["group"].value_counts().sort_index()
@@ -76,9 +77,9 @@ def figure12(
 
 
 def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
-    """Draw the loops within tracks as arcs over time, with a bar below each group.
+    """Draw the loops within tracks as arcs over time, with a bar below each group of loops.
 
-    track_id (n,): the track of each row of the film.
+    Groups alternate between four colours. track_id (n,): the track of each row of the film.
     """
     within = loops[loops["length_s"].notna()]
     axes.set(yticks=[], ylim=(-0.28, 1.05))
@@ -86,24 +87,25 @@ def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: 
         axes.set_title("no loop lies within one track", loc="left", fontsize=10)
         return
     number = group_overlapping_loops(within["a"].to_numpy(), within["b"].to_numpy(), track_id)
-    within = within.assign(own=number).sort_values(["own", "length_s"])
+    within = within.assign(track_group=number).sort_values(["track_group", "length_s"])
     count, drawn = int(number.max()) + 1, 0
-    share = max(1, min(_PER_GROUP, _ARCS // count))
-    rank_in_time = within.groupby("own")["a"].min().argsort().argsort()  # of each group among all
+    arcs_per_group = max(1, min(_PER_GROUP, _ARCS // count))
+    by_group = within.groupby("track_group")
+    rank_in_time = by_group["a"].min().argsort().argsort()  # of each group among all
     bars: list[list[tuple[float, float]]] = [[] for _ in _IN_TURN]
     arcs: list[list[NDArray[np.float64]]] = [[] for _ in _IN_TURN]
-    for own, group in within.groupby("own"):
-        turn = int(rank_in_time[own]) % len(_IN_TURN)
-        low, high = group["a"].min() / rate_hz, (group["b"].max() + 1) / rate_hz
-        bars[turn].append((low, high - low))
-        if high - low > _NARROW * len(track_id) / rate_hz:
+    for group_number, group in by_group:
+        colour_number = int(rank_in_time[group_number]) % len(_IN_TURN)
+        start_s, stop_s = group["a"].min() / rate_hz, (group["b"].max() + 1) / rate_hz
+        bars[colour_number].append((start_s, stop_s - start_s))
+        if stop_s - start_s > _NARROW * len(track_id) / rate_hz:
             text = str(len(group))
-            axes.text((low + high) / 2, -0.2, text, ha="center", va="center", fontsize=8)
+            axes.text((start_s + stop_s) / 2, -0.2, text, ha="center", va="center", fontsize=8)
         if drawn < _ARCS:
-            shown = spread_table_rows(group, share)
+            shown = spread_table_rows(group, arcs_per_group)
             drawn += len(shown)
-            a, b = shown["a"].to_numpy() / rate_hz, shown["b"].to_numpy() / rate_hz
-            arcs[turn] += list(arc_points(a, b, float(within["length_s"].max())))
+            a_s, b_s = shown["a"].to_numpy() / rate_hz, shown["b"].to_numpy() / rate_hz
+            arcs[colour_number] += list(arc_points(a_s, b_s, float(within["length_s"].max())))
     for colour, spans, lines in zip(_IN_TURN, bars, arcs, strict=True):
         axes.broken_barh(spans, (-0.12, 0.1), color=colour)
         axes.add_collection(LineCollection(lines, colors=colour, lw=0.9, alpha=0.8))
@@ -117,7 +119,8 @@ def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: 
 def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
     """Draw a row for each group of loops: the parts of the film that its loops cover.
 
-    track_id (n,): the track of each row of the film.
+    Beyond `_ROWS` groups, one row holds the others. track_id (n,): the track of each row of the
+    film.
     """
     group_sizes = loops["group"].value_counts().sort_index()
     joins_tracks = loops["length_s"].isna()
@@ -130,8 +133,9 @@ def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
         if row:
             joins = group[joins_tracks[group.index]][["a", "b"]].to_numpy() / rate_hz
             axes.hlines(np.full(len(joins), row), *joins.T, color=colour, lw=0.8)
-        what = f"{_with_noun(len(group), 'loop')} over {covered.sum() / rate_hz:.1f} s of film"
-        names.append(what if row < _ROWS else f"{len(group_sizes) - _ROWS} more groups: {what}")
+        content = f"{_with_noun(len(group), 'loop')} over {covered.sum() / rate_hz:.1f} s of film"
+        others = "" if row < _ROWS else f"{len(group_sizes) - _ROWS} more groups: "
+        names.append(others + content)
     axes.set(ylim=(len(names) - 0.4, -0.6), yticks=range(len(names)))
     axes.set_yticklabels([str(row + 1) if row < _ROWS else "…" for row in range(len(names))])
     axes.set_ylabel("group")
@@ -152,11 +156,14 @@ def _with_noun(number: int, noun: str) -> str:
 
 
 def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_hz: float) -> None:
-    """Draw a bar of the film that shows its dead ends, and name the longest of them."""
-    track_id, frame = (features[name].to_numpy() for name in ("track_id", "frame"))
+    """Draw a bar of the film that shows its dead ends, and name the longest of them.
+
+    A dead end is film from which no loop leads on for ever. graph: of all loops.
+    """
+    track_id, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     rows = len(track_id)
-    endless, largest = can_play_for_ever(graph, track_id), is_in_component(graph, rows)
-    state = np.where(largest, 0, np.where(endless, 1, 2))
+    endless, in_largest = can_play_for_ever(graph, track_id), is_in_component(graph, rows)
+    state = np.where(in_largest, 0, np.where(endless, 1, 2))
     axes.imshow(
         state[None], aspect="auto", extent=(0, rows / rate_hz, 0, 1), interpolation="nearest",
         cmap=ListedColormap([_LARGEST, _OTHER, _DEAD]), vmin=0, vmax=2,
@@ -170,7 +177,8 @@ def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_h
     ]
     axes.legend(handles=handles)
     dead_ends = find_stretches(~endless, track_id)
-    named = sorted(sorted(dead_ends, key=lambda rows: rows[0] - rows[1])[:_NAMED])
+    longest_first = sorted(dead_ends, key=lambda rows: rows[0] - rows[1])
+    named = sorted(longest_first[:_NAMED])
     for number, (start, stop) in enumerate(named):
         text = f"track {track_id[start]}\nframes {frame[start]}–{frame[stop - 1]}"
         axes.annotate(

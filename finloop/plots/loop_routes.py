@@ -50,16 +50,16 @@ def find_three_routes(loops: pd.DataFrame, track_id: Rows) -> ThreeRoutes | None
     """
     within = loops[loops["length_s"].notna()]
     track = track_id[within["a"].to_numpy()]
-    best, chosen = 0.0, None
-    names, count = np.unique(track, return_counts=True)
-    for track_number in names[np.argsort(-count, kind="stable")[:_TRACKS]]:
-        track_loops = spread_table_rows(within[track == track_number], _PER_TRACK)
+    largest_share, chosen = 0.0, None
+    tracks, count = np.unique(track, return_counts=True)
+    for number in tracks[np.argsort(-count, kind="stable")[:_TRACKS]]:
+        track_loops = spread_table_rows(within[track == number], _PER_TRACK)
         if len(track_loops) < 4:
             continue
         fours = np.array(list(combinations(range(len(track_loops)), 4)))
-        spread = _least_gap_shares(track_loops[["a", "b"]].to_numpy()[fours])
-        if spread.max() > best:
-            best, chosen = float(spread.max()), track_loops.iloc[fours[spread.argmax()]]
+        shares = _least_gap_shares(track_loops[["a", "b"]].to_numpy()[fours])
+        if shares.max() > largest_share:
+            largest_share, chosen = float(shares.max()), track_loops.iloc[fours[shares.argmax()]]
     if chosen is None:
         return None
     chosen = chosen.sort_values("a", ignore_index=True)
@@ -77,33 +77,32 @@ def _least_gap_shares(pairs: Ints) -> Floats:
     ends = pairs.reshape(n, 8)
     order = ends.argsort(axis=1, kind="stable")
     rank = np.argsort(order, axis=1)  # of each end in time, 0 for A … 7 for H
-    partner = np.empty_like(rank)
+    partner = np.empty_like(rank)  # rank of the other end of the loop, by rank
     np.put_along_axis(partner, rank, rank[:, [1, 0, 3, 2, 5, 4, 7, 6]], axis=1)
     time = np.take_along_axis(ends, order, axis=1)
-    least = np.diff(time, axis=1).min(axis=1) / (time[:, -1] - time[:, 0])
-    earlier = (partner[:, 5:] < 5).all(axis=1)  # H, G and F have loops with ends before F
-    early = np.arange(5)
-    between = (partner[:, :5] < early) & (early > partner[:, 7:])  # an E after C, back to B
-    return np.where(earlier & between.any(axis=1), least, 0.0)
+    least_share = np.diff(time, axis=1).min(axis=1) / (time[:, -1] - time[:, 0])
+    leads_back = (partner[:, 5:] < 5).all(axis=1)  # H, G and F have loops with ends before F
+    early = np.arange(5)  # A … E have a loop that ends after the end to which H leads
+    lies_between = (partner[:, :5] < early) & (early > partner[:, 7:])
+    return np.where(leads_back & lies_between.any(axis=1), least_share, 0.0)
 
 
 def choose_cases(candidates: Sequence[list[Leg]]) -> list[list[Leg]]:
-    """Return the three routes of the fish paper's Fig. 10b from many candidates, shortest first.
+    """Return the three routes of the fish paper's Fig. 10b, the shortest of some candidates each.
 
     Case 1 plays on and then jumps once. Case 2 jumps at once. Case 3 is case 1 with one more loop
-    on the route: a second jump, back in time.
+    on the route: a second jump, back in time. candidates: the shortest first.
     """
     one_jump = [route for route in candidates if len(jump_legs(route)) == 1]
     first = next(route for route in one_jump if route[0][2] == PLAY)
     second = next(route for route in one_jump if route[0][2] == JUMP)
-    third = next(
-        route
-        for route in candidates
-        if (jumps := jump_legs(route))[:1] == jump_legs(first)
-        and len(jumps) == 2
-        and jumps[1][1] < jumps[1][0]
-    )
-    return [first, second, third]
+
+    def has_one_more_loop(route: Sequence[Leg]) -> bool:
+        """Return whether a route begins with the jump of case 1, and then jumps once, back."""
+        jumps = jump_legs(route)
+        return jumps[:1] == jump_legs(first) and len(jumps) == 2 and jumps[1][1] < jumps[1][0]
+
+    return [first, second, next(route for route in candidates if has_one_more_loop(route))]
 
 
 def jump_legs(route: Sequence[Leg]) -> list[Leg]:
@@ -131,8 +130,9 @@ def figure10(three: ThreeRoutes, reel: Reel, pose: str, natural_step: float) -> 
     parts: NDArray[np.object_] = np.asarray(figure.subfigures(3, 1, height_ratios=heights))
     upper, middle, lower = parts
     frame = reel.features["frame"].to_numpy()
-    pad = 0.04 * (frame[three.ends[-1]] - frame[three.ends[0]])
-    limits = frame[three.ends[0]] - pad, frame[three.ends[-1]] + pad
+    first, last = frame[three.ends[0]], frame[three.ends[-1]]
+    margin = 0.04 * (last - first)
+    limits = first - margin, last + margin
     time = upper.subplots()
     _draw_loops(time, three, frame)
     time.set(xlim=limits, ylim=(-0.3, 1.2), yticks=[], xlabel="frame of the film")
@@ -208,27 +208,28 @@ def _draw_route(axes: Axes, route: Sequence[Leg], ends: Rows, frame: Rows) -> No
     ends: rows of A … H. frame (n,): the frame of each row.
     """
     level = 0
-    for a, b, kind in merge_play_legs(route):
+    for start, stop, kind in merge_play_legs(route):
         if kind == PLAY:
-            axes.plot(frame[[a, b]], [-level, -level], color="black", lw=2.5, solid_capstyle="butt")
+            axes.plot(
+                frame[[start, stop]], [-level, -level], color="black", lw=2.5,
+                solid_capstyle="butt",
+            )  # fmt: skip
         else:
             level += 1
-            x, y = frame[[a, a, b, b]], np.array([1, 0.62, 0.62, 0.14]) - level
+            x, y = frame[[start, start, stop, stop]], np.array([1, 0.62, 0.62, 0.14]) - level
             axes.plot(x, y, color="0.3", lw=1.8, ls=":")
             axes.plot(x[-1], y[-1], "v", color="0.3", ms=6)
     level = 0
     names = dict(zip(ends.tolist(), LETTERS, strict=False))
-    for number, (row, kind) in enumerate(
-        [(route[0][0], PLAY), *((b, kind) for _, b, kind in route)]
-    ):
+    stations = [(route[0][0], PLAY), *((stop, kind) for _, stop, kind in route)]
+    for number, (row, kind) in enumerate(stations):
         level += kind == JUMP
-        end = number in (0, len(route))
-        axes.plot(
-            frame[row], -level, "o", color=_COLOURS[1] if end else "black", ms=7 if end else 4
-        )
+        is_end = number in (0, len(route))
+        colour, size = (_COLOURS[1], 7) if is_end else ("black", 4)
+        axes.plot(frame[row], -level, "o", color=colour, ms=size)
         axes.annotate(
             names[row], (frame[row], -level), (-7, 4), textcoords="offset points", ha="right",
-            fontweight="bold" if end else "normal", path_effects=_HALO,
+            fontweight="bold" if is_end else "normal", path_effects=_HALO,
         )  # fmt: skip
     axes.set(ylim=(-level - 0.4, 0.75))
     axes.axis("off")
@@ -242,13 +243,13 @@ def _describe_case(
     number: of the case, from 1. natural_step: the unit of the distances.
     """
     jumps = jump_legs(route)
-    frames = sum(b - a for a, b, kind in route if kind == PLAY)
-    distance = {
+    frames = sum(stop - start for start, stop, kind in route if kind == PLAY)
+    distance_of_loop = {
         frozenset((loop.a, loop.b)): loop.distance / natural_step
         for loop in three.loops.itertuples()
     }
-    costs = " and ".join(f"{distance[frozenset(jump[:2])]:.2f}" for jump in jumps)
+    distances = " and ".join(f"{distance_of_loop[frozenset(jump[:2])]:.2f}" for jump in jumps)
     return (
         f"case {number}: {spell_route(route, three.ends)}   {frames} frames, {len(jumps)} jump"
-        f"{'s' if len(jumps) > 1 else ''} of {costs} natural steps"
+        f"{'s' if len(jumps) > 1 else ''} of {distances} natural steps"
     )

@@ -40,8 +40,8 @@ def arc_points(
     """
     angle = np.linspace(0, np.pi, 40)
     middle, half = (a + b)[:, None] / 2, (b - a)[:, None] / 2
-    high = np.sqrt(half / (half.max(initial=1e-9) if longest is None else longest / 2))
-    return np.stack([middle - half * np.cos(angle), high * np.sin(angle)], axis=-1)
+    height = np.sqrt(half / (half.max(initial=1e-9) if longest is None else longest / 2))
+    return np.stack([middle - half * np.cos(angle), height * np.sin(angle)], axis=-1)
 
 
 def draw_loops_over_tank(
@@ -51,30 +51,30 @@ def draw_loops_over_tank(
 
     A colour shows whether the film can be played on for ever from an end. graph: of all loops.
     """
-    figure, axes = parts.draw_empty_tank(background, 0.45, key_inches=0.6)
+    figure, axes = parts.draw_empty_tank(background, alpha=0.45, key_inches=0.6)
     x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
-    frames = graph.segment_frames
+    size = 2.5 if len(graph.segment_frames) > 500 else 5
     dead = ~graph.endless
-    for mine, colour, word in (
+    for mask, colour, meaning in (
         ((graph.component == 0) & ~dead, _LARGEST, "in the largest component"),
         ((graph.component > 0) & ~dead, _OTHER, "leads to a loop without end"),
         (dead, _DEAD, "no playing on from here"),
     ):
-        at = graph.ends[mine]
-        if len(at):
-            axes.plot(x[at], y[at], ".", color=colour, ms=2.5 if len(frames) > 500 else 5,
-                      label=f"{len(at)} ends: {word}")  # fmt: skip
+        rows = graph.ends[mask]
+        if len(rows):
+            label = f"{len(rows)} ends: {meaning}"
+            axes.plot(x[rows], y[rows], ".", color=colour, ms=size, label=label)
     within = loops[loops["length_s"].notna()].sort_values("length_s")
-    some = spread_table_rows(within, _ARROWS)
-    a, b = some["a"].to_numpy(), some["b"].to_numpy()
-    if len(some):
+    drawn = spread_table_rows(within, _ARROWS)
+    a, b = drawn["a"].to_numpy(), drawn["b"].to_numpy()
+    if len(drawn):
         axes.quiver(
             x[a], y[a], x[b] - x[a], y[b] - y[a], angles="xy", scale_units="xy", scale=1,
             width=0.0018, color="black", alpha=0.75, zorder=3,
         )  # fmt: skip
-    count = f"{len(some)} of" if len(some) < len(within) else "all"
+    count = f"{len(drawn)} of" if len(drawn) < len(within) else "all"
     words = f"what is played between the ends of {count} {len(within)} loops within a track"
-    axes.set_title(f"arrows: {words}" if len(some) else "no loop lies within one track")
+    axes.set_title(f"arrows: {words}" if len(drawn) else "no loop lies within one track")
     figure.legend(loc="outside lower center", ncols=3, frameon=False, markerscale=3)
     return figure
 
@@ -85,30 +85,29 @@ def figure11(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Figure:
     table: quadrants as texts, "" where there is none. ends: rows of the feature table.
     """
     figure = Figure(figsize=(14, 7), layout="constrained")
-    way, cells = figure.subplots(1, 2)
-    track = features["track_id"].to_numpy()
-    mine = features[track == track[ends[0]]]
-    way.plot(mine["x_px"], mine["y_px"], color="0.6", lw=1)
-    at = features.iloc[ends]
-    x, y = at["x_px"].to_numpy(float), at["y_px"].to_numpy(float)
-    way.scatter(x, y, c=np.arange(len(ends)), cmap="viridis", s=22, zorder=3)
-    side = np.where(np.arange(len(x)) % 2, -90, 90)
-    towards = np.radians(at["heading_deg"].to_numpy(float) + side)
+    path, cells = figure.subplots(1, 2)
+    track_id = features["track_id"].to_numpy()
+    track = features[track_id == track_id[ends[0]]]
+    path.plot(track["x_px"], track["y_px"], color="0.6", lw=1)
+    end_rows = features.iloc[ends]
+    x, y = end_rows["x_px"].to_numpy(float), end_rows["y_px"].to_numpy(float)
+    path.scatter(x, y, c=np.arange(len(ends)), cmap="viridis", s=22, zorder=3)
+    side_deg = np.where(np.arange(len(x)) % 2, -90, 90)  # letters to the left and right in turn
+    towards = np.radians(end_rows["heading_deg"].to_numpy(float) + side_deg)
     for letter, right_px, down_px, angle in zip(LETTERS, x, y, towards, strict=False):
-        way.annotate(
+        path.annotate(
             letter, (right_px, down_px), (11 * np.cos(angle), 11 * np.sin(angle)),
             textcoords="offset points", ha="center", va="center", fontweight="bold",
             path_effects=_HALO, zorder=4,
         )  # fmt: skip
-    way.set_aspect("equal", adjustable="datalim")
-    way.invert_yaxis()
-    way.set(
-        xlabel="x (px)", ylabel="y (px)", title=f"track {track[ends[0]]}: loop ends in time order"
-    )
-    number = table.replace("", "0").to_numpy(int)
-    cells.imshow(number, cmap=ListedColormap(["white", *_QUADRANTS]), vmin=0, vmax=4)
-    for row, column in zip(*np.nonzero(number), strict=True):
-        cells.text(column, row, number[row, column], ha="center", va="center", fontsize=8)
+    path.set_aspect("equal", adjustable="datalim")
+    path.invert_yaxis()
+    title = f"track {track_id[ends[0]]}: loop ends in time order"
+    path.set(xlabel="x (px)", ylabel="y (px)", title=title)
+    quadrant = table.replace("", "0").to_numpy(int)
+    cells.imshow(quadrant, cmap=ListedColormap(["white", *_QUADRANTS]), vmin=0, vmax=4)
+    for row, column in zip(*np.nonzero(quadrant), strict=True):
+        cells.text(column, row, quadrant[row, column], ha="center", va="center", fontsize=8)
     names = list(table.columns)
     cells.set_xticks(range(len(names)), names)
     cells.set_yticks(range(len(names)), names)
@@ -134,11 +133,11 @@ class LoopPictures(NamedTuple):
 
 
 def loop_pictures(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[LoopPictures]:
-    """Yield the pictures of each loop: the row before its end a, row a, and row b that replaces it.
+    """Yield the pictures of each loop: the row before its end a, row a, and row b in its place.
 
-    facts: how the distance map was made.
+    loops: columns a, b, distance, filtered. facts: how the distance map was made.
     """
-    track, frame = (reel.features[name].to_numpy() for name in ("track_id", "frame"))
+    track, frame = reel.features["track_id"].to_numpy(), reel.features["frame"].to_numpy()
     for loop in loops.itertuples():
         before = loop.a - 1 if loop.a and track[loop.a - 1] == track[loop.a] else loop.a
         rows = np.array([before, loop.a, loop.b])
@@ -151,16 +150,16 @@ def loop_pictures(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[
         yield LoopPictures(last, natural, instead, words)
 
 
-def choose_separate_loops(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
+def choose_separate_loops(loops: pd.DataFrame, min_rows_apart: int, count: int) -> list[int]:
     """Return the places in the table of its first `count` loops whose ends lie far apart in time.
 
-    rows: the ends of two chosen loops are more than so many rows apart.
+    min_rows_apart: the ends of two chosen loops are farther apart than this.
     """
     ends, places = loops[["a", "b"]].to_numpy(), list[int]()
     for place, pair in enumerate(ends):
         if len(places) == count:
             break
-        if (np.abs(ends[places].reshape(-1, 1) - pair) > rows).all():
+        if (np.abs(ends[places].reshape(-1, 1) - pair) > min_rows_apart).all():
             places.append(place)
     return places
 
@@ -171,34 +170,38 @@ def figure8(best: Sequence[LoopPictures], worst: Sequence[LoopPictures]) -> Figu
     They are the last frame, the film's next, the loop's next, and the difference of the last two.
     """
     lines = max(len(best), len(worst))
-    band = rows_with_fish(np.stack([shown for one in (*best, *worst) for shown in one[:3]]))
-    high = (band.stop - band.start) / len(best[0].before)
-    figure = Figure(figsize=(14, (1.7 * high + 0.3) * lines + 0.6), layout="constrained")
+    pictures = [picture for loop in (*best, *worst) for picture in loop[:3]]
+    band = rows_with_fish(np.stack(pictures))
+    height_share = (band.stop - band.start) / len(best[0].before)
+    figure = Figure(figsize=(14, (1.7 * height_share + 0.3) * lines + 0.6), layout="constrained")
     figure.suptitle(
         "shown last | the film's next frame | the loop's next frame | what differs, × 3",
         fontsize=11,
     )
     halves: NDArray[np.object_] = np.asarray(figure.subfigures(1, 2))
-    for half, part, examples in zip(halves, ("best", "worst"), (best, worst), strict=True):
-        half.suptitle(f"the {part} loops that were kept, by filtered distance", fontsize=11)
+    for half, quality, loops in zip(halves, ("best", "worst"), (best, worst), strict=True):
+        half.suptitle(f"the {quality} loops that were kept, by filtered distance", fontsize=11)
         panels = half.subplots(lines, 1, squeeze=False)[:, 0]
         for axes in panels:
             axes.axis("off")
-        for axes, example in zip(panels, examples, strict=False):
-            last, natural, instead = (lay_on_light(shown) for shown in example[:3])
-            differs = np.clip(0.5 + 1.5 * (instead - natural), 0, 1)
-            axes.imshow(np.hstack([last, natural, instead, differs])[band])
-            axes.set_title(example.words, fontsize=8, loc="left", pad=2)
+        for axes, loop in zip(panels, loops, strict=False):
+            last, natural, instead = (lay_on_light(picture) for picture in loop[:3])
+            difference = np.clip(0.5 + 1.5 * (instead - natural), 0, 1)  # grey: none; × 3
+            axes.imshow(np.hstack([last, natural, instead, difference])[band])
+            axes.set_title(loop.words, fontsize=8, loc="left", pad=2)
     return figure
 
 
 def lay_on_light(picture: NDArray[np.float32]) -> NDArray[np.floating]:
-    """Lay a premultiplied picture (h, w, c), 0 … 1, over light grey; return RGB, 0 … 1."""
-    over = picture[..., :-1] + (1 - picture[..., -1:]) * 0.8
-    return np.clip(np.broadcast_to(over, (*over.shape[:-1], 3)), 0, 1)
+    """Return a premultiplied picture (h, w, c), 0 … 1, over light grey: RGB (h, w, 3), 0 … 1."""
+    blended = picture[..., :-1] + (1 - picture[..., -1:]) * 0.8
+    return np.clip(np.broadcast_to(blended, (*blended.shape[:-1], 3)), 0, 1)
 
 
 def rows_with_fish(pictures: NDArray[np.float32]) -> slice:
-    """Return the pixel rows in which any of k premultiplied pictures (k, h, w, c) shows fish."""
+    """Return the pixel rows in which any of k pictures (k, h, w, c) shows fish, with a margin.
+
+    The last channel of a picture is its alpha, 0 … 1.
+    """
     rows = np.flatnonzero(np.any(pictures[..., -1] > 0.1, axis=(0, 2)))
     return slice(max(rows[0] - 4, 0), rows[-1] + 5)

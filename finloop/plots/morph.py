@@ -16,8 +16,8 @@ _BAR = 22  # px above a row, for its name
 def draw_morphs(morphs: Mapping[str, Morph], columns: int = 9, size: int = 150) -> Picture:
     """Draw each morph in a row of pictures, evenly from its first frame to its last.
 
-    morphs: by the name of the row. columns: pictures per row. size: width of a picture in px.
-    Returns (h, w, 3).
+    morphs: by the name of the row. columns: pictures per row. size: width and height of a picture,
+    px. Above a row are its name and its number of folds. Returns (h, w, 3).
     """
     rows = []
     for name, morph in morphs.items():
@@ -30,8 +30,8 @@ def draw_morphs(morphs: Mapping[str, Morph], columns: int = 9, size: int = 150) 
             ]
             tiles.append(paint_layers(contours, (size, size), size / side))
         bar = np.full((_BAR, size * columns, 3), 255, np.uint8)
-        folded = sum(int(count.sum()) for count in morph.folds.values())
-        text = f"{name}: {folded or 'no'} folds in {len(morph.tau)} frames"
+        folds = sum(int(count.sum()) for count in morph.folds.values())
+        text = f"{name}: {folds or 'no'} folds in {len(morph.tau)} frames"
         cv2.putText(bar, text, (6, 16), (0, 0, 0), cv2.FontFace("sans"), 13)
         rows += [bar, np.hstack(tiles)]
     return np.vstack(rows)

@@ -19,7 +19,7 @@ _GROUND = 205  # grey level that a cut-out lies on
 def draw_empty_tank(
     background: Picture, alpha: float, key_inches: float = 0.0
 ) -> tuple[Figure, Axes]:
-    """Start a figure with the picture of the empty tank; return it and its axes, in px of the film.
+    """Return a figure with the picture of the empty tank, and its axes, in px of the film.
 
     background: (h, w) grey or (h, w, 3) RGB. alpha: opacity of the picture, 0 … 1. key_inches:
     height left free for a key.
@@ -35,7 +35,7 @@ def draw_empty_tank(
 def draw_heading_arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
     """Draw an arrow along the heading of each animal in a table.
 
-    rows: columns x_px, y_px, heading_deg.
+    rows: columns x_px, y_px, heading_deg. style: Matplotlib's, such as the colour.
     """
     angle = np.radians(rows["heading_deg"])
     axes.quiver(
@@ -47,11 +47,11 @@ def draw_heading_arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
 def join_in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
     """Join tiles of one size (h, w, 3) into rows of `columns` tiles; return one picture per row.
 
-    White tiles fill the last row.
+    White tiles fill the last row. Without tiles there is no row.
     """
-    white = [np.full_like(tile, 255) for tile in tiles[:1]] * (-len(tiles) % columns)
-    filled = [*tiles, *white]
-    return [np.hstack(filled[i : i + columns]) for i in range(0, len(filled), columns)]
+    missing = -len(tiles) % columns
+    all_tiles = [*tiles, *[np.full_like(tile, 255) for tile in tiles[:1]] * missing]
+    return [np.hstack(all_tiles[i : i + columns]) for i in range(0, len(all_tiles), columns)]
 
 
 def stack_pictures(pictures: Sequence[Picture]) -> Picture:
@@ -97,7 +97,11 @@ def draw_message(text: str) -> Figure:
 
 
 def draw_arrow(axes: Axes, start: Floats, end: Floats, **style: object) -> None:
-    """Draw an arrow between two places (x, y) in the units of the axes, in Matplotlib's style."""
+    """Draw an arrow between two places (x, y) in the units of the axes.
+
+    style: Matplotlib's, such as color and lw.
+    """
     arrow = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, **style}
+    # An annotation without a text; its arrow leads from the text's place to the annotated place.
     ends = tuple(end), tuple(start)
     axes.annotate("", *ends, zorder=3, annotation_clip=False, arrowprops=arrow)

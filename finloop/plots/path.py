@@ -8,15 +8,15 @@ from finloop.base.arrays import Picture
 from finloop.plan.path_measures import root_mean_square
 from finloop.plots.animate import COLOURS
 
-_GOAL = "0.2"
+_REQUESTED = "0.2"
 
 
 def draw_path(paths: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
     """Draw the requested path and each mode's path over the tank; on the right, errors over time.
 
-    Rings mark where a fish left its path. paths: columns of `path_measures.PATH_ROWS`. left:
-    columns of `path_measures.LEFT`, a row for each part that a fish left. background (h, w): the
-    empty tank.
+    Rings mark where a fish left its path. paths: columns of `path_measures.PATH_ROWS`, among them
+    across and late, the errors in body lengths. left: columns of `path_measures.LEFT`, a row for
+    each part that a fish left. background (h, w): the empty tank.
     """
     height, width = background.shape[:2]
     modes = dict(iter(paths.groupby("mode", sort=False)))
@@ -25,28 +25,29 @@ def draw_path(paths: pd.DataFrame, left: pd.DataFrame, background: Picture) -> F
     grid = GridSpec(len(modes), 2, figure, width_ratios=[1.1, 1])
     tank = figure.add_subplot(grid[:, 0])
     tank.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.35)
+    # The mode that got farthest shows most of the requested path.
     farthest = paths.loc[paths["along_px"].idxmax(), "mode"]
-    goal = paths[paths["mode"] == farthest]
-    tank.plot(goal["asked_x_px"], goal["asked_y_px"], color=_GOAL, lw=3.5, alpha=0.5,
+    requested = paths[paths["mode"] == farthest]
+    tank.plot(requested["asked_x_px"], requested["asked_y_px"], color=_REQUESTED, lw=3.5, alpha=0.5,
               label=f"requested of fish {paths['fish'].iloc[0] + 1}")  # fmt: skip
-    shared = None
-    for row, (colour, (mode, way)) in enumerate(zip(COLOURS, modes.items(), strict=False)):
-        tank.plot(way["x_px"], way["y_px"], color=colour, lw=1, label=f"path: {mode}")
-        places = left[left["mode"] == mode]
-        tank.plot(places["asked_x_px"], places["asked_y_px"], "o", ms=11, mfc="none", mec=colour)
-        axes = shared = figure.add_subplot(grid[row, 1], sharex=shared, sharey=shared)
-        axes.plot(way["time_s"], way["across"], color=colour, lw=1, label="beside the path")
+    errors = None
+    for row, (colour, (mode, path)) in enumerate(zip(COLOURS, modes.items(), strict=False)):
+        tank.plot(path["x_px"], path["y_px"], color=colour, lw=1, label=f"path: {mode}")
+        parts = left[left["mode"] == mode]
+        tank.plot(parts["asked_x_px"], parts["asked_y_px"], "o", ms=11, mfc="none", mec=colour)
+        errors = figure.add_subplot(grid[row, 1], sharex=errors, sharey=errors)
+        errors.plot(path["time_s"], path["across"], color=colour, lw=1, label="beside the path")
         if timed:
-            axes.plot(way["time_s"], way["late"], color=colour, lw=1, ls=":",
-                      label="from the requested place")  # fmt: skip
-        for place in places.itertuples():
-            axes.axvspan(place.from_s, place.to_s, color=colour, alpha=0.15)
-        beside = root_mean_square(way["across"].to_numpy())
-        axes.set_title(f"{mode}: {beside:.3f} body lengths RMS beside the path", fontsize=10)
-        axes.set(ylabel="body lengths", ylim=(0, None))
-        axes.legend(frameon=False, loc="upper right", fontsize=8)
-    if shared is not None:
-        shared.set_xlabel("time (s)")
+            errors.plot(path["time_s"], path["late"], color=colour, lw=1, ls=":",
+                        label="from the requested place")  # fmt: skip
+        for part in parts.itertuples():
+            errors.axvspan(part.from_s, part.to_s, color=colour, alpha=0.15)
+        beside = root_mean_square(path["across"].to_numpy())
+        errors.set_title(f"{mode}: {beside:.3f} body lengths RMS beside the path", fontsize=10)
+        errors.set(ylabel="body lengths", ylim=(0, None))
+        errors.legend(frameon=False, loc="upper right", fontsize=8)
+    if errors is not None:
+        errors.set_xlabel("time (s)")
     tank.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x (px)", ylabel="y (px)")
     tank.legend(frameon=True, loc="upper right")
     return figure

@@ -18,7 +18,7 @@ def draw_shapes(poses: FilmPoses, cutouts: Cutouts, size: int = 150) -> Picture:
     is that of the film whose pose is nearest to the mean. size: width of a picture in px.
     """
     shapes = poses.shapes
-    row = int((poses.codes**2).sum(1).argmin())
+    row = int((poses.codes**2).sum(1).argmin())  # the codes of the mean pose are 0
     middle, length = (size - 1) / 2, size / 1.5
     tiles = []
     for number in range(min(SHAPES, len(shapes.shapes))):

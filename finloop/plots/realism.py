@@ -21,7 +21,8 @@ _SIDE = {ANIMATION: COLOURS[1], FILM: "0.35"}
 def draw_roc(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
     """Draw ROC curves, and bars of the area under them for each kind of measurement.
 
-    table: from `compare.verdict_table`. roc: columns compared, false_alarms, hits.
+    table: columns compared, channel, auc, low, high (ends of the 95 % interval); roc: columns
+    compared, false_alarms, hits. compared: a mode, or parts of the film.
     """
     names = list(dict.fromkeys(table["compared"]))
     modes = [name for name in names if name not in _GREY]
@@ -34,19 +35,19 @@ def draw_roc(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
     channels = ["all", *CHANNELS]
     width = 0.8 / max(len(names), 1)
     for number, name in enumerate(names):
-        own = table[table["compared"] == name].set_index("channel")
-        value, low, high = (float(own.at["all", key]) for key in ("auc", "low", "high"))
+        areas = table[table["compared"] == name].set_index("channel")
+        value, low, high = (float(areas.at["all", key]) for key in ("auc", "low", "high"))
         curve = roc[roc["compared"] == name]
         curves.plot(
             curve["false_alarms"], curve["hits"], color=colours[name],
             label=f"{WORDS.get(name, name)}: {value:.3f} ({low:.2f} – {high:.2f})",
         )  # fmt: skip
-        own = own.reindex(channels)
+        areas = areas.reindex(channels)
+        places = np.arange(len(channels)) + width * (number - (len(names) - 1) / 2)
         bars.bar(
-            np.arange(len(channels)) + width * (number - (len(names) - 1) / 2), own["auc"] - 0.5,
-            width, bottom=0.5, color=colours[name], label=WORDS.get(name, name),
-            yerr=[own["auc"] - own["low"], own["high"] - own["auc"]],
-            error_kw={"ecolor": "0.2", "lw": 0.8},
+            places, areas["auc"] - 0.5, width, bottom=0.5, color=colours[name],
+            label=WORDS.get(name, name), error_kw={"ecolor": "0.2", "lw": 0.8},
+            yerr=[areas["auc"] - areas["low"], areas["high"] - areas["auc"]],
         )  # fmt: skip
     curves.set(xlabel="film windows taken for animation", ylabel="animation windows recognised",
                xlim=(0, 1), ylim=(0, 1), aspect="equal")  # fmt: skip
@@ -66,8 +67,9 @@ def draw_false_windows(
 ) -> Figure:
     """Draw the most obviously false windows, each with the film window most like it.
 
-    On the left are pictures, on the right the channels of both. curves: columns of `CURVES`.
-    titles, strips: of each example a title, and a picture (h, w, 3) per side.
+    On the left are pictures, on the right the channels of both. curves: columns example, side
+    (animation or film), time_s and a column per channel. titles, strips: of each example a title,
+    and a picture (h, w, 3) per side.
     """
     if not titles:
         figure = Figure(figsize=(8, 1.5))
@@ -80,17 +82,17 @@ def draw_false_windows(
         left=0.01, right=0.99, top=1 - 0.4 / height, bottom=0.5 / height,
     )  # fmt: skip
     for number, (title, strip) in enumerate(zip(titles, strips, strict=True)):
-        for place, side in enumerate(SIDES):
-            axes = figure.add_subplot(grid[2 * number + place, 0])
+        for row, side in enumerate(SIDES):
+            axes = figure.add_subplot(grid[2 * number + row, 0])
             axes.imshow(strip[side], aspect="equal")
             axes.set(xticks=[], yticks=[])
             words = title if side == ANIMATION else "the film window most like it"
             axes.set_title(words, fontsize=8, loc="left", color=_SIDE[side], pad=2)
-        mine = curves[curves["example"] == number]
+        example = curves[curves["example"] == number]
         for column, channel in enumerate(CHANNELS):
             axes = figure.add_subplot(grid[2 * number : 2 * number + 2, column + 1])
-            for side, part in mine.groupby("side"):
-                axes.plot(part["time_s"], part[channel], color=_SIDE[str(side)], lw=1.2)
+            for side, window in example.groupby("side"):
+                axes.plot(window["time_s"], window[channel], color=_SIDE[str(side)], lw=1.2)
             axes.tick_params(labelsize=7)
             if number == 0:
                 axes.set_title(UNITS[column], fontsize=8)

@@ -41,47 +41,51 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
     fish stays on the spot, as every route leaves the tank (§4.2). Diamonds: gateways (A, B of Fig.
     17).
     """
-    figure, axes = draw_empty_tank(background, 0.45, key_inches=0.5)
+    figure, axes = draw_empty_tank(background, alpha=0.45, key_inches=0.5)
     names, colours = tick_categories(edit)
-    way, fish = edit[["x_px", "y_px"]].to_numpy(float), edit["fish"].to_numpy()
-    later = np.flatnonzero(fish[1:] == fish[:-1]) + 1
-    steps = np.stack([way[later - 1], way[later]], axis=1)
-    aimed = ticks_with_goal(edit)[later]
-    state = names.to_numpy()[later]
-    axes.add_collection(LineCollection(list(steps[~aimed]), colors=_WANDERING, lw=0.7, alpha=0.7))
+    places, fish = edit[["x_px", "y_px"]].to_numpy(float), edit["fish"].to_numpy()
+    later = np.flatnonzero(fish[1:] == fish[:-1]) + 1  # rows that follow one of the same fish
+    steps = np.stack([places[later - 1], places[later]], axis=1)
+    has_goal = ticks_with_goal(edit)[later]
+    name_of_step = names.to_numpy()[later]
+    wandering = list(steps[~has_goal])
+    axes.add_collection(LineCollection(wandering, colors=_WANDERING, lw=0.7, alpha=0.7))
     for name, colour in colours.items():
-        part = steps[aimed & (state == name)]
-        axes.add_collection(LineCollection(list(part), colors=colour, lw=2.4, capstyle="round"))
-    to_goals = edit.iloc[later[aimed]]
-    now_and_then = to_goals.iloc[min(12, len(to_goals)) :: max(1, len(to_goals) // 12)]
-    draw_heading_arrows(axes, now_and_then, color="black", zorder=3)
+        lines = list(steps[has_goal & (name_of_step == name)])
+        axes.add_collection(LineCollection(lines, colors=colour, lw=2.4, capstyle="round"))
+    to_goals = edit.iloc[later[has_goal]]
+    about_twelve = to_goals.iloc[min(12, len(to_goals)) :: max(1, len(to_goals) // 12)]
+    draw_heading_arrows(axes, about_twelve, color="black", zorder=3)
     starts = edit.groupby("fish").head(1)
     axes.plot(starts["x_px"], starts["y_px"], "o", mfc="white", mec="black", ms=7, zorder=4)
-    reached = {
-        name: own["time_s"].iloc[stop]
-        for own in split_by_fish(edit) for name, _, stop in goal_stretches(own) if stop < len(own)
-    }  # fmt: skip
+    reached_s = {}
+    for rows in split_by_fish(edit):
+        for name, _, stop in goal_stretches(rows):
+            if stop < len(rows):
+                reached_s[name] = rows["time_s"].iloc[stop]
     for goal in goals:
-        when = f"{goal.name}  {reached[goal.name]:.1f} s" if goal.name in reached else goal.name
+        reached = goal.name in reached_s
+        text = f"{goal.name}  {reached_s[goal.name]:.1f} s" if reached else goal.name
         ring = Circle((goal.x_px, goal.y_px), goal.radius_px, fill=False, lw=1.8, zorder=4)
         axes.add_patch(ring)
         axes.plot(goal.x_px, goal.y_px, "+", color="black", ms=7, mew=1.4, zorder=4)
         axes.annotate(
-            when, (goal.x_px, goal.y_px), (11, 8), textcoords="offset points", fontsize=12,
+            text, (goal.x_px, goal.y_px), (11, 8), textcoords="offset points", fontsize=12,
             fontweight="bold", path_effects=_HALO, zorder=5,
         )  # fmt: skip
-    present = [name for name in colours if (aimed & (state == name)).any()]
+    present = [name for name in colours if (has_goal & (name_of_step == name)).any()]
     key = [Line2D([], [], color=colours[name], lw=2.4, label=name) for name in present]
-    if not aimed.all():
+    if not has_goal.all():
         key.append(Line2D([], [], color=_WANDERING, lw=0.7, label="wandering"))
-    for rows, marker, label in (
-        (edit["reason"].ffill() == SPOT, "x", "on the spot: no way stays in the tank"),
-        (edit["kind"] != edit.groupby("fish")["kind"].shift().fillna(edit["kind"]), "D", "gateway"),
-    ):
-        some = edit[rows.to_numpy(bool)]
-        if len(some):
+    on_the_spot = edit["reason"].ffill() == SPOT
+    at_gateway = edit["kind"] != edit.groupby("fish")["kind"].shift().fillna(edit["kind"])
+    for mask, marker, label in (
+        (on_the_spot, "x", "on the spot: no way stays in the tank"), (at_gateway, "D", "gateway"),
+    ):  # fmt: skip
+        marked = edit[mask.to_numpy(bool)]
+        if len(marked):
             style: dict[str, Any] = {"color": "black", "ls": "", "ms": 4, "marker": marker}
-            axes.plot(some["x_px"], some["y_px"], zorder=4, **style)
+            axes.plot(marked["x_px"], marked["y_px"], zorder=4, **style)
             key.append(Line2D([], [], label=label, **style))
     key.append(Line2D([], [], marker="o", mfc="white", mec="black", ls="", label="start"))
     figure.legend(handles=key, loc="outside lower center", ncols=len(key), frameon=False)
@@ -111,32 +115,35 @@ def find_liveliest_start(edit: pd.DataFrame, count: int) -> int:
     heading = np.radians(edit["heading_deg"].to_numpy(float))
     change = np.abs(np.diff(np.unwrap(heading), prepend=heading[:1]))
     total = np.cumsum(np.r_[0.0, change])
-    last = max(len(edit) - count, 0)
-    return int(np.argmax(total[count : count + last + 1] - total[: last + 1])) if last else 0
+    last_start = max(len(edit) - count, 0)
+    if last_start == 0:
+        return 0
+    change_after = total[count : count + last_start + 1] - total[: last_start + 1]
+    return int(np.argmax(change_after))
 
 
 def choose_switch_ticks(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
-    """Return ticks, rising, at which another part of the film, sequence or fade begins.
+    """Return ticks, rising, at which another part of the film, a sprite or a cross-fade begins.
 
-    There are at most `most`, spread over the animation; switches between sprite and frame come
-    first. tracks: track_id and frame of every cut-out.
+    There are at most `most`, spread over the animation; at least half are switches between sprite
+    and frame, if there are so many. tracks: track_id and frame of every cut-out.
     """
     kind = edit["kind"].to_numpy()
     fades = (edit["weight"] > 0).to_numpy()
-    changed = np.append(False, kind[1:] != kind[:-1])
-    frame = kind == FRAME
-    place = tracks[["track_id", "frame"]].to_numpy()[np.where(frame, edit["source"], 0)]
-    jumped = (np.diff(place, axis=0) != (0, 1)).any(axis=1) & frame[1:] & frame[:-1]
-    begins = changed | np.append(False, jumped) | (fades & ~np.append(False, fades[:-1]))
-    between, across = np.flatnonzero(changed), np.flatnonzero(begins & ~changed)
-    total = min(most, len(between) + len(across))
-    first = min(len(between), max(total - len(across), total // 2))
-    places = [
-        where[np.linspace(0, len(where) - 1, count).astype(int)]
-        for where, count in ((between, first), (across, total - first))
-        if count
-    ]
-    return sorted(int(tick) for tick in np.concatenate(places)) if places else []
+    changes_kind = np.append(False, kind[1:] != kind[:-1])
+    is_frame = kind == FRAME
+    filmed = tracks[["track_id", "frame"]].to_numpy()[np.where(is_frame, edit["source"], 0)]
+    jumps = (np.diff(filmed, axis=0) != (0, 1)).any(axis=1) & is_frame[1:] & is_frame[:-1]
+    fade_begins = fades & ~np.append(False, fades[:-1])
+    switches = np.flatnonzero(changes_kind)
+    others = np.flatnonzero((np.append(False, jumps) | fade_begins) & ~changes_kind)
+    total = min(most, len(switches) + len(others))
+    switch_count = min(len(switches), max(total - len(others), total // 2))
+    chosen: list[int] = []
+    for ticks, count in ((switches, switch_count), (others, total - switch_count)):
+        if count:
+            chosen += ticks[np.linspace(0, len(ticks) - 1, count).astype(int)].tolist()
+    return sorted(chosen)
 
 
 def choose_sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]]:
@@ -145,16 +152,16 @@ def choose_sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, li
     The first shows successive ticks in which the heading changes most, the second the ticks around
     each switch. tracks: track_id and frame of every cut-out.
     """
-    start, ticks = find_liveliest_start(edit, TICKS), len(edit)
+    start, count = find_liveliest_start(edit, TICKS), len(edit)
     switches = choose_switch_ticks(edit, tracks, SWITCHES)
-    around = [tick for switch in switches for tick in ticks_around_switch(switch, ticks)]
-    return {"contact_sheet": [*range(start, min(start + TICKS, ticks))], "switches": around}
+    around = [tick for switch in switches for tick in ticks_around_switch(switch, count)]
+    return {"contact_sheet": [*range(start, min(start + TICKS, count))], "switches": around}
 
 
-def ticks_around_switch(tick: int, ticks: int) -> range:
-    """Return the ticks to draw around a switch at `tick`, in an animation of `ticks` ticks."""
-    first = max(0, min(tick - BEFORE, ticks - BEFORE - AFTER))
-    return range(first, min(first + BEFORE + AFTER, ticks))
+def ticks_around_switch(tick: int, count: int) -> range:
+    """Return the ticks to draw around a switch at `tick`, in an animation of `count` ticks."""
+    first = max(0, min(tick - BEFORE, count - BEFORE - AFTER))
+    return range(first, min(first + BEFORE + AFTER, count))
 
 
 def cut_tiles(
@@ -188,7 +195,7 @@ def crop_square(frame: Picture, x_px: float, y_px: float, half_px: int) -> Pictu
 def draw_tiles(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: int = 150) -> Picture:
     """Draw tiles side by side in rows, each below a bar in its colour; return (h, w, 3).
 
-    columns: tiles per row. size: width of a tile in px.
+    columns: tiles per row. size: width of a tile in px. Without tiles the picture is white.
     """
     white = np.full((size + 20, size + 2, 3), 255, np.uint8)
     return np.vstack(join_in_rows([_draw_tile(tile, size) for tile in tiles] or [white], columns))
@@ -200,5 +207,5 @@ def _draw_tile(tile: Tile, size: int) -> Picture:
     bar = np.full((18, size, 3), 255, np.uint8)
     bar[:, :5] = rgb_from_hex(tile.colour)
     share = f"  {100 * tile.weight:.0f} %" if tile.weight > 0 else ""
-    write_text(bar, f"{tile.tick} {tile.name}{share}", (9, 13), (0, 0, 0), 12)
+    write_text(bar, f"{tile.tick} {tile.name}{share}", (9, 13), (0, 0, 0), size=12)
     return np.pad(np.vstack([bar, big]), ((1, 1), (1, 1), (0, 0)), constant_values=255)

@@ -11,16 +11,17 @@ from finloop.base.schema import lists_to_points
 from finloop.plots.parts import Colour, convert_to_colour, join_in_rows, write_text
 from finloop.render.painter import Painter, PlacedFish
 
-_ASKED, _DRAWN, _INK = (86, 180, 233), (213, 94, 0), (150, 30, 30)
+_REQUESTED, _DRAWN, _INK = (86, 180, 233), (213, 94, 0), (150, 30, 30)
 _HALO = (255, 255, 255)
-_ACROSS, _TILE_PX = 4, 300  # tiles in a row, and their width
+_COLUMNS, _TILE_PX = 4, 300  # tiles in a row, and their width
 MOMENTS = 11  # spread over the track; one more, the last, is the worst
 
 
 def choose_ticks_to_draw(requested: pd.DataFrame) -> list[int]:
     """Return at most MOMENTS ticks, spread over the track, and then that of the largest error.
 
-    requested: columns of `retarget.ASKED`, a row per tick.
+    requested: columns of `retarget.ASKED`, a row per tick; apart is the error, NaN where nothing is
+    requested.
     """
     spread = np.linspace(0, len(requested) - 1, min(MOMENTS, len(requested))).astype(int).tolist()
     errors = requested["apart"].to_numpy(float)
@@ -41,30 +42,32 @@ def draw_backbones(
         painter.show(placed)
         row = requested.iloc[[tick]]
         wanted, drawn = (lists_to_points(row, name)[0].astype(float) for name in ("asked", "drawn"))
-        corner = np.array([placed.x_px, placed.y_px]) - size_px / 2
+        corner = np.array([placed.x_px, placed.y_px]) - size_px / 2  # the fish is in the middle
         scale = _TILE_PX / size_px
         to_tile = np.column_stack([scale * np.eye(2), -scale * corner])
         tile = cv2.warpAffine(
             convert_to_colour(painter.frame), to_tile, (_TILE_PX, _TILE_PX), flags=cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         )  # fmt: skip
-        _draw_line(tile, scale * (wanted - corner), _ASKED, 5)
-        _draw_line(tile, scale * (drawn - corner), _DRAWN, 1)
-        apart = float(row["apart"].iloc[0])
-        error = "" if np.isnan(apart) else f", {100 * apart:.1f} % off"
-        for colour, wide in ((_HALO, 4), (_INK, 1)):
-            write_text(tile, f"{row['file_s'].iloc[0]:.2f} s{error}", (6, 16), colour, 0.45, wide)
+        _draw_line(tile, scale * (wanted - corner), _REQUESTED, width=5)
+        _draw_line(tile, scale * (drawn - corner), _DRAWN, width=1)
+        error = float(row["apart"].iloc[0])
+        text = f"{row['file_s'].iloc[0]:.2f} s"
+        text += "" if np.isnan(error) else f", {100 * error:.1f} % off"
+        for colour, line in ((_HALO, 4), (_INK, 1)):
+            write_text(tile, text, (6, 16), colour, size=0.45, line=line)
         tiles.append(tile)
-    return np.vstack(join_in_rows(tiles, _ACROSS))
+    return np.vstack(join_in_rows(tiles, _COLUMNS))
 
 
-def _draw_line(tile: Picture, points: Points, colour: Colour, wide: int) -> None:
+def _draw_line(tile: Picture, points: Points, colour: Colour, width: int) -> None:
     """Draw a line through points (n, 2) in px of the tile; a single point becomes a dot.
 
-    wide: width of the line in px.
+    width: of the line, px.
     """
-    sixteenths = np.round(16 * points).astype(np.int32)
+    sixteenths = np.round(16 * points).astype(np.int32)  # of a pixel, for cv2's shift=4
     if len(sixteenths) == 1:
-        cv2.circle(tile, tuple(sixteenths[0].tolist()), 16 * wide, colour, -1, cv2.LINE_AA, 4)
+        place = tuple(sixteenths[0].tolist())
+        cv2.circle(tile, place, 16 * width, colour, cv2.FILLED, cv2.LINE_AA, shift=4)
     else:
-        cv2.polylines(tile, [sixteenths], False, colour, wide, cv2.LINE_AA, 4)
+        cv2.polylines(tile, [sixteenths], False, colour, width, cv2.LINE_AA, shift=4)

@@ -16,58 +16,59 @@ _INK = (150, 30, 30)
 
 def draw_sprites(
     sprites: pd.DataFrame,
-    pictures: Callable[[int, int], Cutout],
+    load_cutout: Callable[[int, int], Cutout],
     columns: int = 12,
     size: int = 150,
 ) -> Picture:
     """Draw every sprite in orientation 1, and the most bent sprite in all orientations.
 
-    pictures(sprite, orientation): returns the stored cut-out, orientations counted from 1. A cross
-    marks the pivot. columns: tiles per row. size: width of a tile in px. Returns (h, w, 3).
+    load_cutout(sprite, orientation): returns the stored cut-out, orientations counted from 1. A
+    cross marks the pivot. columns: tiles per row. size: width of a tile, px. Returns (h, w, 3).
     """
     count = count_orientations(sprites)
+    # All tiles have one scale, so that the largest cut-out, also a quarter turned, fits.
     reach = 1
     for row in sprites.itertuples():
-        for cutout in (pictures(row.sprite, 1), pictures(row.sprite, 1 + count // 4)):
-            h, w = cutout.pixels.shape[:2]
+        for orientation in (1, 1 + count // 4):
+            cutout = load_cutout(row.sprite, orientation)
+            height, width = cutout.pixels.shape[:2]
             x, y = row.x_px - cutout.x0_px, row.y_px - cutout.y0_px
-            reach = max(reach, 1 + int(np.ceil(max(x, y, w - x, h - y))))
+            reach = max(reach, 1 + int(np.ceil(max(x, y, width - x, height - y))))
 
     def draw_orientation(row: Any, orientation: int, above: str, below: str) -> Picture:
-        return _draw_tile(pictures(row.sprite, orientation), row, reach, size, above, below)
+        """Draw a sprite, a row of the table, in an orientation, with two texts."""
+        return _draw_tile(load_cutout(row.sprite, orientation), row, reach, size, above, below)
 
     bands = []
-    for word, rows in sprites.groupby("sequence", sort=False):
+    for sequence, rows in sprites.groupby("sequence", sort=False):
         tiles = []
         for row in rows.itertuples():
-            motion = f"a {row.motion_area_rel:.2f} {row.turn_deg:+.0f} deg"
-            above, below = f"{word} {row.step} {row.phase}", f"{row.track_id}:{row.frame} {motion}"
+            above = f"{sequence} {row.step} {row.phase}"
+            below = f"{row.track_id}:{row.frame} "
+            below += f"a {row.motion_area_rel:.2f} {row.turn_deg:+.0f} deg"
             tiles.append(draw_orientation(row, 1, above, below))
         bands += join_in_rows(tiles, columns)
-    row = next(sprites.iloc[[int(sprites["motion_area_rel"].argmax())]].itertuples())
-    turns = {
-        orientation: f"{orientation_heading_deg(orientation, count):.0f} deg"
-        for orientation in range(1, count + 1)
-    }
-    tiles = [
-        draw_orientation(row, orientation, f"orientation {orientation}", angle)
-        for orientation, angle in turns.items()
-    ]
+    most_bent = next(sprites.iloc[[int(sprites["motion_area_rel"].argmax())]].itertuples())
+    tiles = []
+    for orientation in range(1, count + 1):
+        above = f"orientation {orientation}"
+        below = f"{orientation_heading_deg(orientation, count):.0f} deg"
+        tiles.append(draw_orientation(most_bent, orientation, above, below))
     return np.vstack([*bands, *join_in_rows(tiles, columns)])
 
 
 def _draw_tile(cutout: Cutout, row: Any, reach: int, size: int, above: str, below: str) -> Picture:
     """Draw a cut-out in a tile, `size` px wide, with its pivot in the middle.
 
-    row: of the table of sprites. reach: px of the film from the middle to the tile's edge. above,
-    below: texts.
+    row: of the table of sprites, with the pivot x_px, y_px. reach: px of the film from the middle
+    to the tile's edge. above, below: texts.
     """
     scale = size / (2 * reach)
     x, y = row.x_px - cutout.x0_px, row.y_px - cutout.y0_px
-    matrix = np.array([[scale, 0, size / 2 - scale * x], [0, scale, size / 2 - scale * y]])
+    to_tile = np.array([[scale, 0, size / 2 - scale * x], [0, scale, size / 2 - scale * y]])
     pixels = cutout.pixels.astype(np.float32)
-    big = np.clip(cv2.warpAffine(pixels, matrix, (size, size), flags=cv2.INTER_CUBIC), 0, 255)
-    tile = lay_on_grey(big[..., :-1], big[..., -1:] / 255)
+    scaled = np.clip(cv2.warpAffine(pixels, to_tile, (size, size), flags=cv2.INTER_CUBIC), 0, 255)
+    tile = lay_on_grey(scaled[..., :-1], scaled[..., -1:] / 255)
     middle = size // 2
     cv2.drawMarker(tile, (middle, middle), (255, 255, 255), cv2.MARKER_CROSS, 5, 1)
     cv2.rectangle(tile, (0, 0), (size - 1, size - 1), (225,) * 3, 1)

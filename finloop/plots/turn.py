@@ -42,21 +42,20 @@ def find_strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
 def _clear_turn_deg(features: pd.DataFrame, k: int, delta: int) -> Floats:
     """Return by how many degrees the heading turns in the 2k frames after each row, (rows − 2k,).
 
-    0 where that is no clear turn. k, delta: the time between two pictures, and the time in which
-    motion is measured, in frames.
+    The result is ≥ 0, and 0 without a clear turn. k, delta: the time between two pictures, and the
+    time in which motion is measured, in frames.
     """
     first = np.arange(max(len(features) - 2 * k, 0))
     middle, last = first + k, first + 2 * k
-    track, swimming_type, area = (
-        features[name].to_numpy() for name in ("track_id", "swimming_type", "motion_area")
-    )
-    sure = features["head_confidence"].rolling(2 * k + 1).min().to_numpy()[last] >= _SURE
-    first_half, second_half = (
-        heading_change_deg(features, rows, k, delta) for rows in (first, middle)
-    )
+    track, area = features["track_id"].to_numpy(), features["motion_area"].to_numpy()
+    swimming_type = features["swimming_type"].to_numpy()  # left 1, straight 0, right −1
+    least_confidence = features["head_confidence"].rolling(2 * k + 1).min().to_numpy()[last]
+    first_half = heading_change_deg(features, first, k, delta)
+    second_half = heading_change_deg(features, middle, k, delta)
     side = np.sign(first_half)
-    clear = sure & (track[first] == track[last]) & (swimming_type[first] == STRAIGHT)
-    clear &= (side != STRAIGHT) & (swimming_type[middle] == side) & (np.sign(second_half) == side)
+    clear = (least_confidence >= _SURE) & (track[first] == track[last])
+    clear &= (swimming_type[first] == STRAIGHT) & (side != STRAIGHT)
+    clear &= (swimming_type[middle] == side) & (np.sign(second_half) == side)
     clear &= area[middle] >= np.maximum(area[first], area[last])
     return np.where(clear, np.abs(first_half + second_half), 0.0)
 
@@ -77,8 +76,8 @@ def figure5(
 ) -> Figure:
     """Draw Fig. 5 of the fish paper: the fish at three rows of a turn, and the turn over time.
 
-    rows (3,): from `find_strongest_turn`. fish: the specimens at these rows. background: the empty
-    tank.
+    features: the feature table. rows (3,): frames t0, t0 + k, t0 + 2k. fish: the specimens at these
+    rows. background: the empty tank.
     """
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
     parts: NDArray[np.object_] = np.asarray(figure.subfigures(2, 1, height_ratios=(8.4, 2.8)))
@@ -87,7 +86,7 @@ def figure5(
     side = round(_WINDOW * max(float(specimen.row["body_length_px"]) for specimen in fish))
     delta, k = infer_delta_frames(features), int(rows[1] - rows[0])
     angles = heading_change_deg(features, rows[:-1], k, delta)
-    times = [f"t0{f' + {n}k' if n > 1 else ' + k' if n else ''}" for n in range(len(rows))]
+    times = ["t0", "t0 + k", "t0 + 2k"]
     for number, (specimen, letter) in enumerate(zip(fish, "abc", strict=True)):
         film, corner = _crop_around_fish(specimen, background, side)
         for axes in panels[:, number]:
@@ -99,22 +98,22 @@ def figure5(
         turned = float(angles[number - 1]) if number else None
         _draw_measures(panels[1, number], specimen, corner, turned)
         row = specimen.row
-        words = f"({letter}′)  motion area {row['motion_area_rel']:.2f}, "
-        words += f"swimming type: {WORDS[int(row['swimming_type'])]}\n"
+        title = f"({letter}′)  motion area {row['motion_area_rel']:.2f}, "
+        title += f"swimming type: {WORDS[int(row['swimming_type'])]}\n"
         if turned is not None:
             angle = f"{turned:+.0f}".replace("-", "−")
-            words += f"included angle {angle}° since ({'abc'[number - 1]})"
-        panels[1, number].set_title(words, fontsize=11)
-    times_delta = "Δ" if k == delta else f"{k // delta}Δ"
-    frames = f"k = {times_delta} = {k} frame{'s' if k > 1 else ''}"
-    track, seconds = fish[0].row["track_id"], fish[-1].row["time_s"] / fish[-1].row["frame"]
+            title += f"included angle {angle}° since ({'abc'[number - 1]})"
+        panels[1, number].set_title(title, fontsize=11)
+    in_deltas = "Δ" if k == delta else f"{k // delta}Δ"
+    frames = f"k = {in_deltas} = {k} frame{'s' if k > 1 else ''}"
+    track, frame_s = fish[0].row["track_id"], fish[-1].row["time_s"] / fish[-1].row["frame"]
     handles = [
         *panels[1, 0].get_legend_handles_labels()[0],
         Line2D([], [], color=_HEADING, lw=2.5, label="heading"),
         Line2D([], [], color="0.35", lw=1.5, ls=(0, (3, 2)), label="heading k before"),
     ]
     upper.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False)
-    upper.suptitle(f"track {track:.0f}; {frames} = {k * seconds:.2f} s", fontsize=11)
+    upper.suptitle(f"track {track:.0f}; {frames} = {k * frame_s:.2f} s", fontsize=11)
     _draw_turn_over_time(lower, features, rows, k)
     return figure
 
@@ -126,9 +125,9 @@ def _crop_around_fish(
 
     side: of the square in px. Beyond the tank's edge its last pixels are repeated.
     """
-    film, (h, w) = background.copy(), specimen.film.shape[:2]
+    film, (height, width) = background.copy(), specimen.film.shape[:2]
     x0, y0 = specimen.x0_px, specimen.y0_px
-    film[y0 : y0 + h, x0 : x0 + w] = specimen.film
+    film[y0 : y0 + height, x0 : x0 + width] = specimen.film
     low, high = specimen.backbone.min(0), specimen.backbone.max(0)
     corner = np.round((low + high - side) / 2).astype(np.intp)
     x, y = (
@@ -186,19 +185,19 @@ def _draw_turn_over_time(
     rows (3,): the rows of the turn, which vertical lines mark.
     """
     track = features["track_id"].to_numpy()
-    near = np.arange(max(rows[0] - k, 0), min(rows[-1] + k + 1, len(features)))
-    near = near[track[near] == track[rows[0]]]
+    shown = np.arange(max(rows[0] - k, 0), min(rows[-1] + k + 1, len(features)))
+    shown = shown[track[shown] == track[rows[0]]]
     frame = features["frame"].to_numpy()
-    area, heading = (features[name].to_numpy(float) for name in ("motion_area_rel", "heading_deg"))
-    turned = np.unwrap(heading[near], period=360)
-    turned -= turned[np.searchsorted(near, rows[0])]
+    area = features["motion_area_rel"].to_numpy(float)
+    turned = np.unwrap(features["heading_deg"].to_numpy(float)[shown], period=360)
+    turned -= turned[np.searchsorted(shown, rows[0])]
     axes = part.subplots()
-    axes.plot(frame[near], area[near], ".-", color=_AREA, label="motion area (left)")
+    axes.plot(frame[shown], area[shown], ".-", color=_AREA, label="motion area (left)")
     axes.set(xlabel="frame", ylabel="motion area (relative)", ylim=(0, None))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    other = axes.twinx()
-    other.plot(frame[near], turned, ".-", color=_HEADING, label="heading since t0 (right)")
-    other.set(ylabel="heading since t0 (°, + = left)")
+    heading_axes = axes.twinx()
+    heading_axes.plot(frame[shown], turned, ".-", color=_HEADING, label="heading since t0 (right)")
+    heading_axes.set(ylabel="heading since t0 (°, + = left)")
     for row, letter in zip(rows, "abc", strict=True):
         axes.axvline(frame[row], color="0.5", lw=0.8, ls=":")
         axes.annotate(
