@@ -160,7 +160,6 @@ def test_a_cross_fade_is_half_way_between():
 def test_the_mass_centre_is_where_the_list_puts_it():
     fish = fish_of(edit_list(1, x_px=120.25, y_px=33.5, rotation_deg=77.0))
     assert fish.place[0, :2] == pytest.approx([120.25, -33.5])
-    assert fish.head_places[0, :2] == pytest.approx([120.25, -33.5] + fish.poses.backbone[0, 0])
     seen = fish_mask(fish, 0, (150, 200))
     assert np.argwhere(seen).mean(0) == pytest.approx([33.5, 120.25], abs=0.7)
 

@@ -76,7 +76,7 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
     fish = fish_of(edit_list(2, x_px=[70.0, 140.0], y_px=[50.0, 100.0], rotation_deg=[20.0, 200.0]))
     size = (208, 156)
     room = ROOM._replace(aspect=size[0] / size[1])
-    view = camera_views("top", room, fish.head_places, fish.poses.heading, 25.0)
+    view = camera_views("top", room, fish.place, fish.poses.heading, 25.0)
     floor = np.full((150, 200), 128, np.uint8)
     floor[:40, :40] = 60
     with TankScene(floor, room, size) as scene:
@@ -106,7 +106,7 @@ def test_several_fish_are_drawn_each_with_its_shadow():
     size = (208, 156)
     room, floor = ROOM._replace(aspect=size[0] / size[1]), np.full((150, 200), 128, np.uint8)
     one, other = (fish_of(edit_list(1, x_px=x, y_px=75.0)) for x in (60.0, 140.0))
-    view = camera_views("top", room, one.head_places, one.poses.heading, 25.0)
+    view = camera_views("top", room, one.place, one.poses.heading, 25.0)
     shown = {}
     for name, fish in {"one": [one], "other": [other], "both": [one, other]}.items():
         with TankScene(floor, room, size, len(fish)) as scene:

@@ -51,12 +51,10 @@ def keypoints_of_tracks(
     return Poses(
         tuple(f"track_{number}" if animals is None else str(number) for number in ids),
         (HEAD, *(f"body_{n}" for n in range(1, body_points + 1)), TAIL, CENTRE),
-        frames,
-        np.searchsorted(ids, rows["individual"].to_numpy()),
-        rows["frame"].to_numpy(np.int64),
-        np.concatenate([places, centre[:, None]], axis=1),
+        frames, np.searchsorted(ids, rows["individual"].to_numpy()),
+        rows["frame"].to_numpy(np.int64), np.concatenate([places, centre[:, None]], axis=1),
         np.concatenate([confidence, np.ones((len(rows), 1))], axis=1),
-    )
+    )  # fmt: skip
 
 
 def deeplabcut_tables(poses: Poses, block: int = BLOCK) -> Iterator[pd.DataFrame]:

@@ -321,10 +321,11 @@ class LiveFish:
         self._record_tick()
 
     def _record_tick(self) -> None:
-        """Go to the next tick of the plan, and remember its row and the user's request."""
+        """Go to the next tick of the plan, and remember how it is drawn and the user's request."""
         row = TankRow._make((*self._plan[self._played].item(), self._plan_poses[self._played]))
         self._played += 1
-        # A hidden partner stays hidden: two unlike fish on top of each other look like ghosts.
+        # The picture that is cross-faded is hidden, and stays hidden, if it is too unlike: two
+        # unlike fish on top of each other look like ghosts.
         self._was_hidden = row.weight > 0 and (self._was_hidden or self._too_unlike(row))
         last = self._decisions[-1]
         if self._played == len(self._plan):
@@ -333,12 +334,9 @@ class LiveFish:
         self._poses[slot] = row.pose
         self._requests[slot] = Request(self.mode, self.path_task, self.rule_task, self._cut_after)
         self._ring[slot] = row._replace(
-            weight=0.0 if self._was_hidden else row.weight,
-            goal_x_px=goal.x_px if goal else math.nan,
-            goal_y_px=goal.y_px if goal else math.nan,
-            reached=self.reached,
-            decided=last.tick,
-        )[:-1]  # without the pose
+            weight=0.0 if self._was_hidden else row.weight, reached=self.reached, decided=last.tick,
+            goal_x_px=goal.x_px if goal else math.nan, goal_y_px=goal.y_px if goal else math.nan,
+        )[:-1]  # fmt: skip
 
     def _next_target(self) -> Goal | Route | Rule | None:
         """Return the goal, path or rule of the next decision; None: the fish wanders.

@@ -144,21 +144,9 @@ class FrameDrawn(StrictModel):
 
 
 PageRequest = (
-    SetGoal
-    | SetPath
-    | SetRule
-    | SetZoneWeights
-    | LetWander
-    | SetMode
-    | SetPaused
-    | AdvanceTick
-    | SetPlaybackRate
-    | ShowPastTick
-    | SwimOnFromPast
-    | ExplainFish
-    | SetFishCount
-    | FrameDrawn
-)
+    SetGoal | SetPath | SetRule | SetZoneWeights | LetWander | SetMode | SetPaused | AdvanceTick
+    | SetPlaybackRate | ShowPastTick | SwimOnFromPast | ExplainFish | SetFishCount | FrameDrawn
+)  # fmt: skip
 _REQUEST: TypeAdapter[PageRequest] = TypeAdapter(Annotated[PageRequest, Field(discriminator="do")])
 
 

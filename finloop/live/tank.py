@@ -157,7 +157,7 @@ class LiveTank:
         world = self.world
         x, y = np.array([world.tank.nearest_legal_point(*place) for place in places], float).T
         gap, reach = np.hypot(x[-1] - x[0], y[-1] - y[0]), np.hypot(x - x[0], y - y[0]).max()
-        # Places nearer than touch_px count as one.
+        # Places nearer to each other than touch_px count as one place.
         if reach <= world.touch_px:
             self.send_to_goal(fish_index, float(x[-1]), float(y[-1]))
             return

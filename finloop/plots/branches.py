@@ -233,11 +233,8 @@ def choose_fish_to_draw(fish: Iterable[ThinnedFish]) -> tuple[list[ThinnedFish],
         most_branched = sorted([*most_branched, thinned], key=branch_order)[:1]
         candidates = [*most_different, thinned]
         most_different = sorted(candidates, key=lambda thinned: -thinned.difference_px)[:2]
-    second = [
-        thinned
-        for thinned in most_different
-        if thinned.difference_px and thinned is not most_branched[0]
-    ]
+    others = [thinned for thinned in most_different if thinned is not most_branched[0]]
+    second = [thinned for thinned in others if thinned.difference_px]
     words = (
         f"{count} fish, thinned with every pixel above the noise: {branched} have a side branch "
         f"that leaves the fish, the two rules differ for {differing}.\n"

@@ -35,8 +35,7 @@ def draw_detections(
         panel, scale = convert_to_colour(frame), frame.shape[1] / 900
         lit_scene = match_scene_to_light(scene, frame)
         edge = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, thin=typical.thin)
-        found = find_silhouettes(frame, lit_scene, arena, settings.least_area_px, edge)
-        for silhouette in found:
+        for silhouette in find_silhouettes(frame, lit_scene, arena, settings.least_area_px, edge):
             contours = cv2.findContours(
                 silhouette.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE,
                 offset=(silhouette.x0, silhouette.y0),

@@ -30,12 +30,9 @@ Pose = Mapping[str, Points]
 
 
 def draw_gait_figures(
-    film: GaitContours,
-    gait: Gait,
-    keys: KeyFrames,
-    subcycles: Mapping[tuple[str, int], Subcycle],
+    film: GaitContours, gait: Gait, keys: KeyFrames, subcycles: Mapping[tuple[str, int], Subcycle],
     pictures: tuple[Sequence[NDArray[np.uint8]], Points] | None = None,
-) -> Iterator[tuple[str, Figure]]:
+) -> Iterator[tuple[str, Figure]]:  # fmt: skip
     """Yield Figs. 8 to 14 of the curve paper, each with its name, "fig8" to "fig14".
 
     film: contours with their phases. gait: phases and γ. keys: the two key frames. subcycles: by

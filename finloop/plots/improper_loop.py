@@ -64,14 +64,11 @@ def find_most_improper_loop(
     considered = off[:, :1] if off[:, 0].any() else off  # column 0: between the ends
     pair, place = np.unravel_index(int(considered.argmax()), considered.shape)
     return ImproperLoop(
-        a=int(a[pair]),
-        b=int(b[pair]),
-        place=int(place),
+        a=int(a[pair]), b=int(b[pair]), place=int(place),
         travel_deg=float(travel.travel_deg[pair, place]),
         heading_deg=float(travel.heading_deg[pair, place]),
-        off_deg=float(travel.off_deg[pair, place]),
-        filtered=float(pairs["filtered"].iloc[pair]),
-    )
+        off_deg=float(travel.off_deg[pair, place]), filtered=float(pairs["filtered"].iloc[pair]),
+    )  # fmt: skip
 
 
 def loop_path_rows(loop: ImproperLoop, features: pd.DataFrame) -> Rows:

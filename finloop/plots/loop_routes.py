@@ -210,10 +210,8 @@ def _draw_route(axes: Axes, route: Sequence[Leg], ends: Rows, frame: Rows) -> No
     level = 0
     for start, stop, kind in merge_play_legs(route):
         if kind == PLAY:
-            axes.plot(
-                frame[[start, stop]], [-level, -level], color="black", lw=2.5,
-                solid_capstyle="butt",
-            )  # fmt: skip
+            x, y = frame[[start, stop]], np.array([-level, -level])
+            axes.plot(x, y, color="black", lw=2.5, solid_capstyle="butt")
         else:
             level += 1
             x, y = frame[[start, start, stop, stop]], np.array([1, 0.62, 0.62, 0.14]) - level

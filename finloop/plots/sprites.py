@@ -15,11 +15,9 @@ _INK = (150, 30, 30)
 
 
 def draw_sprites(
-    sprites: pd.DataFrame,
-    load_cutout: Callable[[int, int], Cutout],
-    columns: int = 12,
-    size: int = 150,
-) -> Picture:
+    sprites: pd.DataFrame, load_cutout: Callable[[int, int], Cutout],
+    columns: int = 12, size: int = 150,
+) -> Picture:  # fmt: skip
     """Draw every sprite in orientation 1, and the most bent sprite in all orientations.
 
     load_cutout(sprite, orientation): returns the stored cut-out, orientations counted from 1. A
@@ -70,8 +68,9 @@ def _draw_tile(cutout: Cutout, row: Any, reach: int, size: int, above: str, belo
     scaled = np.clip(cv2.warpAffine(pixels, to_tile, (size, size), flags=cv2.INTER_CUBIC), 0, 255)
     tile = lay_on_grey(scaled[..., :-1], scaled[..., -1:] / 255)
     middle = size // 2
-    cv2.drawMarker(tile, (middle, middle), (255, 255, 255), cv2.MARKER_CROSS, 5, 1)
-    cv2.rectangle(tile, (0, 0), (size - 1, size - 1), (225,) * 3, 1)
-    for text, y in ((above, 12), (below, size - 5)):
-        write_text(tile, text, (4, y), _INK, 0.32)
+    white, grey = (255, 255, 255), (225, 225, 225)
+    cv2.drawMarker(tile, (middle, middle), white, cv2.MARKER_CROSS, markerSize=5, thickness=1)
+    cv2.rectangle(tile, (0, 0), (size - 1, size - 1), grey, thickness=1)
+    write_text(tile, above, (4, 12), _INK, size=0.32)
+    write_text(tile, below, (4, size - 5), _INK, size=0.32)
     return tile

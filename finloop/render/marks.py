@@ -72,13 +72,9 @@ def rgb_from_hex(colour: str) -> tuple[int, int, int]:
 
 
 def write_text(
-    picture: NDArray[np.uint8],
-    text: str,
-    place: tuple[int, int],
-    colour: tuple[int, int, int],
-    size: int,
-    weight: int = _REGULAR,
-) -> None:
+    picture: NDArray[np.uint8], text: str, place: tuple[int, int], colour: tuple[int, int, int],
+    size: int, weight: int = _REGULAR,
+) -> None:  # fmt: skip
     """Write a text into a picture (h, w, 3), which is changed.
 
     place: x, y px of the base line's left end; colour: red, green, blue, 0 … 255; size: of the
@@ -104,7 +100,10 @@ class MarkPainter:
     """Draws the fish of an edit list and their marks tick by tick, with a painter in colour."""
 
     def __init__(self, painter: Painter, edit: pd.DataFrame, goals: Sequence[Goal]) -> None:
-        """Draw the goals on the floor, and lay out the caption in a corner."""
+        """Draw the goals on the floor, and lay out the caption in a corner.
+
+        painter: draws in colour; edit: an edit list, of one or several fish, all equally long.
+        """
         height, width = painter.canvas.shape[:2]
         self._painter, self._goals = painter, {goal.name: goal for goal in goals}
         self._size = max(9, round(height / 36))

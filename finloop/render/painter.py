@@ -288,13 +288,9 @@ class Painter:
         return np.asarray(1 - through.mean(axis=2) / 255, np.float32)
 
     def draw(
-        self,
-        x_px: float,
-        y_px: float,
-        fish: TurnedPicture | BentPicture,
-        partner: TurnedPicture | BentPicture | None = None,
-        weight: float = 0.0,
-    ) -> Box:
+        self, x_px: float, y_px: float, fish: TurnedPicture | BentPicture,
+        partner: TurnedPicture | BentPicture | None = None, weight: float = 0.0,
+    ) -> Box:  # fmt: skip
         """Draw a fish with its mass centre at (x_px, y_px) of the canvas; return its box.
 
         fish: its picture. `partner`, of the same kind, is cross-faded into it with the share

@@ -22,9 +22,7 @@ class RenderSettings:
     webp_quality: Quality
     comparison_seconds: NotNegative
 
-    shadow_blur: ClassVar[float] = (
-        0.05  # body lengths, SD of its blur; soft, yet narrower than a fish
-    )
+    shadow_blur: ClassVar[float] = 0.05  # body lengths, SD of its blur: narrower than a fish
     beside_px: ClassVar[int] = 256  # px, width of a panel of modes.mp4; five fit on a screen
     RENAMED: ClassVar = {
         "marks": "marked_film",

@@ -233,11 +233,8 @@ _GAIT = (
     ("fig14", "Fig. 14", "With few control points", "The cycle with 4, 16 and 64 of them."),
 )  # fmt: skip
 GAITS = Chapter(
-    "gait",
-    "Gait",
-    CURVE,
-    "A cycle of motion, described by a few numbers γ from a film, drives another drawing.",
-    tuple(
+    "gait", "Gait", CURVE,
+    "A cycle of motion, described by a few numbers γ from a film, drives another drawing.", tuple(
         Figure(
             f"gait/figures/{folder}/{name}.png", number, f"{title}: {source}", caption,
             f"{title}, of {source}. {caption}",

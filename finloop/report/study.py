@@ -31,44 +31,23 @@ COLUMNS = (
     StudyColumn("identity.identities", "animals", "tracks, joined to animals where they touched"),
     StudyColumn("extract.tracks", "tracks", "tracks before they were joined"),
     StudyColumn("features.body_length_median_px", "length (px)", "median body length"),
-    StudyColumn(
-        "features.headed_along_travel_pct",
-        "heads ahead (%)",
-        "moving animals that go where the head points: where it is low, heads may be tails",
-        "high",
-    ),
+    StudyColumn("features.headed_along_travel_pct", "heads ahead (%)",
+                "moving animals that go where the head points: where it is low, heads may be tails",
+                "high"),
     StudyColumn("loops.loops", "loops", "video loops (§4.1)"),
-    StudyColumn(
-        "animate.hybrid_trials_film_pct",
-        "hybrid: film (%)",
-        "time for which mode hybrid plays film",
-        "high",
-    ),
-    StudyColumn(
-        "animate.hybrid_trials_goals_reached_pct",
-        "hybrid: goals (%)",
-        "random goals that mode hybrid reaches",
-        "high",
-    ),
-    StudyColumn(
-        "animate.matching_trials_goals_reached_pct",
-        "matching: goals (%)",
-        "random goals that mode matching reaches",
-        "high",
-    ),
-    StudyColumn(
-        "realism.hybrid_auc",
-        "hybrid: AUC",
-        "how well a classifier distinguishes the motion of mode hybrid from the film's",
-        "as halves",
-    ),
+    StudyColumn("animate.hybrid_trials_film_pct", "hybrid: film (%)",
+                "time for which mode hybrid plays film", "high"),
+    StudyColumn("animate.hybrid_trials_goals_reached_pct", "hybrid: goals (%)",
+                "random goals that mode hybrid reaches", "high"),
+    StudyColumn("animate.matching_trials_goals_reached_pct", "matching: goals (%)",
+                "random goals that mode matching reaches", "high"),
+    StudyColumn("realism.hybrid_auc", "hybrid: AUC",
+                "how well a classifier distinguishes the motion of mode hybrid from the film's",
+                "as halves"),
     StudyColumn("realism.matching_auc", "matching: AUC", "the same for mode matching", "as halves"),
-    StudyColumn(
-        "realism.halves_auc",
-        "halves: AUC",
-        "the same for two halves of the film itself: what the film cannot tell apart",
-    ),
-)
+    StudyColumn("realism.halves_auc", "halves: AUC",
+                "the same for two halves of the film itself: what the film cannot tell apart"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,10 @@ class LiveAnimals:
     def __init__(
         self, settings: AnimalSettings | None, tank: TankGeometry, mm_per_px: float | None
     ) -> None:
-        """Begin without any animal; FinloopError if the tracker's calibration is invalid."""
+        """Begin without any animal; FinloopError if the tracker's calibration is invalid.
+
+        settings: of the protocol, None without animals; mm_per_px: mm per px of the tank's picture.
+        """
         self._tank = tank
         self.calibration = None if settings is None else fit_calibration(settings, mm_per_px)
         self.gap_s = 0.0 if settings is None else settings.gap_s

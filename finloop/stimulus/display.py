@@ -86,9 +86,8 @@ def load_display(path: Path) -> DisplayCalibration:
             "calibrate the display first (key C on its page)",
         ) from error
     if len(content) > _MOST_BYTES:
-        raise FinloopError(
-            f"{path} is larger than {_MOST_BYTES} bytes", "a calibrated display", _ADVICE
-        )
+        came = f"{path} is larger than {_MOST_BYTES} bytes"
+        raise FinloopError(came, "a calibrated display", _ADVICE)
     try:
         return DisplayCalibration.model_validate_json(content)
     except UnicodeError as error:
@@ -105,9 +104,8 @@ def load_display(path: Path) -> DisplayCalibration:
         for problem in problems:
             field = ".".join(map(str, problem["loc"])) or "the whole"
             lines += f"\n    {field}: {problem['msg']}"
-        raise FinloopError(
-            f"the display {path} is broken:{lines}", "a calibrated display", _ADVICE
-        ) from error
+        came = f"the display {path} is broken:{lines}"
+        raise FinloopError(came, "a calibrated display", _ADVICE) from error
 
 
 def save_display(path: Path, display: DisplayCalibration) -> None:

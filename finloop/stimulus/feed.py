@@ -50,7 +50,11 @@ class Feed:
     def __init__(
         self, tank: TankCanvas, facts: dict[str, Any], load_picture: Callable[[int], PagePicture]
     ) -> None:
-        """Begin with a page that has no pictures; choose how many it shall keep."""
+        """Begin with a page that has no pictures; choose how many it shall keep.
+
+        facts: values of the message `hello`, among them `fish` (how many) and `rate` (ticks/s);
+        load_picture: returns a picture of the film by its row.
+        """
         self.tank, self.facts, self._load_picture = tank, facts, load_picture
         # A fish needs two pictures a tick, from sending until just after display.
         needed = round(2 * facts["fish"] * (EARLY_S * facts["rate"] + 2))

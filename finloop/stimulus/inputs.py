@@ -43,13 +43,9 @@ async def receive_datagrams(
         """Handler of arriving datagrams; it stops the receiving if `receive` raises an error."""
 
         def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
-            """Pass on the texts of one datagram; addr: host and port of its sender.
-
-            An error of `receive` ends the receiving.
-            """
-            texts = (
-                parse_osc_packet(data, token) if kind == "osc" else [parse_datagram(data, token)]
-            )
+            """Pass on the texts of one datagram; addr: host and port of its sender."""
+            is_osc = kind == "osc"
+            texts = parse_osc_packet(data, token) if is_osc else [parse_datagram(data, token)]
             try:
                 for text in texts:
                     receive(text, f"{kind}://{addr[0]}:{addr[1]}")

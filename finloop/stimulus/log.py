@@ -58,7 +58,7 @@ class Log:
     """
 
     def __init__(self, path: Path, header: dict[str, Any]) -> None:
-        """Create the journal's file; FinloopError if it exists."""
+        """Create the journal's file, with a header of JSON values; FinloopError if it exists."""
         self._journal = Journal(path, SESSION, json.dumps(header))
         self._entries: list[dict[str, Any]] = []
         self._frames: list[tuple[int | None, Floats, States]] = []

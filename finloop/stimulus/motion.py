@@ -51,7 +51,7 @@ class TrialContext:
     """
 
     def __init__(self, player: AnyPlayer, bodies: Bodies, mm_per_px: float | None = None) -> None:
-        """Collect what all trials share; player: of mode `matching`, bodies: of the film."""
+        """Collect what all trials share: the player, the film's postures, and their sizes."""
         self.player, self.bodies, self.mm_per_px = player, bodies, mm_per_px
         self.world = player.world
         self.rate_hz = self.world.motion.rate_hz
@@ -278,7 +278,10 @@ class ReactiveMotion:
     def __init__(
         self, scene: TrialContext, setup: TrialSetup, animals: LiveAnimals, keeps: bool = True
     ) -> None:
-        """Put the fish of a trial into a tank; the first tick is not planned yet."""
+        """Put the fish of a trial into a tank; the first tick is not planned yet.
+
+        keeps: whether all states are kept, not only the last tick's.
+        """
         rule = setup.condition.motion.rule
         assert rule is not None
         self._scene, self._setup, self._animals, self._rule = scene, setup, animals, rule

@@ -65,7 +65,7 @@ class PagePictures:
     """
 
     def __init__(self, gallery: Gallery, shrink: float = 1.0) -> None:
-        """Take the pictures of a gallery, shrunk if fish are drawn much smaller than filmed."""
+        """Take the pictures of a gallery; shrink: drawn size / filmed size, applied below 0.75."""
         self._gallery, self._shrink = gallery, shrink if shrink < _SMALLER else 1.0
 
     @property

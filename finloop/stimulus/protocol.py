@@ -65,7 +65,7 @@ def _check_template(text: str) -> str:
     try:
         parts = list(Formatter().parse(text))
     except ValueError:
-        parts = [("", "", "", None)]  # an unknown name
+        parts = [("", "", "", None)]  # refused as an unknown name
     known = (*TRIGGER_WORDS, None)  # None: text without braces
     if any(name not in known or format_spec or how for _, name, format_spec, how in parts):
         words = ", ".join(f"{{{word}}}" for word in TRIGGER_WORDS)

@@ -72,11 +72,8 @@ def load_protocol(path: Path) -> Protocol:
         with path.open("rb") as file:
             raw = file.read(MOST_BYTES + 1)
     except OSError as error:
-        raise FinloopError(
-            f"{path} cannot be read ({error.strerror})",
-            "a protocol, a YAML file",
-            "correct its name",
-        ) from error
+        came, wanted = f"{path} cannot be read ({error.strerror})", "a protocol, a YAML file"
+        raise FinloopError(came, wanted, "correct its name") from error
     if len(raw) > MOST_BYTES:
         raise _protocol_error(str(path), [f"larger than {MOST_BYTES / 1e6:g} MB"])
     try:

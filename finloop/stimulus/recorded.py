@@ -130,7 +130,7 @@ class DryClock:
     """
 
     def __init__(self, messages: Iterable[tuple[float, str]] = ()) -> None:
-        """Begin at time 0."""
+        """Begin at time 0; messages: of trackers, each with its session time [s], in order."""
         self._now, self._messages = 0.0, iter(messages)
         self._next = next(self._messages, None)
         self.receive: Callable[[str, str], Any] = lambda text, source: None

@@ -56,9 +56,8 @@ def open_session_record(path: Path) -> SessionRecord:
         file = pq.ParquetFile(path)
     except (OSError, pa.ArrowException) as error:
         advice = "make it whole from its journal: python -m stages.stimulus recover <name>.journal"
-        raise FinloopError(
-            f"{path} cannot be read ({str(error).splitlines()[0]})", _WANTED, advice
-        ) from error
+        came = f"{path} cannot be read ({str(error).splitlines()[0]})"
+        raise FinloopError(came, _WANTED, advice) from error
     text = read_header(file.schema_arrow.metadata)
     if text is None or file.schema_arrow.names != SESSION.names:
         raise FinloopError(f"{path} is no session", _WANTED, "name another file")

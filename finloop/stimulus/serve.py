@@ -137,7 +137,7 @@ class DisplayHub:
     """
 
     def __init__(self, feed: Feed, read_time: Callable[[], float] = time.perf_counter) -> None:
-        """Begin without any page."""
+        """Begin without any page; feed: makes its messages; read_time: returns session time, s."""
         self.feed, self._read_time = feed, read_time
         self.screens: list[DisplayPage] = []
         self._background: set[asyncio.Task[None]] = set()
@@ -207,7 +207,7 @@ class SessionHub(DisplayHub):
     """
 
     def __init__(self, session: Session, name: str, store: Path) -> None:
-        """Begin without any page or tracker."""
+        """Begin without any page or tracker; name, store: a display's, and its calibration file."""
         super().__init__(session.feed, session.clock.read_time)
         self.session, self._name, self._store = session, name, store
         self._programs: set[WebSocket] = set()
@@ -288,7 +288,7 @@ class CalibrationHub(DisplayHub):
     """
 
     def __init__(self, feed: Feed, store: Path, done: Callable[[], None]) -> None:
-        """Begin without any page."""
+        """Begin without any page; done: called when the calibration is in the file `store`."""
         super().__init__(feed)
         self._store, self._done = store, done
 
@@ -310,7 +310,7 @@ class ReplayHub(DisplayHub):
     """
 
     def __init__(self, feed: Feed, frames: Iterator[DisplayedFrame], quick: bool) -> None:
-        """Begin without any page; frames: of the session, in order."""
+        """Begin without any page; frames: the session's; quick: show them as fast as possible."""
         super().__init__(feed)
         self._frames, self._quick = frames, quick
         self._waiting: dict[int, DisplayedFrame] = {}  # for being drawn, by number

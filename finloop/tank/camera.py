@@ -52,28 +52,28 @@ class TankRoom(NamedTuple):
 
 
 def camera_views(
-    camera: str, room: TankRoom, head: Floats, heading: Floats, rate_hz: float
+    camera: str, room: TankRoom, fish: Floats, heading: Floats, rate_hz: float
 ) -> CameraViews:
     """Return the place and the aim of a camera, one of CAMERAS, at every tick.
 
-    head (ticks, 3): tip of the head, px; heading (ticks,): rad, without jumps of 2π; both of the
+    fish (ticks, 3): its place, px; heading (ticks,): rad, without jumps of 2π; both of the
     fish that some cameras follow. rate_hz: ticks per second.
     """
-    ticks = len(head)
+    ticks = len(fish)
     if camera == TOP:
         half_height = max(room.height, room.width / room.aspect) / 2 * 1.04  # a little margin
         aim = np.tile(room.middle * (1, 1, 0), (ticks, 1))
         return CameraViews(aim + np.array([0, 0, 4 * room.width]), aim, half_height)
     if camera == SIDE:
-        return _view_from_edge(room, head, rate_hz)
+        return _view_from_edge(room, fish, rate_hz)
     if camera == CORNER:
         return _view_from_outside(room, np.full(ticks, -58.0), elevation_deg=24.0)
     if camera == ORBIT:
         azimuth = -70 + 360 / _TURN_S / rate_hz * np.arange(ticks, dtype=float)
         return _view_from_outside(room, azimuth, elevation_deg=22.0)
     if camera == FOLLOW:
-        return _view_following_fish(room, head, heading, rate_hz)
-    return _view_touring(room, head, heading, rate_hz)
+        return _view_following_fish(room, fish, heading, rate_hz)
+    return _view_touring(room, fish, heading, rate_hz)
 
 
 def _view_from_outside(room: TankRoom, azimuth_deg: Floats, elevation_deg: float) -> CameraViews:
@@ -104,38 +104,38 @@ def _view_from_outside(room: TankRoom, azimuth_deg: Floats, elevation_deg: float
 
 
 def _view_following_fish(
-    room: TankRoom, head: Floats, heading: Floats, rate_hz: float
+    room: TankRoom, fish: Floats, heading: Floats, rate_hz: float
 ) -> CameraViews:
     """Return a view from behind, above and beside a fish, smoother than its path.
 
-    head (ticks, 3): tip of its head, px; heading (ticks,): rad; rate_hz: ticks per second.
+    fish (ticks, 3): its place, px; heading (ticks,): rad; rate_hz: ticks per second.
     """
     smoothing = _SMOOTHING_S * rate_hz
-    path = scipy.ndimage.gaussian_filter1d(head, smoothing / 3, axis=0, mode="nearest")
+    path = scipy.ndimage.gaussian_filter1d(fish, smoothing / 3, axis=0, mode="nearest")
     turn = scipy.ndimage.gaussian_filter1d(heading, smoothing, mode="nearest") + np.radians(28)
     back = np.stack([-np.cos(turn), -np.sin(turn), np.full(len(turn), 0.33)], -1)
     return CameraViews(path + 2.5 * room.length * back, path - (0, 0, 0.33 * room.length))
 
 
-def _view_from_edge(room: TankRoom, head: Floats, rate_hz: float) -> CameraViews:
+def _view_from_edge(room: TankRoom, fish: Floats, rate_hz: float) -> CameraViews:
     """Return a view from the side of the film's lower edge, which moves along with the fish.
 
-    head (ticks, 3): tip of its head, px; rate_hz: ticks per second.
+    fish (ticks, 3): its place, px; rate_hz: ticks per second.
     """
     smoothing = _SMOOTHING_S * rate_hz
-    path = scipy.ndimage.gaussian_filter1d(head, smoothing, axis=0, mode="nearest")
+    path = scipy.ndimage.gaussian_filter1d(fish, smoothing, axis=0, mode="nearest")
     place = path + np.array([0.7, -5.2, 0.0]) * room.length
     place[:, 2] = 0.7 * room.depth
     return CameraViews(place, path - (0, 0, 0.1 * room.depth))
 
 
-def _view_touring(room: TankRoom, head: Floats, heading: Floats, rate_hz: float) -> CameraViews:
+def _view_touring(room: TankRoom, fish: Floats, heading: Floats, rate_hz: float) -> CameraViews:
     """Return a view that passes smoothly from one of `_SCENES` to the next, again and again.
 
-    head (ticks, 3), heading (ticks,): of the fish, px and rad; rate_hz: ticks per second.
+    fish (ticks, 3), heading (ticks,): the fish's place and direction, px and rad; rate_hz: ticks/s.
     """
-    time_s = np.arange(len(head)) / rate_hz
-    scenes = [camera_views(name, room, head, heading, rate_hz) for name, _ in _SCENES]
+    time_s = np.arange(len(fish)) / rate_hz
+    scenes = [camera_views(name, room, fish, heading, rate_hz) for name, _ in _SCENES]
     ends_s = np.cumsum([seconds for _, seconds in _SCENES])
     round_s = time_s % ends_s[-1]  # since the tour last began
     number = np.searchsorted(ends_s, round_s, side="right")
@@ -146,7 +146,7 @@ def _view_touring(room: TankRoom, head: Floats, heading: Floats, rate_hz: float)
 
     def mix_scenes(points: list[Floats]) -> Floats:
         """Blend the points (ticks, 3) of every scene, a scene with the one before it."""
-        stack, ticks = np.stack(points), np.arange(len(head))
+        stack, ticks = np.stack(points), np.arange(len(fish))
         present, before = stack[number, ticks], stack[number - 1, ticks]
         return before + share * (present - before)
 

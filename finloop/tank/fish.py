@@ -81,11 +81,6 @@ class FishSurface:
         ticks = np.unique(np.linspace(0, len(self) - 1, most).astype(int))
         return np.rint(np.median([self.skin(int(tick)) for tick in ticks], axis=0)).astype(np.uint8)
 
-    @property
-    def head_places(self) -> Floats:
-        """Return the place of the head's tip at every tick, (ticks, 3) px of the tank."""
-        return self.place + np.pad(self.poses.backbone[:, 0], ((0, 0), (0, 1)))
-
     def find_bent_tick(self) -> int:
         """Return a tick at which the fish is more bent than at nine of ten ticks."""
         line = self.poses.backbone

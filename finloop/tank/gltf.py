@@ -143,12 +143,9 @@ def principal_shapes(points: Floats, heading: Floats, most: int = MODES) -> Prin
     modes = spread * axes[:count]
     weights = (shapes - mean) @ axes[:count].T / spread.T
     errors = (shapes - mean - weights @ modes).reshape(points.shape)
-    return PrincipalShapes(
-        mean.reshape(-1, 3),
-        modes.reshape(count, len(mean) // 3, 3),
-        weights,
-        float(np.linalg.norm(errors, axis=-1).max()),
-    )
+    error_px = float(np.linalg.norm(errors, axis=-1).max())
+    mode_shapes = modes.reshape(count, len(mean) // 3, 3)
+    return PrincipalShapes(mean.reshape(-1, 3), mode_shapes, weights, error_px)
 
 
 class AnimatedFish(NamedTuple):
@@ -163,12 +160,9 @@ class AnimatedFish(NamedTuple):
 
 
 def encode_tank_glb(
-    room: TankRoom,
-    background: NDArray[np.uint8],
-    skin: NDArray[np.uint8],
-    swimmers: Sequence[AnimatedFish],
-    rate_hz: float,
-) -> bytes:
+    room: TankRoom, background: NDArray[np.uint8], skin: NDArray[np.uint8],
+    swimmers: Sequence[AnimatedFish], rate_hz: float,
+) -> bytes:  # fmt: skip
     """Return the bytes of a .glb file that shows the tank with its moving fish.
 
     A fish is one unit long, y is up, the origin the tank's middle. background (h, w[, 3]): the

@@ -75,7 +75,7 @@ class TankScene:
     def __init__(
         self, background: Picture, room: TankRoom, size: tuple[int, int], fish: int = 1
     ) -> None:
-        """Open the window and add light, sky, floor, fish, water and glass."""
+        """Open the window and add light, sky, floor, fish (how many), water and glass."""
         self._size, self._room = size, room
         self._plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
         self._window = cast(Any, self._plotter.ren_win)

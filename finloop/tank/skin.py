@@ -33,13 +33,9 @@ class FishSkins:
     """
 
     def __init__(
-        self,
-        film: FilmBodies,
-        typical: NDArray[np.floating],
-        centres_px: NDArray[np.floating],
-        load_cutout: Callable[[int], Cutout],
-        keep: int = 256,
-    ) -> None:
+        self, film: FilmBodies, typical: NDArray[np.floating], centres_px: NDArray[np.floating],
+        load_cutout: Callable[[int], Cutout], keep: int = 256,
+    ) -> None:  # fmt: skip
         """Prepare the places, the belly and the eyes that all skins share."""
         self._film, self._typical, self._centres = film, typical, centres_px
         self._load_cutout = load_cutout
