@@ -87,7 +87,7 @@ def _predecessors(protocol: Protocol, repeats: int) -> dict[Node, Node | None]:
     """Return for every trial (condition, repeat) the trial that must come before it, or None.
 
     repeats: how often each condition is shown. A first trial that repeats another condition's
-    motion comes after that condition's first; every other trial after its condition's last.
+    motion comes after that condition's first; other trials after their condition's previous one.
     """
     predecessors: dict[Node, Node | None] = {}
     for name, condition in protocol.conditions.items():
