@@ -324,12 +324,12 @@ def oscillator_motion(
 class Basis(NamedTuple):
     """A basis for the coefficients of a curve in which the stiffness K is, or counts as, diagonal.
 
-    to: function from points (n, d) to coefficients (m, d); points: its inverse, from (…, m, d) to
+    transform: from points (n, d) to coefficients (m, d); inverse: its inverse, from (…, m, d) to
     (…, n, d); k: the diagonal (m,) of the stiffness K.
     """
 
-    to: Callable[[Floats], Numbers]
-    points: Callable[[Numbers], Floats]
+    transform: Callable[[Floats], Numbers]
+    inverse: Callable[[Numbers], Floats]
     k: Floats
 
 
@@ -371,11 +371,11 @@ def _solve_in_basis(basis: Basis, problem: Problem, options: SolverOptions) -> S
     facts = {f"{kind}_roots": float(count) for kind, count in modes.count_root_kinds().items()}
     if callable(problem.force):
         return _integrate_changing_force(basis, modes, problem, facts, options.tolerance)
-    push = None if problem.force is None else basis.to(problem.force_at(0.0, u))
+    force = None if problem.force is None else basis.transform(problem.force_at(0.0, u))
     places, speeds = oscillator_motion(
-        modes, basis.to(u), basis.to(v), problem.times - problem.times[0], push
+        modes, basis.transform(u), basis.transform(v), problem.times - problem.times[0], force
     )
-    return Solution(basis.points(places), basis.points(speeds), {**facts, "estimate": 0.0})
+    return Solution(basis.inverse(places), basis.inverse(speeds), {**facts, "estimate": 0.0})
 
 
 def _integrate_changing_force(
@@ -397,15 +397,16 @@ def _integrate_changing_force(
     evaluations = 0
 
     def slope(time: float, state: Floats) -> Floats:
+        """Return the rate of change of a state, displacements and speeds, as one flat array."""
         nonlocal evaluations
         evaluations += 1
         if evaluations > _MOST_EVALUATIONS:
             raise too_fast
         u, v = state.reshape(2, *shape)
-        push = basis.to(problem.force_at(time, u)) - k * basis.to(u)
+        force = basis.transform(problem.force_at(time, u)) - k * basis.transform(u)
         if density == 0:
-            return np.stack([basis.points(push / c), np.zeros(shape)]).ravel()
-        return np.stack([v, basis.points(push - c * basis.to(v)) / density]).ravel()
+            return np.stack([basis.inverse(force / c), np.zeros(shape)]).ravel()
+        return np.stack([v, basis.inverse(force - c * basis.transform(v)) / density]).ravel()
 
     start = problem.state_at_start().ravel()
     formula = "DOP853" if density else "LSODA"  # without mass the equations are stiff
@@ -447,9 +448,9 @@ class WaveletSystem(NamedTuple):
 
     c: csr_array
     k: csr_array
-    to: Callable[[Floats], Floats]  # from points (…, n, d) to coefficients (…, n, d)
-    points: Callable[[Floats], Floats]  # its inverse
-    push: Callable[[float, Floats], Floats]  # the force Q at a time and coefficients (n, d)
+    transform: Callable[[Floats], Floats]  # from points (…, n, d) to coefficients (…, n, d)
+    inverse: Callable[[Floats], Floats]  # its inverse
+    force: Callable[[float, Floats], Floats]  # the force Q at a time and coefficients (n, d)
 
 
 def _wavelet_system(problem: Problem, options: SolverOptions) -> WaveletSystem:
@@ -459,20 +460,23 @@ def _wavelet_system(problem: Problem, options: SolverOptions) -> WaveletSystem:
     m = (material.density or 1.0) * eye_array(n)  # M = ρI: the basis functions are orthonormal
     c = csr_array(material.mass_damping * m + material.stiffness_damping * k)
 
-    def to(points: Floats) -> Floats:
+    def transform(points: Floats) -> Floats:
+        """Return the wavelet coefficients of points (…, n, d)."""
         return wavelet_transform(points, problem.wavelet, options.levels)
 
-    def points(coefficients: Floats) -> Floats:
+    def inverse(coefficients: Floats) -> Floats:
+        """Return the points of wavelet coefficients (…, n, d)."""
         return inverse_transform(coefficients, problem.wavelet, options.levels)
 
     constant = None
     if not callable(problem.force):
-        constant = to(problem.force_at(0.0, problem.displacement))
+        constant = transform(problem.force_at(0.0, problem.displacement))
 
-    def push(time: float, q: Floats) -> Floats:
-        return to(problem.force_at(time, points(q))) if constant is None else constant
+    def force(time: float, q: Floats) -> Floats:
+        """Return the coefficients (n, d) of the force at a time and coefficients q (n, d)."""
+        return transform(problem.force_at(time, inverse(q))) if constant is None else constant
 
-    return WaveletSystem(c, k, to, points, push)
+    return WaveletSystem(c, k, transform, inverse, force)
 
 
 def solve_by_runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
@@ -482,14 +486,14 @@ def solve_by_runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
     """
     system, shape = _wavelet_system(problem, options), problem.displacement.shape
     density = problem.material.density
-    start = system.to(problem.state_at_start())
+    start = system.transform(problem.state_at_start())
 
     def slope(time: float, state: Floats) -> Floats:
+        """Return the rate of change of a state, coefficients and their rates, as one flat array."""
         q, rate = state.reshape(2, *shape)
         resistance = system.k @ q + system.c @ rate
-        return np.concatenate(
-            [rate.ravel(), ((system.push(time, q) - resistance) / density).ravel()]
-        )
+        acceleration = (system.force(time, q) - resistance) / density
+        return np.concatenate([rate.ravel(), acceleration.ravel()])
 
     scale = float(np.abs(start).max()) or 1.0
     state, states, evaluations, step = start.ravel(), [start.ravel()], 0, None
@@ -514,7 +518,7 @@ def solve_by_runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
         evaluations += result.nfev
         states.append(state)
     q, rate = np.moveaxis(np.reshape(states, (-1, 2, *shape)), 1, 0)
-    return Solution(system.points(q), system.points(rate), {"evaluations": float(evaluations)})
+    return Solution(system.inverse(q), system.inverse(rate), {"evaluations": float(evaluations)})
 
 
 def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> Solution:
@@ -537,7 +541,8 @@ def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> 
             "correct the times or options.substeps, or use the method modal",
         )
     step = float(intervals.mean()) / substeps
-    c, k, to, points, push = _wavelet_system(problem, options)
+    system = _wavelet_system(problem, options)
+    c, k = system.c, system.k
     if not implicit:
         stiffest = float(np.abs(k).sum(axis=1).max())  # no eigenvalue is larger
         material = problem.material
@@ -549,18 +554,19 @@ def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> 
                 f"set options.substeps to {int(np.ceil(substeps * step * fastest / 2))} or "
                 "more, or use implicit-euler",
             )
-    inverse, facts = _build_solver(csr_array(c + step * k) if implicit else c, options.inverse)
-    rate_of = _build_solver(c, "sparse")[0] if implicit else inverse
-    q = to(problem.displacement)
+    solve, facts = _build_solver(csr_array(c + step * k) if implicit else c, options.inverse)
+    solve_c = _build_solver(c, "sparse")[0] if implicit else solve
+    q = system.transform(problem.displacement)
     states = [q]
     for first in times[:-1]:
         for time in first + step * np.arange(substeps):
-            force = push(time, q)
-            q = inverse(c @ q + step * force) if implicit else q + step * inverse(force - k @ q)
+            force = system.force(time, q)
+            q = solve(c @ q + step * force) if implicit else q + step * solve(force - k @ q)
         states.append(q)
-    rates = [rate_of(push(time, q) - k @ q) for time, q in zip(times, states, strict=True)]
+    rates = [solve_c(system.force(time, q) - k @ q) for time, q in zip(times, states, strict=True)]
     facts["steps"] = float(substeps * len(intervals))
-    return Solution(points(np.stack(states)), points(np.stack(rates)), facts)
+    displacement, velocity = (system.inverse(np.stack(q)) for q in (states, rates))
+    return Solution(displacement, velocity, facts)
 
 
 def _build_solver(

@@ -137,10 +137,12 @@ def filters_for_transform(n: int, wavelet: str, levels: int) -> Floats:
     FinloopError if n is no power of two, n cannot be halved `levels` times, or the wavelet is
     longer than the curve: then no coefficient would be local.
     """
-    bank, most = filter_bank(wavelet), count_halvings(n)
-    if not 0 <= levels <= most:
+    bank, most_levels = filter_bank(wavelet), count_halvings(n)
+    if not 0 <= levels <= most_levels:
         raise FinloopError(
-            f"{levels} levels for a curve of {n} points", f"0 to {most} levels", "set fewer levels"
+            f"{levels} levels for a curve of {n} points",
+            f"0 to {most_levels} levels",
+            "set fewer levels",
         )
     if levels and bank.shape[1] > n:
         raise FinloopError(

@@ -115,6 +115,7 @@ def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
     middle = float(fitted_phase.mean())
 
     def squared_error(change: Floats) -> float:
+        """Return the error of the fit after a change of the phase: its shift and its stretch."""
         shift, stretch = change
         changed = fitted_phase - shift + stretch * (fitted_phase - middle)
         return _parabola_fit_error(changed, centred_x, split)

@@ -367,13 +367,13 @@ def contours_half_cycle_later(
         twin = opposite_limb(name, contours)
         if symmetry == "mirror":
             order = orders.get(name, reversed_order(contours[twin].shape[-2]))
-            undone = np.array_equal(order[orders.get(twin, order)], np.arange(len(order)))
+            undoes_itself = np.array_equal(order[orders.get(twin, order)], np.arange(len(order)))
             later[name] = mirror_contours(contours[twin], layout.middle, order)
         else:
             offset = offsets.get(name, np.zeros(2))
-            undone = np.allclose(offset, -np.asarray(offsets.get(twin, -offset)))
+            undoes_itself = np.allclose(offset, -np.asarray(offsets.get(twin, -offset)))
             later[name] = contours[twin] + offset
-        if not undone:
+        if not undoes_itself:
             raise FinloopError(
                 f"two half cycles later the contour {name!r} is not what it was",
                 "orders of points that undo each other, and offsets that add up to 0",

@@ -81,10 +81,8 @@ def swim_contours(
     smooth_body = remove_beat(np.column_stack([centre, angle]), beat.phase)
     straightened = move_to_body_frame(points, smooth_body[:, :2], smooth_body[:, 2]) / length
     coordinates = straightened.reshape(len(straightened), -1)
-    straight = (
-        contour_asymmetry(remove_beat(coordinates, beat.phase).reshape(straightened.shape))
-        <= STRAIGHT
-    )
+    without_beat = remove_beat(coordinates, beat.phase).reshape(straightened.shape)
+    straight = contour_asymmetry(without_beat) <= STRAIGHT
     steady = period_from_phase(coordinates, beat.phase, beat.steady & straight, frame_rate_hz)
     if not steady.cycles:
         why = f"it turns: where it is straight, {steady.why}"
@@ -160,13 +158,13 @@ def body_centres_and_directions(points: Floats, backbone: Floats) -> tuple[Float
     that of the line nearest to the backbone, towards the head: radians from x towards y, not
     wrapped.
     """
-    off = backbone - backbone.mean(axis=1, keepdims=True)
-    xx, yy = (off**2).sum(axis=1).T
-    xy = off.prod(axis=2).sum(axis=1)
+    centred = backbone - backbone.mean(axis=1, keepdims=True)
+    xx, yy = (centred**2).sum(axis=1).T
+    xy = centred.prod(axis=2).sum(axis=1)
     angle = np.arctan2(2 * xy, xx - yy) / 2
     ahead = backbone[:, 0] - backbone[:, -1]
-    away = ahead[:, 0] * np.cos(angle) + ahead[:, 1] * np.sin(angle) < 0
-    return area_centroids(points), np.unwrap(angle + np.pi * away)
+    points_to_tail = ahead[:, 0] * np.cos(angle) + ahead[:, 1] * np.sin(angle) < 0
+    return area_centroids(points), np.unwrap(angle + np.pi * points_to_tail)
 
 
 def move_to_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:

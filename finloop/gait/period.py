@@ -255,12 +255,12 @@ def _explain_missing_period(modes: Floats, share: Floats, why: str) -> str:
     modes (frames, m): scores of the principal modes; share (frames,): variance that sinusoids
     explain, 0-1.
     """
-    slow = np.pi * np.arange(len(modes)) / len(modes)
+    half_turn = np.pi * np.arange(len(modes)) / len(modes)
     first = modes[:, 0]
     # A motion one way, or there and back at most, holds less than a cycle.
-    terms = np.stack([np.ones(len(modes)), np.cos(slow), np.sin(slow)], axis=1)
-    left = first - terms @ np.linalg.lstsq(terms, first, rcond=None)[0]
-    if left @ left < 0.1 * (first @ first):
+    terms = np.stack([np.ones(len(modes)), np.cos(half_turn), np.sin(half_turn)], axis=1)
+    residual = first - terms @ np.linalg.lstsq(terms, first, rcond=None)[0]
+    if residual @ residual < 0.1 * (first @ first):
         return f"the {len(modes)} frames hold no more than about half a cycle"
     return f"at most in bursts: {why}" if share.max() >= _STEADY else "no frequency explains it"
 
@@ -284,18 +284,20 @@ def _fit_sinusoids(modes: Floats, frequency: float) -> tuple[Floats, Complex, Fl
     terms = np.stack([np.ones(n), t / n, np.cos(angle), np.sin(angle)], axis=1)
     basis, upper = np.linalg.qr(terms * weight[:, None])
     kernels = (basis * weight[:, None])[::-1]
-    along = scipy.signal.fftconvolve(modes[:, :, None], kernels[:, None], mode="valid", axes=0)
+    projections = scipy.signal.fftconvolve(
+        modes[:, :, None], kernels[:, None], mode="valid", axes=0
+    )
     total = scipy.signal.fftconvolve((modes**2).sum(axis=1), weight[::-1] ** 2, mode="valid")
-    total = np.maximum(total - (along[..., :2] ** 2).sum(axis=(1, 2)), 0)
-    explained = (along[..., 2:] ** 2).sum(axis=(1, 2))
+    total = np.maximum(total - (projections[..., :2] ** 2).sum(axis=(1, 2)), 0)
+    explained = (projections[..., 2:] ** 2).sum(axis=(1, 2))
     # Subtract what noise alone would give: two of the n - 2 numbers that a line leaves.
-    fair = explained - np.maximum(total - explained, 0) * 2 / (n - 4)
-    rest = _QUIET * modes.var(axis=0).sum() * (weight**2).sum()
-    cos, sin = np.moveaxis(along[..., 2:] @ np.linalg.inv(upper[2:, 2:]).T, -1, 0)
+    without_noise = explained - np.maximum(total - explained, 0) * 2 / (n - 4)
+    least_variance = _QUIET * modes.var(axis=0).sum() * (weight**2).sum()
+    cos, sin = np.moveaxis(projections[..., 2:] @ np.linalg.inv(upper[2:, 2:]).T, -1, 0)
     start = np.clip(np.arange(frames) - n // 2, 0, frames - n)
-    apart = (np.arange(frames) - start - (n - 1) / 2).astype(np.float64)
-    share: Floats = (np.maximum(fair, 0) / (total + rest))[start]
-    return share, (cos - 1j * sin)[start], apart
+    offset = (np.arange(frames) - start - (n - 1) / 2).astype(np.float64)
+    share: Floats = (np.maximum(without_noise, 0) / (total + least_variance))[start]
+    return share, (cos - 1j * sin)[start], offset
 
 
 def _best_frequency_path(share: Floats, grid: Floats) -> NDArray[np.intp]:
@@ -341,15 +343,15 @@ def _phase_of_frequency_path(
     # The frequency of the greatest share near the path, by a parabola through three shares.
     frame = np.arange(len(path))
     middle = np.clip(path, 1, len(grid) - 2)
-    low, frames_there, high = (share[middle + step, frame] for step in (-1, 0, 1))
-    curvature = 2 * frames_there - low - high
+    low, centre, high = (share[middle + step, frame] for step in (-1, 0, 1))
+    curvature = 2 * centre - low - high
     offset = np.divide(high - low, 2 * curvature, out=np.zeros(len(path)), where=curvature > 1e-12)
     frequency = grid[middle] * (grid[1] / grid[0]) ** np.clip(offset, -1, 1)
     amplitudes = np.empty(modes.shape, np.complex128)
     for index in np.unique(path):
         frames_there = path == index
-        _, amplitude, apart = _fit_sinusoids(modes, grid[index])
-        turn = np.exp(2j * np.pi * frequency[frames_there] * apart[frames_there])
+        _, amplitude, frame_offset = _fit_sinusoids(modes, grid[index])
+        turn = np.exp(2j * np.pi * frequency[frames_there] * frame_offset[frames_there])
         amplitudes[frames_there] = amplitude[frames_there] * turn[:, None]
     pattern = np.linalg.svd(amplitudes, full_matrices=False)[2][0]
     angle = np.angle(amplitudes @ pattern.conj()) / (2 * np.pi)

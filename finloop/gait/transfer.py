@@ -188,7 +188,7 @@ def match_key_poses(
     first, second = dict[str, Points](), dict[str, Points]()
     for name, curve in key1.curves.items():
         twin = opposite_limb(name, key1.curves) if symmetry == "swap" else name
-        kinds = {which.closed for which in (curve, key1.curves[twin], key2.curves[name])}
+        kinds = {pose.closed for pose in (curve, key1.curves[twin], key2.curves[name])}
         if len(kinds) > 1:
             raise FinloopError(
                 f"one of {name!r} and {twin!r} is closed, the other open",
@@ -210,17 +210,20 @@ def renumber_curve(model: Points, curve: Curve) -> Points:
     a, n = _centred_complex_points(model), len(model)
     if not curve.closed:
         points = resample_curve(curve, n).points
-        ways = [points, points[::-1]]
+        numberings = [points, points[::-1]]
         return max(
-            ways, key=lambda way: float(_contour_likeness(a @ _centred_complex_points(way).conj()))
+            numberings,
+            key=lambda numbered: float(
+                _contour_likeness(a @ _centred_complex_points(numbered).conj())
+            ),
         )
     points = resample_curve(orient_clockwise(curve), n * FINE).points
-    ways = [points[start::FINE] for start in range(FINE)]
+    numberings = [points[start::FINE] for start in range(FINE)]
     # Entry s is Σ a_(i+s) conj(b_i): point 0 of the curve goes to point s of the model.
-    b = np.stack([_centred_complex_points(way) for way in ways])
+    b = np.stack([_centred_complex_points(numbered) for numbered in numberings])
     alike = _contour_likeness(np.fft.ifft(np.fft.fft(a) * np.fft.fft(b).conj()))
     start, shift = np.unravel_index(int(alike.argmax()), alike.shape)
-    return np.roll(ways[int(start)], int(shift), axis=0)
+    return np.roll(numberings[int(start)], int(shift), axis=0)
 
 
 def mirrored_point_orders(

@@ -132,14 +132,17 @@ def draw_sprites_and_next(
     turn = -_headings_relative_to_sprites(
         reel.sprites, reel.features["heading_deg"].to_numpy(float)[row]
     )
-    own = [reel.draw_sprite(number, size_px, 1, angle) for number, angle in enumerate(turn)]
+    own = [
+        reel.draw_sprite(number, size_px, orientation=1, turn_deg=angle)
+        for number, angle in enumerate(turn)
+    ]
     return ahead, np.stack(own)
 
 
 def _headings_relative_to_sprites(sprites: pd.DataFrame, filmed_deg: Floats) -> Floats:
     """Return the film's headings (s,) [°] relative to the sprites', mirrored with the sprite.
 
-    filmed_deg (s,): of the film frames that follow the sprites.
+    filmed_deg (s,): heading in one frame of the film for each sprite.
     """
     relative = wrap_deg(filmed_deg - sprites["heading_deg"].to_numpy(float))
     return np.where(sprites["mirrored"], -relative, relative)

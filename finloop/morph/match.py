@@ -32,6 +32,7 @@ def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
         centred = first - first.mean(axis=0)
 
         def misfit(points: Floats) -> float:
+            """Return the summed squared distances of curve b's points from a's, about the means."""
             return float(((centred - points + points.mean(axis=0)) ** 2).sum())
 
         return first, min((second, second[::-1]), key=misfit)

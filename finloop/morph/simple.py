@@ -159,6 +159,7 @@ def _find_shortest_path(
     possible = length < limit
 
     def is_free(i: int, j: int) -> bool:
+        """Return whether poses a_i and b_j can be joined; else rule out less simplified pairs."""
         if _straight_motion_is_simple(a[i], b[j], closed):
             return True
         possible[: i + 1, : j + 1] = False
@@ -205,13 +206,13 @@ def _simplify_curve(points: Points, closed: bool) -> Points:
 @kernel
 def _pose_distances(a: Points, b: Points) -> Points:
     """Return the mean vertex distances (k, m) between poses a (k, n, 2) and b (m, n, 2)."""
-    far = np.zeros((len(a), len(b)))
+    distances = np.zeros((len(a), len(b)))
     for i in range(len(a)):
         for j in range(len(b)):
             for v in range(a.shape[1]):
                 x, y = a[i, v, 0] - b[j, v, 0], a[i, v, 1] - b[j, v, 1]
-                far[i, j] += np.sqrt(x * x + y * y)
-    return far / a.shape[1]
+                distances[i, j] += np.sqrt(x * x + y * y)
+    return distances / a.shape[1]
 
 
 @kernel
@@ -444,12 +445,12 @@ def join_simplified_poses(first: Points, second: Points, closed: bool) -> Points
         angle_a, angle_b = np.unwrap(np.angle(a)), np.unwrap(np.angle(b))
         angle_b = angle_b - 2 * np.pi * np.round((angle_b - angle_a).mean() / (2 * np.pi))
         angle = (1 - share) * angle_a + share * angle_b
-        z = ((1 - share) * abs(a) + share * abs(b)) * np.exp(1j * angle)
+        joined = ((1 - share) * abs(a) + share * abs(b)) * np.exp(1j * angle)
     else:
         turn = np.angle((b[-1] - b[0]) / (a[-1] - a[0]))
-        z = (1 - share) * a * np.exp(1j * share * turn)
-        z += share * b * np.exp(1j * (share - 1) * turn)
-    middle = centres[0] + share * (centres[1] - centres[0])
-    poses = np.stack([z.real, z.imag], axis=-1) + middle[:, None]
+        joined = (1 - share) * a * np.exp(1j * share * turn)
+        joined += share * b * np.exp(1j * (share - 1) * turn)
+    centre_path = centres[0] + share * (centres[1] - centres[0])
+    poses = np.stack([joined.real, joined.imag], axis=-1) + centre_path[:, None]
     poses[0], poses[-1] = first, second
     return poses

@@ -27,7 +27,7 @@ def draw_in_pose(
 
     pose: of the cut-out (pixels with alpha), px of the film; target: px of the new picture; size:
     its height and width, px; mirrored: whether the animal's left is drawn as its right (`target` is
-    as visible, not mirrored); sharp: Keys' cubic filter, as in `render.painter`, else a linear one.
+    as visible, not mirrored); sharp: Keys' cubic filter, else a linear one.
     Drawn in its own pose at its own place it is the frame itself.
     """
     source = place_backbone(pose, cutout.x0_px, cutout.y0_px)

@@ -40,14 +40,15 @@ class DrawingMode(NamedTuple):
 class StripLayout(NamedTuple):
     """Which strip of a film's picture is drawn where in a new picture.
 
-    there, here: strips along the backbone, of m cross-sections, in the film and in the new picture;
+    film_strip, new_strip: strips along the backbone in the film and in the new picture, of m
+    cross-sections;
     reach: (m - 1, 2) px beside each step of the new one, left and right, 0 where nothing is
     visible. box: rows and columns of the new picture that the animal may cover, half open: top,
     left, bottom, right.
     """
 
-    there: Strip
-    here: Strip
+    film_strip: Strip
+    new_strip: Strip
     reach: Floats
     box: tuple[int, int, int, int]
 
@@ -60,29 +61,32 @@ def plan_strips(
 
     film: (h, w, c) 0 … 255, alpha last; source, target: the backbone in it and in the new picture.
     """
-    there, here = cross_sections(source), cross_sections(target)
-    reach = _visible_reach(film, there) / mode.across
+    film_strip, new_strip = cross_sections(source), cross_sections(target)
+    reach = _visible_reach(film, film_strip) / mode.across
     low_x = low_y = HIDDEN
     high_x = high_y = -HIDDEN
     for i in range(len(reach)):
-        if min(_shortest_section(here.limits, i), _shortest_section(there.limits, i)) <= 2 * LEAST:
+        if (
+            min(_shortest_section(new_strip.limits, i), _shortest_section(film_strip.limits, i))
+            <= 2 * LEAST
+        ):
             reach[i, 0] = reach[i, 1] = 0
             continue
         if mode.mirrored:
             reach[i, 0], reach[i, 1] = reach[i, 1], reach[i, 0]
         for side in range(2):
-            longest = max(here.limits[i, side], here.limits[i + 1, side])
+            longest = max(new_strip.limits[i, side], new_strip.limits[i + 1, side])
             reach[i, side] = min(reach[i, side], longest)
             sign = 1 - 2 * side
             for k in range(i, i + 2):
-                x = here.points[k, 0] + sign * reach[i, side] * here.normals[k, 0]
-                y = here.points[k, 1] + sign * reach[i, side] * here.normals[k, 1]
+                x = new_strip.points[k, 0] + sign * reach[i, side] * new_strip.normals[k, 0]
+                y = new_strip.points[k, 1] + sign * reach[i, side] * new_strip.normals[k, 1]
                 low_x, high_x = min(low_x, x), max(high_x, x)
                 low_y, high_y = min(low_y, y), max(high_y, y)
     if low_x > high_x:
-        return StripLayout(there, here, reach, (0, 0, 0, 0))
+        return StripLayout(film_strip, new_strip, reach, (0, 0, 0, 0))
     box = math.floor(low_y), math.floor(low_x), math.ceil(high_y) + 1, math.ceil(high_x) + 1
-    return StripLayout(there, here, reach, box)
+    return StripLayout(film_strip, new_strip, reach, box)
 
 
 @finite_leaf
@@ -96,7 +100,7 @@ def paint_strips(
     canvas: NDArray[np.float32], film: NDArray[np.float32], layout: StripLayout, mode: DrawingMode,
     corner: tuple[int, int],
 ) -> None:  # fmt: skip
-    """Draw a film's picture into a canvas along another backbone, as `plan_strips` planned.
+    """Draw a film's picture into a canvas along another backbone, by a plan of `plan_strips`.
 
     canvas: (H, W, c), zero, becomes 0 … 1; film: (h, w, c) 0 … 255; both premultiplied, alpha last.
     corner: row and column of the canvas's first pixel. Where two parts of the body meet, the one
@@ -107,7 +111,7 @@ def paint_strips(
             _paint_step(
                 canvas,
                 film,
-                (layout.there, layout.here),
+                (layout.film_strip, layout.new_strip),
                 (i, layout.reach[i, 0], layout.reach[i, 1]),
                 mode,
                 corner,
@@ -157,7 +161,7 @@ def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
 def _section_numbers(strip, i):  # type: ignore[no-untyped-def]
     """Return cross-section i of a body as numbers: point, normal, and lengths to left and right.
 
-    strip: the cross-sections, as in `Strip`.
+    strip: points, normals and limits of the cross-sections, (m, 2) each.
     """
     return (
         (strip.points[i, 0], strip.points[i, 1]),
@@ -195,11 +199,11 @@ def _paint_step(canvas, film, strips, part, mode, corner):  # type: ignore[no-un
     and to the right; corner: row and column of the canvas's first pixel.
     """
     height, width, channels = canvas.shape
-    (there, here), (i, left, right) = strips, part
-    front, rear = _section_numbers(here, i), _section_numbers(here, i + 1)
+    (film_strip, new_strip), (i, left, right) = strips, part
+    front, rear = _section_numbers(new_strip, i), _section_numbers(new_strip, i + 1)
     (ax, ay), (anx, any_), _ = front
     (bx, by), (bnx, bny), _ = rear
-    film_front, film_rear = _section_numbers(there, i), _section_numbers(there, i + 1)
+    film_front, film_rear = _section_numbers(film_strip, i), _section_numbers(film_strip, i + 1)
     xs = (ax + left * anx, ax - right * anx, bx + left * bnx, bx - right * bnx)
     ys = (ay + left * any_, ay - right * any_, by + left * bny, by - right * bny)
     top, left_px = corner
@@ -418,14 +422,18 @@ def _distance_in_pose(film, pair, canvas):  # type: ignore[no-untyped-def]
     row, other, mirrored = pair
     side, channels = pictures.shape[1], pictures.shape[3]
     middle, unit = (side - 1) / 2, np.float32(1 / 255)
-    here = PlacedBackbone(middle, middle, 0.0, size_px, postures[row])
-    there = PlacedBackbone(middle, middle, 0.0, size_px, postures[other])
+    target_backbone = PlacedBackbone(middle, middle, 0.0, size_px, postures[row])
+    other_backbone = PlacedBackbone(middle, middle, 0.0, size_px, postures[other])
     picture, partner = pictures[row], pictures[other].astype(np.float32)
     mode = DrawingMode(1.0, mirrored, False)
     canvas[:] = 0
     # No literals: numba would compile all kernels of `paint_strips` again for them.
     paint_strips(
-        canvas, partner, plan_strips(partner, there, here, mode), mode, (np.int64(0), np.int64(0))
+        canvas,
+        partner,
+        plan_strips(partner, other_backbone, target_backbone, mode),
+        mode,
+        (np.int64(0), np.int64(0)),
     )
     posed = as_filmed = 0.0
     for y in range(side):

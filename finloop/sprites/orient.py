@@ -50,7 +50,7 @@ def sprite_table(
     table: from `swimmer_table`; choices: the frames of each sequence.
     """
     rows = pd.concat(
-        [_sequence_rows(table, word, choice, settings) for word, choice in choices.items()]
+        [_sequence_rows(table, sequence, choice, settings) for sequence, choice in choices.items()]
     )
     rows.insert(0, "sprite", np.arange(len(rows)))
     return rows.reset_index(drop=True)[SPRITES.names]
@@ -125,10 +125,10 @@ def sprite_outlines(reel: Reel) -> list[Floats]:
 
 def rotation_matrix(angle_deg: float) -> Floats:
     """Return the matrix (2, 2) that turns points (x right, y down); exact at multiples of 90°."""
-    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     if angle_deg % 90 == 0:
-        c, s = np.round([c, s])
-    return np.array([[c, s], [-s, c]])
+        cos, sin = np.round([cos, sin])
+    return np.array([[cos, sin], [-sin, cos]])
 
 
 def turn_cutout(
