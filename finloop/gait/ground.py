@@ -93,10 +93,8 @@ def _foot_shift(contour: Points, next_contour: Points) -> float:
     """
     middle = (contour + next_contour) / 2
     along = np.roll(middle, -1, axis=0) - np.roll(middle, 1, axis=0)
-    across = along[:, ::-1] * [
-        1,
-        -1,
-    ]  # its length, the point's piece of contour, is a weight
+    # Its length, the point's piece of contour, is the weight of the point.
+    across = along[:, ::-1] * [1, -1]
     y = middle[:, 1]
     foot = y >= y.max() - PAW * np.ptp(y)
     contact = middle[y >= y.max() - SOLE * np.ptp(y)].mean(axis=0)

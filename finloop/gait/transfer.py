@@ -162,9 +162,10 @@ def _find_lifted_feet(
 
 
 def _ground_in_widths(limbs: dict[str, Points], support: Support, width: float) -> Ground | None:
-    """Return how the ground moves, in units of the drawing's `width` px; None without feet.
+    """Return how the ground moves, in widths of the drawing; None if no limb is a foot.
 
-    limbs: contours (frames, n, 2) by id; support: spans of phase on the ground by id.
+    limbs: contours (frames, n, 2) by id; support: spans of phase on the ground by id; width: of the
+    drawing, px.
     """
     px = measure_ground(limbs, support)
     if not px.slide:
