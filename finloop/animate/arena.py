@@ -249,8 +249,9 @@ def choose_fish_area(
 ) -> Mask:
     """Return where (h, w) a fish may be: `tank_area`, but with "auto" the whole arena if needed.
 
-    arena, outlines_px, tank_setting, floor: of `tank_area`; reach_px: how far the fish reaches from
-    its centre. It needs the whole arena if it does not fit in the area.
+    arena (h, w): where animals can be; outlines_px (n, k, 2): x, y as filmed; tank_setting:
+    "arena", "filmed", or "auto"; floor: the empty tank, None if unknown; reach_px: how far the fish
+    reaches from its centre. It needs the whole arena if it does not fit in the area.
     """
     area = tank_area(arena, outlines_px, tank_setting, floor)
     return arena if tank_setting == "auto" and not can_fish_fit(area, reach_px) else area

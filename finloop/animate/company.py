@@ -81,7 +81,8 @@ class Plans:
     def from_paths(cls, trajectories: Sequence[Floats], start_tick: int) -> "Plans":
         """Return the plans of fish whose trajectories (n, 4) all begin at one tick.
 
-        trajectories: one a fish; x, y px, heading and picture at every tick, as in `Company`.
+        trajectories: one a fish; x, y px, heading in degrees, and picture: film row, or −1 − number
+        of a sprite.
         """
         plans = cls(len(trajectories))
         for number, trajectory in enumerate(trajectories):
@@ -91,7 +92,8 @@ class Plans:
     def put(self, fish: int, start_tick: int, trajectory: Floats) -> None:
         """Store the trajectory of a fish from a tick on, in place of its last one.
 
-        trajectory (n, 4), n ≥ 1: x, y px, heading and picture at every tick, as in `Company`.
+        trajectory (n, 4), n ≥ 1: x, y px, heading in degrees, and picture: film row, or −1 − number
+        of a sprite.
         """
         lacking = len(trajectory) - self._ways.shape[1]
         if lacking > 0:
@@ -102,7 +104,7 @@ class Plans:
     def others(self, fish: int, tick: int) -> Floats:
         """Return where all fish but one will be from a tick on: (n, m, 4), m fish at n ticks.
 
-        Columns: x, y px, heading and picture, as in `Company`.
+        Columns: x, y px, heading in degrees, and picture: film row, or −1 − number of a sprite.
         """
         return np.asarray(_places_of_others(self._ways, self._begins, self._ticks, fish, tick))
 
@@ -250,7 +252,7 @@ def is_clear_of_fish(
 ) -> bool:
     """Return whether a picture at x, y px and a heading in degrees meets no other fish at a tick.
 
-    picture: its number as in `Discs`.
+    picture: film row, or −1 − number of a sprite.
     """
     return _is_clear_of_first(company, company.places.shape[1], picture, (x, y, heading), tick)
 
@@ -275,8 +277,8 @@ def _is_clear_of_first(company, count, picture, pose, tick):  # type: ignore[no-
 def is_clear_in_search(company, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
     """Return whether a picture at x, y px and a heading meets no fish that a search considers.
 
-    picture: its number as in `Discs`; heading: degrees. Only the first `company.near` fish count,
-    and only from tick `company.start` to `company.until`; otherwise True.
+    picture: film row, or −1 − number of a sprite; heading: degrees. Only the first `company.near`
+    fish count, and only from tick `company.start` to `company.until`; otherwise True.
     """
     unknown = tick < company.start or tick > company.until
     return unknown or _is_clear_of_first(company, company.near, picture, (x, y, heading), tick)
@@ -286,7 +288,7 @@ def is_clear_in_search(company, picture, x, y, heading, tick):  # type: ignore[n
 def _do_discs_overlap(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
     """Return whether the discs of two pictures overlap, the second dx, dy px (y down) away.
 
-    first, second: number of the picture as in `Discs`, heading in degrees.
+    first, second: film row, or −1 − number of a sprite, heading in degrees.
     """
     row, side, cos, sin = disc_orientation(discs, first)
     other_row, other_side, other_cos, other_sin = disc_orientation(discs, second)
@@ -308,8 +310,8 @@ def _do_discs_overlap(discs, first, second, dx, dy):  # type: ignore[no-untyped-
 def disc_orientation(discs, picture_and_heading):  # type: ignore[no-untyped-def]
     """Return how the discs of a picture lie: table row, side, cosine and sine of the heading.
 
-    picture_and_heading: number of the picture, heading in degrees. The side is −1 for a mirror
-    image, whose left is right; else 1.
+    picture_and_heading: film row, or −1 − number of a sprite, and heading in degrees. The side is
+    −1 for a mirror image, whose left is right; else 1.
     """
     number, angle = picture_and_heading[0], np.radians(picture_and_heading[1])
     side = 1.0
@@ -324,7 +326,7 @@ def disc_orientation(discs, picture_and_heading):  # type: ignore[no-untyped-def
 def count_clear_ticks(company: Company, pictures: Ints, trajectory: Floats, start_tick: int) -> int:
     """Return how many ticks of a trajectory (n, 3), begun at a tick, meet no other fish.
 
-    pictures (n,): their numbers as in `Discs`; trajectory: x, y px, heading.
+    pictures (n,): film rows, or −1 − number of a sprite; trajectory: x, y px, heading.
     """
     for t in range(len(trajectory)):
         x, y, heading = trajectory[t, 0], trajectory[t, 1], trajectory[t, 2]
@@ -337,7 +339,7 @@ def count_clear_ticks(company: Company, pictures: Ints, trajectory: Floats, star
 def can_stay(company: Company, picture: int, pose, tick: int) -> bool:  # type: ignore[no-untyped-def]
     """Return whether a picture that stays at a pose meets no other fish from a tick on.
 
-    picture: its number as in `Discs`; pose: x, y px, heading.
+    picture: film row, or −1 − number of a sprite; pose: x, y px, heading.
     """
     last = max(company.start + company.places.shape[0] - 1, tick)
     while tick <= last and is_clear_of_fish(company, picture, pose[0], pose[1], pose[2], tick):
@@ -351,7 +353,7 @@ def count_lasting_ticks(
 ) -> int:
     """Return how many ticks of a trajectory (n, 3) a fish can swim, and then stay, clear of others.
 
-    pictures (n,): their numbers as in `Discs`; trajectory: x, y px, heading.
+    pictures (n,): film rows, or −1 − number of a sprite; trajectory: x, y px, heading.
     """
     ticks = count_clear_ticks(company, pictures, trajectory, start_tick)
     while ticks > 0 and not can_stay(

@@ -74,8 +74,9 @@ def find_last_on_screen(memory: Ints, index: MemoryIndex, first: int, last: int)
 def _last_tick_of_rows(memory: Ints, between: tuple[int, int], first: int, last: int) -> int:
     """Return the last tick at which any of the rows first … last was on screen; NEVER for none.
 
-    memory (m, 3): see `last_on_screen`; between: two indices of the memory, from the lower to the
-    higher of which the first stretch is sought that ends at `first` or later.
+    memory (m, 3): stretches of film on screen: first row, last row, tick of the first; between: two
+    indices of the memory, from the lower to the higher of which the first stretch is sought that
+    ends at `first` or later.
     """
     low, high = between
     while low < high:

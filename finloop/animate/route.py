@@ -164,12 +164,8 @@ def find_foot(route: Route, x: float, y: float, along_px: float):  # type: ignor
         near_x, near_y = route.x[place] + share * dx, route.y[place] + share * dy
         square_px2 = (near_x - x) ** 2 + (near_y - y) ** 2
         if square_px2 < least_px2:
-            position, foot_x, foot_y, least_px2 = (
-                lap + best - before + share,
-                near_x,
-                near_y,
-                square_px2,
-            )
+            position = lap + best - before + share
+            foot_x, foot_y, least_px2 = near_x, near_y, square_px2
     if position * route.step < along_px:
         foot_x, foot_y = point_along(route, along_px)
         return along_px, foot_x, foot_y

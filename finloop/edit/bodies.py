@@ -48,9 +48,10 @@ class Movement(NamedTuple):
 
 
 def measure_movement(pose: Pose) -> Movement:
-    """Measure how far the body turns and bends from each of n poses to the next."""
+    """Return how far the body turns and bends from each of n poses to the next."""
 
     def measure_lot(first: int) -> Floats:
+        """Return both movements (2, k), between the rows of a lot that begins at `first`."""
         lot = pose[first : first + _LOT + 1]
         # The backbones about their centres, headed right, a body length long.
         lines = lot.move_to(0.0, 0.0, 0.0, 1.0).backbone_px()

@@ -46,7 +46,7 @@ class EditInputs:
 
 
 def build_edit_list(swim: Swim, ticks: int, sources: EditInputs, fish: int = 0) -> pd.DataFrame:
-    """Build the edit list of one fish: what is drawn at each of the first ticks (schema `EDIT`).
+    """Return the edit list of one fish: what is drawn at each of the first ticks (schema `EDIT`).
 
     swim: the animation; ticks: their number; sources: what can be shown; fish: its number, from 0.
     """
@@ -62,9 +62,9 @@ def build_edit_list(swim: Swim, ticks: int, sources: EditInputs, fish: int = 0) 
 
 
 def build_edit_lists(swims: Sequence[Swim], ticks: int, sources: EditInputs) -> pd.DataFrame:
-    """Build the edit list of several fish: what is drawn at every tick (schema `EDIT`).
+    """Return the edit list of several fish: what is drawn at every tick (schema `EDIT`).
 
-    Each fish has `ticks` rows, fish after fish.
+    Each fish has `ticks` rows, fish after fish; sources: what can be shown.
     """
     lists = [build_edit_list(swim, ticks, sources, fish) for fish, swim in enumerate(swims)]
     return lists[0] if len(lists) == 1 else pd.concat(lists, ignore_index=True)

@@ -96,7 +96,7 @@ class JoinRules:
         return int(np.ceil(_LASTS * self.decay)) if self.kind == INERTIAL else 0
 
     def count_moving(self, kind: str, number: Ints) -> int:
-        """Count the pictures at which the animal does not rest; only they count after a join.
+        """Return at how many pictures the animal does not rest; only they count after a join.
 
         kind: SPRITE (all count) or FRAME; number (k,): rows, plus n for mirror images.
         """
@@ -170,7 +170,7 @@ class InertializedPictures(NamedTuple):
 def inertialize_pictures(
     shown: PictureSequence, line_deg: Floats, rules: JoinRules
 ) -> InertializedPictures:
-    """Find the joins in pictures (ticks,), and the poses and rotations that make them smooth.
+    """Return the joins in pictures (ticks,), and the poses and rotations that make them smooth.
 
     line_deg (ticks,): direction in which the fish swims, for which sprites are drawn, degrees. The
     posture is left alone where bending does not make the pictures of a join more alike.

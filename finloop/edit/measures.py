@@ -114,9 +114,9 @@ def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
 
 
 def _ratios_to_film(drawn: Floats, film: Floats, name: str, plural: str) -> dict[str, float]:
-    """Compare picture distances with the film's: ratios to its median, share above its 95 %.
+    """Return picture distances as ratios to the film's median, and the percentage above its 95 %.
 
-    drawn, film: distances; name, plural: for the names of the results.
+    drawn, film: distances (k,), (l,); name, plural: for the names of the results.
     """
     film_median = float(np.median(film))
     return {

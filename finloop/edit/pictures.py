@@ -117,7 +117,7 @@ def cross_fade_distance(row: Any, pictures: Pictures) -> float:
 
 
 def remove_ghost_fades(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
-    """Remove cross-fades between pictures so unlike that they look like ghosts.
+    """Return an edit list without the cross-fades of pictures so unlike that two fish are seen.
 
     most: the largest Euclidean distance (Eq. 5) of pictures that are mixed. A partner once removed
     does not come back in the same cross-fade.

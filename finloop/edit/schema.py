@@ -173,5 +173,5 @@ def filmed_edit_list(rows: Ints, places_px: Floats) -> pd.DataFrame:
 
 
 def split_by_fish(edit: pd.DataFrame) -> list[pd.DataFrame]:
-    """Split an edit list into one list for each fish, with rows counted from 0."""
+    """Return an edit list as one list for each fish, with rows counted from 0."""
     return [rows.reset_index(drop=True) for _, rows in edit.groupby("fish")]

@@ -34,9 +34,9 @@ FREE = Schema(
 """A fish that swims freely, tick by tick: its speeds, its first code, and the row that it follows
 (of 2 n, or of n without mirror images)."""
 
-_TRIALS = 400  # rows from which a fish's obedience is measured
+_TRIALS = 400  # rows from which it is measured how well a fish obeys its controls
 _PRIOR = 4.0  # rows of the whole film that count beside an ensemble's own, in its spread
-_LEAST = 5  # least members of an ensemble
+_LEAST_MEMBERS = 5  # of an ensemble
 
 
 class PredictedEnsembles(NamedTuple):
@@ -56,33 +56,36 @@ class PredictedEnsembles(NamedTuple):
 def predict_ensembles(
     film: FilmStates, sampler: Sampler, parts: Partition, rng: np.random.Generator
 ) -> PredictedEnsembles:
-    """Predict the states after held-out rows, each by an ensemble built from training rows alone.
+    """Return the states predicted after held-out rows, each as an ensemble from training rows.
 
-    A member is the network's prediction plus the error that it made at a similar training row; rows
-    with fewer than 5 members are left out. rng: draws the true state's rank between two members.
+    A member is the network's prediction plus the error that the network made at a similar training
+    row; rows with fewer than 5 members are left out. rng: draws the true state's rank between two
+    members.
     """
-    in_train = np.zeros(len(film.states), bool)
-    in_train[parts.train] = True
-    rest = np.zeros_like(film.states)
-    rest[film.rows] = film.states[film.rows + 1] - sampler.mean[film.rows]
-    whole = rest[in_train].var(0)
+    is_training = np.zeros(len(film.states), bool)
+    is_training[parts.train] = True
+    errors = np.zeros_like(film.states)
+    errors[film.rows] = film.states[film.rows + 1] - sampler.mean[film.rows]
+    film_variance = errors[is_training].var(0)
     rows, means, spreads, ranks = [], [], [], []
     for row in parts.held_out.tolist():
         similar = sampler.to[sampler.start[row] : sampler.start[row + 1]]
-        similar = similar[in_train[similar]]
-        if len(similar) < _LEAST:
+        similar = similar[is_training[similar]]
+        if len(similar) < _LEAST_MEMBERS:
             continue
-        members = rest[similar]
-        below = (members < rest[row]).sum(0) + rng.random(members.shape[1])
-        variance = (len(similar) * members.var(0) + _PRIOR * whole) / (len(similar) + _PRIOR)
+        members = errors[similar]
+        below = (members < errors[row]).sum(0) + rng.random(members.shape[1])
+        variance = (len(similar) * members.var(0) + _PRIOR * film_variance) / (
+            len(similar) + _PRIOR
+        )
         rows.append(row)
         means.append(sampler.mean[row] + members.mean(0))
         spreads.append(np.sqrt(variance))
         ranks.append(below / (len(similar) + 1))
-    d = len(film.scale)
+    state_size = len(film.scale)
     return PredictedEnsembles(
         np.array(rows, np.int64),
-        *(np.array(part).reshape(-1, d) for part in (means, spreads, ranks)),
+        *(np.array(values).reshape(-1, state_size) for values in (means, spreads, ranks)),
     )
 
 
@@ -93,55 +96,56 @@ def measure_predictions(
 
     Errors: root mean squares in standard deviations of the film, of posture codes (pose) and of
     speeds (motion); likelihoods: nats per state number; coverage: % of true numbers in the inner 50
-    or 80 % of their ensemble. persistence_…: the same where no change is predicted.
+    or 80 % of their ensemble. Keys with persistence: where no change is predicted. Likelihoods and
+    coverage are left out without ensembles.
     """
     rows, true = parts.held_out, film.states[parts.held_out + 1]
-    numbers = {}
-    for name, part in {"pose": slice(0, -MOTION), "motion": slice(-MOTION, None)}.items():
-        unit = film.scale[part]
-        error, still = (
-            float(np.sqrt(np.mean(((states[rows] - true)[:, part] / unit) ** 2)))
+    metrics = {}
+    for name, which in {"pose": slice(0, -MOTION), "motion": slice(-MOTION, None)}.items():
+        unit = film.scale[which]
+        error, persistence_error = (
+            float(np.sqrt(np.mean(((states[rows] - true)[:, which] / unit) ** 2)))
             for states in (sampler.mean, film.states)
         )
-        numbers[f"{name}_error"] = error
-        numbers[f"persistence_{name}_error"] = still
-        numbers[f"{name}_skill_against_persistence"] = 1 - error / still
+        metrics[f"{name}_error"] = error
+        metrics[f"persistence_{name}_error"] = persistence_error
+        metrics[f"{name}_skill_against_persistence"] = 1 - error / persistence_error
     change = film.states[parts.train + 1] - film.states[parts.train]
     if len(ensemble.rows):
         later = film.states[ensemble.rows + 1]
-        numbers["held_out_log_likelihood"] = _log_likelihood(
+        metrics["held_out_log_likelihood"] = _log_likelihood(
             (later - ensemble.mean) / film.scale, ensemble.spread / film.scale
         )
-        numbers["persistence_log_likelihood"] = _log_likelihood(
+        metrics["persistence_log_likelihood"] = _log_likelihood(
             (later - film.states[ensemble.rows]) / film.scale, change.std(0) / film.scale
         )
         for share in (50, 80):
             inner = np.abs(ensemble.rank - 0.5) <= share / 200
-            numbers[f"truth_in_inner_{share}_pct"] = float(100 * inner.mean())
-    return numbers
+            metrics[f"truth_in_inner_{share}_pct"] = float(100 * inner.mean())
+    return metrics
 
 
 def _log_likelihood(error: Floats, deviation: Floats) -> float:
-    """Return the mean log density of normal errors (k, d) with given standard deviations."""
+    """Return the mean log density of normal errors (k, d), by their standard deviations."""
     return float(np.mean(-((error / deviation) ** 2) / 2 - np.log(deviation * np.sqrt(2 * np.pi))))
 
 
 def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
-    """Predict states (k, d) a time Δ after rows (k,): each prediction is the next input.
+    """Return states (k, d) predicted a time Δ after rows (k,): each prediction is the next input.
 
     The controls (displacement and turn) are those of the film.
     """
     past = film.states[rows[:, None] - np.arange(film.lags[-1] + 1)]
     for tick in range(film.delta):
-        later = model.predict_means(past[:, film.lags], film.control[rows + tick])
-        past = np.concatenate([later[:, None], past[:, :-1]], 1)
+        next_states = model.predict_means(past[:, film.lags], film.control[rows + tick])
+        past = np.concatenate([next_states[:, None], past[:, :-1]], 1)
     return past[:, 0]
 
 
 def measure_control_slopes(
     sampler: Sampler, film: FilmStates, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Return how well a fish moves as it is told over the time Δ, as slopes against the control.
+    """Return how well a fish obeys its control over the time Δ: slopes of motion against control.
 
     displacement_slope, angle_slope: 1 if it moves as controlled, 0 if it ignores the control; left
     out if the control never varies. The fish starts at random rows, with controls of similar rows.
@@ -153,28 +157,31 @@ def measure_control_slopes(
         if not len(similar):
             continue
         control = sampler.control[rng.choice(similar)]
-        past, follows = start_at_row(sampler, row).past, draw_next_row(sampler, row, control, rng)
-        state, moves = RolloutState(past, follows), []
+        past, followed_row = (
+            start_at_row(sampler, row).past,
+            draw_next_row(sampler, row, control, rng),
+        )
+        state, steps = RolloutState(past, followed_row), []
         for _ in range(delta):
             state = step_fish(sampler, state, control, rng)
-            moves.append(state.past[0, -MOTION:] * step_s)
-        ahead, left, turn = np.transpose(moves)
+            steps.append(state.past[0, -MOTION:] * step_s)
+        ahead, left, turn = np.transpose(steps)
         heading = np.cumsum(turn)
-        way = ((ahead + 1j * left) * np.exp(1j * np.append(0.0, heading[:-1]))).sum()
+        displacement = ((ahead + 1j * left) * np.exp(1j * np.append(0.0, heading[:-1]))).sum()
         controls.append(control)
-        motions.append((float(abs(way)), float(heading[-1])))
-    x, y = np.array(controls), np.array(motions)
+        motions.append((float(abs(displacement)), float(heading[-1])))
+    asked, done = np.array(controls), np.array(motions)
     return {
-        name: float(np.polyfit(x[:, i], y[:, i], 1)[0])
+        name: float(np.polyfit(asked[:, i], done[:, i], 1)[0])
         for i, name in enumerate(("displacement_slope", "angle_slope"))
-        if np.ptp(x[:, i]) > 0
+        if np.ptp(asked[:, i]) > 0
     }
 
 
 def posture_motion_areas(postures: Floats) -> Floats:
     """Return how bent postures (k, 2 + 2 n) are: motion areas (k,), squared body lengths (§2.2)."""
-    none = np.zeros(len(postures))
-    lines = Pose(none, none, none, none + 1, postures).backbone_px()
+    zeros = np.zeros(len(postures))
+    lines = Pose(zeros, zeros, zeros, zeros + 1, postures).backbone_px()
     return np.abs(measure_bend(lines, backbone_steps(postures).sum(1)))
 
 
@@ -195,15 +202,15 @@ def free_swim_table(states: Floats, rows: Ints) -> pd.DataFrame:
 def compare_free_swim(
     states: Floats, rows: Ints, film: FilmStates, sampler: Sampler
 ) -> dict[str, float]:
-    """Compare a fish that swims by predictions alone with the film, by name.
+    """Return how a fish that swims by predictions alone compares with the film, by name.
 
     states (t, d), rows (t,): from `swim_freely`. …_spread_of_film: standard deviation over the
     film's; free_clamped_pct: ticks at the edge of the film's range; …_repeat_s: longest repeats,
     seconds.
     """
-    usual = film.states[film.rows]
+    filmed = film.states[film.rows]
     clamped = (states <= sampler.low) | (states >= sampler.high)
-    spread = states.std(0) / usual.std(0)
+    spread = states.std(0) / filmed.std(0)
     return {
         "free_pose_spread_of_film": float(np.sqrt((spread[:-MOTION] ** 2).mean())),
         "free_forward_spread_of_film": float(spread[-3]),
@@ -216,10 +223,10 @@ def compare_free_swim(
 
 def longest_repeat_rows(values: NDArray[np.generic]) -> int:
     """Return the length of the longest run of rows (n, k) that occurs twice without overlap."""
-    number = np.unique(values, axis=0, return_inverse=True)[1].ravel()
+    numbers = np.unique(values, axis=0, return_inverse=True)[1].ravel()
     longest = 0
-    for lag in range(1, len(number)):
-        equal = np.concatenate([[False], number[lag:] == number[:-lag], [False]])
+    for lag in range(1, len(numbers)):
+        equal = np.concatenate([[False], numbers[lag:] == numbers[:-lag], [False]])
         if equal.any():
             edges = np.flatnonzero(equal[1:] != equal[:-1])
             longest = max(longest, min(lag, int((edges[1::2] - edges[::2]).max())))
@@ -232,10 +239,9 @@ def autocorrelation(values: Floats, follows: Mask, lags: int) -> Floats:
     follows (n − 1,): whether value i + 1 continues value i; pairs across a gap do not count.
     """
     centred, run = values - values.mean(), np.append(0, np.cumsum(~follows))
-    square = float((centred**2).mean())
-    return np.array([
-        float((centred[lag:] * centred[: len(centred) - lag])[
-            run[lag:] == run[: len(run) - lag]
-        ].mean()) / square
-        for lag in range(lags)
-    ])  # fmt: skip
+    variance, result = float((centred**2).mean()), []
+    for lag in range(lags):
+        products = centred[lag:] * centred[: len(centred) - lag]
+        same_run = run[lag:] == run[: len(run) - lag]
+        result.append(float(products[same_run].mean()) / variance)
+    return np.array(result)

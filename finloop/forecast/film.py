@@ -30,7 +30,7 @@ CONTROL = 2
 """Numbers of a control: displacement and included angle."""
 
 LEAST_ROWS = 100
-_LEAST = 1e-6  # least standard deviation
+_LEAST_SD = 1e-6  # standard deviation, at least
 
 
 @dataclass(frozen=True)
@@ -73,25 +73,26 @@ class FilmStates:
 def compute_film_states(
     features: pd.DataFrame, codes: Reals, mirror: Reals | None, rate_hz: float, p: ForecastSettings
 ) -> FilmStates:
-    """Compute pose, speeds and next motion of all rows of a film and of their mirror images.
+    """Return pose, speeds and next motion of all rows of a film and of their mirror images.
 
-    codes: (n, c) of the rows' postures, the most important first; mirror: from
-    `posture_mirror_matrix`. FinloopError if too few rows have a past and a future, or no fish turns
-    or moves in them.
+    codes: (n, c) of the rows' postures, the most important first, of which enough are kept for
+    `p.pose_variance_ratio` of the variance; mirror (c, c): mirrors codes, None if the fish may not
+    be mirrored. FinloopError if too few rows have a past and a future, or no fish turns or moves in
+    them.
     """
     delta, n = infer_delta_frames(features), len(features)
     track, frame = (features[name].to_numpy(np.int64) for name in ("track_id", "frame"))
     lags = np.unique(np.round(np.array(p.lags) * delta)).astype(np.int64)
-    square = (np.asarray(codes, float) ** 2).mean(0).cumsum()
-    c = 1 + int(np.searchsorted(square, p.pose_variance_ratio * square[-1]))
+    variances = (np.asarray(codes, float) ** 2).mean(0).cumsum()
+    code_count = 1 + int(np.searchsorted(variances, p.pose_variance_ratio * variances[-1]))
     states = np.concatenate(
-        [np.asarray(codes, float)[:, :c], _measure_speeds(features, rate_hz)], 1
+        [np.asarray(codes, float)[:, :code_count], _measure_speeds(features, rate_hz)], 1
     )
     angle = np.radians(features["included_angle_deg"].to_numpy(float))
     control = np.stack([features["displacement"].to_numpy(float), angle], 1)
-    place = np.arange(n) - np.searchsorted(track, track)
+    row_in_track = np.arange(n) - np.searchsorted(track, track)
     next_row = np.append((np.diff(track) == 0) & (np.diff(frame) == 1), False)
-    usable = (place > lags[-1]) & next_row & np.isfinite(control).all(1)
+    usable = (row_in_track > lags[-1]) & next_row & np.isfinite(control).all(1)
     lack = ""
     if usable.sum() < LEAST_ROWS:
         lack = f"{usable.sum()} rows with a past, a next frame and a control"
@@ -106,18 +107,22 @@ def compute_film_states(
             "turns",
             "take a longer film, or leave the forecast out (matching.uses=[film])",
         )
-    whole, side = np.eye(c + MOTION), np.ones(2)
+    whole, side = np.eye(code_count + MOTION), np.ones(2)
     if mirror is not None:
-        whole[:c, :c], side[1] = np.asarray(mirror)[:c, :c], -1
-        whole[range(c, c + MOTION), range(c, c + MOTION)] = 1, -1, -1
-    scale = np.maximum(np.nanstd(states, axis=0), _LEAST)
-    both = np.arange(n if mirror is None else 2 * n) % n
-    is_mirror = (np.arange(len(both)) >= n)[:, None]
+        whole[:code_count, :code_count], side[1] = np.asarray(mirror)[:code_count, :code_count], -1
+        whole[range(code_count, code_count + MOTION), range(code_count, code_count + MOTION)] = (
+            1,
+            -1,
+            -1,
+        )
+    scale = np.maximum(np.nanstd(states, axis=0), _LEAST_SD)
+    film_row = np.arange(n if mirror is None else 2 * n) % n
+    is_mirror = (np.arange(len(film_row)) >= n)[:, None]
     return FilmStates(
-        np.where(is_mirror, (states @ whole)[both], states[both]),
-        np.where(is_mirror, (control * side)[both], control[both]), usable[both], whole, side, lags,
-        scale, np.sqrt(np.nanmean(control**2, axis=0)), frame[both], delta, rate_hz, n,
-        measure_memory_frames(codes, track),
+        np.where(is_mirror, (states @ whole)[film_row], states[film_row]),
+        np.where(is_mirror, (control * side)[film_row], control[film_row]),
+        usable[film_row], whole, side, lags, scale, np.sqrt(np.nanmean(control**2, axis=0)),
+        frame[film_row], delta, rate_hz, n, measure_memory_frames(codes, track),
     )  # fmt: skip
 
 
@@ -132,7 +137,7 @@ def posture_mirror_matrix(poses: FilmPoses, look: Reals) -> Reals | None:
 def _measure_speeds(features: pd.DataFrame, rate_hz: float) -> Floats:
     """Return the forward and sideways [body lengths/s] and turning speed [rad/s] of rows, (n, 3).
 
-    They are NaN at a track's first row. rate_hz: frames per second.
+    They are NaN at a track's first row and after a missing frame. rate_hz: frames per second.
     """
     place = places_through_water(features)
     heading = np.radians(features["heading_deg"].to_numpy(float))
@@ -155,21 +160,24 @@ class Partition:
 
 
 def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
-    """Split usable rows by stretches of time, of all fish together; no past reaches across.
+    """Return usable rows split by stretches of time, of all fish together; no past reaches across.
 
     Each side has at most `p.most_rows`: in a long film a random sample. FinloopError if the film is
     shorter than two stretches.
     """
-    rows, least = film.rows, int(film.lags[-1]) + 2
+    rows, least = film.rows, int(film.lags[-1]) + 2  # frames from a past to the next state
     block = held_out_block_frames(
         p.held_out_block_deltas, p.held_out_ratio, film.delta, film.frame[rows], least
     )
-    first, last = (film.frame[rows] - film.lags[-1]) // block, (film.frame[rows] + 1) // block
-    blocks = np.unique(first)
+    first_block, last_block = (
+        (film.frame[rows] - film.lags[-1]) // block,
+        (film.frame[rows] + 1) // block,
+    )
+    blocks = np.unique(first_block)
     count = min(max(1, round(p.held_out_ratio * len(blocks))), len(blocks) - 1)
-    sample = np.random.default_rng((p.seed, 0)).permutation(blocks)[:count]
-    begins, ends = np.isin(first, sample), np.isin(last, sample)
-    parts = Partition(rows[~begins & ~ends], rows[begins & ends])
+    chosen = np.random.default_rng((p.seed, 0)).permutation(blocks)[:count]
+    begins_in, ends_in = np.isin(first_block, chosen), np.isin(last_block, chosen)
+    parts = Partition(rows[~begins_in & ~ends_in], rows[begins_in & ends_in])
     if min(len(parts.train), len(parts.held_out)) == 0:
         raise FinloopError(
             f"{len(parts.train)} rows to learn from and {len(parts.held_out)} to test with, in "

@@ -20,7 +20,7 @@ from finloop.forecast.model import Forecast
 from finloop.forecast.settings import ForecastSettings
 
 _FLOOR = 0.02  # least share of a variance: nearly constant numbers must not dominate
-_STEADY = 0.3  # share of the noise that differs between lags; the rest shifts the whole past
+_LAG_NOISE = 0.3  # share of the noise that differs between lags; the rest shifts the whole past
 
 
 class _Network(nn.Module):
@@ -29,8 +29,8 @@ class _Network(nn.Module):
     def __init__(self, film: FilmStates, hidden_units: int) -> None:
         """Build layers for a film's states and controls, which at first predict no change."""
         super().__init__()
-        d = len(film.scale)
-        sizes = (len(film.lags) * d + CONTROL, hidden_units, hidden_units, d)
+        state_size = len(film.scale)
+        sizes = (len(film.lags) * state_size + CONTROL, hidden_units, hidden_units, state_size)
         first, second, third = (nn.Linear(before, after) for before, after in pairwise(sizes))
         nn.init.zeros_(third.bias)
         third.weight.data *= 0.1  # at first nothing changes
@@ -41,7 +41,11 @@ class _Network(nn.Module):
         self.double()
 
     def forward(self, past: Tensor, control: Tensor) -> Tensor:
-        """Predict the next states (m, d) from pasts (m, l, d) and controls (m, 2)."""
+        """Return the next states (m, d) predicted from pasts (m, l, d) and controls (m, 2).
+
+        All are in units of their scales. The prediction is averaged with the one for the mirror
+        image.
+        """
         mirrored = self.change(past @ self.mirror, control * self.side) @ self.mirror
         return past[:, 0] + 0.5 * (self.change(past, control) + mirrored)
 
@@ -61,11 +65,11 @@ def train_predictor(
 ) -> tuple[Forecast, pd.DataFrame]:
     """Train the network that predicts the next state; return it with its learning curve.
 
-    The weights are those of the epoch with the least held-out error. The curve: columns epoch,
-    train_error, held_out_error, mean squares; 1 is the error of predicting no change. advance():
-    called after each epoch.
+    The weights are those of the epoch with the least held-out error; `p.patience` epochs without a
+    smaller one end the learning. The curve: columns epoch, train_error, held_out_error, mean
+    squares, such that predicting no change has the error 1. advance(): called after each epoch.
     """
-    with _torch_on_one_thread(p.seed) as chance:
+    with _torch_on_one_thread(p.seed) as generator:
         network = _Network(film, p.hidden_units)
         train, held_out = (_make_sample(film, rows) for rows in (parts.train, parts.held_out))
         weight = 1 / ((train[0][:, 0] - train[2]).square().mean(0) + _FLOOR)
@@ -73,17 +77,17 @@ def train_predictor(
             network.parameters(), lr=p.learning_rate, weight_decay=p.weight_decay
         )
         curve = [_mean_square_errors(network, weight, train, held_out)]
-        best, wait = _copy_weights(network), 0
+        best_weights, waited = _copy_weights(network), 0
         for _ in range(p.epochs):
-            _learn_epoch(network, adam, (train, weight), p, chance)
+            _learn_epoch(network, adam, (train, weight), p, generator)
             curve.append(_mean_square_errors(network, weight, train, held_out))
             advance()
-            wait += 1
+            waited += 1
             if curve[-1]["held_out_error"] < min(row["held_out_error"] for row in curve[:-1]):
-                best, wait = _copy_weights(network), 0
-            if wait >= p.patience:
+                best_weights, waited = _copy_weights(network), 0
+            if waited >= p.patience:
                 break
-    weights = {name: value.numpy().astype(np.float32) for name, value in best.items()}
+    weights = {name: value.numpy().astype(np.float32) for name, value in best_weights.items()}
     layers = tuple(np.ascontiguousarray(weights[f"layers.{i}.weight"].T) for i in range(3))
     biases = tuple(weights[f"layers.{i}.bias"] for i in range(3))
     model = Forecast(
@@ -102,8 +106,8 @@ def _make_sample(film: FilmStates, rows: Ints) -> Sample:
         film.past(rows) / film.scale, film.control[rows] / film.control_scale,
         film.states[rows + 1] / film.scale,
     )  # fmt: skip
-    past, control, later = (torch.tensor(part, dtype=torch.float64) for part in parts)
-    return past, control, later
+    past, control, next_states = (torch.tensor(part, dtype=torch.float64) for part in parts)
+    return past, control, next_states
 
 
 def _learn_epoch(
@@ -112,15 +116,16 @@ def _learn_epoch(
 ) -> None:  # fmt: skip
     """Show the network the whole sample once, in random batches and with noise on the past.
 
-    sample: the training rows, and the weight (d,) of each state number's error.
+    adam: changes the network's weights; sample: the training rows, and the weight (d,) of each
+    state number's error.
     """
-    (past, control, later), weight = sample
-    size = min(p.batch_size, len(past))
-    order = torch.randperm(len(past), generator=generator)
-    for first in range(0, len(past) - size + 1, size):
-        lot = order[first : first + size]
-        noise = p.input_noise_sd * _draw_disturbances(past[lot].shape, generator)
-        error = network(past[lot] + noise, control[lot]) - later[lot]
+    (past, control, next_states), weight = sample
+    batch_size = min(p.batch_size, len(past))
+    shuffled = torch.randperm(len(past), generator=generator)
+    for first in range(0, len(past) - batch_size + 1, batch_size):
+        batch = shuffled[first : first + batch_size]
+        noise = p.input_noise_sd * _draw_disturbances(past[batch].shape, generator)
+        error = network(past[batch] + noise, control[batch]) - next_states[batch]
         loss = (error.square() * weight).mean()
         adam.zero_grad()
         loss.backward()
@@ -128,27 +133,28 @@ def _learn_epoch(
 
 
 def _draw_disturbances(shape: torch.Size, generator: torch.Generator) -> Tensor:
-    """Draw noise (m, l, d) for the pasts: one shift common to all lags, and one for each lag."""
-    m, lags, d = shape
-    shift, each = (
-        torch.randn(m, count, d, generator=generator, dtype=torch.float64) for count in (1, lags)
+    """Return noise (m, l, d) for the pasts: one shift common to all lags, and one for each lag."""
+    rows, lags, state_size = shape
+    common, single = (
+        torch.randn(rows, count, state_size, generator=generator, dtype=torch.float64)
+        for count in (1, lags)
     )
-    most = torch.rand(2, m, 1, 1, generator=generator, dtype=torch.float64)
-    return most[0] * shift + most[1] * _STEADY * each
+    sizes = torch.rand(2, rows, 1, 1, generator=generator, dtype=torch.float64)
+    return sizes[0] * common + sizes[1] * _LAG_NOISE * single
 
 
 def _mean_square_errors(
     network: _Network, weight: Tensor, train: Sample, held_out: Sample
 ) -> dict[str, float]:
-    """Return the mean square errors of training and held-out rows; 1 is that of no change.
+    """Return the mean square errors `train_error` and `held_out_error` of the network.
 
-    weight (d,): of each state number's error.
+    weight (d,): of each state number's error, such that predicting no change has the error 1.
     """
     errors = {}
     with torch.inference_mode():
-        for name, (past, control, later) in (("train", train), ("held_out", held_out)):
-            square = (network(past, control) - later).square().mean(0)
-            errors[f"{name}_error"] = float((square * weight).mean())
+        for name, (past, control, next_states) in (("train", train), ("held_out", held_out)):
+            squares = (network(past, control) - next_states).square().mean(0)
+            errors[f"{name}_error"] = float((squares * weight).mean())
     return errors
 
 
@@ -159,12 +165,15 @@ def _copy_weights(network: _Network) -> dict[str, Tensor]:
 
 @contextmanager
 def _torch_on_one_thread(seed: int) -> Iterator[torch.Generator]:
-    """Run torch on one thread, so that sums are reproducible; the seed draws the first weights."""
-    before = torch.get_num_threads()
+    """Run torch on one thread, so that sums are reproducible; yield a seeded generator.
+
+    The seed also draws the first weights. Threads and random state are restored at the end.
+    """
+    thread_count = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             yield torch.Generator().manual_seed(seed)
     finally:
-        torch.set_num_threads(before)
+        torch.set_num_threads(thread_count)

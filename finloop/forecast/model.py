@@ -57,22 +57,22 @@ class Forecast:
     def kernel_weights(self) -> KernelWeights:
         """Return the weights as `predict_next_mean` takes them, with the scales folded in."""
         (first, second, third), (first_bias, second_bias, third_bias) = self.layers, self.biases
-        d, lags = len(self.scale), len(self.lags)
+        size, lags = len(self.scale), len(self.lags)
         unit = np.concatenate([np.tile(self.scale, lags), self.control_scale])
-        fold = np.zeros((len(unit), len(unit)))
+        mirror = np.zeros((len(unit), len(unit)))
         for lag in range(lags):
-            fold[lag * d : (lag + 1) * d, lag * d : (lag + 1) * d] = self.mirror
-        fold[-2, -2], fold[-1, -1] = self.side
-        out = 0.5 * third * self.scale, 0.5 * third_bias * self.scale
-        both = (
-            [first / unit[:, None], fold @ (first / unit[:, None])], [second] * 2,
-            [out[0], out[0] @ self.mirror], [first_bias] * 2, [second_bias] * 2,
-            [out[1], out[1] @ self.mirror],
+            mirror[lag * size : (lag + 1) * size, lag * size : (lag + 1) * size] = self.mirror
+        mirror[-2, -2], mirror[-1, -1] = self.side
+        last = 0.5 * third * self.scale, 0.5 * third_bias * self.scale
+        pairs = (
+            [first / unit[:, None], mirror @ (first / unit[:, None])], [second] * 2,
+            [last[0], last[0] @ self.mirror], [first_bias] * 2, [second_bias] * 2,
+            [last[1], last[1] @ self.mirror],
         )  # fmt: skip
-        return KernelWeights(*(np.ascontiguousarray(np.stack(pair), np.float32) for pair in both))
+        return KernelWeights(*(np.ascontiguousarray(np.stack(pair), np.float32) for pair in pairs))
 
     def predict_means(self, past: Reals, control: Reals) -> Floats:
-        """Predict the means (k, d) of the next states, in the units of `FilmStates`.
+        """Return the means (k, d) of the next states, in the units of `FilmStates`.
 
         past: (k, l, d), the present state first; control: (k, 2), displacement [body lengths] and
         included angle [rad] over the next time Δ.
@@ -95,7 +95,7 @@ class Forecast:
 
 
 def restore_forecast(**content: Any) -> Forecast:
-    """Restore the network from the fields of `Forecast.record`.
+    """Return the network that the fields of `Forecast.record` describe.
 
     KeyError, TypeError or ValueError if a field is missing, of another size or not finite.
     """
@@ -105,11 +105,15 @@ def restore_forecast(**content: Any) -> Forecast:
     scale, control_scale, mirror, side = (np.array(content[name], float) for name in _UNITS[1:])
     layers = [np.array(content[name], np.float32) for name in _LAYERS]
     biases = [np.array(content[f"{name}_bias"], np.float32) for name in _LAYERS]
-    d, h = len(scale), len(biases[0])
-    sizes = [len(lags) * d + 2, h, h, d]
+    size, hidden = len(scale), len(biases[0])
+    sizes = [len(lags) * size + 2, hidden, hidden, size]
     shapes = [layer.shape == (sizes[i], sizes[i + 1]) for i, layer in enumerate(layers)]
     shapes += [bias.shape == (sizes[i + 1],) for i, bias in enumerate(biases)]
-    shapes += [mirror.shape == (d, d), control_scale.shape == side.shape == (2,), lags.ndim == 1]
+    shapes += [
+        mirror.shape == (size, size),
+        control_scale.shape == side.shape == (2,),
+        lags.ndim == 1,
+    ]
     if not all(shapes) or not all(np.isfinite(array).all() for array in (*layers, *biases, mirror)):
         raise ValueError("weights of other sizes, or not finite")
     return Forecast(tuple(layers), tuple(biases), lags, scale, control_scale, mirror, side)  # type: ignore[arg-type]
@@ -122,21 +126,22 @@ def _silu(x: Reals) -> Reals:
 
 @finite_leaf
 def predict_next_mean(net: KernelWeights, past: Weights, out: Floats, hidden: Weights) -> None:
-    """Predict the next state of a fish, and write it into `out` (d,).
+    """Write the predicted next state of a fish into `out` (d,).
 
-    past: (l d + 2,), the states at all lags, the present first, then the control, in the units of
-    `FilmStates`; hidden (2, h): space for the two hidden layers.
+    net: weights of the network and of its mirror image; past: (l d + 2,), the states at all lags,
+    the present first, then the control, in the units of `FilmStates`; hidden (2, h): space for the
+    two hidden layers.
     """
-    d, h, first, second = out.size, hidden.shape[1], hidden[0], hidden[1]
-    for j in range(d):
+    size, hidden_units, first, second = out.size, hidden.shape[1], hidden[0], hidden[1]
+    for j in range(size):
         out[j] = past[j]
     for side in range(2):
         _compute_layer(past, net.first[side], net.first_bias[side], first)
         _compute_layer(first, net.second[side], net.second_bias[side], second)
-        for j in range(d):
+        for j in range(size):
             out[j] += net.third_bias[side, j]
-        for i in range(h):
-            for j in range(d):
+        for i in range(hidden_units):
+            for j in range(size):
                 out[j] += second[i] * net.third[side, i, j]
 
 

@@ -28,9 +28,9 @@ _TURN = 4096  # rows whose neighbours are of one part of a long film
 _STRETCH = 20  # Δ, length of the stretches of a part of the film
 _BLOCK = 50_000  # rows at a time in the embedding
 _SPARE = 2  # times `count`: rows of different passages that are drawn to find `count` alike ones
-_NEAR = 8  # factor on the number of nearest rows that look alike and are examined for these, ...
+_NEAR = 8  # times that number: rows that look alike, examined for passages, ...
 _MOST = 16_384  # ... among at most so many nearest rows, fewer in a part of the film, ...
-_FEWEST = 2  # ... but at least so many times as many
+_FEWEST = 2  # ... but at least so many times as many as are examined
 
 
 VisibleDistance = Callable[[Ints, Ints, Mask], Floats]
@@ -48,12 +48,10 @@ def build_similarity_graph(
     (m, k), of total variance 1, and by at most `p.max_discontinuity` in visible distance.
     FinloopError if no two rows are similar.
     """
-    every = [
-        _choose_alike_pairs(pairs, film.count, visible, p)
-        for pairs in _find_similar_pairs(film, look, p)
-    ]
-    there = np.concatenate([np.empty((0, 2), np.int64), *every])
-    if not len(there):
+    batches = _find_similar_pairs(film, look, p)
+    alike = [_choose_alike_pairs(pairs, film.count, visible, p) for pairs in batches]
+    pairs = np.concatenate([np.empty((0, 2), np.int64), *alike])
+    if not len(pairs):
         raise FinloopError(
             "no two rows of the film are similar and look alike",
             f"some whose light and skin are at most {p.look} deviations apart, and that are at "
@@ -61,7 +59,7 @@ def build_similarity_graph(
             "take a longer film, in which postures repeat, or raise forecast.max_discontinuity, "
             "or leave the forecast out (matching.uses=[film])",
         )
-    return _make_symmetric(there, film.count, len(film.states))
+    return _make_symmetric(pairs, film.count, len(film.states))
 
 
 def _make_symmetric(
@@ -69,12 +67,14 @@ def _make_symmetric(
 ) -> tuple[Ints, NDArray[np.int32]]:
     """Return the graph of similar pairs (k, 2), of the reversed pairs, and of their mirror images.
 
-    film_rows: number of the film's own rows; all_rows: with mirror images. The graph is start, to,
-    as in `build_similarity_graph`.
+    film_rows: number of the film's own rows; all_rows: with mirror images. The graph is start
+    (all_rows + 1,) and to (e,): the rows similar to row i are to[start[i]:start[i + 1]].
     """
-    image = (similar_pairs + film_rows) % all_rows if all_rows > film_rows else similar_pairs
-    ways = ((pairs, side) for pairs in (similar_pairs, image) for side in (0, 1))
-    edges = np.concatenate([pairs[:, side] * all_rows + pairs[:, 1 - side] for pairs, side in ways])
+    mirror_pairs = (similar_pairs + film_rows) % all_rows if all_rows > film_rows else similar_pairs
+    directions = ((pairs, side) for pairs in (similar_pairs, mirror_pairs) for side in (0, 1))
+    edges = np.concatenate(
+        [pairs[:, side] * all_rows + pairs[:, 1 - side] for pairs, side in directions]
+    )
     edges.sort()  # in place, as below: a million rows have 50 million edges
     edges = edges[np.append(True, edges[1:] != edges[:-1])]
     start = np.searchsorted(edges, np.arange(all_rows + 1) * all_rows)
@@ -103,37 +103,38 @@ def _embed_pasts(film: FilmStates, rows: Ints, fade_deltas: float) -> NDArray[np
 def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Ints]:
     """Yield pairs (k, 2) of the film's rows, ascending, and similar rows, the most similar first.
 
-    The rows after a pair look alike. A row has up to `_SPARE` · `p.neighbours` of them, each of
-    another passage. They come in batches. In a film of several parts (`assign_parts`) all
-    neighbours of a row are in one part, which changes every few thousand rows.
+    look (m, k): light and skin of each row; the rows after a pair look alike. A row has up to twice
+    `p.neighbours` similar rows, each of another passage of film. Pairs come in batches. In a film
+    of several parts (`assign_parts`) all neighbours of a row are in one part, which changes every
+    few thousand rows.
     """
-    rows, count, n = film.rows, p.neighbours, int((film.rows < film.count).sum())
-    passage, near = max(film.delta, round(film.memory)), _NEAR * _SPARE * count
-    space, looks = _embed_pasts(film, rows, p.fade), np.asarray(look)[rows + 1]
+    rows, film_rows = film.rows, int((film.rows < film.count).sum())
+    passage, examined = max(film.delta, round(film.memory)), _NEAR * _SPARE * p.neighbours
+    pasts, looks = _embed_pasts(film, rows, p.fade), np.asarray(look)[rows + 1]
     looks = (looks - looks.mean(0)).astype(np.float32)
-    limits = near, passage, _SPARE * count
+    limits = examined, passage, _SPARE * p.neighbours
     part = assign_parts(film.count, _STRETCH * film.delta)[rows % film.count]
     parts = 1 + int(part.max())
-    most = max(_MOST // parts, _FEWEST * near)
+    most = max(_MOST // parts, _FEWEST * examined)
 
     @lru_cache(1)
-    def of_part(number: int) -> tuple[Ints, Nearest]:
+    def index_part(number: int) -> tuple[Ints, Nearest]:
         """Return the rows of one part of the film, and the index of their vectors."""
-        some = np.flatnonzero(part == number)
-        return some, Nearest.from_vectors(space[some], MOST if parts == 1 else len(some))
+        members = np.flatnonzero(part == number)
+        return members, Nearest.from_vectors(pasts[members], MOST if parts == 1 else len(members))
 
-    for first in range(0, n, _LOT):
-        lot = np.arange(first, min(first + _LOT, n))
-        some, index = of_part(first // _TURN % parts)
+    for first in range(0, film_rows, _LOT):
+        lot = np.arange(first, min(first + _LOT, film_rows))
+        members, index = index_part(first // _TURN % parts)
 
-        def choose(queries: Ints, near: Ints, lot: Ints = lot, some: Ints = some) -> Any:
+        def choose(queries: Ints, near: Ints, lot: Ints = lot, members: Ints = members) -> Any:
             """Return the nearest rows that look alike, for some rows of the lot."""
-            numbers = np.where(near < 0, -1, some[near])
+            numbers = np.where(near < 0, -1, members[near])
             return _choose_passages(rows, lot, (looks, p.look), limits, queries, numbers)
 
-        (choice,) = index.choose(space[lot], near, choose, most)
-        at, place = np.nonzero(choice >= 0)
-        yield np.column_stack([rows[lot[at]], choice[at, place]])
+        (choice,) = index.choose(pasts[lot], examined, choose, most)
+        query, rank = np.nonzero(choice >= 0)
+        yield np.column_stack([rows[lot[query]], choice[query, rank]])
 
 
 def _choose_alike_pairs(
@@ -144,15 +145,15 @@ def _choose_alike_pairs(
     pairs (k, 2): of rows, sorted; film_rows: number of the film's rows, without mirror images.
     """
     _, row = np.unique(pairs[:, 0], return_inverse=True)
-    place = np.arange(len(pairs)) - np.searchsorted(row, row)
-    few = np.flatnonzero(place < p.neighbours)
-    near = np.zeros(len(pairs), bool)
-    near[few] = _visible_distances_after(pairs[few], film_rows, visible) <= p.max_discontinuity
+    rank = np.arange(len(pairs)) - np.searchsorted(row, row)
+    first = np.flatnonzero(rank < p.neighbours)
+    alike = np.zeros(len(pairs), bool)
+    alike[first] = _visible_distances_after(pairs[first], film_rows, visible) <= p.max_discontinuity
     # The remaining pairs are drawn only for rows that lack neighbours.
-    lacks = np.bincount(row[few], near[few]) < p.neighbours
-    rest = np.flatnonzero((place >= p.neighbours) & lacks[row])
-    near[rest] = _visible_distances_after(pairs[rest], film_rows, visible) <= p.max_discontinuity
-    pairs, row = pairs[near], row[near]
+    lacks = np.bincount(row[first], alike[first]) < p.neighbours
+    rest = np.flatnonzero((rank >= p.neighbours) & lacks[row])
+    alike[rest] = _visible_distances_after(pairs[rest], film_rows, visible) <= p.max_discontinuity
+    pairs, row = pairs[alike], row[alike]
     return pairs[np.arange(len(pairs)) - np.searchsorted(row, row) < p.neighbours]
 
 
@@ -172,31 +173,31 @@ def _choose_passages(
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
     """Choose for each query the nearest rows that look alike, at most one of each passage of film.
 
-    Return rows (k, count), −1 for none, for the rows rows[lot[queries]], and a mask (k,): True
-    where `count` passages, or all the rows to be examined, are there. near (k, l): candidates as
-    numbers into `rows`, the nearest first. alike: looks (m, c), and their largest distance. limits:
-    how many alike rows are examined, how far passages are apart, count.
+    The queries are the rows rows[lot[queries]]. Returns rows (k, count), −1 for none, and a mask
+    (k,): True where `count` passages, or all the rows to be examined, are there. near (k, l):
+    candidates as numbers into `rows`, the nearest first. alike: looks (m, c), and their largest
+    distance. limits: how many alike rows are examined, how many rows passages are apart, count.
     """
     looks, most_apart = alike
-    looked_at, apart, count = limits
-    choice, full = np.full((len(queries), count), -1), np.zeros(len(queries), np.bool_)
+    most_examined, apart, count = limits
+    choice, done = np.full((len(queries), count), -1), np.zeros(len(queries), np.bool_)
     for k in range(len(queries)):
-        row, many, checked = lot[queries[k]], 0, 0
+        row, chosen, examined = lot[queries[k]], 0, 0
         for c in range(near.shape[1]):
             neighbour = near[k, c]
-            if neighbour < 0 or many == count or checked == looked_at:
+            if neighbour < 0 or chosen == count or examined == most_examined:
                 break
-            square = 0.0
+            square_sum = 0.0
             for i in range(looks.shape[1]):
-                square += (looks[row, i] - looks[neighbour, i]) ** 2
-            if square > most_apart**2:
+                square_sum += (looks[row, i] - looks[neighbour, i]) ** 2
+            if square_sum > most_apart**2:
                 continue
-            checked += 1
-            new = abs(rows[neighbour] - rows[row]) >= apart
-            for i in range(many):
-                new = new and abs(rows[neighbour] - choice[k, i]) >= apart
-            if new:
-                choice[k, many] = rows[neighbour]
-                many += 1
-        full[k] = many == count or checked == looked_at
-    return (choice,), full
+            examined += 1
+            is_new = abs(rows[neighbour] - rows[row]) >= apart
+            for i in range(chosen):
+                is_new = is_new and abs(rows[neighbour] - choice[k, i]) >= apart
+            if is_new:
+                choice[k, chosen] = rows[neighbour]
+                chosen += 1
+        done[k] = chosen == count or examined == most_examined
+    return (choice,), done

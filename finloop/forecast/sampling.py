@@ -23,7 +23,7 @@ from finloop.forecast.model import Forecast, KernelWeights, predict_next_mean
 from finloop.forecast.settings import ForecastSettings
 
 _LOT = 50_000  # rows at a time
-_EDGES = 1_000_000  # sample of the graph's edges that measures how much controls differ
+_EDGES = 1_000_000  # of the graph, sampled to measure how much controls differ
 
 
 Similar = NDArray[np.int32]
@@ -71,9 +71,10 @@ def build_sampler(
     film: FilmStates, model: Forecast, graph: tuple[Ints, Similar], p: ForecastSettings,
     mean: Floats | None = None,
 ) -> Sampler:  # fmt: skip
-    """Build a `Sampler`, all that drives a simulated fish, from a film, its network and a graph.
+    """Return the `Sampler`, all that drives a simulated fish, from a film, its network and a graph.
 
-    graph: from `neighbours.build_similarity_graph`; mean: `Sampler.mean`, None to compute it.
+    graph: start and to of similar rows, from `build_similarity_graph`; mean (m, d): predicted next
+    states of the rows, None to compute them.
     """
     rows, d = film.rows, len(film.scale)
     if mean is None:
@@ -82,14 +83,14 @@ def build_sampler(
             mean[lot] = model.predict_means(film.past(lot), film.control[lot])
     edges = np.arange(0, len(graph[1]), 1 + len(graph[1]) // _EDGES)
     source = np.searchsorted(graph[0], edges, "right") - 1
-    differ = film.control[source] - film.control[graph[1][edges]]
-    half = np.repeat([p.settle_pose, p.settle_motion], [d - MOTION, MOTION])
+    differences = film.control[source] - film.control[graph[1][edges]]
+    half_life = np.repeat([p.settle_pose, p.settle_motion], [d - MOTION, MOTION])
     return Sampler(
         model.kernel_weights(), np.nan_to_num(film.states), mean, np.nan_to_num(film.control),
         film.usable, film.states[rows].min(0), film.states[rows].max(0), film.lags,
-        0.5 ** (1 / (half * film.delta)), *graph,
+        0.5 ** (1 / (half_life * film.delta)), *graph,
         max(1.0, p.follow * film.delta, film.memory),
-        p.obey * np.sqrt((differ**2).mean(0)), np.zeros(len(film.states), bool),
+        p.obey * np.sqrt((differences**2).mean(0)), np.zeros(len(film.states), bool),
     )  # fmt: skip
 
 
@@ -103,69 +104,69 @@ def step_fish(
 ) -> RolloutState:
     """Return the fish one tick later, under a control (2,), or freely if that is None.
 
-    control: displacement [body lengths] and turn [rad] over the time Δ. Only `rng` is changed.
+    control: displacement [body lengths] and turn [rad] over the time Δ. At the end of a film run,
+    or at random, the fish jumps to a similar row. Only `rng` is changed.
     """
     row = state.row
     if not sampler.usable[row] or rng.random() < 1 / sampler.follow:
         row = draw_next_row(sampler, row, control, rng)
-    here = sampler.control[row] if control is None else np.asarray(control, float)
-    later = follow_row(sampler, state.past, row, 1, here)
-    return RolloutState(np.concatenate([later, state.past[:-1]]), row + 1)
+    row_control = sampler.control[row] if control is None else np.asarray(control, float)
+    next_state = follow_row(sampler, state.past, row, 1, row_control)
+    return RolloutState(np.concatenate([next_state, state.past[:-1]]), row + 1)
 
 
 def draw_next_row(
     sampler: Sampler, row: int, control: Floats | None, rng: np.random.Generator
 ) -> int:
-    """Draw at random the film row that a simulated fish follows next, among similar rows.
+    """Return a film row that a simulated fish follows next, drawn at random among similar rows.
 
     control (2,): with q a row's squared difference from it, in units of `sampler.obey`, the row is
     exp(−½ (q − least q)) times as likely; None: the control does not matter.
     """
-    rows, chance = next_row_weights(sampler, row)
+    rows, weights = next_row_weights(sampler, row)
     if control is not None:
-        square = (((sampler.control[rows] - control) / sampler.obey) ** 2).sum(1)
-        chance = chance * np.exp(-0.5 * (square - square.min(initial=np.inf)))
-    return int(rows[np.searchsorted(np.cumsum(chance), rng.random() * chance.sum())])
+        misfit = (((sampler.control[rows] - control) / sampler.obey) ** 2).sum(1)
+        weights = weights * np.exp(-0.5 * (misfit - misfit.min(initial=np.inf)))
+    return int(rows[np.searchsorted(np.cumsum(weights), rng.random() * weights.sum())])
 
 
 def next_row_weights(sampler: Sampler, row: int) -> tuple[Ints, Floats]:
     """Return the rows (k,) that a fish may follow next, and their weights (k,) in a random draw.
 
-    row: the one that it follows now, which is also the last of the result. The weights (Metropolis)
-    let all rows be visited equally often; their sum may be below 1. A row that is not usable leads
-    only to its similar rows; if it has none, to the similar rows of the last earlier row that has
-    some, shifted by the rows between, and then to that row.
+    row: the one that the fish follows now, which is also the last of the result. The weights
+    (Metropolis) let all rows be visited equally often; their sum may be below 1. A row that is not
+    usable leads only to its similar rows; if it has none, to the similar rows of the last earlier
+    row that has some, shifted by the rows between, and then to that row.
     """
-    last = row
-    while not sampler.usable[last] and sampler.start[last] == sampler.start[last + 1]:
-        last -= 1
-    rows = sampler.to[sampler.start[last] : sampler.start[last + 1]]
-    degree = sampler.start[rows + 1] - sampler.start[rows]
-    chance = 1 / np.maximum(degree, max(len(rows), 1))
-    stays = max(1 - chance.sum(), 0.0) if sampler.usable[row] or not len(rows) else 0.0
-    later = rows + row - last
-    if (goes_on := sampler.usable[np.minimum(later, len(sampler.usable) - 1)]).any():
-        rows, chance = later[goes_on], chance[goes_on]
-    return np.append(rows, last), np.append(chance, stays)
+    source = row
+    while not sampler.usable[source] and sampler.start[source] == sampler.start[source + 1]:
+        source -= 1
+    rows = sampler.to[sampler.start[source] : sampler.start[source + 1]]
+    neighbour_counts = sampler.start[rows + 1] - sampler.start[rows]
+    weights = 1 / np.maximum(neighbour_counts, max(len(rows), 1))
+    stay_weight = max(1 - weights.sum(), 0.0) if sampler.usable[row] or not len(rows) else 0.0
+    shifted = rows + row - source
+    if (goes_on := sampler.usable[np.minimum(shifted, len(sampler.usable) - 1)]).any():
+        rows, weights = shifted[goes_on], weights[goes_on]
+    return np.append(rows, source), np.append(weights, stay_weight)
 
 
 def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
-    """Let a simulated fish swim from a random film row; return states (ticks, d) and rows (ticks,).
+    """Return how a simulated fish swims from a random film row: states (ticks, d), rows (ticks,).
 
-    It swims without control; the rows are those of the film that it follows.
+    The fish swims without control; the rows are those of the film that it follows.
     """
     past, row = start_at_row(sampler, int(rng.choice(np.flatnonzero(sampler.usable))))
-    states, rows, n = [], [], 0
-    while n < ticks:
+    states, rows, done = [], [], 0
+    while done < ticks:
         row = draw_next_row(sampler, row, None, rng)
-        later = follow_row(
-            sampler, past, row, int(rng.geometric(1 / sampler.follow)), sampler.control[row]
-        )
+        run_ticks = int(rng.geometric(1 / sampler.follow))
+        later = follow_row(sampler, past, row, run_ticks, sampler.control[row])
         past = np.concatenate([later, past])[: len(past)]
         states.append(later[::-1])
         rows.append(row + 1 + np.arange(len(later)))
         row += len(later)
-        n += len(later)
+        done += len(later)
     return np.concatenate(states)[:ticks], np.concatenate(rows)[:ticks]
 
 
@@ -173,31 +174,31 @@ def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple
 def follow_row(sampler: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
     """Return the next states (ticks, d) of a fish that follows a film row, the last tick first.
 
-    They are fewer if the row's track ends. past (L + 1, d): the present first. control (2,): of the
-    first tick; its difference from the row's own control stays constant.
+    They are fewer if the row's track ends. past (L + 1, d): the fish's states, the present first.
+    control (2,): of the first tick; its difference from the row's own control stays constant.
     """
-    d, lags, deep = sampler.states.shape[1], sampler.lags, len(past)
+    size, lags, past_length = sampler.states.shape[1], sampler.lags, len(past)
     while ticks > 1 and not sampler.usable[row : row + ticks].all():
         ticks -= 1
-    states = np.empty((ticks + deep, d))
-    for i in range(deep):
-        for j in range(d):
+    states = np.empty((ticks + past_length, size))
+    for i in range(past_length):
+        for j in range(size):
             states[ticks + i, j] = past[i, j]
-    x, mean = np.empty(lags.size * d + 2, np.float32), np.empty(d)
+    inputs, mean = np.empty(lags.size * size + 2, np.float32), np.empty(size)
     hidden = np.empty((2, sampler.net.second_bias.shape[1]), np.float32)
     for t in range(ticks):
-        now = ticks - t
+        present = ticks - t
         for i in range(lags.size):
-            for j in range(d):
-                x[i * d + j] = states[now + lags[i], j]
+            for j in range(size):
+                inputs[i * size + j] = states[present + lags[i], j]
         for j in range(2):
-            x[lags.size * d + j] = (
+            inputs[lags.size * size + j] = (
                 sampler.control[row + t, j] + control[j] - sampler.control[row, j]
             )
-        predict_next_mean(sampler.net, x, mean, hidden)
-        for j in range(d):
+        predict_next_mean(sampler.net, inputs, mean, hidden)
+        for j in range(size):
             value = sampler.states[row + t + 1, j]
-            if not (sampler.rests[row + t + 1] and j >= d - MOTION):
+            if not (sampler.rests[row + t + 1] and j >= size - MOTION):
                 value += sampler.settle[j] * (mean[j] - sampler.mean[row + t, j])
-            states[now - 1, j] = min(max(value, sampler.low[j]), sampler.high[j])
+            states[present - 1, j] = min(max(value, sampler.low[j]), sampler.high[j])
     return states[:ticks]

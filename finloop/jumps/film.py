@@ -29,7 +29,7 @@ from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
 
 _LOT = 2000  # rows at a time
-_TURN = 2000  # rows whose jumps lead to one part of a long film
+_TURN = 2000  # successive rows whose jumps lead to the same part of a long film
 _STRETCH = 8  # times `least`: rows of a stretch, which are all of one part of the film
 _SPARE = 8  # times `count`: nearest rows that are searched first for `count` passages
 
@@ -59,14 +59,15 @@ class JumpSearch:
     def from_values(
         cls, signatures: Floats, track: Ints, count: int, least: int, mirror: bool = True
     ) -> "JumpSearch":
-        """Build the search from signatures (2, n, d): of rows [0] and of their mirror images [1].
+        """Return the search built from signatures (2, n, d): of rows [0], of mirror images [1].
 
-        track (n,): ascending ids; count, least: see `JumpSearch`; mirror: whether jumps may lead to
+        A signature is the vector by which rows are compared. track (n,): ascending ids; count:
+        neighbours of a row; least: fewest rows between them; mirror: whether jumps may lead to
         mirror images.
         """
         targets = np.ascontiguousarray(signatures[: 1 + mirror].reshape(-1, signatures.shape[-1]))
-        stays = np.searchsorted(track, track, "right") - 1 - np.arange(len(track)) >= least
-        goals = np.flatnonzero(np.tile(stays, 1 + mirror))
+        can_play_on = np.searchsorted(track, track, "right") - 1 - np.arange(len(track)) >= least
+        goals = np.flatnonzero(np.tile(can_play_on, 1 + mirror))
         index = Nearest.from_vectors(targets[goals])
         part = assign_parts(len(track), _STRETCH * least)
         return cls(targets, goals, index, np.asarray(track), part, count, least)
@@ -79,35 +80,34 @@ class JumpSearch:
     def __call__(self, rows: Ints) -> pd.DataFrame:
         """Return the nearest neighbours of rows (k,), ascending: a table of row, to, mirrored, far.
 
-        far: the distance of the two signatures, in natural steps (median distance of successive
-        pictures). The nearest neighbour of a row comes first.
+        `to` is a row, mirrored or not; far: the distance of the two signatures, in natural steps
+        (median distance of successive pictures). The nearest neighbour of a row comes first.
         """
         return self._nearest(rows, self.goals, self.index)
 
     def search_part(self, rows: Ints, part: int) -> pd.DataFrame:
-        """Return the neighbours of rows (k,) in one part of the film, as `__call__` does."""
+        """Return the neighbours of rows (k,) in a part of the film: row, to, mirrored, far."""
         goals = self.goals[self.part[self.goals % len(self.track)] == part]
         return self._nearest(rows, goals, Nearest.from_vectors(self.targets[goals], len(goals)))
 
     def _nearest(self, rows: Ints, goals: Ints, index: Nearest) -> pd.DataFrame:
-        """Return the nearest neighbours of rows (k,) among some targets, as `__call__` does.
+        """Return the nearest neighbours of rows (k,) among some targets: row, to, mirrored, far.
 
         goals: numbers of these targets; index: of their signatures.
         """
 
-        def choose_passages(some: Ints, near: Ints) -> tuple[tuple[Ints, Floats], Mask]:
+        def choose_passages(queries: Ints, near: Ints) -> tuple[tuple[Ints, Floats], Mask]:
             """Return the nearest targets of some rows, and which rows have enough of them."""
             near = np.sort(np.where(near < 0, -1, goals[near]), axis=1)
-            least, count = self.least, self.count
-            to, far = _nearest_by_passage(self.targets, self.track, rows[some], near, least, count)
+            to, far = _nearest_by_passage(
+                self.targets, self.track, rows[queries], near, self.least, self.count
+            )
             return (to, far), np.isfinite(far[:, -1])
 
         to, far = index.choose(self.targets[rows], _SPARE * self.count, choose_passages)
-        at, place = np.nonzero(np.isfinite(far))
-        to, n = to[at, place], len(self.track)
-        return pd.DataFrame(
-            {"row": rows[at], "to": to % n, "mirrored": to >= n, "far": far[at, place]}
-        )
+        query, rank = np.nonzero(np.isfinite(far))
+        to, far, n = to[query, rank], far[query, rank], len(self.track)
+        return pd.DataFrame({"row": rows[query], "to": to % n, "mirrored": to >= n, "far": far})
 
 
 def choose_best_jumps(
@@ -115,9 +115,10 @@ def choose_best_jumps(
 ) -> pd.DataFrame:
     """Return the `count` least visible jumps of every row: columns of `JUMPS`.
 
-    The column seam is how visible a jump is: `far` plus the square of the visible distance. That
-    square is small below a natural step, where the motion hides it. neighbours: from `JumpSearch`,
-    k jumps; visible_distance: (k,) natural steps (median steps of the film).
+    neighbours: from `JumpSearch`, k jumps, of which `far` is the distance of the signatures;
+    visible_distance (k,): Euclidean distance of the pictures in one pose; both in natural steps
+    (median steps of the film). The column seam, how visible a jump is, is `far` plus the square of
+    the visible distance; the square is small below a natural step, where the motion hides it.
     """
     table = neighbours.assign(seam=neighbours["far"] + np.square(visible_distance))
     table = table.sort_values(["row", "seam", "to"]).groupby("row").head(count)
@@ -130,9 +131,10 @@ def _nearest_by_passage(
 ) -> tuple[Ints, Floats]:
     """Return the nearest targets of rows (k,), at most one of each passage of film, and distances.
 
-    Both are (k, count). targets (m, d): signatures; track (n,): ids; targets_near (k, l): the
-    targets to choose from, ascending. A passage is a run of film: only local minima of the distance
-    count, none within `least` rows of a nearer one or of the row itself.
+    Both are (k, count), −1 and infinite where there are fewer. targets (m, d): signatures; track
+    (n,): ids; targets_near (k, l): the targets to choose from, ascending, −1 for none. A passage is
+    a run of film: only local minima of the distance count, none within `least` rows of a nearer one
+    or of the row itself.
     """
     d = targets.shape[1]
     to, far = np.full((len(rows), count), -1), np.full((len(rows), count), np.inf)
@@ -143,36 +145,36 @@ def _nearest_by_passage(
             target = targets_near[k, c]
             apart[c] = np.inf
             if target >= 0 and not _is_same_passage(track, row, target, least):
-                square = 0.0
+                square_sum = 0.0
                 for i in range(d):
-                    square += (targets[row, i] - targets[target, i]) ** 2
-                apart[c] = np.sqrt(square)
-        many = 0
+                    square_sum += (targets[row, i] - targets[target, i]) ** 2
+                apart[c] = np.sqrt(square_sum)
+        chosen = 0
         for c in np.argsort(apart, kind="mergesort"):
-            if many == count or apart[c] == np.inf:
+            if chosen == count or apart[c] == np.inf:
                 break
-            before = c > 0 and targets_near[k, c - 1] == targets_near[k, c] - 1
-            after = c + 1 < len(apart) and targets_near[k, c + 1] == targets_near[k, c] + 1
-            if (before and apart[c - 1] <= apart[c]) or (after and apart[c + 1] < apart[c]):
+            has_before = c > 0 and targets_near[k, c - 1] == targets_near[k, c] - 1
+            has_after = c + 1 < len(apart) and targets_near[k, c + 1] == targets_near[k, c] + 1
+            if (has_before and apart[c - 1] <= apart[c]) or (has_after and apart[c + 1] < apart[c]):
                 continue
-            new = True
-            for i in range(many):
-                new = new and not _is_same_passage(track, to[k, i], targets_near[k, c], least)
-            if new:
-                to[k, many], far[k, many] = targets_near[k, c], apart[c]
-                many += 1
+            is_new = True
+            for i in range(chosen):
+                is_new = is_new and not _is_same_passage(track, to[k, i], targets_near[k, c], least)
+            if is_new:
+                to[k, chosen], far[k, chosen] = targets_near[k, c], apart[c]
+                chosen += 1
     return to, far
 
 
 @kernel
-def _is_same_passage(track, a, b, least):  # type: ignore[no-untyped-def]
+def _is_same_passage(track, first, second, least):  # type: ignore[no-untyped-def]
     """Return whether two targets lie in one track, on one side, less than `least` rows apart.
 
-    track (n,): ids; a, b: numbers of targets; the side is film or mirror image.
+    track (n,): ids; first, second: numbers of targets; the side is film or mirror image.
     """
     n = len(track)
-    same = (a < n) == (b < n) and abs(a - b) < least
-    return same and track[a % n] == track[b % n]
+    is_near = (first < n) == (second < n) and abs(first - second) < least
+    return is_near and track[first % n] == track[second % n]
 
 
 class FilmJumps(NamedTuple):
@@ -192,7 +194,7 @@ def find_film_jumps(
     source: RowSource, settings: JumpsSettings, workers: Workers = ALONE,
     advance: Callable[[int], None] = lambda _: None,
 ) -> FilmJumps:  # fmt: skip
-    """Find the jumps from every row of a film: rows that look and move alike.
+    """Return the jumps from every row of a film to rows that look and move alike, and metrics.
 
     A fish whose sides differ is not mirrored, unless the settings say so. advance(n): called when n
     more rows are done.
@@ -201,10 +203,12 @@ def find_film_jumps(
     track = reel.features["track_id"].to_numpy()
     row_parts = compute_signature_parts(source, settings, workers)
     block = max(1, round(settings.block * infer_delta_frames(reel.features)))
-    sides = measure_side_difference(partial(draw_straight, source, settings.look_px), track)
-    hand = measure_handedness(row_parts, block)
-    alike = sides < settings.sides_most and hand < settings.handed_most
-    mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)
+    side_difference = measure_side_difference(
+        partial(draw_straight, source, settings.look_px), track
+    )
+    handedness = measure_handedness(row_parts, block)
+    sides_alike = side_difference < settings.sides_most and handedness < settings.handed_most
+    mirror = settings.mirror == "yes" or (settings.mirror == "auto" and sides_alike)
     values = compute_signatures(row_parts, reel.step_ends, settings)
     least = max(1, round(settings.min_jump_deltas * infer_delta_frames(reel.features)))
     search = JumpSearch.from_values(values, track, settings.candidates, least, mirror)
@@ -212,24 +216,24 @@ def find_film_jumps(
     rows = split_into_blocks(len(track), _LOT)
     counts = settings.jumps_per_frame, min(settings.nearest, settings.jumps_per_frame)
     best_of = partial(_find_best_jumps, source, search, visible.natural, counts)
-    for lot, table in zip(rows, ordered_map(best_of, rows, workers), strict=True):
+    for done, table in zip(rows, ordered_map(best_of, rows, workers), strict=True):
         tables.append(table)
-        advance(len(lot))
+        advance(len(done))
     jumps = pd.concat(tables, ignore_index=True)
-    first, later = reel.step_ends
-    step = np.linalg.norm(values[0, later] - values[0, first], axis=-1)
-    best = jumps.groupby("row")["seam"].min()
+    first, after = reel.step_ends
+    steps = np.linalg.norm(values[0, after] - values[0, first], axis=-1)
+    best_seams = jumps.groupby("row")["seam"].min()
     look = standardize_part(row_parts.look)[: 1 + mirror].reshape(-1, row_parts.look.shape[-1])
     return FilmJumps(jumps, look.astype(np.float32), visible, {
         "jumps": len(jumps),
-        "rows_with_jumps_pct": 100 * len(best) / len(track),
+        "rows_with_jumps_pct": 100 * len(best_seams) / len(track),
         "seam_median_steps": float(jumps["seam"].median()),
-        "nearest_seam_median_steps": float(best.median()),
-        "nearest_seam_p95_steps": float(best.quantile(0.95)),
+        "nearest_seam_median_steps": float(best_seams.median()),
+        "nearest_seam_p95_steps": float(best_seams.quantile(0.95)),
         "recall_pct": 100 * search.index.recall,
-        "natural_p95_steps": float(np.quantile(step, 0.95)),
-        "sides_apart": sides,
-        "handedness": hand,
+        "natural_p95_steps": float(np.quantile(steps, 0.95)),
+        "sides_apart": side_difference,
+        "handedness": handedness,
         "mirrored": float(mirror),
         "jumps_to_mirror_images_pct": 100 * float(jumps["mirrored"].mean()),
     })  # fmt: skip
@@ -240,24 +244,24 @@ def _find_best_jumps(
 ) -> pd.DataFrame:
     """Return the least visible jumps of some rows: columns of `JUMPS`.
 
-    natural_step: see `VisibleDistance`. counts: how many jumps a row has; and in a film of several
-    parts, how many of them lead to the nearest rows of all parts. The others lead to one part each,
-    which changes every `_TURN` rows.
+    natural_step: unit of the visible distance. counts: how many jumps a row has; and in a film of
+    several parts, how many of them lead to the nearest rows of all parts. The others of a row lead
+    to a single part, which changes every `_TURN` rows.
     """
     visible = VisibleDistance(
         source.picture_array(), source.load_film()[1].pose.posture, natural_step
     )
-    (count, few), parts = counts, search.parts
+    (count, anywhere), parts = counts, search.parts
 
-    def best(near: pd.DataFrame, most: int) -> pd.DataFrame:
-        """Return the best jumps to some neighbours."""
-        return choose_best_jumps(near, visible.measure_best(near, most), most)
+    def choose_best(neighbours: pd.DataFrame, most: int) -> pd.DataFrame:
+        """Return the least visible jumps to some neighbours, at most `most` for each row."""
+        return choose_best_jumps(neighbours, visible.measure_best(neighbours, most), most)
 
-    if parts == 1 or few == count:
-        return best(search(rows), count)
-    tables = [best(search(rows), few)]
-    for turn, some in pd.Series(rows).groupby(rows // _TURN):
-        near = search.search_part(some.to_numpy(), int(turn) % parts)
-        tables.append(best(near, count - few))
-    both = pd.concat(tables).drop_duplicates(["row", "to", "mirrored"])
-    return both.sort_values(["row", "seam", "to"], ignore_index=True)
+    if parts == 1 or anywhere == count:
+        return choose_best(search(rows), count)
+    tables = [choose_best(search(rows), anywhere)]
+    for turn, turn_rows in pd.Series(rows).groupby(rows // _TURN):
+        neighbours = search.search_part(turn_rows.to_numpy(), int(turn) % parts)
+        tables.append(choose_best(neighbours, count - anywhere))
+    jumps = pd.concat(tables).drop_duplicates(["row", "to", "mirrored"])
+    return jumps.sort_values(["row", "seam", "to"], ignore_index=True)

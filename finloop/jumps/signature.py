@@ -24,7 +24,7 @@ from finloop.jumps.settings import JumpsSettings
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, draw_in_pose
 
-_SPAN = 1.25  # lengths of a straight fish across a picture
+_WIDTH = 1.25  # of a picture, in lengths of a straight fish
 _LOT = 1000  # pictures at a time
 _SAMPLE = 600  # most pictures to which the principal components are fitted
 _ROWS = 300  # most pictures that are compared with their mirror images
@@ -98,14 +98,14 @@ class SignatureParts(NamedTuple):
 
 
 def draw_straight(source: RowSource, size_px: int, rows: NDArray[np.intp]) -> NDArray[np.float32]:
-    """Draw the fish of rows (k,) with a straight body, headed right, so only light and skin differ.
+    """Return pictures of the fish of rows (k,), all with one straight body and headed right.
 
-    The pictures (k, size_px, size_px, c) are premultiplied, 0 … 1. The body has the film's mean
-    posture; upside down, a picture shows its mirror image.
+    So only light and skin differ. The pictures (k, size_px, size_px, c) are premultiplied, 0 … 1.
+    The body has the film's mean posture; upside down, a picture shows its mirror image.
     """
     reel, poses = source.load_film()
     middle = (size_px - 1) / 2
-    place = (np.array(number) for number in (middle, middle, 0.0, size_px / _SPAN))
+    place = (np.array(number) for number in (middle, middle, 0.0, size_px / _WIDTH))
     target = Pose(*place, poses.shapes.mean)
     return np.stack([
         draw_in_pose(reel.film[int(row)], poses.pose[row], target, (size_px, size_px), sharp=False)
@@ -141,20 +141,23 @@ def _project_on_axes(
 
     mean (pixels,): subtracted first; axes (pixels, c): onto which the pictures are projected.
     """
-    lot = draw_rows_straight(rows)
-    sides = (lot, lot[:, ::-1])
-    return np.stack([(side.reshape(len(lot), -1) - mean) @ axes for side in sides])
+    pictures = draw_rows_straight(rows)
+    sides = (pictures, pictures[:, ::-1])
+    return np.stack([(side.reshape(len(pictures), -1) - mean) @ axes for side in sides])
 
 
 def split_into_blocks(rows: int, most_rows: int) -> list[Ints]:
-    """Split the row numbers 0 … rows − 1 into blocks of at most `most_rows` successive rows."""
+    """Return the row numbers 0 … rows − 1 in blocks of at most `most_rows` successive rows."""
     return np.split(np.arange(rows), range(most_rows, rows, most_rows))
 
 
 def compute_signature_parts(
     source: RowSource, settings: JumpsSettings, workers: Workers
 ) -> SignatureParts:
-    """Compute the numbers by which rows are compared: pose, change, motion, look; mirrored, too."""
+    """Return the numbers by which rows are compared: pose, change, motion, look; mirrored, too.
+
+    Change and motion are measured over a quarter of Δ to each side.
+    """
     reel, poses = source.load_film()
     span = max(1, round(infer_delta_frames(reel.features) / 4))
     pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
@@ -176,15 +179,17 @@ def compute_signatures(
     weights = (
         settings.pose_weight, settings.change, settings.motion_weight, settings.appearance_weight,
     )  # fmt: skip
-    sides = [standardize_part(part, name == "motion") * weight for (name, part), weight in
+    weighted = [standardize_part(part, name == "motion") * weight for (name, part), weight in
              zip(row_parts._asdict().items(), weights, strict=True)]  # fmt: skip
-    values = np.concatenate(sides, axis=-1)
-    step = np.median(np.linalg.norm(values[0, step_ends[1]] - values[0, step_ends[0]], axis=-1))
-    return values / max(float(step), 1e-12)
+    values = np.concatenate(weighted, axis=-1)
+    natural_step = np.median(
+        np.linalg.norm(values[0, step_ends[1]] - values[0, step_ends[0]], axis=-1)
+    )
+    return values / max(float(natural_step), 1e-12)
 
 
 def standardize_part(part: Floats, each: bool = False) -> Floats:
-    """Centre numbers (2, n, k) and scale them, so that the variances of all k sum to 1.
+    """Return numbers (2, n, k) centred and scaled so that the variances of all k sum to 1.
 
     each: whether all k numbers get the same variance; else one factor scales them all.
     """
@@ -192,13 +197,14 @@ def standardize_part(part: Floats, each: bool = False) -> Floats:
 
 
 def part_divisors(part: Floats, each: bool = False) -> Floats:
-    """Return by what (k,) `standardize_part` divides the k numbers of a part (2, n, k).
+    """Return the divisors (k,) by which `standardize_part` scales the k numbers of (2, n, k).
 
-    Without `each` it is the root of the summed variances; with it a number's deviation times √k.
+    part: those numbers. Without `each` the divisor is the root of the summed variances; with it a
+    number's deviation times √k.
     """
-    square = ((part - part.mean((0, 1))) ** 2).mean((0, 1))
-    total = square * len(square) if each else np.full_like(square, square.sum())
-    return np.sqrt(np.maximum(total, 1e-24))
+    variance = ((part - part.mean((0, 1))) ** 2).mean((0, 1))
+    squared_divisor = variance * len(variance) if each else np.full_like(variance, variance.sum())
+    return np.sqrt(np.maximum(squared_divisor, 1e-24))
 
 
 def change_per_row(values: Floats, goes_on: Mask, span_rows: int) -> Floats:
@@ -211,15 +217,15 @@ def change_per_row(values: Floats, goes_on: Mask, span_rows: int) -> Floats:
     rows = np.arange(len(values))
     end = last[np.searchsorted(last, rows)]
     begin = np.concatenate([[0], last[:-1] + 1])[np.searchsorted(last, rows)]
-    a, b = np.maximum(rows - span_rows, begin), np.minimum(rows + span_rows, end)
-    return (values[b] - values[a]) / np.maximum(b - a, 1)[:, None]
+    before, after = np.maximum(rows - span_rows, begin), np.minimum(rows + span_rows, end)
+    return (values[after] - values[before]) / np.maximum(after - before, 1)[:, None]
 
 
 def measure_film_motion(reel: Reel, span_rows: int) -> Floats:
     """Return the speeds (2, n, 3) of rows [0] and mirror images [1]: ahead, left, turning.
 
-    Body lengths a frame through the water, and ° a frame, anticlockwise; averaged over ±
-    `span_rows`.
+    The units are body lengths a frame through the water, and ° a frame, anticlockwise; the speeds
+    are averaged over ± `span_rows`.
     """
     features = reel.features
     place = places_through_water(features) / reel.lengths_px[:, None]
@@ -232,8 +238,9 @@ def measure_film_motion(reel: Reel, span_rows: int) -> Floats:
 def measure_motion(place: Floats, heading_deg: Floats, goes_on: Mask, span_rows: int) -> Floats:
     """Return the speeds (n, 3): ahead and to the left [body lengths a row], turning [° a row].
 
-    place (n, 2): x, y in body lengths; heading_deg (n,): anticlockwise; goes_on, span_rows: see
-    `change_per_row`.
+    place (n, 2): x, y in body lengths; heading_deg (n,): anticlockwise; goes_on (n,): whether the
+    next row is of the same track, False in the last row; span_rows: rows to each side over which a
+    speed is averaged.
     """
     unwrapped = np.concatenate([
         np.unwrap(track, period=360)
@@ -249,19 +256,22 @@ def measure_motion(place: Floats, heading_deg: Floats, goes_on: Mask, span_rows:
 def measure_side_difference(draw_rows_straight: DrawStraight, track: Ints, seed: int = 0) -> float:
     """Return how much a fish differs from its mirror image, relative to how its pictures vary.
 
-    1 or less: the sides are alike. All pictures are drawn in one posture and compared by Eq. 5.
-    Both distances are medians over rows spread over the film; the pictures that vary are those of
-    two random rows of a track. track (n,): ascending ids; seed: of the random rows.
+    1 or less: the sides are alike. All pictures are drawn in one posture; distances are Euclidean
+    (Eq. 5), and medians over rows spread over the film. The pictures vary by the distance of two
+    random rows of a track. track (n,): ascending ids; seed: of the random rows.
     """
     n = len(track)
     rng = np.random.default_rng(seed)
     rows = spread_rows(np.arange(n), _ROWS)
-    first, last = np.searchsorted(track, track[rows]), np.searchsorted(track, track[rows], "right")
-    own, random = draw_rows_straight(rows), draw_rows_straight(rng.integers(first, last))
-    mirror, usual = (
-        float(np.median(paired_distances(own, against))) for against in (own[:, ::-1], random)
+    first_rows = np.searchsorted(track, track[rows])
+    end_rows = np.searchsorted(track, track[rows], "right")
+    drawn = draw_rows_straight(rows)
+    other_moments = draw_rows_straight(rng.integers(first_rows, end_rows))
+    mirror_distance, usual_distance = (
+        float(np.median(paired_distances(drawn, against)))
+        for against in (drawn[:, ::-1], other_moments)
     )
-    return mirror / max(usual, 1e-12)
+    return mirror_distance / max(usual_distance, 1e-12)
 
 
 def measure_handedness(parts: SignatureParts, block_rows: int) -> float:
@@ -273,14 +283,14 @@ def measure_handedness(parts: SignatureParts, block_rows: int) -> float:
     repeats itself. A single block gives 0.
     """
     largest = 0.0
-    for both in (parts.pose, parts.motion[..., 1:2], parts.motion[..., 2:]):
-        odd = (both[0] - both[1]) / 2
-        parts_of_film = np.array_split(odd, max(1, len(odd) // block_rows))
-        if len(parts_of_film) == 1:
+    for filmed, mirrored in (parts.pose, parts.motion[..., 1:2], parts.motion[..., 2:]):
+        one_sided = (filmed - mirrored) / 2  # what a mirror image inverts
+        blocks = np.array_split(one_sided, max(1, len(one_sided) // block_rows))
+        if len(blocks) == 1:
             break
-        means = np.stack([part.mean(0) for part in parts_of_film])
+        means = np.stack([block.mean(0) for block in blocks])
         error = float(means.var(0, ddof=1).sum() / len(means)) ** 0.5
-        mean = max(float(np.linalg.norm(odd.mean(0))) - 2 * error, 0.0)
-        square = float((odd**2).mean(0).sum())
+        mean = max(float(np.linalg.norm(one_sided.mean(0))) - 2 * error, 0.0)
+        square = float((one_sided**2).mean(0).sum())
         largest = max(largest, mean / max(square, 1e-24) ** 0.5)
     return largest

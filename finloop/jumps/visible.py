@@ -32,12 +32,15 @@ class VisibleDistance:
 
     @classmethod
     def from_source(cls, source: RowSource, workers: Workers) -> "VisibleDistance":
-        """Draw the pictures of all rows into the source's array, and measure the unit."""
+        """Return the measure, with the pictures of all rows drawn into the source's array.
+
+        Its unit is measured in these pictures.
+        """
         reel, poses = source.load_film()
         pictures, rows = source.picture_array(), split_into_blocks(len(reel), _LOT)
         drawn = ordered_map(partial(_draw_rows, source, pictures.shape[1]), rows, workers)
-        for lot, of_lot in zip(rows, drawn, strict=True):
-            pictures[lot] = of_lot
+        for block, drawn_block in zip(rows, drawn, strict=True):
+            pictures[block] = drawn_block
         source.share_pictures()
         ends = np.stack(reel.step_ends)
         step = [
@@ -50,7 +53,8 @@ class VisibleDistance:
     def __call__(self, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
         """Return how different rows (k,) and rows `to` (k,) look in one pose: (k,), natural steps.
 
-        The rows `to`, mirrored (k,) or not, are drawn in the poses of `rows`.
+        A natural step is the median step of the film. The rows `to`, mirrored (k,) or not, are
+        drawn in the poses of `rows`.
         """
         rows, to = np.asarray(rows, np.int64), np.asarray(to, np.int64)
         mirrored = np.asarray(mirrored, bool)
@@ -77,11 +81,11 @@ class VisibleDistance:
 def _draw_rows(source: RowSource, size_px: int, rows: Ints) -> Pictures:
     """Draw the fish of rows (k,) in their own postures, headed right: (k, size_px, size_px, c)."""
     reel, poses = source.load_film()
-    middle, length, shape = (size_px - 1) / 2, size_px / SPAN, (size_px, size_px)
-    own = poses.pose[rows]
-    there = own.move_to(middle, middle, 0.0, length)
+    middle, length_px, shape = (size_px - 1) / 2, size_px / SPAN, (size_px, size_px)
+    filmed = poses.pose[rows]
+    target = filmed.move_to(middle, middle, 0.0, length_px)
     pictures = np.stack([
-        draw_in_pose(reel.film[row], own[k], there[k], shape, sharp=False)
+        draw_in_pose(reel.film[row], filmed[k], target[k], shape, sharp=False)
         for k, row in enumerate(rows.tolist())
     ])  # fmt: skip
     return np.round(255 * pictures).clip(0, 255).astype(np.uint8)

@@ -261,15 +261,8 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     prediction_source = None
     if predicts and sampler is not None:
         prediction_source = PredictionSource(world, sampler, rarity)
-    player = Planner(
-        world,
-        film_source,
-        prediction_source,
-        cast,
-        joins,
-        film_data.shoaling,
-        film_data.sprite_rows,
-    )
+    shoaling, sprite_rows = film_data.shoaling, film_data.sprite_rows
+    player = Planner(world, film_source, prediction_source, cast, joins, shoaling, sprite_rows)
     paths = tuple(
         None if line is None else lay_path(line, tank, motion, film_data.mm_per_px)
         for line in film_data.lines

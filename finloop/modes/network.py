@@ -220,15 +220,9 @@ class Network:
         ticks = min(touch_tick + 1, len(plan.frames))
         decision = Decision(TURNING, turn_deg=approach.error, sprite_area=plan.area, room=room)
         return Stretch(
-            TURN,
-            way[:ticks],
-            plan.frames[:ticks],
-            new,
-            approach.aim,
-            touch_tick < ticks,
-            decision,
-            area=area,
-        )
+            TURN, way[:ticks], plan.frames[:ticks], new, approach.aim,
+            touched=touch_tick < ticks, decision=decision, area=area,
+        )  # fmt: skip
 
     def _fit_turn(
         self, approach: GoalApproach, plan: TurnPlan, turn_number: int
@@ -283,15 +277,9 @@ class Network:
             way, shown, touch_tick = np.tile(approach.start, (ticks, 1)), ticks, ticks
         sprite, phase, new = self._play_cycle(fish, DECELERATE, speed[:shown])
         return Stretch(
-            DECELERATE,
-            way[:shown],
-            sprite,
-            new,
-            approach.aim,
-            touch_tick < shown,
-            Decision(WALL),
-            phase=phase,
-        )
+            DECELERATE, way[:shown], sprite, new, approach.aim,
+            touched=touch_tick < shown, decision=Decision(WALL), phase=phase,
+        )  # fmt: skip
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch of sprites that began with `fish`."""

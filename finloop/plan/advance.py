@@ -185,11 +185,12 @@ def turn_way_to_row(graph, way, row):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _advance_way(graph, way, ticks, start, objective, weights):  # type: ignore[no-untyped-def]
+def _advance_way(graph, way, ticks, start, objective):  # type: ignore[no-untyped-def]
     """Advance a way of the search by some ticks; return whether its new end is free.
 
     Free is inside the tank and clear of other fish; only then the way (dtype `WAY`) is changed. On
-    a route it is steered. ticks: how many; start: `SearchStart`.
+    a route it is steered. graph: `SearchGraph`; ticks: how many; start: `SearchStart`; objective:
+    `Objective`.
     """
     rows, row, route, steering = graph.film.rows, way.row, objective.route, objective.steering
     now, then, tick = rows[row], rows[row + ticks], start.tick + way.ticks + ticks
@@ -228,9 +229,9 @@ def advance_way_by_leg(graph, way, most_ticks, start, objective, weights):  # ty
     """Advance a way of the search by a leg: to the first row with jumps after a stride.
 
     way: of dtype `WAY`; its place, rows, ticks, and terms rarity, lag and path are changed. A
-    stride is the time between two checks of a way. most_ticks: longest leg; start: `SearchStart`.
-    Returns whether the way can go on (not where a wall or a fish blocks it, or the film ends), and
-    whether its objective is done.
+    stride is the time between two checks of a way. most_ticks: longest leg; start: `SearchStart`;
+    objective: `Objective`; weights: `CostWeights`. Returns whether the way can go on (not where a
+    wall or a fish blocks it, or the film ends), and whether its objective is done.
     """
     rows, first_row, is_done = graph.film.rows, way.row, False
     ticks_left = min(graph.leg[first_row], most_ticks)
@@ -238,7 +239,7 @@ def advance_way_by_leg(graph, way, most_ticks, start, objective, weights):  # ty
         return False, False
     while ticks_left > 0 and not is_done:
         ticks = min(weights.stride, ticks_left)
-        if not _advance_way(graph, way, ticks, start, objective, weights):
+        if not _advance_way(graph, way, ticks, start, objective):
             return False, False
         ticks_left -= ticks
         is_done = is_objective_done(graph, way, objective)
@@ -266,10 +267,8 @@ def extend_trajectory_by_film(
     rows = graph.film.rows
     for t in range(1, added + 1):
         dx, dy = rotate(rows[row + t].x - rows[row].x, rows[row + t].y - rows[row].y, rotation_deg)
-        extended[given + t - 1, 0], extended[given + t - 1, 1] = (
-            trajectory[given - 1, 0] + dx,
-            trajectory[given - 1, 1] + dy,
-        )
+        extended[given + t - 1, 0] = trajectory[given - 1, 0] + dx
+        extended[given + t - 1, 1] = trajectory[given - 1, 1] + dy
         extended[given + t - 1, 2] = rows[row + t].heading + rotation_deg
     return extended
 

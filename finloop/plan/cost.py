@@ -95,6 +95,7 @@ class Rarity:
         step = filmed_steps[:-1][pairs]
         code_step = np.linalg.norm(np.diff(codes, axis=0), axis=1)[pairs]
         is_known = np.isfinite(step)
+        # The picture's distance for a movement of one body length.
         unit = float(step[is_known].sum()) / max(float(moves[is_known].sum()), 1e-12)
         steps = np.zeros(len(goes_on))
         steps[1:][pairs] = np.where(is_known, step, unit * moves)

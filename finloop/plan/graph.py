@@ -126,9 +126,11 @@ def motion_graph(
 ) -> MotionGraph:  # fmt: skip
     """Return the motion graph of a feature table (n rows) and its jumps.
 
-    pose: BODY or FILM, what a jump keeps; barred (n,): rows that must not be shown; rarity_sum
-    (n,): see `ROW`. Where `jumps` has mirror images, row n + i is that of row i: the film upside
-    down. Jumps to barred rows are left out, and those after which the film would have to stop.
+    motion: gives Δ and the drawn body length; pose: BODY, a jump keeps the heading, or FILM, it
+    keeps the rotation; barred (n,): rows that must not be shown; rarity_sum (n,): ticks that
+    showing all rows up to each costs. Where `jumps` has mirror images, row n + i is that of row i:
+    the film upside down. Jumps to barred rows are left out, and those after which the film would
+    have to stop.
     """
     n = len(features)
     scale = motion.body_length_px / typical_lengths_px(features).to_numpy(float)
@@ -323,7 +325,7 @@ def number_connected_parts(shown, start, to):  # type: ignore[no-untyped-def]
     m = len(start) - 1
     order, low, part = np.full(m, -1), np.zeros(m, np.int64), np.full(m, -1)
     edge, calls, stack = np.zeros(m, np.int64), np.empty(m, np.int64), np.empty(m, np.int64)
-    visited = depth = waiting = count = 0
+    visited = depth = waiting = count = 0  # calls, edge: in place of recursion
     for root in range(m):
         if order[root] >= 0:
             continue
@@ -358,8 +360,9 @@ def number_connected_parts(shown, start, to):  # type: ignore[no-untyped-def]
 def mark_leading_rows(shown, start, to, parts_and_order):  # type: ignore[no-untyped-def]
     """Return which rows (m,) lead to the largest strongly connected part, its own rows included.
 
-    shown (m + 1,): rows that may be used; start, to: similar rows, as in `number_connected_parts`;
-    parts_and_order: the part of each row (m,), and the rows (m,) in the order of their parts.
+    shown (m + 1,): rows that may be used; start, to: the similar rows of row k are
+    `to[start[k]:start[k + 1]]`; parts_and_order: the part of each row (m,), and the rows (m,) in
+    the order of their parts.
     """
     part, order = parts_and_order
     m = len(part)

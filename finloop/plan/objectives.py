@@ -164,8 +164,8 @@ def _path_deviation(way, film_step, direction, route, targets_and_steering):  # 
     """Return the cost, in squared body lengths, of how far off the path the film leads.
 
     What steering can correct is taken off; beyond a body length the cost is linear. film_step: px
-    ahead, px to the left, px as the crow flies, and ticks; way, direction, route,
-    targets_and_steering: of `estimate_path_cost`.
+    ahead, px to the left, px as the crow flies, and ticks; way: of dtype `WAY`; direction: cosine
+    and sine of its heading; targets_and_steering: x, y px due at each tick, and `Steering`.
     """
     (ahead, left, far, ticks), (cos, sin) = film_step, direction
     targets, steering = targets_and_steering

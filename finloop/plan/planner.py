@@ -212,7 +212,7 @@ class Planner:
     def _choose_target(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
     ) -> tuple[State, Target]:
-        """Return where a fish without a path swims, and the state that remembers it."""
+        """Return where a fish without a path swims, and the state with that place."""
         world, free = self.world, False
         if isinstance(goal, Goal):
             x, y = goal.x_px, goal.y_px
@@ -310,13 +310,12 @@ class Planner:
         predicted = self._best_plan(self.prediction, fish, along, objective, rng)
         # Leaving the film costs as much as a seam of one natural step.
         leaving_cost = self._weights.seam
-        return sorted(
-            (plan for plan in (filmed, predicted) if plan is not None),
-            key=lambda plan: (
-                plan.cost + leaving_cost * (plan.state != FILM),
-                -plan.found.ticks.max(),
-            ),
-        )
+
+        def cost_then_duration(plan: Plan) -> tuple[float, float]:
+            return plan.cost + leaving_cost * (plan.state != FILM), -plan.found.ticks.max()
+
+        plans = [plan for plan in (filmed, predicted) if plan is not None]
+        return sorted(plans, key=cost_then_duration)
 
     def _needs_prediction(self, plan: Plan, fish: Fish, objective: Objective) -> bool:
         """Return whether predictions are needed: the plan ends, or costs like leaving the path.
@@ -328,11 +327,10 @@ class Planner:
             return not np.isfinite(plan.cost)
         square_offset = p.path_max_offset_bl**2
         tick_cost = p.path_offset_cost * square_offset
-        tick_cost += (
-            p.path_late_cost * square_offset
-            if route.is_timed
-            else self._cost_of_rest(fish, objective)
-        )
+        if route.is_timed:
+            tick_cost += p.path_late_cost * square_offset
+        else:
+            tick_cost += self._cost_of_rest(fish, objective)
         return plan.cost > tick_cost * float(plan.ticks.sum())
 
     def _best_plan(
@@ -343,17 +341,15 @@ class Planner:
 
         along: px along the path.
         """
-        candidates_and_start = source and source.candidates(
-            fish, self._cost_of_rest(fish, objective), along
-        )
-        if not (source and candidates_and_start):
+        if source is None:
+            return None
+        found = source.candidates(fish, self._cost_of_rest(fish, objective), along)
+        if found is None:
             return None
         if not len(objective.route.x):
-            noise = self.world.settings.choice_noise * self.world.motion.delta
-            candidates_and_start[0].terms[:, CHANCE] = rng.exponential(
-                noise, len(candidates_and_start[0].rows)
-            )
-        return self._search_plan(source, candidates_and_start, objective)
+            noise, candidates = self.world.settings.choice_noise * self.world.motion.delta, found[0]
+            candidates.terms[:, CHANCE] = rng.exponential(noise, len(candidates.rows))
+        return self._search_plan(source, found, objective)
 
     def _search_plan(
         self,
@@ -387,8 +383,8 @@ class Planner:
     ) -> tuple[Stretch, Progress]:
         """Return the stretch of the next planned run of film, and the rest of the plan.
 
-        path: progress and planned runs; plan: the result of the search that chose the
-        run, None if an earlier search chose it.
+        path: progress and planned runs; plan: of the search that chose the run, None if an earlier
+        search chose it.
         """
         run, *later = path.runs
         source = self.film if path.motion == FILM else self.prediction

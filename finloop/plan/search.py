@@ -287,11 +287,8 @@ def _follow_ways(graph, state, start, leg_and_horizon, objective, costs):  # typ
     `Outcomes`, `BestWay` so far; leg_and_horizon: number of the leg, ticks of the horizon; costs:
     `SearchCosts`.
     """
-    (beam, way_count, outcomes, best), (leg, most_ticks), weights = (
-        state,
-        leg_and_horizon,
-        costs.weights,
-    )
+    (beam, way_count, outcomes, best), (leg, most_ticks) = state, leg_and_horizon
+    weights = costs.weights
     rows, branch_count = graph.film.rows, np.int64(0)
     for number in range(way_count):
         way = beam.ways[number]
@@ -370,12 +367,8 @@ def _insert_jumps(graph, way_number, state, start, objective, costs):  # type: i
             outcomes.over[way.first] = True
             continue
         repeat = _repetition_cost(beam, way, jump.to, start, costs)
-        branch_count = insert_branch(
-            beam,
-            branch_count,
-            Branch(total + repeat, way.first, way_number, number, repeat),
-            outcomes.over,
-        )
+        branch = Branch(total + repeat, way.first, way_number, number, repeat)
+        branch_count = insert_branch(beam, branch_count, branch, outcomes.over)
     return branch_count
 
 

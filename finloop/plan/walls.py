@@ -66,8 +66,8 @@ def _wall_distance(bounds, x: float, y: float) -> float:  # type: ignore[no-unty
 def _disc_nearest_to_wall(bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
     """Return how many px a picture's tightest disc lacks to clear the wall, and its x, y px.
 
-    picture: its number as in `Discs`; x, y: its mass centre, px; heading: degrees. Negative: there
-    is room.
+    picture: film row, or −1 − number of a sprite; x, y: its mass centre, px; heading: degrees.
+    Negative: there is room.
     """
     number, side, cos, sin = disc_orientation(bounds.discs, (picture, heading))
     table, most_px, worst_x, worst_y = bounds.discs.table, -np.inf, x, y
@@ -84,7 +84,7 @@ def _disc_nearest_to_wall(bounds, picture: int, x: float, y: float, heading: flo
 def fits_in_tank(bounds: Bounds, picture: int, x: float, y: float, heading: float) -> bool:
     """Return whether a picture at x, y px and a heading in degrees is inside the tank.
 
-    picture: its number as in `Discs`.
+    picture: film row, or −1 − number of a sprite.
     """
     roomy, column, row = bounds.roomy, round(x), round(y)
     if not (0 <= row < roomy.shape[0] and 0 <= column < roomy.shape[1]):
@@ -100,8 +100,8 @@ def fits_in_tank(bounds: Bounds, picture: int, x: float, y: float, heading: floa
 def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
     """Return about the nearest place (x, y px) at which a picture fits, and whether it fits there.
 
-    picture: its number as in `Discs`. Without discs it is the nearest roomy pixel; with discs the
-    picture is moved off the walls up to 6 times.
+    picture: film row, or −1 − number of a sprite. Without discs it is the nearest roomy pixel; with
+    discs the picture is moved off the walls up to 6 times.
     """
     if fits_in_tank(bounds, picture, x, y, heading):
         return x, y, True
@@ -130,8 +130,9 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
 def keep_inside(bounds: Bounds, pictures: Ints, trajectory: Floats, most_px: float) -> Floats:
     """Return the part of a trajectory (n, 3) inside the tank, moved off the walls where necessary.
 
-    pictures (n,): their numbers as in `Discs`; trajectory: x, y px, heading; most_px: most by which
-    a tick may be moved, else the part ends. What follows a moved tick is moved by the same amount.
+    pictures (n,): film rows, or −1 − number of a sprite; trajectory: x, y px, heading; most_px:
+    most by which a tick may be moved, else the part ends. What follows a moved tick is moved by the
+    same amount.
     """
     out = trajectory.copy()
     aside_x = aside_y = 0.0

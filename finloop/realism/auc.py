@@ -31,7 +31,7 @@ _INFLATION = 2.0  # of the variance, where every two blocks test each other
 class Auc(NamedTuple):
     """How well a classifier distinguishes film and animation: the area under its ROC curve.
 
-    Also the lower and upper end of its 95 % interval.
+    low, high: the ends of the 95 % interval of that area, `value`.
     """
 
     value: float
@@ -55,34 +55,35 @@ class Scores(NamedTuple):
     def split_by_block(self) -> Iterator["Scores"]:
         """Yield the scores of each block that contains both film and animation windows."""
         for number in np.unique(self.block):
-            here = (self.block == number) & np.isfinite(self.score)
-            part = Scores(*(column[here] for column in self))
-            if 0 < part.animation.sum() < len(part.animation):
-                yield part
+            in_block = (self.block == number) & np.isfinite(self.score)
+            block_scores = Scores(*(column[in_block] for column in self))
+            if 0 < block_scores.animation.sum() < len(block_scores.animation):
+                yield block_scores
 
 
 def compute_auc(scores: Scores) -> Auc:
     """Return the area under the ROC curve, with its 95 % interval; 0.5 is not distinguishable.
 
-    At least one block must contain both film and animation windows.
+    The area is the mean of the blocks' areas, weighted by their pairs of windows. At least one
+    block must contain both film and animation windows.
     """
-    values, pairs, parts = [], [], []
+    areas, pairs, deviations = [], [], []
     for part in scores.split_by_block():
-        film, copy = part.score[~part.animation], part.score[part.animation]
-        above = np.empty(len(part.score))  # DeLong's components: the share of pairs in right order
-        above[part.animation] = _share_below(copy, film)
-        above[~part.animation] = 1.0 - _share_below(film, copy)
-        value = float(above[part.animation].mean())
-        count = np.where(part.animation, len(copy), len(film))
-        values.append(value)
-        pairs.append(len(film) * len(copy))
-        parts.append(pd.Series((above - value) / count).groupby(part.cluster).sum())
-    weight = np.array(pairs) / sum(pairs)
-    value = float(weight @ values)
-    weighed = pd.concat([w * part for w, part in zip(weight, parts, strict=True)])
-    sums = weighed.groupby(level=0).sum().to_numpy()
-    clusters, shared = max(len(sums), 2), _INFLATION if len(values) > 1 else 1.0
-    error = float(np.sqrt(shared * clusters / (clusters - 1) * (sums**2).sum()))
+        film, animation = part.score[~part.animation], part.score[part.animation]
+        right = np.empty(len(part.score))  # DeLong's components: the share of pairs in right order
+        right[part.animation] = _share_below(animation, film)
+        right[~part.animation] = 1.0 - _share_below(film, animation)
+        area = float(right[part.animation].mean())
+        count = np.where(part.animation, len(animation), len(film))
+        areas.append(area)
+        pairs.append(len(film) * len(animation))
+        deviations.append(pd.Series((right - area) / count).groupby(part.cluster).sum())
+    weights = np.array(pairs) / sum(pairs)
+    value = float(weights @ areas)
+    weighted = [weight * sums for weight, sums in zip(weights, deviations, strict=True)]
+    sums = pd.concat(weighted).groupby(level=0).sum().to_numpy()
+    clusters, inflation = max(len(sums), 2), _INFLATION if len(areas) > 1 else 1.0
+    error = float(np.sqrt(inflation * clusters / (clusters - 1) * (sums**2).sum()))
     if not 0.0 < value < 1.0:
         return Auc(value, value, value)
     half = _Z * error / (value * (1 - value))
@@ -93,8 +94,8 @@ def compute_auc(scores: Scores) -> Auc:
 def _share_below(values: Floats, others: Floats) -> Floats:
     """Return for each value (n,) the share of the others (m,) below it; ties count one half."""
     ordered = np.sort(others)
-    both = np.searchsorted(ordered, values, "left") + np.searchsorted(ordered, values, "right")
-    return both / (2 * len(others))
+    twice = np.searchsorted(ordered, values, "left") + np.searchsorted(ordered, values, "right")
+    return twice / (2 * len(others))
 
 
 def compute_roc(scores: Scores, points: int = 51) -> pd.DataFrame:
@@ -106,10 +107,10 @@ def compute_roc(scores: Scores, points: int = 51) -> pd.DataFrame:
     alarms = np.linspace(0, 1, points)
     curves, pairs = [], []
     for part in scores.split_by_block():
-        film, copy = np.sort(part.score[~part.animation]), part.score[part.animation]
-        every = np.unique(part.score)[::-1]
-        x = 1 - np.searchsorted(film, every, "left") / len(film)
-        y = 1 - np.searchsorted(np.sort(copy), every, "left") / len(copy)
-        curves.append(np.interp(alarms, np.r_[0, x], np.r_[0, y]))
-        pairs.append(len(film) * len(copy))
+        film, animation = np.sort(part.score[~part.animation]), part.score[part.animation]
+        thresholds = np.unique(part.score)[::-1]
+        alarm_share = 1 - np.searchsorted(film, thresholds, "left") / len(film)
+        hit_share = 1 - np.searchsorted(np.sort(animation), thresholds, "left") / len(animation)
+        curves.append(np.interp(alarms, np.r_[0, alarm_share], np.r_[0, hit_share]))
+        pairs.append(len(film) * len(animation))
     return pd.DataFrame({"false_alarms": alarms, "hits": np.average(curves, 0, weights=pairs)})

@@ -29,7 +29,7 @@ class HeldOutScores(NamedTuple):
 def score_held_out_windows(
     film: Windows, animation: Windows, p: RealismSettings, channels: tuple[int, ...]
 ) -> HeldOutScores:
-    """Train a classifier per block of time; score the windows from which it did not learn.
+    """Train a classifier per block of time; return the scores of windows it did not learn from.
 
     channels: indices of the CHANNELS to use. A block whose classifier would see only film or only
     animation gives NaN.
@@ -55,13 +55,13 @@ def score_held_out_windows(
         with threadpool_limits(limits=1):  # with so little data, threads are slower
             model.fit(_join_steps(binned[learn]), is_animation[learn])
             score[test] = model.decision_function(_join_steps(binned[test]))
-            for place, channel in enumerate(channels):
+            for column, channel in enumerate(channels):
                 mixed = binned[test].copy()
-                mixed[..., place] = mixed[rng.permutation(len(mixed)), :, place]
+                mixed[..., column] = mixed[rng.permutation(len(mixed)), :, column]
                 shuffled[CHANNELS[channel]][test] = model.decision_function(_join_steps(mixed))
-    rest = is_animation, both.block, both.cluster
+    labels = is_animation, both.block, both.cluster
     return HeldOutScores(
-        Scores(score, *rest), {name: Scores(values, *rest) for name, values in shuffled.items()}
+        Scores(score, *labels), {name: Scores(values, *labels) for name, values in shuffled.items()}
     )
 
 
@@ -81,5 +81,5 @@ def _bin_values(windows: NDArray[np.float32], learnt_from: Mask, bins: int) -> N
 
 
 def _join_steps(windows: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Reshape windows (n, steps, channels) to (n, steps · channels)."""
+    """Return windows (n, steps, channels) as one row of numbers each: (n, steps · channels)."""
     return windows.reshape(len(windows), -1)

@@ -57,30 +57,28 @@ class FilmSample:
         return cut_in_frames(p.window_deltas, p.stride, p.step, self.delta)
 
     def cut_windows(self, swimming: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
-        """Cut film or animation into windows, each assigned to a block of the film's time.
+        """Return windows of film or animation, each assigned to a block of the film's time.
 
-        swimming: n measured ticks. film: the blocks. part (n,): True for the ticks to use, None for
-        all.
+        swimming: n measured ticks. film: the blocks of its time. part (n,): True for ticks to use,
+        None for all. A tick with a sprite belongs to a block of the animation's own time.
         """
         p, gap = self.p, self.p.gap * self.delta / self.rate_hz
-        plays = swimming.row >= 0
-        time_s = self.frame_s[np.where(plays, swimming.row, 0)]
-        own = equal_blocks(swimming.time_s, p.cross_validation_folds)
-        chunk = max(1, round(p.cluster * self.delta))
-        tick = np.round(swimming.time_s * self.rate_hz).astype(np.int64)
-        block = np.where(plays, film.block_numbers(time_s), own.block_numbers(swimming.time_s))
-        near = np.where(
-            plays[:, None], film.are_near(time_s, gap), own.are_near(swimming.time_s, gap)
-        )
-        cluster = np.where(plays, swimming.row // chunk, -1 - tick // chunk)
-        used = np.arange(len(plays)) if part is None else np.flatnonzero(part)
+        is_frame, own_s = swimming.row >= 0, swimming.time_s
+        film_s = self.frame_s[np.where(is_frame, swimming.row, 0)]
+        own = equal_blocks(own_s, p.cross_validation_folds)
+        cluster_ticks = max(1, round(p.cluster * self.delta))
+        tick = np.round(own_s * self.rate_hz).astype(np.int64)
+        block = np.where(is_frame, film.block_numbers(film_s), own.block_numbers(own_s))
+        near = np.where(is_frame[:, None], film.are_near(film_s, gap), own.are_near(own_s, gap))
+        cluster = np.where(is_frame, swimming.row // cluster_ticks, -1 - tick // cluster_ticks)
+        used = np.arange(len(is_frame)) if part is None else np.flatnonzero(part)
         ticks = TickBlocks(block[used], near[used], cluster[used])
         table = swimming.table.iloc[used]
         result = cut_windows(table, ticks, self.window_cut, self.rate_hz, self.largest)
         return replace(result, first=used[result.first])
 
     def film_blocks(self, repeats: int = 1) -> Blocks:
-        """Divide the film's time into blocks that contain equally many rows (a fish in a frame).
+        """Return the blocks of the film's time, with equally many rows (a fish in a frame) in each.
 
         repeats: how often the sequence of blocks is repeated.
         """
@@ -94,8 +92,8 @@ class FilmSample:
     def half_windows(self) -> tuple[Windows, Windows]:
         """Return the windows of the film's first half and those of its second half.
 
-        Each half is divided into the same number of blocks. They are halves of time, which show the
-        same fish, as an animation does. From halves by tracks, a classifier would learn to
+        Each half is divided into the same number of blocks. The halves are halves of time, which
+        show the same fish, as an animation does. From halves by tracks, a classifier would learn to
         distinguish the fish.
         """
         film, blocks = self.film, self.film_blocks(2)
@@ -110,8 +108,8 @@ class FilmSample:
         the feature table of the film.
         """
         film = self.film
-        before = features.iloc[film.row].assign(track_id=film.table["track_id"].to_numpy())
-        filmed = self.cut_windows(replace(film, table=before), self.film_blocks())
+        filmed_table = features.iloc[film.row].assign(track_id=film.table["track_id"].to_numpy())
+        filmed = self.cut_windows(replace(film, table=filmed_table), self.film_blocks())
         return {
             **{mode: self.windows_beside_film(animation) for mode, animation in measured.items()},
             HALVES: self.half_windows(),
@@ -122,7 +120,7 @@ class FilmSample:
 def build_film_sample(
     film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSettings
 ) -> FilmSample:
-    """Collect what every comparison of an animation with a film needs of the film.
+    """Return what every comparison of an animation with a film needs of the film.
 
     film: drawn and measured again. features: columns of `FEATURES`, of the whole film.
     """
@@ -145,7 +143,7 @@ class Verdict:
     scores: Scores
 
     def to_values(self) -> dict[str, Any]:
-        """Return the verdict as plain values; `from_values` makes the same verdict of them."""
+        """Return the verdict as plain values that JSON can hold; `from_values` restores it."""
         return {
             "whole": list(self.whole),
             "alone": {name: list(area) for name, area in self.alone.items()},
@@ -155,7 +153,7 @@ class Verdict:
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> "Verdict":
-        """Return the verdict that `to_values` made plain values of."""
+        """Return the verdict that plain values of `to_values` describe."""
         alone = {name: Auc(*area) for name, area in values["alone"].items()}
         scores = Scores(*map(np.array, values["scores"]))
         return cls(Auc(*values["whole"]), alone, values["importance"], scores)
@@ -170,29 +168,28 @@ def classify_windows(
     alone. FinloopError if a block has too few windows of either set to test and to learn from.
     """
     _require_enough_windows(window_pair, p)
-    every = tuple(range(len(CHANNELS)))
-    held_out = score_held_out_windows(*window_pair, p, every)
-    whole = compute_auc(held_out.scores)
-    single = {
-        CHANNELS[part]: compute_auc(score_held_out_windows(*window_pair, p, (part,)).scores)
-        for part in (every if by_channel else ())
-    }
+    channels = tuple(range(len(CHANNELS)))
+    held_out = score_held_out_windows(*window_pair, p, channels)
+    whole, alone = compute_auc(held_out.scores), {}
+    for channel in channels if by_channel else ():
+        scores = score_held_out_windows(*window_pair, p, (channel,)).scores
+        alone[CHANNELS[channel]] = compute_auc(scores)
     importance = {
-        name: whole.value - compute_auc(part).value for name, part in held_out.shuffled.items()
+        name: whole.value - compute_auc(scores).value for name, scores in held_out.shuffled.items()
     }
-    return Verdict(whole, single, importance, held_out.scores)
+    return Verdict(whole, alone, importance, held_out.scores)
 
 
 def _require_enough_windows(window_pair: tuple[Windows, Windows], p: RealismSettings) -> None:
     """Raise FinloopError if there are too few windows to train and test a classifier per block."""
-    film, beside = window_pair
+    film, other = window_pair
     folds = p.cross_validation_folds
     tested, learnt = np.bincount(film.block, minlength=folds), (~film.near).sum(axis=0)
-    learnt_beside = (~beside.near).sum(axis=0)
-    if min(tested.min(), learnt.min(), learnt_beside.min()) < LEAST or len(beside.x) < folds:
+    learnt_other = (~other.near).sum(axis=0)
+    if min(tested.min(), learnt.min(), learnt_other.min()) < LEAST or len(other.x) < folds:
         raise FinloopError(
             f"the blocks test {tested.tolist()} windows of the film, and learn from "
-            f"{learnt.tolist()} of the film and {learnt_beside.tolist()} of the other side",
+            f"{learnt.tolist()} of the film and {learnt_other.tolist()} of the other side",
             f"at least {LEAST} of each in each of {folds} blocks",
             "a longer film, fewer realism.cross_validation_folds, or a shorter "
             "realism.window_deltas",
@@ -207,9 +204,9 @@ def verdict_table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
     "all".
     """
     rows = []
-    for name, result in verdicts.items():
-        for channel, area in {"all": result.whole, **result.alone}.items():
-            rows.append((name, channel, *area, result.importance.get(channel, np.nan)))
+    for name, verdict in verdicts.items():
+        for channel, area in {"all": verdict.whole, **verdict.alone}.items():
+            rows.append((name, channel, *area, verdict.importance.get(channel, np.nan)))
     return pd.DataFrame(rows, columns=["compared", "channel", "auc", "low", "high", "lost"])
 
 
@@ -218,12 +215,12 @@ def auc_metrics(verdicts: dict[str, Verdict]) -> dict[str, float]:
 
     verdicts: by the name of the comparison. Low and high are the ends of the 95 % interval.
     """
-    flat: dict[str, float] = {}
-    for name, result in verdicts.items():
-        flat |= {
-            f"{name}_auc": result.whole.value,
-            f"{name}_auc_low": result.whole.low,
-            f"{name}_auc_high": result.whole.high,
-            **{f"{name}_{channel}_auc": area.value for channel, area in result.alone.items()},
+    metrics: dict[str, float] = {}
+    for name, verdict in verdicts.items():
+        metrics |= {
+            f"{name}_auc": verdict.whole.value,
+            f"{name}_auc_low": verdict.whole.low,
+            f"{name}_auc_high": verdict.whole.high,
+            **{f"{name}_{channel}_auc": area.value for channel, area in verdict.alone.items()},
         }
-    return flat
+    return metrics

@@ -43,7 +43,7 @@ Tables = tuple[pd.DataFrame, pd.DataFrame]
 
 WORDS_PX = 28
 """Height of the title above an example's film."""
-_AROUND = 1.5  # body lengths that a picture shows beyond the path
+_AROUND_BL = 1.5  # body lengths that a picture shows beyond the path
 
 
 class WindowPair(NamedTuple):
@@ -60,21 +60,21 @@ class WindowPair(NamedTuple):
 def most_false_windows(
     film: Windows, animation: Windows, score: Floats, count: int, length: int
 ) -> list[WindowPair]:
-    """Choose the animation windows with the highest scores, and for each the most similar of film.
+    """Return the animation windows with the highest scores, each with the most similar film window.
 
-    No two of them touch. score (n,): held-out, of the animation windows, NaN where there is none.
-    count: most pairs. length: rows of a window. Similar is the least sum of squared differences of
-    the channels, in the film's standard deviations.
+    No two animation windows touch. score (n,): held-out, of the animation windows, NaN where there
+    is none. count: most pairs. length: rows of a window. Similar is the least sum of squared
+    differences of the channels, in the film's standard deviations.
     """
-    spread = film.x.std(axis=(0, 1)) + 1e-9
+    deviations = film.x.std(axis=(0, 1)) + 1e-9
     pairs: list[WindowPair] = []
     for number in np.argsort(-np.nan_to_num(score, nan=-np.inf), kind="stable").tolist():
         if len(pairs) == count or np.isnan(score[number]):
             break
-        taken = animation.first[[pair.animation for pair in pairs]]
-        if (np.abs(animation.first[number] - taken) > length).all():
-            far = (((film.x - animation.x[number]) / spread) ** 2).sum(axis=(1, 2))
-            pairs.append(WindowPair(number, int(far.argmin()), float(score[number])))
+        taken_rows = animation.first[[pair.animation for pair in pairs]]
+        if (np.abs(animation.first[number] - taken_rows) > length).all():
+            differences = (((film.x - animation.x[number]) / deviations) ** 2).sum(axis=(1, 2))
+            pairs.append(WindowPair(number, int(differences.argmin()), float(score[number])))
     return pairs
 
 
@@ -102,10 +102,10 @@ class ExampleFinder:
     def _mode_examples(
         self, mode: str, pair: tuple[Windows, Windows], verdict: Verdict
     ) -> Iterator[Tables]:
-        """Yield the most obviously false windows of a mode, each with the film window most like it.
+        """Yield the most false windows of a mode, each with the film window most like it.
 
-        Both are edit lists (what is drawn at every tick), with their channels. pair: the windows of
-        the film and of the mode.
+        Both are edit lists (what is drawn at every tick), with their channels over time. pair: the
+        windows of the film and of the mode; verdict: of their comparison.
         """
         (film, animation), cut = pair, self.sample.window_cut
         score, most = verdict.scores.score[len(film.x) :], self.sample.p.examples
@@ -124,13 +124,13 @@ class ExampleFinder:
             )
 
     def example_tables(self, sides: Sides, verdicts: Mapping[str, Verdict]) -> Tables:
-        """Return the most obviously false windows of all modes as two tables: EXAMPLES, and CURVES.
+        """Return the most obviously false windows of all modes as tables `EXAMPLES` and `CURVES`.
 
-        CURVES has their channels over time. sides, verdicts: by the name of the comparison; only
-        modes give examples.
+        EXAMPLES are edit lists, CURVES their channels over time. sides, verdicts: by the name of
+        the comparison; only modes give examples. The tables are empty if there are none.
         """
         edits, curves = list[pd.DataFrame](), list[pd.DataFrame]()
-        for mode in filter(self.measured.__contains__, verdicts):
+        for mode in (name for name in verdicts if name in self.measured):
             for edit, curve in self._mode_examples(mode, sides[mode], verdicts[mode]):
                 edits.append(edit.assign(example=len(edits)))
                 curves.append(curve.assign(example=len(curves)))
@@ -153,30 +153,32 @@ class CameraView(NamedTuple):
 
     def crop_frame(self, frame: Picture, size_px: int) -> Picture:
         """Return what this view shows of a frame, (h, w) or (h, w, 3), as (size_px, size_px, 3)."""
-        place = self.x_px, self.y_px
-        turn = cv2.getRotationMatrix2D(place, -self.heading_deg, size_px / self.width_px)
-        turn[:, 2] += (size_px - 1) / 2 - np.array(place)
+        centre = self.x_px, self.y_px
+        transform = cv2.getRotationMatrix2D(centre, -self.heading_deg, size_px / self.width_px)
+        transform[:, 2] += (size_px - 1) / 2 - np.array(centre)
         picture = cv2.warpAffine(
-            frame, turn, (size_px, size_px), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
-        )
+            frame, transform, (size_px, size_px), flags=cv2.INTER_CUBIC,
+            borderMode=cv2.BORDER_REPLICATE,
+        )  # fmt: skip
         return picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB)
 
 
 def _fixed_views(example: pd.DataFrame, length_px: float) -> dict[str, CameraView]:
-    """Return a view of the tank for each half of an example, animation and film, by SIDES.
+    """Return the views of the tank for animation and film of an example, by SIDES.
 
-    Both show as many body lengths. length_px: body length as filmed.
+    Each shows the whole path of its fish, and both as many body lengths. example: rows of
+    `EXAMPLES`; length_px: body length as filmed.
     """
     sides = example.groupby("side")
     low, high = sides[["x_px", "y_px"]].min(), sides[["x_px", "y_px"]].max()
-    drawn = sides["scale"].median()  # / as filmed
-    far = np.hypot(*(high - low).to_numpy().T) / drawn.to_numpy()
-    width = float(far.max()) + _AROUND * length_px
-    start, middle = sides["start_deg"].first(), (low + high) / 2
+    scale = sides["scale"].median()  # drawn size / filmed size
+    path_sizes = np.hypot(*(high - low).to_numpy().T) / scale.to_numpy()
+    width = float(path_sizes.max()) + _AROUND_BL * length_px
+    start_deg, middle = sides["start_deg"].first(), (low + high) / 2
     return {
         side: CameraView(
-            middle.at[side, "x_px"], middle.at[side, "y_px"], float(start[side]),
-            width * float(drawn[side]),
+            middle.at[side, "x_px"], middle.at[side, "y_px"], float(start_deg[side]),
+            width * float(scale[side]),
         )
         for side in middle.index
     }  # fmt: skip
@@ -186,14 +188,14 @@ def draw_strip(
     edit: pd.DataFrame, gallery: Gallery, painter: Painter, length_px: float, count: int,
     size_px: int,
 ) -> Picture:  # fmt: skip
-    """Draw `count` pictures of a fish side by side, spread over some ticks of an edit list.
+    """Return `count` pictures of a fish side by side, spread over some ticks of an edit list.
 
-    edit: the ticks. length_px: body length as filmed. size_px: width of a picture. Returns
-    (size_px, count × size_px, 3).
+    edit: the ticks, with the column start_deg. length_px: body length as filmed. size_px: width of
+    a picture. The result is (size_px, count × size_px, 3).
     """
     moments = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
     numbered = moments.assign(tick=np.arange(count))
-    tiles, width = list[Picture](), _AROUND * length_px * float(moments["scale"].median())
+    tiles, width = list[Picture](), _AROUND_BL * length_px * float(moments["scale"].median())
     for fish, start in zip(place_rows(numbered, gallery), moments["start_deg"], strict=True):
         painter.show(fish)
         view = CameraView(fish.x_px, fish.y_px, start, width)
@@ -217,10 +219,13 @@ def draw_example(
             painter.show(fish)
             yield views[side].crop_frame(painter.frame, size_px)
 
-    words = f"{first['compared']} {first['example'] + 1}: animation", "the film window most like it"
+    titles = (
+        f"{first['compared']} {first['example'] + 1}: animation",
+        "the film window most like it",
+    )
     for pair in zip(*map(side_frames, SIDES), strict=True):
         frame = np.full((size_px + WORDS_PX, 2 * size_px, 3), 255, np.uint8)
-        for number, (picture, text) in enumerate(zip(pair, words, strict=True)):
+        for number, (picture, text) in enumerate(zip(pair, titles, strict=True)):
             frame[WORDS_PX:, number * size_px : (number + 1) * size_px] = picture
             write_text(frame, text, (number * size_px + 8, WORDS_PX - 9), (0, 0, 0), WORDS_PX // 2)
         yield frame

@@ -54,20 +54,20 @@ class Instrument:
     def adapt_to_animation(self, size: float) -> "Instrument":
         """Return the instrument for fish drawn `size` times as large as filmed, in still water.
 
-        It shrinks fish and tank so that the fish are as large as filmed.
+        It measures a tank that is shrunk so that the fish are as large as filmed.
         """
-        still = replace(self, features=replace(self.features, water_current_bl_s=0.0), size=size)
+        adapted = replace(self, features=replace(self.features, water_current_bl_s=0.0), size=size)
         if size == 1:
-            return still
+            return adapted
         width, height = (max(1, round(side / size)) for side in self.arena.shape[::-1])
         return replace(
-            still,
+            adapted,
             tank=cv2.resize(self.tank, (width, height)),
             arena=cv2.resize(self.arena, (width, height), interpolation=cv2.INTER_NEAREST),
         )
 
     def reduce_to_filmed_size(self, edit: pd.DataFrame) -> pd.DataFrame:
-        """Shrink places and scales of an edit list until its fish are as large as filmed."""
+        """Return an edit list, its places and scales shrunk until fish are as large as filmed."""
         if self.size == 1:
             return edit
         places = {name: (edit[name] + 0.5) / self.size - 0.5 for name in ("x_px", "y_px")}
@@ -78,19 +78,23 @@ class Instrument:
     def typical_fish(self) -> TypicalFish:
         """Return the film's typical fish, with which silhouettes are compared; it has no fins."""
         facts = self.facts
-        size = facts.typical_area_px, facts.typical_length_px, facts.typical_contrast_grey
-        return TypicalFish(*size, fins="none", thin=facts.thin)
+        fish = facts.typical_area_px, facts.typical_length_px, facts.typical_contrast_grey
+        return TypicalFish(*fish, fins="none", thin=facts.thin)
 
     def detect_fish(self, fish: Iterable[PlacedFish]) -> Iterator[Detections]:
-        """Draw each fish on the empty tank, and yield what extraction detects in that frame.
+        """Yield what extraction detects in a frame of each fish, drawn on the empty tank.
 
         fish: the drawn fish, one per frame. Places in the result are px of the tank.
         """
         painter, facts = Painter(self.tank), self.facts
         for animal in fish:
-            own = painter.show(animal)
-            rim = _RIM + max(own.bottom - own.top, own.right - own.left, 0)
-            box = own.grow(rim).clip_to(self.tank.shape)  # mostly tank, so the median is the tank's
+            drawn_box = painter.show(animal)
+            margin = _RIM + max(
+                drawn_box.bottom - drawn_box.top, drawn_box.right - drawn_box.left, 0
+            )
+            box = drawn_box.grow(margin).clip_to(
+                self.tank.shape
+            )  # mostly tank, so the median is the tank's
             scene = Scene(
                 np.ascontiguousarray(self.tank[box.slices]), facts.polarity,  # type: ignore[arg-type]
                 facts.noise_grey, facts.threshold_grey,
@@ -115,17 +119,17 @@ class Instrument:
 
 
 def _shift_detections(detections: Detections, x: int, y: int) -> Detections:
-    """Convert detections in a part of the tank from px of the part to px of the tank.
+    """Return detections in a part of the tank, converted from px of the part to px of the tank.
 
     x, y: the part's upper left pixel.
     """
 
     def shift_fish(fish: SegmentedFish) -> SegmentedFish:
-        by = np.array([x, y])
+        offset = np.array([x, y])
         return replace(
             fish, x_px=fish.x_px + x, y_px=fish.y_px + y, x0=fish.x0 + x, y0=fish.y0 + y,
-            backbone=fish.backbone._replace(points_px=fish.backbone.points_px + by),
-            outline_px=fish.outline_px + by,
+            backbone=fish.backbone._replace(points_px=fish.backbone.points_px + offset),
+            outline_px=fish.outline_px + offset,
         )  # fmt: skip
 
     spots = []
@@ -157,24 +161,25 @@ class Swimming:
 def join_measurements(
     edits: Sequence[pd.DataFrame], tables: Sequence[pd.DataFrame], rate_hz: float
 ) -> Swimming:
-    """Join the feature tables that were measured from several edit lists, in their order.
+    """Return the feature tables measured from several edit lists, joined in their order.
 
-    rate_hz: ticks per second.
+    Tracks get unique numbers, and the clock runs on. edits: the lists; tables: of each; rate_hz:
+    ticks per second.
     """
-    parts, before, tracks_before = [], 0, 0
+    parts, ticks_before, tracks_before = [], 0, 0
     for number, (edit, table) in enumerate(zip(edits, tables, strict=True)):
         tick = table["frame"].to_numpy(np.int64)
         row = np.where(edit["kind"] == FRAME, edit["source"].to_numpy(), -1)[tick]
-        own = table.assign(
+        numbered = table.assign(
             track_id=table["track_id"] + tracks_before,
-            part=number, tick=tick, row=row, clock=(before + tick) / rate_hz,
+            part=number, tick=tick, row=row, clock=(ticks_before + tick) / rate_hz,
         )  # fmt: skip
-        parts.append(own)
-        before += len(edit)
+        parts.append(numbered)
+        ticks_before += len(edit)
         tracks_before += int(table["track_id"].max()) + 1 if len(table) else 0
-    whole = pd.concat(parts, ignore_index=True)
-    part, tick, row = (whole[name].to_numpy(np.int64) for name in ("part", "tick", "row"))
-    return Swimming(whole[FEATURES.names], part, tick, row, whole["clock"].to_numpy(float))
+    joined = pd.concat(parts, ignore_index=True)
+    part, tick, row = (joined[name].to_numpy(np.int64) for name in ("part", "tick", "row"))
+    return Swimming(joined[FEATURES.names], part, tick, row, joined["clock"].to_numpy(float))
 
 
 def sample_film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Work]:
@@ -186,10 +191,10 @@ def sample_film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) 
     places = tracks[["x_px", "y_px"]].to_numpy()
     works: list[Work] = []
     pieces: list[Ints] = []
-    parts = sample_stretches(tracks["track_id"].to_numpy(), longest, most, seed)
-    for part in parts:
-        pieces.append(np.arange(part.start, part.stop))
-        if sum(map(len, pieces)) >= longest or part is parts[-1]:
+    stretches = sample_stretches(tracks["track_id"].to_numpy(), longest, most, seed)
+    for stretch in stretches:
+        pieces.append(np.arange(stretch.start, stretch.stop))
+        if sum(map(len, pieces)) >= longest or stretch is stretches[-1]:
             rows, cuts = np.concatenate(pieces), np.cumsum([len(piece) for piece in pieces])[:-1]
             works.append((filmed_edit_list(rows, places[rows]), cuts.tolist()))
             pieces = []
@@ -200,7 +205,7 @@ def measure_edit_list(
     open_pictures: Callable[[], AbstractContextManager[Gallery]],
     work: tuple[Instrument, pd.DataFrame, Sequence[int]],
 ) -> pd.DataFrame:
-    """Draw one edit list and return the feature table that extraction measures in it.
+    """Return the feature table that extraction measures in the drawn frames of one edit list.
 
     It can run in another process. open_pictures: opens the cut-outs (pixels of the fish). work: the
     instrument, the edit list (what is drawn at every tick), and the ticks at which another fish
@@ -208,6 +213,5 @@ def measure_edit_list(
     """
     instrument, edit, cuts = work
     with open_pictures() as gallery:
-        return instrument.measure_fish(
-            place_rows(instrument.reduce_to_filmed_size(edit), gallery), cuts
-        )
+        fish = place_rows(instrument.reduce_to_filmed_size(edit), gallery)
+        return instrument.measure_fish(fish, cuts)

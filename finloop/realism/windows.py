@@ -62,8 +62,8 @@ class Blocks(NamedTuple):
 
     def block_numbers(self, time_s: Floats) -> Ints:
         """Return the number of the block (n,) that contains each of n times in s."""
-        place = np.searchsorted(self.edges, time_s, "right") - 1
-        return self.number[np.clip(place, 0, len(self.number) - 1)]
+        stretch = np.searchsorted(self.edges, time_s, "right") - 1
+        return self.number[np.clip(stretch, 0, len(self.number) - 1)]
 
     def are_near(self, time_s: Floats, gap_s: float) -> Mask:
         """Return which of n times lie in each block, or within a gap of it: (n, blocks).
@@ -77,9 +77,10 @@ class Blocks(NamedTuple):
 
 
 def equal_blocks(time_s: Floats, count: int, repeats: int = 1) -> Blocks:
-    """Divide time into `count` blocks that contain equally many of the given times (n,) in s.
+    """Return time divided into `count` blocks that contain equally many of the times (n,) in s.
 
-    repeats: how often the sequence of blocks is repeated, each time with further stretches.
+    repeats: how often the sequence of blocks is repeated, each time with further stretches of time.
+    The first and the last stretch have no outer end.
     """
     edges = np.quantile(time_s, np.linspace(0, 1, repeats * count + 1))
     edges[[0, -1]] = -np.inf, np.inf
@@ -97,7 +98,7 @@ class WindowCut(NamedTuple):
 def cut_in_frames(
     window_deltas: float, stride_deltas: float, step_deltas: float, delta: int
 ) -> WindowCut:
-    """Convert window, stride and step of a `WindowCut` from units of the time Δ to frames.
+    """Return window, stride and step in frames, converted from units of the time Δ.
 
     A window is a whole number of steps. delta: Δ in frames.
     """
@@ -115,9 +116,9 @@ def track_channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Float
     length = float(track["body_length_px"].median())
     travel = np.diff(places_through_water(track), axis=0) * (rate_hz / length)
     heading = np.unwrap(track["heading_deg"].to_numpy(float), period=360)
-    angle = np.radians((heading[1:] + heading[:-1]) / 2)
+    angle_rad = np.radians((heading[1:] + heading[:-1]) / 2)
     return np.column_stack([
-        to_body_axes(travel, angle),
+        to_body_axes(travel, angle_rad),
         np.diff(heading) * rate_hz,
         track["motion_area"].to_numpy(float)[1:] / largest,
     ])  # fmt: skip
@@ -137,32 +138,33 @@ class TickBlocks(NamedTuple):
 def cut_windows(
     table: pd.DataFrame, ticks: TickBlocks, cut: WindowCut, rate_hz: float, largest: float
 ) -> Windows:
-    """Cut measured swimming into windows of channels; no window crosses from track to track.
+    """Return measured swimming cut into windows of channels; no window crosses from track to track.
 
-    table: columns of `FEATURES`, track by track. ticks: of the same rows. largest: motion area of
-    the film's most bent fish, in squares of a body length.
+    table: columns of `FEATURES`, track by track. ticks: of the same rows. cut: lengths in frames. A
+    window belongs to the block of most of its ticks. largest: motion area of the film's most bent
+    fish, in squares of a body length.
     """
     blocks = ticks.near.shape[1]
     x, first = [np.zeros((0, cut.length // cut.step, len(CHANNELS)))], [np.zeros(0, np.intp)]
-    start = 0
+    track_start = 0
     for _, track in table.groupby("track_id", sort=False):
-        moves = track_channels(track, rate_hz, largest)
-        begins = np.arange(0, len(moves) - cut.length + 1, cut.stride)
-        if len(begins):
-            inside = moves[begins[:, None] + np.arange(cut.length)]
-            x.append(inside.reshape(len(begins), -1, cut.step, len(CHANNELS)).mean(axis=2))
-            first.append(start + begins)
-        start += len(track)
-    begin = np.concatenate(first)
-    rows = begin[:, None] + np.arange(cut.length + 1)
+        channels = track_channels(track, rate_hz, largest)
+        starts = np.arange(0, len(channels) - cut.length + 1, cut.stride)
+        if len(starts):
+            inside = channels[starts[:, None] + np.arange(cut.length)]
+            x.append(inside.reshape(len(starts), -1, cut.step, len(CHANNELS)).mean(axis=2))
+            first.append(track_start + starts)
+        track_start += len(track)
+    first_rows = np.concatenate(first)
+    rows = first_rows[:, None] + np.arange(cut.length + 1)
     counts = (ticks.block[rows][..., None] == np.arange(blocks)).sum(axis=1)
     return Windows(
-        np.concatenate(x).astype(np.float32), begin, counts.argmax(axis=1),
+        np.concatenate(x).astype(np.float32), first_rows, counts.argmax(axis=1),
         ticks.near[rows].any(axis=1), ticks.cluster[rows[:, cut.length // 2]],
     )  # fmt: skip
 
 
 def join_windows(parts: Sequence[Windows]) -> Windows:
-    """Join several sets of windows into one set, in the given order."""
+    """Return several sets of windows joined into one set, in the given order."""
     columns = zip(*(vars(part).values() for part in parts), strict=True)
     return Windows(*(np.concatenate(column) for column in columns))

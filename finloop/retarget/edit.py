@@ -27,10 +27,9 @@ class RowSequence:
 
     @classmethod
     def from_rows(cls, numbers: Ints, follows: Ints, count: int) -> "RowSequence":
-        """Build a sequence from row numbers (T,); a mirror image has its row's number + count.
+        """Return a sequence of row numbers (T,); a mirror image has its row's number + count.
 
-        follows (m,): the number that comes next in the film, as in `FilmRows`; count: rows of the
-        film.
+        follows (m,): the number that comes next in the film, −1 for none; count: rows of the film.
         """
         switch = np.flatnonzero(numbers[1:] != follows[numbers[:-1]]) + 1
         return cls(numbers % count, numbers >= count, switch)
@@ -44,7 +43,8 @@ class RowSequence:
 def shown_pose_codes(sources: RowSequence, heading_deg: Floats, joins: JoinRules) -> Floats:
     """Return the pose codes (T, c) of the shown rows, smoothed over jumps if they are inertialized.
 
-    heading_deg (T,): on screen; joins: how jumps are drawn.
+    Pose codes are principal-component scores of the posture. heading_deg (T,): on screen; joins:
+    how jumps are drawn.
     """
     shown = sources.to_pictures(heading_deg, joins.bodies)
     codes = joins.bodies.codes(
@@ -59,7 +59,7 @@ def shown_pose_codes(sources: RowSequence, heading_deg: Floats, joins: JoinRules
 def build_edit_list(
     sources: RowSequence, pose: Pose, codes: Floats, scale: Floats, joins: JoinRules, rate_hz: float
 ) -> pd.DataFrame:
-    """Build the edit list of a retargeted track: what is drawn at every tick (columns of `EDIT`).
+    """Return the edit list of a retargeted track: what is drawn at every tick (columns of `EDIT`).
 
     sources: the shown rows; pose (T): as drawn; codes (T, c): of these poses; scale (n,): at which
     each film row is drawn; joins: how jumps are drawn; rate_hz: ticks per second.
@@ -70,17 +70,17 @@ def build_edit_list(
     begins = sources.switch
     goes_on = bodies.goes_on
     if len(begins):  # within one passage light and skin are the same
-        here = bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
-        old = bodies.next_body(here.select(begins - 1))
-        begins = begins[~bodies.are_near_in_film(old, here.select(begins), joins.fade)]
+        drawn = bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
+        due = bodies.next_body(drawn.select(begins - 1))
+        begins = begins[~bodies.are_near_in_film(due, drawn.select(begins), joins.fade)]
     partner, weight = cross_fade_partners(
         shown, begins, joins.fade, lambda _, row: row + int(goes_on[row])
     )
     fades = weight > 0
     speed = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) * rate_hz / pose.size_px[1:]
-    new = np.zeros(ticks, bool)
-    new[sources.switch] = True
-    reason = pd.Series(JUMP, range(ticks), dtype=object).where(new, None)
+    switches = np.zeros(ticks, bool)
+    switches[sources.switch] = True
+    reason = pd.Series(JUMP, range(ticks), dtype=object).where(switches, None)
     reason[0] = PLAY
     table = pd.DataFrame({
         "fish": 0,

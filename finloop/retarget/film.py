@@ -99,7 +99,7 @@ class JoinParameters(NamedTuple):
 
 
 def track_from_film_rows(film: RetargetData, rows: Ints, name: str) -> Track:
-    """Make a track to copy from rows of the film itself, with their postures.
+    """Return a track to copy, made of rows of the film itself with their postures.
 
     rows (t,): rows of the film; name: for messages.
     """
@@ -118,41 +118,43 @@ def retarget_track(
 ) -> Retargeted:
     """Let the film's fish follow a recorded track; return the edit list and metrics.
 
-    film: the film whose frames are drawn. FinloopError if the track is too short, swims tail first,
-    has no body length, or does not fit into the tank.
+    film: the film whose frames are drawn; p: the group `retarget` of the parameters; others: of
+    other stages. FinloopError if the track is too short, swims tail first, has no body length, or
+    does not fit into the tank.
     """
     reel = film.reel
     motion = resample_track(track, film.rate_hz, p)
-    way, scale = _scale_track(track, motion, film, p)
+    placed, scale = _scale_track(track, motion, film, p)
     rows = FilmRows.from_reel(reel, film.poses, film.look, others.weights, track.has_postures)
     if track.rows is not None and not p.allow_own_frames:
         rows = rows.exclude_rows(track.rows)
     pictures = film.pictures
-    how = resolve_join_rules(
+    joins = resolve_join_rules(
         others.joins,
         others.join,
         pictures.bodies,
         infer_delta_frames(reel.features),
         pictures.bending_improves_match,
     )
-    sources, way = _choose_rows_and_place(way, rows, how, film, p)
+    sources, placed = _choose_rows_and_place(placed, rows, joins, film, p)
     drawn_scale = (reel.length_px / reel.lengths_px).astype(float)
-    edit = build_edit_list(sources, way.pose, way.codes, drawn_scale, how, film.rate_hz)
-    table = _requested_motion_table(motion, way, sources)
-    stay = np.diff(np.concatenate([[0], sources.switch, [len(edit)]])) / film.rate_hz
-    return Retargeted(edit, table, {
+    edit = build_edit_list(sources, placed.pose, placed.codes, drawn_scale, joins, film.rate_hz)
+    asked = _requested_motion_table(motion, placed, sources)
+    outside = find_points_outside(placed.pose.backbone_px(), film.arena)
+    stays = np.diff(np.concatenate([[0], sources.switch, [len(edit)]])) / film.rate_hz
+    return Retargeted(edit, asked, {
         "ticks": len(edit),
         "duration_s": len(edit) / film.rate_hz,
         "scale": scale,
-        "way_size": way.size,
+        "way_size": placed.size,
         "with_postures": float(track.has_postures),
-        **{f"apart_{name}_pct": 100 * float(table["apart"].quantile(q))
+        **{f"apart_{name}_pct": 100 * float(asked["apart"].quantile(q))
            for name, q in (("median", 0.5), ("p95", 0.95))},
-        "clamped_pct": 100 * float(way.clamped.mean()),
-        "outside_ticks": int(find_points_outside(way.pose.backbone_px(), film.arena).any(1).sum()),
+        "clamped_pct": 100 * float(placed.clamped.mean()),
+        "outside_ticks": int(outside.any(1).sum()),
         "switches": len(sources.switch),
         "switches_per_s": len(sources.switch) / (len(edit) / film.rate_hz),
-        "stay_median_s": float(np.median(stay)),
+        "stay_median_s": float(np.median(stays)),
         "mirrored_pct": 100 * float(sources.mirrored.mean()),
         **motion.numbers,
     })  # fmt: skip
@@ -161,8 +163,9 @@ def retarget_track(
 class _PlacedTrack(NamedTuple):
     """A recorded track in this film's tank: points (T, m, 2) px along the body, poses (T).
 
-    codes (T, c): of the postures; clamped (T,): which of them were changed; size: of the path,
-    relative to its size at the track's scale.
+    at (m,): where along the body the points are, 0 = head, 1 = tail, NaN = the middle; codes (T,
+    c): of the postures; clamped (T,): which of them were changed to ones that the film shows; size:
+    of the path, relative to its size at the track's scale.
     """
 
     points: Points
@@ -184,29 +187,30 @@ class _PlacedTrack(NamedTuple):
         centre = bodies.mean(1)
         return (size - 1) * (centre - centre.mean(0)) + shift, size
 
-    def move_by(self, offset: Points, size: float) -> "_PlacedTrack":
-        """Return the track shifted by offsets (T, 2) px, with its size multiplied."""
+    def shift_and_scale(self, offset: Points, factor: float) -> "_PlacedTrack":
+        """Return the track shifted by offsets (T, 2) px.
+
+        factor: by which the offsets changed the size of the path; multiplies `size`.
+        """
         pose, (x, y) = self.pose, offset.T
         return self._replace(
             points=self.points + offset[:, None],
             pose=pose.move_to(pose.x_px + x, pose.y_px + y, pose.heading_rad, pose.size_px),
-            size=self.size * size,
+            size=self.size * factor,
         )
 
 
 def _scale_track(
     track: Track, motion: RecordedMotion, film: RetargetData, p: RetargetSettings
 ) -> tuple[_PlacedTrack, float]:
-    """Scale a recorded track to the size of this film's fish; return it and the scale.
+    """Return a recorded track scaled to the size of this film's fish, and the scale, px per px.
 
-    A track without postures gets the mean posture.
+    motion: its points at every tick. A track without postures gets the mean posture.
     """
     shapes, length_px, at = film.poses.shapes, film.reel.length_px, track.at
-    share = (
-        backbone_length_share(shapes)
-        if len(at) != 2
-        else straight_distance_share(shapes, at) / np.ptp(at)
-    )
+    share = backbone_length_share(shapes)
+    if len(at) == 2:  # of two points only the straight distance is known
+        share = straight_distance_share(shapes, at) / np.ptp(at)
     scale = track_scale(track, length_px * share, p)
     points, codes = scale * motion.points, motion.codes
     if p.mirrored:
@@ -214,36 +218,35 @@ def _scale_track(
         codes = None if codes is None else codes @ shapes.mirror_matrix
     if track.has_postures:
         return _PlacedTrack(points, at, *fit_postures(points, at, shapes, length_px, codes)), scale
-    mean = np.repeat(shapes.mean[None], len(points), 0)
+    postures = np.repeat(shapes.mean[None], len(points), 0)
     heading = None
     if len(at) == 1:
         delta = infer_delta_frames(film.reel.features)
-        heading = _travel_headings(
-            points[:, 0], max(1, round(delta / 4)), _STILL * length_px / delta
-        )
-    none = np.zeros((len(points), len(shapes.shapes)))
-    pose = align_postures(mean, points, at, length_px, heading)
-    return _PlacedTrack(points, at, pose, none, np.zeros(len(points), bool)), scale
+        span, still_px = max(1, round(delta / 4)), _STILL * length_px / delta
+        heading = _travel_headings(points[:, 0], span, still_px)
+    pose = align_postures(postures, points, at, length_px, heading)
+    codes, clamped = np.zeros((len(points), len(shapes.shapes))), np.zeros(len(points), bool)
+    return _PlacedTrack(points, at, pose, codes, clamped), scale
 
 
 def _choose_rows_and_place(
     track: _PlacedTrack, rows: FilmRows, joins: JoinRules, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _PlacedTrack]:
-    """Choose film rows that swim as a track does, and place it in the tank; return both.
+    """Return film rows that swim as a track does, and the track moved into the tank.
 
-    The film's postures are known only after the rows are; then the backbones are moved into the
-    tank. A path that shrinks for them is slower, so its rows are chosen again.
+    A track without postures gets those of its rows, so it is moved only after these are chosen. A
+    path that has to shrink is slower, so its rows are chosen again.
     """
     if track.has_postures:
-        track = track.move_by(*track.offsets_into_tank(film, p))
+        track = track.shift_and_scale(*track.offsets_into_tank(film, p))
         return _choose_rows(track, rows, film, p), track
     sources, fish = _choose_rows_without_postures(track, rows, joins, film, p)
     offset, size = fish.offsets_into_tank(film, p)
     if size < 1:
-        track = track.move_by(offset, size)
+        track = track.shift_and_scale(offset, size)
         sources, fish = _choose_rows_without_postures(track, rows, joins, film, p)
         offset, size = fish.offsets_into_tank(film, p)
-    return sources, fish.move_by(offset, size)
+    return sources, fish.shift_and_scale(offset, size)
 
 
 def _choose_rows(
@@ -254,11 +257,11 @@ def _choose_rows(
     rows: those that can be shown; film: the film whose frames are drawn.
     """
     pose = track.pose
-    place = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
+    place_bl = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
     codes = track.codes if track.has_postures else None
-    asked = rows.query_vectors(place, np.unwrap(pose.heading_rad), codes)
+    requested = rows.query_vectors(place_bl, np.unwrap(pose.heading_rad), codes)
     numbers = find_cheapest_rows(
-        rows, asked, p.candidates, p.switch, infer_delta_frames(film.reel.features)
+        rows, requested, p.candidates, p.switch, infer_delta_frames(film.reel.features)
     )
     return RowSequence.from_rows(numbers, rows.follows, len(film.reel))
 
@@ -266,45 +269,45 @@ def _choose_rows(
 def _choose_rows_without_postures(
     track: _PlacedTrack, rows: FilmRows, joins: JoinRules, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _PlacedTrack]:
-    """Choose film rows for a track without postures; return them and the track with theirs."""
+    """Return film rows for a track without postures, and the track with the rows' postures."""
     sources = _choose_rows(track, rows, film, p)
     heading = np.unwrap(track.pose.heading_rad)
     codes = shown_pose_codes(sources, np.degrees(heading), joins)
     postures = film.poses.shapes.decode(codes)
-    known = heading if len(track.at) == 1 else None
-    pose = align_postures(postures, track.points, track.at, film.reel.length_px, known)
+    known_heading = heading if len(track.at) == 1 else None
+    pose = align_postures(postures, track.points, track.at, film.reel.length_px, known_heading)
     return sources, track._replace(pose=pose, codes=codes)
 
 
 def _travel_headings(place: Points, span: int, still_px: float) -> Floats:
     """Return the heading (T,), in radians, of a point (T, 2) px: its direction of travel.
 
-    span: ticks over which it is measured. While the point moves less than `still_px` a tick, the
-    heading is interpolated.
+    span: ticks to each side over which it is measured. While the point moves less than `still_px` a
+    tick, the heading is interpolated; it is 0 if the point never moves more.
     """
-    speed = change_per_row(place, np.arange(len(place)) < len(place) - 1, span)
-    moves = np.flatnonzero(np.hypot(*speed.T) > still_px)
+    velocity = change_per_row(place, np.arange(len(place)) < len(place) - 1, span)
+    moves = np.flatnonzero(np.hypot(*velocity.T) > still_px)
     if not len(moves):
         return np.zeros(len(place))
-    heading = np.unwrap(np.arctan2(-speed[moves, 1], speed[moves, 0]))
+    heading = np.unwrap(np.arctan2(-velocity[moves, 1], velocity[moves, 0]))
     return np.interp(np.arange(len(place)), moves, heading)
 
 
 def _requested_motion_table(
     motion: RecordedMotion, track: _PlacedTrack, sources: RowSequence
 ) -> pd.DataFrame:
-    """Return the motion of every tick, as requested and as drawn: a table (columns of `ASKED`)."""
+    """Return the motion of every tick, as requested and as drawn: columns of `ASKED`."""
     points, pose, at = track.points, track.pose, track.at
     backbone = pose.backbone_px()
     apart = np.full(len(points), np.nan)
     if len(at) > 1:
-        off = np.hypot(*np.moveaxis(places_on_body(pose, at) - points, -1, 0)).mean(1)
-        apart = off / pose.steps_px.sum(-1)
-    lists = {
-        f"{name}_{axis}_px": pd.Series(list(line[..., k].astype(np.float32)), dtype=object)
-        for name, line in (("asked", points), ("drawn", backbone))
-        for k, axis in enumerate("xy")
-    }
+        offset = places_on_body(pose, at) - points
+        apart = np.hypot(*np.moveaxis(offset, -1, 0)).mean(1) / pose.steps_px.sum(-1)
+    lists = {}
+    for name, line in (("asked", points), ("drawn", backbone)):
+        for k, axis in enumerate("xy"):
+            values = list(line[..., k].astype(np.float32))
+            lists[f"{name}_{axis}_px"] = pd.Series(values, dtype=object)
     return pd.DataFrame({
         "tick": np.arange(len(points)),
         "file_s": motion.time_s,

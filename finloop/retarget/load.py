@@ -28,7 +28,7 @@ _LINES = ("track_id", "frame", "backbone_x_px", "backbone_y_px")
 
 
 def load_track(film: RetargetData, p: RetargetSettings) -> Track:
-    """Load the track that `retarget.tracks` names: from a file, another film, or `film` itself.
+    """Return the track that `retarget.tracks` names: from a file, another film, or `film` itself.
 
     film: the film whose frames are drawn. FinloopError if the track cannot be read.
     """
@@ -65,7 +65,7 @@ def film_track_files(folder: Path) -> list[Path]:
 
 
 def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
-    """Load a track of another film from its folder data/.
+    """Return a track of another film, loaded from its folder data/.
 
     steps: of a backbone of the drawn film. FinloopError if the film's tables do not match, or the
     track is missing.
@@ -81,12 +81,12 @@ def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
             "make the tables of that film again: `dvc repro features`",
         )
     counts = features["track_id"].value_counts().sort_index()
-    names = [str(one) for one in counts.index]
+    names = [str(track_id) for track_id in counts.index]
     number = choose_animal(p.animal, names, counts.to_numpy())
     rows = np.flatnonzero((features["track_id"] == counts.index[number]).to_numpy())
-    line = lists_to_points(tracks.iloc[rows], "backbone").astype(float)
-    first = begins_at_tail(line, features.iloc[rows])
-    line = np.where(first[:, None, None], line[:, ::-1], line)
+    backbones = lists_to_points(tracks.iloc[rows], "backbone").astype(float)
+    tail_first = begins_at_tail(backbones, features.iloc[rows])
+    backbones = np.where(tail_first[:, None, None], backbones[:, ::-1], backbones)
     frame = features["frame"].to_numpy(np.int64)[rows]
     name = f"track {features['track_id'].iloc[rows[0]]} of {folder}"
-    return track_from_backbones(name, rate, frame, line, steps)
+    return track_from_backbones(name, rate, frame, backbones, steps)

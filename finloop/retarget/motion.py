@@ -11,8 +11,8 @@ from finloop.base.errors import FinloopError
 from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import Track
 
-_LEAST = 4  # ticks
-_BACKWARDS = 0.25  # of the path; below this share head first, head and tail are swapped
+_LEAST_TICKS = 4  # of a track that can be followed
+_BACKWARDS = 0.25  # of the path; if less is travelled head first, head and tail are swapped
 
 
 class RecordedMotion(NamedTuple):
@@ -31,35 +31,35 @@ class RecordedMotion(NamedTuple):
 def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> RecordedMotion:
     """Return the longest stretch of a track without a long gap, resampled to ticks by splines.
 
-    rate_hz: ticks per second. FinloopError if the stretch is too short, or the animal swims tail
-    first.
+    rate_hz: ticks per second; p: the time to use, the longest gap, the smoothing. FinloopError if
+    the stretch is too short, or the animal swims tail first.
     """
     time = track.frame / track.rate_hz
     asked = (time >= p.start_s) & (time <= (np.inf if p.end_s is None else p.end_s))
     frames = np.flatnonzero(track.whole & asked)
-    breaks = np.diff(track.frame[frames]) > 1 + round(p.gap_s * track.rate_hz)
-    parts = np.split(frames, np.flatnonzero(breaks) + 1)
-    longest = max(parts, key=lambda part: np.ptp(time[part]) if len(part) else -1.0)
-    lasts = float(np.ptp(time[longest])) if len(longest) else 0.0
-    ticks = int(lasts * rate_hz + 1e-6) + 1
-    if ticks < _LEAST or len(longest) < 2:
+    is_gap = np.diff(track.frame[frames]) > 1 + round(p.gap_s * track.rate_hz)
+    stretches = np.split(frames, np.flatnonzero(is_gap) + 1)
+    longest = max(stretches, key=lambda frames: np.ptp(time[frames]) if len(frames) else -1.0)
+    duration_s = float(np.ptp(time[longest])) if len(longest) else 0.0
+    ticks = int(duration_s * rate_hz + 1e-6) + 1
+    if ticks < _LEAST_TICKS or len(longest) < 2:
         raise FinloopError(
             f"the longest stretch of {track.name} without a gap has {len(longest)} frames, "
-            f"{lasts:.2f} s, of {int(asked.sum())} requested frames",
-            f"at least {_LEAST / rate_hz:.2g} s, {_LEAST} frames of this film",
+            f"{duration_s:.2f} s, of {int(asked.sum())} requested frames",
+            f"at least {_LEAST_TICKS / rate_hz:.2g} s, {_LEAST_TICKS} frames of this film",
             "take a track with shorter gaps, another animal (retarget.animal), or another part of "
             "the track (retarget.start_s, end_s)",
         )
-    at = time[longest[0]] + np.arange(ticks) / rate_hz
-    points = CubicSpline(time[longest], track.points[longest])(at)
+    tick_times = time[longest[0]] + np.arange(ticks) / rate_hz
+    points = CubicSpline(time[longest], track.points[longest])(tick_times)
     codes = None
     if track.codes is not None:
-        codes = CubicSpline(time[longest], track.codes[longest])(at)
+        codes = CubicSpline(time[longest], track.codes[longest])(tick_times)
     if p.smooth_s:
-        points, codes = (
-            None if one is None else gaussian_filter1d(one, p.smooth_s * rate_hz, 0, mode="nearest")
-            for one in (points, codes)
-        )
+        sigma = p.smooth_s * rate_hz
+        points = gaussian_filter1d(points, sigma, axis=0, mode="nearest")
+        if codes is not None:
+            codes = gaussian_filter1d(codes, sigma, axis=0, mode="nearest")
     forward = forward_share(points)
     if forward < _BACKWARDS and not p.allow_backwards:
         raise FinloopError(
@@ -69,14 +69,14 @@ def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> Recorde
             "retarget.allow_backwards=true",
         )
     first, last = track.frame[longest[[0, -1]]]
-    every = int(asked.sum())
-    used = int((asked & (track.frame >= first) & (track.frame <= last)).sum())
-    return RecordedMotion(at, points, codes, {
-        "file_frames": every,
-        "file_frames_used_pct": 100 * used / every,
+    asked_frames = int(asked.sum())
+    used_frames = int((asked & (track.frame >= first) & (track.frame <= last)).sum())
+    return RecordedMotion(tick_times, points, codes, {
+        "file_frames": asked_frames,
+        "file_frames_used_pct": 100 * used_frames / asked_frames,
         "gaps_filled_frames": int(last - first) + 1 - len(longest),
-        "left_out_s": (every - used) / track.rate_hz,
-        "stretches_left_out": len(parts) - 1,
+        "left_out_s": (asked_frames - used_frames) / track.rate_hz,
+        "stretches_left_out": len(stretches) - 1,
         "forward_pct": 100 * forward,
     })  # fmt: skip
 
@@ -84,13 +84,13 @@ def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> Recorde
 def forward_share(points: Floats) -> float:
     """Return the share, 0-1, of its path that an animal travels head first.
 
-    points (T, m, 2): head first; the result is 1 if m is 1.
+    points (T, m, 2): head first; the result is 1 if m is 1, or if the animal never moves.
     """
     if points.shape[1] < 2:
         return 1.0
-    ahead = points[:, 0] - points[:, -1]
-    ahead /= np.maximum(np.hypot(*ahead.T), 1e-9)[:, None]
+    direction = points[:, 0] - points[:, -1]
+    direction /= np.maximum(np.hypot(*direction.T), 1e-9)[:, None]
     step = np.diff(points.mean(1), axis=0)
-    along = (step * (ahead[1:] + ahead[:-1]) / 2).sum(1)
-    whole = np.abs(along).sum()
-    return float(np.maximum(along, 0).sum() / whole) if whole > 0 else 1.0
+    forward_px = (step * (direction[1:] + direction[:-1]) / 2).sum(1)
+    path_px = np.abs(forward_px).sum()
+    return float(np.maximum(forward_px, 0).sum() / path_px) if path_px > 0 else 1.0

@@ -8,7 +8,7 @@ from finloop.base.errors import FinloopError
 from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import Track
 
-_CELLS = 240  # cells per side of the map on which places are tried first
+_CELLS = 240  # cells per side of the coarse map on which places are tried first
 _CLEAR = 0.5  # body lengths; a point nearer to the wall costs up to 1
 _ROUNDS = 12  # of halving, to find how much smaller a path has to be
 
@@ -32,16 +32,16 @@ def track_scale(track: Track, length_px: float, p: RetargetSettings) -> float:
 
 
 def mirror_left_right(points: Points, width_px: int) -> Points:
-    """Mirror points (…, 2) px left to right in a tank `width_px` wide."""
+    """Return points (…, 2) px mirrored left to right in a tank `width_px` wide."""
     return np.stack([width_px - 1 - points[..., 0], points[..., 1]], -1)
 
 
 def find_points_outside(points: Points, arena: Mask) -> Mask:
     """Return a mask (…) of the points (…, 2) px that lie outside the arena (h, w)."""
     column, row = np.moveaxis(_round_to_pixels(points), -1, 0)
-    there = (row >= 0) & (row < arena.shape[0]) & (column >= 0) & (column < arena.shape[1])
-    inside = arena[np.where(there, row, 0), np.where(there, column, 0)]
-    return ~(there & inside)
+    in_picture = (row >= 0) & (row < arena.shape[0]) & (column >= 0) & (column < arena.shape[1])
+    inside = arena[np.where(in_picture, row, 0), np.where(in_picture, column, 0)]
+    return ~(in_picture & inside)
 
 
 def _round_to_pixels(points: Points) -> Ints:
@@ -52,11 +52,11 @@ def _round_to_pixels(points: Points) -> Ints:
 def find_placement(
     bodies: Points, arena: Mask, length_px: float, p: RetargetSettings
 ) -> tuple[Floats, float]:
-    """Find how to move a path into the tank: the shift (2,) px, and the path's relative size.
+    """Return how to move a path into the tank: the shift (2,) px, and the path's relative size.
 
     bodies (T, k, 2) px: the drawn points of the animal, which keeps its size on a smaller path;
-    length_px: body length. The size is 1 unless the placement is "shrink". FinloopError if the path
-    fits nowhere. arena (h, w): True inside.
+    arena (h, w): True inside; length_px: body length. The size is 1 unless the placement is
+    "shrink"; placement "given" moves nothing. FinloopError if the path fits nowhere.
     """
     if p.placement == "given":
         return np.zeros(2), 1.0
@@ -64,16 +64,16 @@ def find_placement(
     if shift is not None:
         return shift, 1.0
     if p.placement == "fit":
-        there = np.argwhere(arena)[:, ::-1].astype(float)
+        tank_px = np.argwhere(arena)[:, ::-1].astype(float)
         raise FinloopError(
             f"the path with the fish's body is {_format_size(bodies, length_px)} body lengths "
-            f"large, the tank {_format_size(there, length_px)}: the path fits nowhere",
+            f"large, the tank {_format_size(tank_px, length_px)}: the path fits nowhere",
             "a path that fits into the tank",
             "take a part of the track (retarget.start_s, end_s), a smaller path "
             "(retarget.placement=shrink), or let it leave the tank (retarget.placement=given)",
         )
-    small, large = 0.0, 1.0
-    best = find_shift_into(shrink_path(bodies, small), arena, length_px)
+    fits, too_large = 0.0, 1.0
+    best = find_shift_into(shrink_path(bodies, fits), arena, length_px)
     if best is None:
         raise FinloopError(
             "the fish does not fit into the tank, even if its path shrinks to a point",
@@ -82,17 +82,17 @@ def find_placement(
             "(retarget.placement=given)",
         )
     for _ in range(_ROUNDS):
-        middle = (small + large) / 2
+        middle = (fits + too_large) / 2
         shift = find_shift_into(shrink_path(bodies, middle), arena, length_px)
-        small, large = (middle, large) if shift is not None else (small, middle)
+        fits, too_large = (middle, too_large) if shift is not None else (fits, middle)
         best = best if shift is None else shift
-    return best, small
+    return best, fits
 
 
 def shrink_path(bodies: Points, size: float) -> Points:
-    """Shrink the path of bodies (T, k, 2) to `size` times its size; each body stays as large."""
-    centre = bodies.mean(1, keepdims=True)
-    return bodies + (size - 1) * (centre - centre.mean(0))
+    """Return bodies (T, k, 2) on a path `size` times as large; each body keeps its size."""
+    centres = bodies.mean(1, keepdims=True)
+    return bodies + (size - 1) * (centres - centres.mean(0))
 
 
 def _format_size(points: Points, length_px: float) -> str:
@@ -105,14 +105,14 @@ def find_shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | N
     """Return the shift (2,) in whole px that moves bodies (T, k, 2) px into the arena, or None.
 
     length_px: body length. Of the shifts that leave no point outside, the one with the points
-    farthest from the walls is taken. Shifts by whole cells of a map of `_CELLS` cells a side come
-    first. Where none of them fits, every shift by whole px is tried.
+    farthest from the walls is taken. Shifts by whole cells of a coarse map are tried first, and
+    where none of them fits, every shift by whole px.
     """
     pixels = _round_to_pixels(bodies.reshape(-1, 2))
     depth = scipy.ndimage.distance_transform_edt(np.pad(arena, 1))[1:-1, 1:-1]
-    wall = np.maximum(0.0, 1 - depth / (_CLEAR * length_px))
+    wall_cost = np.maximum(0.0, 1 - depth / (_CLEAR * length_px))
     for cell in sorted({-(-max(arena.shape) // _CELLS), 1}, reverse=True):
-        shift = _find_shift_by_cells(pixels, arena, wall, cell)
+        shift = _find_shift_by_cells(pixels, arena, wall_cost, cell)
         if shift is not None:
             return shift
     return None
@@ -129,25 +129,26 @@ def _find_shift_by_cells(pixels: Ints, arena: Mask, wall: Floats, cell: int) -> 
     cells = pixels // cell
     low = cells.min(0)
     column, row = (cells - low).T
-    high, wide = row.max() + 1, column.max() + 1
-    if high > inside.shape[0] or wide > inside.shape[1]:
+    rows, columns = row.max() + 1, column.max() + 1
+    if rows > inside.shape[0] or columns > inside.shape[1]:
         return None
-    count = np.zeros((high, wide))
+    count = np.zeros((rows, columns))
     np.add.at(count, (row, column), 1.0)
-    beyond = scipy.signal.correlate(1.0 - inside, (count > 0).astype(float), mode="valid")
-    free = np.rint(beyond) == 0
-    if not free.any():
+    outside_count = scipy.signal.correlate(1.0 - inside, (count > 0).astype(float), mode="valid")
+    fits = np.rint(outside_count) == 0
+    if not fits.any():
         return None
     cost = scipy.signal.correlate(_cut_into_cells(wall, cell).mean((1, 3)), count, mode="valid")
     middle = (np.array(cost.shape) - 1) / 2
-    off = np.hypot(*(np.indices(cost.shape) - middle[:, None, None]))
-    cost = np.maximum(cost, 0) + 1e-6 * len(pixels) * off
-    best = np.unravel_index(np.where(free, cost, np.inf).argmin(), cost.shape)
+    from_middle = np.hypot(*(np.indices(cost.shape) - middle[:, None, None]))
+    # Of equal shifts the one nearest to the middle of the tank.
+    cost = np.maximum(cost, 0) + 1e-6 * len(pixels) * from_middle
+    best = np.unravel_index(np.where(fits, cost, np.inf).argmin(), cost.shape)
     return cell * (np.array(best[::-1]) - low).astype(float)
 
 
 def _cut_into_cells(values: Floats, cell: int) -> Floats:
-    """Cut a map (h, w) into cells of `cell` px: (rows, cell, columns, cell), padded with 0."""
+    """Return a map (h, w) cut into cells of `cell` px: (rows, cell, columns, cell), 0 beyond it."""
     height, width = values.shape
-    whole = np.pad(values, ((0, -height % cell), (0, -width % cell)))
-    return whole.reshape(whole.shape[0] // cell, cell, -1, cell)
+    padded = np.pad(values, ((0, -height % cell), (0, -width % cell)))
+    return padded.reshape(padded.shape[0] // cell, cell, -1, cell)

@@ -22,7 +22,7 @@ from finloop.puppet.pose import backbone_bends, backbone_steps
 
 _ROUNDS = 4  # of bends relative to a heading, then the heading of the resulting posture
 _FLOOR = 1e-9  # of the total variance: least noise, where the shapes leave none
-_HEAD = 1 / 3  # of the body: its chord is the first heading
+_HEAD = 1 / 3  # of the body: the chord of this part is the first heading
 
 
 class FittedPostures(NamedTuple):
@@ -39,27 +39,27 @@ def fit_postures(
     """Return the film's postures nearest to recorded lines (T, m, 2) px, head first, m > 2.
 
     at (m,): where along the body the points are, 0 = head, 1 = tail; size_px: typical length of the
-    animal to draw; codes (T, c): the pose codes (principal-component scores), where known. Postures
-    unlike all of the film are changed.
+    animal to draw; codes (T, c): the pose codes (principal-component scores), None if unknown.
+    Postures unlike all of the film are changed to the nearest ones of the film.
     """
     rounds = _ROUNDS if codes is None else 1
     # Directions of the head, from a third of the body, and of the body's steps against it.
-    third = max(1, int(np.argmin(np.abs(at - _HEAD))))
-    head = points[:, 0] - points[:, third]
-    first = np.arctan2(-head[:, 1], head[:, 0])
+    neck = max(1, int(np.argmin(np.abs(at - _HEAD))))
+    head = points[:, 0] - points[:, neck]
+    head_direction = np.arctan2(-head[:, 1], head[:, 0])
     step = points[:, :-1] - points[:, 1:]
-    angles = np.arctan2(-step[..., 1], step[..., 0]) - first[:, None]
+    angles = np.arctan2(-step[..., 1], step[..., 0]) - head_direction[:, None]
     angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the others follow from the head on
     directions = np.unwrap(angles, axis=1)
     turned = np.zeros(len(points))
     for _ in range(rounds):
-        likely = (
-            most_likely_codes(directions - turned[:, None], at, shapes) if codes is None else codes
-        )
-        near, clamped = shapes.nearest_codes(likely)
-        pose = align_postures(shapes.decode(near), points, at, size_px)
-        turned = np.angle(np.exp(1j * (pose.heading_rad - first)))
-    return FittedPostures(pose, near, clamped)
+        likely = codes
+        if likely is None:
+            likely = most_likely_codes(directions - turned[:, None], at, shapes)
+        shown, clamped = shapes.nearest_codes(likely)
+        pose = align_postures(shapes.decode(shown), points, at, size_px)
+        turned = np.angle(np.exp(1j * (pose.heading_rad - head_direction)))
+    return FittedPostures(pose, shown, clamped)
 
 
 def most_likely_codes(directions: Floats, at: Floats, shapes: PoseShapes) -> Floats:
@@ -69,37 +69,39 @@ def most_likely_codes(directions: Floats, at: Floats, shapes: PoseShapes) -> Flo
     body the ends of the steps are, 0 = head, 1 = tail; each lies on a point of the film's
     backbones.
     """
-    count = backbone_bends(shapes.mean).size
-    first = round(at[0] * count)
-    which = np.zeros(len(shapes.mean), bool)
-    backbone_bends(which)[first : first + directions.shape[1]] = True
-    away = (directions - shapes.mean[which]) * shapes.weights[which]
-    parts = shapes.shapes[:, which]
-    left = max(shapes.total_variance - float(shapes.variance.sum()), 0.0)
-    spare = max(len(shapes.mean) - len(shapes.shapes), 1)
-    noise = max(left / spare, _FLOOR * shapes.total_variance)
+    bend_count = backbone_bends(shapes.mean).size
+    first = round(at[0] * bend_count)
+    is_given = np.zeros(len(shapes.mean), bool)
+    backbone_bends(is_given)[first : first + directions.shape[1]] = True
+    deviations = (directions - shapes.mean[is_given]) * shapes.weights[is_given]
+    components = shapes.shapes[:, is_given]
+    variance_left = max(shapes.total_variance - float(shapes.variance.sum()), 0.0)
+    free_numbers = max(len(shapes.mean) - len(shapes.shapes), 1)
+    noise = max(variance_left / free_numbers, _FLOOR * shapes.total_variance)
     prior = np.diag(noise / np.maximum(shapes.variance, 1e-30))
-    return np.linalg.solve(parts @ parts.T + prior, parts @ away.T).T
+    return np.linalg.solve(components @ components.T + prior, components @ deviations.T).T
 
 
 def align_postures(
     postures: Floats, points: Points, at: Floats, size_px: float, heading_rad: Floats | None = None
 ) -> Pose:
-    """Place and turn postures (T, d) so that they lie nearest to points (T, m, 2) px.
+    """Return postures (T, d) placed and turned so that they lie nearest to points (T, m, 2) px.
 
     at (m,): where along the body the points are, 0 = head, 1 = tail, NaN = the mass centre.
     size_px: typical length of the animal. heading_rad (T,): needed where a single point determines
     no heading.
     """
-    none = np.zeros(len(postures))
-    bare = Pose(none, none, none, none + size_px, postures)
-    on_body = places_on_body(bare, at)
-    z, w = on_body[..., 0] - 1j * on_body[..., 1], points[..., 0] - 1j * points[..., 1]
-    z0, w0 = z.mean(1), w.mean(1)
+    zeros = np.zeros(len(postures))
+    unplaced = Pose(zeros, zeros, zeros, zeros + size_px, postures)
+    on_body = places_on_body(unplaced, at)
+    body, line = on_body[..., 0] - 1j * on_body[..., 1], points[..., 0] - 1j * points[..., 1]
+    body_centre, line_centre = body.mean(1), line.mean(1)
     if heading_rad is None:
-        heading_rad = np.angle(((z - z0[:, None]).conj() * (w - w0[:, None])).sum(1))
-    centre = w0 - z0 * np.exp(1j * heading_rad)
-    return bare.move_to(centre.real, -centre.imag, heading_rad, size_px)
+        heading_rad = np.angle(
+            ((body - body_centre[:, None]).conj() * (line - line_centre[:, None])).sum(1)
+        )
+    centre = line_centre - body_centre * np.exp(1j * heading_rad)
+    return unplaced.move_to(centre.real, -centre.imag, heading_rad, size_px)
 
 
 def places_on_body(pose: Pose, at: Floats) -> Points:
@@ -110,8 +112,8 @@ def places_on_body(pose: Pose, at: Floats) -> Points:
     line = pose.backbone_px()
     place = np.nan_to_num(at) * (line.shape[1] - 1)
     low = np.minimum(place.astype(int), line.shape[1] - 2)
-    part = (place - low)[:, None]
-    places = (1 - part) * line[:, low] + part * line[:, low + 1]
+    share = (place - low)[:, None]
+    places = (1 - share) * line[:, low] + share * line[:, low + 1]
     centre = np.stack([pose.x_px, pose.y_px], -1)[:, None]
     return np.where(np.isnan(at)[:, None], centre, places)
 
@@ -126,6 +128,6 @@ def straight_distance_share(shapes: PoseShapes, at: Floats) -> float:
 
     Its unit is `size_px`, the typical length. at (2,): the places, 0 = head, 1 = tail.
     """
-    none = np.zeros(1)
-    ends = places_on_body(Pose(none, none, none, none + 1, shapes.mean[None]), at)[0]
+    zeros = np.zeros(1)
+    ends = places_on_body(Pose(zeros, zeros, zeros, zeros + 1, shapes.mean[None]), at)[0]
     return float(np.hypot(*(ends[-1] - ends[0])))

@@ -48,7 +48,7 @@ class FilmRows:
     def from_reel(
         cls, reel: Reel, poses: FilmPoses, look: Reals, weights: Weights, has_postures: bool
     ) -> "FilmRows":
-        """Describe the rows of a film by vectors in which they can be compared.
+        """Return the rows of a film as vectors in which they can be compared.
 
         look: light and skin of each row, then of each mirror image, from the stage `jumps`;
         weights: of the parts; has_postures: whether the track has postures.
@@ -56,49 +56,51 @@ class FilmRows:
         n, span = len(reel), max(1, round(infer_delta_frames(reel.features) / 4))
         sides = len(look) // n
         pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
-        change = np.stack([change_per_row(one, reel.has_next_frame, span) for one in pose])
+        change = np.stack([change_per_row(codes, reel.has_next_frame, span) for codes in pose])
         speed = measure_film_motion(reel, span)
         scales = [
             weights.pose_weight / part_divisors(pose),
             weights.change / part_divisors(change),
             weights.motion_weight / part_divisors(speed, each=True),
         ]
-        parts = [
-            one[:sides] * scale for one, scale in zip((pose, change, speed), scales, strict=True)
-        ]
-        light = weights.appearance_weight * np.asarray(look, float).reshape(sides, n, -1)
-        first, later = reel.step_ends
-        whole = np.concatenate([*parts, light], axis=-1)[0]
-        step = max(float(np.median(np.linalg.norm(whole[later] - whole[first], axis=-1))), 1e-12)
+        scaled = zip((pose, change, speed), scales, strict=True)
+        parts = [part[:sides] * scale for part, scale in scaled]
+        scaled_look = weights.appearance_weight * np.asarray(look, float).reshape(sides, n, -1)
+        first, after = reel.step_ends
+        vectors = np.concatenate([*parts, scaled_look], axis=-1)[0]
+        natural_step = max(
+            float(np.median(np.linalg.norm(vectors[after] - vectors[first], axis=-1))), 1e-12
+        )
         used = slice(0 if has_postures else 2, 3)
-        goes = np.where(reel.has_next_frame, np.arange(n) + 1, -1)
+        next_row = np.where(reel.has_next_frame, np.arange(n) + 1, -1)
         return cls(
             n,
-            _join_and_flatten(parts[used]) / step,
-            _join_and_flatten([light] if has_postures else [parts[0], light]) / step,
-            np.concatenate([goes, np.where(goes < 0, -1, goes + n)][:sides]),
-            [scale / step for scale in scales[used]],
+            _join_and_flatten(parts[used]) / natural_step,
+            _join_and_flatten([scaled_look] if has_postures else [parts[0], scaled_look])
+            / natural_step,
+            np.concatenate([next_row, np.where(next_row < 0, -1, next_row + n)][:sides]),
+            [scale / natural_step for scale in scales[used]],
             span,
         )
 
     def exclude_rows(self, rows: Ints) -> "FilmRows":
-        """Exclude some rows and their mirror images, by making them infinitely distant.
+        """Return the film with some rows and their mirror images made infinitely distant.
 
         rows: their numbers in the film. FinloopError if no row remains.
         """
-        gone = np.isin(np.arange(len(self.values)) % self.count, rows)
-        if gone.all():
+        excluded = np.isin(np.arange(len(self.values)) % self.count, rows)
+        if excluded.all():
             raise FinloopError(
                 "the film has no frames except those of the requested track",
                 "other frames of the film from which to draw it",
                 "set retarget.allow_own_frames=true, or take a film with more tracks",
             )
-        values = np.where(gone[:, None], np.inf, self.values)
-        follows = np.where(np.isin(self.follows, np.flatnonzero(gone)), -1, self.follows)
+        values = np.where(excluded[:, None], np.inf, self.values)
+        follows = np.where(np.isin(self.follows, np.flatnonzero(excluded)), -1, self.follows)
         return replace(self, values=values, follows=follows)
 
     def query_vectors(self, place: Floats, heading_rad: Floats, codes: Floats | None) -> Floats:
-        """Describe the requested motion by vectors (T, d) that can be compared with `values`.
+        """Return the requested motion as vectors (T, d) that can be compared with `values`.
 
         place (T, 2): of the mass centre, body lengths; heading_rad (T,): not wrapped; codes (T, c):
         pose codes (principal-component scores), None for a track without postures.
@@ -107,48 +109,47 @@ class FilmRows:
         parts = [measure_motion(place, np.degrees(heading_rad), goes_on, self.span)]
         if codes is not None:
             parts = [codes, change_per_row(codes, goes_on, self.span), *parts]
-        scaled = [one * scale for one, scale in zip(parts, self.scales, strict=True)]
+        scaled = [part * scale for part, scale in zip(parts, self.scales, strict=True)]
         return np.concatenate(scaled, axis=-1)
 
 
 def _join_and_flatten(parts: list[Floats]) -> Floats:
-    """Join arrays (s, n, …) along the last axis; return them as a matrix (s n, …)."""
-    whole = np.concatenate(parts, axis=-1)
-    return whole.reshape(-1, whole.shape[-1])
+    """Return arrays (s, n, …) joined along the last axis as a matrix (s n, …)."""
+    joined = np.concatenate(parts, axis=-1)
+    return joined.reshape(-1, joined.shape[-1])
 
 
 def find_cheapest_rows(
     rows: FilmRows, requested: Floats, candidates: int, switch: float, delta: int
 ) -> Ints:
-    """Find the film rows (T,) that follow a requested motion at the least total cost (Viterbi).
+    """Return the film rows (T,) that follow a requested motion at the least total cost (Viterbi).
 
-    requested (T, d): of `query_vectors`; candidates: nearest rows tried at a tick, besides those
-    that play on; switch: cost of a jump, in natural steps (median steps of the film); delta: Δ
-    (time over which motion is measured) in ticks. A mirror image has its row's number + count.
+    requested (T, d): vectors of `query_vectors`; candidates: nearest rows tried at a tick, besides
+    those that play on; switch: cost of a jump, in natural steps (median steps of the film); delta:
+    Δ (time over which motion is measured) in ticks. A mirror image has its row's number + count.
     """
-    there = np.flatnonzero(np.isfinite(rows.values).all(1))
-    near = Nearest.from_vectors(rows.values[there].astype(np.float32)).search(
-        requested, min(candidates, len(there))
-    )
-    numbers, costs, before, every = np.zeros(0, np.int64), np.zeros(0), [], []
+    usable = np.flatnonzero(np.isfinite(rows.values).all(1))
+    index = Nearest.from_vectors(rows.values[usable].astype(np.float32))
+    nearest = index.search(requested, min(candidates, len(usable)))
+    numbers, costs, origins, beams = np.zeros(0, np.int64), np.zeros(0), [], []
     for tick, wanted in enumerate(requested):
-        goes = rows.follows[numbers]
-        plays = np.flatnonzero(goes >= 0)
-        now = np.union1d(there[near[tick][near[tick] >= 0]], goes[plays])
-        far = np.linalg.norm(rows.values[now] - wanted, axis=1) / delta
-        back = np.full(len(now), -1)
+        follows = rows.follows[numbers]
+        plays_on = np.flatnonzero(follows >= 0)
+        tried = np.union1d(usable[nearest[tick][nearest[tick] >= 0]], follows[plays_on])
+        cost = np.linalg.norm(rows.values[tried] - wanted, axis=1) / delta
+        origin = np.full(len(tried), -1)
         if tick:
-            shown = np.where(goes >= 0, goes, numbers)
-            apart = np.linalg.norm(rows.seen[shown][:, None] - rows.seen[now], axis=-1)
-            total = costs[:, None] + switch + apart
-            total[plays, np.searchsorted(now, goes[plays])] = costs[plays]
-            back = total.argmin(0)
-            far += total[back, np.arange(len(now))]
-        beam = np.sort(np.argsort(far, kind="stable")[: _BEAM * candidates])
-        numbers, costs = now[beam], far[beam]
-        before.append(back[beam])
-        every.append(numbers)
-    best = [int(costs.argmin())]
-    for back in before[:0:-1]:
-        best.append(int(back[best[-1]]))
-    return np.array([one[k] for one, k in zip(every, best[::-1], strict=True)])
+            due = np.where(follows >= 0, follows, numbers)
+            visible = np.linalg.norm(rows.seen[due][:, None] - rows.seen[tried], axis=-1)
+            total = costs[:, None] + switch + visible
+            total[plays_on, np.searchsorted(tried, follows[plays_on])] = costs[plays_on]
+            origin = total.argmin(0)
+            cost += total[origin, np.arange(len(tried))]
+        kept = np.sort(np.argsort(cost, kind="stable")[: _BEAM * candidates])
+        numbers, costs = tried[kept], cost[kept]
+        origins.append(origin[kept])
+        beams.append(numbers)
+    places = [int(costs.argmin())]  # in the beams, from the last tick back
+    for origin in origins[:0:-1]:
+        places.append(int(origin[places[-1]]))
+    return np.array([beam[place] for beam, place in zip(beams, places[::-1], strict=True)])

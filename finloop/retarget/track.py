@@ -17,7 +17,7 @@ from finloop.retarget.settings import RetargetSettings
 _CENTRES = ("centre", "center", "centroid", "mass", "wcentroid")
 """Names of points that have no fixed place along the body."""
 _BESIDE = 0.05  # of the distance from head to tail; fins and eyes are farther from that line
-_FINE = 4  # samples of a spline for a point of the line
+_FINE = 4  # times as many samples of a spline as points of the line
 _ZIGZAG = 1.5  # times the distance from head to tail; a longer line has its points out of order
 
 
@@ -41,12 +41,12 @@ class Track(NamedTuple):
 
     @property
     def whole(self) -> Mask:
-        """Mask (t,) of the frames that have all points."""
+        """Return the mask (t,) of the frames that have all points."""
         return np.asarray(np.isfinite(self.points).all((1, 2)))
 
     @property
     def has_postures(self) -> bool:
-        """Whether there are enough points, 3, to show how the animal is bent."""
+        """Return whether there are enough points, 3, to show how the animal is bent."""
         return len(self.at) > 2
 
 
@@ -60,24 +60,24 @@ def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettin
     order = body_keypoint_numbers(poses.keypoints, points, p)
     first, last = p.keypoint_range
     if len(order) > 2:
-        inner = np.arange(steps + 1) / steps
-        at = inner[(inner >= first - 1e-9) & (inner <= last + 1e-9)]
+        body_shares = np.arange(steps + 1) / steps
+        at = body_shares[(body_shares >= first - 1e-9) & (body_shares <= last + 1e-9)]
         share = (at - first) / (last - first)
-        line = resample_body_lines(points[:, order], share, name)
+        body = resample_body_lines(points[:, order], share, name)
     else:
         heads = [find_keypoint(poses.keypoints, p.head, HEADS, "retarget.body_keypoints")]
         single = 0.0 if poses.keypoints[order[0]] in heads else np.nan
         at = np.array([first, last] if len(order) == 2 else [single])
-        line = points[:, order]
-    there = np.isfinite(line).all((1, 2))
-    if not there.any():
+        body = points[:, order]
+    complete = np.isfinite(body).all((1, 2))
+    if not complete.any():
         raise FinloopError(
             f"{name} has no frame with {', '.join(poses.keypoints[k] for k in order)} at a "
             f"confidence of {p.min_confidence:g} or more",
             "at least one frame with all of them",
             "name visible points (retarget.body_keypoints), or lower retarget.min_confidence",
         )
-    return Track(name, rate_hz, frame, line, at, _body_length_px(line[there], at))
+    return Track(name, rate_hz, frame, body, at, _body_length_px(body[complete], at))
 
 
 def track_from_backbones(name: str, rate_hz: float, frame: Ints, line: Floats, steps: int) -> Track:
@@ -97,18 +97,18 @@ def _select_animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats
 
     Points that are not given, or not confident enough, are NaN.
     """
-    sure = ~(poses.confidence < p.min_confidence)  # NaN: unknown
-    points = np.where(sure[..., None], poses.places, np.nan)
-    seen = np.asarray(np.isfinite(points).all(2)).any(1)
-    if not seen.any():
+    confident = ~(poses.confidence < p.min_confidence)  # NaN: unknown
+    points = np.where(confident[..., None], poses.places, np.nan)
+    is_visible = np.asarray(np.isfinite(points).all(2)).any(1)
+    if not is_visible.any():
         raise FinloopError(
             f"no point of the tracks has a confidence of {p.min_confidence:g} or more",
             "points with a higher confidence",
             "lower retarget.min_confidence",
         )
-    counts = np.bincount(poses.individual[seen], minlength=len(poses.individuals))
+    counts = np.bincount(poses.individual[is_visible], minlength=len(poses.individuals))
     number = choose_animal(p.animal, poses.individuals, counts)
-    rows = seen & (poses.individual == number)
+    rows = is_visible & (poses.individual == number)
     return poses.individuals[number], poses.frame[rows], points[rows]
 
 
@@ -120,7 +120,7 @@ def choose_animal(animal: str | None, names: Sequence[str], counts: Ints) -> int
     if animal is None:
         return int(np.argmax(counts))
     if animal not in names:
-        longest = [names[one] for one in np.argsort(-counts, kind="stable")[:8]]
+        longest = [names[number] for number in np.argsort(-counts, kind="stable")[:8]]
         raise FinloopError(
             f"the tracks have no animal {animal!r}",
             f"one of their {len(names)} animals; longest visible: {', '.join(longest)}",
@@ -138,64 +138,64 @@ def body_keypoint_numbers(keypoints: Sequence[str], points: Floats, p: RetargetS
     missing.
     """
     if p.body_keypoints is not None:
-        missing = [one for one in p.body_keypoints if one not in keypoints]
+        missing = [name for name in p.body_keypoints if name not in keypoints]
         if missing or not p.body_keypoints:
             raise FinloopError(
                 f"the tracks have no keypoint {', '.join(missing) or '(the list is empty)'}",
                 f"keypoints out of {', '.join(keypoints)}",
                 "correct retarget.body_keypoints",
             )
-        return np.array([keypoints.index(one) for one in p.body_keypoints])
+        return np.array([keypoints.index(name) for name in p.body_keypoints])
     head = find_keypoint(keypoints, p.head, HEADS, "retarget.body_keypoints")
     tail = find_keypoint(keypoints, p.tail, TAILS, "retarget.body_keypoints")
     if head is None or tail is None or head == tail:
-        one = next((k for k, name in enumerate(keypoints) if _letters_of(name) in _CENTRES), 0)
-        return np.array([one if head is None else keypoints.index(head)])
+        centre = next((k for k, name in enumerate(keypoints) if _letters_of(name) in _CENTRES), 0)
+        return np.array([centre if head is None else keypoints.index(head)])
     first, last = keypoints.index(head), keypoints.index(tail)
     others = [k for k, name in enumerate(keypoints) if _letters_of(name) not in _CENTRES]
     chord = points[:, last] - points[:, first]
     square = (chord**2).sum(-1)
     between = {}
     for k in others:
-        off = points[:, k] - points[:, first]
-        along = (off * chord).sum(-1) / square
-        beside = (off[:, 0] * chord[:, 1] - off[:, 1] * chord[:, 0]) / square
+        offset = points[:, k] - points[:, first]
+        along = (offset * chord).sum(-1) / square
+        beside = (offset[:, 0] * chord[:, 1] - offset[:, 1] * chord[:, 0]) / square
         if np.isfinite(along).any():
-            middle = float(np.nanmedian(along)), abs(float(np.nanmedian(beside)))
-            if 0.02 < middle[0] < 0.98 and middle[1] < _BESIDE and k not in (first, last):
-                between[k] = middle[0]
+            place, aside = float(np.nanmedian(along)), abs(float(np.nanmedian(beside)))
+            if 0.02 < place < 0.98 and aside < _BESIDE and k not in (first, last):
+                between[k] = place
     return np.array([first, *sorted(between, key=lambda k: between[k]), last])
 
 
 def _letters_of(name: str) -> str:
     """Return the letters of a keypoint's name in lower case."""
-    return "".join(one for one in name.lower() if one.isalpha())
+    return "".join(letter for letter in name.lower() if letter.isalpha())
 
 
 def resample_body_lines(points: Floats, share: Floats, name: str) -> Floats:
-    """Resample each frame's points to places (t, m, 2) px at shares (m,) of the curve through them.
+    """Return each frame's body line resampled to places (t, m, 2) px, at shares (m,) of its length.
 
     points (t, k, 2) px, in order along the body; share: 0 = first, 1 = last point; name: for
-    messages. The curve is a cubic spline by the length of the chords between given points. NaN
-    where an end is missing, or fewer than three points are given. FinloopError if the line goes
-    back and forth.
+    messages. The line is a cubic spline by the length of the chords between given points. NaN where
+    an end is missing, or fewer than three points are given. FinloopError if the line goes back and
+    forth.
     """
-    there = np.asarray(np.isfinite(points).all(2))
-    usable = there[:, 0] & there[:, -1] & (there.sum(1) >= 3)
+    is_given = np.asarray(np.isfinite(points).all(2))
+    usable = is_given[:, 0] & is_given[:, -1] & (is_given.sum(1) >= 3)
     places = np.full((len(points), len(share), 2), np.nan)
     ratio = []
     for t in np.flatnonzero(usable):
-        some = points[t, there[t]]
-        chords = np.hypot(*np.diff(some, axis=0).T)
-        some = some[np.append(True, chords > 0)]
-        if len(some) < 3:
+        given = points[t, is_given[t]]
+        chords = np.hypot(*np.diff(given, axis=0).T)
+        given = given[np.append(True, chords > 0)]
+        if len(given) < 3:
             continue
-        way = np.append(0.0, np.cumsum(chords[chords > 0]))
-        curve = make_interp_spline(way, some, min(3, len(some) - 1))
-        dense = curve(np.linspace(0, way[-1], _FINE * len(share) + 1))
-        ratio.append(way[-1] / max(float(np.hypot(*(some[-1] - some[0]))), 1e-9))
-        even = resample_line(dense, _FINE * len(share) + 1)
-        places[t] = interpolate_lines(even[None], share * (len(even) - 1))[0]
+        arc_px = np.append(0.0, np.cumsum(chords[chords > 0]))
+        curve = make_interp_spline(arc_px, given, min(3, len(given) - 1))
+        dense = curve(np.linspace(0, arc_px[-1], _FINE * len(share) + 1))
+        ratio.append(arc_px[-1] / max(float(np.hypot(*(given[-1] - given[0]))), 1e-9))
+        even_line = resample_line(dense, _FINE * len(share) + 1)
+        places[t] = interpolate_lines(even_line[None], share * (len(even_line) - 1))[0]
     if ratio and np.median(ratio) > _ZIGZAG:
         raise FinloopError(
             f"the line through the points of {name} is {np.median(ratio):.1f} times as long as the "
@@ -210,5 +210,5 @@ def _body_length_px(points: Floats, at: Floats) -> float | None:
     """Return the body length, px, from points (t, m, 2) whose ends lie at shares `at` (m,)."""
     if len(at) == 1:
         return None
-    way = np.hypot(*np.moveaxis(np.diff(points, axis=1), -1, 0)).sum(1)
-    return float(np.median(way) / (at[-1] - at[0]))
+    lengths_px = np.hypot(*np.moveaxis(np.diff(points, axis=1), -1, 0)).sum(1)
+    return float(np.median(lengths_px) / (at[-1] - at[0]))
