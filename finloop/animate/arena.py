@@ -290,8 +290,8 @@ def place_goals(
     given_goals: [x, y] each; `unit`: "px", or "tank": shares of its width and height, from the
     upper left. A fish touches what is within `touch_px` of a legal centre. Shares in 0-1 of a goal
     outside the tank, as in the corner of a round one, or out of touch are moved to the nearest
-    legal centre. FinloopError, which names all, if there are no goals, or one is not x, y
-    or cannot be reached.
+    legal centre. FinloopError, which names all, if there are no goals, or one is not x, y or cannot
+    be reached.
     """
     rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
     left, top, right, bottom = columns[0], rows[0], columns[-1], rows[-1]

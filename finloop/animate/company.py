@@ -51,8 +51,8 @@ class Company(NamedTuple):
 
     start: the first tick that is known, as the deciding fish counts; places (n, m, 4): x, y px,
     heading in degrees and the number of the picture at every tick from then on; the last ones count
-    for ever; until: the last tick at which a search considers them; near: a search considers the
-    first `near` fish.
+    for ever; discs: that cover the pictures; until: the last tick at which a search considers them;
+    near: a search considers the first `near` fish.
     """
 
     start: int
@@ -129,8 +129,8 @@ class Plans:
 def make_company(other_plans: Floats, start_tick: int, discs: Discs, ticks_after: int) -> Company:
     """Return the company of other fish as a fish that decides at a tick knows it.
 
-    other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks; ticks_after: for how
-    many ticks after their plans a search considers them.
+    start_tick: at which the fish decides; other_plans (n, m, 4): x, y px, heading, picture of m
+    others at n ticks; ticks_after: for how many ticks after their plans a search considers them.
     """
     ticks, count = other_plans.shape[:2]
     return Company(start_tick, other_plans, discs, start_tick + ticks - 1 + ticks_after, count)
@@ -259,7 +259,11 @@ def is_clear_of_fish(
 
 @leaf_kernel
 def _is_clear_of_first(company, count, picture, pose, tick):  # type: ignore[no-untyped-def]
-    """Return whether a picture at a pose (x, y, heading) meets none of the first `count` fish."""
+    """Return whether a picture at a pose (x, y, heading) meets none of the first `count` fish.
+
+    company: `Company`; picture: film row, or −1 − number of a sprite; tick: at which they are
+    there.
+    """
     others, near_px2, (x, y, heading) = company.places, 4.0 * company.discs.reach**2, pose
     if count == 0:
         return True
@@ -326,7 +330,8 @@ def disc_orientation(discs, picture_and_heading):  # type: ignore[no-untyped-def
 def count_clear_ticks(company: Company, pictures: Ints, trajectory: Floats, start_tick: int) -> int:
     """Return how many ticks of a trajectory (n, 3), begun at a tick, meet no other fish.
 
-    pictures (n,): film rows, or −1 − number of a sprite; trajectory: x, y px, heading.
+    pictures (n,): film rows, or −1 − number of a sprite; trajectory: x, y px, heading from
+    `start_tick` on.
     """
     for t in range(len(trajectory)):
         x, y, heading = trajectory[t, 0], trajectory[t, 1], trajectory[t, 2]
@@ -353,7 +358,8 @@ def count_lasting_ticks(
 ) -> int:
     """Return how many ticks of a trajectory (n, 3) a fish can swim, and then stay, clear of others.
 
-    pictures (n,): film rows, or −1 − number of a sprite; trajectory: x, y px, heading.
+    pictures (n,): film rows, or −1 − number of a sprite; trajectory: x, y px, heading from
+    `start_tick` on.
     """
     ticks = count_clear_ticks(company, pictures, trajectory, start_tick)
     while ticks > 0 and not can_stay(

@@ -19,7 +19,10 @@ from finloop.edit.schema import FRAME
 
 
 class PlacedPicture(NamedTuple):
-    """The columns of an edit list that determine the outline of a fish on screen."""
+    """The columns of an edit list that determine the outline of a fish on screen.
+
+    kind: SPRITE or FRAME; source: sprite or film row; x_px, y_px, heading_deg: of the fish.
+    """
 
     kind: str
     source: int
@@ -78,6 +81,7 @@ def count_overlaps(edit: pd.DataFrame, player: AnyPlayer) -> Ints:
     columns = [edit[name].to_numpy() for name in PlacedPicture._fields]
 
     def outline_at(fish: int, tick: int) -> Floats:
+        """Return the outline (p, 2) of a fish on screen at a tick, px."""
         row = PlacedPicture(*(column[fish * ticks + tick] for column in columns))
         return outline_on_screen(player, row)
 

@@ -113,7 +113,7 @@ def remember_rows(memory: Ints, first: int, last: int, tick: int, forget_tick: f
     """
     kept = np.empty((len(memory) + 2, 3), np.int64)  # one stretch may be cut in two
     count, added = 0, False
-    for k in range(len(memory) + 1):  # the part before the new rows, the new rows, the part after
+    for k in range(len(memory) + 1):  # of each old stretch what is not shown anew
         begin, end, begin_tick = last + 1, last, tick
         if k < len(memory):
             begin, end, begin_tick = memory[k, 0], memory[k, 1], memory[k, 2]

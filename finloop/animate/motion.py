@@ -121,17 +121,12 @@ def kinematics_of_tracks(
     nothing moves.
     """
     length = float(features["body_length_px"].median())
-    tracks = [
-        track_kinematics(track, delta, length, rate_hz)
-        for track in _long_tracks(features, 2 * delta)
-    ]
-    if not tracks or max(kinematics.speed.max() for kinematics in tracks) <= 0:
+    long_tracks = _long_tracks(features, 2 * delta)
+    tracks = [track_kinematics(columns, delta, length, rate_hz) for columns in long_tracks]
+    if not tracks or max(track.speed.max() for track in tracks) <= 0:
         raise too_little_error("swimming")
-    if not any((kinematics.kind == TYPE_STRAIGHT).any() for kinematics in tracks):
-        tracks = [
-            replace(kinematics, kind=np.full_like(kinematics.kind, TYPE_STRAIGHT))
-            for kinematics in tracks
-        ]
+    if not any((track.kind == TYPE_STRAIGHT).any() for track in tracks):
+        tracks = [replace(track, kind=np.full_like(track.kind, TYPE_STRAIGHT)) for track in tracks]
     return tracks
 
 

@@ -12,7 +12,8 @@ BY_ZONES, FOLLOWING = "company", "leader"
 class Rule(NamedTuple):
     """A rule of swimming with other fish: behind a leader, or with all by zones.
 
-    leader: column of the fish to follow; None: by zones.
+    others: places and headings of the other fish; shoaling: how fish swim by zones; leader: column
+    of the fish to follow; None: by zones.
     """
 
     others: OtherFish
@@ -32,4 +33,4 @@ class Rule(NamedTuple):
     @classmethod
     def to_follow(cls, pose: Reals) -> "Rule":
         """Return the rule to follow a leader; pose (3,): its x, y px, heading."""
-        return cls(OtherFish(pose[None, :2], pose[None, 2]), None, 0)
+        return cls(OtherFish(pose[None, :2], pose[None, 2]), leader=0)

@@ -87,8 +87,8 @@ class SchoolMember:
     def __init__(self, player: AnyPlayer, task: SwimTask, number: int, plans: Plans) -> None:
         """Put a fish beside the others, with nothing planned yet.
 
-        plans: of all fish, to which its place is added. NoRoom where there is no place;
-        FinloopError where it begins a path on another fish.
+        number: of the fish, from 0; plans: of all fish, to which its place is added. NoRoom where
+        there is no place; FinloopError where it begins a path on another fish.
         """
         self._player, self._task, self._route = player, task, task.route
         self._number = number

@@ -18,8 +18,8 @@ from finloop.sprites.orient import sprite_outlines
 class ScaledFilm(NamedTuple):
     """A film at its drawn size.
 
-    hulls: outlines of its frames; area (h, w): where its fish may be; reach_px: how far it reaches
-    from its centre; barred (n,): frames that reach farther and are not shown.
+    reel: its pictures; hulls: outlines of its frames; area (h, w): where its fish may be; reach_px:
+    how far it reaches from its centre; barred (n,): frames that reach farther and are not shown.
     """
 
     reel: Reel

@@ -79,17 +79,17 @@ class Bodies:
 
     @cached_property
     def heading_deg(self) -> Floats:
-        """Heading (n,) of every row as filmed, in degrees, anticlockwise."""
+        """Return the heading (n,) of every row as filmed, in degrees, anticlockwise."""
         return np.degrees(self.poses.pose.heading_rad)
 
     @cached_property
     def movement(self) -> Movement:
-        """How far [body lengths] the body turns and bends from each row to the next."""
+        """Return how far [body lengths] the body turns and bends from each row to the next."""
         return measure_movement(self.poses.pose)
 
     @cached_property
     def _sprite_bodies(self) -> tuple[Rows, Mask, Floats, Floats]:
-        """For each sprite: film row, whether mirrored, filmed direction, turn to its next frame."""
+        """Return by sprite: film row, whether mirrored, direction as filmed, turn to next frame."""
         if not len(self.sprites):
             return np.zeros(1, np.intp), np.zeros(1, bool), np.zeros(1), np.zeros(1)
         row = self.sprites["row"].to_numpy(np.intp)
@@ -99,7 +99,7 @@ class Bodies:
 
     @cached_property
     def _code_speeds(self) -> Floats:
-        """Change of pose codes (n, c) per frame at every row, from the frame before to the next."""
+        """Return how pose codes (n, c) change per frame at every row, over the frames beside it."""
         codes, goes_on = self.poses.codes, self.goes_on
         after = np.arange(len(codes)) + goes_on
         before = np.arange(len(codes)) - np.append(False, goes_on[:-1])
@@ -131,9 +131,8 @@ class Bodies:
         """Return which filmed body, mirrored or turned, is in a picture that an edit list names."""
         frame, turn = np.array(shown.kind == FRAME), np.asarray(shown.rotation_deg, float)
         if not frame:
-            turn = np.asarray(
-                self.sprite_direction_deg(int(shown.orientation), shown.rotation_deg), float
-            )
+            direction = self.sprite_direction_deg(int(shown.orientation), shown.rotation_deg)
+            turn = np.asarray(direction, float)
         return self.picture_bodies(frame, np.array(shown.source), turn, np.array(shown.mirrored))
 
     def next_body(self, body: Body) -> Body:

@@ -43,27 +43,27 @@ class JoinTimes(Protocol):
 
     @property
     def join_time_deltas(self) -> Literal["auto"] | float:
-        """Time of a join, in Δ (the time over which motion is measured), or "auto"."""
+        """Return the time of a join, in Δ (time over which motion is measured), or "auto"."""
 
     @property
     def join_frames(self) -> int:
-        """Fewest ticks of a join whose time is "auto"."""
+        """Return the fewest ticks of a join whose time is "auto"."""
 
     @property
     def join_least(self) -> float:
-        """Shortest time of a join that is "auto", in units of Δ."""
+        """Return the shortest time of a join that is "auto", in units of Δ."""
 
     @property
     def join_most(self) -> float:
-        """Longest time of a join that is "auto", in units of Δ."""
+        """Return the longest time of a join that is "auto", in units of Δ."""
 
     @property
     def rest(self) -> float:
-        """Share of the film's movement below which the animal rests."""
+        """Return the share of the film's movement below which the animal rests."""
 
     @property
     def cross_fade_deltas(self) -> float:
-        """Time of a cross-fade, in Δ (the time over which motion is measured)."""
+        """Return the time of a cross-fade, in Δ (the time over which motion is measured)."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class JoinRules:
 
     @property
     def reach(self) -> int:
-        """For how many ticks a join changes the pictures after it.
+        """Return for how many ticks a join changes the pictures after it, at most.
 
         Ticks at which the animal rests do not count.
         """
@@ -92,7 +92,7 @@ class JoinRules:
 
     @property
     def _spring_ticks(self) -> int:
-        """Number of ticks after which the offset of a join is gone."""
+        """Return the number of ticks after which the offset of a join is gone."""
         return int(np.ceil(_LASTS * self.decay)) if self.kind == INERTIAL else 0
 
     def count_moving(self, kind: str, number: Ints) -> int:
@@ -117,7 +117,9 @@ def resolve_join_rules(
 ) -> JoinRules:
     """Return how pictures are joined, with the times of the parameters converted to ticks.
 
-    p: times in Δ; kind: INERTIAL, FADE or CUT; bodies: the film's; delta: Δ in ticks.
+    p: times in Δ; kind: INERTIAL, FADE or CUT; bodies: the film's; delta: Δ in ticks;
+    bending_improves_match: tells where bending a picture helps. An automatic join lasts as long as
+    the film's postures.
     """
     if p.join_time_deltas == "auto":
         time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)
@@ -125,9 +127,8 @@ def resolve_join_rules(
     else:
         ticks = max(p.join_time_deltas * delta, 1.0)
     fade = 0 if kind == CUT else round(p.cross_fade_deltas * delta)
-    return JoinRules(
-        kind, fade, ticks, bodies, bending_improves_match, resting_rows(bodies, p.rest)
-    )
+    rests = resting_rows(bodies, p.rest)
+    return JoinRules(kind, fade, ticks, bodies, bending_improves_match, rests)
 
 
 @dataclass(frozen=True)

@@ -28,9 +28,8 @@ def picture_kinds(edit: pd.DataFrame) -> pd.Series:
     frame = edit["kind"] == FRAME
     choices = [~frame, edit["state"] == STATES[FORECAST], edit["mirrored"], edit["pose"].notna()]
     names = [SPRITE_SHOWN, PREDICTED, MIRRORED, POSED]
-    return pd.Series(
-        np.select([choice.to_numpy(bool) for choice in choices], names, FILM), edit.index
-    )
+    masks = [choice.to_numpy(bool) for choice in choices]  # the first that is True counts
+    return pd.Series(np.select(masks, names, FILM), edit.index)
 
 
 def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
@@ -176,10 +175,9 @@ def rhythm_measures(
     runs = np.diff(np.flatnonzero(np.r_[True, changes, True]))
     is_frame = (edit["kind"] == FRAME).to_numpy()
     film_jumps = jumps[is_frame[jumps] & is_frame[jumps - 1]]
+    shortest = float(np.diff(film_jumps).min()) if len(film_jumps) > 1 else np.nan
     return {
         "longest_still_s": float(runs.max()) / rate_hz,
         "jumps_of_the_film": float(len(film_jumps)),
-        "shortest_stay_s": float(np.diff(film_jumps).min()) / rate_hz
-        if len(film_jumps) > 1
-        else np.nan,
+        "shortest_stay_s": shortest / rate_hz,
     }

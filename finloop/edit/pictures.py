@@ -26,7 +26,8 @@ _CACHED_PAIRS = 100_000  # pairs of rows whose test is remembered
 class Pictures:
     """Draws what an edit list shows: one animal, centred, as (size, size, channels), 0 … 1.
 
-    size: px. The animals are as large as the edit list draws them.
+    reel: the film's cut-outs; size: px of a picture; bodies: the filmed postures. The animals are
+    as large as the edit list draws them.
     """
 
     reel: Reel
@@ -75,11 +76,14 @@ class Pictures:
 
     @cached_property
     def bending_improves_match(self) -> BendingTest:
-        """Test of whether one film row looks more like another if it is bent into its posture."""
+        """Return the test whether a film row looks more like another if bent into its posture."""
         return lru_cache(_CACHED_PAIRS)(self._test_bending)
 
     def _test_bending(self, row: int, other: int, mirrored: bool, other_mirrored: bool) -> bool:
-        """Return whether `row` looks more like `other` if it is bent into that one's posture."""
+        """Return whether `row` looks more like `other` if it is bent into the other's posture.
+
+        mirrored, other_mirrored: whether each row is mirrored. Both are drawn headed right.
+        """
         middle, size = (self.size - 1) / 2, self.size / SPAN
         pairs = ((row, mirrored), (other, other_mirrored))
         bodies = [Body(np.array(number), np.array(flip), np.zeros(())) for number, flip in pairs]
@@ -95,12 +99,12 @@ class Pictures:
 
     @cached_property
     def right_facing_sprites(self) -> Picture:
-        """Pictures (s, size, size, channels) of all sprites, headed right."""
+        """Return the pictures (s, size, size, channels) of all sprites, headed right."""
         return self.reel.draw_sprites(self.size)
 
     @cached_property
     def sprite_successors(self) -> Picture:
-        """Pictures of the film frames that follow the sprites, as if the sprites headed right.
+        """Return pictures of the film frames that follow the sprites, as if these headed right.
 
         They are (s, size, size, channels).
         """

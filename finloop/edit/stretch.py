@@ -61,13 +61,14 @@ class Decision(NamedTuple):
 class Stretch:
     """What a fish does for some ticks (n,) after one decision; way (n, 3): x, y px, heading in °.
 
-    state: index in `STATES`; kind: SPRITE or FRAME; rot (n,): by how much frames are turned,
-    degrees; phase (n,): place in the cycle, in frames, where sprites of one are played; new:
-    whether the first picture does not follow the one before; aim: x, y px of the point that the
-    fish heads for, first; area: motion area requested of the network, else NaN; touched: whether
-    the last tick touches the goal; waits: whether the fish waits for a gateway; whole: whether the
-    stretch is uncut; options: what was weighed; past (k + n, d): states of the forecast before and
-    in the stretch, oldest first; steer (n, 2): corrections in degrees and px, on a path alone.
+    state: index in `STATES`; kind: SPRITE or FRAME; number (n,): the sprites or film rows shown;
+    rot (n,): by how much frames are turned, degrees; phase (n,): place in the cycle, in frames,
+    where sprites of one are played; new: whether the first picture does not follow the one before;
+    aim: x, y px of the point that the fish heads for, first; area: motion area requested of the
+    network, else NaN; touched: whether the last tick touches the goal; waits: whether the fish
+    waits for a gateway; whole: whether the stretch is uncut; options: what was weighed; past (k +
+    n, d): states of the forecast before and in the stretch, oldest first; steer (n, 2): corrections
+    in degrees and px, on a path alone.
     """
 
     state: int

@@ -37,11 +37,12 @@ _LEAST_SD = 1e-6  # standard deviation, at least
 class FilmStates:
     """The states (pose and speeds) and controls (next motion) of a film's n rows and mirror images.
 
-    There are m = n rows, or 2 n with mirror images. states: (m, d); control: (m, 2); units above;
-    both NaN where the track does not reach. usable: (m,) whether past, control and next state
-    exist. mirror: (d, d), states @ mirror are the mirrored states; side: (2,), control * side the
-    mirrored controls; identity and ones where the sides differ. lags: (l,) frames, ascending from
-    0. scale: (d,) standard deviations; control_scale: (2,) root mean squares. frame: (m,) numbers.
+    There are m = n rows, or 2 n with mirror images. states: (m, d), pose codes, then body lengths/s
+    ahead and to the left, rad/s; control: (m, 2), body lengths and rad over the next Δ; both NaN
+    where the track does not reach. usable: (m,) whether past, control and next state exist. mirror:
+    (d, d), states @ mirror are the mirrored states; side: (2,), control * side the mirrored
+    controls; identity and ones where the sides differ. lags: (l,) frames, ascending from 0. scale:
+    (d,) standard deviations; control_scale: (2,) root mean squares. frame: (m,) frame numbers.
     delta: Δ in frames. rate_hz: frames per second. count: n. memory: frames after which a posture
     is half forgotten.
     """

@@ -72,6 +72,7 @@ def train_predictor(
     with _torch_on_one_thread(p.seed) as generator:
         network = _Network(film, p.hidden_units)
         train, held_out = (_make_sample(film, rows) for rows in (parts.train, parts.held_out))
+        # Predicting no change has the error 1.
         weight = 1 / ((train[0][:, 0] - train[2]).square().mean(0) + _FLOOR)
         adam = torch.optim.AdamW(
             network.parameters(), lr=p.learning_rate, weight_decay=p.weight_decay

@@ -31,14 +31,15 @@ Similar = NDArray[np.int32]
 
 
 class Sampler(NamedTuple):
-    """All data that drive a simulated fish, as kernels take them; m rows as in `FilmStates`.
+    """All data that drive a simulated fish, as kernels take them; m rows, with mirror images.
 
     net: the network's weights; states, mean: (m, d) of rows, and the next states predicted from
-    them; control: (m, 2); usable: (m,); low, high: (d,) the range of the film's states; lags: (l,)
-    ticks; settle: (d,) the share of a difference that remains after a tick; start, to: the graph of
-    `build_similarity_graph`; follow: mean ticks for which a row is followed; obey: (2,) the
-    difference of a row's control from the given one at which the row's likelihood is exp(−1/2);
-    rests: (m,) whether a fish at the row rests: it moves as in the film, not as predicted.
+    them; control: (m, 2), next motion; usable: (m,) whether a fish can follow the row; low, high:
+    (d,) the range of the film's states; lags: (l,) ticks; settle: (d,) the share of a difference
+    that remains after a tick; start, to: the rows similar to row i are to[start[i]:start[i + 1]];
+    follow: mean ticks for which a row is followed; obey: (2,) the difference of a row's control
+    from the given one at which the row's likelihood is exp(−1/2); rests: (m,) whether a fish at the
+    row rests: it moves as in the film, not as predicted.
     """
 
     net: KernelWeights

@@ -136,32 +136,34 @@ def _nearest_by_passage(
     a run of film: only local minima of the distance count, none within `least` rows of a nearer one
     or of the row itself.
     """
-    d = targets.shape[1]
+    size = targets.shape[1]
     to, far = np.full((len(rows), count), -1), np.full((len(rows), count), np.inf)
-    apart = np.empty(targets_near.shape[1])
+    distance = np.empty(targets_near.shape[1])
     for k in range(len(rows)):
         row = rows[k]
         for c in range(targets_near.shape[1]):
             target = targets_near[k, c]
-            apart[c] = np.inf
+            distance[c] = np.inf
             if target >= 0 and not _is_same_passage(track, row, target, least):
                 square_sum = 0.0
-                for i in range(d):
+                for i in range(size):
                     square_sum += (targets[row, i] - targets[target, i]) ** 2
-                apart[c] = np.sqrt(square_sum)
+                distance[c] = np.sqrt(square_sum)
         chosen = 0
-        for c in np.argsort(apart, kind="mergesort"):
-            if chosen == count or apart[c] == np.inf:
+        for c in np.argsort(distance, kind="mergesort"):
+            if chosen == count or distance[c] == np.inf:
                 break
             has_before = c > 0 and targets_near[k, c - 1] == targets_near[k, c] - 1
-            has_after = c + 1 < len(apart) and targets_near[k, c + 1] == targets_near[k, c] + 1
-            if (has_before and apart[c - 1] <= apart[c]) or (has_after and apart[c + 1] < apart[c]):
+            has_after = c + 1 < len(distance) and targets_near[k, c + 1] == targets_near[k, c] + 1
+            if (has_before and distance[c - 1] <= distance[c]) or (
+                has_after and distance[c + 1] < distance[c]
+            ):
                 continue
             is_new = True
             for i in range(chosen):
                 is_new = is_new and not _is_same_passage(track, to[k, i], targets_near[k, c], least)
             if is_new:
-                to[k, chosen], far[k, chosen] = targets_near[k, c], apart[c]
+                to[k, chosen], far[k, chosen] = targets_near[k, c], distance[c]
                 chosen += 1
     return to, far
 

@@ -60,7 +60,7 @@ def picture_array_shape(reel: Reel, size_px: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class InMemorySource:
-    """A film and its pictures in memory, for workers of this process."""
+    """A film (reel, poses) and its pictures (drawn) in memory, for workers of this process."""
 
     reel: Reel
     poses: FilmPoses

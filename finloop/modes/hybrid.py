@@ -187,8 +187,9 @@ class Hybrid:
             x, y = fish.x, fish.y
         decision = Decision(PHASE, exit=NO_WAY, seam=seam, film_speed=fish.speed)
         return Stretch(
-            state, np.array([[x, y, heading]]), np.array([sprite]), True, goal,
-            touches_target(x, y, heading, goal), add_verdict_counts(ways, decision),
+            state, np.array([[x, y, heading]]), np.array([sprite]), new=True, aim=goal,
+            touched=touches_target(x, y, heading, goal),
+            decision=add_verdict_counts(ways, decision),
             phase=np.array([place + _WITHIN]),
         )  # fmt: skip
 

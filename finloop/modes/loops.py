@@ -44,8 +44,8 @@ _TANK, _QUADRANT, _HEADING = map(VERDICTS.index, ("tank", "quadrant", "heading")
 class Starts(NamedTuple):
     """Rows (k,) of the film that can be shown next.
 
-    rots: degrees by which each would be turned; seams: its discontinuity in natural steps, 0 for
-    the film's own next frame.
+    rots: degrees by which each would be turned; seams: discontinuity of each in natural steps, 0
+    for the film's own next frame.
     """
 
     rows: Ints
@@ -92,7 +92,9 @@ class Loops:
         row = int(rng.choice(np.flatnonzero(film.has_next[:-1] & film.recurrent[1:])))
         rot = float(rng.uniform(-180, 180)) if film.body else 0.0
         heading = float(wrap(film.heading[row] + rot))
-        return Fish(x, y, heading, 0.0, FILM, -1, row=row, rot=rot, since=self.stay)
+        return Fish(
+            x, y, heading, speed=0.0, state=FILM, sprite=-1, row=row, rot=rot, since=self.stay
+        )
 
     def take_over(self, fish: Fish) -> Fish:
         """Return a fish of another mode as a fish of this mode, in the film.
@@ -111,8 +113,8 @@ class Loops:
         heading = float(wrap(film.heading[row] + rot))
         speed, area = float(film.speed[row]), float(film.area[row])
         return Fish(
-            fish.x, fish.y, heading, speed, FILM, -1, area=area, tick=fish.tick, row=row, rot=rot,
-            since=self.stay,
+            fish.x, fish.y, heading, speed, state=FILM, sprite=-1, area=area, tick=fish.tick,
+            row=row, rot=rot, since=self.stay,
         )  # fmt: skip
 
     def can_go_on(self, fish: Fish) -> bool:
@@ -257,16 +259,26 @@ class Loops:
         decision = add_verdict_counts(ways, Decision(SPOT))
         jumps = row != fish.row + 1
         rots = np.full(ticks, rot)
-        return Stretch(FILM, trajectory, rows, jumps, goal, False, decision, FRAME, rots)
+        return Stretch(
+            FILM,
+            trajectory,
+            rows,
+            jumps,
+            goal,
+            touched=False,
+            decision=decision,
+            kind=FRAME,
+            rot=rots,
+        )
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch of film that began with `fish`."""
-        ticks, number = len(stretch.way), int(stretch.number[-1])
+        ticks, last_row = len(stretch.way), int(stretch.number[-1])
         x, y, heading = map(float, stretch.way[-1])
         assert stretch.rot is not None
         return Fish(
-            x, y, float(wrap(heading)), float(self.film.speed[number]), FILM, -1,
-            area=float(self.film.area[number]), tick=fish.tick + ticks, row=number,
+            x, y, float(wrap(heading)), float(self.film.speed[last_row]), state=FILM, sprite=-1,
+            area=float(self.film.area[last_row]), tick=fish.tick + ticks, row=last_row,
             rot=float(stretch.rot[-1]),
             since=ticks - 1 if stretch.new or fish.row < 0 else fish.since + ticks,
         )  # fmt: skip

@@ -81,8 +81,9 @@ class MatchingData(NamedTuple):
 class MatchingAnimator:
     """Plans animations of one or more fish in mode `matching`.
 
-    step: the film's natural step, the unit of discontinuities; reach_px: how far the fish reaches
-    from its centre; paths: of the first fish, None for a fish without one.
+    player: plans the fish; pictures: what it shows; step: the film's natural step, the unit of
+    discontinuities; reach_px: how far the fish reaches from its centre; paths: of the first fish,
+    None for a fish without one.
     """
 
     player: Planner
@@ -131,7 +132,7 @@ class MatchingAnimator:
 
     @property
     def fish_without_rule(self) -> list[int]:
-        """Return the numbers, from 0, of the fish that swim by no rule.
+        """Return the numbers, from 0, of the fish that follow no leader and swim by no zones.
 
         FinloopError if the rules contradict each other.
         """

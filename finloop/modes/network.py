@@ -86,7 +86,7 @@ class Network:
         x, y = self.world.tank.random_point(rng)
         speed = float(np.median(self.phases.first_speed))
         sprite = int(self.sprites.cycles[SLIDE][0])
-        return Fish(x, y, float(rng.uniform(-180, 180)), speed, SLIDE, sprite)
+        return Fish(x, y, float(rng.uniform(-180, 180)), speed, state=SLIDE, sprite=sprite)
 
     def take_over(self, fish: Fish) -> Fish:
         """Return a fish of another mode as a fish of this mode: a sprite that slides on."""

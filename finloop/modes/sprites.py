@@ -50,13 +50,8 @@ class TurnFrames:
         """
         back, degrees = self.place_after_peak(deepest), self.degrees
         frames = np.r_[0 : deepest + 1, np.full(held_ticks, deepest), back : len(self.number)]
-        changes = np.r_[
-            0.0,
-            degrees[:deepest],
-            np.full(held_ticks, self.hold_deg),
-            degrees[deepest],
-            degrees[back:-1],
-        ]
+        held = np.full(held_ticks, self.hold_deg)
+        changes = np.r_[0.0, degrees[:deepest], held, degrees[deepest], degrees[back:-1]]
         return self.number[frames], np.maximum(changes, 0.0)
 
 
@@ -175,16 +170,12 @@ def make_sprites(table: pd.DataFrame, pose_distances: Floats, rate_hz: float) ->
         following[part.index[:-1]] = part.index[1:]
     following[straight[-1]], following[slide[-1]] = straight[0], slide[0]
     entry = {state: pose_distances[:, cycle].argmin(1) for state, cycle in cycles.items()}
+    steps = np.hypot(parts["straight"]["forward"], parts["straight"]["sideways"])
+    turns = {LEFT: _turn_frames(parts["left"], LEFT), RIGHT: _turn_frames(parts["right"], RIGHT)}
     return Sprites(
-        cycles,
-        entry,
-        following,
-        table["motion_area_rel"].to_numpy(float),
-        {LEFT: _turn_frames(parts["left"], LEFT), RIGHT: _turn_frames(parts["right"], RIGHT)},
-        float(np.hypot(parts["straight"]["forward"], parts["straight"]["sideways"]).mean())
-        * rate_hz,
-        count_orientations(table),
-    )
+        cycles, entry, following, area=table["motion_area_rel"].to_numpy(float), turns=turns,
+        cycle_speed=float(steps.mean()) * rate_hz, orientations=count_orientations(table),
+    )  # fmt: skip
 
 
 def _turn_frames(turn_rows: pd.DataFrame, side: int) -> TurnFrames:

@@ -97,32 +97,33 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
     """
     objective, goal = purpose
     ticks, route, steering = rows.size, objective.route, objective.steering
-    out, used, film = np.empty((ticks, 3)), np.zeros((ticks, 2)), graph.film.rows
+    trajectory, corrections, film = np.empty((ticks, 3)), np.zeros((ticks, 2)), graph.film.rows
     along, tick = progress
     x, y, rot, end, touches = planned[0, 0], planned[0, 1], 0.0, ticks, False
     for t in range(ticks):
         turn, shift, row = 0.0, 0.0, rows[t]
         if route.x.size:
             reach = min(steering.reach, len(planned) - 1 - t)
-            leads = rotate(
+            film_step = rotate(
                 planned[t + reach, 0] - planned[t, 0], planned[t + reach, 1] - planned[t, 1], rot
             )
             most = largest_steering_turn(speeds_bl_s[t], steering)
-            turn = steering_turn(route, (x, y, along), leads, reach, most, steering)
+            turn = steering_turn(route, (x, y, along), film_step, reach, most, steering)
         dx, dy = rotate(
             planned[t + 1, 0] - planned[t, 0], planned[t + 1, 1] - planned[t, 1], rot + turn
         )
-        new_x, new_y, on, heading = (x + dx, y + dy, along, planned[t + 1, 2] + rot + turn)
+        new_x, new_y, new_along = x + dx, y + dy, along
+        heading = planned[t + 1, 2] + rot + turn
         if route.x.size:
-            new_x, new_y, on, _, _, shift = shift_to_route(
+            new_x, new_y, new_along, _, _, shift = shift_to_route(
                 route, (new_x, new_y, along), speeds_bl_s[t], (tick + t + 1, 1), steering
             )
         if not fits_in_tank(graph.bounds, row, new_x, new_y, heading):
             end = t
             break
-        x, y, along, rot = new_x, new_y, on, rot + turn
-        out[t, 0], out[t, 1], out[t, 2] = x, y, heading
-        used[t, 0], used[t, 1] = turn, shift
+        x, y, along, rot = new_x, new_y, new_along, rot + turn
+        trajectory[t, 0], trajectory[t, 1], trajectory[t, 2] = x, y, heading
+        corrections[t, 0], corrections[t, 1] = turn, shift
         if route.x.size:
             is_done = is_route_done(route, along, tick + t + 1)
         else:
@@ -132,7 +133,7 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
         if is_done:
             end = t + 1
             break
-    return out[:end], used[:end], along, touches
+    return trajectory[:end], corrections[:end], along, touches
 
 
 @kernel
@@ -164,8 +165,10 @@ def swim_film_run(graph: SearchGraph, pose: Floats, shown_row: int, run, progres
     for t in range(1, steps):
         speed[t] = film.rows[row + t - 1].speed
     rows = np.arange(row, row + min(ticks, steps))
-    shown, used, along, touches = swim_trajectory(planned, speed, rows, progress, purpose, graph)
-    return shown, used, along, touches, seam
+    shown, corrections, along, touches = swim_trajectory(
+        planned, speed, rows, progress, purpose, graph
+    )
+    return shown, corrections, along, touches, seam
 
 
 @leaf_kernel
@@ -198,9 +201,9 @@ def _advance_way(graph, way, ticks, start, objective):  # type: ignore[no-untype
     speed = (now.speed + then.speed) / 2
     if route.x.size:
         lead = graph.leads[row]
-        offset = rotate_by_cos_sin(lead.dx, lead.dy, way.cos, way.sin)
+        film_step = rotate_by_cos_sin(lead.dx, lead.dy, way.cos, way.sin)
         most = largest_steering_turn(speed, steering)
-        turn = steering_turn(route, (way.x, way.y, along), offset, lead.ticks, most, steering)
+        turn = steering_turn(route, (way.x, way.y, along), film_step, lead.ticks, most, steering)
         dx, dy = rotate(then.x - now.x, then.y - now.y, way.rot + turn * ticks / 2)
     else:
         dx, dy = rotate_by_cos_sin(then.x - now.x, then.y - now.y, way.cos, way.sin)

@@ -40,8 +40,8 @@ class CostWeights(NamedTuple):
 class SearchCosts(NamedTuple):
     """What the costs of one search depend on, besides its ways.
 
-    due_points (t, 2): x, y px due on a route with times, at each tick from the first one; memory:
-    the index of the rows that were on screen before.
+    weights: of the costs; due_points (t, 2): x, y px due on a route with times, at each tick from
+    the first one; memory: the index of the rows that were on screen before.
     """
 
     weights: CostWeights

@@ -117,7 +117,8 @@ class Fallback:
         It drifts towards open water, and turns to the target where there is room. Where no picture
         fits, it stays with the present one.
         """
-        open_water = Target(*self._world.tank.nearest_legal_point(fish.x, fish.y), 0.0, 0.0)
+        x, y = self._world.tank.nearest_legal_point(fish.x, fish.y)
+        open_water = Target(x, y, touch_px=0.0, head_px=0.0)
         for stays in self._ways_to_stay(fish, target):
             drifts = replace(stays, way=self._drift(fish, stays, open_water))
             if (inside := self._part_inside_tank(drifts)) is not None:
@@ -142,7 +143,8 @@ class Fallback:
         distance = _AWAY_BL * self._world.motion.body_length_px
         angle = np.arctan2(fish.y - y, fish.x - x) + np.radians(aside_deg)
         to_x, to_y = fish.x + distance * np.cos(angle), fish.y + distance * np.sin(angle)
-        return Target(*self._world.tank.nearest_legal_point(float(to_x), float(to_y)), 0.0, 0.0)
+        place = self._world.tank.nearest_legal_point(float(to_x), float(to_y))
+        return Target(*place, touch_px=0.0, head_px=0.0)
 
     def _ways_to_stay(self, fish: Fish, target: Target) -> Iterator[Stretch]:
         """Yield two stretches in place: turning to a target, then with the present picture."""

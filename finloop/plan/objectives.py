@@ -16,14 +16,17 @@ from finloop.social.rule import DecidingFish, next_place_in_school
 
 
 class Objective(NamedTuple):
-    """What a fish swims for: a target to touch (aim), or a route to follow if it has places."""
+    """What a fish swims for: a target to touch (aim), or a route to follow if it has places.
+
+    steering: how far the fish may be corrected onto the route, and what leaving it costs.
+    """
 
     aim: Target
     route: Route
     steering: Steering
 
 
-ANYWHERE = Target(0.0, 0.0, 0.0, 0.0, free=True)
+ANYWHERE = Target(x=0.0, y=0.0, touch_px=0.0, head_px=0.0, free=True)
 """The target of a fish without one: it goes where the film or its path goes."""
 
 
@@ -60,7 +63,7 @@ def estimate_cost_to_come(lead, way, direction, objective, costs):  # type: igno
     """Estimate the cost to come, in ticks, of a way of the search that plays a film row on.
 
     lead (dtype `LEAD`): where the film leads from the row; way: of dtype `WAY`; direction: cosine
-    and sine of the heading; costs: `SearchCosts`.
+    and sine of the heading; objective: `Objective`; costs: `SearchCosts`.
     """
     if objective.route.x.size:
         soon = costs.due_points, objective.steering
@@ -100,7 +103,8 @@ def cost_of_time(way, start, objective, weights):  # type: ignore[no-untyped-def
     """Return the cost, in ticks, of the time that a way of the search (dtype `WAY`) takes.
 
     To a goal each tick costs one. On a path without times each tick that brings no progress costs
-    `start.lag`; on a path with times 0, as the delay has a cost of its own. start: `SearchStart`.
+    `start.lag`; on a path with times 0, as the delay has a cost of its own. start: `SearchStart`;
+    objective: `Objective`; weights: `CostWeights`.
     """
     if not objective.route.x.size:
         return float(way.ticks)
@@ -148,7 +152,8 @@ def estimate_path_cost(lead, way, direction, route, targets_and_steering):  # ty
 
     The cost is integrated by Simpson's rule over the places to which the film leads (lead, dtype
     `LEAD`), less what steering can correct until then. way: of dtype `WAY`; direction: cosine and
-    sine of its heading; targets_and_steering: output of `timed_targets`, `Steering`.
+    sine of its heading; route: `Route`; targets_and_steering: x, y px due at each tick, and
+    `Steering`.
     """
     half, steering = lead.ticks // 2, targets_and_steering[1]
     half_step = lead.half_ahead, lead.half_left, lead.half_far, half

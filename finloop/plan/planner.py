@@ -63,9 +63,10 @@ _STARTS = 300  # random rows of which the best begins a path
 class Planner:
     """Moves fish in mode `matching`.
 
-    film, prediction: motion sources, at least one of them; cast: outlines of all pictures; joins:
-    how pictures are joined; shoaling: how fish swim by zones, None where the film shows none;
-    sprite_rows (s,): the film's row behind each sprite, from which a fish of another mode goes on.
+    world: tank and film; film, prediction: motion sources, at least one of them; cast: outlines of
+    all pictures; joins: how pictures are joined; shoaling: how fish swim by zones, None where the
+    film shows none; sprite_rows (s,): the film's row behind each sprite, from which a fish of
+    another mode goes on.
     """
 
     world: FilmWorld
@@ -121,7 +122,7 @@ class Planner:
         row = int(rng.choice(_lasting_rows(source)))
         rot = float(rng.uniform(-180, 180)) if source.graph.film.body else 0.0
         heading = float(wrap(source.graph.film.heading[row] + rot))
-        return Fish(x, y, heading, 0.0, source.state, -1, row=row, rot=rot)
+        return Fish(x, y, heading, speed=0.0, state=source.state, sprite=-1, row=row, rot=rot)
 
     def _begin_route(self, route: Route, rng: np.random.Generator) -> Fish:
         """Return a fish at the beginning of a route, in the row that leads best along it."""
@@ -149,7 +150,7 @@ class Planner:
         best = plan.taken if plan else 0  # any row, if none leads on
         row, rot = int(sampled[best]), float(rots[best])
         heading = float(wrap_deg(rows["heading"][row] + rot))
-        return Fish(x, y, heading, 0.0, source.state, -1, row=row, rot=rot)
+        return Fish(x, y, heading, speed=0.0, state=source.state, sprite=-1, row=row, rot=rot)
 
     @property
     def _first_source(self) -> MotionSource:
@@ -312,6 +313,7 @@ class Planner:
         leaving_cost = self._weights.seam
 
         def cost_then_duration(plan: Plan) -> tuple[float, float]:
+            """Return the key by which plans are sorted: of equal costs the longest goes first."""
             return plan.cost + leaving_cost * (plan.state != FILM), -plan.found.ticks.max()
 
         plans = [plan for plan in (filmed, predicted) if plan is not None]

@@ -62,9 +62,9 @@ _TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))
 class SearchStart(NamedTuple):
     """Where and when a candidate would be shown, and what of the fish's past and company counts.
 
-    x, y: px; recent (m, 3): stretches of film that were on screen, see `finloop.animate.memory`;
-    company: the other fish; lag: ticks that every tick on the spot costs (`Tempo`); along: px along
-    its path.
+    x, y: px; recent (m, 3): stretches of film that were on screen, (first row, last row, tick of
+    the first); company: the other fish; lag: ticks that every tick on the spot costs; along: px
+    along its path.
     """
 
     x: float
@@ -246,7 +246,7 @@ def _start_beam(graph, candidates, start, sizes):  # type: ignore[no-untyped-def
     """Return the first beam, the outcomes, and the number of ways: one a candidate that fits.
 
     A candidate fits if its row can play on for ever, inside the tank and clear of other fish.
-    sizes: most legs, most branches; start: `SearchStart`.
+    candidates: `Candidates`; sizes: most legs, most branches; start: `SearchStart`.
     """
     (most_legs, most_branches), count, way_count = sizes, candidates.rows.size, 0
     room = max(most_branches, count)
@@ -284,8 +284,8 @@ def _follow_ways(graph, state, start, leg_and_horizon, objective, costs):  # typ
     """Follow all ways of the beam for a leg; return the number of branches, and the `BestWay`.
 
     The beam, its ways and the outcomes are changed in place. state: the beam, its number of ways,
-    `Outcomes`, `BestWay` so far; leg_and_horizon: number of the leg, ticks of the horizon; costs:
-    `SearchCosts`.
+    `Outcomes`, `BestWay` so far; start: `SearchStart`; leg_and_horizon: number of the leg, ticks of
+    the horizon; objective: `Objective`; costs: `SearchCosts`.
     """
     (beam, way_count, outcomes, best), (leg, most_ticks) = state, leg_and_horizon
     weights = costs.weights
@@ -334,8 +334,9 @@ def _follow_ways(graph, state, start, leg_and_horizon, objective, costs):  # typ
 def _insert_jumps(graph, way_number, state, start, objective, costs):  # type: ignore[no-untyped-def]
     """Add the jumps of a way after a leg to the branches, if among the best; return their number.
 
-    state: the beam, its number of branches, `Outcomes`; costs: `SearchCosts`. Candidates whose
-    jumps are not among the best are marked in `Outcomes.over`.
+    way_number: of the way in the beam; state: the beam, its number of branches, `Outcomes`; start:
+    `SearchStart`; objective: `Objective`; costs: `SearchCosts`. Candidates whose jumps are not
+    among the best are marked in `Outcomes.over`.
     """
     (beam, branch_count, outcomes), film = state, graph.film
     way = beam.ways[way_number]
@@ -377,7 +378,7 @@ def _repetition_cost(beam, way, row, start, costs):  # type: ignore[no-untyped-d
     """Return the cost, in ticks, of a row shown next by a way, if it was on screen not long ago.
 
     Before the search any row of its first stride counts, within the way the last row of that
-    stride. start: `SearchStart`; costs: `SearchCosts`.
+    stride. beam: `Beam`; start: `SearchStart`; costs: `SearchCosts`.
     """
     tick, last_row = start.tick + way.ticks, row + costs.weights.stride - 1
     shown_tick = find_last_on_screen(start.recent, costs.memory, row, last_row)
@@ -429,7 +430,8 @@ def insert_branch(beam: Beam, branch_count: int, branch: Branch, displaced: Mask
 def start_next_leg(graph, beam: Beam, branch_count: int, leg: int, start_tick: int) -> Beam:  # type: ignore[no-untyped-def]
     """Make the best branches the ways of the next leg; return the beam, its buffers swapped.
 
-    leg: number of the leg that they begin; start_tick: at which the search began.
+    branch_count: how many there are; leg: number of the leg that they begin; start_tick: at which
+    the search began.
     """
     film, first_run = graph.film, leg * beam.ways.size
     for k in range(branch_count):

@@ -26,7 +26,7 @@ to the left, px as the crow flies; and in half as many ticks; cosine and sine of
 
 
 class SearchGraph(NamedTuple):
-    """The motion graph that is searched, and what keeps a fish inside the tank.
+    """The motion graph that is searched, and what keeps a fish inside the tank (bounds).
 
     jumps (e,): of dtype `JUMP`, those that replace one row together, the cheapest first; run (n,):
     ticks that the film plays on from each row; leg (n,): ticks to the first row with jumps after a

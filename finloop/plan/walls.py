@@ -54,7 +54,7 @@ def tank_bounds(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
 def _wall_distance(bounds, x: float, y: float) -> float:  # type: ignore[no-untyped-def]
     """Return how far a point x, y px is inside the wall, px; < 0 outside the tank.
 
-    Beyond the picture each px away from the picture counts as one px more.
+    bounds: `Bounds`. Beyond the picture each px away from the picture counts as one px more.
     """
     height, width = bounds.depth.shape
     column, row = round(x), round(y)

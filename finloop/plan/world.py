@@ -33,8 +33,9 @@ class FastFish(NamedTuple):
 class FilmWorld(World):
     """The world of a fish of `matching`: the tank, the film, and what the film teaches.
 
-    discs: decide whether a picture is inside the tank; without any the fish keeps to where every
-    picture fits.
+    film: motion graph of the rows; brisk: how fast a fast fish is; settings: of the modes; discs:
+    decide whether a picture is inside the tank; without any the fish keeps to where every picture
+    fits.
     """
 
     film: MotionGraph
@@ -43,7 +44,7 @@ class FilmWorld(World):
     discs: Discs = NO_DISCS
 
     def to_ticks(self, time_deltas: float) -> int:
-        """Return the whole number of ticks of a time given in Δ, as the parameters give it."""
+        """Return a time given in Δ, as the parameters give it, as a whole number of ticks."""
         return round(time_deltas * self.motion.delta)
 
     @cached_property

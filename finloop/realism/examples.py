@@ -214,6 +214,7 @@ def draw_example(
     views, first = _fixed_views(example, length_px), example.iloc[0]
 
     def side_frames(side: str) -> Iterator[Picture]:
+        """Yield the pictures of one side of the film, of the animation or of the film."""
         edit, painter = example[example["side"] == side], Painter(tank)
         for fish in place_rows(edit.assign(tick=np.arange(len(edit))), gallery):
             painter.show(fish)

@@ -47,9 +47,9 @@ def shown_pose_codes(sources: RowSequence, heading_deg: Floats, joins: JoinRules
     how jumps are drawn.
     """
     shown = sources.to_pictures(heading_deg, joins.bodies)
-    codes = joins.bodies.codes(
-        joins.bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
-    )
+    bodies = joins.bodies
+    drawn = bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
+    codes = bodies.codes(drawn)
     if joins.kind != INERTIAL:
         return codes
     states = inertialize_pictures(shown, heading_deg, joins)

@@ -67,12 +67,12 @@ class RetargetData(NamedTuple):
 
     @property
     def bodies(self) -> Bodies:
-        """The postures of the film's rows, without sprites."""
+        """Return the postures of the film's rows, without sprites."""
         return Bodies(self.poses, self.reel.has_next_frame, pd.DataFrame())
 
     @property
     def pictures(self) -> Pictures:
-        """The film's pictures, as an edit list (what is drawn at every tick) names them."""
+        """Return the film's pictures, as an edit list (what is drawn at every tick) names them."""
         return Pictures(self.reel, self.size, self.bodies)
 
 
@@ -177,7 +177,7 @@ class _PlacedTrack(NamedTuple):
 
     @property
     def has_postures(self) -> bool:
-        """Whether the points determine how the animal is bent."""
+        """Return whether the points determine how the animal is bent."""
         return len(self.at) > 2
 
     def offsets_into_tank(self, film: RetargetData, p: RetargetSettings) -> tuple[Points, float]:

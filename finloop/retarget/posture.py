@@ -26,7 +26,10 @@ _HEAD = 1 / 3  # of the body: the chord of this part is the first heading
 
 
 class FittedPostures(NamedTuple):
-    """Postures that the film can show, for T ticks; codes (T, c), and a mask of changed ones."""
+    """Postures that the film can show, for T ticks (pose), and their codes (T, c).
+
+    clamped (T,): which were changed, as the film shows nothing like them.
+    """
 
     pose: Pose
     codes: Floats
