@@ -66,14 +66,13 @@ class FilmGroup:
     def rows_for_fit(self, first: bool, most: int) -> Ints:
         """Return the rows of one half of the film to which the zones are fitted, at most `most`.
 
-        first: whether of the first half. Each has other fish in its frame and a later row in the
-        same half. They are evenly spread.
+        first: whether of the first half. Each row has other fish in its frame and a later row in
+        the same half. They are evenly spread.
         """
-        half = self.first_half == first
-        several = self.visible_counts[self.index] > 1
-        return _thin_rows(
-            np.flatnonzero(half & several & (self.later >= 0) & half[self.later]), most
-        )
+        in_half = self.first_half == first
+        has_others = self.visible_counts[self.index] > 1
+        has_later = (self.later >= 0) & in_half[self.later]
+        return _thin_rows(np.flatnonzero(in_half & has_others & has_later), most)
 
     def rows_with_whole_steps(self, most: int) -> Ints:
         """Return rows, at most `most`, whose fish is also seen `horizon` frames before and after.
@@ -86,10 +85,10 @@ class FilmGroup:
 
     def visible_neighbours(self, rows: Ints) -> Neighbours:
         """Return distances, bearings and headings (k, m) of the fish around k fish (rows)."""
-        own = self.index[rows]
-        places = self.places[own]
-        places[np.arange(len(rows)), self.slot[rows]] = np.nan
-        others = places, self.headings[own]
+        frames = self.index[rows]
+        places = self.places[frames]
+        places[np.arange(len(rows)), self.slot[rows]] = np.nan  # no fish is its own neighbour
+        others = places, self.headings[frames]
         return neighbours_among(self.place[rows, None], self.heading[rows, None], others)
 
     def relative_headings(self, rows: Ints) -> Complex:
@@ -111,9 +110,10 @@ def build_film_group(
     """
     walls = Walls(arena, float(np.median(features["body_length_px"])))
     frame, track = (features[name].to_numpy(np.int64) for name in ("frame", "track_id"))
-    where = features[["x_px", "y_px"]].to_numpy(float), features["heading_deg"].to_numpy(float)
-    place, heading = complex_vectors(*where, walls.length)
-    slots = frame_slots(frame)
+    places_px = features[["x_px", "y_px"]].to_numpy(float)
+    headings_deg = features["heading_deg"].to_numpy(float)
+    place, heading = complex_vectors(places_px, headings_deg, walls.length)
+    index, slot, shape = frame_slots(frame)
     if horizon == "auto":
         ticks = measure_horizon_frames(heading, track, delta)
     else:
@@ -127,16 +127,18 @@ def build_film_group(
             "take a shorter one, auto, or a film with longer tracks",
         )
     return FilmGroup(
-        place, heading, frame, later, earlier, slots[0], slots[1], spread_to_slots(place, *slots),
-        spread_to_slots(heading, *slots), ticks, walls, measure_group(frame, *where, walls),
+        place, heading, frame, later, earlier, index, slot,
+        places=spread_to_slots(place, index, slot, shape),
+        headings=spread_to_slots(heading, index, slot, shape), horizon=ticks, walls=walls,
+        table=measure_group(frame, places_px, headings_deg, walls),
     )  # fmt: skip
 
 
 def measure_horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
     """Return after how many frames fish have half forgotten their headings.
 
-    The result is at most a quarter of the longest track, but at least Δ if that is at most half of
-    it. heading (n,): complex; track (n,): each row's track; delta: Δ in frames.
+    The result is at most a quarter of the longest track, but at least `delta` (Δ, in frames) if
+    that is at most half of it. heading (n,): complex; track (n,): each row's track.
     """
     memory = measure_memory_frames(np.stack([heading.real, heading.imag], axis=1), track)
     longest = _longest_track_rows(track)
@@ -162,5 +164,5 @@ def _link_rows(frame: Ints, track: Ints, ticks: int) -> tuple[Ints, Ints]:
 
 
 def _thin_rows(rows: Ints, most: int) -> Ints:
-    """Return at most `most` of some rows, evenly spread over them."""
+    """Choose at most `most` of the given row numbers, evenly spread over them."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int))]

@@ -38,7 +38,7 @@ _LEAST_OWN = 0.05  # least weight of the own direction after H: weights are divi
 class ZoneFit:
     """The zones fitted to a film, and how well they predict the directions of its fish.
 
-    own: weight a of a fish's present direction in the regression. explained, explained_held_out:
+    own: weight of a fish's present direction in the regression. explained, explained_held_out:
     share (at most 1) of the squared error without zones that the zones remove, in the first and in
     the second half of the film.
     """
@@ -53,52 +53,47 @@ def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
     """Fit the zones of repulsion, alignment and attraction to the first half of a film.
 
     The best zones predict the later headings of the fish. Parameters that are not "auto" stay
-    fixed; listed radii and blind angles are tried for the others.
+    fixed; listed radii and blind angles are tried for the others. The second half tests them.
     """
     rows, held_out = (film.rows_for_fit(first, settings.rows) for first in (True, False))
-    seen, wall, after = (
-        film.visible_neighbours(rows),
-        _wall_pull(film, rows),
-        film.relative_headings(rows),
-    )
+    seen, wall = film.visible_neighbours(rows), _wall_pull(film, rows)
+    after = film.relative_headings(rows)
     weights = (settings.repulsion_weight, settings.alignment_weight, settings.attraction_weight)
     fixed = [None if weight == "auto" else float(weight) for weight in weights]
     parts = film.frame[rows] < np.median(film.frame[rows])
     choices = _possible_radii(settings)
+    all_radii = sorted({radius for radii in choices for radius in radii})
+    blind_angles = [settings.blind_angle_deg]
+    if settings.blind_angle_deg == "auto":
+        blind_angles = sorted(settings.blind_angles_deg)
     best: tuple[float, tuple[float, float, float], float, Complex] | None = None
-    for blind in (
-        sorted(settings.blind_angles_deg)
-        if settings.blind_angle_deg == "auto"
-        else [settings.blind_angle_deg]
-    ):
-        rings = NeighbourSums(
-            seen, sorted({one for radii in choices for one in radii}), float(blind)
-        )
+    for angle in map(float, blind_angles):
+        sums = NeighbourSums(seen, all_radii, angle)
         for radii in choices:
-            pulls = rings.zone_pulls(radii)
-            square = cross_validate(pulls, wall, after, fixed, parts)
-            if best is None or square < best[0] * (1 - _EQUAL):
-                best = square, radii, float(blind), pulls
+            pulls = sums.zone_pulls(radii)
+            error = cross_validate(pulls, wall, after, fixed, parts)
+            if best is None or error < best[0] * (1 - _EQUAL):
+                best = error, radii, angle, pulls
     assert best is not None
     _, radii, blind_deg, pulls = best
     with_zones, _ = fit_directions(pulls, wall, after, fixed)
     own = max(float(with_zones[0]), _LEAST_OWN)
     zones = _weighted_zones(radii, blind_deg, with_zones[1:4] / own, fixed)
-    alone, _ = fit_directions(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
+    without, _ = fit_directions(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
     shares = []
     for half in (rows, held_out):
         pulls = zone_means(film.visible_neighbours(half), zones.radii, zones.blind_deg)
         wall, after = _wall_pull(film, half), film.relative_headings(half)
-        left, left_alone = (
+        error, error_without = (
             float((np.abs(after - a - weigh_zone_pulls(pulls, b) - c * wall) ** 2).sum())
-            for a, *b, c in (with_zones, alone)
+            for a, *b, c in (with_zones, without)
         )
-        shares.append(1 - left / left_alone)
+        shares.append(1 - error / error_without)
     return ZoneFit(zones, own, *shares)
 
 
 def _wall_pull(film: FilmGroup, rows: Ints) -> Complex:
-    """Return the vectors (k,) from the nearest wall to k fish, relative to their headings."""
+    """Return vectors (k,) away from the wall, longer if nearer, relative to k fish (rows)."""
     return film.walls.vectors_from_wall(film.place[rows], film.heading[rows])
 
 
@@ -128,17 +123,17 @@ class NeighbourSums:
         `zone_means`.
         """
         inner, middle, outer = (self._radii[radius] for radius in radii)
-        free = self._near[1][:, inner] == 0
+        is_unrepelled = self._near[1][:, inner] == 0
         pulls = [
             -_ring_mean(self._near, None, inner),
-            free * _ring_mean(self._heading, inner, middle),
-            free * _ring_mean(self._bearing, middle, outer),
+            is_unrepelled * _ring_mean(self._heading, inner, middle),
+            is_unrepelled * _ring_mean(self._bearing, middle, outer),
         ]
         return np.stack(pulls, axis=-1)
 
 
 def _sum_within(vectors: Complex, within: Any) -> tuple[Complex, Ints]:
-    """Sum vectors (n, m) over those neighbours that a mask (n, m, k) selects; also count them."""
+    """Return sums (n, k) of vectors (n, m) over k masks of neighbours (n, m, k), and counts."""
     return (vectors[..., None] * within).sum(axis=1), within.sum(axis=1)
 
 
@@ -171,7 +166,7 @@ class _RegressionSums(NamedTuple):
 
 
 def _sum_rows(columns: Complex, after: Complex) -> _RegressionSums:
-    """Sum over n rows what a regression needs; columns (n, 5), after: the directions (n,)."""
+    """Return the sums over n rows for a regression of directions `after` (n,) on columns (n, 5)."""
     # Not `@`: its threads cost more time than these few numbers.
     gram = np.einsum("ni,nj->ij", columns.conj(), columns).real
     right = np.einsum("ni,n->i", columns.conj(), after).real
@@ -181,31 +176,32 @@ def _sum_rows(columns: Complex, after: Complex) -> _RegressionSums:
 def _solve_regression(sums: _RegressionSums, weights: Sequence[float | None]) -> Floats:
     """Solve a regression on own direction, three zones and wall: return the coefficients (5,).
 
-    Those of the zones are 0 or more. weights (3,): None for a zone that is fitted. A zone with a
-    fixed weight has coefficient 0, because its pull is already part of the first column.
+    Those of the zones are 0 or more: the most negative one is left out, and the rest solved again.
+    weights (3,): None for a zone that is fitted. A zone with a fixed weight has coefficient 0,
+    because its pull is already part of the first column.
     """
-    free = [k for k in _ZONES if weights[k - 1] is None and sums.gram[k, k] > 0]
+    fitted = [k for k in _ZONES if weights[k - 1] is None and sums.gram[k, k] > 0]
     solution = np.zeros(5)
     while True:  # each zone is left out at most once
-        terms = [0, *free, 4]
-        some = scipy.linalg.lstsq(sums.gram[np.ix_(terms, terms)], sums.right[terms])[0]
-        worst = int(np.argmin(some[1:-1])) if free else 0
-        if not free or some[1 + worst] >= 0:
+        terms = [0, *fitted, 4]
+        values = scipy.linalg.lstsq(sums.gram[np.ix_(terms, terms)], sums.right[terms])[0]
+        worst = int(np.argmin(values[1:-1])) if fitted else 0
+        if not fitted or values[1 + worst] >= 0:
             break
-        del free[worst]
-    solution[terms] = some
+        del fitted[worst]
+    solution[terms] = values
     return solution
 
 
 def _regression_columns(pulls: Complex, wall: Complex, weights: Sequence[float | None]) -> Complex:
     """Return the five columns (n, 5) of the regression: own direction, pulls of three zones, wall.
 
-    Zones of fixed weight are added to the own direction. pulls (n, 3), wall (n,), weights (3,): as
-    for `fit_directions`.
+    The own direction is 1, straight on, plus the pulls of zones of fixed weight; the columns of
+    these are not fitted later. pulls (n, 3): of the zones; wall (n,): away from the wall; weights
+    (3,): fixed weights, None for a zone that is fitted.
     """
-    return np.column_stack(
-        [1.0 + weigh_zone_pulls(pulls, _replace_none_by_zero(weights)), pulls, wall]
-    )
+    own = 1.0 + weigh_zone_pulls(pulls, _replace_none_by_zero(weights))
+    return np.column_stack([own, pulls, wall])
 
 
 def _replace_none_by_zero(weights: Sequence[float | None]) -> Floats:
@@ -232,16 +228,15 @@ def fit_directions(
 def cross_validate(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None], parts: Mask
 ) -> float:
-    """Return the squared error of predicted directions; each half of the rows predicts the other.
+    """Return the squared error of predicted directions; each part of the rows predicts the other.
 
-    parts (n,): True for one part, False for the other; both errors are summed. The rest as for
-    `fit_directions`.
+    parts (n,): True for one part, False for the other; both errors are summed. pulls (n, 3), wall
+    (n,), after (n,): pulls of zones and wall, and later directions; weights (3,): None = fitted.
     """
     columns = _regression_columns(pulls, wall, weights)
-    one, other = (_sum_rows(columns[part], after[part]) for part in (parts, ~parts))
-    return one.residual(_solve_regression(other, weights)) + other.residual(
-        _solve_regression(one, weights)
-    )
+    first, second = (_sum_rows(columns[part], after[part]) for part in (parts, ~parts))
+    from_second, from_first = (_solve_regression(sums, weights) for sums in (second, first))
+    return first.residual(from_second) + second.residual(from_first)
 
 
 def _possible_radii(settings: CalibrateSettings) -> list[tuple[float, float, float]]:
@@ -250,8 +245,8 @@ def _possible_radii(settings: CalibrateSettings) -> list[tuple[float, float, flo
     If a given radius leaves no value of the list for another zone, both have the same radius.
     """
     numbers = [float(value) for value in settings.zone_radii if value != "auto"]
-    every = sorted({*settings.radii, *numbers})
-    choices = [every if value == "auto" else [float(value)] for value in settings.zone_radii]
+    all_radii = sorted({*settings.radii, *numbers})
+    choices = [all_radii if value == "auto" else [float(value)] for value in settings.zone_radii]
     return [
         (inner, middle, outer)
         for inner, middle, outer in product(*choices)
@@ -271,20 +266,21 @@ def _weighted_zones(
     weights, None for fitted ones. radii: outer ones, body lengths.
     """
     inner, middle, outer = radii
-    own = [
-        float(weight) if held is None else held for weight, held in zip(weights, fixed, strict=True)
+    chosen = [
+        float(weight) if given is None else given
+        for weight, given in zip(weights, fixed, strict=True)
     ]
-    if fixed[2] is None and own[2] == 0:
+    if fixed[2] is None and chosen[2] == 0:
         outer = middle
-        if fixed[1] is None and own[1] == 0:
+        if fixed[1] is None and chosen[1] == 0:
             middle = outer = inner
-    return Zones(inner, middle, outer, blind_deg, *own)
+    return Zones(inner, middle, outer, blind_deg, *chosen)
 
 
 def default_zones(settings: CalibrateSettings) -> Zones:
     """Return the zones for a film with too few fish for a fit: the given ones, else Couzin's."""
     weights = settings.repulsion_weight, settings.alignment_weight, settings.attraction_weight
-    names = [one.name for one in fields(Zones)]
+    names = [field.name for field in fields(Zones)]
     given = zip(names, (*settings.zone_radii, settings.blind_angle_deg, *weights), strict=True)
     numbers = {name: float(value) for name, value in given if value != "auto"}
     return replace(COUZIN, **numbers)

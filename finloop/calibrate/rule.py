@@ -24,7 +24,8 @@ def fit_film_rule(
 ) -> tuple[SchoolRule, ZoneFit | None]:
     """Return the rule by which the fish of a film swim together, and the fit of its zones.
 
-    The fit is None if the film shows too few fish together; then the zones are `default_zones`.
+    The fit is None if the film shows too few fish together; then the zones are the given ones, else
+    Couzin's.
     """
     fit = None if describe_shortage(film) else fit_zones(film, settings)
     zones = fit.zones if fit else default_zones(settings)
@@ -49,31 +50,31 @@ def describe_shortage(film: FilmGroup) -> str:
 
 
 def measure_own_steps(film: FilmGroup, rows: Ints, zones: Zones) -> SocialSteps:
-    """Return how the fish of a film move by themselves: steps without the effect of other fish.
+    """Return the steps of a film's fish without the effect of other fish.
 
     rows (k,): with a row before and one after (`rows_with_whole_steps`). A least-squares fit gives
     how much a pull of 1 moves and turns a fish: as much as its own direction does.
     """
-    pulls, own = pull_of_others(film.visible_neighbours(rows), zones), film.heading[rows]
-    move = (film.place[film.later[rows]] - film.place[rows]) * own.conj()
-    before = (film.place[rows] - film.place[film.earlier[rows]]) * own.conj()
+    pulls, heading = pull_of_others(film.visible_neighbours(rows), zones), film.heading[rows]
+    move = (film.place[film.later[rows]] - film.place[rows]) * heading.conj()
+    before = (film.place[rows] - film.place[film.earlier[rows]]) * heading.conj()
     turn = film.relative_headings(rows)
     forward, onward = (_fit_own_part(vector, 1 + pulls) for vector in (move, turn))
     return SocialSteps(
-        film.walls.vectors_from_wall(film.place[rows], own), before, move - forward * pulls,
+        film.walls.vectors_from_wall(film.place[rows], heading), before, move - forward * pulls,
         turn - onward * pulls, forward, onward,
     )  # fmt: skip
 
 
 def _fit_own_part(vectors: Complex, references: Complex) -> float:
-    """Return the factor a ≥ 0 by which n vectors best match n others, by least squares.
+    """Return the factor a ≥ 0 for which vectors ≈ a · references, (n,) each, by least squares.
 
-    vectors ≈ a · references, (n,) each; 0 for n = 0.
+    It is 0 if all references are 0, or there are none.
     """
     squares = float((np.abs(references) ** 2).sum())
-    return (
-        max(0.0, float((vectors * references.conj()).real.sum()) / squares) if squares > 0 else 0.0
-    )
+    if not squares > 0:
+        return 0.0
+    return max(0.0, float((vectors * references.conj()).real.sum()) / squares)
 
 
 def simulate_point_fish(
@@ -85,27 +86,31 @@ def simulate_point_fish(
 ) -> pd.DataFrame:
     """Simulate fish as points that swim by the film's steps and zones; measure them by frame.
 
-    There are as many as the film shows in a frame. The table has `settings.steps` frames and the
-    columns of `SHOAL`, after a time in which the fish forget their random start.
+    There are as many as the film typically shows in a frame. The table has `settings.steps` frames
+    and the columns of `SHOAL`, after a time in which the fish forget their random start.
     """
-    fish, count, walls = film.typical_fish_count, settings.steps, film.walls
+    fish, frames, walls = film.typical_fish_count, settings.steps, film.walls
     place = film.place[rng.choice(len(film.place), fish, replace=len(film.place) < fish)]
     heading, last = np.exp(2j * np.pi * rng.random(fish)), np.zeros(fish, complex)
-    first, every_fish = round(_BURN_IN * count), np.arange(fish)
-    places, headings = np.empty((2, count, fish), complex)
-    for number in range(first + count):
+    burn_in, every_fish = round(_BURN_IN * frames), np.arange(fish)
+    places, headings = np.empty((2, frames, fish), complex)
+    for number in range(burn_in + frames):
         pulls = pull_of_others(all_neighbours(place, heading), zones)
         moves, turns = steps.draw_similar_steps(
             walls.vectors_from_wall(place, heading), last * heading.conj(), settings.alike, rng
         )
-        ways = heading * (moves.T + steps.forward * pulls)
-        inside = walls.is_inside(place + ways)
-        which = inside.argmax(axis=0)  # the first move inside the tank; without one a fish stays
-        to = np.where(inside.any(axis=0), place + ways[which, every_fish], place)
-        heading = heading * steps.add_pulls(turns[every_fish, which], pulls)
-        last, place = to - place, to
-        if number >= first:
-            places[number - first], headings[number - first] = place, heading
-    at = np.stack([places.real, -places.imag], axis=-1).reshape(-1, 2) * walls.length
-    frame = np.repeat(np.arange(count), fish)
-    return measure_group(frame, at, np.degrees(np.angle(headings)).ravel(), walls)
+        moves_in_tank = heading * (moves.T + steps.forward * pulls)
+        inside = walls.is_inside(place + moves_in_tank)
+        first_inside = inside.argmax(
+            axis=0
+        )  # the first move inside the tank; without one a fish stays
+        next_place = np.where(
+            inside.any(axis=0), place + moves_in_tank[first_inside, every_fish], place
+        )
+        heading = heading * steps.add_pulls(turns[every_fish, first_inside], pulls)
+        last, place = next_place - place, next_place
+        if number >= burn_in:
+            places[number - burn_in], headings[number - burn_in] = place, heading
+    places_px = np.stack([places.real, -places.imag], axis=-1).reshape(-1, 2) * walls.length
+    frame = np.repeat(np.arange(frames), fish)
+    return measure_group(frame, places_px, np.degrees(np.angle(headings)).ravel(), walls)

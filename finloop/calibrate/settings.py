@@ -50,7 +50,7 @@ class CalibrateSettings:
 
     def __post_init__(self) -> None:
         """Refuse zones whose radii do not rise from repulsion to attraction."""
-        radii = [one for one in self.zone_radii if one != "auto"]
+        radii = [radius for radius in self.zone_radii if radius != "auto"]
         if radii != sorted(radii):
             raise ValueError(
                 "the zones lie one round the other: repulsion ≤ alignment ≤ attraction"

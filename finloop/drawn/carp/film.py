@@ -32,7 +32,7 @@ NOISE_PAD = 160  # px by which the noise bank exceeds a frame, for random offset
 
 
 def is_tank_large_enough(params: CarpFilm) -> bool:
-    """Return whether the fish of a film can swim freely: each needs 2.2 × 2.2 body lengths."""
+    """Return whether the tank has room for all fish: each needs 2.2 × 2.2 body lengths."""
     x0, y0, x1, y1 = allowed_rectangle(params.width_px, params.height_px, params.body_length_px)
     wide, high = x1 - x0, y1 - y0
     if wide < 1.2 or high < 1.2:
@@ -60,10 +60,10 @@ def carp_motion(params: CarpFilm) -> CarpMotion:
 
 def midline_px(params: CarpFilm, poses: CarpMotion, frame: int, fish: int) -> Floats:
     """Return the midline of a fish in a frame, (65, 2) px, head to tail."""
-    at = (frame, fish)
+    index = (frame, fish)
     return params.body_length_px * midline_of_pose(
-        poses.x[at], poses.y[at], poses.axis[at], poses.beat[at],
-        poses.amplitude[at], poses.bend[at], poses.ripple[at],
+        poses.x[index], poses.y[index], poses.axis[index], poses.beat[index],
+        poses.amplitude[index], poses.bend[index], poses.ripple[index],
     )  # fmt: skip
 
 
@@ -76,19 +76,21 @@ def fish_colours(params: CarpFilm) -> tuple[FishColours, ...]:
 @lru_cache(maxsize=2)  # painting takes as long as drawing some dozen frames
 def _paint_all_fish(seed: int, fish: int, columns: int) -> tuple[FishColours, ...]:
     """Paint `fish` fish from a seed, with skin pictures `columns` px wide."""
-    *_, skins, _, lamp = _random_generators(seed)
-    first = int(lamp.integers(4))
-    return tuple(paint_fish(rng, columns, first + i) for i, rng in enumerate(skins.spawn(fish)))
+    *_, skins, _, light = _random_generators(seed)
+    first_coat = int(light.integers(4))
+    return tuple(
+        paint_fish(rng, columns, first_coat + i) for i, rng in enumerate(skins.spawn(fish))
+    )
 
 
 def light_levels(params: CarpFilm) -> Floats:
     """Return the brightness of the light in every frame, (frames,): 1 ± `light_drift`."""
     phase = _random_generators(params.seed)[4].uniform(0, 2 * np.pi, 4)[1:]
     time_s = np.arange(params.frames) / params.frame_rate_hz
-    slow = 0.62 * np.sin(2 * np.pi * time_s / 41.0 + phase[0])
-    slow += 0.28 * np.sin(2 * np.pi * time_s / 17.0 + phase[1])
-    slow += 0.10 * np.sin(2 * np.pi * time_s / 6.1 + phase[2])
-    return 1 + params.light_drift * slow
+    variation = 0.62 * np.sin(2 * np.pi * time_s / 41.0 + phase[0])
+    variation += 0.28 * np.sin(2 * np.pi * time_s / 17.0 + phase[1])
+    variation += 0.10 * np.sin(2 * np.pi * time_s / 6.1 + phase[2])
+    return 1 + params.light_drift * variation
 
 
 def empty_tank(params: CarpFilm) -> Image:
@@ -128,9 +130,10 @@ def _truth_row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses:
 
 
 def _sensor_noise(params: CarpFilm, rng: np.random.Generator) -> Image:
-    """Return sensor noise larger than a frame, from which frames are cut; its SD is `noise_grey`.
+    """Return sensor noise `NOISE_PAD` px larger than a frame, to be cut; its SD is `noise_grey`.
 
-    Colour noise is weaker, as after a camera's denoising, and keeps the grey level.
+    It has 1 or 3 channels. Colour noise is weaker, as after a camera's denoising, and keeps the
+    grey level.
     """
     shape = (params.height_px + NOISE_PAD, params.width_px + NOISE_PAD)
     grey = rng.standard_normal(shape, np.float32)
@@ -148,13 +151,13 @@ def _shade_floor(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tupl
     """
     sigma = SHADOW_BLUR * params.body_length_px
     pad = int(np.ceil(3 * sigma))
-    soft = cv2.copyMakeBorder(drawing.coverage, pad, pad, pad, pad, cv2.BORDER_CONSTANT)
-    soft = cv2.GaussianBlur(soft, (0, 0), sigma)
+    shadow = cv2.copyMakeBorder(drawing.coverage, pad, pad, pad, pad, cv2.BORDER_CONSTANT)
+    shadow = cv2.GaussianBlur(shadow, (0, 0), sigma)
     dx, dy = (round(part * params.body_length_px) for part in SHADOW_OFFSET)
     window, inner = _overlap_windows(
-        picture, drawing.x0 + dx - pad, drawing.y0 + dy - pad, soft.shape
+        picture, drawing.x0 + dx - pad, drawing.y0 + dy - pad, shadow.shape
     )
-    picture[window] *= 1 - params.shadow * soft[inner][..., None]
+    picture[window] *= 1 - params.shadow * shadow[inner][..., None]
     return window
 
 
@@ -163,12 +166,12 @@ def _overlap_windows(
 ) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
     """Return the overlap of a picture and a patch: slices of the picture, and of the patch.
 
-    x0, y0: place of the patch in the picture, px; shape: of the patch.
+    x0, y0: place of the patch in the picture, px; shape: of the patch. They must overlap.
     """
     left, top = max(x0, 0), max(y0, 0)
     right = min(x0 + shape[1], picture.shape[1])
-    low = min(y0 + shape[0], picture.shape[0])
-    return np.s_[top:low, left:right], np.s_[top - y0 : low - y0, left - x0 : right - x0]
+    bottom = min(y0 + shape[0], picture.shape[0])
+    return np.s_[top:bottom, left:right], np.s_[top - y0 : bottom - y0, left - x0 : right - x0]
 
 
 def film_frames(
@@ -176,9 +179,9 @@ def film_frames(
 ) -> Iterator[tuple[Picture, list[Row]]]:
     """Yield the frames of the film, each with the true features of its fish.
 
-    poses: of all fish, by default those of `carp_motion`; later fish cover earlier fish. A frame is
-    (height, width, 3) RGB or (height, width) grey, uint8, a new array each time. The features are
-    one dictionary per fish, keys as in `finloop.drawn.truth.TRUTH`, sorted by fish_id.
+    poses: of all fish, by default those of `carp_motion`. Fish of higher number cover the others. A
+    frame is (height, width, 3) RGB or (height, width) grey, uint8, a new array each time. The
+    features are one dictionary per fish, keys as in `finloop.drawn.truth.TRUTH`, sorted by fish_id.
     """
     poses = carp_motion(params) if poses is None else poses
     skins, lamp = fish_colours(params), light_levels(params)
@@ -186,28 +189,28 @@ def film_frames(
     empty = empty_tank(params)
     vignette = cv2.blur(empty.mean(axis=2), (61, 61))
     vignette = np.asarray(vignette / vignette.max(), np.float32)
-    bank = _sensor_noise(params, noise_rng)
-    work = empty.copy()
+    noise = _sensor_noise(params, noise_rng)
+    tank = empty.copy()
     for frame in range(params.frames):
         lines = [midline_px(params, poses, frame, i) for i in range(params.fish)]
         drawings = []
         for i, line in enumerate(lines):
             left, right = poses.fins[frame, i]
             drawings.append(draw_carp(line, (float(left), float(right)), skins[i]))
-        changed = [_shade_floor(work, drawing, params) for drawing in drawings]
+        changed = [_shade_floor(tank, drawing, params) for drawing in drawings]
         for drawing in drawings:
             colour, opacity = blur_drawing(drawing)
             if not params.colour:
                 colour = (colour @ _GREY)[..., None]
-            window, inner = _overlap_windows(work, drawing.x0, drawing.y0, opacity.shape)
+            window, inner = _overlap_windows(tank, drawing.x0, drawing.y0, opacity.shape)
             lit = vignette[window][..., None]
-            work[window] = work[window] * (1 - opacity[inner][..., None]) + colour[inner] * lit
+            tank[window] = tank[window] * (1 - opacity[inner][..., None]) + colour[inner] * lit
             changed.append(window)
         y, x = noise_rng.integers(0, NOISE_PAD, 2)
         sign = 1 - 2 * int(noise_rng.integers(2))
-        grain = bank[y : y + params.height_px, x : x + params.width_px]
-        picture = cv2.addWeighted(work, float(lamp[frame]), grain, sign, 0, dtype=cv2.CV_8U)
+        grain = noise[y : y + params.height_px, x : x + params.width_px]
+        picture = cv2.addWeighted(tank, float(lamp[frame]), grain, sign, 0, dtype=cv2.CV_8U)
         for window in changed:
-            work[window] = empty[window]
+            tank[window] = empty[window]
         rows = [_truth_row(i, frame, lines[i], drawings[i], poses) for i in range(params.fish)]
         yield np.asarray(picture), rows

@@ -59,13 +59,13 @@ def midline_of_pose(
     """
     points, segments = _mass_shares()
     ripples = ripple[0] * np.sin(np.pi * _S) + ripple[1] * np.sin(2 * np.pi * _S)
-    joint = (
+    curvature = (
         amplitude * _WAVE * np.sin(2 * np.pi * (_S / WAVELENGTH - beat))
         + bend * _BEND
         + ripples / SEGMENTS
     )
     angle = np.zeros(SEGMENTS)  # of each segment, pointing to the head
-    np.cumsum(joint, out=angle[1:])
+    np.cumsum(curvature, out=angle[1:])
     np.negative(angle, out=angle)
     angle += axis - segments @ angle
     line = np.zeros((POINTS, 2))
@@ -89,10 +89,11 @@ def midline_heading(line: Floats) -> float:
 
     line (k, 2): head to tail, y down. 0 is to the right, + anticlockwise on screen.
     """
-    at = (len(line) - 1) / 3
-    i = int(at)
-    third = line[i] + (at - i) * (line[i + 1] - line[i])
+    place = (len(line) - 1) / 3
+    i = int(place)
+    third = line[i] + (place - i) * (line[i + 1] - line[i])
     dx, dy = line[0] - third
+    # The signs put the end of the range at +180.
     return -float((-np.degrees(np.arctan2(-dy, dx)) + 180) % 360 - 180)
 
 

@@ -71,7 +71,7 @@ def simulate_swimming(
     fins: float,
     rng: np.random.Generator,
 ) -> CarpMotion:
-    """Simulate the poses of all fish in all frames; a longer film begins with equal frames.
+    """Simulate the poses of all fish in all frames; a longer film only adds frames at its end.
 
     room: where mass centres may be; fins: share of the time in which the pectoral fins are open,
     0-1; rng: source of chance.
@@ -79,44 +79,45 @@ def simulate_swimming(
     steps = max(1, math.ceil(1 / (frame_rate_hz * STEP_S)))
     dt = 1 / (frame_rate_hz * steps)
     streams = rng.spawn(fish + 1)
-    swimmers = [
-        Swimmer(x, y, float(own.uniform(-math.pi, math.pi)), room, fins, own)
-        for (x, y), own in zip(_starting_places(fish, room, streams[-1]), streams[:-1], strict=True)
-    ]
+    swimmers = []
+    for place, stream in zip(_starting_places(fish, room, streams[-1]), streams[:-1], strict=True):
+        direction = float(stream.uniform(-math.pi, math.pi))
+        swimmers.append(Swimmer(*place, direction, room, fins, stream))
     others = [[other for other in swimmers if other is not swimmer] for swimmer in swimmers]
-    scalar = np.zeros((7, frames, fish))
-    ripple, open_ = np.zeros((frames, fish, 2)), np.zeros((frames, fish, 2))
+    scalars = np.zeros((7, frames, fish))
+    ripple, fin_opening = np.zeros((frames, fish, 2)), np.zeros((frames, fish, 2))
     for frame in range(frames):
         for i, swimmer in enumerate(swimmers):
-            scalar[:, frame, i] = (
+            scalars[:, frame, i] = (
                 swimmer.x, swimmer.y, swimmer.axis, swimmer.beat, swimmer.amplitude, swimmer.bend,
                 swimmer.swimming_type,
             )  # fmt: skip
-            ripple[frame, i], open_[frame, i] = swimmer.ripple, swimmer.fins
+            ripple[frame, i], fin_opening[frame, i] = swimmer.ripple, swimmer.fins
         for _ in range(steps):
-            for swimmer, rest in zip(swimmers, others, strict=True):
-                swimmer.advance(rest, dt)
-    x, y, axis, beat, amplitude, bend, kind = scalar
-    return CarpMotion(x, y, axis, beat, amplitude, bend, ripple, open_, kind.astype(np.int8))
+            for swimmer, its_others in zip(swimmers, others, strict=True):
+                swimmer.advance(its_others, dt)
+    x, y, axis, beat, amplitude, bend, kind = scalars
+    swimming_type = kind.astype(np.int8)
+    return CarpMotion(x, y, axis, beat, amplitude, bend, ripple, fin_opening, swimming_type)
 
 
 def _starting_places(
     fish: int, room: Rectangle, rng: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """Return starting places x, y: each is the farthest from the others of 400 random places."""
+    """Return starting places x, y: each is that of 400 random places farthest from those before."""
     places: list[tuple[float, float]] = []
     for _ in range(fish):
         x, y = rng.uniform(room[0], room[2], 400), rng.uniform(room[1], room[3], 400)
-        pick = 0
+        chosen = 0
         if places:
             gaps = np.hypot(*(np.stack([x, y], axis=1)[:, None] - places).transpose(2, 0, 1))
-            pick = int(gaps.min(axis=1).argmax())
-        places.append((float(x[pick]), float(y[pick])))
+            chosen = int(gaps.min(axis=1).argmax())
+        places.append((float(x[chosen]), float(y[chosen])))
     return places
 
 
 def _smoothstep(x: float) -> float:
-    """Return a smooth step: 0 for x below 0, 1 for x above 1, flat at both ends."""
+    """Return a smooth step: 0 for x below 0, 1 for x above 1, a cubic with flat ends between."""
     x = min(max(x, 0.0), 1.0)
     return x * x * (3 - 2 * x)
 
@@ -132,13 +133,13 @@ def angle_share_in_turn(tau: float) -> float:
 
 
 def _distance_to_edge(x: float, y: float, angle: float, room: Rectangle) -> float:
-    """Return the distance from (x, y) along `angle` (radians) to the edge of a rectangle."""
+    """Return the distance from (x, y) along `angle` (radians) to a rectangle's edge, 0 beyond."""
     dx, dy = math.cos(angle), -math.sin(angle)
-    run = math.inf
-    for at, step, low, high in ((x, dx, room[0], room[2]), (y, dy, room[1], room[3])):
+    distance = math.inf
+    for place, step, low, high in ((x, dx, room[0], room[2]), (y, dy, room[1], room[3])):
         if abs(step) > 1e-9:
-            run = min(run, ((high if step > 0 else low) - at) / step)
-    return max(run, 0.0)
+            distance = min(distance, ((high if step > 0 else low) - place) / step)
+    return max(distance, 0.0)
 
 
 class Swimmer:
@@ -191,13 +192,13 @@ class Swimmer:
 
     def _begin_turn(self, angle: float) -> None:
         """Begin a C-turn by `angle`, radians. Wide turns are faster and bend the body more."""
-        wide = abs(angle)
+        size = abs(angle)
         self.mode, self.angle = "turn", angle
         self.net_turn = 0.75 * self.net_turn + angle
-        self.duration_s = float((0.36 + 0.76 * wide / math.pi) * self.rng.uniform(0.85, 1.25))
+        self.duration_s = float((0.36 + 0.76 * size / math.pi) * self.rng.uniform(0.85, 1.25))
         self.remaining_s = self.duration_s
         self.peak = math.copysign(
-            (math.radians(17) + 0.66 * wide) * float(self.rng.uniform(0.85, 1.15)), angle
+            (math.radians(17) + 0.66 * size) * float(self.rng.uniform(0.85, 1.15)), angle
         )
         self.target_rate, self.target_amplitude = 1.2, 0.15
 
@@ -209,14 +210,14 @@ class Swimmer:
         best, best_angle = -math.inf, None
         for size in self.rng.uniform(math.radians(30), math.radians(150), 14):
             for angle in (size, -size):
-                wide = abs(angle)
-                way = 0.5 * self.speed * (0.36 + 0.76 * wide / math.pi)
-                x = self.x + way * (math.cos(self.axis) + math.cos(self.axis + angle)) / 2
-                y = self.y - way * (math.sin(self.axis) + math.sin(self.axis + angle)) / 2
+                size_of_turn = abs(angle)
+                half_way = 0.5 * self.speed * (0.36 + 0.76 * size_of_turn / math.pi)
+                x = self.x + half_way * (math.cos(self.axis) + math.cos(self.axis + angle)) / 2
+                y = self.y - half_way * (math.sin(self.axis) + math.sin(self.axis + angle)) / 2
                 run = _distance_to_edge(x, y, self.axis + angle, self.room)
                 gap = min((_closest_approach(self, other, angle) for other in others), default=9.0)
                 score = min(run, 3.5) + 1.5 * min(gap, 2.5) + float(self.rng.uniform(0, 1.5))
-                score -= 0.25 * wide if sharp else 0.6 * wide
+                score -= 0.25 * size_of_turn if sharp else 0.6 * size_of_turn
                 score -= 0.45 * max(self.net_turn * math.copysign(1.0, angle), 0.0)
                 if not sharp and (run < 1.6 or gap < 1.6):
                     continue
@@ -237,27 +238,31 @@ class Swimmer:
                 self._begin_straight("burst" if self.rng.random() < 0.25 else "cruise")
             return
         ahead = _distance_to_edge(self.x, self.y, self.axis, self.room)
-        roomy = all(_gap_between(self, other, REACH) > 0 for other in others)
+        has_room = all(_gap_between(self, other, REACH) > 0 for other in others)
         if self.rest_s <= 0:
-            threat = min((_closest_approach(self, other, 0.0) for other in others), default=9.0)
-            if ahead < 0.35 + 0.55 * self.speed or threat < 0.95:
-                angle = self._pick_turn(others, sharp=True) if roomy else None
+            nearest_approach = min(
+                (_closest_approach(self, other, 0.0) for other in others), default=9.0
+            )
+            if ahead < 0.35 + 0.55 * self.speed or nearest_approach < 0.95:
+                angle = self._pick_turn(others, sharp=True) if has_room else None
                 if angle is not None:
                     self._begin_turn(angle)
                     return
                 if self.speed < 0.35:
                     self.back_s = 0.5
         if self.remaining_s <= 0:
-            kind = float(self.rng.random())
-            if self.mode != "glide" and kind < 0.35:
+            chance = float(self.rng.random())
+            if self.mode != "glide" and chance < 0.35:
                 self._begin_straight("glide")
-            elif kind < 0.80:
-                angle = self._pick_turn(others, sharp=False) if roomy and self.rest_s <= 0 else None
+            elif chance < 0.80:
+                angle = (
+                    self._pick_turn(others, sharp=False) if has_room and self.rest_s <= 0 else None
+                )
                 if angle is None:
                     self._begin_straight("cruise")
                 else:
                     self._begin_turn(angle)
-            elif kind < 0.92 and ahead > 2.5:
+            elif chance < 0.92 and ahead > 2.5:
                 self._begin_straight("burst")
             else:
                 self._begin_straight("cruise")
@@ -275,13 +280,13 @@ class Swimmer:
         """Advance the fish by `dt` seconds: decide, bend, turn, beat, move; avoid `others`."""
         self._decide(others, dt)
         axis = self.axis
-        late = self.mode == "turn" and self.remaining_s < 0.3 * self.duration_s
-        self._turn(dt, late)
-        self._beat_tail(dt, late)
+        is_late = self.mode == "turn" and self.remaining_s < 0.3 * self.duration_s
+        self._turn(dt, is_late)
+        self._beat_tail(dt, is_late)
         self._move(self.axis - axis, others, dt)
         self._move_fins(dt)
 
-    def _turn(self, dt: float, late: bool) -> None:
+    def _turn(self, dt: float, is_late: bool) -> None:
         """Bend the body and turn its axis in `dt` seconds; late: in the last part of a turn."""
         bend, axis = self.bend, self.axis
         if self.mode == "turn":
@@ -295,20 +300,20 @@ class Swimmer:
             noise = float(self.rng.standard_normal())
             self.drift += dt * -self.drift / 1.2 + math.radians(6.5) * math.sqrt(dt) * noise
             self.axis += self.drift * dt
-        swing = (self.axis - axis + 0.35 * (self.bend - bend)) / dt
-        visible = abs(self.bend) > VISIBLE_BEND or abs(swing) > VISIBLE_RATE
+        head_rate = (self.axis - axis + 0.35 * (self.bend - bend)) / dt
+        visible = abs(self.bend) > VISIBLE_BEND or abs(head_rate) > VISIBLE_RATE
         if self.mode == "turn" and visible and not self.turn_over:
             self.swimming_type = int(math.copysign(1, self.angle))
         else:
             self.swimming_type = 0
-            self.turn_over = late  # from now on the body only straightens
+            self.turn_over = is_late  # from now on the body only straightens
 
-    def _beat_tail(self, dt: float, late: bool) -> None:
+    def _beat_tail(self, dt: float, is_late: bool) -> None:
         """Beat the tail for `dt` seconds; rate and amplitude follow their targets with a delay.
 
         late: in the last part of a turn.
         """
-        rate, amplitude = (2.2, 0.8) if late else (self.target_rate, self.target_amplitude)
+        rate, amplitude = (2.2, 0.8) if is_late else (self.target_rate, self.target_amplitude)
         self.rate += (rate - self.rate) * dt / 0.18
         self.amplitude += (amplitude - self.amplitude) * dt / 0.20
         self.beat += self.rate * dt
@@ -358,18 +363,18 @@ class Swimmer:
         collision before this limit is reached.
         """
         x0, y0, x1, y1 = self.room
-        hold = 0.25
-        vx = min(max(vx, (x0 - self.x) / hold), (x1 - self.x) / hold)
-        vy = min(max(vy, (y0 - self.y) / hold), (y1 - self.y) / hold)
+        hold_s = 0.25
+        vx = min(max(vx, (x0 - self.x) / hold_s), (x1 - self.x) / hold_s)
+        vy = min(max(vy, (y0 - self.y) / hold_s), (y1 - self.y) / hold_s)
         for other in others:
             dx, dy = other.x - self.x, other.y - self.y
-            far = math.hypot(dx, dy)
+            distance = math.hypot(dx, dy)
             # Each of the two may use up half of the gap.
-            allowed = _gap_between(self, other) / (2 * hold)
-            closing = (vx * dx + vy * dy) / far
+            allowed = _gap_between(self, other) / (2 * hold_s)
+            closing = (vx * dx + vy * dy) / distance
             if closing > allowed:
-                vx -= (closing - allowed) * dx / far
-                vy -= (closing - allowed) * dy / far
+                vx -= (closing - allowed) * dx / distance
+                vy -= (closing - allowed) * dy / distance
         return vx, vy
 
 
@@ -386,17 +391,21 @@ def _reach_in_direction(fish: Swimmer, ux: float, uy: float) -> float:
     return max(0.46 * along, -0.62 * along + 0.15 * across, 0.17 * along + 0.30 * across)
 
 
-def _gap_between(fish: Swimmer, other: Swimmer, own: float | None = None) -> float:
-    """Return the gap between two fish, less the least allowed; `own` replaces the first's reach."""
+def _gap_between(fish: Swimmer, other: Swimmer, reach: float | None = None) -> float:
+    """Return the gap of two fish, less the least allowed; `reach` replaces that of the first."""
     dx, dy = other.x - fish.x, other.y - fish.y
-    far = math.hypot(dx, dy)
-    ux, uy = dx / far, dy / far
-    mine = _reach_in_direction(fish, ux, uy) if own is None else own
-    return far - mine - _reach_in_direction(other, -ux, -uy) - FISH_GAP
+    distance = math.hypot(dx, dy)
+    ux, uy = dx / distance, dy / distance
+    if reach is None:
+        reach = _reach_in_direction(fish, ux, uy)
+    return distance - reach - _reach_in_direction(other, -ux, -uy) - FISH_GAP
 
 
 def _closest_approach(fish: Swimmer, other: Swimmer, angle: float) -> float:
-    """Return the least distance of two fish within 1.6 s if the first turns by `angle` now."""
+    """Return the least distance of two fish within 1.6 s if the first turns by `angle` now.
+
+    It is 9 body lengths, far enough, if the first does not turn and they part already.
+    """
     dx, dy = other.x - fish.x, other.y - fish.y
     speed = max(fish.speed, 0.5)
     vx = other.speed * math.cos(other.axis) - speed * math.cos(fish.axis + angle)

@@ -32,8 +32,8 @@ TAIL_BLADE = 0.86  # the caudal fin begins here
 
 @cache
 def _squared_width_curve() -> "scipy.interpolate.PchipInterpolator":
-    # Interpolate the square: it is linear at the tips, which makes both ends round.
     """Return the squared half width along the body, in body lengths², as a curve of s (0-1)."""
+    # Interpolate the square: it is linear at the tips, which makes both ends round.
     s, w = np.array(_STATIONS).T
     return scipy.interpolate.PchipInterpolator(s, w**2)
 
@@ -45,16 +45,16 @@ def half_width(s: Floats) -> Floats:
 
 @cache
 def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Floats, Floats, Floats]:
-    """Return a table of the body's squared half width: (points,) of s, of h², of its slope in s.
+    """Return a table along the body: s, squared half width, and slope of that; (points,) each.
 
-    s runs from −beyond to 1 + beyond (0 snout, 1 tail end), where the table is extended linearly.
-    Widths are in body lengths; the slope is against s.
+    s runs from −beyond to 1 + beyond (0 snout, 1 tail end); outside the body the table is extended
+    linearly. Widths are in body lengths; the slope is against s.
     """
     s = np.linspace(-beyond, 1 + beyond, points)
     curve, slope = _squared_width_curve(), _squared_width_curve().derivative()
     inside = np.clip(s, 0, 1)
-    steep = slope(inside)
-    return s, curve(inside) + (s - inside) * steep, steep
+    slope_at_s = slope(inside)
+    return s, curve(inside) + (s - inside) * slope_at_s, slope_at_s
 
 
 @dataclass(frozen=True)
@@ -76,19 +76,21 @@ def _clouds(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Gen
         step = max(1, int(size / 2))
         coarse = (shape[0] // step + 3, shape[1] // step + 3)
         noise = rng.standard_normal(coarse, np.float32)
-        soft = cv2.GaussianBlur(noise, (0, 0), max(size / step, 0.4))
-        whole = (coarse[1] * step, coarse[0] * step)
-        noise = np.asarray(cv2.resize(soft, whole, interpolation=cv2.INTER_CUBIC), np.float32)
+        blurred = cv2.GaussianBlur(noise, (0, 0), max(size / step, 0.4))
+        scaled_size = (coarse[1] * step, coarse[0] * step)
+        noise = np.asarray(
+            cv2.resize(blurred, scaled_size, interpolation=cv2.INTER_CUBIC), np.float32
+        )
         noise = noise[: shape[0], : shape[1]]
         total += noise / noise.std()
     total -= total.mean()
     return np.asarray(total / total.std(), np.float32)
 
 
-def _tint(base: Image, colour: tuple[float, ...] | Image, weight: Image) -> Image:
-    """Lay a colour over a picture, as opaque as `weight` (0-1) says at each pixel."""
+def _tint(picture: Image, colour: tuple[float, ...] | Image, weight: Image) -> Image:
+    """Return a picture with a colour laid over it, as opaque as `weight` (0-1) at each pixel."""
     over = np.asarray(colour, np.float32)
-    return np.asarray(base + (over - base) * weight[..., None], np.float32)
+    return np.asarray(picture + (over - picture) * weight[..., None], np.float32)
 
 
 def _ramp(x: Image, low: float, high: float) -> Image:
@@ -109,22 +111,24 @@ _COATS = (
 def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
     """Paint one carp, with random spots; return the pictures of its skin and fin.
 
-    columns: width of the skin picture, px; coat: which of the colourings.
+    columns: width of the skin picture, px; coat: number of the colouring, from 0, in turn.
     """
     back, flank, dark, patch = _COATS[coat % len(_COATS)]
-    full = SKIN_PER_LENGTH
-    rows = int(2 * SKIN_HALF * full)
-    s = ((np.arange(full) + 0.5) / full).astype(np.float32)[None, :]
+    length_px = SKIN_PER_LENGTH
+    rows = int(2 * SKIN_HALF * length_px)
+    s = ((np.arange(length_px) + 0.5) / length_px).astype(np.float32)[None, :]
     v = (((np.arange(rows) + 0.5) / rows * 2 - 1) * -SKIN_HALF).astype(np.float32)[:, None]
     width = np.maximum(half_width(s[0].astype(np.float64)), 0.004).astype(np.float32)[None, :]
-    r = v / width
-    shape = r.shape
+    width_share = v / width
+    shape = width_share.shape
     # Back and flanks, with sharp koi-like patches, fewer on the head.
     skin = np.empty((*shape, 3), np.float32)
     skin[:] = back
-    skin = _tint(skin, flank, _ramp(np.abs(r) + 0.12 * _clouds(shape, (30,), rng), 0.35, 0.95))
+    skin = _tint(
+        skin, flank, _ramp(np.abs(width_share) + 0.12 * _clouds(shape, (30,), rng), 0.35, 0.95)
+    )
     field = _clouds(shape, (70, 34), rng) + 0.10 * _clouds(shape, (5,), rng)
-    body = np.abs(r) < 1
+    body = np.abs(width_share) < 1
     level = float(np.quantile(field[body], 0.70))
     skin = _tint(
         skin,
@@ -136,18 +140,22 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     skin = _tint(skin, dark, _ramp(field, level - 0.09, level + 0.09) * 0.85)
     # Scales: staggered arcs behind the head, each with a soft light.
     size = 0.026
-    lane = np.floor(v / (size * 0.5))
-    cell = np.mod(s / size + 0.5 * np.mod(lane, 2), 1.0) - 0.5
+    scale_row = np.floor(v / (size * 0.5))
+    cell = np.mod(s / size + 0.5 * np.mod(scale_row, 2), 1.0) - 0.5
     across = np.mod(v / (size * 0.5), 1.0) - 0.5
-    net = _ramp(np.hypot(cell - 0.18, across * 0.9), 0.34, 0.58)
-    scaled = _ramp(s, 0.20, 0.27) * (1 - _ramp(s, 0.84, 0.90))
-    skin *= (1 + scaled * (0.12 - 0.34 * net))[..., None]
+    scale_edges = _ramp(np.hypot(cell - 0.18, across * 0.9), 0.34, 0.58)
+    scale_area = _ramp(s, 0.20, 0.27) * (1 - _ramp(s, 0.84, 0.90))
+    skin *= (1 + scale_area * (0.12 - 0.34 * scale_edges))[..., None]
     # Bony plates of the head, gill covers, nostrils and mouth.
     head = 1 - _ramp(s, 0.18, 0.25)
     skin *= (1 + head * 0.07 * _clouds(shape, (16, 7), rng))[..., None]
-    gill = np.exp(-(((s - (0.205 - 0.045 * r**2)) / 0.007) ** 2)) * _ramp(np.abs(r), 0.25, 0.6)
+    gill = np.exp(-(((s - (0.205 - 0.045 * width_share**2)) / 0.007) ** 2)) * _ramp(
+        np.abs(width_share), 0.25, 0.6
+    )
     skin *= (1 - 0.45 * gill)[..., None]
-    plate = np.exp(-(((s - 0.165 + 0.02 * r**2) / 0.02) ** 2)) * _ramp(1 - np.abs(r), 0.1, 0.6)
+    plate = np.exp(-(((s - 0.165 + 0.02 * width_share**2) / 0.02) ** 2)) * _ramp(
+        1 - np.abs(width_share), 0.1, 0.6
+    )
     skin *= (1 + 0.10 * plate)[..., None]
     for side in (-1, 1):
         nostril = np.exp(-(((s - 0.042) / 0.006) ** 2 + ((v - side * 0.018) / 0.005) ** 2))
@@ -158,29 +166,29 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     dorsal = _ramp(s, 0.36, 0.41) * (1 - _ramp(s, 0.66, 0.74))
     skin *= (1 - 0.40 * dorsal * np.exp(-(((v - spine) / 0.0065) ** 2)))[..., None]
     skin *= (1 + 0.35 * dorsal * np.exp(-(((v - spine - 0.009) / 0.004) ** 2)))[..., None]
-    rounded = np.sqrt(np.clip(1 - 0.93 * np.clip(r * r, 0, 1), 0, 1))
+    rounded = np.sqrt(np.clip(1 - 0.93 * np.clip(width_share * width_share, 0, 1), 0, 1))
     trunk = 1 - _ramp(s, TAIL_BLADE - 0.06, TAIL_BLADE + 0.03)
     skin *= (trunk * (0.40 + 0.70 * rounded) + (1 - trunk))[..., None]
     # Eyes at the sides of the head: dark, with a pale rim and a glint.
     for side in (-1, 1):
-        far = np.hypot((s - 0.088) / 1.15, v - side * 0.0535)
-        skin = _tint(skin, (150, 132, 84), (1 - _ramp(far, 0.0125, 0.0160)) * 0.7)
-        skin = _tint(skin, (12, 12, 12), 1 - _ramp(far, 0.0090, 0.0118))
-        glint = np.hypot(s - 0.0845, v - side * 0.0515)
-        skin = _tint(skin, (170, 172, 168), (1 - _ramp(glint, 0.0012, 0.0036)) * 0.8)
+        eye_distance = np.hypot((s - 0.088) / 1.15, v - side * 0.0535)
+        skin = _tint(skin, (150, 132, 84), (1 - _ramp(eye_distance, 0.0125, 0.0160)) * 0.7)
+        skin = _tint(skin, (12, 12, 12), 1 - _ramp(eye_distance, 0.0090, 0.0118))
+        glint_distance = np.hypot(s - 0.0845, v - side * 0.0515)
+        skin = _tint(skin, (170, 172, 168), (1 - _ramp(glint_distance, 0.0012, 0.0036)) * 0.8)
     # Caudal fin on edge: dark membrane, rays along it, thinner towards its end.
     blade = _ramp(s, TAIL_BLADE - 0.03, TAIL_BLADE + 0.04) + 0 * v
     tone = np.asarray(dark, np.float32) * 0.7 + np.asarray(flank, np.float32) * 0.3
     skin = _tint(skin, tone, blade * 0.75)
     skin *= (1 + blade * 0.12 * np.sin(v * 2 * np.pi / 0.0075))[..., None]
     opaque = 1 - 0.28 * _ramp(s, TAIL_BLADE, 1.0) + 0 * v
-    small = cv2.resize(
+    scaled_down = cv2.resize(
         np.dstack([np.clip(skin, 4, 176), opaque]).astype(np.float32),
         (columns, max(8, round(columns * 2 * SKIN_HALF))),
-        interpolation=cv2.INTER_AREA if columns < full else cv2.INTER_LINEAR,
+        interpolation=cv2.INTER_AREA if columns < length_px else cv2.INTER_LINEAR,
     )
     fin = _paint_fin_picture(rng, max(24, round(columns * 0.25)), back, flank, dark)
-    return FishColours(np.ascontiguousarray(small, np.float32), fin, 1.0)
+    return FishColours(np.ascontiguousarray(scaled_down, np.float32), fin, 1.0)
 
 
 def _paint_fin_picture(
@@ -201,8 +209,8 @@ def _paint_fin_picture(
     angle = np.arctan2(across, along + 0.12)
     rays = 0.5 + 0.5 * np.cos(angle * 62 + 0.4 * _clouds((size, size), (40,), rng))
     opaque = (0.74 - 0.32 * along) * (0.72 + 0.28 * rays)
-    lead = np.exp(-(((across - middle + half) / 0.035) ** 2))
-    opaque = np.clip(opaque + 0.3 * lead, 0, 0.92)
+    leading_edge = np.exp(-(((across - middle + half) / 0.035) ** 2))
+    opaque = np.clip(opaque + 0.3 * leading_edge, 0, 0.92)
     colour = np.empty((size, size, 3), np.float32)
     colour[:] = np.asarray(flank, np.float32) * 0.55 + np.asarray(back, np.float32) * 0.35
     colour = _tint(colour, dark, 0.5 * rays * np.ones_like(along))
@@ -219,13 +227,13 @@ def paint_floor(width_px: int, height_px: int, rng: np.random.Generator) -> Imag
     shape = (height_px, width_px)
     grey = 172 + 5.5 * _clouds(shape, (0.7, 1.3), rng) + 2.6 * _clouds(shape, (5, 9), rng)
     grey += 4.0 * _clouds(shape, (60, 130), rng)
-    warm = 0.8 * _clouds(shape, (12, 40), rng)
+    tint = 0.8 * _clouds(shape, (12, 40), rng)
     stones = _pebbles(width_px, height_px, rng)
     grey += stones
-    picture = np.dstack([grey * 1.035 + warm, grey * 1.0, grey * 0.90 - 1.5 * warm])
+    picture = np.dstack([grey * 1.035 + tint, grey * 1.0, grey * 0.90 - 1.5 * tint])
     y, x = np.mgrid[:height_px, :width_px].astype(np.float32)
-    near = np.minimum.reduce([x, y, width_px - 1 - x, height_px - 1 - y])
-    wall = 1 - 0.42 * np.exp(-((near / 9.0) ** 2)) - 0.10 * np.exp(-near / 30.0)
+    wall_distance = np.minimum.reduce([x, y, width_px - 1 - x, height_px - 1 - y])
+    wall = 1 - 0.42 * np.exp(-((wall_distance / 9.0) ** 2)) - 0.10 * np.exp(-wall_distance / 30.0)
     corner = (x / (width_px - 1) - 0.5) ** 2 + (y / (height_px - 1) - 0.5) ** 2
     lamp = 1 - 0.30 * corner + 0.035 * (0.5 - y / height_px)
     picture = cv2.GaussianBlur(picture.astype(np.float32), (0, 0), 0.7)
@@ -238,14 +246,14 @@ def _pebbles(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
     layer = np.zeros((height_px * scale, width_px * scale), np.float32)
     for _ in range(width_px * height_px // 170):
         radius = float(np.clip(0.9 * rng.pareto(2.4) + 1.0, 1.0, 6.5)) * scale
-        flat = float(rng.uniform(0.6, 1.0))
+        flatness = float(rng.uniform(0.6, 1.0))
         centre = rng.uniform(0, [layer.shape[1], layer.shape[0]])
         turn = float(rng.uniform(0, 180))
         tone = float(rng.normal(0, 9.0))
         for shift, level in ((0.30, tone - 9.0), (0.0, tone), (-0.25, tone + 4.0)):
             size = radius * (1.0 if shift >= 0 else 0.6)
-            at = (float(centre[0] + shift * radius), float(centre[1] + shift * radius))
-            box = (at, (2 * size, 2 * size * flat), turn)
+            place = (float(centre[0] + shift * radius), float(centre[1] + shift * radius))
+            box = (place, (2 * size, 2 * size * flatness), turn)
             cv2.ellipse(layer, box, (level,), -1)
     small = cv2.resize(layer, (width_px, height_px), interpolation=cv2.INTER_AREA)
     return np.asarray(small, np.float32)

@@ -36,20 +36,23 @@ def dog_frames(dog: DogFilm) -> Iterator[Picture]:
     """Yield the frames of the dog's film, (height, width, 3) RGB, uint8."""
     rng = np.random.default_rng(dog.seed)
     # Tufts on the meadow along the dog's whole track: x [px], y [share of its depth], size [px].
-    far = dog.width_px + camera_offsets_px(dog)[-1]
-    count = int(far / 26) + 4
+    track_end = dog.width_px + camera_offsets_px(dog)[-1]
+    count = int(track_end / 26) + 4
     tufts = np.column_stack(
-        [rng.uniform(-40, far + 40, count), rng.uniform(0.08, 1, count), rng.uniform(3, 7, count)]
+        [
+            rng.uniform(-40, track_end + 40, count),
+            rng.uniform(0.08, 1, count),
+            rng.uniform(3, 7, count),
+        ]
     )
     tufts = tufts[np.argsort(tufts[:, 1])]
-    steps = np.arange(-1, far / 130 + 2)
+    steps = np.arange(-1, track_end / 130 + 2)
     hills = np.column_stack(  # x, height [px]
         [130 * steps + rng.uniform(-30, 30, len(steps)), rng.uniform(24, 60, len(steps))]
     )
     for frame in range(dog.frames):
-        picture = cv2.GaussianBlur(_paint_frame(dog, frame, tufts, hills), (0, 0), BLUR_PX).astype(
-            np.float32
-        )
+        sharp = _paint_frame(dog, frame, tufts, hills)
+        picture = cv2.GaussianBlur(sharp, (0, 0), BLUR_PX).astype(np.float32)
         grain = rng.standard_normal(picture.shape[:2], np.float32) * dog.noise
         yield np.clip(np.rint(picture + grain[..., None]), 0, 255).astype(np.uint8)
 
@@ -66,17 +69,17 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
     for x, height in hills:
         centre = (round(x - 0.3 * camera), horizon)
         cv2.ellipse(picture, centre, (110, round(height)), 0, 180, 360, HILL, -1, cv2.LINE_AA)
-    for x, deep, size in tufts:
-        y = horizon + deep * (dog.height_px - horizon)
+    for x, depth, size in tufts:
+        y = horizon + depth * (dog.height_px - horizon)
         root = np.array([x - camera, y])
         for lean in (-0.6, 0.0, 0.6):
-            blade = np.array([[-1.2, 0], [1.2, 0], [lean * size, -size * (0.6 + deep)]])
+            blade = np.array([[-1.2, 0], [1.2, 0], [lean * size, -size * (0.6 + depth)]])
             _fill_polygon(picture, root + blade, TUFT)
     phase = float(frame_phases(dog)[frame])
-    wide, flat = 0.62 * dog.trunk_px, 0.035 * dog.trunk_px
+    half_width, half_height = 0.62 * dog.trunk_px, 0.035 * dog.trunk_px
     angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-    oval = np.column_stack([wide * np.cos(angle), flat * np.sin(angle)])
-    _fill_polygon(picture, origin + oval, SHADE)
+    shadow = np.column_stack([half_width * np.cos(angle), half_height * np.sin(angle)])
+    _fill_polygon(picture, origin + shadow, SHADE)
     for part, colour in (
         ("fore_left", FAR),
         ("hind_left", FAR),

@@ -99,26 +99,26 @@ def points_on_smooth_curve(nodes: tuple[tuple[float, float], ...], n: int) -> Fl
 
 @cache
 def _skin_and_bone_weights(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
-    """Return a limb's outline (n, 2) at rest, and the weights (n, 4) of its bones at each point."""
+    """Return a limb's outline (n, 2) at rest, and the weight (n, 4) of each bone at its points."""
     outline, joints = points_on_smooth_curve(shape.outline, n), np.array(shape.joints)
-    along = np.diff(joints, axis=0)
+    bones = np.diff(joints, axis=0)
     part = (
-        np.einsum("nbk,bk->nb", outline[:, None] - joints[:-1], along) / shape.bone_lengths() ** 2
+        np.einsum("nbk,bk->nb", outline[:, None] - joints[:-1], bones) / shape.bone_lengths() ** 2
     )
-    foot = joints[:-1] + np.clip(part, 0, 1)[..., None] * along
-    far = np.linalg.norm(outline[:, None] - foot, axis=2) + BLUNT
-    share = far**-BLEND
-    return outline, share / share.sum(axis=1, keepdims=True)
+    nearest = joints[:-1] + np.clip(part, 0, 1)[..., None] * bones
+    distance = np.linalg.norm(outline[:, None] - nearest, axis=2) + BLUNT
+    weight = distance**-BLEND
+    return outline, weight / weight.sum(axis=1, keepdims=True)
 
 
 def limb_reaches(shape: LimbShape, foot: Floats, top: Floats) -> Mask:
-    """Return whether a limb is long enough for given places of foot and top: a mask (…).
+    """Return a mask (…) of the places of foot and top for which a limb has the right length.
 
     foot, top (…, 2): how far both are moved from rest, in trunks.
     """
     bones, ankle = shape.bone_lengths(), _ankle_and_turns(shape, foot)[0]
-    far = np.linalg.norm(ankle - (np.array(shape.joints[0]) + top), axis=-1)
-    return (far < bones[0] + bones[1]) & (far > abs(bones[0] - bones[1]))
+    distance = np.linalg.norm(ankle - (np.array(shape.joints[0]) + top), axis=-1)
+    return (distance < bones[0] + bones[1]) & (distance > abs(bones[0] - bones[1]))
 
 
 def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
@@ -131,21 +131,22 @@ def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats
     ankle, pastern, paw = _ankle_and_turns(shape, foot)
     hip = rest[0] + top
     across = ankle - hip
-    far = np.linalg.norm(across, axis=-1)
-    cosine = (bones[0] ** 2 + far**2 - bones[1] ** 2) / (2 * bones[0] * far)
-    # y is down, so a knee in front (+x) of a limb that hangs down is at a smaller angle.
+    distance = np.linalg.norm(across, axis=-1)
+    cosine = (bones[0] ** 2 + distance**2 - bones[1] ** 2) / (2 * bones[0] * distance)
+    # y is down, so a knee in front (+x) of a limb that hangs down is at a smaller angle. Upper and
+    # lower are the angles of these bones.
     upper = np.arctan2(across[..., 1], across[..., 0]) - shape.bend * np.arccos(cosine)
     knee = hip + bones[0] * np.stack([np.cos(upper), np.sin(upper)], axis=-1)
-    shank = np.arctan2(*np.moveaxis(ankle - knee, -1, 0)[::-1])
+    lower = np.arctan2(*np.moveaxis(ankle - knee, -1, 0)[::-1])
     straight = np.diff(rest, axis=0)
     at_rest = np.arctan2(straight[:, 1], straight[:, 0])
-    turns = np.stack([upper - at_rest[0], shank - at_rest[1], pastern, paw], axis=-1)
+    turns = np.stack([upper - at_rest[0], lower - at_rest[1], pastern, paw], axis=-1)
     heads = np.stack([hip, knee, ankle, rest[3] + foot], axis=-2)
-    outline, share = _skin_and_bone_weights(shape, n)
+    outline, weight = _skin_and_bone_weights(shape, n)
     local = (outline[:, None] - rest[:4]) @ [1, 1j]  # (n, 4)
     joints = heads @ np.array([1, 1j])  # (…, 4)
-    points = np.einsum("nb,...nb->...n", share, local * np.exp(1j * turns)[..., None, :])
-    points = points + joints @ share.T
+    points = np.einsum("nb,...nb->...n", weight, local * np.exp(1j * turns)[..., None, :])
+    points = points + joints @ weight.T
     return np.stack([points.real, points.imag], axis=-1)
 
 

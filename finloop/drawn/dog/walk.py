@@ -81,9 +81,9 @@ class DogFilm:
                 "-1 … 1: beyond that a foot turns back",
                 "choose values nearer to 0",
             )
-        course = body_origins_px(self)
-        left, right = (course[[0, -1], 0] + np.multiply(self.trunk_px, REACH)).tolist()
-        if left < 0 or right > self.width_px or 1.5 * self.trunk_px > course[0, 1]:
+        origins = body_origins_px(self)
+        left, right = (origins[[0, -1], 0] + np.multiply(self.trunk_px, REACH)).tolist()
+        if left < 0 or right > self.width_px or 1.5 * self.trunk_px > origins[0, 1]:
             raise FinloopError(
                 f"a trunk of {self.trunk_px:g} px in a picture of {self.width_px}×{self.height_px}",
                 "the whole dog in every frame",
@@ -126,25 +126,25 @@ def is_swinging(name: str, phase: Floats) -> Mask:
 
 
 def half_cycle_progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
-    """Return which share (0-1) of a limb's swing, or time on the ground, is over at each phase.
+    """Return which share (0-1) of a limb's swing, or of its time on the ground, is over at phases.
 
     name: one of NAMES; phase: in cycles, an array of any shape. γ makes the progress uneven.
     """
     quarter, tau = np.divmod(np.mod(phase, 1.0) * 4, 1.0)
-    which = quarter.astype(int) % 4
-    gamma = np.array(foot_gammas(dog, name))[which]
-    return (which % 2 + (1 + gamma) * tau - gamma * tau**2) / 2
+    subcycle = quarter.astype(int) % 4
+    gamma = np.array(foot_gammas(dog, name))[subcycle]
+    return (subcycle % 2 + (1 + gamma) * tau - gamma * tau**2) / 2
 
 
 def foot_displacements(dog: DogFilm, name: str, phase: Floats) -> Floats:
     """Return a foot's displacement (…, 2) from rest at phases (…), in trunks; up is negative.
 
-    name: of the limb, one of NAMES. It is relative to the body frame. A swinging foot follows a
-    rounded triangle.
+    name: of the limb, one of NAMES. The displacement is relative to the body, which moves on
+    steadily. A swinging foot follows a rounded triangle.
     """
-    part, up = half_cycle_progress(dog, name, phase), is_swinging(name, phase)
-    x = dog.stride * np.where(up, part - 0.5, 0.5 - part)
-    y = np.where(up, -dog.lift * (1 - np.abs(2 * part - 1) ** ROUND), 0.0)
+    progress, swings = half_cycle_progress(dog, name, phase), is_swinging(name, phase)
+    x = dog.stride * np.where(swings, progress - 0.5, 0.5 - progress)
+    y = np.where(swings, -dog.lift * (1 - np.abs(2 * progress - 1) ** ROUND), 0.0)
     return np.stack([x, y], axis=-1)
 
 
@@ -159,14 +159,9 @@ def limb_contours_at(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
     name: one of NAMES. Point i is a fixed point of the skin; at rest the points have equal arc
     lengths.
     """
-    far = np.array(FAR_OFFSET if name.endswith("left") else (0.0, 0.0))
-    shape = LIMBS[name[:4]]
-    return dog.trunk_px * (
-        limb_outlines(
-            shape, foot_displacements(dog, name, phase), body_displacements(dog, phase), n
-        )
-        + far
-    )
+    offset = np.array(FAR_OFFSET if name.endswith("left") else (0.0, 0.0))
+    foot, top = foot_displacements(dog, name, phase), body_displacements(dog, phase)
+    return dog.trunk_px * (limb_outlines(LIMBS[name[:4]], foot, top, n) + offset)
 
 
 def part_contour(
@@ -176,23 +171,20 @@ def part_contour(
 
     phase: of the gait, in cycles; n: points of the contour.
     """
-    return dog.trunk_px * (
-        _rotate_part(nodes, points_on_smooth_curve(nodes, n), phase)
-        + body_displacements(dog, np.array(phase))
-    )
+    points = _rotate_part(nodes, points_on_smooth_curve(nodes, n), phase)
+    return dog.trunk_px * (points + body_displacements(dog, np.array(phase)))
 
 
 def spot_place(dog: DogFilm, phase: float, place: tuple[float, float]) -> Floats:
-    """Return the place (2,) px of the EYE or the NOSE (`place`) in the body frame, at a phase."""
-    return dog.trunk_px * (
-        _rotate_part(HEAD, np.array(place), phase) + body_displacements(dog, np.array(phase))
-    )
+    """Return the place (2,) px of EYE or NOSE (`place`) relative to the body, at a phase."""
+    turned = _rotate_part(HEAD, np.array(place), phase)
+    return dog.trunk_px * (turned + body_displacements(dog, np.array(phase)))
 
 
 def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: float) -> Floats:
-    """Turn points (n, 2) of a part of the dog about the root of head or tail, for a phase.
+    """Return points (n, 2) of a part of the dog, turned about the neck or the root of the tail.
 
-    nodes: the part, one of BODY, HEAD, EAR, TAIL.
+    nodes: the part, one of BODY, HEAD, EAR, TAIL; phase: of the gait, in cycles. The body stays.
     """
     nod = 0.035 * np.cos(4 * np.pi * phase - 0.8)
     if nodes in (HEAD, EAR):
@@ -201,19 +193,19 @@ def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: 
         root, angle = TAIL_ROOT, 0.16 * np.sin(2 * np.pi * phase)
     else:
         return points
-    away = (points - root) @ [1, 1j] * np.exp(1j * angle)
-    out = np.array(root) + np.stack([away.real, away.imag], axis=-1)
+    turned = (points - root) @ [1, 1j] * np.exp(1j * angle)
+    result = np.array(root) + np.stack([turned.real, turned.imag], axis=-1)
     if nodes == EAR:  # it lags behind the head, most at its lower end
         low = np.clip(points[:, 1] + 1.36, 0, None)
-        out[:, 0] += 0.12 * np.sin(4 * np.pi * phase - 1.6) * low
-    return out
+        result[:, 0] += 0.12 * np.sin(4 * np.pi * phase - 1.6) * low
+    return result
 
 
 def body_origins_px(dog: DogFilm) -> Floats:
     """Return where the origin of the body frame is in the picture, (frames, 2) px."""
-    way = 2 * dog.stride * dog.trunk_px * frame_phases(dog) * (1 - dog.pan)
-    middle = 0.47 * dog.width_px - way[-1] / 2
-    return np.column_stack([middle + way, np.full(dog.frames, 0.86 * dog.height_px)])
+    travel = 2 * dog.stride * dog.trunk_px * frame_phases(dog) * (1 - dog.pan)
+    middle = 0.47 * dog.width_px - travel[-1] / 2
+    return np.column_stack([middle + travel, np.full(dog.frames, 0.86 * dog.height_px)])
 
 
 def camera_offsets_px(dog: DogFilm) -> Floats:
@@ -222,5 +214,5 @@ def camera_offsets_px(dog: DogFilm) -> Floats:
 
 
 def true_limb_contours(dog: DogFilm, n: int) -> dict[str, Floats]:
-    """Return the exact contours (frames, n, 2) px of all limbs by id, relative to the body."""
+    """Return the true contours (frames, n, 2) px of all limbs by id, relative to the body."""
     return {name: limb_contours_at(dog, name, frame_phases(dog), n) for name in NAMES}
