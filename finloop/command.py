@@ -24,20 +24,20 @@ README.md there says more."""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command `finloop` with some arguments; return the exit status."""
-    given = sys.argv[1:] if arguments is None else arguments
-    here = Path.cwd()
-    if holds_sources(here) and here.resolve() != HOME and not sys.flags.safe_path:
+    """Run the command `finloop`; return the exit status. arguments: None = the command line's."""
+    words = sys.argv[1:] if arguments is None else arguments
+    folder = Path.cwd()
+    if holds_sources(folder) and folder.resolve() != HOME and not sys.flags.safe_path:
         # Beside a working copy of finloop, that copy is meant.
-        os.execv(sys.executable, [sys.executable, "-m", "finloop.command", *given])
-    if given[:1] == ["morph"]:
+        os.execv(sys.executable, [sys.executable, "-m", "finloop.command", *words])
+    if words[:1] == ["morph"]:
         from finloop.morph.tool import main as morph
 
-        return morph(given[1:], "finloop morph")
-    if given[:1] == ["gait"]:
+        return morph(words[1:], "finloop morph")
+    if words[:1] == ["gait"]:
         from finloop.gait.tool import main as gait
 
-        return gait(given[1:], "finloop gait")
+        return gait(words[1:], "finloop gait")
     parser = argparse.ArgumentParser(
         prog="finloop", description=HELP, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -47,7 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
         commands.add_parser(word)
     new = commands.add_parser("new", description="Make a lab's own repository.")
     new.add_argument("folder", type=Path, help="a new folder, or an empty one")
-    options = parser.parse_args(given)
+    options = parser.parse_args(words)
     if options.word == "version":
         print(describe_program())
         return 0
@@ -55,15 +55,15 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _make_new(folder: Path) -> int:
-    """Make a lab's own repository and say what comes next; return the exit status."""
+    """Make a lab's own repository, print what comes next or an error; return the exit status."""
     from finloop.lab.new import make_repository
 
     try:
-        made = make_repository(folder)
+        repository = make_repository(folder)
     except FinloopError as error:
         print(f"finloop: {error}", file=sys.stderr)
         return 1
-    print(NEXT.format(folder=made))
+    print(NEXT.format(folder=repository))
     if shipped_folder() == HOME:
         print(f"This finloop is not installed: `pip install {HOME}` lets that folder find it.")
     return 0

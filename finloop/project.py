@@ -78,7 +78,7 @@ class Project:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how another process makes its own project of the same run, for pickle."""
+        """Return a function and its arguments that make the project elsewhere, as pickle asks."""
         return _unpickle, (self.root, self._run)
 
     def close(self) -> None:
@@ -224,7 +224,7 @@ class Project:
 
     @cached_property
     def map_facts(self) -> MapFacts:
-        """Return how the distance map was made: pose, picture size, thresholds, natural step."""
+        """Return how the distance map was made, with the film's median step, its unit."""
         from finloop.distance.map import MapFacts
 
         return load_record(self.data / "distance/steps/facts.json", MapFacts, "distance")
@@ -343,8 +343,8 @@ class Project:
     def edit_list(self, mode: str, stage: str) -> pd.DataFrame:
         """Return the edit list of a mode, columns of `EDIT`, a row per tick and fish.
 
-        stage: whose parameter `mode` an error message names. FinloopError also if the mode has no
-        animation.
+        stage: name of the stage whose parameter `mode` chose it, for messages. FinloopError also if
+        the mode has no animation.
         """
         from finloop.edit.modes import RETARGET
         from finloop.edit.schema import EDIT
@@ -444,8 +444,8 @@ class Project:
 
 @lru_cache(1)
 def _unpickle(root: Path, run: str) -> Project:
-    """Return the project that another process has sent here, the same one each time.
+    """Return the project that another process has sent here, the same object each time.
 
-    run: name of the run of that process.
+    root: the working copy; run: name of the run of that process.
     """
     return Project(root)

@@ -225,8 +225,10 @@ def make_sprites(
     """
     p, film = settings("sprites", **changes), tracks.cutouts
     table = swimmer_table(features, tracks.table, p)
-    look = partial(Reel(features, film).draw_aligned_rows, size_px=p.picture_px)
-    sprites = sprite_table(table, choose_frames(table, look, infer_delta_frames(features), p), p)
+    draw_pictures = partial(Reel(features, film).draw_aligned_rows, size_px=p.picture_px)
+    sprites = sprite_table(
+        table, choose_frames(table, draw_pictures, infer_delta_frames(features), p), p
+    )
     home = _make_folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
         for sprite in sprite_cutouts(sprites, film):
@@ -257,8 +259,8 @@ def find_loops(
     p, pairs = settings("loops", **changes), to_sparse_map(similar.pairs, len(features))
     try:
         loops, _ = find_video_loops(pairs, features, rate_hz, similar.facts.step_median, p)
-    except NoLoopsError as none:
-        warnings.warn(str(none), stacklevel=2)
+    except NoLoopsError as error:
+        warnings.warn(str(error), stacklevel=2)
         loops = LOOPS.empty()
     return apply_schema(loops, LOOPS)
 
@@ -270,11 +272,11 @@ def find_gateways(similar: FrameComparison, reel: Reel, **changes: Any) -> pd.Da
     `finloop.gateways.settings.GatewaysSettings`.
     """
     p, facts = settings("gateways", **changes), similar.facts
-    near = measure_sprite_distances(
+    distances = measure_sprite_distances(
         reel, find_map_rows(reel.features, similar.steps), facts.size, facts.pose
     )
-    ways = list_gateways(near, reel.sprites, reel.features, facts.step_median, p)
-    return apply_schema(ways, GATEWAYS)
+    gateways = list_gateways(distances, reel.sprites, reel.features, facts.step_median, p)
+    return apply_schema(gateways, GATEWAYS)
 
 
 def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPoses:
@@ -325,12 +327,12 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> SchoolRule
     """
     p = settings("calibrate", **changes)
     group = build_film_group(features, film.arena, infer_delta_frames(features), p.horizon)
-    if lack := describe_shortage(group):
-        warnings.warn(lack, stacklevel=2)
+    if shortage := describe_shortage(group):
+        warnings.warn(shortage, stacklevel=2)
     rule = require_rule(fit_film_rule(group, p)[0])
-    own = rule.steps
-    table = apply_schema(own.to_table(), SOCIAL_STEPS)
-    return replace(rule, steps=SocialSteps.from_table(table, own.forward, own.onward))
+    steps = rule.steps
+    table = apply_schema(steps.to_table(), SOCIAL_STEPS)
+    return replace(rule, steps=SocialSteps.from_table(table, steps.forward, steps.onward))
 
 
 def steer(  # noqa: PLR0913  (a result of every verb)

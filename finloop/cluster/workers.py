@@ -74,11 +74,12 @@ class WorkerHome:
 
     def require_equal_process(self) -> None:
         """Raise FinloopError, which lists the differences, if this worker differs from `facts`."""
-        own = _process_facts(tuple(name for name in self.facts if name.isupper()))
+        variables = tuple(name for name in self.facts if name.isupper())
+        worker_facts = _process_facts(variables)
         differences = [
-            f"{name}: {own.get(name)} there, {value} here"
+            f"{name}: {worker_facts.get(name)} there, {value} here"
             for name, value in self.facts.items()
-            if own.get(name) != value
+            if worker_facts.get(name) != value
         ]
         if differences:
             raise FinloopError(
@@ -110,10 +111,10 @@ def _process_facts(variables: tuple[str, ...]) -> dict[str, str]:
 
 @cache
 def _hash_code() -> str:
-    """Return a digest of the program's code: the first 12 digits of a SHA-256."""
+    """Return the first 12 digits of a SHA-256 of all Python files of finloop and its stages."""
     digest = hashlib.sha256()
-    for room in ("finloop", "stages"):
-        for path in sorted((_ROOT / room).rglob("*.py")):
+    for package in ("finloop", "stages"):
+        for path in sorted((_ROOT / package).rglob("*.py")):
             digest.update(f"{path.relative_to(_ROOT)}\n".encode() + path.read_bytes())
     return digest.hexdigest()[:12]
 
@@ -139,18 +140,18 @@ class DeferredCall:
 
 
 def run_pickled_item(home: WorkerHome, work: str, item: bytes) -> bytes:
-    """Apply the shared function to one pickled item, on a worker; return the pickled result.
+    """Apply a function to one pickled item, on a worker; return the pickled result.
 
-    home: of the submitting process. work: path of the file that holds the pickled function.
-    FinloopError if this worker differs from `home`, or does not see the file.
+    home: what the submitting process demands of workers. work: path of the file that holds the
+    pickled function. FinloopError if this worker differs from `home`, or does not see the file.
     """
     return pickle.dumps(_load_work(home, work)(pickle.loads(item)))
 
 
 def _load_work(home: WorkerHome, work: str) -> Callable[[Any], Any]:
-    """Check that this worker equals the submitting process; load the function that it shares.
+    """Check that this worker equals the submitting process, and enter the shared folder.
 
-    work: path of the file that holds the pickled function.
+    Return the function that is pickled in the file `work`. FinloopError as in `run_pickled_item`.
     """
     home.require_equal_process()
     try:
@@ -166,18 +167,18 @@ def _load_work(home: WorkerHome, work: str) -> Callable[[Any], Any]:
 
 @lru_cache(1)  # the same for every item, and as large as some frames
 def _unpickle_file(path: str) -> Callable[[Any], Any]:
-    """Load the function that is pickled in a file."""
+    """Return the function that is pickled in a file; from now on OpenCV uses one thread."""
     cv2.setNumThreads(1)
     return pickle.loads(Path(path).read_bytes())
 
 
-def _prepare_worker(need: Sequence[str], home: WorkerHome, work: str) -> None:
-    """Check on a worker that it can work, and import the modules that it will need.
+def _prepare_worker(modules: Sequence[str], home: WorkerHome, work: str) -> None:
+    """Check on a worker that it equals the submitting process, and import modules.
 
-    need: their names. work: path of the file that holds the pickled function.
+    modules: their names. work: path of the file that holds the pickled function.
     """
     _load_work(home, work)
-    for name in need:
+    for name in modules:
         import_module(name)
 
 
@@ -200,7 +201,7 @@ def connect_dask_workers(
         address: Any = settings.source
         if isinstance(settings, LocalWorkers):
             stack.enter_context(import_module("dask").config.set(_LOCAL))
-            where = stack.enter_context(
+            cluster = stack.enter_context(
                 distributed.LocalCluster(
                     n_workers=processes,
                     threads_per_worker=1,
@@ -210,9 +211,9 @@ def connect_dask_workers(
                 )
             )
         else:
-            where = address = settings.scheduler_address
+            cluster = address = settings.scheduler_address
         try:
-            client = distributed.Client(where, timeout=_CONNECT_S, set_as_default=False)
+            client = distributed.Client(cluster, timeout=_CONNECT_S, set_as_default=False)
             stack.enter_context(client)
             client.wait_for_workers(1, _JOIN_S)
         except (OSError, ValueError) as error:  # TimeoutError is an OSError
@@ -242,9 +243,9 @@ class DaskWorkers:
     def count(self) -> int:
         """Return the present number of workers, at least 1; refuse a worker of several threads."""
         threads = self.count_threads()
-        if several := [worker for worker, number in threads.items() if number != 1]:
+        if multithreaded := [worker for worker, number in threads.items() if number != 1]:
             raise FinloopError(
-                f"worker {several[0]} works with {threads[several[0]]} threads",
+                f"worker {multithreaded[0]} works with {threads[multithreaded[0]]} threads",
                 "processes of one thread, as many as a machine has cores",
                 f"stop it, and start it in {self.home.folder}: {self.home.start}",
             )
@@ -272,7 +273,7 @@ class DaskWorkers:
                     DeferredCall(run_pickled_item, self.home, path, _pickle_bytes(item))
                 )
 
-                def fetch_result() -> Any:
+                def send_item() -> Any:
                     """Send the item to the scheduler; return Dask's future of the result."""
                     key = f"piece-{name}-{next(number)}"
                     try:
@@ -280,7 +281,7 @@ class DaskWorkers:
                     except (OSError, RuntimeError) as error:
                         raise self.lost_scheduler_error() from error
 
-                return _SubmittedItem(self, fetch_result)
+                return _SubmittedItem(self, send_item)
 
             yield submit
 
@@ -305,10 +306,9 @@ class DaskWorkers:
             yield str(path)
 
     def refusal_error(self, error: Exception) -> FinloopError:
-        """Return the error for the user about a worker that cannot work.
+        """Convert the exception of a worker that cannot work to an error for the user.
 
-        error: of the worker. An exception other than FinloopError, ImportError and AttributeError
-        is raised again.
+        An exception other than FinloopError, ImportError and AttributeError is raised again.
         """
         if isinstance(error, FinloopError):
             return error

@@ -50,26 +50,26 @@ def make_repository(folder: Path) -> Path:
 
 
 def _require_free_place(folder: Path) -> None:
-    """Raise FinloopError unless a repository can be made at `folder`."""
+    """Raise FinloopError unless git is there and `folder` is new or empty, in no repository."""
     if shutil.which("git") is None:
         raise FinloopError(
             "git is missing", "git, which keeps your settings and results", "install git"
         )
     if folder.exists() and not folder.is_dir():
         raise FinloopError(f"{folder} is a file", WANTED, "choose another name")
-    if folder.is_dir() and (inside := sorted(path.name for path in folder.iterdir())):
-        more = f" and {len(inside) - 3} more" if len(inside) > 3 else ""
+    if folder.is_dir() and (names := sorted(path.name for path in folder.iterdir())):
+        more = f" and {len(names) - 3} more" if len(names) > 3 else ""
         raise FinloopError(
-            f"{folder} is not empty: it has {', '.join(inside[:3])}{more}",
+            f"{folder} is not empty: it has {', '.join(names[:3])}{more}",
             WANTED,
             "choose another name, or move these files away",
         )
-    above = next(path for path in (folder, *folder.parents) if path.is_dir())
-    asked = ["git", "rev-parse", "--show-toplevel"]
-    found = subprocess.run(asked, cwd=above, env=_plain_env(), capture_output=True, text=True)
-    if not found.returncode:
+    existing = next(path for path in (folder, *folder.parents) if path.is_dir())
+    command = ["git", "rev-parse", "--show-toplevel"]
+    answer = subprocess.run(command, cwd=existing, env=_plain_env(), capture_output=True, text=True)
+    if answer.returncode == 0:
         raise FinloopError(
-            f"{folder} lies in the repository {found.stdout.strip()}",
+            f"{folder} lies in the repository {answer.stdout.strip()}",
             WANTED,
             "choose a folder elsewhere; in that repository both would keep the same files",
         )
@@ -86,7 +86,7 @@ def list_shipped_files() -> Iterator[str]:
 
 
 def _copy_shipped_files(folder: Path) -> None:
-    """Copy what a lab gets of finloop; its pipeline looks for no sources."""
+    """Copy the shipped files to a folder; in dvc.yaml, do not watch finloop's sources."""
     for name in list_shipped_files():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(shipped_folder() / name, folder / name)
@@ -97,7 +97,7 @@ def _copy_shipped_files(folder: Path) -> None:
 
 
 def _fill_template(folder: Path, name: str) -> None:
-    """Write the lab's own files; name: of its folder, for headings."""
+    """Write the lab's own files to a folder, from templates; name: of the lab, for headings."""
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
     for source, place in PLACES.items():
         text = (TEMPLATE / source).read_text(encoding="utf-8")
@@ -117,10 +117,10 @@ def _run(command: list[str], folder: Path) -> None:
     """Run a command in a folder, with this finloop; FinloopError with its output if it fails."""
     path = os.pathsep.join(filter(None, [str(HOME), os.environ.get("PYTHONPATH")]))
     env = _plain_env() | {"PYTHONPATH": path}
-    done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True)
-    if done.returncode:
+    result = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True)
+    if result.returncode:
         raise FinloopError(
-            f"{' '.join(command)} failed:\n    {(done.stderr or done.stdout).strip()}",
+            f"{' '.join(command)} failed:\n    {(result.stderr or result.stdout).strip()}",
             "git, and a whole finloop",
             "see the message; install finloop again if a file of it is missing",
         )

@@ -75,7 +75,7 @@ class FilmPoses:
         )  # fmt: skip
 
     def pose_from_codes(self, row: int, codes: Floats) -> Pose:
-        """Return the pose of a row, but bent as codes (c,) say."""
+        """Return the pose of a row with the posture that codes (c,) describe."""
         return replace(self.pose[row], posture=self.shapes.decode(codes))
 
     def code_table(self, features: pd.DataFrame) -> pd.DataFrame:
@@ -93,15 +93,17 @@ def compute_film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSett
     lines = lists_to_points(tracks, "backbone").astype(float)
     lines = np.where(begins_at_tail(lines, features)[:, None, None], lines[:, ::-1], lines)
     spread = visible_tail_spread(tracks, lines, p.tail_width_ratio)
-    apart = p.separate_tail == "yes" or (p.separate_tail == "auto" and spread > p.tail_spread)
-    if apart:
-        how = TailParameters(p.tail_width_ratio, p.tail_smoothing, p.tail_body, p.tail_whole)
-        lines = align_body_and_tail(tracks, lines, how)
+    separate_tail = p.separate_tail == "yes" or (
+        p.separate_tail == "auto" and spread > p.tail_spread
+    )
+    if separate_tail:
+        parameters = TailParameters(p.tail_width_ratio, p.tail_smoothing, p.tail_body, p.tail_whole)
+        lines = align_body_and_tail(tracks, lines, parameters)
     pose = poses_from_features(features, lines)
     shapes = PoseShapes.fit(pose.posture, p.explained_variance_ratio, p.max_film_distance_quantile)
     codes = shapes.encode(pose.posture).astype(np.float32).astype(float)  # as files hold them
     memory = measure_memory_frames(codes, features["track_id"].to_numpy())
-    return _build_poses(features, codes, shapes, (apart, spread, memory))
+    return _build_poses(features, codes, shapes, (separate_tail, spread, memory))
 
 
 def restore_poses(
@@ -113,16 +115,15 @@ def restore_poses(
     components; facts: the fields of `ShapeFacts`; posture (n, d): the postures of the codes, None
     to compute them. ValueError if their sizes do not match.
     """
-    values, shape = codes.astype(float), ShapeFacts(**facts)
-    mean, shapes, weights, variance = (
-        np.array(numbers) for numbers in (shape.mean, shape.shapes, shape.weights, shape.variance)
-    )
+    values, stored = codes.astype(float), ShapeFacts(**facts)
+    mean, shapes = np.array(stored.mean), np.array(stored.shapes)
+    weights, variance = np.array(stored.weights), np.array(stored.variance)
     if len(values) != len(features) or values.shape[1:] != shapes.shape[:1]:
         raise ValueError(f"{values.shape} codes, {len(features)} rows, {len(shapes)} shapes")
-    total = shape.total_variance
-    bare = PoseShapes(mean, shapes, weights, variance, total, values[:0], shape.gap)
-    numbers = shape.trunk, shape.tail_spread, shape.memory_frames
-    return _build_poses(features, values, bare, numbers, posture)
+    total = stored.total_variance
+    without_codes = PoseShapes(mean, shapes, weights, variance, total, values[:0], stored.gap)
+    scalars = stored.trunk, stored.tail_spread, stored.memory_frames
+    return _build_poses(features, values, without_codes, scalars, posture)
 
 
 def _build_poses(
@@ -132,7 +133,7 @@ def _build_poses(
     """Return a film's postures from their codes (n, c), the scores of principal components.
 
     facts: trunk, tail_spread and memory_frames of `FilmPoses`; posture (n, d): the postures of the
-    codes, None to compute them.
+    codes, None to compute them. The shapes get the codes, and those of mirror images.
     """
     whole = replace(shapes, codes=np.concatenate([codes, codes @ shapes.mirror_matrix]))
     pose = Pose(
