@@ -22,6 +22,10 @@ _HEAD = """# Parameters
 Every parameter of the pipeline: its value, unit, range and meaning, as `conf/` has them.
 `make docs` writes this page. Set one with `make params S="sprites.page_px=2048"`;
 print a group with `make params S="help=sprites"`.
+
+Units: BL is a body length of the fish. Δ is the time over which motion is measured, 0.2 s or less;
+finloop measures it in the film (`features.delta_s`). A natural step is the median difference
+between two pictures of a fish that are Δ / 5 apart.
 """
 
 
