@@ -51,10 +51,10 @@ def main(arguments: list[str] | None = None) -> int:
     if options.word == "version":
         print(describe_program())
         return 0
-    return _make_new(options.folder)
+    return _make_lab_repository(options.folder)
 
 
-def _make_new(folder: Path) -> int:
+def _make_lab_repository(folder: Path) -> int:
     """Make a lab's own repository, print what comes next or an error; return the exit status."""
     from finloop.lab.new import make_repository
 

@@ -225,10 +225,8 @@ def make_sprites(
     """
     p, film = settings("sprites", **changes), tracks.cutouts
     table = swimmer_table(features, tracks.table, p)
-    draw_pictures = partial(Reel(features, film).draw_aligned_rows, size_px=p.picture_px)
-    sprites = sprite_table(
-        table, choose_frames(table, draw_pictures, infer_delta_frames(features), p), p
-    )
+    draw = partial(Reel(features, film).draw_aligned_rows, size_px=p.picture_px)
+    sprites = sprite_table(table, choose_frames(table, draw, infer_delta_frames(features), p), p)
     home = _make_folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
         for sprite in sprite_cutouts(sprites, film):

@@ -86,7 +86,7 @@ def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
         wall, after = _wall_pull(film, half), film.relative_headings(half)
         error, error_without = (
             float((np.abs(after - a - weigh_zone_pulls(pulls, b) - c * wall) ** 2).sum())
-            for a, *b, c in (with_zones, without)
+            for a, *b, c in (with_zones, without)  # of own direction, zones, wall
         )
         shares.append(1 - error / error_without)
     return ZoneFit(zones, own, *shares)

@@ -150,10 +150,8 @@ def _empty_tank(frames: Sequence[Picture]) -> Picture:
     """Return the empty tank (h, w[, 3]): the median of frames, after light and shake are undone."""
     sample = list(frames[:: math.ceil(len(frames) / _SAMPLES)])
     gains = [measure_gain(frame, sample[0]) for frame in sample]
-    median_gain = np.median(gains, axis=0)
-    sample = [
-        undo_gain(frame, gain / median_gain) for frame, gain in zip(sample, gains, strict=True)
-    ]
+    typical = np.median(gains, axis=0)
+    sample = [undo_gain(frame, gain / typical) for frame, gain in zip(sample, gains, strict=True)]
     landmarks = find_landmarks(_median_picture(sample))
     shifts = [measure_shift(frame, landmarks) for frame in sample]
     certain = np.array([shift for shift in shifts if shift is not UNKNOWN])

@@ -28,11 +28,9 @@ _FEW = 8  # doubled pictures from which a cadence is searched for
 def subsample_grey(frame: Picture) -> Picture:
     """Return a frame in grey, with every second row and column only, for `picture_change`."""
     sample = frame[::_THIN, ::_THIN]
-    return (
-        np.ascontiguousarray(sample)
-        if sample.ndim == 2
-        else cv2.cvtColor(sample, cv2.COLOR_RGB2GRAY)
-    )
+    if sample.ndim == 2:
+        return np.ascontiguousarray(sample)
+    return cv2.cvtColor(sample, cv2.COLOR_RGB2GRAY)
 
 
 def picture_change(before: Picture, after: Picture) -> float:

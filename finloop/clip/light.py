@@ -74,9 +74,8 @@ def measure_light(brightness: Floats, rate_hz: float) -> LightMeasures:
     mean = float(brightness.mean())
     half_window = min(round(_SLOW_S * rate_hz / 2), (len(brightness) - 1) // 2)
     padded = np.pad(brightness, half_window, mode="reflect") if half_window else brightness
-    slow = np.convolve(
-        padded, np.full(2 * half_window + 1, 1 / (2 * half_window + 1)), mode="valid"
-    )
+    width = 2 * half_window + 1
+    slow = np.convolve(padded, np.full(width, 1 / width), mode="valid")
     fast = brightness - slow
     second = max(2, round(rate_hz))
     parts = [fast[k : k + second] for k in range(0, len(fast), second)]

@@ -248,7 +248,7 @@ def _simplest_fraction(rate: float, frames: int) -> Fraction:
 
 
 def _check_clip(facts: VideoFacts, tally: ClipTally, folder: Path) -> tuple[Quality, Picture]:
-    """Check a clip and write the results beside it; return its quality and the empty tank."""
+    """Measure a clip's light, camera and coding; write and return its quality and empty tank."""
     read = partial(read_frames, folder / CLIP_NAME)
     quality, table, tank = check_film(read, facts.frame_rate_hz, tally, KEY_FRAME_EVERY)
     save_table(folder / CHECK_NAME, table, CHECK)

@@ -67,14 +67,12 @@ def _shrink_picture(picture: Picture) -> np.ndarray:
 
 def find_landmarks(tank: Picture) -> Landmarks:
     """Find the steepest edges of the empty tank (h, w[, 3]), at most 60 in each of 36 tiles."""
-    smooth = _smooth_grey(tank)
-    level = smooth.astype(np.float64)
+    grey = _smooth_grey(tank)
+    level = grey.astype(np.float64)
     down, right = (np.asarray(parts) for parts in np.gradient(level))
     steepness: Floats = np.asarray(np.hypot(right, down))
-    margin = min(_MARGIN, *(side // 4 for side in smooth.shape))
-    rows, columns = (
-        np.linspace(margin, side - margin, _TILES + 1).astype(int) for side in smooth.shape
-    )
+    rim = min(_MARGIN, *(side // 4 for side in grey.shape))
+    rows, columns = (np.linspace(rim, side - rim, _TILES + 1).astype(int) for side in grey.shape)
     x, y, tile = [], [], []
     for number in range(_TILES**2):
         row, column = divmod(number, _TILES)
@@ -92,7 +90,7 @@ def find_landmarks(tank: Picture) -> Landmarks:
     median_share = float(np.median(share[share > 0])) if len(tiles) else 1.0
     trust = np.minimum(1.0, median_share / share[tiles])
     return Landmarks(
-        xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _shrink_picture(smooth)
+        xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _shrink_picture(grey)
     )
 
 

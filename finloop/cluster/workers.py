@@ -151,7 +151,8 @@ def run_pickled_item(home: WorkerHome, work: str, item: bytes) -> bytes:
 def _load_work(home: WorkerHome, work: str) -> Callable[[Any], Any]:
     """Check that this worker equals the submitting process, and enter the shared folder.
 
-    Return the function that is pickled in the file `work`. FinloopError as in `run_pickled_item`.
+    Return the function that is pickled in the file `work`. FinloopError if it differs, or does not
+    see the file.
     """
     home.require_equal_process()
     try:

@@ -58,7 +58,7 @@ def simultaneous_pairs(start: Reals, stop: Reals) -> TrackPairs:
     start, stop (n,): first and last frame of each track.
     """
     order = np.argsort(start, kind="stable")
-    low = np.empty(len(order), np.intp)
+    low = np.empty(len(order), np.intp)  # place in `order` of the next track to begin
     low[order] = np.arange(len(order)) + 1
     a, b = _pair_with_ranges(order, low, np.searchsorted(start[order], stop, side="right"))
     return TrackPairs(np.minimum(a, b), np.maximum(a, b))

@@ -41,7 +41,7 @@ def measure_track_ends(frames: list[Reals], places: list[Floats], velocity_steps
     """Return where each track begins and ends, and its velocities there.
 
     frames, places: of each track, (k,) frame numbers and (k, 2) body lengths; velocity_steps:
-    number of rows over which a velocity is measured, if the track has as many.
+    number of rows over which a velocity is measured, fewer in a shorter track.
     """
     arriving, leaving = [], []
     for frame, place in zip(frames, places, strict=True):

@@ -93,17 +93,15 @@ def compute_film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSett
     lines = lists_to_points(tracks, "backbone").astype(float)
     lines = np.where(begins_at_tail(lines, features)[:, None, None], lines[:, ::-1], lines)
     spread = visible_tail_spread(tracks, lines, p.tail_width_ratio)
-    separate_tail = p.separate_tail == "yes" or (
-        p.separate_tail == "auto" and spread > p.tail_spread
-    )
-    if separate_tail:
+    separate = p.separate_tail == "yes" or (p.separate_tail == "auto" and spread > p.tail_spread)
+    if separate:
         parameters = TailParameters(p.tail_width_ratio, p.tail_smoothing, p.tail_body, p.tail_whole)
         lines = align_body_and_tail(tracks, lines, parameters)
     pose = poses_from_features(features, lines)
     shapes = PoseShapes.fit(pose.posture, p.explained_variance_ratio, p.max_film_distance_quantile)
     codes = shapes.encode(pose.posture).astype(np.float32).astype(float)  # as files hold them
     memory = measure_memory_frames(codes, features["track_id"].to_numpy())
-    return _build_poses(features, codes, shapes, (separate_tail, spread, memory))
+    return _build_poses(features, codes, shapes, (separate, spread, memory))
 
 
 def restore_poses(

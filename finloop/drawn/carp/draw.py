@@ -74,18 +74,14 @@ def draw_carp(
     x1, y1 = np.ceil(line.max(axis=0) + margin + 3).astype(int)
     rows, columns = (y1 - y0) * oversample, (x1 - x0) * oversample
     # Subpixel i of pixel p lies at p + (i + 0.5) / oversample - 0.5.
-    subpixel_line = (line - (x0, y0) + 0.5) * oversample - 0.5
-    body_length = length * oversample
+    fine_line = (line - (x0, y0) + 0.5) * oversample - 0.5
+    unit = length * oversample  # body length in subpixels
     picture = np.zeros((rows, columns, 4), np.float32)
     cover = np.zeros((rows, columns), np.float32)
-    _draw_fins(picture, cover, subpixel_line, body_length, fins, look)
+    _draw_fins(picture, cover, fine_line, unit, fins, look)
     # The distance transform is a few per cent off, so reach a little farther than the outline.
-    body_reach = (
-        1.08 * half_width(np.linspace(0, 1, len(line))) * look.girth * body_length + 2 * oversample
-    )
-    body = _find_body_pixels(
-        subpixel_line, rows, columns, body_reach.astype(np.float32), look.girth, body_length
-    )
+    reach = 1.08 * half_width(np.linspace(0, 1, len(line))) * look.girth * unit + 2 * oversample
+    body = _find_body_pixels(fine_line, rows, columns, reach.astype(np.float32), look.girth, unit)
     colour = _shade_body(body, look, light, gloss)
     opacity = colour[:, 3] * body.part
     pixels, pixel_cover = picture.reshape(-1, 4), cover.reshape(-1)
@@ -220,12 +216,10 @@ def _shade_body(
     colour = np.asarray(colour.reshape(-1, 4)[: len(body.s)])
     across = body.v / np.sqrt(np.maximum(body.width2, 1e-6))
     left_x = body.left_x
-    flank_light = light[0] * left_x + light[1] * -np.sqrt(np.clip(1 - left_x**2, 0, 1))
-    colour[:, :3] *= (1 + 0.20 * np.clip(across, -1, 1) * flank_light)[:, None]
+    lit = light[0] * left_x + light[1] * -np.sqrt(np.clip(1 - left_x**2, 0, 1))
+    colour[:, :3] *= (1 + 0.20 * np.clip(across, -1, 1) * lit)[:, None]
     # The wet back shines where it faces the light, most where the body is thick.
-    shine = np.exp(-(((across - 0.38 * flank_light) / 0.20) ** 2)) * np.clip(
-        body.width2 / 0.0081, 0, 1
-    )
+    shine = np.exp(-(((across - 0.38 * lit) / 0.20) ** 2)) * np.clip(body.width2 / 0.0081, 0, 1)
     colour[:, :3] += (gloss * shine)[:, None]
     return colour
 

@@ -34,7 +34,7 @@ NOISE_PAD = 160  # px by which the noise bank exceeds a frame, for random offset
 def is_tank_large_enough(params: CarpFilm) -> bool:
     """Return whether the tank has room for all fish: each needs 2.2 × 2.2 body lengths."""
     x0, y0, x1, y1 = allowed_rectangle(params.width_px, params.height_px, params.body_length_px)
-    wide, high = x1 - x0, y1 - y0
+    wide, high = x1 - x0, y1 - y0  # of the places of mass centres; bodies reach 0.7 beyond them
     if wide < 1.2 or high < 1.2:
         return False
     return params.fish == 1 or params.fish <= (wide + 1.4) * (high + 1.4) / 2.2**2
@@ -77,10 +77,8 @@ def fish_colours(params: CarpFilm) -> tuple[FishColours, ...]:
 def _paint_all_fish(seed: int, fish: int, columns: int) -> tuple[FishColours, ...]:
     """Paint `fish` fish from a seed, with skin pictures `columns` px wide."""
     *_, skins, _, light = _random_generators(seed)
-    first_coat = int(light.integers(4))
-    return tuple(
-        paint_fish(rng, columns, first_coat + i) for i, rng in enumerate(skins.spawn(fish))
-    )
+    coat = int(light.integers(4))
+    return tuple(paint_fish(rng, columns, coat + i) for i, rng in enumerate(skins.spawn(fish)))
 
 
 def light_levels(params: CarpFilm) -> Floats:
