@@ -446,6 +446,6 @@ class Project:
 def _unpickle(root: Path, run: str) -> Project:
     """Return the project that another process has sent here, the same object each time.
 
-    root: the working copy; run: name of the run of that process.
+    root: the working copy; run: name of that process's run, by which the cache tells runs apart.
     """
     return Project(root)

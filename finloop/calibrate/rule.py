@@ -99,16 +99,12 @@ def simulate_point_fish(
         moves, turns = steps.draw_similar_steps(
             walls.vectors_from_wall(place, heading), last * heading.conj(), settings.alike, rng
         )
-        moves_in_tank = heading * (moves.T + steps.forward * pulls)
-        inside = walls.is_inside(place + moves_in_tank)
-        first_inside = inside.argmax(
-            axis=0
-        )  # the first move inside the tank; without one a fish stays
-        next_place = np.where(
-            inside.any(axis=0), place + moves_in_tank[first_inside, every_fish], place
-        )
-        heading = heading * steps.add_pulls(turns[every_fish, first_inside], pulls)
-        last, place = next_place - place, next_place
+        offsets = heading * (moves.T + steps.forward * pulls)
+        inside = walls.is_inside(place + offsets)
+        chosen = inside.argmax(axis=0)  # the first move inside the tank; without one a fish stays
+        target = np.where(inside.any(axis=0), place + offsets[chosen, every_fish], place)
+        heading = heading * steps.add_pulls(turns[every_fish, chosen], pulls)
+        last, place = target - place, target
         if number >= burn_in:
             places[number - burn_in], headings[number - burn_in] = place, heading
     places_px = np.stack([places.real, -places.imag], axis=-1).reshape(-1, 2) * walls.length

@@ -114,6 +114,7 @@ def _find_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
     number = np.arange(frames)
     density = rare[decidable].mean()
     signal = np.where(decidable, rare - density, 0.0)
+    # The spectrum's peak near the density, on a grid of 8 bins per frame of film, then a finer one.
     power = np.abs(np.fft.rfft(signal, 8 * frames))
     low = max(1, round(8 * frames * 0.25 * density))
     peak = low + int(power[low : round(8 * frames * min(0.5, 2 * density)) + 1].argmax())
@@ -126,6 +127,7 @@ def _find_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
         """Return a mask (frames,) of the frames in which floor(k · beat + phase) rises."""
         return np.floor(number * beat + phase) > np.floor((number - 1) * beat + phase)
 
+    # The phase that agrees with most frames; of equally good ones the middle one.
     tries = [phase + beat * share for share in np.linspace(0, 1, _PHASES)]
     agreement = np.array([np.mean(rises(offset)[decidable] == rare[decidable]) for offset in tries])
     best_tries = np.flatnonzero(agreement == agreement.max())

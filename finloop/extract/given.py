@@ -28,7 +28,7 @@ from finloop.extract.tracks import SilhouettePlace
 HEADS = ("nosetip", "nose", "snout", "rostrum", "mouth", "headtip", "head")
 TAILS = ("tailtip", "tailend", "tailfin", "caudalfin", "caudal", "tail", "tailbase", "peduncle")
 """Common names of keypoints, without case and signs; the first one that exists counts."""
-_MOST_NORMAL = 1.5  # px; if all places are nearer to the corner, they are shares of the picture
+_MOST_NORMALISED = 1.5  # px; if all places are nearer to the corner, they are shares of the picture
 _AT_THE_END = 12  # frames by which two decoders may disagree about the end of a film
 _MOST_NEEDED = 0.9  # share of places, see `SilhouetteFit.least_share`
 _WITHIN = 0.1  # body lengths; a place farther from a silhouette is not within it
@@ -184,7 +184,7 @@ def _refuse_other_units(points: Floats, film: FilmSize) -> None:
     """
     place = np.nanmean(points, axis=1)
     (x0, y0), (x1, y1) = place.min(axis=0), place.max(axis=0)
-    if max(-x0, -y0, x1, y1) <= _MOST_NORMAL:
+    if max(-x0, -y0, x1, y1) <= _MOST_NORMALISED:
         raise FinloopError(
             f"all places lie at x {x0:.3g} … {x1:.3g}, y {y0:.3g} … {y1:.3g}: shares of the "
             "picture, not px",

@@ -193,15 +193,17 @@ def find_typical_fish(
     The spread is half the width of the middle 68 % of lengths, relative to the median. FinloopError
     if no silhouette can be an isolated fish.
     """
-    free = sorted((s for s in silhouettes if not s.at_border), key=attrgetter("area_px"))
-    if not free:
+    away_from_border = sorted(
+        (s for s in silhouettes if not s.at_border), key=attrgetter("area_px")
+    )
+    if not away_from_border:
         raise _no_fish_error(silhouettes, scene, settings)
-    weight = np.cumsum([s.area_px * s.contrast for s in free])
-    area = free[int(np.searchsorted(weight, 0.5 * weight[-1]))].area_px
-    alike = [s for s in free if 0.7 * area <= s.area_px <= 1.4 * area][:200]
+    weight = np.cumsum([s.area_px * s.contrast for s in away_from_border])
+    area = away_from_border[int(np.searchsorted(weight, 0.5 * weight[-1]))].area_px
+    similar = [s for s in away_from_border if 0.7 * area <= s.area_px <= 1.4 * area][:200]
     traced = [
         (s, line)
-        for s in alike
+        for s in similar
         if (line := trace_backbone(s.mask, s.field, settings.points, scene.threshold)) is not None
     ]
     if not traced:
@@ -220,7 +222,7 @@ def find_typical_fish(
         fins = "all"
     elif kind == "shadow" and scene.polarity == "both":
         fins = "brighter"  # a shadow is darker than the tank
-    contrast = float(np.median([s.contrast for s in alike]))
+    contrast = float(np.median([s.contrast for s in similar]))
     length, spread = _median_and_spread([line.length_px for _, line in traced])
     return TypicalFish(area, length, contrast, fins), spread
 

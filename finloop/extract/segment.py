@@ -45,8 +45,8 @@ class Silhouette:
 
     x0, y0: pixel of the cut-out's upper left corner. mask: (h, w) bool. field: (h, w) uint8, the
     difference image. contrast: of the fish to the tank, grey levels. area_px: pixels of the mask.
-    at_border: it touches the edge of the picture or of the arena. fins: pale pixels beyond it; None
-    where they are not searched.
+    at_border: it touches the edge of the picture or of the arena. fins: pixels around it that
+    differ less from the tank, and may be fins; None where they are not searched.
     """
 
     x0: int

@@ -12,9 +12,9 @@ GIVEN_NAME = "given.parquet"  # exists only where tracks are from a file
 class SceneFacts:
     """Facts about the tank and its fish, for later stages.
 
-    points: the number of points of a backbone. fins: which pale pixels beyond silhouettes cut-outs
-    show; thin: whether pale thin parts belong to silhouettes. Contrast, noise and threshold in grey
-    levels of the difference image.
+    points: the number of points of a backbone. fins: which pixels beyond silhouettes, paler than
+    these, the cut-outs show; thin: whether thin parts that are paler belong to silhouettes.
+    Contrast, noise and threshold in grey levels of the difference image.
     """
 
     polarity: str

@@ -103,8 +103,8 @@ class GapDrift:
         plane, with two degrees of freedom: most animals swim on, some dart.
         """
         error = np.maximum(np.interp(gap_frames, self.gaps, self.error), _NO_ERROR)
-        near = error**2 / (np.pi * (error**2 + distance**2) ** 2)
-        return np.log((1 - _TAIL) * np.minimum(near * self.tank, _SUREST) + _TAIL)
+        density = error**2 / (np.pi * (error**2 + distance**2) ** 2)
+        return np.log((1 - _TAIL) * np.minimum(density * self.tank, _SUREST) + _TAIL)
 
 
 def measure_drift(tracks: pd.DataFrame) -> GapDrift:

@@ -148,7 +148,7 @@ class OtherFish(NamedTuple):
 
 
 class DecidingFish(NamedTuple):
-    """The fish that decides: place x, y in px, heading in degrees, last step in body lengths."""
+    """The fish that decides: x, y in px, heading in degrees, its last step ahead in BL."""
 
     x: float
     y: float

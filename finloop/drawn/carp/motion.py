@@ -240,10 +240,8 @@ class Swimmer:
         ahead = _distance_to_edge(self.x, self.y, self.axis, self.room)
         has_room = all(_gap_between(self, other, REACH) > 0 for other in others)
         if self.rest_s <= 0:
-            nearest_approach = min(
-                (_closest_approach(self, other, 0.0) for other in others), default=9.0
-            )
-            if ahead < 0.35 + 0.55 * self.speed or nearest_approach < 0.95:
+            threat = min((_closest_approach(self, other, 0.0) for other in others), default=9.0)
+            if ahead < 0.35 + 0.55 * self.speed or threat < 0.95:
                 angle = self._pick_turn(others, sharp=True) if has_room else None
                 if angle is not None:
                     self._begin_turn(angle)
