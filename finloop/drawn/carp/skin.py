@@ -77,10 +77,8 @@ def _clouds(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Gen
         coarse = (shape[0] // step + 3, shape[1] // step + 3)
         noise = rng.standard_normal(coarse, np.float32)
         blurred = cv2.GaussianBlur(noise, (0, 0), max(size / step, 0.4))
-        scaled_size = (coarse[1] * step, coarse[0] * step)
-        noise = np.asarray(
-            cv2.resize(blurred, scaled_size, interpolation=cv2.INTER_CUBIC), np.float32
-        )
+        whole = (coarse[1] * step, coarse[0] * step)
+        noise = np.asarray(cv2.resize(blurred, whole, interpolation=cv2.INTER_CUBIC), np.float32)
         noise = noise[: shape[0], : shape[1]]
         total += noise / noise.std()
     total -= total.mean()
@@ -119,16 +117,14 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     s = ((np.arange(length_px) + 0.5) / length_px).astype(np.float32)[None, :]
     v = (((np.arange(rows) + 0.5) / rows * 2 - 1) * -SKIN_HALF).astype(np.float32)[:, None]
     width = np.maximum(half_width(s[0].astype(np.float64)), 0.004).astype(np.float32)[None, :]
-    width_share = v / width
-    shape = width_share.shape
+    r = v / width  # place across the body, ±1 at its edges
+    shape = r.shape
     # Back and flanks, with sharp koi-like patches, fewer on the head.
     skin = np.empty((*shape, 3), np.float32)
     skin[:] = back
-    skin = _tint(
-        skin, flank, _ramp(np.abs(width_share) + 0.12 * _clouds(shape, (30,), rng), 0.35, 0.95)
-    )
+    skin = _tint(skin, flank, _ramp(np.abs(r) + 0.12 * _clouds(shape, (30,), rng), 0.35, 0.95))
     field = _clouds(shape, (70, 34), rng) + 0.10 * _clouds(shape, (5,), rng)
-    body = np.abs(width_share) < 1
+    body = np.abs(r) < 1
     level = float(np.quantile(field[body], 0.70))
     skin = _tint(
         skin,
@@ -149,13 +145,9 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     # Bony plates of the head, gill covers, nostrils and mouth.
     head = 1 - _ramp(s, 0.18, 0.25)
     skin *= (1 + head * 0.07 * _clouds(shape, (16, 7), rng))[..., None]
-    gill = np.exp(-(((s - (0.205 - 0.045 * width_share**2)) / 0.007) ** 2)) * _ramp(
-        np.abs(width_share), 0.25, 0.6
-    )
+    gill = np.exp(-(((s - (0.205 - 0.045 * r**2)) / 0.007) ** 2)) * _ramp(np.abs(r), 0.25, 0.6)
     skin *= (1 - 0.45 * gill)[..., None]
-    plate = np.exp(-(((s - 0.165 + 0.02 * width_share**2) / 0.02) ** 2)) * _ramp(
-        1 - np.abs(width_share), 0.1, 0.6
-    )
+    plate = np.exp(-(((s - 0.165 + 0.02 * r**2) / 0.02) ** 2)) * _ramp(1 - np.abs(r), 0.1, 0.6)
     skin *= (1 + 0.10 * plate)[..., None]
     for side in (-1, 1):
         nostril = np.exp(-(((s - 0.042) / 0.006) ** 2 + ((v - side * 0.018) / 0.005) ** 2))
@@ -166,7 +158,7 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     dorsal = _ramp(s, 0.36, 0.41) * (1 - _ramp(s, 0.66, 0.74))
     skin *= (1 - 0.40 * dorsal * np.exp(-(((v - spine) / 0.0065) ** 2)))[..., None]
     skin *= (1 + 0.35 * dorsal * np.exp(-(((v - spine - 0.009) / 0.004) ** 2)))[..., None]
-    rounded = np.sqrt(np.clip(1 - 0.93 * np.clip(width_share * width_share, 0, 1), 0, 1))
+    rounded = np.sqrt(np.clip(1 - 0.93 * np.clip(r * r, 0, 1), 0, 1))
     trunk = 1 - _ramp(s, TAIL_BLADE - 0.06, TAIL_BLADE + 0.03)
     skin *= (trunk * (0.40 + 0.70 * rounded) + (1 - trunk))[..., None]
     # Eyes at the sides of the head: dark, with a pale rim and a glint.
