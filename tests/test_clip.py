@@ -33,6 +33,7 @@ from finloop.drawn.truth import TRUTH
 from finloop.io import wheel
 from finloop.io.footage import film as footage_film
 from finloop.io.footage import open_footage
+from finloop.io.footage.pictures import natural_sort_key
 from finloop.io.footage.source import (
     CHROMA_FRACTION,
     Footage,
@@ -250,6 +251,7 @@ def make_film(
     gop: int = 12,
     source: str = "rgb24",
     title: str = "",
+    aspect: Fraction = Fraction(1),
 ) -> Path:
     """Write a film; `pts` in milliseconds make its rate variable."""
     frames = [av.VideoFrame.from_ndarray(one, format=source) for one in pictures]
@@ -258,6 +260,7 @@ def make_film(
         stream = container.add_stream(codec, rate=rate, options=options)
         stream.height, stream.width = frames[0].height, frames[0].width
         stream.pix_fmt = pix_fmt
+        stream.codec_context.sample_aspect_ratio = aspect
         stream.codec_context.gop_size = gop
         base = Fraction(1, 1000) if pts else Fraction(1, rate)
         stream.codec_context.time_base = base
@@ -336,6 +339,38 @@ def test_every_container_comes_through_whole(tmp_path, kind):
         assert numbers(frames) == list(range(20))
     assert all(frame.shape == (HEIGHT, WIDTH) and frame.dtype == np.uint8 for frame in frames)
     assert frames[0][2, 2] > 245
+
+
+@pytest.mark.parametrize(("ending", "codec"), [("h264", "libx264"), ("hevc", "libx265")])
+def test_a_raw_stream_has_the_rate_that_is_given(tmp_path, ending, codec):
+    options = {"x265-params": "log-level=none"} if codec == "libx265" else {"bf": "2"}
+    path = make_film(
+        tmp_path / f"film.{ending}", map(picture, range(30)), codec=codec, options=options
+    )
+    with pytest.raises(FinloopError, match=r"raw stream of 30 frames.*do not state how fast"):
+        open_footage(path)
+    footage = open_footage(path, frame_rate_hz=50, start_s=0.2)
+    times, frames = read(footage, loss := LostFrames())
+    assert numbers(frames) == list(range(10, 30)) and loss.lost_frames == 0
+    np.testing.assert_allclose(times, np.arange(10, 30) / 50)
+    assert footage.frames_in_source == 30 and footage.frame_rate == 50
+
+
+@pytest.mark.parametrize("aspect", [Fraction(2), Fraction(1, 2), Fraction(16, 15)])
+@pytest.mark.parametrize("turned", [False, True])
+def test_pixels_become_square(tmp_path, aspect, turned):
+    path = make_film(
+        tmp_path / "film.mp4", map(picture, range(3)), aspect=aspect,
+        matrix=(0, 65536, 0, -65536, 0, 0, 0, 0, 1 << 30) if turned else None,
+    )  # fmt: skip
+    footage = open_footage(path)
+    width = round(WIDTH * max(aspect, 1))
+    height = round(HEIGHT / min(aspect, Fraction(1)))
+    shape = (width, height) if turned else (height, width)
+    assert (footage.height_px, footage.width_px) == shape and footage.pixel_aspect == aspect
+    assert [frame.shape[:2] for frame in read(footage)[1]] == [shape] * 3
+    assert numbers(read(footage)[1]) == [0, 1, 2] or turned
+    assert "are made square" in footage.notes[0]
 
 
 def test_colour_is_found_kept_or_left(tmp_path):
@@ -508,6 +543,43 @@ def test_a_folder_of_pictures_in_natural_order(tmp_path):
     assert [number for _, (number, _) in part.stream_numbered(LostFrames())] == [5, 6, 7, 8, 9]
 
 
+def test_missing_numbers_are_missing_frames_with_their_time(tmp_path):
+    folder = write_pictures(tmp_path / "film", map(picture, range(40)))
+    files = sorted(folder.iterdir(), key=natural_sort_key)
+    for k, file in enumerate(files):
+        file.rename(folder / f"f{2 * k + 8}.png")  # numbered by twos, not padded
+    for k in (5, 6, *range(20, 24)):
+        (folder / f"f{2 * k + 8}.png").unlink()
+    (folder / "background.png").write_bytes(b"no picture")
+    footage = open_footage(folder, frame_rate_hz=10)
+    times, frames = read(footage, loss := LostFrames())
+    there = [k for k in range(40) if k not in (5, 6, *range(20, 24))]
+    assert numbers(frames) == there and loss.lost_frames == 6
+    np.testing.assert_allclose(times, np.array(there) / 10)
+    assert footage.frames_expected == 40
+    left_out, gaps = footage.notes
+    assert "background.png" in left_out
+    assert "6 pictures are missing" in gaps and "f46.png" in gaps
+    later = open_footage(folder, frame_rate_hz=10, start_s=2.4)
+    assert numbers(read(later, loss)[1]) == list(range(24, 40)) and loss.gaps == 0
+
+
+def test_two_cameras_in_a_folder_are_refused_and_times_are_not(tmp_path):
+    for names in (
+        [f"left{k}.png" for k in range(9)] + [f"right{k}.png" for k in range(9)],
+        [f"cam{c}_{k}.png" for c in (1, 2) for k in range(9)],
+    ):
+        folder = write_pictures(tmp_path / names[0][:4], map(picture, range(18)))
+        for file, name in zip(sorted(folder.iterdir()), names, strict=True):
+            file.rename(folder / name)
+        with pytest.raises(FinloopError, match=r"several kinds: 9 .*, 9 "):
+            open_footage(folder, frame_rate_hz=10)
+    folder = write_pictures(tmp_path / "times", map(picture, range(18)))
+    for k, file in enumerate(sorted(folder.iterdir(), key=natural_sort_key)):
+        file.rename(folder / f"12_30_{k // 5:02}_{k % 5 * 200:03}.png")
+    assert numbers(read(open_footage(folder, frame_rate_hz=5))[1]) == list(range(18))
+
+
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
 @pytest.mark.parametrize("colour", [False, True])
 def test_pictures_of_sixteen_bits(tmp_path, suffix, colour):
@@ -591,8 +663,10 @@ def make_bad(what: str, folder: Path) -> Path:
         case "one picture's file":
             return write_pictures(folder / "film", [picture(0)]) / "img0.png"
         case "several kinds":
-            (write_pictures(folder / "film", [picture(0)] * 3) / "mask.bmp").touch()
-            return folder / "film"
+            made = write_pictures(folder / "film", [picture(0)] * 3)
+            for k in range(3):
+                (made / f"mask{k}.bmp").touch()
+            return made
         case "compressed stack":
             cv2.imwritemulti(str(stack), [picture(k)[..., 0] for k in range(3)])
             return stack
@@ -617,7 +691,7 @@ def make_bad(what: str, folder: Path) -> Path:
         ("one picture's file", "a single frame"),
         ("compressed stack", "page 1, cannot be read: .*LZW"),
         ("text as stack", "cannot be read as a TIFF"),
-        ("several kinds", r"several kinds: 1 \.bmp, 3 \.png"),
+        ("several kinds", "several kinds: 3 img#.png, 3 mask#.bmp"),
     ],
 )
 def test_bad_input_is_said(tmp_path, what, said):

@@ -7,6 +7,8 @@ are written by it, or by the program's own library; those tests need the extra `
 import json
 import pickle
 import shutil
+from dataclasses import replace
+from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -39,7 +41,7 @@ from finloop.extract.given import (
     measure_silhouette_fit,
     refuse_other_film,
 )
-from finloop.extract.load_given import find_tracks_path
+from finloop.extract.load_given import find_tracks_path, make_pixels_square
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import GIVEN, tracks_schema
 from finloop.extract.tracks import SilhouettePlace
@@ -688,6 +690,19 @@ def test_a_csv_of_any_spreadsheet_gives_the_same_tracks(tmp_path, film, encoding
         arrays(plain)[:, [plain.individuals.index(n) for n in ("änne", "berta", "carl")]],
         arrays(film[1]), atol=1e-3,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("aspect", "rotation", "scale"),
+    [("2", 0, (2, 1)), ("2", 90, (1, 2)), ("1/2", 180, (1, 2)), ("1", 0, (1, 1))],
+)
+def test_tracks_follow_pixels_that_are_made_square(film, aspect, rotation, scale):
+    facts = replace(
+        load_facts(film[0] / "data/clip/facts.json"), pixel_aspect=Fraction(aspect),
+        rotation_deg=rotation,
+    )  # fmt: skip
+    square = make_pixels_square(film[1], facts)
+    np.testing.assert_allclose(square.places, film[1].places * scale)
 
 
 def test_keypoints_that_belong_to_no_animal_are_left_out_and_named(tmp_path, capsys):

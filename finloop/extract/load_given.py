@@ -3,12 +3,14 @@
 It connects `extract.given` to files; `extract.write` uses it where tracks are from a file.
 """
 
+from dataclasses import replace
 from glob import escape
 from pathlib import Path
 
 import numpy as np
 
 from finloop.base.errors import FinloopError
+from finloop.base.poses import Poses
 from finloop.extract import film
 from finloop.extract.background import Scene
 from finloop.extract.given import (
@@ -60,9 +62,21 @@ def load_external_tracks(clip: Path, facts: VideoFacts, p: ExtractSettings) -> E
     """
     software = None if p.tracks_software == "auto" else p.tracks_software
     poses = load_poses(Path(p.tracks_path or "").expanduser(), software, facts.frame_rate_hz)
+    poses = make_pixels_square(poses, facts)
     source_frames = load_table(clip / FRAMES_NAME, FRAMES)["source_frame"].to_numpy(np.int64)
     size = FilmSize(facts.source_frames, facts.width_px, facts.height_px)
     return map_poses_to_clip(poses, source_frames, size, p)
+
+
+def make_pixels_square(poses: Poses, facts: VideoFacts) -> Poses:
+    """Return poses, in px of the film's file, in px of the clip, whose pixels are square.
+
+    Tracking programs do not make them square. facts: about the clip.
+    """
+    aspect = float(facts.pixel_aspect)
+    wide, high = max(aspect, 1.0), max(1 / aspect, 1.0)
+    scale = (high, wide) if facts.rotation_deg % 180 else (wide, high)
+    return replace(poses, places=poses.places * scale)
 
 
 def check_external_tracks(

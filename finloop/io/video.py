@@ -55,7 +55,7 @@ class VideoFacts:
     source_frames: int = 0  # frames of the whole film, also beyond the range of the clip
     rotation_deg: int = 0  # how far the coded picture was turned anticlockwise to be upright
     mirrored: bool = False  # whether left and right were exchanged, before turning
-    pixel_aspect: Fraction = Fraction(1)  # width : height of a pixel, as the file states it
+    pixel_aspect: Fraction = Fraction(1)  # width : height of a pixel of the file; square here
     level_low: float = 0.0  # grey level of a source of more than 8 bits that became 0
     level_high: float = 255.0  # the one that became 255
     mm_per_px: float | None = None  # mm, of a pixel of the clip; None: not known

@@ -36,7 +36,9 @@ from finloop.io.footage.source import (
     is_in_range,
     measure_chroma_fraction,
     nearest_turn,
+    no_rate_error,
     other_size_error,
+    square_size,
     stretch_levels,
     thin_frame,
     too_few_error,
@@ -93,9 +95,11 @@ def _read_time_stamps(container: InputContainer, stream: VideoStream) -> tuple[n
     """Return the frames' time stamps [s], ascending, and how many frames the film promises.
 
     Nothing is decoded. A complete index suffices: its decoding times may be early by some frames,
-    but have the same gaps. Without an index all packets are read.
+    but have the same gaps. Without an index all packets are read. A raw stream (.h264, .hevc) has
+    no stamps at all: the result is empty, and the promised frames are its packets.
     """
     ticks: list[int] = []
+    packets = 0
     if 0 < stream.frames == len(stream.index_entries):
         ticks = [entry.timestamp for entry in stream.index_entries if not entry.is_discard]
         promised = len(ticks)
@@ -103,11 +107,12 @@ def _read_time_stamps(container: InputContainer, stream: VideoStream) -> tuple[n
         try:
             for packet in container.demux(stream):
                 stamp = packet.dts if packet.pts is None else packet.pts
+                packets += packet.size > 0
                 if packet.size and stamp is not None and not packet.is_discard:
                     ticks.append(stamp)
         except _BROKEN_OFF:
             pass  # `_read_film_frames` counts what is missing
-        promised = max(len(ticks), stream.frames)
+        promised = max(len(ticks), stream.frames) if ticks else packets
     return np.sort(np.array(ticks, np.float64)) * float(stream.time_base or 1), promised
 
 
@@ -195,9 +200,14 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         stated = [r for r in (stream.average_rate, stream.guessed_rate, stream.base_rate) if r]
         aspect = stream.sample_aspect_ratio or Fraction(1)
         streams = len(_picture_streams(container))
+    has_stamps = stamps.size > 0
+    if not has_stamps and promised > 1:
+        if rate is None:
+            raise no_rate_error(path, f"a raw stream of {promised} frames")
+        stamps, stated = np.arange(promised) / float(rate), [rate]
     if stamps.size < 2:
         raise too_few_error(path, stamps.size)
-    coding = _measure_coding(path, stamps)
+    coding = _measure_coding(path, stamps if has_stamps else stamps[:1])
     own_rate = estimate_frame_rate(stamps, stated)
     if rate is None:
         times, last_s = stamps - stamps[0], (promised - stamps.size) / float(own_rate)
@@ -205,11 +215,14 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     else:
         times, last_s = np.arange(stamps.size) / float(rate), (promised - 1) / float(rate)
     full_range = coding.outside > OUTSIDE_FRACTION
+    square = square_size(coding.width, coding.height, aspect)
     notes = {
         f"the file says {float(own_rate):g} frames/s; its frames are taken as shot at "
         f"{float(rate or 0):g}": rate not in (None, own_rate),
-        f"the file says that pixels are {aspect} times as wide as high; they are taken as square, "
-        "so lengths and angles are off unless the file is wrong": aspect != 1,
+        f"the file says that pixels are {aspect} times as wide as high: pictures of "
+        f"{coding.width}×{coding.height} px are made square, {square[0]}×{square[1]} px": (
+            square != (coding.width, coding.height)
+        ),
         f"of {streams} picture streams the first is taken": streams > 1,
         "the film is interlaced: outlines are combed where a fish moves": coding.interlaced,
         "the film asks for a crooked turn; the nearest right angle is taken": not coding.turn_exact,
@@ -217,8 +230,8 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     }
     footage = Footage(
         path=path,
-        width_px=coding.height if coding.turn.b else coding.width,
-        height_px=coding.width if coding.turn.b else coding.height,
+        width_px=square[1] if coding.turn.b else square[0],
+        height_px=square[0] if coding.turn.b else square[1],
         frame_rate=rate or own_rate,
         colour=coding.chroma > CHROMA_FRACTION if colour is None else colour,
         frames_expected=stamps.size,
@@ -227,6 +240,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         turn=coding.turn,
         levels=coding.levels,
         pixel_aspect=aspect,
+        coded_size=(coding.width, coding.height),
         notes=tuple(note for note, applies in notes.items() if applies),
         full_range=full_range,
         renumbered=rate is not None,
@@ -267,8 +281,8 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
     It is the `reader` of a film's `Footage`; see `Footage.stream_numbered`.
     """
     step = 1 / float(footage.frame_rate)
-    size = footage.height_px, footage.width_px
-    size = size if footage.turn.b else size[::-1]  # width, height as coded
+    size = footage.coded_size
+    square = square_size(*size, footage.pixel_aspect)
     convert = (
         _convert_to_rgb if footage.colour else partial(_convert_to_grey, levels=footage.levels)
     )
@@ -294,8 +308,10 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
             if is_in_range(footage, time_s):
                 if stamps.size and frame.pts is not None:
                     number = int(np.searchsorted(stamps, frame.pts))
-                picture = footage.turn(convert(frame, full_range=footage.full_range))
-                yield time_s, (number, picture)
+                picture = convert(frame, full_range=footage.full_range)
+                if square != size:
+                    picture = cv2.resize(picture, square, interpolation=cv2.INTER_LINEAR)
+                yield time_s, (number, footage.turn(picture))
             elif time_s >= footage.start_s:
                 return
         promised_s = min(footage.last_s, footage.end_s - step)

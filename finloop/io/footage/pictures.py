@@ -1,17 +1,19 @@
 """Folders of pictures and stacks of TIFF pages: their order, and their frames."""
 
 import re
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from tifffile import TiffFile, TiffFileError
 
+from finloop.base.arrays import Floats, Ints
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads, ordered_map
 from finloop.io.footage.source import (
@@ -23,6 +25,7 @@ from finloop.io.footage.source import (
     choose_deep_levels,
     is_in_range,
     measure_chroma_fraction,
+    no_rate_error,
     other_size_error,
     stretch_levels,
     thin_frame,
@@ -32,26 +35,37 @@ from finloop.io.video import THREADS
 
 SUFFIXES = {".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".jp2"}
 SUFFIXES |= {".pgm", ".ppm", ".pnm"}
+_FEW = 0.05  # of a folder's pictures; so few with another name are left out
 
 
 Load = Callable[[int], np.ndarray]
 """Loads a picture by its number, as stored: (h, w) grey or (h, w, 3) RGB."""
 
 
-@contextmanager
-def _open_album(path: Path) -> Iterator[tuple[list[str], Load]]:
-    """Open a folder of pictures or a TIFF of several pages.
+class Album(NamedTuple):
+    """Pictures of a folder, or pages of a TIFF, in their order.
 
-    Yield the names of the pictures or pages, and a function that loads one by its number, from 0.
+    names: for messages; load: loads one by its number, from 0; ticks (n,): when each was shot, in
+    frames after the first, by the numbers in the names; notes: sentences for the user.
     """
+
+    names: list[str]
+    load: Load
+    ticks: Ints
+    notes: tuple[str, ...] = ()
+
+
+@contextmanager
+def _open_album(path: Path) -> Iterator[Album]:
+    """Open a folder of pictures or a TIFF of several pages for a block."""
     if path.is_dir():
-        files = _list_pictures(path)
-        yield [str(file) for file in files], lambda k: _load_picture(files[k])
+        files, ticks, notes = find_series(path)
+        yield Album([str(file) for file in files], lambda k: _load_picture(files[k]), ticks, notes)
         return
     try:
         with TiffFile(path) as stack:
             names = [f"{path}, page {k + 1}," for k in range(len(stack.pages))]
-            yield names, partial(_load_page, stack)
+            yield Album(names, partial(_load_page, stack), np.arange(len(names)))
     except (TiffFileError, OSError) as error:
         raise FinloopError(
             came=f"{path} cannot be read as a TIFF: {error}",
@@ -68,19 +82,15 @@ def open_pictures(
     rate: frames per second, required. colour: whether frames will be RGB; None = where they have
     colours. FinloopError without a rate, or for fewer than two pictures.
     """
-    with _open_album(path) as (names, load):
+    with _open_album(path) as (names, load, ticks, notes):
         if len(names) < 2:
             raise too_few_error(path, len(names))
         if rate is None:
-            raise FinloopError(
-                came=f"{path}: {len(names)} pictures, which do not state how fast they were shot",
-                wanted="their frame rate",
-                do="give it: -S clip.frame_rate_hz=30.0",
-            )
+            raise no_rate_error(path, f"{len(names)} pictures")
         first = load(0)
         numbers = np.unique(np.linspace(0, len(names) - 1, SAMPLES).astype(int))
         samples = [thin_frame(load(int(k))) for k in numbers]
-        times = np.arange(len(names)) / float(rate)
+        times = ticks / float(rate)
     levels = None if first.dtype == np.uint8 else choose_deep_levels(samples)
     if colour is None:
         rgb = (_to_uint8(sample, True, levels) for sample in samples)
@@ -95,37 +105,104 @@ def open_pictures(
         reader=_read_picture_frames,
         frames_in_source=len(times),
         levels=levels,
+        notes=notes,
         renumbered=True,
         last_s=float(times[-1]),
     )
     return footage, times
 
 
-def _list_pictures(folder: Path) -> list[Path]:
-    """Return the pictures of a folder in natural order: 2 before 10.
+def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
+    """Find the pictures of one film in a folder, by the numbers in their names.
 
-    FinloopError if there are none, or pictures of several kinds.
+    Returns the pictures in their order, when each was shot in frames after the first (n,), and
+    notes on gaps in the numbers and on pictures left out. Pictures belong to a series if their
+    names differ only in numbers. FinloopError if there are no pictures, or several series.
     """
     files = [
         file
         for file in folder.iterdir()
         if file.suffix.lower() in SUFFIXES and not file.name.startswith(".")
     ]
-    kinds = Counter(file.suffix.lower() for file in files)
     if not files:
         raise FinloopError(
             came=f"the folder {folder} holds no pictures",
             wanted=f"the frames of one film, all of one kind: {' '.join(sorted(SUFFIXES))}",
             do="name that folder, or the film itself",
         )
-    if len(kinds) > 1:
-        raise FinloopError(
-            came=f"{folder} holds pictures of several kinds: "
-            + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())),
-            wanted="the frames of one film and no other picture",
-            do="move the others away (a mask, a background, a preview)",
+    series = defaultdict[str, list[Path]](list)
+    for file in files:
+        series[re.sub(r"\d+", "#", file.stem) + file.suffix.lower()].append(file)
+    large = [name for name in series if len(series[name]) > max(2, _FEW * len(files))]
+    if not large:  # names without numbers
+        series.clear()
+        for file in files:
+            series[file.suffix.lower()].append(file)
+        large = list(series)
+    if len(large) > 1:
+        raise _several_series_error(folder, {name: len(series[name]) for name in large})
+    pictures = sorted(series[large[0]], key=natural_sort_key)
+    notes = []
+    if strangers := sorted(file.name for file in set(files) - set(pictures)):
+        few = ", ".join(strangers[:5]) + (", …" if len(strangers) > 5 else "")
+        notes.append(f"{len(strangers)} pictures are not named {large[0]} and left out: {few}")
+    ticks = _find_ticks(folder, pictures)
+    if gaps := int(ticks[-1]) + 1 - len(ticks):
+        k = int(np.diff(ticks).argmax())
+        notes.append(
+            f"{gaps} pictures are missing by the numbers in the names, most after "
+            f"{pictures[k].name}; their time is kept"
         )
-    return sorted(files, key=natural_sort_key)
+    return pictures, ticks, tuple(notes)
+
+
+def _several_series_error(folder: Path, sizes: dict[str, int]) -> FinloopError:
+    """Return the error for a folder of several series; sizes: name and number of pictures."""
+    return FinloopError(
+        came=f"{folder} holds pictures of several kinds: "
+        + ", ".join(f"{count} {kind}" for kind, count in sorted(sizes.items())),
+        wanted="the frames of one film and no other picture",
+        do="move the others away (another camera, a mask, a background, a preview)",
+    )
+
+
+def _find_ticks(folder: Path, pictures: list[Path]) -> Ints:
+    """Return when each picture was shot, in frames after the first, by the number in its name.
+
+    pictures: of one series, in order. Where several numbers of the names differ, or the numbers are
+    not evenly spaced, pictures count as consecutive. FinloopError for the pictures of two cameras.
+    """
+    numbers = np.array([
+        [float(part) for part in re.findall(r"\d+", file.stem)] for file in pictures
+    ])  # fmt: skip
+    consecutive = np.arange(len(pictures))
+    differ = np.flatnonzero(np.ptp(numbers, axis=0)) if numbers.size else np.zeros(0, int)
+    if len(differ) == 2:
+        _refuse_two_cameras(folder, pictures, *numbers[:, differ].T)
+    if len(differ) != 1:
+        return consecutive
+    column = numbers[:, differ[0]]
+    steps = np.diff(column)
+    step = np.median(steps)
+    ticks = np.rint((column - column[0]) / step) if step > 0 else consecutive
+    if (steps <= 0).any() or np.abs(steps / step - np.rint(steps / step)).max() > 0:
+        return consecutive
+    return ticks.astype(np.int64)
+
+
+def _refuse_two_cameras(folder: Path, pictures: list[Path], camera: Floats, number: Floats) -> None:
+    """Raise FinloopError if pictures such as cam1_0, cam1_1, …, cam2_0, cam2_1, … are in a folder.
+
+    camera, number (n,): the first and the second number in the name of each picture. Times of day,
+    such as 59_960, 60_000, also have two numbers; the second one does not count by ones.
+    """
+    first_of = {value: int(np.argmax(camera == value)) for value in np.unique(camera)}
+    counted = {value: set(number[camera == value]) for value in first_of}
+    shared = sorted(set.intersection(*counted.values()))
+    most = max(map(len, counted.values()))
+    if len(shared) > max(1, (1 - _FEW) * most) and np.diff(shared).min() == 1:
+        sizes = {f"like {pictures[k].name}": len(counted[value]) for value, k in first_of.items()}
+        raise _several_series_error(folder, sizes)
 
 
 def natural_sort_key(path: Path) -> list[tuple[int, str]]:
@@ -185,13 +262,14 @@ def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | N
     return picture
 
 
-def _read_picture_frames(footage: Footage, _: LostFrames) -> NumberedFrames:
+def _read_picture_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
     """Yield the frames of a folder or TIFF, each with its time and number.
 
     It is the `reader` of their `Footage`; see `Footage.stream_numbered`.
     """
     size = footage.width_px, footage.height_px
-    with _open_album(footage.path) as (names, load):
+    with _open_album(footage.path) as (names, load, ticks, _):
+        times_s = ticks / float(footage.frame_rate)
 
         def load_frame(number: int) -> tuple[float, tuple[int, np.ndarray]]:
             """Load one picture and check its size and depth; return (time, (number, picture))."""
@@ -204,9 +282,10 @@ def _read_picture_frames(footage: Footage, _: LostFrames) -> NumberedFrames:
                     wanted="pictures of one depth",
                     do="move it away, or convert all alike",
                 )
-            time_s = number / float(footage.frame_rate)
-            return time_s, (number, _to_uint8(picture, footage.colour, footage.levels))
+            shown = _to_uint8(picture, footage.colour, footage.levels)
+            return float(times_s[number]), (number, shown)
 
-        numbers = [k for k in range(len(names)) if is_in_range(footage, k / footage.frame_rate)]
+        numbers = [k for k in range(len(names)) if is_in_range(footage, times_s[k])]
+        loss.gaps = int(ticks[numbers[-1]] - ticks[numbers[0]]) + 1 - len(numbers)
         threads = THREADS if footage.path.is_dir() else 1  # of a stack pages follow one another
         yield from ordered_map(load_frame, numbers, Threads(threads))

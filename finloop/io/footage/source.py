@@ -71,11 +71,12 @@ class LostFrames:
 
     damaged: int = 0
     missing_at_end: int = 0
+    gaps: int = 0  # pictures that the numbers in a folder leave out
 
     @property
     def lost_frames(self) -> int:
         """Return how many frames are lost in all."""
-        return self.damaged + self.missing_at_end
+        return self.damaged + self.missing_at_end + self.gaps
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -103,7 +104,8 @@ class Footage:
     frames_in_source: int  # frames of the whole source, by the file's head
     turn: Turn = UPRIGHT  # turns the coded picture upright
     levels: tuple[float, float] | None = None  # that become 0 and 255; None for 8 bits
-    pixel_aspect: Fraction = Fraction(1)  # width : height of a pixel, as the file states it
+    pixel_aspect: Fraction = Fraction(1)  # width : height of a pixel of the file
+    coded_size: tuple[int, int] = (0, 0)  # width and height of a film's pictures in the file
     fields: Order = ""  # field order of a film that is to be deinterlaced
     notes: tuple[str, ...] = ()  # sentences for the user
     start_s: float = 0.0  # half-open range of time that is streamed
@@ -176,6 +178,25 @@ def is_in_range(footage: Footage, time_s: float | Fraction) -> bool:
     """Return whether a time, in s from the first frame, lies in the film's range of time."""
     slack = 0.01 / float(footage.frame_rate)  # makes up for rounded time stamps
     return footage.start_s - slack <= time_s < footage.end_s - slack
+
+
+def square_size(width: int, height: int, aspect: Fraction) -> tuple[int, int]:
+    """Return the width and height of a picture whose pixels are made square; none is thrown away.
+
+    width, height: in the file; aspect: width : height of a pixel there.
+    """
+    if aspect >= 1:
+        return round(width * aspect), height
+    return width, round(height / aspect)
+
+
+def no_rate_error(path: Path, what: str) -> FinloopError:
+    """Return the error for footage that does not state its frame rate; what: it consists of."""
+    return FinloopError(
+        came=f"{path}: {what}, which do not state how fast they were shot",
+        wanted="their frame rate",
+        do="give it: -S clip.frame_rate_hz=30.0",
+    )
 
 
 def too_few_error(path: Path, count: int) -> FinloopError:
