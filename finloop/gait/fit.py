@@ -35,7 +35,7 @@ WIDEST = 0.125
 Gammas = dict[str, dict[str, tuple[float, ...]]]
 LEAST = 2  # fewest frames between the keys of a subcycle
 ROUNDS = 3
-"""Rounds of `correct_key_frames`. They bring γ of the drawn dog within 6 % at any frame rate, from
+"""Rounds of `fit_key_frames`. They bring γ of the drawn dog within 6 % at any frame rate, from
 44 % without correction. With more rounds the cubics follow the noise of few frames."""
 LEAST_MOTION = 1e-9  # body lengths: a scale that moves less between the keys gets γ = 0
 
