@@ -100,7 +100,7 @@ def test_fading_changes_nothing_but_alpha(tmp_path):
 
 def test_more_fish_than_there_is_room_for_are_refused(monkeypatch):
     made, plan = scene(), plan_of({"a": {"seconds": 1.0} | GOALS})
-    monkeypatch.setattr("finloop.plan.planner._PLACES", 0)  # no place is looked for
+    monkeypatch.setattr("finloop.plan.planner._MOST_TRIES", 0)  # no place is looked for
     with pytest.raises(FinloopError, match="room for 0 fish"):
         plan_motion(made, TrialSetup(plan.conditions["a"], 2, 3))
 
