@@ -26,13 +26,13 @@ ANIMATE, OUT, REPORT = Path("data/animate"), Path("data/animate/beside"), Path("
 ENOUGH_REACHED_PCT = 90.0  # a mode that reaches fewer goals becomes a finding
 
 
-def _played_modes() -> list[str]:
-    """Return the names of the modes that have an animation."""
+def _list_animated_modes() -> list[str]:
+    """Return the names of the modes that have an animation; a film may show too little for one."""
     return [mode for mode in MODES if (ANIMATE / mode / "measures.json").exists()]
 
 
 def _load_mode_numbers(mode: str) -> dict[str, float]:
-    """Return the measures of a mode's animation and of its random trials, by name."""
+    """Return the measures of a mode's animation and of its trials to random goals, by name."""
     numbers: dict[str, float] = {}
     for name in ("measures", "trials"):
         numbers |= load_json(ANIMATE / mode / f"{name}.json", dict, *remake_hint(f"modes-{mode}"))
@@ -42,11 +42,13 @@ def _load_mode_numbers(mode: str) -> dict[str, float]:
 def _measure_film(
     project: Project, statistics: MotionStatistics, motion: tuple
 ) -> dict[str, float]:
-    """Measure the film in the same way as the modes; return the numbers by name.
+    """Measure the film like the animations of the modes; return the numbers by name.
 
-    statistics: how the film's fish swim. motion: speed and turn rate of the film's rows.
+    statistics: how the film's fish swim. motion: speed and turn rate of the film's rows. The number
+    `drawn_size` is the smallest scale at which a mode draws its fish, 1 = as filmed.
     """
     features, rate = project.features, project.rate_hz
+    # Between successive frames, where both pictures are known: as filmed, and turned head right.
     steps = project.step_distances[["headed", "as_filmed"]].dropna()["as_filmed"].to_numpy(float)
     numbers = measures.measure_film(features, motion, steps, statistics)
     with suppress(FinloopError):  # the film shows no straight swimming
@@ -54,81 +56,87 @@ def _measure_film(
         numbers |= state_shares(features, phases)
     if project.settings("matching").fish > 1:
         numbers |= encounters.measure_film_clearance(features)
-    return numbers | {"drawn_size": min(map(project.drawn_scale, _played_modes()), default=1.0)}
+    scales = [project.drawn_scale(mode) for mode in _list_animated_modes()]
+    return numbers | {"drawn_size": min(scales, default=1.0)}
 
 
 def compare_schools(project: Project) -> pd.DataFrame:
-    """Compare the fish of mode `matching` with the film's; return a row per measure.
+    """Compare how the fish of mode `matching` and of the film keep together; return a table.
 
-    The columns are those of `compare_groups`. The half of the film to which zones are fitted is
-    compared in the same way. The table is empty for a single fish.
+    It has a row per group, film and measure, and the columns shoal (the group), beside (the film),
+    measure, median and distance. The film's first half, to which the zones are fitted, is compared
+    as well, as a yardstick. The table is empty for a single fish, or without that mode.
     """
-    if project.settings("matching").fish == 1 or "matching" not in _played_modes():
+    if project.settings("matching").fish == 1 or "matching" not in _list_animated_modes():
         return compare_groups({}, {})
     film = load_table(Path("data/calibrate/film.parquet"), SHOAL)
-    first, second = split_in_halves(film)
+    first_half, second_half = split_in_halves(film)
     columns = ["tick", "x_px", "y_px", "heading_deg"]
     edit = load_table(ANIMATE / "matching.parquet", EDIT, columns)
     length_px = project.drawn_scale("matching") * float(project.features["body_length_px"].median())
     walls = Walls(project.arena, length_px)
-    shoal = measure_group(
+    animated = measure_group(
         edit["tick"].to_numpy(), edit[["x_px", "y_px"]].to_numpy(float),
         edit["heading_deg"].to_numpy(float), walls,
     )  # fmt: skip
     return compare_groups(
-        {"film": film, "second_half": second}, {"first_half": first, "matching": shoal}
+        {"film": film, "second_half": second_half}, {"first_half": first_half, "matching": animated}
     )
 
 
 def find_doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
-    """Return a table of what is doubtful about the modes: columns mode, doubt (a sentence).
+    """Return a table of the modes' doubtful results: columns mode (its title), doubt (a sentence).
 
-    numbers: mode → measures by name, of the modes that have an animation.
+    numbers: mode → measures by name, of the modes that have an animation. Doubtful are a mode
+    without an animation, one that misses many of its random goals, and a hybrid without film.
     """
     rows: list[tuple[str, str]] = []
-    for mode, described in MODES.items():
+    for mode, facts in MODES.items():
         if mode not in numbers:
-            reason = ANIMATE / mode / "reason.json"
-            why = load_json(reason, dict, *remake_hint(f"modes-{mode}"))["reason"]
-            rows.append((described.title, why))
+            path = ANIMATE / mode / "reason.json"
+            reason = load_json(path, dict, *remake_hint(f"modes-{mode}"))["reason"]
+            rows.append((facts.title, reason))
             continue
         reached = numbers[mode].get("trials_goals_reached_pct", 100.0)
         if reached < ENOUGH_REACHED_PCT:
-            rows.append((described.title, f"reaches only {reached:.0f} % of its random goals"))
+            rows.append((facts.title, f"reaches only {reached:.0f} % of its random goals"))
         if not numbers[mode].get("trials_film_pct", 100.0) and mode == "hybrid":
-            why = "never shows the film: too few gateways lead there and back; "
-            rows.append((described.title, why + "raise gateways.distance_threshold"))
+            reason = "never shows the film: too few gateways lead there and back; "
+            rows.append((facts.title, reason + "raise gateways.distance_threshold"))
     return pd.DataFrame(rows, columns=["mode", "doubt"])
 
 
 def main() -> None:
-    """Compare the animations of all modes with the film; write tables and metrics of them."""
+    """Compare the modes' animations with the film; write data/animate/beside/, reports/animate/.
+
+    The tables are kinematics.parquet (speeds and turn rates), company.csv (how the fish keep
+    together), left.csv (where fish leave a given path), measures.csv and doubts.csv.
+    """
     with Project() as project:
         features = project.features
         motion = learn_motion(features, project.rate_hz, infer_delta_frames(features))
         film_motion = measures.motion_of_film(features, motion)
-        numbers = {mode: _load_mode_numbers(mode) for mode in _played_modes()}
+        numbers = {mode: _load_mode_numbers(mode) for mode in _list_animated_modes()}
         film = _measure_film(project, motion, film_motion)
         schools = compare_schools(project)
-    parts = [measures.kinematics_table({measures.FILM_MOTION: film_motion})]
+    motions = [measures.kinematics_table({measures.FILM_MOTION: film_motion})]
     for mode in numbers:
-        parts.append(load_table(ANIMATE / mode / "motion.parquet", measures.KINEMATICS))
+        motions.append(load_table(ANIMATE / mode / "motion.parquet", measures.KINEMATICS))
+    departures, left = path_measures.LEFT.empty(), ANIMATE / "matching/left.parquet"
+    if left.exists():
+        departures = load_table(left, path_measures.LEFT)
+    doubts, measured = find_doubts(numbers), numbers | {"film": film}
+    table = pd.DataFrame(measured).rename_axis("measure").reset_index()
+    tables = {"company": schools, "left": departures, "measures": table, "doubts": doubts}
     with whole_folder(OUT) as folder:
-        together = pd.concat(parts, ignore_index=True)
-        save_table(folder / "kinematics.parquet", together, measures.KINEMATICS)
-        left = ANIMATE / "matching/left.parquet"
-        lost = load_table(left, path_measures.LEFT) if left.exists() else path_measures.LEFT.empty()
-        beside = pd.DataFrame({**numbers, "film": film}).rename_axis("measure").reset_index()
-        tables = {
-            "company": schools, "left": lost, "measures": beside, "doubts": find_doubts(numbers),
-        }  # fmt: skip
+        kinematics = pd.concat(motions, ignore_index=True)
+        save_table(folder / "kinematics.parquet", kinematics, measures.KINEMATICS)
         for name, table in tables.items():
             save_csv(folder / f"{name}.csv", table, decimals=3)
-    beside_film = numbers | {"film": film}
-    save_metrics(REPORT / "metrics.json", {
-        f"{mode}_{name}": value
-        for mode, measured in beside_film.items() for name, value in measured.items()
-    })  # fmt: skip
+    metrics: dict[str, float] = {}
+    for mode, values in measured.items():
+        metrics |= {f"{mode}_{name}": value for name, value in values.items()}
+    save_metrics(REPORT / "metrics.json", metrics)
 
 
 if __name__ == "__main__":

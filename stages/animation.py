@@ -36,35 +36,40 @@ from stages.cluster import open_workers
 from stages.run import report_progress
 
 OUT = Path("data/animate")
-Open = Callable[[Project], Any]  # an Animator
-More = Callable[[Path, Any, list[Swim], pd.DataFrame], dict[str, float]]
+OpenMode = Callable[[Project], Any]  # returns an Animator
+SaveMore = Callable[[Path, Any, list[Swim], pd.DataFrame], dict[str, float]]
+"""Writes further files of a mode to a folder, of its animator, one swim per fish and edit list;
+returns further numbers by name."""
 
 
 def load_film_data(project: Project, reel: Reel) -> FilmData:
-    """Return what a mode of the fish paper needs of earlier stages; `reel`: its pictures."""
+    """Return the results of earlier stages that a mode of the fish paper needs.
+
+    reel: the pictures that the mode shows, those of the film alone or with the sprites.
+    """
     return FilmData(
         project.rate_hz, project.arena, project.background, reel, project.outlines, project.poses,
         project.map_facts, project.step_distances,
     )  # fmt: skip
 
 
-def write_animation(mode: str, open_mode: Open, save_more: More | None = None) -> None:
+def write_animation(mode: str, open_mode: OpenMode, save_more: SaveMore | None = None) -> None:
     """Plan the animation of a mode; write data/animate/<mode>.parquet and data/animate/<mode>/.
 
     The file is the edit list, the folder has goals, samples, motion and measures. Where the film
     shows too little for the mode, the list is empty, and the folder has only reason.json.
-    open_mode: returns the mode's animator. save_more: writes further files of the mode and returns
-    further numbers.
+    open_mode: returns the mode's animator. save_more: writes further files of the mode to the
+    folder and returns further numbers by name.
     """
-    need = [name for name in sys.modules if name.startswith("finloop.")]
-    with open_workers(need) as pool, Project() as project:
+    loaded_modules = [name for name in sys.modules if name.startswith("finloop.")]
+    with open_workers(loaded_modules) as pool, Project() as project:
         p = project.settings("animate")
         try:
             animator = open_mode(project)
-        except NothingToUse as none:
-            print(f"modes-{mode}: {none}", file=sys.stderr)
+        except NothingToUse as error:
+            print(f"modes-{mode}: {error}", file=sys.stderr)
             with whole_folder(OUT / mode) as folder:
-                save_json(folder / "reason.json", {"reason": str(none)})
+                save_json(folder / "reason.json", {"reason": str(error)})
             save_table(OUT / f"{mode}.parquet", EDIT.empty(), EDIT)
             return
         with whole_folder(OUT / mode) as folder:
@@ -82,11 +87,11 @@ def _report_size_and_tank(mode: str, animator: Animator, p: Any) -> None:
 
     p: the parameters `animate`.
     """
-    size, tank = animator.pictures.reel.size, animator.player.world.tank
-    if size < 1 and p.fish_scale == "auto":
+    scale, tank = animator.pictures.reel.size, animator.player.world.tank
+    if scale < 1 and p.fish_scale == "auto":
         print(
             f"modes-{mode}: the tank is too small for the fish to turn, so it is drawn at "
-            f"{size:.2g} of its size; film from farther away, or set animate.fish_scale",
+            f"{scale:.2g} of its size; film from farther away, or set animate.fish_scale",
             file=sys.stderr,
         )
     if p.tank == "auto" and tank.arena.all():
@@ -99,11 +104,12 @@ def _report_size_and_tank(mode: str, animator: Animator, p: Any) -> None:
 
 
 def _save_animation(
-    folder: Path, mode: str, animator: Animator, project: Project, save_more: More | None
+    folder: Path, mode: str, animator: Animator, project: Project, save_more: SaveMore | None
 ) -> pd.DataFrame:
-    """Plan the animation of a mode; write its files to `folder`; return its edit list.
+    """Plan the animation of a mode and measure it; write both to `folder`; return the edit list.
 
-    All but the samples are written.
+    The files are goals.json, drawn.json (the scale of the fish), measures.json, motion.parquet, and
+    those of `save_more`.
     """
     goals = animator.goals()
     animator.check_room(goals)
@@ -113,16 +119,16 @@ def _save_animation(
     steps = project.step_distances[["headed", "as_filmed"]].dropna()
     player = animator.player
     film_motion = measures.motion_of_film(project.features, player.world.motion)
-    rows = [
-        measures.measure_plan(fish_edit, fish_goals, player, film_motion)
-        | measure_pictures(fish_edit, animator, steps, project.rate_hz)
-        for fish_edit, fish_goals in zip(split_by_fish(edit), animator.goals_of(goals), strict=True)
-    ]
-    numbers = average_measures(rows) | (
-        save_more(folder, animator, swims, edit) if save_more else {}
-    )
+    fish_edits, fish_measures = split_by_fish(edit), []
+    for fish_edit, fish_goals in zip(fish_edits, animator.goals_of(goals), strict=True):
+        numbers = measures.measure_plan(fish_edit, fish_goals, player, film_motion)
+        numbers |= measure_pictures(fish_edit, animator, steps, project.rate_hz)
+        fish_measures.append(numbers)
+    numbers = average_measures(fish_measures)
+    if save_more:
+        numbers |= save_more(folder, animator, swims, edit)
     save_json(folder / "measures.json", _finite_numbers(numbers))
-    motions = [measures.motion_of_edit(fish_edit, player) for fish_edit in split_by_fish(edit)]
+    motions = [measures.motion_of_edit(fish_edit, player) for fish_edit in fish_edits]
     speed, turn_rate = np.concatenate(motions, axis=1)
     moves = measures.kinematics_table({mode: (speed, turn_rate)})
     save_table(folder / "motion.parquet", moves, measures.KINEMATICS)
@@ -139,7 +145,8 @@ def measure_pictures(
 ) -> dict[str, float]:
     """Return those measures of one fish's animation that depend on its pictures, by name.
 
-    steps: columns headed and as_filmed of `STEPS`, the film's own discontinuities.
+    edit: the fish's edit list. steps: distances between the film's successive pictures, columns
+    headed (turned head right) and as_filmed.
     """
     pictures = animator.pictures
     joins, jumps = measure_discontinuities(edit, pictures)
@@ -153,10 +160,10 @@ def measure_pictures(
     }
 
 
-def _measure_seeds(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, float]]:
-    """Return the measures of animations to random goals, a dict per seed.
+def _measure_seeds(open_mode: OpenMode, seeds: Sequence[int]) -> list[dict[str, float]]:
+    """Plan an animation to random goals for each seed; return their measures, a dict per seed.
 
-    They are planned without cross-fades, and measured without their pictures.
+    They are planned without cross-fades, and measured without their pictures, which takes long.
     """
     with Project() as project:
         animator = open_mode(project)
@@ -174,13 +181,18 @@ def _measure_seeds(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, floa
     return rows
 
 
-def _measure_trials(open_mode: Open, mode: str, trials: int, pool: Workers) -> dict[str, float]:
-    """Return the mean measures of `trials` animations to random goals, by `trials_<name>`."""
-    most = max(1, -(-trials // pool.count))  # a worker opens the mode, which takes long, once
-    lots = [range(trials)[first : first + most] for first in range(0, trials, most)]
-    rows: list[dict[str, float]] = []
+def _measure_trials(open_mode: OpenMode, mode: str, trials: int, pool: Workers) -> dict[str, float]:
+    """Return the mean measures of `trials` animations to random goals, by `trials_<name>`.
+
+    The result is empty without trials. Trial k has the seed k.
+    """
+    # One lot of seeds per worker, rounded up: to open the mode takes long.
+    lot = max(1, -(-trials // pool.count))
+    lots = [range(trials)[first : first + lot] for first in range(0, trials, lot)]
+    trial_measures: list[dict[str, float]] = []
     with report_progress(f"modes-{mode}", trials, "trials") as advance:
-        for measured in ordered_map(partial(_measure_seeds, open_mode), lots, pool):
-            rows += measured
-            advance(len(measured))
-    return pd.DataFrame(rows).mean().add_prefix("trials_").to_dict() if rows else {}
+        for lot_measures in ordered_map(partial(_measure_seeds, open_mode), lots, pool):
+            trial_measures += lot_measures
+            advance(len(lot_measures))
+    means = pd.DataFrame(trial_measures).mean().add_prefix("trials_")
+    return means.to_dict() if trial_measures else {}

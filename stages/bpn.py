@@ -25,36 +25,39 @@ OUT, REPORT = Path("data/bpn"), Path("reports/bpn")
 
 
 def main() -> None:
-    """Train the motion network; write it to data/bpn/, and its errors to reports/bpn/."""
+    """Train the network that predicts motion area and swimming type, and measure its errors.
+
+    It is written to data/bpn/ (JSON and ONNX, with its predictions of held-out rows), the errors to
+    reports/bpn/. Where possible a second network is trained, only to be tested on another split.
+    """
     p: BpnSettings = load_settings("bpn")
     project = Project()
     rate_hz, table = project.rate_hz, project.features
     rows = pair_rows_with_later(table, infer_delta_frames(table))
-    sides = [split_rows_if_possible(rows, p)]
-    if not sides[0][1].any():
+    splits = [split_rows_if_possible(rows, p)]  # masks (n,): rows to train with, rows held out
+    if not splits[0][1].any():
         print(f"bpn: so short a film trains the network with all {len(rows.inputs)} rows; none is "
               "held out, so its error on other film is unknown", file=sys.stderr)  # fmt: skip
     # The other split tests the network on other times, or on other fish.
     with suppress(FinloopError):  # one track, or too short
-        sides.append(split_rows(rows, "tracks" if p.held_out_by == "blocks" else "blocks", p))
+        splits.append(split_rows(rows, "tracks" if p.held_out_by == "blocks" else "blocks", p))
 
-    # Its curve is not kept, so that no rows need be held out for it.
-    masks = [sides[0], *((train, np.zeros_like(train)) for train, _ in sides[1:])]
-    with report_progress("bpn", p.epochs * len(sides), "epochs") as advance:
-        learnt = [train_on_film_rows(rows, side, p, rate_hz, advance) for side in masks]
+    # The learning curve of the other network is not kept, so it needs no held-out rows.
+    masks = [splits[0], *((train, np.zeros_like(train)) for train, _ in splits[1:])]
+    with report_progress("bpn", p.epochs * len(splits), "epochs") as advance:
+        trained = [train_on_film_rows(rows, split, p, rate_hz, advance) for split in masks]
 
-    metrics, *other_scores = (
-        assess_model(model, rows, *side) for (model, _), side in zip(learnt, sides, strict=True)
+    metrics, *other_metrics = (
+        assess_model(model, rows, *split) for (model, _), split in zip(trained, splits, strict=True)
     )
-    for scores in other_scores:
-        names = [name for name in scores if "held_out" in name or "skill" in name]
-        metrics |= {f"other_split_{name}": scores[name] for name in names}
-    (model, curve), (_, held_out) = learnt[0], sides[0]
+    for values in other_metrics:
+        names = [name for name in values if "held_out" in name or "skill" in name]
+        metrics |= {f"other_split_{name}": values[name] for name in names}
+    (model, curve), (_, held_out) = trained[0], splits[0]
     save_json(OUT / "model.json", model.record(), indent=1)
     save_bytes(OUT / "model.onnx", export_onnx_bytes(model))
     save_csv(REPORT / "curve.csv", curve, decimals=5)
-    unseen = held_out_table(model, rows, held_out)
-    save_table(OUT / "held_out.parquet", unseen, HELD_OUT)
+    save_table(OUT / "held_out.parquet", held_out_table(model, rows, held_out), HELD_OUT)
     save_metrics(REPORT / "metrics.json", metrics)
 
 

@@ -32,35 +32,46 @@ OUT, REPORT = Path("data/calibrate"), Path("reports/calibrate")
 
 
 def rows_of_first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
-    """Return the rows of the feature table that show the first of several films.
+    """Return the rows of the feature table that show the first film; all rows of a single film.
 
-    clip: folder of the clip, whose arena is that film's.
+    clip: folder of the clip. Its arena, from which walls are known, is that of the first film.
     """
     parts = load_readable_parts(clip)
     return features[features["frame"] < parts[0].stop] if parts else features
 
 
 def _simulate(film: FilmGroup, zones: Zones, p: CalibrateSettings) -> dict[str, pd.DataFrame]:
-    """Return the measures of simulated points, with the zones and without zones, by name."""
+    """Simulate the fish as points, with the zones ("zones") and without zones ("alone").
+
+    Return a table of each group's measures, columns of `SHOAL`, by these names.
+    """
     rows, tables = film.rows_with_whole_steps(p.rows), {}
-    for name, rule in (("zones", zones), ("alone", NO_ZONES)):
-        steps, rng = measure_own_steps(film, rows, rule), np.random.default_rng(p.seed)
-        tables[name] = simulate_point_fish(film, steps, rule, p, rng)
+    for name, group_zones in (("zones", zones), ("alone", NO_ZONES)):
+        steps = measure_own_steps(film, rows, group_zones)
+        rng = np.random.default_rng(p.seed)
+        tables[name] = simulate_point_fish(film, steps, group_zones, p, rng)
     return tables
 
 
 def _save_rule(folder: Path, rule: SchoolRule) -> None:
-    """Write the rule of a film's fish to `folder`, from which `Project.school_rule` loads it."""
-    own = rule.steps
+    """Write how a film's fish swim in a group (zones.json, steps.parquet) to `folder`.
+
+    `Project.school_rule` loads it.
+    """
+    steps = rule.steps
     save_json(folder / "zones.json", {
         "zones": asdict(rule.zones), "horizon_frames": rule.horizon, "alike": rule.alike,
-        "forward": own.forward, "onward": own.onward,
+        "forward": steps.forward, "onward": steps.onward,
     })  # fmt: skip
-    save_table(folder / "steps.parquet", own.to_table(), SOCIAL_STEPS)
+    save_table(folder / "steps.parquet", steps.to_table(), SOCIAL_STEPS)
 
 
 def main() -> None:
-    """Fit the zones of the film's school; write data/calibrate/ and reports/calibrate/."""
+    """Fit the zones in which the film's fish repel, align with and attract each other.
+
+    data/calibrate/ gets the rule, the film's and simulated fish's measures and their comparison,
+    reports/calibrate/ the metrics. With too few fish, no zone is fitted and nothing simulated.
+    """
     p: CalibrateSettings = load_settings("calibrate")
     project = Project()
     features = project.features

@@ -3,7 +3,8 @@
 from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
-from contextlib import nullcontext
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -26,7 +27,7 @@ from stages.reuse import code_digest, key_digest, reuse_or_make
 from stages.settings import load_settings
 
 CLIP = Path("data/clip")
-KEPT = Path("data/.clip.films")  # what was made of each film; DVC does not remove it
+KEPT = Path("data/.clip.films")  # earlier clips of several films; DVC does not remove it
 METRICS, FINDINGS = Path("reports/clip/metrics.json"), Path("data/clip/findings.csv")
 FACTS = (  # among the metrics
     "frames", "width_px", "height_px", "frame_rate_hz", "frames_repeated", "frames_dropped",
@@ -35,7 +36,10 @@ FACTS = (  # among the metrics
 
 
 def main() -> None:
-    """Make the normalised clip of the film; write data/clip/, and metrics to reports/clip/."""
+    """Make the normalised clip of the film or films; write data/clip/, and metrics to reports/.
+
+    What is doubtful in the films is printed and written to data/clip/findings.csv.
+    """
     p: ClipSettings = load_settings("clip")
     films = drop_repeated_films(settings_of_films(p)) if isinstance(p, FootageSettings) else []
     with whole_folder(CLIP) as folder:
@@ -50,32 +54,38 @@ def main() -> None:
 
 
 def settings_of_films(p: FootageSettings) -> list[FootageSettings]:
-    """Return the parameters of each film that a path, pattern, folder or list names, in order."""
+    """Return the parameters of each film that `p.path` names, in order.
+
+    That path can be a file, a pattern, a folder, or a list of them, each with its own parameters.
+    """
     return [
-        replace(of_path, path=str(film))
-        for path, of_path in p.settings_by_path()
+        replace(path_settings, path=str(film))
+        for path, path_settings in p.settings_by_path()
         for film in list_films(path)
     ]
 
 
 def drop_repeated_films(films: list[FootageSettings]) -> list[FootageSettings]:
-    """Return the films without those named twice with equal values; print a warning for each."""
-    taken = dict[FootageSettings, FootageSettings]()
+    """Return the films without repeats, files named twice with equal parameters.
+
+    films: parameters of each film. A warning is printed for each repeat.
+    """
+    first_by_file = dict[FootageSettings, FootageSettings]()
     for film in films:
         key = replace(film, path=str(film.film.resolve()))
-        if key in taken:
-            twice = "twice" if film.path == taken[key].path else f"twice as {taken[key].path}"
+        first = first_by_file.setdefault(key, film)
+        if first is not film:
+            twice = "twice" if film.path == first.path else f"twice as {first.path}"
             print(f"finloop: WARNING: {film.path} is named {twice}, and used once", file=sys.stderr)
-        taken.setdefault(key, film)
-    return list(taken.values())
+    return list(first_by_file.values())
 
 
 def _write_clip(
     p: ClipSettings, source: ClipSource, folder: Path, watch: Watch
 ) -> dict[str, float]:
-    """Write one film's clip to `folder`; return its metrics.
+    """Write one film's clip to `folder`; print notes on it, and return its metrics by name.
 
-    watch: reports progress. FinloopError if the film's file changes meanwhile.
+    watch: opens the report of progress. FinloopError if the film's file changes meanwhile.
     """
     for note in source.facts.notes:
         print(f"finloop: note: {note}", file=sys.stderr)
@@ -86,6 +96,7 @@ def _write_clip(
         print(f"finloop: WARNING: {note}", file=sys.stderr)
     if isinstance(p, FootageSettings):
         refuse_changed_film(p.film, before)
+    # The same sample frames as they come back from the clip, to measure what the coding loses.
     coded = read_chosen_frames(folder / CLIP_NAME, list(tally.samples), colour=facts.colour)
     return {
         **_fact_metrics(facts),
@@ -99,45 +110,59 @@ def _write_clip(
 
 
 def _report_findings(metrics: dict[str, float]) -> None:
-    """Write what is doubtful in the films to data/clip/findings.csv, and print it on stderr."""
+    """Write what is doubtful in the films to data/clip/findings.csv, and print it on stderr.
+
+    metrics: those of the stage, by name; with several films, a film's begin with its name.
+    """
     rows = []
-    for name, _ in list_film_folders(CLIP):
-        prefix = f"{name}_" if name else ""  # of several films
-        repaired = {word for word in REPAIRS if metrics[f"{prefix}mended_{word}"]}
-        now, filmed = (Quality.from_metrics(metrics, prefix + part) for part in ("", "filmed_"))
-        for finding in list_findings(now, filmed, repaired):
+    for name, _ in list_film_folders(CLIP):  # a single film has the name ""
+        prefix, label = (f"{name}_", f"{name}: ") if name else ("", "")
+        repaired = {repair for repair in REPAIRS if metrics[f"{prefix}mended_{repair}"]}
+        quality = Quality.from_metrics(metrics, prefix)
+        quality_as_filmed = Quality.from_metrics(metrics, f"{prefix}filmed_")
+        for finding in list_findings(quality, quality_as_filmed, repaired):
             rows.append({"film": name} | finding.table_row if name else finding.table_row)
-            print(f"finloop: {name + ': ' if name else ''}{finding.terminal_line}", file=sys.stderr)
+            print(f"finloop: {label}{finding.terminal_line}", file=sys.stderr)
     save_csv(FINDINGS, pd.DataFrame(rows), 0)
 
 
 def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]:
-    """Write the clips of several films, a folder each, and join them; return all metrics."""
+    """Write the clips of several films, a folder each below `folder`, and join them to one.
+
+    Return all metrics; those of one film begin with its name. A clip that an earlier run made of
+    the same film is reused. A film that cannot be read is left out, with a warning.
+    """
     code, parts, used = code_digest("clip"), list[FilmPart](), list[str]()
     numbers: dict[str, float] = {}
     named_films = list(zip(unique_film_names(p.film for p in films), films, strict=True))
+
+    def no_progress(*_: object) -> AbstractContextManager[Callable[[], None]]:
+        """Return a context that yields a function which reports nothing: films are counted."""
+        return nullcontext(lambda: None)
+
     with report_progress("clip", len(films), "films") as advance:
         for name, p in named_films:
-            path, home = p.film, Path(FILMS) / name
+            path, clip_folder = p.film, folder / FILMS / name
             parts.append(FilmPart(name, str(path)))
             print(f"finloop: {name} is {path}", file=sys.stderr)
             try:
                 source = open_clip_source(p)
                 key = {"clip": asdict(p), "code": code, "film": read_file_stamps(path)}
-                make = partial(_write_clip, p, source, watch=lambda *_: nullcontext(lambda: None))
+                make = partial(_write_clip, p, source, watch=no_progress)
                 used.append(key_digest(key))
-                of_film = reuse_or_make(KEPT / used[-1], folder / home, make)
-                numbers |= {f"{name}_{key}": value for key, value in of_film.items()}
+                metrics = reuse_or_make(KEPT / used[-1], clip_folder, make)
+                numbers |= {f"{name}_{metric}": value for metric, value in metrics.items()}
             except FinloopError as error:
                 print(f"finloop: WARNING: {name} is left out: {error}", file=sys.stderr)
                 parts[-1] = parts[-1]._replace(error=error.came)
             advance()
     remove_folders_except(KEPT, used)
-    whole = join_clips(folder, parts)
+    joined_facts = join_clips(folder, parts)
     failed = sum(bool(part.error) for part in parts)
-    tank = next(part for part in parts if not part.error)
-    print(f"finloop: the animation uses the tank of {tank.name}", file=sys.stderr)
-    return numbers | _fact_metrics(whole) | {"films": len(films) - failed, "films_left_out": failed}
+    numbers |= _fact_metrics(joined_facts)
+    first_readable = next(part for part in parts if not part.error)
+    print(f"finloop: the animation uses the tank of {first_readable.name}", file=sys.stderr)
+    return numbers | {"films": len(films) - failed, "films_left_out": failed}
 
 
 def _fact_metrics(facts: VideoFacts) -> dict[str, float]:

@@ -14,27 +14,27 @@ APART, PREFIX = Path(".dvc/tmp"), "sweep-"
 
 
 def require_only_one(program: str) -> None:
-    """Raise FinloopError if a study or sweep runs in this folder; remove what killed ones left.
+    """Raise FinloopError if a study or sweep runs here; else remove clones that killed ones left.
 
-    program: the module of the present one, such as "stages.study".
+    program: module of the study or sweep that is about to begin, such as "stages.study".
     """
-    if others := _other_runs():
+    if others := _list_other_runs():
         raise FinloopError(
             f"{', '.join(others)} works in this folder already",
             f"one study or sweep at a time, and not {program} beside it",
             "wait until it ends, or stop it; what it has made is kept",
         )
-    for left in APART.glob(f"{PREFIX}*"):
-        shutil.rmtree(left, ignore_errors=True)
+    for leftover in APART.glob(f"{PREFIX}*"):
+        shutil.rmtree(leftover, ignore_errors=True)
 
 
-def _other_runs() -> list[str]:
-    """Return the studies and sweeps that run in the present folder, each with its process."""
-    own = {os.getpid(), *(parent.pid for parent in psutil.Process().parents())}
+def _list_other_runs() -> list[str]:
+    """Return the other studies and sweeps in the present folder, as "stages.study (process 12)"."""
+    own_processes = {os.getpid(), *(parent.pid for parent in psutil.Process().parents())}
     found = []
     for process in psutil.process_iter(["cmdline", "cwd"]):
         words, folder = process.info["cmdline"] or [], process.info["cwd"]
-        if process.pid in own or not folder or Path(folder) != Path.cwd():
+        if process.pid in own_processes or not folder or Path(folder) != Path.cwd():
             continue
         found += [f"{word} (process {process.pid})" for word in PROGRAMS if word in words]
     return found

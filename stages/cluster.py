@@ -27,7 +27,8 @@ PROCESSES = "FINLOOP_PROCESSES"  # how many processes a stage works on, where th
 def open_workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
     """Yield the workers of a stage: this machine's, or those of the cluster that conf/ names.
 
-    need: modules that workers import first. threads: use threads on this machine, not processes.
+    need: modules that workers import first. threads: on this machine, use threads instead of
+    processes.
     """
     p: ClusterSettings = load_settings("cluster")
     if isinstance(p, DefaultWorkers) and p.scheduler_address is None:
@@ -40,9 +41,8 @@ def open_workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers
         return
     from finloop.cluster.workers import WorkerHome, connect_dask_workers  # loads a compiler
 
-    start = (
-        f"python -m stages.cluster {p.scheduler_address if isinstance(p, DefaultWorkers) else ''}"
-    )
+    address = p.scheduler_address if isinstance(p, DefaultWorkers) else ""
+    start = f"python -m stages.cluster {address}"  # how the user starts a worker, for messages
     home = WorkerHome.from_process(Path.cwd(), start, THREAD_VARIABLES)
     with connect_dask_workers(p, home, THREADS, need) as cluster:
         dashboard = cluster.client.dashboard_link

@@ -33,18 +33,18 @@ OUT = Path("data/code")
 OURS = re.compile(r"(finloop|stages)(\.\w+)+")
 LAZY = "finloop/__init__.py"  # imports lazily
 PROJECT = "finloop/project.py"
-DECLARATIONS = [f"finloop/{settings_file(one)}" for one in GROUPS]
+DECLARATIONS = [f"finloop/{settings_file(group)}" for group in GROUPS]
 BY_NAME = {"stages/params.py": {*DECLARATIONS, "finloop/edit/modes.py"}}
-"""What a file reads without an import: every declaration, and the modes that one names."""
+"""File → files that it reads without an import: the declarations of parameters, and the modes."""
 
 
 def stage_module(stage: str) -> str:
-    """Return the module of a stage of dvc.yaml: "plots-film" gives "stages.plots.film"."""
+    """Return the name of the module of a stage: "plots-film" gives "stages.plots.film"."""
     return f"stages.{stage.replace('-', '.')}"
 
 
 def file_lists() -> dict[str, str]:
-    """Return the list of each stage of finloop's dvc.yaml, by the name of its file."""
+    """Return the texts of data/code/: for each stage <stage>.txt → `file_list_text`."""
     return {f"{stage}.txt": file_list_text(stage) for stage in read_stages()}
 
 
@@ -54,11 +54,12 @@ def file_list_text(stage: str) -> str:
     The files are the modules that the stage imports, directly or indirectly, and the other files in
     their packages. Paths are relative to the root, as everywhere in this module.
     """
-    todo, files = module_files(stage_module(stage)), set[str]()
-    while todo:
-        file = todo.pop()
+    unread, files = module_files(stage_module(stage)), set[str]()
+    while unread:
+        file = unread.pop()
         files.add(file)
-        todo |= imported_files(file) - files
+        unread |= imported_files(file) - files
+    # Those in the packages themselves, finloop/ and stages/, belong to no stage in particular.
     packages = {Path(file).parent for file in files} - {Path("finloop"), Path("stages")}
     files = files.union(*map(_package_data, packages))
     return "".join(f"{hash_file(file)}  {file}\n" for file in sorted(files))
@@ -66,26 +67,29 @@ def file_list_text(stage: str) -> str:
 
 @cache
 def hash_file(file: str) -> str:
-    """Return 16 hexadecimal digits of the SHA-256 of a file."""
+    """Return 16 hexadecimal digits of the SHA-256 of a file, given by its path below the root."""
     return hashlib.sha256((ROOT / file).read_bytes()).hexdigest()[:16]
 
 
 @cache
 def _package_data(package: Path) -> set[str]:
-    """Return a package's files that are not Python, also those in subfolders without modules."""
-    found = set()
+    """Return a package's files that are not Python, also those in subfolders without modules.
+
+    package: its folder. All paths are relative to the root.
+    """
+    files = set()
     for path in (ROOT / package).iterdir():
         if path.is_dir() and path.name != "__pycache__" and not (path / "__init__.py").exists():
-            found |= _package_data(path.relative_to(ROOT))
+            files |= _package_data(path.relative_to(ROOT))
         elif path.is_file() and path.suffix not in (".py", ".pyc"):
-            found.add(path.relative_to(ROOT).as_posix())
-    return found
+            files.add(path.relative_to(ROOT).as_posix())
+    return files
 
 
 def module_files(name: str) -> set[str]:
     """Return the file of a module, by its dotted name, and the __init__.py of packages above it.
 
-    For an unknown name they are those of the packages that exist.
+    Parts of the name for which there is no file are left out.
     """
     parts, files = name.split("."), set()
     for depth in range(1, len(parts) + 1):
@@ -109,19 +113,19 @@ def imported_files(file: str) -> set[str]:
     tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
     if file == PROJECT:
         return files_of_imports(tree.body)
-    found = files_of_imports([*ast.walk(tree)]) | BY_NAME.get(file, set())
-    if PROJECT in found:
+    files = files_of_imports([*ast.walk(tree)]) | BY_NAME.get(file, set())
+    if PROJECT in files:
         members = project_members()
-        todo, used = _members_of(tree, "project") & members.keys(), set[str]()
-        while todo:
-            used.add(name := todo.pop())
-            found |= files_of_imports([*ast.walk(members[name])])
-            todo |= (_members_of(members[name], "self") & members.keys()) - used
-    return found
+        unread, used = _members_of(tree, "project") & members.keys(), set[str]()
+        while unread:
+            used.add(name := unread.pop())
+            files |= files_of_imports([*ast.walk(members[name])])
+            unread |= (_members_of(members[name], "self") & members.keys()) - used
+    return files
 
 
 def files_of_imports(nodes: list[Any]) -> set[str]:
-    """Return the program's files that syntax nodes import, or name in a string constant."""
+    """Return the program's files that syntax nodes (of `ast`) import, or name in a string."""
     names = set[str]()
     for node in nodes:
         if isinstance(node, ast.Import):
@@ -134,18 +138,21 @@ def files_of_imports(nodes: list[Any]) -> set[str]:
 
 
 def _files_of_name(name: str) -> set[str]:
-    """Return the files behind a dotted name: a module, a lazy package, or an object in one."""
-    package, _, part = name.rpartition(".")
-    attached = _lazy_parts(package)
-    modules = {name} | {f"{name}.{module}" for module in _lazy_parts(name).values()}
-    if part in attached:
-        modules.add(f"{package}.{attached[part]}")
+    """Return the files behind a dotted name: a module, a lazy package, or an object in one.
+
+    A lazy package stands for all modules that it offers, an object of it for its module.
+    """
+    package, _, last_part = name.rpartition(".")
+    module_by_object = _lazy_objects(package)
+    modules = {name} | {f"{name}.{module}" for module in _lazy_objects(name).values()}
+    if last_part in module_by_object:
+        modules.add(f"{package}.{module_by_object[last_part]}")
     return set().union(*map(module_files, modules))
 
 
 @cache
-def _lazy_parts(package: str) -> dict[str, str]:
-    """Return name → module for what a package offers by `lazy_loader.attach`; {} without it."""
+def _lazy_objects(package: str) -> dict[str, str]:
+    """Return object → module of what a package offers by `lazy_loader.attach`; {} without it."""
     path = ROOT / package.replace(".", "/") / "__init__.py"
     if not package or not path.is_file():
         return {}
@@ -161,19 +168,22 @@ def _lazy_parts(package: str) -> dict[str, str]:
 
 @cache
 def project_members() -> dict[str, ast.FunctionDef]:
-    """Return the properties and methods of `Project`, name → syntax tree."""
-    body = ast.parse((ROOT / PROJECT).read_text(encoding="utf-8")).body
-    (part,) = (node for node in body if isinstance(node, ast.ClassDef) and node.name == "Project")
-    return {node.name: node for node in part.body if isinstance(node, ast.FunctionDef)}
+    """Return the properties and methods of the class `Project`, name → syntax tree."""
+    nodes = ast.parse((ROOT / PROJECT).read_text(encoding="utf-8")).body
+    (project,) = (
+        node for node in nodes if isinstance(node, ast.ClassDef) and node.name == "Project"
+    )
+    return {node.name: node for node in project.body if isinstance(node, ast.FunctionDef)}
 
 
 def _members_of(tree: ast.AST, owner: str) -> set[str]:
-    """Return the attributes that code uses of an object with the name `owner`.
+    """Return the names of the attributes that code uses of an object with the name `owner`.
 
     For the owner "project" these are x in `project.x`, `a.project.x` and `Project(…).x`.
     """
 
     def object_name(node: ast.AST) -> str:
+        """Return the last name of an expression, or that of the called class in lower case."""
         if isinstance(node, ast.Call):
             return object_name(node.func).lower()
         return getattr(node, "id", getattr(node, "attr", ""))
@@ -183,7 +193,11 @@ def _members_of(tree: ast.AST, owner: str) -> set[str]:
 
 
 def main() -> None:
-    """Write data/code/<stage>.txt for every stage of finloop's dvc.yaml; say which finloop runs."""
+    """Write data/code/<stage>.txt for every stage of finloop's dvc.yaml; print which finloop runs.
+
+    data/code/declared.yaml gets what each stage declares in `meta`: the parameters that it uses and
+    the paths whose digests it notes.
+    """
     print(f"code: {describe_program()}")
     with whole_folder(OUT) as folder:
         for name, text in file_lists().items():

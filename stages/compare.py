@@ -34,12 +34,12 @@ LINE = 160  # characters of the printed table; runs that do not fit stand below 
 
 def _load_parameters(commit: str) -> dict[str, Any]:
     """Return a commit's parameters as `group.key` → value; lists and mappings as JSON texts."""
-    values = yaml.safe_load(run_git("show", f"{commit}:{PARAMS}"))
+    content = yaml.safe_load(run_git("show", f"{commit}:{PARAMS}"))
     return {
-        f"{word}.{key}": value if isinstance(value, int | float | str) else json.dumps(value)
-        for word, group in values.items()
-        if word not in STAMPS
-        for key, value in group.items()
+        f"{group}.{key}": value if isinstance(value, int | float | str) else json.dumps(value)
+        for group, parameters in content.items()
+        if group not in STAMPS  # digests of files, not parameters
+        for key, value in parameters.items()
     }
 
 
@@ -49,47 +49,50 @@ def load_numbers(commits: list[str], stages: list[str]) -> dict[str, dict[str, f
 
     paths = [f"reports/{stage}/metrics.json" for stage in stages]
     with Repo() as repo:
-        shown = repo.metrics.show(targets=paths, revs=commits, on_error="ignore")
-    values = {
-        commit: {
+        metrics_by_commit = repo.metrics.show(targets=paths, revs=commits, on_error="ignore")
+    values: dict[str, dict[str, float]] = {}
+    for commit, metrics in metrics_by_commit.items():
+        values[commit] = {
             f"{Path(path).parent.name}.{key}": value
-            for path, file in found.get("data", {}).items()
+            for path, file in metrics.get("data", {}).items()
             for key, value in file.get("data", {}).items()
         }
-        for commit, found in shown.items()
-    }
-    for commit in commits:  # git keeps all numbers of most stages
-        kept = run_git("ls-tree", "--name-only", commit, *(f"reports/{stage}/" for stage in stages))
-        for path in filter(lambda path: Path(path).name == NUMBERS_NAME, kept.splitlines()):
-            stage = Path(path).parent.name
-            numbers = parse_numbers(run_git("show", f"{commit}:{path}"))
-            values[commit] |= {f"{stage}.{key}": value for key, value in numbers.items()}
+    # Metrics are few; of most stages git has all numbers, too.
+    folders = [f"reports/{stage}/" for stage in stages]
+    for commit in commits:
+        for path in run_git("ls-tree", "--name-only", commit, *folders).splitlines():
+            if Path(path).name == NUMBERS_NAME:
+                stage = Path(path).parent.name
+                numbers = parse_numbers(run_git("show", f"{commit}:{path}"))
+                values[commit] |= {f"{stage}.{key}": value for key, value in numbers.items()}
     return values
 
 
 def write_comparison(names: list[str], measures: list[str], title: str, why: str) -> str:
     """Write reports/compare.html, which compares experiments; return its table as text.
 
-    names: of experiments; none for all of them and the present commit. measures: further
-    `<stage>.<number>`; with names, only their stages have run, and no other number is shown. title,
-    why: heading and text of the page. FinloopError if a name is unknown.
+    names: of experiments; none for all of them and the present commit. measures: numbers
+    `<stage>.<number>` to show beside the usual ones; if both names and measures are given, only the
+    numbers of their stages are read. title, why: heading and text of the page. FinloopError if a
+    name is unknown.
     """
-    listed = find_experiments(names) if names else list_experiments() | {BASE: "HEAD"}
-    commits = {name: run_git("rev-parse", rev).strip() for name, rev in listed.items()}
+    revisions = find_experiments(names) if names else list_experiments() | {BASE: "HEAD"}
+    commits = {name: run_git("rev-parse", rev).strip() for name, rev in revisions.items()}
     keys = [*measures, *(objective.key for objective in OBJECTIVES)]
     stages = {key.partition(".")[0] for key in (measures if names and measures else keys)}
     parameters = {name: _load_parameters(commit) for name, commit in commits.items()}
-    found = load_numbers([*{*commits.values()}], sorted(stages))
-    values = {name: found.get(commit, {}) for name, commit in commits.items()}
+    numbers = load_numbers([*{*commits.values()}], sorted(stages))
+    values = {name: numbers.get(commit, {}) for name, commit in commits.items()}
     table = compare_experiments(pd.DataFrame(parameters).T, pd.DataFrame(values).T, measures)
-    shown = {run: commits[run] for run in table.first_runs}
-    previews = load_previews(shown, choose_mode(measures)) if "animate" in stages else {}
+    # Runs that differ only in their seeds are one column; the first of them is drawn.
+    first_commits = {run: commits[run] for run in table.first_runs}
+    previews = load_previews(first_commits, choose_mode(measures)) if "animate" in stages else {}
     notes = [f"On commit {describe_commit('HEAD')}.", tell_differing_code(commits)]
     page = comparison_page(table, title, [why, *notes], commits, previews)
     save_bytes(OUT, page.encode())
     rows = pd.concat([table.parameters, table.measures.map("{:.4g}".format)], axis=1).T
-    short = {name: commits[run][:8] for name, run in zip(rows, table.first_runs, strict=True)}
-    rows = pd.concat([pd.DataFrame([short], ["commit"]), rows])
+    digests = {name: commits[run][:8] for name, run in zip(rows, table.first_runs, strict=True)}
+    rows = pd.concat([pd.DataFrame([digests], ["commit"]), rows])
     lines = [
         f"{effect.parameter} → {effect.measure}: {effect.verdict}." for effect in table.effects
     ]
@@ -97,7 +100,7 @@ def write_comparison(names: list[str], measures: list[str], title: str, why: str
 
 
 def main() -> None:
-    """Write reports/compare.html and print its table."""
+    """Compare the experiments on the command line: write reports/compare.html, print its table."""
     parser = argparse.ArgumentParser(prog="python -m stages.compare", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="name", help="experiments to compare")
     parser.add_argument(

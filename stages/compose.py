@@ -36,12 +36,12 @@ from stages.settings import CONF, FILES, LOCAL, PARAMS, STAMP, STAMPS, list_prob
 
 
 def compose_params(overrides: list[str]) -> str:
-    """Compose conf/ with overrides; return the text of params.yaml.
+    """Compose the files of conf/ with overrides; return the text of params.yaml.
 
     overrides: in Hydra's syntax, `group.key=value`. FinloopError if one is refused.
     """
-    if quoting := quoting_error(overrides):
-        raise quoting
+    if refusal := quoting_error(overrides):
+        raise refusal
     root = Path.cwd()
     with TemporaryDirectory() as folder:
         output = Path(folder) / PARAMS.name
@@ -67,17 +67,18 @@ def quoting_error(overrides: list[str]) -> FinloopError | None:
     if not wrong:
         return None
     key = rf"[+~]?(?:{'|'.join((*GROUPS, FOLDER))})[.:\w]*"
-    text = re.sub(rf"(?<!\S)({key}) *= *", r"\1=", " ".join(overrides))  # as before the shell
-    text = re.sub(rf"(?<!\S)({'|'.join(GROUPS)}):(?=\w+=)", r"\1.", text)
-    whole = re.split(rf"[ ,](?={key}=)", text)
-    typed = [f"'{text if _is_override(text) else _quote_value(text)}'" for text in whole]
-    in_make = " ".join(typed).replace('"', '\\"')
+    # Undo the shell's splitting, take "group:key=" for "group.key=", and split before each key.
+    typed = re.sub(rf"(?<!\S)({key}) *= *", r"\1=", " ".join(overrides))
+    typed = re.sub(rf"(?<!\S)({'|'.join(GROUPS)}):(?=\w+=)", r"\1.", typed)
+    meant = re.split(rf"[ ,](?={key}=)", typed)
+    quoted = [f"'{text if _is_override(text) else _quote_value(text)}'" for text in meant]
+    for_make = " ".join(quoted).replace('"', '\\"')
     return FinloopError(
         f"{' '.join(wrong)} is no `key=value`: the shell ends it at a space, Hydra at one of "
         "= , : ~ ( ) [ ] { }",
         "a text with such a character in double quotes, and all of it in single quotes",
-        f"dvc exp run {' '.join(f'-S {text}' for text in typed)}\n"
-        f'          or, after make: S="{in_make}"',
+        f"dvc exp run {' '.join(f'-S {text}' for text in quoted)}\n"
+        f'          or, after make: S="{for_make}"',
     )
 
 
@@ -93,12 +94,12 @@ def _is_override(text: str) -> bool:
     name = override.key_or_group.partition(".")[0]
     if override.is_sweep_override():
         key, _, values = text.partition("=")
-        point = re.fullmatch(r"(\d+),(\d+)", values)
+        decimal = re.fullmatch(r"(\d+),(\d+)", values)  # with a comma, as in "0,5"
         raise FinloopError(
             f"{text} has several values",
             "one value; a list stands in brackets: key=[1,2]",
             f'for a run with each value: make sweep S="{text}"'
-            + (f"; for a decimal point: {key}={point[1]}.{point[2]}" if point else ""),
+            + (f"; for a decimal point: {key}={decimal[1]}.{decimal[2]}" if decimal else ""),
         )
     if not name:
         return False  # `key =5`, which the shell has split
@@ -125,7 +126,7 @@ def _is_override(text: str) -> bool:
 
 
 def _quote_value(override: str) -> str:
-    """Return a `key=value` with its value in double quotes, as text."""
+    """Return an override `key=value` with its value in double quotes."""
     key, _, value = override.partition("=")
     return f"{key}={json.dumps(value.strip(chr(34)), ensure_ascii=False)}"
 
@@ -136,16 +137,16 @@ def load_experiment(name: str) -> Experiment:
     FinloopError if there is no such file (the others are listed), or its content is wrong.
     """
     override = f"+{FOLDER}={name}"
-    compose_params([override])  # is it right in itself; and loads the schema of a sweep
+    compose_params([override])  # raises for wrong values, and loads the schema of a sweep
     with initialize_config_dir(str(Path.cwd() / CONF), version_base=None):
-        whole = compose("config", [override], return_hydra_config=True)
-    if whole.hydra.runtime.choices["hydra/sweeper"] != "finloop":
+        config = compose("config", [override], return_hydra_config=True)
+    if config.hydra.runtime.choices["hydra/sweeper"] != "finloop":
         raise FinloopError(
             f"{CONF}/{FOLDER}/{name}.yaml has no sweep",
             "`override /hydra/sweeper: finloop`, and hydra.sweeper.params",
             f"for its values alone: make params S={override}",
         )
-    values = OmegaConf.to_container(whole.hydra.sweeper)
+    values = OmegaConf.to_container(config.hydra.sweeper)
     sweep, problems = check_values(FOLDER, {name: Experiment}, values)
     if sweep is None:
         raise FinloopError(
@@ -166,13 +167,13 @@ def _as_user_error(error: BaseException, overrides: list[str]) -> FinloopError:
         if isinstance(cause, FinloopError):
             return cause
         cause = cause.__cause__ or cause.__context__
-    if found := re.search(r"Could not find '(\w+)/(.+)'", str(error)):
-        return _no_option_error(found[1], found[2], overrides)
-    lines_of = f"{error}\n{error.__cause__ or ''}".partition("Config search path")[0].splitlines()
+    if missing := re.search(r"Could not find '(\w+)/(.+)'", str(error)):
+        return _no_option_error(missing[1], missing[2], overrides)
+    message = f"{error}\n{error.__cause__ or ''}".partition("Config search path")[0]
     # Hydra advises `+key`, which is refused as well.
-    lines = [line.strip() for line in lines_of if line.strip() and not line.startswith("To append")]
+    lines = [line for line in message.splitlines() if not line.startswith("To append")]
     return FinloopError(
-        "\n    ".join(lines),
+        "\n    ".join(line.strip() for line in lines if line.strip()),
         f"keys and values of the groups in {CONF}/",
         f"correct {CONF}/, or the overrides",
     )
@@ -181,14 +182,14 @@ def _as_user_error(error: BaseException, overrides: list[str]) -> FinloopError:
 def _no_option_error(word: str, option: str, overrides: list[str]) -> FinloopError:
     """Return the error that a group has no such option, with the override that was probably meant.
 
-    word, option: as in `word=option`. overrides: those that were composed.
+    word, option: group and option, typed as `word=option`. overrides: all that were composed.
     """
     options = list(variants(word)) if word in GROUPS else []
-    options += sorted(path.stem for path in (CONF / word).glob("*.yaml") if not options)
+    options = options or sorted(path.stem for path in (CONF / word).glob("*.yaml"))
     if word in GROUPS and not (CONF / word / "default.yaml").is_file():
-        near = get_close_matches(option, options, 1, 0.5)
-        do = "type " + " or ".join(f"{word}={one}" for one in near or options)
-        if word == "clip" and re.search(r"[/.~]", option):
+        advised = get_close_matches(option, options, n=1, cutoff=0.5) or options
+        do = "type " + " or ".join(f"{word}={choice}" for choice in advised)
+        if word == "clip" and re.search(r"[/.~]", option):  # a path, not a variant
             do = f"type clip=file {quote_override('clip.path', option)}"
     elif word in GROUPS:
         do = f"type {word}.NAME=VALUE; `make params S=help={word}` prints the names"
@@ -204,8 +205,8 @@ def _no_option_error(word: str, option: str, overrides: list[str]) -> FinloopErr
 def require_composed_params(overrides: list[str]) -> None:
     """Raise FinloopError if params.yaml is not what conf/ composes to with these overrides.
 
-    If params.yaml was composed with a conf/local/ that is missing here, only its values are
-    checked.
+    If params.yaml was composed with a conf/local/ that is missing here, its values are only checked
+    to be in their ranges.
     """
     text = PARAMS.read_text(encoding="utf-8") if PARAMS.is_file() else ""
     values = yaml.safe_load(text) or {}
@@ -215,8 +216,8 @@ def require_composed_params(overrides: list[str]) -> None:
         if problems := list_problems(values):
             raise refusal_error(problems)
         return
-    unstamped = dict.fromkeys(FILES)  # films and tracks may be elsewhere, too
-    if values | unstamped != yaml.safe_load(compose_params(overrides)) | unstamped:
+    no_stamps = dict.fromkeys(FILES)  # the films and tracks may be missing here
+    if values | no_stamps != yaml.safe_load(compose_params(overrides)) | no_stamps:
         raise FinloopError(
             f"{PARAMS} is not the composition of {CONF}/",
             f"the values of {CONF}/ in {PARAMS}",
@@ -225,24 +226,24 @@ def require_composed_params(overrides: list[str]) -> None:
 
 
 def main() -> None:
-    """Write params.yaml, compare it with conf/, or print the parameters of groups."""
+    """Write params.yaml, check it (--check), or print the parameters of groups (help=group)."""
     parser = argparse.ArgumentParser(prog="make params", description=__doc__)
     parser.add_argument("--check", action="store_true")
     parser.add_argument("overrides", nargs="*", metavar="key=value")
     arguments, dashed = parser.parse_known_args()
     if dashed:
-        given = [text.lstrip("-") for text in (*dashed, *arguments.overrides) if text != "-S"]
+        overrides = [text.lstrip("-") for text in (*dashed, *arguments.overrides) if text != "-S"]
         raise FinloopError(
             f"{' '.join(dashed)} is no option of make params",
             "key=value, without -S or dashes",
-            f'make params S="{" ".join(given)}"',
+            f'make params S="{" ".join(overrides)}"',
         )
-    words = [text.removeprefix("help=") for text in arguments.overrides if text[:5] == "help="]
+    groups = [text.removeprefix("help=") for text in arguments.overrides if text[:5] == "help="]
     if arguments.check:
         require_composed_params(arguments.overrides)
-    elif words:
+    elif groups:
         columns = get_terminal_size().columns
-        print("\n\n".join(terminal_table(word, columns, CONF) for word in words))
+        print("\n\n".join(terminal_table(group, columns, CONF) for group in groups))
     else:
         write_params(arguments.overrides)
 

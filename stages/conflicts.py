@@ -16,9 +16,10 @@ Groups = Mapping[str, Mapping[str, Any]]
 
 
 def find_conflicts(values: Groups) -> list[str]:
-    """Return what cannot work in these parameters, each as a sentence with the parameter's name.
+    """Return a sentence for each conflict between parameters, or between one and the named files.
 
-    values: content of params.yaml, in which each value alone is right.
+    values: content of params.yaml, group → name → value, in which each value alone is right. A
+    sentence begins with the parameter's name.
     """
     return [
         *_film_conflicts(values),
@@ -38,20 +39,20 @@ def _film_conflicts(values: Groups) -> Iterator[str]:
         return
     from finloop.io.footage import list_films
 
-    listed = clip["path"] if isinstance(clip["path"], list) else [clip["path"]]
-    for item in listed:
-        own = {"path": item} if isinstance(item, str) else item
+    entries = clip["path"] if isinstance(clip["path"], list) else [clip["path"]]
+    for entry in entries:
+        film_values = {"path": entry} if isinstance(entry, str) else entry
         try:
-            for film in list_films(own["path"]):
-                yield from _film_file_conflicts(film, {**clip, **own}, shortest)
+            for film in list_films(film_values["path"]):
+                yield from _film_file_conflicts(film, {**clip, **film_values}, shortest)
         except FinloopError as error:
             yield f"clip.path: {error.came}; {error.do}"
 
 
 def _film_file_conflicts(film: Path, clip: Mapping[str, Any], shortest: int) -> Iterator[str]:
-    """Yield a sentence if a film is missing or too short; its pictures are not decoded.
+    """Yield a sentence if a film is missing, too short, or lacks a frame rate or its range of time.
 
-    clip: the parameters of this film. shortest: least number of frames.
+    Nothing is decoded. clip: the parameters of this film. shortest: least number of frames.
     """
     from finloop.io.footage.film import open_stream
     from finloop.io.footage.pictures import SUFFIXES
@@ -71,7 +72,7 @@ def _film_file_conflicts(film: Path, clip: Mapping[str, Any], shortest: int) -> 
     else:
         with open_stream(film) as (_, stream):
             frames, rate = stream.frames, rate or stream.average_rate
-    if frames and rate:  # as the file says; the stage counts
+    if frames and rate:  # by the file's head; only the stage `clip` counts frames
         end = frames / float(rate)
         if clip["start_s"] >= end:
             yield f"clip.start_s: {clip['start_s']:g} s, and {film} ends at {end:.4g} s"
@@ -82,7 +83,11 @@ def _film_file_conflicts(film: Path, clip: Mapping[str, Any], shortest: int) -> 
 
 
 def _too_short_text(what: str, frames: int, shortest: int) -> str:
-    """Return the sentence that a film is too short; what: the parameter that names it."""
+    """Return the sentence that a film is too short for tracks.
+
+    what: the parameter that names the film, to begin with. frames: those of the film. shortest:
+    least frames of a track.
+    """
     return (
         f"{what}: {frames} frames, and a track has at least {shortest}; take more film, "
         f"or type extract.min_track_frames={max(2, frames // 2)}"
@@ -90,29 +95,29 @@ def _too_short_text(what: str, frames: int, shortest: int) -> str:
 
 
 def _missing_files(values: Groups) -> Iterator[str]:
-    """Yield a sentence for each file that is named and missing.
+    """Yield a sentence for each file that a parameter names and that does not exist.
 
-    Those that conf/ itself names are in the repository.
+    Files that conf/ names by default are not checked: they are in the repository.
     """
-    limbs = values["gait"]["limbs"] == "regions"
-    named = {
+    uses_regions = values["gait"]["limbs"] == "regions"
+    paths_by_parameter = {
         "clip.arena": values["clip"].get("arena"),
         "extract.tracks_path": values["extract"]["tracks_path"],
         "matching.path": values["matching"]["path"],
         "retarget.tracks": values["retarget"]["tracks"],
-        "gait.regions": values["gait"]["regions"] if limbs else None,
+        "gait.regions": values["gait"]["regions"] if uses_regions else None,
         "gait.walker_drawings": values["gait"]["walker_drawings"],
         "gait.swimmer_drawings": values["gait"]["swimmer_drawings"],
         "gait.swimmer_gait": values["gait"]["swimmer_gait"],
         "morph.first_drawing": values["morph"]["first_drawing"],
         "morph.last_drawing": values["morph"]["last_drawing"],
     }
-    for name, paths in named.items():
-        word, key = name.split(".")
-        if paths == read_conf_values(word, "default").get(key):
+    for name, paths in paths_by_parameter.items():
+        group, key = name.split(".")
+        if paths == read_conf_values(group, "default").get(key):
             continue
         for path in paths if isinstance(paths, list) else [paths]:
-            # A pattern names a file for each of several films.
+            # "track:8" is a track of the film; a pattern names a file for each of several films.
             if isinstance(path, str) and not re.search(r"^track:|[*{]", path):
                 file = Path(path).expanduser()
                 if not file.exists():
@@ -120,7 +125,7 @@ def _missing_files(values: Groups) -> Iterator[str]:
 
 
 def _fish_conflicts(matching: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a sentence if there are fewer fish than paths, or pairs name fish that do not exist.
+    """Yield a sentence if there are fewer fish than paths, or a pair that cannot follow its leader.
 
     matching: the parameters of mode `matching`.
     """
@@ -137,14 +142,14 @@ def _fish_conflicts(matching: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _mode_conflicts(values: Groups) -> Iterator[str]:
-    """Yield a sentence for each stage that shows a retargeted track where none is named."""
+    """Yield a sentence for each stage that is to show a retargeted track when none is named."""
     for stage in ("render", "tank", "export"):
         if values[stage]["mode"] == "retarget" and values["retarget"]["tracks"] is None:
             yield f"{stage}.mode: retarget shows retarget.tracks, which names none"
 
 
 def _goal_conflicts(animate: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a sentence for each goal that is no place in the tank.
+    """Yield a sentence for each goal that is no pair [x, y] or not in the tank, or if none is set.
 
     animate: the parameters of all modes.
     """

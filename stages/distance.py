@@ -23,26 +23,31 @@ SAMPLE = 1000  # pairs measured again in float64
 
 
 def _count_inexact(pairs: pd.DataFrame, reel: Reel, size_px: int, pose: str) -> int:
-    """Recompute SAMPLE stored distances; return how many differ by more than EXACT.
+    """Recompute SAMPLE stored distances in float64; return how many differ by more than EXACT.
 
-    size_px, pose: as the distances were made.
+    pairs: columns i, j (rows of the film) and distance. size_px: side of the pictures compared.
+    pose: whether they show the fish as filmed or turned head right.
     """
     sample, count = pairs.sample(min(SAMPLE, len(pairs)), random_state=0), 0
-    for start in range(0, len(sample), 50):
+    for start in range(0, len(sample), 50):  # 50 at a time, to save memory
         part = sample.iloc[start : start + 50]
-        a, b = (reel.draw_rows(part[end].to_numpy(), size_px, pose).astype(float) for end in "ij")
-        errors = np.abs(paired_distances(a, b) - part["distance"].to_numpy())
+        first = reel.draw_rows(part["i"].to_numpy(), size_px, pose).astype(float)
+        second = reel.draw_rows(part["j"].to_numpy(), size_px, pose).astype(float)
+        errors = np.abs(paired_distances(first, second) - part["distance"].to_numpy())
         count += int((errors > EXACT).sum())
     return count
 
 
 def main() -> None:
-    """Compare the film's frames; write data/distance/, and metrics to reports/distance/."""
+    """Find the pairs of frames that look alike; write data/distance/ and reports/distance/.
+
+    pairs.parquet has the similar pairs, steps/ the distances between successive frames.
+    """
     p: DistanceSettings = load_settings("distance")
     with Project() as project:
         features, reel = project.features, project.film_reel
-        todo = list_map_blocks(features, p)
-        with report_progress("distance", len(todo), "blocks") as advance:
+        blocks = list_map_blocks(features, p)
+        with report_progress("distance", len(blocks), "blocks") as advance:
             pairs, steps, facts = compare_frames(reel, p, advance)
         pairs_inexact = _count_inexact(pairs, reel, p.picture_size_px, p.frame_of_reference)
 
@@ -53,7 +58,7 @@ def main() -> None:
         save_record(folder / "steps/facts.json", facts)
 
     frames = len(steps)
-    count, pairs_computed = frames * (frames - 1) // 2, count_pairs(todo)
+    count, pairs_computed = frames * (frames - 1) // 2, count_pairs(blocks)
     metrics = {
         "frames": frames,
         "film_mapped_pct": 100 * frames / len(features),

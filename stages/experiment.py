@@ -28,7 +28,7 @@ SEEDED = {
     **{f"realism.{mode}": _NETWORK for mode in _MODES},
     "realism.matching": ("forecast", "animate"),
 }
-"""How a measure begins → the stages whose seeds it depends on."""
+"""Beginning of a measure's name → the stages whose seeds the measure depends on."""
 
 
 @dataclass(frozen=True)
@@ -56,18 +56,22 @@ class Experiment:
     goal: str = ""
 
     def __post_init__(self) -> None:
-        """Raise ValueError if a name is unknown, or a parameter has no two different values."""
-        for word in (name.partition(".")[0] for name in (*self.params, *self.measures)):
-            if word not in WORDS:
-                raise ValueError(f"{word} is no stage")
+        """Raise ValueError if a name is unknown, or a parameter has not two different values.
+
+        An interval counts as many values; only Optuna can take one.
+        """
+        for name in (*self.params, *self.measures):
+            stage = name.partition(".")[0]
+            if stage not in WORDS:
+                raise ValueError(f"{stage} is no stage")
         for name, text in self.params.items():
-            word, _, key = name.partition(".")
-            known = [item.name for option in variants(word).values() for item in fields(option)]
+            stage, _, key = name.partition(".")
+            known = [item.name for option in variants(stage).values() for item in fields(option)]
             if key not in known:
-                near = get_close_matches(key, known, 1)
+                near = get_close_matches(key, known, n=1)
                 raise ValueError(
                     f"there is no parameter {name}"
-                    + (f"; did you mean {word}.{near[0]}?" if near else "")
+                    + (f"; did you mean {stage}.{near[0]}?" if near else "")
                 )
             if parse_interval(text):
                 if self.sweeper == "grid":
@@ -84,28 +88,28 @@ class Experiment:
 
     @property
     def stages(self) -> list[str]:
-        """Return the stages whose numbers are compared, each once."""
+        """Return the names of the stages whose numbers are compared, each once."""
         return list(dict.fromkeys(name.partition(".")[0] for name in self.measures))
 
     def list_seeds(self) -> list[str]:
-        """Return the seeds on which the measures depend, `<stage>.seed`, but for a swept one."""
-        words = {
-            word
-            for measure in self.measures
-            for ending, needed in SEEDED.items()
-            for word in needed
-            if measure.startswith(ending)
-        }
-        names = [f"{word}.seed" for word in WORDS if word in words]
+        """Return the names `<stage>.seed` of the seeds on which the measures depend.
+
+        A seed that the sweep itself varies is left out.
+        """
+        seeded: set[str] = set()
+        for beginning, stages in SEEDED.items():
+            if any(measure.startswith(beginning) for measure in self.measures):
+                seeded.update(stages)
+        names = [f"{stage}.seed" for stage in WORDS if stage in seeded]
         return [name for name in names if name not in self.params]
 
     def list_runs(self, name: str, present: Mapping[str, int]) -> dict[str, list[str]]:
         """Return every run of this sweep: name of the run → overrides `key=value`.
 
-        name: of the sweep. present: value of each of `list_seeds`, that of the first run; further
-        ones count up from it. The last parameter varies first and the seed last, so that runs of
-        one value find in the cache what no seed changes. Names end in `-seed0`, `-seed1` … if there
-        are several seeds.
+        name: of the sweep. present: seed parameter → its present value, for each of `list_seeds`;
+        runs with the seed number s use this value + s. The last parameter varies fastest and the
+        seed number slowest, so that later runs of the same values find in the cache what no seed
+        changes. Names end in `-seed0`, `-seed1` … if there are several seeds.
         """
         runs = dict[str, list[str]]()
         for seed in range(self.seeds if present else 1):
@@ -117,39 +121,39 @@ class Experiment:
     def list_run(
         self, name: str, pairs: Mapping[str, str], present: Mapping[str, int], seed: int
     ) -> dict[str, list[str]]:
-        """Return one run of this sweep, as `list_runs` returns all: its name → its overrides.
+        """Return one run of this sweep: name of the run → overrides `key=value`.
 
-        pairs: parameter → value. seed: which of the seeds, from 0.
+        name: of the sweep. pairs: parameter → value. present: seed parameter → its present value.
+        seed: number of the seed, from 0; it is added to each present value.
         """
         ending = [f"seed{seed}"] if present and self.seeds > 1 else []
         # Git allows few other letters in the name of an experiment.
-        words = [re.sub(r"[^\w.+-]+", "_", word) for word in (name, *pairs.values(), *ending)]
-        changes = [f"{key}={value}" for key, value in pairs.items()]
-        return {
-            "-".join(words): changes
-            + [f"{key}={value + seed}" for key, value in present.items() if seed]
-        }
+        parts = [re.sub(r"[^\w.+-]+", "_", part) for part in (name, *pairs.values(), *ending)]
+        overrides = [f"{key}={value}" for key, value in pairs.items()]
+        if seed:
+            overrides += [f"{key}={value + seed}" for key, value in present.items()]
+        return {"-".join(parts): overrides}
 
 
-def parse_sweep(values: str) -> Any:
-    """Return a text such as "0.1, 0.2" or "interval(1, 2)", in Hydra's notation, as an override."""
+def _parse_override(values: str) -> Any:
+    """Return Hydra's override of a parameter to a text such as "0.1, 0.2" or "interval(1, 2)"."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     return OverridesParser.create().parse_override(f"swept={values}")
 
 
 def parse_interval(values: str) -> Any:
-    """Return an interval in Hydra's notation, with `start`, `end` and `tags`; None for values."""
-    override = parse_sweep(values)
+    """Return the interval in a text such as "interval(1, 2)"; None if it has values instead.
+
+    The interval has the attributes `start`, `end` and `tags`.
+    """
+    override = _parse_override(values)
     return override.value() if override.is_interval_sweep() else None
 
 
 def parse_values(values: str) -> Iterator[str]:
-    """Yield the values in a text such as "0.1, 0.2" or "range(1, 4)", in Hydra's notation.
-
-    The values are texts.
-    """
-    override = parse_sweep(values)
+    """Yield each value, as text, in a text such as "0.1, 0.2" or "range(1, 4)"."""
+    override = _parse_override(values)
     if override.is_sweep_override():
         yield from override.sweep_string_iterator()
     else:

@@ -44,15 +44,17 @@ POINTS = ["head_x_px", "head_y_px", "head_confidence", "body_length_px"]
 def _save_films(
     folder: Path, p: ExportSettings, project: Project, drawn: EditSources
 ) -> dict[str, Any]:
-    """Write the animation and the sprites as films with transparency; return their films.json.
+    """Write the animation and each sequence of sprites as films with transparency.
 
-    drawn: the edit list with its tables.
+    drawn: the edit list with its tables. Return the content of films.json: frame rate, scale, size
+    of the tank, and for each film its frames, size, whether it loops, and where it belongs: its
+    left top corner in the tank or, for sprites, the mass centre in the film.
     """
     facts, edit, sprites = project.facts, drawn.edit, project.sprites
     gallery = project.gallery(drawn)
     rate, channels = facts.frame_rate, 3 if facts.colour else 1
     cycles = {word: sprites_of_sequence(sprites, word, gallery) for word in WORDS}
-    made: dict[str, Any] = {}
+    films: dict[str, Any] = {}
 
     def write_film(name: str, pictures: Iterable[Picture], crop: Box, webp_ticks: int) -> None:
         """Write name.webm from all pictures, and name.webp from the first `webp_ticks` of them."""
@@ -65,28 +67,26 @@ def _save_films(
                 if count < webp_ticks:
                     webp.write(picture)
                 advance()
-        made[name] = {"frames": webm.frames, "width_px": shape[1], "height_px": shape[0]}
+        films[name] = {"frames": webm.frames, "width_px": shape[1], "height_px": shape[0]}
 
-    ticks = edit["tick"].nunique()
-    with report_progress(
-        "export", ticks + sum(len(rows) for rows, _ in cycles.values())
-    ) as advance:
+    pictures_to_come = edit["tick"].nunique() + sum(len(steps) for steps, _ in cycles.values())
+    with report_progress("export", pictures_to_come) as advance:
         tank = FishOnlyPainter(facts.height_px, facts.width_px, channels)
         crop = box_of_all_fish(place_ticks(edit, gallery), tank)
         pictures = cut_out_fish(place_ticks(edit, gallery), tank, crop)
         write_film(p.mode, pictures, crop, round(p.webp_seconds * rate))
-        made[p.mode] |= {"left_px": crop.left, "top_px": crop.top, "loops": False}
-        for word, (steps, half) in cycles.items():
-            alone = FishOnlyPainter(2 * half + 1, 2 * half + 1, channels)
-            crop = box_of_all_fish(steps, alone)
-            write_film(word, cut_out_fish(steps, alone, crop), crop, len(steps))
-            made[word] |= {"pivot_x_px": half - crop.left, "pivot_y_px": half - crop.top}
-            made[word] |= {"loops": word not in SIDES}
+        films[p.mode] |= {"left_px": crop.left, "top_px": crop.top, "loops": False}
+        for word, (steps, half) in cycles.items():  # the mass centre is at (half, half)
+            canvas = FishOnlyPainter(2 * half + 1, 2 * half + 1, channels)
+            crop = box_of_all_fish(steps, canvas)
+            write_film(word, cut_out_fish(steps, canvas, crop), crop, len(steps))
+            films[word] |= {"pivot_x_px": half - crop.left, "pivot_y_px": half - crop.top}
+            films[word] |= {"loops": word not in SIDES}
     return {
         "frame_rate_hz": round(float(rate), 4),
         "mm_per_px": facts.mm_per_px,
         "tank": {"width_px": facts.width_px, "height_px": facts.height_px},
-        "films": made,
+        "films": films,
     }
 
 
@@ -95,32 +95,38 @@ def _save_page(
 ) -> None:
     """Write stimulus.html, a page that plays the animation's first `ticks` without a server.
 
-    drawn: the edit list with its tables.
+    folder: for the page. drawn: the edit list with its tables, also with the fish's bodies.
     """
     assert drawn.bodies is not None
     edit = drawn.edit.sort_values(["tick", "fish"], kind="stable")
     rows = list(edit[edit["tick"] < ticks].itertuples(index=False))
     states = drawn_states(rows, drawn.bodies)
-    motion = states.reshape(-1, edit["fish"].nunique(), states.shape[1])
-    pictures = PagePictures(project.gallery(drawn), project.drawn_scale(p.mode)).load_pictures(
-        motion
-    )
+    motion = states.reshape(-1, edit["fish"].nunique(), states.shape[1])  # (ticks, fish, numbers)
+    page_pictures = PagePictures(project.gallery(drawn), project.drawn_scale(p.mode))
+    pictures = page_pictures.load_pictures(motion)
     text = build_standalone_page("finloop", project.rate_hz, project.background, pictures, motion)
     save_bytes(folder / "stimulus.html", text.encode())
 
 
 def animal_names(project: Project, tracks: pd.DataFrame) -> pd.Series:
-    """Return the animal's name for every row of `tracks`: another program's, or `animal_<n>`."""
+    """Return the animal's name for each row of the table of tracks.
+
+    It is the name in another program's tracks if they were given, else `animal_<identity>`.
+    """
     if project.external_tracks is not None:
         return project.external_tracks["animal"]
     identities = project.identities
     digits = len(str(identities["identity"].max()))
-    name = "animal_" + identities["identity"].astype(str).str.zfill(digits)
-    return tracks["track_id"].map(name.set_axis(identities["track_id"]))
+    names = "animal_" + identities["identity"].astype(str).str.zfill(digits)
+    return tracks["track_id"].map(names.set_axis(identities["track_id"]))
 
 
 def main() -> None:
-    """Write the files that other programs read to data/export/, and metrics to reports/export/."""
+    """Write the files that other programs read to data/export/, and metrics to reports/export/.
+
+    They are films with alpha, the sprites' atlas, the edit list, the animals' tracks as poses (CSV,
+    netCDF, NWB) and a page that plays the animation.
+    """
     p: ExportSettings = load_settings("export")
     with Project() as project, whole_folder(OUT) as folder:
         facts, features, sprites = project.facts, project.features[POINTS], project.sprites
@@ -129,21 +135,25 @@ def main() -> None:
         )
         edit, tracks, mm = drawn.edit, drawn.tracks, facts.mm_per_px
         length_px = project.drawn_scale(p.mode) * float(features["body_length_px"].median())
-        least, animals = round(p.tracks_min_s * facts.frame_rate), animal_names(project, tracks)
-        points = keypoints_of_tracks(
-            tracks, features, facts.frames, p.tracks_body_points, least, p.tracks_most, animals
+        least_frames, animals = (
+            round(p.tracks_min_s * facts.frame_rate),
+            animal_names(project, tracks),
         )
-        made = _save_films(folder, p, project, drawn)
-        save_json(folder / "films.json", made)
+        points = keypoints_of_tracks(
+            tracks, features, facts.frames, p.tracks_body_points, least_frames, p.tracks_most,
+            animals,
+        )  # fmt: skip
+        films = _save_films(folder, p, project, drawn)
+        save_json(folder / "films.json", films)
         if stimulus_ticks := round(p.stimulus_seconds * facts.frame_rate):
             _save_page(folder, p, project, drawn, stimulus_ticks)
         for atlas in sorted((project.data / "sprites").glob("atlas-*")):
             shutil.copyfile(atlas, folder / atlas.name)
         if edit["pose"].notna().any():
             shutil.copyfile(project.data / "pose/shapes.json", folder / "shapes.json")
-        listed = add_film_sources(edit, tracks, sprites, mm, length_px)
-        save_csv(folder / f"{p.mode}.csv", flatten_poses(listed), decimals=4, exact=True)
-        save_table(folder / f"{p.mode}.parquet", listed, READABLE)
+        readable_edit = add_film_sources(edit, tracks, sprites, mm, length_px)
+        save_csv(folder / f"{p.mode}.csv", flatten_poses(readable_edit), decimals=4, exact=True)
+        save_table(folder / f"{p.mode}.parquet", readable_edit, READABLE)
         save_csv_in_blocks(folder / "tracks.csv", deeplabcut_tables(points), decimals=3)
         if mm is not None:
             in_mm = replace(points, places=points.places * mm)
@@ -152,7 +162,7 @@ def main() -> None:
             save_netcdf(folder / "tracks.nc", points, facts.frame_rate, mm)
         if p.tracks_nwb:
             save_nwb(folder / "nwb", points, facts.frame_rate, mm)
-    animation = made["films"][p.mode]
+    animation = films["films"][p.mode]
     metrics = {
         "crop_width_px": animation["width_px"],
         "crop_height_px": animation["height_px"],

@@ -33,10 +33,10 @@ from stages.reuse import code_digest, key_digest, reuse_or_make
 from stages.settings import load_settings
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
-# Outside of what DVC removes before it runs the stage: a film in work, and those that are made.
+# DVC removes neither before it runs the stage: results of interrupted runs, and finished films.
 PIECES, KEPT = Path("data/.extract.part"), Path("data/.extract.films")
 LONG = 60  # frames of a long track
-_UNUSED = {
+_REASONS_NOT_USED = {
     "places_no_silhouette": "show no silhouette",
     "places_shared": "share a silhouette",
     "places_not_isolated": "show no isolated animal",
@@ -47,7 +47,10 @@ WORKERS_NEED = ["finloop.extract.film", "finloop.extract.ready", "finloop.io.pie
 
 
 def main() -> None:
-    """Follow every animal of the clip; write data/extract/, and metrics to reports/extract/."""
+    """Follow every animal of the clip; write data/extract/, and metrics to reports/extract/.
+
+    data/extract/ gets background, tracks with backbones, cut-outs, and a row per film in films.csv.
+    """
     settings: ExtractSettings = load_settings("extract")
     with open_workers(WORKERS_NEED) as pool, whole_folder(EXTRACT) as folder:
         if load_readable_parts(CLIP):
@@ -66,7 +69,10 @@ def main() -> None:
 
 
 def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:
-    """Return everything from which the tracks of a clip are made, as plain values by name."""
+    """Return what the tracks of a clip depend on, as plain values by name.
+
+    They are the parameters `p`, the program, the clip in folder `clip`, and given tracks, if any.
+    """
     tracks = Path(p.tracks_path or "").expanduser()
     return {
         "extract": asdict(p), "code": code_digest("extract"), "clip": path_digest(clip),
@@ -77,9 +83,10 @@ def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:
 def _extract_film(
     clip: Path, settings: ExtractSettings, pool: Workers, pieces: Pieces, folder: Path
 ) -> dict[str, float]:
-    """Write the tracks and cut-outs of one clip to `folder`; return its metrics.
+    """Write the tracks and cut-outs of one clip to `folder`; return its metrics by name.
 
-    pieces: results of an interrupted run, which are used.
+    pieces: stored results of an interrupted run, from which this one continues. NoTrackError if no
+    animal can be followed.
     """
     facts = load_facts(clip / FACTS_NAME)
     if pieces.stored_bytes():
@@ -102,19 +109,19 @@ def _extract_film(
 
 
 def describe_given_places(numbers: Mapping[str, float]) -> Iterator[str]:
-    """Yield sentences on how much of a given file of tracks is used.
+    """Yield sentences on how much of another program's file of tracks is used, and why not more.
 
-    numbers: `Extraction.given`, empty where no file is given.
+    numbers: counts of its places and animals, as in `Extraction.given`; empty without such a file.
     """
     if not numbers:
         return
-    why = [f"{numbers['places_used_share']:.1%} of the places in the file of tracks are used"]
-    why += [
-        f"{numbers[name] / max(1, numbers['places']):.1%} {words}"
-        for name, words in _UNUSED.items()
+    parts = [f"{numbers['places_used_share']:.1%} of the places in the file of tracks are used"]
+    parts += [
+        f"{numbers[name] / max(1, numbers['places']):.1%} {reason}"
+        for name, reason in _REASONS_NOT_USED.items()
         if numbers[name]
     ]
-    yield "; ".join(why)
+    yield "; ".join(parts)
     animals, unused = numbers["animals"], numbers["animals"] - numbers["animals_used"]
     if unused:
         yield f"of its {animals:g} animals {unused:g} never have a silhouette of their own"
@@ -125,11 +132,12 @@ def _extract_films(
 ) -> tuple[dict[str, float], list[dict[str, Any]]]:
     """Write the tracks and cut-outs of several films, a folder each, and join them.
 
-    clip: folder of the clips. Returns metrics, and a row of films.csv for each film.
+    clip: folder of the clips. Return metrics, and a row of films.csv for each film. A film that
+    cannot be used is left out, with a warning; a film that an earlier run made is reused.
     """
     numbers, parts = dict[str, float](), load_parts(clip)
     errors = {part.name: part.error for part in parts if part.error}
-    todo = []
+    jobs = []
     for part in parts:
         if part.name not in errors:
             with _leave_out_on_error(part, errors):
@@ -137,16 +145,16 @@ def _extract_films(
                 if settings.tracks_path:
                     path = find_tracks_path(Path(part.path), settings.tracks_path)
                     p = replace(settings, tracks_path=path)
-                todo.append((part, p, key_digest(_track_inputs(clip / FILMS / part.name, p))))
-    remove_folders_except(PIECES, [digest for _, _, digest in todo])
-    for part, p, digest in todo:
-        home = Path(FILMS) / part.name
+                jobs.append((part, p, key_digest(_track_inputs(clip / FILMS / part.name, p))))
+    remove_folders_except(PIECES, [digest for _, _, digest in jobs])
+    for part, p, digest in jobs:
+        film_folder = Path(FILMS) / part.name
         print(f"finloop: {part.name}", file=sys.stderr)
         with _leave_out_on_error(part, errors):
-            make = partial(_extract_film, clip / home, p, pool, Pieces(PIECES / digest))
-            metrics_of_film = reuse_or_make(KEPT / digest, folder / home, make)
-            numbers |= {f"{part.name}_{name}": value for name, value in metrics_of_film.items()}
-    remove_folders_except(KEPT, [digest for _, _, digest in todo])
+            make = partial(_extract_film, clip / film_folder, p, pool, Pieces(PIECES / digest))
+            metrics = reuse_or_make(KEPT / digest, folder / film_folder, make)
+            numbers |= {f"{part.name}_{name}": value for name, value in metrics.items()}
+    remove_folders_except(KEPT, [digest for _, _, digest in jobs])
     contributions = join_extractions(clip, folder, errors)
     numbers["frames"] = load_facts(clip / FACTS_NAME).frames
     numbers["fish_frames"] = sum(item.rows for item in contributions)
@@ -162,7 +170,7 @@ def _extract_films(
 def _leave_out_on_error(part: FilmPart, errors: dict[str, str]) -> Iterator[None]:
     """Run a block for one film; on FinloopError print a warning, note the cause, and continue.
 
-    errors: name of the film → cause; changes.
+    errors: name of the film → cause; gets an entry for a film that fails.
     """
     try:
         yield
@@ -172,7 +180,10 @@ def _leave_out_on_error(part: FilmPart, errors: dict[str, str]) -> Iterator[None
 
 
 def _film_row(contribution: FilmContribution) -> dict[str, Any]:
-    """Return one film's row of films.csv: its rows, tracks, and factors on length and light."""
+    """Return one film's row of films.csv: its rows, tracks, and factors on length and light.
+
+    The factors make its fish as long and as bright as those of the first film.
+    """
     gains = contribution.like.gains or (1.0,)
     return {
         "film": contribution.name,
@@ -185,17 +196,20 @@ def _film_row(contribution: FilmContribution) -> dict[str, Any]:
 
 
 def _extraction_metrics(extraction: Extraction) -> dict[str, float]:
-    """Return the metrics of an extraction: noise, typical fish, verdicts, lengths of tracks."""
+    """Return the metrics of an extraction: noise, typical fish, verdicts, lengths of tracks.
+
+    The verdicts count the silhouettes that are a fish, several fish or none.
+    """
     scene, verdicts, lengths, given, lost = extraction
-    long = [count for count in lengths.values() if count >= LONG]
+    long_tracks = [count for count in lengths.values() if count >= LONG]
     return {
         **{name: value for name, value in asdict(scene).items() if name.endswith(("_grey", "_px"))},
         "silhouettes": verdicts.total(),
         **{f"silhouettes_{v.replace(' ', '_')}": verdicts[v] for v in get_args(Verdict)},
         "fish_frames": lengths.total(),
         "tracks": len(lengths),
-        f"tracks_of_{LONG}_frames": len(long),
-        f"fish_frames_in_tracks_of_{LONG}_frames": sum(long),
+        f"tracks_of_{LONG}_frames": len(long_tracks),
+        f"fish_frames_in_tracks_of_{LONG}_frames": sum(long_tracks),
         "longest_track_frames": max(lengths.values()),
         **given,
         **({"frames_lost": len(lost)} if lost else {}),

@@ -32,20 +32,24 @@ TABLE, REPORT = Path("data/features/features.parquet"), Path("reports/features")
 
 
 def main() -> None:
-    """Measure how each fish swims; write data/features/, and tables and metrics to reports/."""
+    """Measure how each fish swims in each frame; write data/features/ and reports/features/.
+
+    The reports are table1.csv (orientations), fig7.csv (bend and swimming type over time) and the
+    metrics, which are also compared with a drawn film's truth and with given tracks, if any.
+    """
     settings: FeaturesSettings = load_settings("features")
     project = Project()
-    facts, tracks, given = project.facts, project.tracks(USED), project.external_tracks
-    table, backbones = measure_features(tracks, facts.frame_rate_hz, settings, given)
+    facts, tracks, external_tracks = project.facts, project.tracks(USED), project.external_tracks
+    table, backbones = measure_features(tracks, facts.frame_rate_hz, settings, external_tracks)
     save_table(TABLE, table, FEATURES)
 
     delta = infer_delta_frames(table)
     heading, bend = (table[name].to_numpy(float) for name in ("heading_deg", "bend"))
-    limits = choose_turn_thresholds(heading, bend, track_slices(table), delta, settings)
+    thresholds = choose_turn_thresholds(heading, bend, track_slices(table), delta, settings)
     metrics = summarize_features(table) | {
         "delta_s": delta / facts.frame_rate_hz,
-        "turn_threshold_deg": limits.turn_deg,
-        "bend_threshold_body_lengths_2": limits.bend,
+        "turn_threshold_deg": thresholds.turn_deg,
+        "bend_threshold_body_lengths_2": thresholds.bend,
         "current_body_lengths_s": float(table["current"].iloc[0]),
     }
     if metrics["current_body_lengths_s"] and settings.water_current_bl_s == "auto":
@@ -60,8 +64,8 @@ def main() -> None:
         metrics |= metrics_in_mm(table, tank, facts.frame_rate_hz, facts.mm_per_px)
     if (truth := project.data / "clip" / TRUTH_NAME).exists():
         metrics |= compare_with_truth(table, backbones, load_table(truth, TRUTH))
-    if given is not None:
-        metrics |= compare_heads_with_external(tracks, given, facts.frame_rate_hz)
+    if external_tracks is not None:
+        metrics |= compare_heads_with_external(tracks, external_tracks, facts.frame_rate_hz)
     save_csv(REPORT / "table1.csv", orientation_table(table), decimals=3)
     fig7 = rows_of_longest_track(table)[["frame", "motion_area_rel", "swimming_type"]]
     save_csv(REPORT / "fig7.csv", fig7, decimals=4)

@@ -30,8 +30,9 @@ COMMAND = "make film FILM"
 def parse_film_paths(text: str, command: str = COMMAND) -> list[str]:
     """Return the absolute paths in the text of a variable such as FILM.
 
-    command: that has the variable, as it is typed up to the `=`. Paths are separated by spaces,
-    unless the whole text is one path. FinloopError if it names none, or a file is missing.
+    command: what the user types before the `=`, such as `make film FILM`, for messages. Paths are
+    separated by spaces, unless the whole text is one path. FinloopError if the text names none, or
+    a file is missing.
     """
     variable = command.rpartition(" ")[2]
     wanted = (
@@ -59,7 +60,7 @@ def parse_film_paths(text: str, command: str = COMMAND) -> list[str]:
 
 def local_conf_text(films: list[str]) -> str:
     """Return the text of a conf/local/default.yaml that names these films."""
-    # As OmegaConf reads it: `${` would begin the name of another value.
+    # In OmegaConf's notation, in which `${` would begin the name of another value.
     paths = [json.dumps(film.replace("${", "\\${"), ensure_ascii=False) for film in films]
     value = paths[0] if len(paths) == 1 else "[" + ", ".join(paths) + "]"
     return f"""# @package _global_
@@ -75,18 +76,18 @@ clip:
 def name_films(films: list[str], local: Path) -> str:
     """Write the films into the file `local`, conf/local/default.yaml; return a sentence on it.
 
-    A file that names them already stays unchanged. Another file is kept as a backup, unless it
-    contains only what this function wrote.
+    A file that names these films already stays unchanged. Any other content is saved as a backup,
+    unless it is only what this function wrote.
     """
-    before = local.read_text(encoding="utf-8") if local.is_file() else ""
-    films_before = _films_in_local_conf(before)
-    if films_before == films:
+    old_text = local.read_text(encoding="utf-8") if local.is_file() else ""
+    old_films = _films_in_local_conf(old_text)
+    if old_films == films:
         return f"{local} names the film already, and is left as it is"
     note = ""
-    if before and before != local_conf_text(films_before):
+    if old_text and old_text != local_conf_text(old_films):
         backups = (local.with_name(f"{local.name}.before-{number}") for number in count(1))
         backup = next(path for path in backups if not path.exists())
-        save_bytes(backup, before.encode())
+        save_bytes(backup, old_text.encode())
         note = f"; what it held before is kept in {backup}"
     save_bytes(local, local_conf_text(films).encode())
     return f"{local} names the film{note}"
@@ -111,7 +112,7 @@ def show_report(report: Path) -> None:
 
 
 def main() -> None:
-    """Name the film in conf/local/ and write params.yaml; with --report show the report."""
+    """Name the films of FILM in conf/local/, and write params.yaml; or show the report (--report)."""
     if sys.argv[1:] == ["--report"]:
         show_report(REPORT)
         return

@@ -33,12 +33,12 @@ from stages.sweep import failure_lines, run_dvc
 
 FILM, KEPT = Path(".ci/fixture/film.yaml"), Path(".ci/fixture/numbers.csv")
 OUT = Path("reports/fixture")
-BESIDE = ("morph", "gait")  # stages that run beside the others: no other stage needs them
-LEAST = 1e-3  # the relative difference, and half the absolute one, that counts as another number
+SIDE_STAGES = ("morph", "gait")  # stages that run beside the others: no other stage needs them
+TOLERANCE = 1e-3  # largest relative difference, and twice the largest absolute one, of like numbers
 
 
-def read_fixture(path: Path) -> list[str]:
-    """Return the settings of the tiny film, a line of film.yaml each, as overrides."""
+def read_tiny_film(path: Path) -> list[str]:
+    """Return the settings of the tiny film, from the file `path`, as overrides `key=value`."""
     try:
         values = dict(yaml.safe_load(path.read_text(encoding="utf-8")))
     except (OSError, TypeError, ValueError, yaml.YAMLError) as error:
@@ -55,7 +55,8 @@ def read_fixture(path: Path) -> list[str]:
 def compare_numbers(kept: Mapping[str, float], now: Mapping[str, float]) -> list[str]:
     """Return the rows of a Markdown table of the kept numbers that differ; empty if none does.
 
-    kept, now: by name. Whole numbers are compared as they are, others to about three digits.
+    kept, now: numbers by name, of an earlier run and of this one. A number that is missing now
+    differs; new ones are not compared.
     """
     return [
         f"| {name} | {value} | {now.get(name, 'none')} |"
@@ -65,10 +66,13 @@ def compare_numbers(kept: Mapping[str, float], now: Mapping[str, float]) -> list
 
 
 def _is_same(first: float, second: float) -> bool:
-    """Return whether two numbers are the same, but for digits that depend on the processor."""
+    """Return whether two whole numbers are equal, or two others in about three digits.
+
+    Further digits depend on the processor.
+    """
     if isinstance(first, int) and isinstance(second, int):
         return first == second
-    return math.isclose(first, second, rel_tol=LEAST, abs_tol=LEAST / 2)
+    return math.isclose(first, second, rel_tol=TOLERANCE, abs_tol=TOLERANCE / 2)
 
 
 def load_comparable_numbers(folder: Path) -> dict[str, float]:
@@ -77,16 +81,16 @@ def load_comparable_numbers(folder: Path) -> dict[str, float]:
     folder: the workspace of the run. Other numbers differ between processors; DVC caches them.
     """
     stages: dict[str, Any] = yaml.safe_load((folder / "dvc.yaml").read_text("utf-8"))["stages"]
-    return {
-        f"{path.parent.name}.{name}": value
-        for path in _kept_plots(stages)
-        if path.name == NUMBERS_NAME
-        for name, value in load_numbers(folder / path.parent).items()
-    }
+    numbers: dict[str, float] = {}
+    for path in _plots_in_git(stages):
+        if path.name == NUMBERS_NAME:
+            values = load_numbers(folder / path.parent)
+            numbers |= {f"{path.parent.name}.{name}": value for name, value in values.items()}
+    return numbers
 
 
-def _kept_plots(stages: Mapping[str, Any]) -> Iterator[Path]:
-    """Yield the plots that git keeps; stages: those of a dvc.yaml."""
+def _plots_in_git(stages: Mapping[str, Any]) -> Iterator[Path]:
+    """Yield the paths of the plots that git keeps, not DVC's cache; stages: those of a dvc.yaml."""
     for stage in stages.values():
         for plot in stage.get("plots", []):
             for path, options in plot.items() if isinstance(plot, dict) else ():
@@ -95,7 +99,7 @@ def _kept_plots(stages: Mapping[str, Any]) -> Iterator[Path]:
 
 
 def _copy_workspace(folder: Path, cache: Path) -> None:
-    """Copy what git has or would take into a new repository.
+    """Copy the files that git has or would take, without results, into a new repository.
 
     folder: of the copy. cache: the folder of the copy's DVC cache.
     """
@@ -113,11 +117,12 @@ def _copy_workspace(folder: Path, cache: Path) -> None:
     (folder / ".dvc/config.local").write_text(settings, encoding="utf-8")
 
 
-def run_fixture(overrides: list[str]) -> dict[str, float]:
-    """Run the pipeline on the tiny film; return its numbers, and fill the folder `OUT`.
+def run_on_tiny_film(overrides: list[str]) -> dict[str, float]:
+    """Run the pipeline on the tiny film; return its numbers, and write log and report to `OUT`.
 
-    overrides: the film and its settings. FinloopError, with the failed stage's message, if a stage
-    fails.
+    Two copies of the workspace run at the same time and share DVC's cache: the second makes the
+    slow `SIDE_STAGES`, so that the first finds them done. overrides: the film and its settings.
+    FinloopError, with the failed stage's message, if a stage fails.
     """
     APART.mkdir(exist_ok=True)
     with (
@@ -126,15 +131,14 @@ def run_fixture(overrides: list[str]) -> dict[str, float]:
         ThreadPoolExecutor() as pool,
     ):
         first, second = Path(folder) / "first", Path(folder) / "second"
-        for clone in (first, second):
-            _copy_workspace(clone, Path(folder) / "cache")
+        for copy in (first, second):
+            _copy_workspace(copy, Path(folder) / "cache")
         with chdir(first):
             write_params(["~local", *overrides])
         shutil.copyfile(first / PARAMS, second / PARAMS)
-        # What one has made, the other one takes from the cache.
-        beside = pool.submit(run_dvc, "repro", *BESIDE, folder=second)
+        side_run = pool.submit(run_dvc, "repro", *SIDE_STAGES, folder=second)
         succeeds, text = run_dvc("repro", folder=first)
-        beside.result()
+        side_run.result()
         save_bytes(OUT / "dvc.log", text.encode())
         if not succeeds:
             raise FinloopError(
@@ -148,7 +152,10 @@ def run_fixture(overrides: list[str]) -> dict[str, float]:
 
 
 def main() -> None:
-    """Run the tiny film; keep its numbers, or compare them and write the comparison."""
+    """Run the pipeline on the tiny film; keep its numbers (--keep), or compare them with kept ones.
+
+    FinloopError if a number differs.
+    """
     parser = argparse.ArgumentParser(prog="make ci-fixture", description=__doc__)
     parser.add_argument("--keep", action="store_true", help=f"renew the values in {KEPT}")
     keeps = parser.parse_args().keep
@@ -156,17 +163,17 @@ def main() -> None:
         raise FinloopError(
             f"{KEPT} is missing", "the kept numbers", "make ci-fixture S=--keep, and commit it"
         )
-    now = run_fixture(read_fixture(FILM))
+    now = run_on_tiny_film(read_tiny_film(FILM))
     save_numbers(OUT, now)
     if keeps:
         names = load_numbers(KEPT.parent) or now  # all, if no numbers were kept
         save_numbers(KEPT.parent, {name: now[name] for name in names if name in now})
     kept = load_numbers(KEPT.parent)
     rows = compare_numbers(kept, now)
-    head = f"{len(kept)} numbers of the tiny film, {len(rows)} of them not as kept in {KEPT}"
+    summary = f"{len(kept)} numbers of the tiny film, {len(rows)} of them not as kept in {KEPT}"
     table = ["", "| number | kept | now |", "|---|---|---|", *rows] if rows else []
-    save_bytes(OUT / "comparison.md", "\n".join([head, *table, ""]).encode())
-    print(f"fixture: {head}\n{OUT}/index.html is the report.")
+    save_bytes(OUT / "comparison.md", "\n".join([summary, *table, ""]).encode())
+    print(f"fixture: {summary}\n{OUT}/index.html is the report.")
     if rows:
         raise FinloopError(
             "\n    ".join(["numbers differ (kept, now):", *rows[:20]]),

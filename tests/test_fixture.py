@@ -10,7 +10,7 @@ from conftest import ROOT
 import stages.fixture
 from finloop.base.errors import FinloopError
 from finloop.lab.new import make_repository
-from stages.fixture import FILM, KEPT, OUT, compare_numbers, main, read_fixture
+from stages.fixture import FILM, KEPT, OUT, compare_numbers, main, read_tiny_film
 
 WORKFLOWS = Path(".github/workflows")
 
@@ -74,11 +74,11 @@ def test_numbers_differ_by_more_than_a_processor_makes():
 
 def test_a_tiny_film_that_cannot_be_read_is_refused(tmp_path):
     with pytest.raises(FinloopError, match="No such file"):
-        read_fixture(tmp_path / "film.yaml")
+        read_tiny_film(tmp_path / "film.yaml")
     (tmp_path / "film.yaml").write_text("- carp\n")
     with pytest.raises(FinloopError, match=r"clip\.frames: 100"):
-        read_fixture(tmp_path / "film.yaml")
-    assert "clip.colour=false" in read_fixture(ROOT / FILM)
+        read_tiny_film(tmp_path / "film.yaml")
+    assert "clip.colour=false" in read_tiny_film(ROOT / FILM)
 
 
 def triggers(workflow: dict) -> dict:
