@@ -20,10 +20,10 @@ from finloop.report.compare import OBJECTIVES, compare_experiments, comparison_p
 from stages.previews import choose_mode, load_previews
 from stages.repository import (
     describe_commit,
+    describe_differing_code,
     find_experiments,
     list_experiments,
     run_git,
-    tell_differing_code,
 )
 from stages.settings import PARAMS, STAMPS
 
@@ -87,7 +87,7 @@ def write_comparison(names: list[str], measures: list[str], title: str, why: str
     # Runs that differ only in their seeds are one column; the first of them is drawn.
     first_commits = {run: commits[run] for run in table.first_runs}
     previews = load_previews(first_commits, choose_mode(measures)) if "animate" in stages else {}
-    notes = [f"On commit {describe_commit('HEAD')}.", tell_differing_code(commits)]
+    notes = [f"On commit {describe_commit('HEAD')}.", describe_differing_code(commits)]
     page = comparison_page(table, title, [why, *notes], commits, previews)
     save_bytes(OUT, page.encode())
     rows = pd.concat([table.parameters, table.measures.map("{:.4g}".format)], axis=1).T

@@ -112,7 +112,7 @@ def show_report(report: Path) -> None:
 
 
 def main() -> None:
-    """Name the films of FILM in conf/local/, and write params.yaml; or show the report (--report)."""
+    """Name the films of FILM in conf/local/, write params.yaml; or show the report (--report)."""
     if sys.argv[1:] == ["--report"]:
         show_report(REPORT)
         return

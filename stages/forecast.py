@@ -27,12 +27,15 @@ from finloop.project import Project
 from stages.settings import load_settings
 
 OUT, REPORT = Path("data/forecast"), Path("reports/forecast")
-FREE_TICKS = 20_000  # of the fish that swims freely, at most
+FREE_TICKS = 20_000  # most ticks of the fish that only the forecast moves
 CURVE = ["epoch", "train_error", "held_out_error"]
 
 
 def _load_visible(project: Project) -> VisibleDistance:
-    """Return the visible distance between rows, of pictures and poses, from the stage `jumps`."""
+    """Return the object that measures how unlike two rows look, in pictures and poses.
+
+    It maps files of the stage `jumps`.
+    """
     folder, poses = project.data / "jumps", project.poses
     natural = load_record(folder / "facts.json", VisibleFacts, "jumps").natural
     pictures = open_array(folder / "pictures.npy", (len(poses.codes), None, None, None), "uint8")
@@ -40,20 +43,22 @@ def _load_visible(project: Project) -> VisibleDistance:
 
 
 def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[str, float]:
-    """Return RMS errors of the motion area Δ later, in the film's held-out rows, by name.
+    """Return RMS errors of the motion area Δ later (the time in which motion is measured).
 
-    Δ is the time in which motion is measured.
+    They are `area_rmse`, of the model, and `persistence_area_rmse`, of the guess that nothing
+    changes; {} if no held-out row is followed for Δ.
     """
     features, poses, film = project.features, project.poses, project.forecast_states
     rows = parts.held_out[parts.held_out < film.count]
-    rows = rows[film.usable[rows[:, None] + np.arange(film.delta)].all(1)]
+    rows = rows[film.usable[rows[:, None] + np.arange(film.delta)].all(axis=1)]
     if not len(rows):
         return {}
     states, codes = assess.roll_out_means(film, model, rows), poses.codes[rows].copy()
+    # A state is the first pose codes, then the motion; further codes stay those of the row.
     codes[:, : states.shape[1] - MOTION] = states[:, :-MOTION]
-    own = assess.posture_motion_areas(poses.shapes.decode(codes)) / features["motion_area"].max()
+    areas = assess.posture_motion_areas(poses.shapes.decode(codes))
     true = features["motion_area_rel"].to_numpy(float)
-    guesses = {"": own, "persistence_": true[rows]}
+    guesses = {"": areas / features["motion_area"].max(), "persistence_": true[rows]}
     return {
         f"{name}area_rmse": float(np.sqrt(np.mean((guess - true[rows + film.delta]) ** 2)))
         for name, guess in guesses.items()
@@ -61,25 +66,26 @@ def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[st
 
 
 def _measure_forecast(
-    film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator, folder: Path
+    film: FilmStates, sampler: Sampler, parts: Partition, rng: np.random.Generator, folder: Path
 ) -> dict[str, float]:
-    """Measure the forecast on held-out rows, and in a fish that only it moves; write both tables.
+    """Measure the forecast on held-out rows, and in a fish that only the forecast moves.
 
-    swim: samples predictions. Returns numbers by name.
+    sampler: draws predictions. parts: which rows are held out. The tables held_out.parquet and
+    free.parquet are written to `folder`. Return numbers by name.
     """
-    ensemble = assess.predict_ensembles(film, swim, parts, rng)
-    states, rows = swim_freely(swim, min(film.count, FREE_TICKS), rng)
+    ensemble = assess.predict_ensembles(film, sampler, parts, rng)
+    states, rows = swim_freely(sampler, min(film.count, FREE_TICKS), rng)
     save_table(folder / "held_out.parquet", assess.rank_table(ensemble), assess.HELD_OUT)
     save_table(folder / "free.parquet", assess.free_swim_table(states, rows), assess.FREE)
     return {
-        **assess.measure_predictions(film, ensemble, swim, parts),
-        **assess.compare_free_swim(states, rows, film, swim),
-        **assess.measure_control_slopes(swim, film, rng),
+        **assess.measure_predictions(film, ensemble, sampler, parts),
+        **assess.compare_free_swim(states, rows, film, sampler),
+        **assess.measure_control_slopes(sampler, film, rng),
     }
 
 
 def main() -> None:
-    """Train the forecast; write data/forecast/ and reports/forecast/ (curve.csv, metrics).
+    """Train the network that predicts pose and motion; write data/forecast/ and reports/forecast/.
 
     Where the film shows too little there is no model, and data/forecast/ has only reason.json.
     """
@@ -89,14 +95,16 @@ def main() -> None:
         try:
             film = project.forecast_states
             parts = split_held_out(film, p)
-            with (  # half of the time each, in parallel
-                ThreadPoolExecutor(1) as beside,
+            with (  # the graph of similar rows takes half of the time: in parallel
+                ThreadPoolExecutor(1) as executor,
                 report_progress("forecast", p.epochs, "epochs") as advance,
             ):
                 visible = _load_visible(project)
-                similar = beside.submit(build_similarity_graph, film, project.row_looks, visible, p)
+                graph_job = executor.submit(
+                    build_similarity_graph, film, project.row_looks, visible, p
+                )
                 model, curve = train_predictor(film, parts, p, advance)
-                graph = similar.result()
+                graph = graph_job.result()
         except FinloopError as error:
             print(
                 f"forecast: no model, so mode matching predicts nothing: {error}", file=sys.stderr
@@ -106,12 +114,12 @@ def main() -> None:
             save_metrics(REPORT / "metrics.json", {"models": 0})
             return
         save_json(folder / "model.json", model.record())
-        swim, rng = build_sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
+        sampler, rng = build_sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
         # `Project.forecast_sampler` maps these files: similar rows, and the predicted states.
-        save_array(folder / "start.npy", swim.start)
-        save_array(folder / "neighbours.npy", swim.to)
-        save_array(folder / "mean.npy", swim.mean)
-        numbers = _measure_forecast(film, swim, parts, rng, folder)
+        save_array(folder / "start.npy", sampler.start)
+        save_array(folder / "neighbours.npy", sampler.to)
+        save_array(folder / "mean.npy", sampler.mean)
+        numbers = _measure_forecast(film, sampler, parts, rng, folder)
         numbers |= _area_errors(project, model, parts)
     save_csv(REPORT / "curve.csv", curve[CURVE], decimals=4)
     save_metrics(REPORT / "metrics.json", {

@@ -71,7 +71,10 @@ class GaitFit(NamedTuple):
 
 
 def _draw_figures(fit: GaitFit, folder: Path, pictures: Pictures | None) -> None:
-    """Write Figs. 8 to 14 to `folder`; without pictures of a cycle Fig. 8 shows contours."""
+    """Write Figs. 8 to 14 of the curve paper to `folder`.
+
+    pictures: of a cycle, for Fig. 8; None = it shows the contours.
+    """
     film, gait, keys, _ = fit
     samples = sort_into_subcycles(film, gait.split, gait.wavelet, gait.coarse)
     subcycles = build_subcycles(keys, samples, gait.wavelet, gait.coarse)
@@ -82,22 +85,21 @@ def _draw_figures(fit: GaitFit, folder: Path, pictures: Pictures | None) -> None
 def _fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, source: str) -> GaitFit:
     """Fit a gait to the contours of a film, and measure its errors on held-out frames.
 
-    name, source: of the gait. beat: its period.
+    name: of the gait. beat: its period. source: from what it is fitted, in words.
     """
-    basis: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
-    errors = compare_clocks(film, **basis)
-    gait, keys = fit_gait(
-        film, name, float(beat.frequency_hz), **basis, per_scale=p.gamma_per_scale
-    )
+    settings: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
+    errors = compare_clocks(film, **settings)
+    frequency_hz = float(beat.frequency_hz)
+    gait, keys = fit_gait(film, name, frequency_hz, **settings, per_scale=p.gamma_per_scale)
     gait = replace(gait, source=source, confidence=beat.confidence, residuals=errors.rms)
     return GaitFit(film, gait, keys, errors)
 
 
-def fit_outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
-    """Fit a gait to each track of the clip; return the best, and tracks.csv as a table.
+def fit_tracks(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
+    """Fit a gait to the outlines of each track of the clip; return the best fit, and a table.
 
-    The best is that with the clearest tail beat, None if no track has a steady one. The table has a
-    row for each track.
+    The best has the clearest tail beat; it is None if no track has a steady one. The table has a
+    row for each track: its beat, its errors, and why it has no gait.
     """
     project = Project()
     rate, tracks = project.rate_hz, project.tracks(TRACKS)
@@ -105,9 +107,8 @@ def fit_outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
     rows, fits = [], []
     with report_progress("gait", tracks["track_id"].nunique(), "tracks") as advance:
         for number, track in tracks.groupby("track_id"):
-            fish = swim_contours(
-                *track_outlines(track, heads[heads["track_id"] == number]), rate, p.contour_points
-            )
+            outlines = track_outlines(track, heads[heads["track_id"] == number])
+            fish = swim_contours(*outlines, rate, p.contour_points)
             beat, name = fish.period, f"track {number}"
             row = {
                 "track_id": number, "frames": len(track), "frequency_hz": beat.frequency_hz,
@@ -115,9 +116,8 @@ def fit_outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
             }  # fmt: skip
             if not beat.why:
                 try:
-                    fits.append(
-                        _fit_film(swimmer_gait_contours(fish), name, beat, p, f"{name} of the clip")
-                    )
+                    contours = swimmer_gait_contours(fish)
+                    fits.append(_fit_film(contours, name, beat, p, source=f"{name} of the clip"))
                     row |= fits[-1].rms()
                 except FinloopError as error:
                     row["why_not"] = error.came
@@ -129,18 +129,21 @@ def fit_outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
     return best, pd.DataFrame(rows).reindex(columns=columns)
 
 
-def _drawn_dog(p: GaitSettings) -> DogFilm:
-    """Return the drawn dog whose walk is filmed, as the parameters describe it."""
-    size = p.dog_width_px / DogFilm.width_px
+def _dog_film(p: GaitSettings) -> DogFilm:
+    """Return the description of the film of the drawn, walking dog, from the parameters."""
+    scale = p.dog_width_px / DogFilm.width_px
     return DogFilm(
         frames=p.dog_frames, frame_rate_hz=p.dog_rate_hz, cycles=p.dog_cycles,
-        width_px=p.dog_width_px, height_px=round(DogFilm.height_px * size),
-        trunk_px=DogFilm.trunk_px * size, noise=p.dog_noise, seed=p.seed,
+        width_px=p.dog_width_px, height_px=round(DogFilm.height_px * scale),
+        trunk_px=DogFilm.trunk_px * scale, noise=p.dog_noise, seed=p.seed,
     )  # fmt: skip
 
 
-def _film_dog(walk: DogFilm, folder: Path) -> Pictures:
-    """Write the dog's film and its limbs' regions; return pictures and phases of one cycle."""
+def _draw_dog_film(walk: DogFilm, folder: Path) -> Pictures:
+    """Write the film of the drawn dog and the masks of its limbs to `folder`.
+
+    Return pictures (h, w, 3) of one gait cycle, and their phases.
+    """
     rate = Fraction(walk.frame_rate_hz).limit_denominator(1001)
     path = folder / "dog_film.mp4"
     with Mp4Writer(path, (walk.height_px, walk.width_px, 3), rate, CRF) as writer:
@@ -149,15 +152,16 @@ def _film_dog(walk: DogFilm, folder: Path) -> Pictures:
     save_masks(folder / "regions", map(limb_masks, read_frames(path, colour=True)))
     cycle = min(walk.frames, round(walk.frames / walk.cycles))
     ticks = np.unique(np.linspace(0, cycle - 1, FIG8_PICTURES).astype(int))
-    pictures = [picture for k, picture in enumerate(read_frames(path, colour=True)) if k in ticks]
-    return pictures, frame_phases(walk)[ticks]
+    frames = enumerate(read_frames(path, colour=True))
+    return [picture for tick, picture in frames if tick in ticks], frame_phases(walk)[ticks]
 
 
 def _gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[str, float]:
-    """Return the largest errors of γ by name; write the true values into the table of γ.
+    """Return the largest errors of the fitted γ by name; write true values into the table of γ.
 
-    γ says how unevenly a limb moves. Columns filled in: true, of the exact motion; exact, fitted to
-    exact contours; clock, of the foot alone.
+    γ says how unevenly a limb moves from one key pose to the next. Columns filled in: true, of the
+    exact motion; exact, fitted to exact contours; clock, of the foot alone. From |γ| = CLEAR on an
+    error is in % of γ, below it is absolute.
     """
     exact = GaitContours(
         true_limb_contours(walk, EXACT_POINTS), frame_phases(walk), walk.body_length_px, "swap"
@@ -165,28 +169,25 @@ def _gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[s
     exact = replace(exact, offsets=partner_offsets(exact))
     gait, _ = fit_gait(exact, "exact", walk.frequency_hz, split=p.split, wavelet=p.wavelet)
     true = true_gamma(walk)
-    for k, (name, sub) in table[["contour", "subcycle"]].iterrows():
-        if name in true:
-            values = (
-                true[name][sub],
-                gait.gamma[name][sub][0],
-                foot_gammas(walk, name)["AB".index(sub)],
-            )
-            table.loc[k, ["true", "exact", "clock"]] = values
+    for row, (limb, subcycle) in table[["contour", "subcycle"]].iterrows():
+        if limb in true:
+            of_exact = gait.gamma[limb][subcycle][0]
+            of_foot = foot_gammas(walk, limb)["AB".index(subcycle)]
+            table.loc[row, ["true", "exact", "clock"]] = true[limb][subcycle], of_exact, of_foot
     numbers = {}
     clear = table["true"].abs() >= CLEAR
     for name, column in (("exact", "exact"), ("film", "gamma")):
-        off = (table[column] - table["true"]).abs()
-        relative = off / table["true"].abs()
+        error = (table[column] - table["true"]).abs()
+        relative = error / table["true"].abs()
         numbers[f"dog_gamma_error_{name}_pct"] = float(100 * relative[clear].max())
-        numbers[f"dog_gamma_error_{name}_small_gammas"] = float(off[~clear].max())
+        numbers[f"dog_gamma_error_{name}_small_gammas"] = float(error[~clear].max())
     return numbers
 
 
 def _gamma_table(film: str, gait: Gait) -> pd.DataFrame:
-    """Return the gait parameter γ, the mean over scales, with a row per contour and subcycle.
+    """Return a table of the gait parameter γ, the mean over scales, per contour and subcycle.
 
-    film: name for the column film.
+    film: name for the column film. The columns true, exact and clock are NaN, to be filled in.
     """
     rows = [
         (film, name, subcycle, float(np.mean(values)), np.nan, np.nan, np.nan)
@@ -198,10 +199,13 @@ def _gamma_table(film: str, gait: Gait) -> pd.DataFrame:
 
 
 def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]:
-    """Return the gait of filmed limbs, and pictures of a cycle, None for the user's own film."""
+    """Fit the gait of the drawn dog, whose film is written to `folder`, or of given limbs.
+
+    Return the fit, and pictures of a cycle, None for the user's own film.
+    """
     pictures: Pictures | None = None
     if p.limbs == "dog":
-        pictures = _film_dog(_drawn_dog(p), folder)
+        pictures = _draw_dog_film(_dog_film(p), folder)
         regions, rate, name = folder / "regions", p.dog_rate_hz, "dog_walk"
         source = "the film of the drawn dog"
     else:
@@ -220,9 +224,10 @@ def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]
 def _animate_drawing(
     name: str, keys: tuple[str, str], gait: Gait, p: GaitSettings, folder: Path
 ) -> dict[str, float]:
-    """Write a drawing that a gait moves, in all file formats of ENDINGS; return its metrics.
+    """Write a drawing that a gait moves to `folder`, in all file formats of ENDINGS.
 
-    name: of the files. keys: paths of its two key frames.
+    name: of the files. keys: paths of the drawing's two key frames. Return metrics by name: how
+    many contours cross themselves, and how far feet slide, before and after the correction.
     """
     first, second = (load_svg(Path(key)) for key in keys)
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
@@ -232,8 +237,8 @@ def _animate_drawing(
     for ending in ENDINGS:  # a player of MP4 stops at its end, the others begin again
         morph = cycles if ending == ".mp4" else result.morph
         save_animation(folder / f"{name}{ending}", morph, rate, p.size_px)
-    folds = sum(bool(counts.any()) for counts in result.morph.folds.values())
-    numbers: dict[str, float] = {f"{name}_contours_that_fold": folds}
+    folded = sum(bool(counts.any()) for counts in result.morph.folds.values())
+    numbers: dict[str, float] = {f"{name}_contours_that_fold": folded}
     for when, ground in (("before", result.before), ("after", result.after)):
         if ground is not None:
             numbers[f"{name}_feet_slide_{when}_pct"] = 100 * max(ground.slide.values())
@@ -243,7 +248,7 @@ def _animate_drawing(
 def _swimmer_gait(p: GaitSettings, swimmer: GaitFit | None) -> Gait:
     """Return the gait that moves the drawn fish: from a file, or the one fitted to the clip.
 
-    swimmer: that fit, None if the clip has none.
+    swimmer: the fit to the clip; None if no track has one. FinloopError if there is neither.
     """
     if p.swimmer_gait is not None:
         return load_gait(Path(p.swimmer_gait))
@@ -257,11 +262,14 @@ def _swimmer_gait(p: GaitSettings, swimmer: GaitFit | None) -> Gait:
 
 
 def main() -> None:
-    """Fit gaits and move drawings by them; write data/gait/ and reports/gait/."""
+    """Fit gaits to filmed limbs and to the clip's fish, and move drawings by them.
+
+    data/gait/ gets the gaits, the moved drawings and tables, reports/gait/ figures and metrics.
+    """
     p: GaitSettings = load_settings("gait")
     with whole_folder(OUT) as folder:
         walker, pictures = _fit_limbs(p, folder)  # first: most user input, and so most errors
-        swimmer, tracks = fit_outlines(p)
+        swimmer, tracks = fit_tracks(p)
         save_csv(folder / "tracks.csv", tracks, decimals=4)
         fish = _swimmer_gait(p, swimmer)
         fits = {"limbs": walker} | ({"outline": swimmer} if swimmer else {})
@@ -273,7 +281,7 @@ def main() -> None:
         }
         tables = {film: _gamma_table(film, fit.gait) for film, fit in fits.items()}
         if p.limbs == "dog":
-            numbers |= _gamma_errors(_drawn_dog(p), tables["limbs"], p)
+            numbers |= _gamma_errors(_dog_film(p), tables["limbs"], p)
         for film, fit in fits.items():
             names = ("frequency_hz", "confidence", "cycles")
             facts = {name: getattr(fit.gait, name) for name in names} | fit.rms()

@@ -25,7 +25,7 @@ from finloop.project import Project
 from stages.settings import load_settings
 
 REPORT = Path("reports/gateways")
-WORDS = {IN: "into", OUT: "out of"}
+WORDS = {IN: "into", OUT: "out of"}  # a gateway leads from sprites into the film, or out of it
 
 
 def _report_missing(
@@ -33,8 +33,9 @@ def _report_missing(
 ) -> None:
     """Print a note for each direction without a gateway, with the threshold that would give one.
 
-    found: the gateways. nearest: the nearest pairs. step: the natural step. least_deltas: least
-    time in Δ for which film is played.
+    A gateway is a pair of a frame and a sprite that look alike. found: the gateways. nearest: the
+    nearest pairs, however unlike. step: the natural step, distance between successive pictures.
+    least_deltas: least time, in Δ, for which film is played.
     """
     for direction, word in WORDS.items():
         if (found["direction"] == direction).any():
@@ -43,29 +44,34 @@ def _report_missing(
         if distances.empty:
             why = f"no track lasts {least_deltas:g} Δ and one frame more"
         else:
-            most = np.ceil(10 * distances.min() / step + 1e-6) / 10
-            why = f"gateways.distance_threshold={most:.1f} would give some"
+            threshold = np.ceil(10 * distances.min() / step + 1e-6) / 10  # rounded up to 0.1
+            why = f"gateways.distance_threshold={threshold:.1f} would give some"
         print(f"gateways: no gateway {word} the film; {why}", file=sys.stderr)
 
 
 def main() -> None:
-    """Find the gateways; write them and nearest pairs to data/gateways/, and reports/gateways/."""
+    """Find the gateways, pairs of a frame and a sprite between which the animation can change.
+
+    data/gateways/ gets them and, for comparison, the nearest pairs; reports/gateways/ the metrics.
+    """
     settings: GatewaysSettings = load_settings("gateways")
     with Project() as project:
         features, sprites, facts = project.features, project.sprites, project.map_facts
         rate_hz, step = project.rate_hz, facts.step_median
         rows = find_map_rows(features, project.step_distances)
         with report_progress("gateways", len(rows)) as advance:
-            near = measure_sprite_distances(project.reel, rows, facts.size, facts.pose, advance)
-        found = list_gateways(near, sprites, features, step, settings)
+            distances = measure_sprite_distances(
+                project.reel, rows, facts.size, facts.pose, advance
+            )
+        found = list_gateways(distances, sprites, features, step, settings)
         nearest = list_gateways(
-            near, sprites, features, step, replace(settings, distance_threshold=np.inf)
+            distances, sprites, features, step, replace(settings, distance_threshold=np.inf)
         )
     _report_missing(found, nearest, step, settings.least)
     with whole_folder(Path("data/gateways")) as folder:
         save_table(folder / "gateways.parquet", found, GATEWAYS)
         save_table(folder / "nearest.parquet", nearest, GATEWAYS)
-    metrics = gateway_metrics(found, nearest, near, features, rate_hz, step)
+    metrics = gateway_metrics(found, nearest, distances, features, rate_hz, step)
     save_metrics(REPORT / "metrics.json", metrics)
 
 

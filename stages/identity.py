@@ -25,7 +25,10 @@ OUT, REPORT = Path("data/identity"), Path("reports/identity")
 
 
 def main() -> None:
-    """Join tracks of one animal; write data/identity/, and metrics to reports/identity/."""
+    """Find which tracks show the same animal; write data/identity/ and reports/identity/.
+
+    Tracks of another program have names already; else tracks are joined by motion and appearance.
+    """
     p: IdentitySettings = load_settings("identity")
     with Project() as project:
         features, given = project.features, project.external_tracks
@@ -41,9 +44,9 @@ def main() -> None:
 
 
 def _identity_metrics(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, float]:
-    """Return metrics of animals and joins: counts, and lengths of gaps in frames.
+    """Return metrics of animals and of joins between tracks: counts, and gaps in frames.
 
-    table: columns of `IDENTITIES`.
+    table: a row per track: its animal, the track before it (−1: none), and the gap between them.
     """
     joins = table[table["after_track"] >= 0]
     sizes = features.merge(table, on="track_id").groupby("identity").size()
@@ -61,9 +64,10 @@ def _identity_metrics(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, 
 
 
 def _try_joins(film: IdentityEvidence, table: pd.DataFrame) -> dict[str, float]:
-    """Return how confident joins are, and how often artificial gaps are joined right (in %).
+    """Cut tracks artificially; return how often they are joined right and wrong (in %), by name.
 
-    film: what joins are judged by. table: columns of `IDENTITIES`.
+    The joins' own probabilities are returned, too. film: what joins are judged by. table: a row per
+    track, columns of `IDENTITIES`.
     """
     joins = table[table["after_track"] >= 0]
     rng = np.random.default_rng(film.settings.seed)

@@ -29,10 +29,10 @@ WORKERS_NEED = ["finloop.jumps.film", "finloop.project"]
 
 @dataclass
 class StoredFilm:
-    """The film for the workers of `jumps`; the pictures of its n rows lie in the file `path`.
+    """The film for the workers of `jumps`; small pictures of its n rows are in the file `path`.
 
-    It is a `RowSource` of `finloop.jumps.signature`. The pictures have the shape (n, size, size,
-    c). Every process opens the file and the project itself. OSError if the disk is full.
+    The pictures have the shape (n, size, size, c). Every process opens the file and the project
+    itself. It is a `RowSource` of `finloop.jumps.signature`. OSError if the disk is full.
     """
 
     path: Path
@@ -40,7 +40,7 @@ class StoredFilm:
     project: Project
 
     def create(self) -> None:
-        """Create the file of pictures, in the process that will fill it; others only open it."""
+        """Create the file of pictures, still black, in the process that will fill it."""
         shape = picture_array_shape(self.project.film_reel, self.size)
         self._pictures = create_array(self.path, shape, "uint8")
 
@@ -69,7 +69,10 @@ class StoredFilm:
 
 
 def main() -> None:
-    """Find jumps between rows that look and move alike; write data/jumps/ and reports/jumps/."""
+    """Find jumps between rows of the film that look and move alike, also mirrored.
+
+    data/jumps/ gets the jumps, the rows' pictures and looks, reports/jumps/ the metrics.
+    """
     p: JumpsSettings = load_settings("jumps")
     with (
         Project() as project,

@@ -24,10 +24,10 @@ MOST = 100  # files that are kept, those that were used last
 
 @dataclass(frozen=True)
 class KeptResults:
-    """Results of earlier runs, by name.
+    """Results of earlier runs of a stage, by name, such as that of each mode.
 
     folder: where they are; None keeps nothing and has nothing. made_from: digest of what all
-    results are made from. own: name → what that result is made from beside it.
+    results are made from. own: name → what only that result is made from, too.
     """
 
     folder: Path | None
@@ -35,32 +35,35 @@ class KeptResults:
     own: Mapping[str, Any]
 
     def load(self, name: str, kind: str, read: Callable[[Path], Any]) -> Any:
-        """Return a kept result, or None if it is not kept or cannot be read.
+        """Return a kept result as `read` reads it; None if it is not kept or cannot be read.
 
-        kind: the ending of its file, which distinguishes results of one name.
+        kind: the ending of its file, "parquet" or "json".
         """
         if self.folder is None:
             return None
         try:
             result = read(path := self._path(name, kind))
-            os.utime(path)  # it is in use: not among the oldest
+            os.utime(path)  # `save` removes those that were not used for long
             return result
         except (OSError, ValueError, KeyError):
             return None
 
     def save(self, name: str, kind: str, write: Callable[[Path], Any]) -> None:
-        """Keep a result, as `write` writes it to a file; drop those that were not used for long."""
+        """Keep a result, as `write` writes it to a file; drop all but the MOST used last.
+
+        kind: the ending of its file, "parquet" or "json".
+        """
         if self.folder is None:
             return
         self.folder.mkdir(parents=True, exist_ok=True)
         with whole_file(self._path(name, kind)) as part:
             write(part)
-        found = sorted(self.folder.iterdir(), key=lambda path: path.stat().st_mtime)
-        for path in found[:-MOST]:
+        oldest_first = sorted(self.folder.iterdir(), key=lambda path: path.stat().st_mtime)
+        for path in oldest_first[:-MOST]:
             path.unlink(missing_ok=True)
 
     def _path(self, name: str, kind: str) -> Path:
-        """Return the file of a result."""
+        """Return the path of a result's file, named by a digest of what the result is made from."""
         assert self.folder is not None
         key = {"all": self.made_from, "name": name, "own": self.own.get(name)}
         return self.folder / f"{key_digest(key)}.{kind}"
@@ -69,9 +72,9 @@ class KeptResults:
 def open_kept(stage: str, inputs: list[Path], own: Mapping[str, Any]) -> KeptResults:
     """Return the kept results of a stage that are made from the present inputs.
 
-    inputs: files and folders that every result is made from, beside the stage's parameters and
-    program. own: name → what that result is made from beside them. A stage that was not started by
-    DVC may have no data/params/<stage>.yaml; it keeps nothing.
+    inputs: files and folders that every result is made from, as well as the stage's parameters and
+    program. own: name → what only that result is made from, too. Without data/params/<stage>.yaml,
+    as for a stage that DVC did not start, nothing is kept.
     """
     settings = Path(f"data/params/{stage}.yaml")
     if not settings.exists():
@@ -87,14 +90,14 @@ def save_frames(path: Path, frames: list[pd.DataFrame]) -> None:
 
 
 def load_frames(path: Path, count: int) -> list[pd.DataFrame]:
-    """Read `count` data frames that `save_frames` wrote."""
-    whole = pd.read_parquet(path)
-    number = whole.index.get_level_values(0)
-    return [whole[number == place].droplevel(0) for place in range(count)]
+    """Read `count` data frames that `save_frames` wrote, in the same order."""
+    table = pd.read_parquet(path)
+    numbers = table.index.get_level_values(0)
+    return [table[numbers == number].droplevel(0) for number in range(count)]
 
 
 def save_values(path: Path, values: Any) -> None:
-    """Write plain values as JSON, with their exact numbers."""
+    """Write plain values (dictionaries, lists, numbers, text) as JSON, with exact numbers."""
     path.write_text(json.dumps(values), encoding="utf-8")
 
 

@@ -48,18 +48,26 @@ SETTINGS = {  # of Fig. 5: e0, c, rho
 
 
 def _connection_tables() -> pd.DataFrame:
-    """Return Tables 1 and 2 of the curve paper: connection coefficients of two wavelets."""
+    """Return Tables 1 and 2 of the curve paper: connection coefficients of two wavelets.
+
+    They are integrals of products of the wavelet's derivatives, a row for each shift l.
+    """
     parts = []
     for wavelet in TABLES:
-        mu, nu = connection_coefficients(wavelet).mu, connection_coefficients(wavelet).nu
+        coefficients = connection_coefficients(wavelet)
+        mu, nu = coefficients.mu, coefficients.nu
         columns = {"mu_normalised": mu / mu[0], "nu_normalised": nu / nu[0], "mu": mu, "nu": nu}
         rows = pd.DataFrame(columns).round(DECIMALS) + 0.0  # no -0
         parts.append(rows.rename_axis("l").reset_index().assign(wavelet=wavelet))
     return pd.concat(parts)[["wavelet", "l", *columns]]
 
 
-def _release_hoop(p: MorphSettings) -> dict[str, float]:
-    """Draw Figs. 6 and 7 of the curve paper, a bent hoop let go; return the solvers' errors."""
+def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
+    """Draw Figs. 6 and 7 of the curve paper, a bent hoop let go; return the solvers' errors.
+
+    There are errors for this hoop and for one without mass; and the largest rise of the hoop's
+    energy, which should only fall, as a share of the energy in the beginning.
+    """
     outline = next(iter(load_svg(Path(p.hoop)).curves.values()))
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
     radius = np.sqrt(abs(signed_area(outline)) / np.pi)
@@ -71,34 +79,36 @@ def _release_hoop(p: MorphSettings) -> dict[str, float]:
     times = np.linspace(0, 3, 181)
     problem = Problem(rest, shape, material, times, wavelet=p.wavelet)
     exact = solve_motion(problem)
-    material = Material(0.0, 1.0, 1.0, 0.02)
-    massless = Problem(rest, shape, material, np.linspace(0, 1, 61), wavelet=p.wavelet)
-    numbers = {
-        f"{name}_error_{method.replace('-', '_')}": solve_motion(case, method, options).error
-        for name, case, options, methods in (
-            ("hoop", problem, SolverOptions(levels=3), ("runge-kutta", "decoupled")),
-            ("massless", massless, SolverOptions(levels=3, substeps=40), EULER),
-        )
-        for method in methods
-    }
+    no_mass = Material(density=0.0, elastic=1.0, mass_damping=1.0, stiffness_damping=0.02)
+    massless = Problem(rest, shape, no_mass, np.linspace(0, 1, 61), wavelet=p.wavelet)
+    numbers: dict[str, float] = {}
+    for name, case, options, methods in (
+        ("hoop", problem, SolverOptions(levels=3), ("runge-kutta", "decoupled")),
+        ("massless", massless, SolverOptions(levels=3, substeps=40), EULER),
+    ):
+        for method in methods:
+            error = solve_motion(case, method, options).error
+            numbers[f"{name}_error_{method.replace('-', '_')}"] = error
     total = total_energy(problem, exact)
     numbers["hoop_largest_rise_of_energy_share"] = float(np.diff(total).max() / total[0])
     ticks = np.arange(0, 72, 4)
     frames = exact.displacement + rest
     save_figure(FIGURES / "fig6.png", figure6(frames[ticks], times[ticks], rest, "a hoop let go"))
-    few = ticks[::2]
-    coarse = [
-        (count, drop_details(frames[few], p.wavelet, int(np.log2(HOOP_POINTS // count))))
-        for count in CONTROL
-    ]
-    save_figure(
-        FIGURES / "fig7.png", figure7(coarse, times[few], "the same, of few control points")
-    )
+    ticks = ticks[::2]
+    coarse_frames = []
+    for count in CONTROL:
+        levels = int(np.log2(HOOP_POINTS // count))  # each level of details halves the points
+        coarse_frames.append((count, drop_details(frames[ticks], p.wavelet, levels)))
+    title = "the same, of few control points"
+    save_figure(FIGURES / "fig7.png", figure7(coarse_frames, times[ticks], title))
     return numbers
 
 
 def _draw_curves(p: MorphSettings) -> dict[str, float]:
-    """Draw Figs. 2 and 3 of the curve paper; return how much of the stiffness is off-diagonal."""
+    """Draw Figs. 2 and 3 of the curve paper: a letter at several scales, and a stiffness matrix.
+
+    Return how much of the matrix is off its diagonal, in % of its energy, per wavelet and levels.
+    """
     outline = max(glyph_outlines(p.glyph), key=lambda letter: len(letter.points))
     letter: Curve = resample_curve(outline, GLYPH_POINTS)
     save_figure(
@@ -106,16 +116,19 @@ def _draw_curves(p: MorphSettings) -> dict[str, float]:
     )
     k = stiffness_matrix(p.wavelet, 64, 2)
     save_figure(FIGURES / "fig3.png", figure3(k, 2, f"stiffness, {p.wavelet}, two scales"))
-    return {
-        f"off_diagonal_energy_{wavelet}_{levels}_levels_pct": 100
-        * off_diagonal_share(stiffness_matrix(wavelet, 256, levels))
-        for wavelet in dict.fromkeys((*TABLES, p.wavelet))
-        for levels in (1, 2, 3)
-    }
+    numbers: dict[str, float] = {}
+    for wavelet in dict.fromkeys((*TABLES, p.wavelet)):
+        for levels in (1, 2, 3):
+            share = off_diagonal_share(stiffness_matrix(wavelet, 256, levels))
+            numbers[f"off_diagonal_energy_{wavelet}_{levels}_levels_pct"] = 100 * share
+    return numbers
 
 
 def _fold_table(morphs: dict[str, Morph]) -> pd.DataFrame:
-    """Return for each method and contour the frames in which the contour crosses itself."""
+    """Return a table that says, for each method and contour, how often the contour crosses itself.
+
+    morphs: by method. The last column says whether it is proved not to cross between two frames.
+    """
     return pd.DataFrame(
         {"method": method, "contour": name, "frames_that_fold": int((count > 0).sum()),
          "folds": int(count.sum()), "proved_between_frames": result.continuous[name]}
@@ -125,17 +138,17 @@ def _fold_table(morphs: dict[str, Morph]) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Morph a drawing into another; write data/morph/, and figures to reports/morph/."""
+    """Morph a drawing into another, by every method; write data/morph/, and figures to reports/."""
     p: MorphSettings = load_settings("morph")
-    numbers = _draw_curves(p) | _release_hoop(p)
+    numbers = _draw_curves(p) | _draw_released_hoop(p)
     drawings = load_svg(Path(p.first_drawing)), load_svg(Path(p.last_drawing))
     scales = LinearOptions(p.linear_level, p.wavelet)
-    own = PhysicalOptions(p.elasticity, p.damping, p.mass)
+    physics = PhysicalOptions(p.elasticity, p.damping, p.mass)
     with report_progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:
         morphs = {}
         for method in METHODS:
             morphs[method] = morph_drawings(
-                *drawings, method, p.frames, p.contour_points, scales, own
+                *drawings, method, p.frames, p.contour_points, scales, physics
             )
             advance()
         film = there_and_back(morphs[p.method]) if p.back else morphs[p.method]
@@ -144,15 +157,15 @@ def main() -> None:
             for ending in ENDINGS:
                 save_animation(folder / f"{p.method}{ending}", film, rate, p.size_px)
                 advance()
-            tables = _connection_tables()
-            save_csv(folder / "connection.csv", tables, decimals=DECIMALS, exact=True)
+            coefficients = _connection_tables()
+            save_csv(folder / "connection.csv", coefficients, decimals=DECIMALS, exact=True)
             save_csv(folder / "folds.csv", _fold_table(morphs), decimals=0)
     save_picture(FIGURES / "fig4.png", draw_morphs(morphs))
-    swings = {
+    physical_morphs = {
         name: morph_drawings(*drawings, "physical", p.frames, p.contour_points, physics=physics)
         for name, physics in SETTINGS.items()
     }
-    save_picture(FIGURES / "fig5.png", draw_morphs({"linear": morphs["linear"]} | swings))
+    save_picture(FIGURES / "fig5.png", draw_morphs({"linear": morphs["linear"]} | physical_morphs))
     for method, result in morphs.items():
         folded = sum(bool(count.any()) for count in result.folds.values())
         numbers[f"{method}_contours_that_fold"] = folded

@@ -20,15 +20,16 @@ NOTE = "made_from.yaml"
 
 
 def read_stages() -> dict[str, Any]:
-    """Return the stages of finloop's dvc.yaml, name → what it declares."""
+    """Return the stages of finloop's dvc.yaml, name → keys such as cmd, deps, outs and meta."""
     text = (shipped_folder() / "dvc.yaml").read_text(encoding="utf-8")
     return yaml.load(text, yaml.CSafeLoader)["stages"]
 
 
 def output_paths(stage: Mapping[str, Any]) -> list[str]:
     """Return the paths that a stage of dvc.yaml writes, in the order of outs, metrics and plots."""
-    every = [*stage.get("outs", []), *stage.get("metrics", []), *stage.get("plots", [])]
-    return [next(iter(one)) if isinstance(one, dict) else one for one in every]
+    outputs = [*stage.get("outs", []), *stage.get("metrics", []), *stage.get("plots", [])]
+    # An output with options is {path: options}.
+    return [next(iter(output)) if isinstance(output, dict) else output for output in outputs]
 
 
 def note_paths(stage: Mapping[str, Any]) -> list[str]:
@@ -40,9 +41,9 @@ def note_paths(stage: Mapping[str, Any]) -> list[str]:
 
 
 def note_origins(name: str) -> None:
-    """Write made_from.yaml in the first folder that a stage has written, or nothing.
+    """Write made_from.yaml, with digests of `note_paths`, in the first folder that a stage wrote.
 
-    name: of the stage in dvc.yaml. Nothing is written where there is nothing to note.
+    name: of the stage in dvc.yaml. Nothing is written for another name, or without such paths.
     """
     stage = read_stages().get(name, {})
     folder = Path(next(iter(output_paths(stage)), ""))
@@ -53,10 +54,10 @@ def note_origins(name: str) -> None:
 
 def path_digest(path: Path) -> str:
     """Return a digest of a file, or of the names and contents of all files in a folder."""
-    whole = hashlib.sha256()
+    digest = hashlib.sha256()
     for part in sorted(path.rglob("*")) if path.is_dir() else [path]:
         if part.is_file():
             with part.open("rb") as file:
                 content = hashlib.file_digest(file, "sha256").hexdigest()
-            whole.update(f"{part.relative_to(path).as_posix()} {content}\n".encode())
-    return whole.hexdigest()
+            digest.update(f"{part.relative_to(path).as_posix()} {content}\n".encode())
+    return digest.hexdigest()

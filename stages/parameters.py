@@ -30,10 +30,9 @@ between two pictures of a fish that are Δ / 5 apart.
 
 
 def terminal_table(word: str, width: int, conf: Path = CONF) -> str:
-    """Return the parameters of a group as text, `width` characters wide.
+    """Return value, range and meaning of each parameter of a group as text for the terminal.
 
-    word: name of the group. conf: the folder conf/. The text has value, range and meaning of each
-    parameter.
+    word: name of the group. width: of the text, in characters. conf: the folder conf/.
     """
     if word not in GROUPS:
         raise FinloopError(
@@ -64,21 +63,21 @@ def parameters_page(entries: Iterable[ParameterHelp]) -> str:
             "|---|---|---|---|---|\n",
         ]
         for entry in group:
-            named = f"`{entry.name}`", f"`{_format_value(entry)}`"
-            cells = (*named, entry.unit, entry.range, entry.meaning)
+            name_and_value = f"`{entry.name}`", f"`{_format_value(entry)}`"
+            cells = (*name_and_value, entry.unit, entry.range, entry.meaning)
             parts.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n")
     return "".join(parts)
 
 
 def main() -> None:
-    """Print the parameters of groups, or write docs/parameters.md."""
+    """Print the parameters of the groups on the command line, or write docs/parameters.md."""
     parser = argparse.ArgumentParser(prog="python -m stages.parameters", description=__doc__)
     parser.add_argument("--write", action="store_true", help=f"write {PAGE}")
     parser.add_argument("words", nargs="*", help="groups of parameters to print")
-    given = parser.parse_args()
-    if given.write:
+    arguments = parser.parse_args()
+    if arguments.write:
         save_bytes(PAGE, parameters_page(list_parameters()).encode())
-    for word in given.words:
+    for word in arguments.words:
         print(terminal_table(word, shutil.get_terminal_size().columns))
 
 

@@ -47,7 +47,10 @@ def choose_parameters(values: Mapping[str, Any], names: Iterable[str]) -> dict[s
 
 
 def main() -> None:
-    """Check params.yaml; write data/params/, or raise FinloopError with all problems."""
+    """Check params.yaml, and write what each stage depends on to data/params/<stage>.yaml.
+
+    FinloopError lists all wrong parameters.
+    """
     values = read_params()
     if problems := list_problems(values):
         raise refusal_error(problems)

@@ -37,53 +37,56 @@ PICTURES = 2048  # kept in memory, because the film repeats
 def open_modes(project: Project) -> dict[str, Animator]:
     """Open every mode for which the film shows enough; return mode → animator.
 
-    A note on stderr says what each other mode lacks. NothingToUse if no mode is left.
+    For each other mode, a note on stderr says what the film lacks. NothingToUse if no mode is left.
     """
     animators: dict[str, Animator] = {}
-    # A fish that another mode left as a sprite goes on from the row behind it.
+    # Mode `matching` continues a fish that another mode shows as a sprite from the sprite's row.
     options = {"matching": {"sprite_rows": project.sprites["row"].to_numpy()}}
     for mode in MODES:
         try:
             open_mode = import_module(f"stages.modes.{mode}").open_mode
             animators[mode] = open_mode(project, **options.get(mode, {}))
-        except NothingToUse as none:
-            print(f"{mode}: {none.came}", file=sys.stderr)
-            lack = none
+        except NothingToUse as error:
+            print(f"{mode}: {error.came}", file=sys.stderr)
+            last_error = error
     if not animators:
-        raise lack
+        raise last_error
     return animators
 
 
 @contextmanager
 def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView]:
-    """Yield the live tank with its pictures, opened from the stages' results.
+    """Yield the live tank with all that draws it, opened from the stages' results.
 
     mode: of the first fish. fish_count: None = as many as `matching.fish`, or one in a mode of the
-    paper. seed: of the random choices.
+    paper; fewer if the tank has no room. seed: of the random choices.
     """
     p, q = load_settings("animate"), load_settings("render")
     with Project() as project:
         animators = open_modes(project)
         players = {name: animator.player for name, animator in animators.items()}
         first = next(iter(animators.values()))
-        pictures, most = first.pictures, p.fade_steps * first.step
+        pictures, most_unlike = first.pictures, p.fade_steps * first.step
         size, scene = pictures.reel.size, project.scene
         shadow = Shadow(q.shadow_darkness, q.shadow_blur * size * scene.typical_length_px)
         painter = Painter(project.background, shadow=shadow)
         stores = {FRAME: project.cutouts, SPRITE: project.sprite_cutouts}
-        shelved = build_shelves(stores, project.tracks(PLACE), project.sprites)
-        gallery = Gallery(shelved, project.bodies, PICTURES)
+        shelves = build_shelves(stores, project.tracks(PLACE), project.sprites)
+        gallery = Gallery(shelves, project.bodies, PICTURES)
 
         def is_ghost(row: Any) -> bool:
-            """Return whether a cross-fade at this tick would show two very unlike pictures."""
-            return row.mode != "matching" and cross_fade_distance(row, pictures) > most
+            """Return whether a cross-fade would show two pictures too unlike, as a double image.
+
+            row: of an edit list.
+            """
+            return row.mode != "matching" and cross_fade_distance(row, pictures) > most_unlike
 
         if "matching" in players:
             rehearse_paths(players["matching"])
-        usual = 1 if mode in PAPER else min(load_settings("matching").fish, MOST_FISH)
-        wanted = fish_count or usual
-        tank = LiveTank(players, mode, wanted, seed, is_ghost)
-        if len(tank.fish) < wanted:
+        default_count = 1 if mode in PAPER else min(load_settings("matching").fish, MOST_FISH)
+        fish_count_wanted = fish_count or default_count
+        tank = LiveTank(players, mode, fish_count_wanted, seed, is_ghost)
+        if len(tank.fish) < fish_count_wanted:
             print(f"play: the tank has room for {len(tank.fish)} fish", file=sys.stderr)
         yield TankView(tank, painter, gallery)
 

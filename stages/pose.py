@@ -20,13 +20,13 @@ from stages.settings import load_settings
 
 OUT, REPORT = Path("data/pose"), Path("reports/pose")
 OUTLINE = ("outline_x_px", "outline_y_px")
-ROWS = 50_000  # of the table of tracks, at a time
+BLOCK_ROWS = 50_000  # rows of the table of tracks that are in memory at a time
 
 
 def main() -> None:
-    """Compute the pose codes of all rows; write them to data/pose/, and metrics to reports/pose/.
+    """Describe the posture in each row by pose codes; write data/pose/ and reports/pose/.
 
-    Shapes, body forms and outlines are written, too.
+    data/pose/ gets codes, principal shapes, postures and outlines, reports/pose/ the metrics.
     """
     p: PoseSettings = load_settings("pose")
     project = Project()
@@ -35,9 +35,9 @@ def main() -> None:
     with whole_folder(OUT) as folder:
         save_table(folder / "poses.parquet", poses.code_table(features), POSES)
         save_record(folder / "shapes.json", poses.facts)
-        # Equal to the last bit to poses computed from the files.
-        again = restore_poses(features, poses.codes, asdict(poses.facts))
-        save_array(folder / "postures.npy", again.pose.posture)
+        # From rounded codes and facts, so equal to the last bit to what others load from the files.
+        restored = restore_poses(features, poses.codes, asdict(poses.facts))
+        save_array(folder / "postures.npy", restored.pose.posture)
         _save_outlines(folder / "outlines.npy", project)
     explained = 100 * poses.shapes.variance_shares
     numbers = {
@@ -54,10 +54,10 @@ def main() -> None:
 
 
 def _save_outlines(path: Path, project: Project) -> None:
-    """Write the outlines of all n rows to a .npy file, (n, k, 2) float32: k points x, y in px."""
+    """Write the outlines of all rows of the film to a .npy file (rows, points, 2), x, y in px."""
     outlines = create_array(path, (len(project.features), OUTLINE_POINTS, 2), "float32")
     table, first = project.data / "extract/tracks.parquet", 0
-    for axes in read_list_blocks(table, tracks_schema(project.scene.points), OUTLINE, ROWS):
+    for axes in read_list_blocks(table, tracks_schema(project.scene.points), OUTLINE, BLOCK_ROWS):
         outlines[first : first + len(axes[0])] = np.stack(axes, -1)
         first += len(axes[0])
 

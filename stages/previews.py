@@ -32,12 +32,12 @@ from stages.repository import run_git
 SECONDS, WIDTH_PX, CRF = 3.0, 320, 28  # of the film
 MARGIN = 1.5  # around the route in the film, in lengths of the fish as it is drawn
 SHRINK, DPI = 0.5, 96  # of the figure: small, so that its words stay legible
-FOLDERS = ("clip", "extract", "features", "pose", "sprites")
+FOLDERS = ("clip", "extract", "features", "pose", "sprites")  # in data/, that drawing needs
 Digests = tuple[tuple[str, str], ...]  # path, digest of its content in DVC's cache
 
 
 def choose_mode(measures: Sequence[str]) -> str:
-    """Return the mode that most measures `<stage>.<mode>_…` are of; hybrid if none is of a mode."""
+    """Return the mode that most measures `<stage>.<mode>_…` name; hybrid if none names one."""
     counts = {
         mode: sum(name.partition(".")[2].startswith(f"{mode}_") for name in measures)
         for mode in MODES
@@ -46,31 +46,31 @@ def choose_mode(measures: Sequence[str]) -> str:
 
 
 def load_previews(commits: Mapping[str, str], mode: str) -> dict[str, Preview]:
-    """Return picture and film of the animation of each experiment that the cache has.
+    """Draw the animation of each experiment whose results are in DVC's cache.
 
-    commits: experiment → its commit. mode: of the animation.
+    commits: experiment → its commit. mode: of the animation. Return experiment → preview.
     """
     from dvc.repo import Repo  # not at the top: the import takes half a second
 
-    wanted = {name: _list_digests(commit, mode) for name, commit in commits.items()}
-    several = list(dict.fromkeys(filter(None, wanted.values())))
+    digests_by_name = {name: _list_digests(commit, mode) for name, commit in commits.items()}
+    jobs = list(dict.fromkeys(filter(None, digests_by_name.values())))  # equal ones once
     with Repo() as repo:
         cache = Path(repo.cache.local.path)
     draw = partial(_draw_from_cache, cache=cache, mode=mode)
-    with report_progress("films", len(several), "films") as advance:
+    with report_progress("films", len(jobs), "films") as advance:
         drawn: dict[Digests, Preview | None] = {}
         workers = Processes(THREADS)
-        for digests, preview in zip(several, ordered_map(draw, several, workers), strict=True):
+        for digests, preview in zip(jobs, ordered_map(draw, jobs, workers), strict=True):
             drawn[digests] = preview
             advance()
-    found = {name: drawn.get(digests) for name, digests in wanted.items()}
-    return {name: preview for name, preview in found.items() if preview is not None}
+    previews = {name: drawn.get(digests) for name, digests in digests_by_name.items()}
+    return {name: preview for name, preview in previews.items() if preview is not None}
 
 
 def _list_digests(commit: str, mode: str) -> Digests:
     """Return path and digest of all that drawing an animation needs; () if a stage has not run.
 
-    They stand in dvc.lock of the experiment's commit.
+    They are read from dvc.lock in the experiment's commit. mode: of the animation.
     """
     try:
         lock = yaml.load(run_git("show", f"{commit}:dvc.lock"), yaml.CSafeLoader)
@@ -89,7 +89,7 @@ def _list_digests(commit: str, mode: str) -> Digests:
 
 
 def _draw_from_cache(digests: Digests, cache: Path, mode: str) -> Preview | None:
-    """Return the preview of an animation; None if the cache lacks a file, or it shows nothing.
+    """Return the preview of an animation; None if the cache lacks a file, or it cannot be drawn.
 
     digests: of all that drawing needs. cache: folder of DVC's cache. mode: of the animation.
     """
@@ -103,13 +103,17 @@ def _draw_from_cache(digests: Digests, cache: Path, mode: str) -> Preview | None
 
 
 def _link_from_cache(cache: Path, digest: str, target: Path) -> None:
-    """Make `target` a link to a file in DVC's cache, or a folder of such links."""
-    kept = (cache / digest[:2] / digest[2:]).resolve(strict=True)
+    """Make `target` a link to a file in DVC's cache, or a folder of such links.
+
+    cache: its folder. digest: of the file's content, or of a folder's list of files (….dir).
+    FileNotFoundError if the cache lacks one.
+    """
+    cached = (cache / digest[:2] / digest[2:]).resolve(strict=True)
     target.parent.mkdir(parents=True, exist_ok=True)
     if not digest.endswith(".dir"):
-        target.symlink_to(kept)
+        target.symlink_to(cached)
         return
-    for file in json.loads(kept.read_text(encoding="utf-8")):
+    for file in json.loads(cached.read_text(encoding="utf-8")):
         _link_from_cache(cache, file["md5"], target / file["relpath"])
 
 
@@ -123,10 +127,10 @@ def draw_preview(root: Path, mode: str) -> Preview:
         painter, rate = Painter(project.background), project.facts.frame_rate
         shown = drawn.edit[drawn.edit["tick"] < max(1, round(SECONDS * rate))]
         margin_px = MARGIN * project.drawn_scale(mode) * drawn.scene.typical_length_px
-        part = _frame_route(shown, margin_px, painter.frame.shape)
+        part = _crop_to_route(shown, margin_px, painter.frame.shape)
         height, width = painter.frame[part].shape[:2]
-        wide = 2 * (min(WIDTH_PX, width) // 2)
-        size = wide, 2 * max(1, round(height * wide / width / 2))
+        film_width = 2 * (min(WIDTH_PX, width) // 2)  # MP4 needs even sides
+        size = film_width, 2 * max(1, round(height * film_width / width / 2))
         path = root / "preview.mp4"
         shape = size[1], size[0], *painter.frame.shape[2:]
         with Mp4Writer(path, shape, rate, CRF) as writer:
@@ -143,18 +147,18 @@ def draw_preview(root: Path, mode: str) -> Preview:
         return Preview(picture.getvalue(), path.read_bytes())
 
 
-def _frame_route(
+def _crop_to_route(
     edit: pd.DataFrame, margin_px: float, shape: tuple[int, ...]
 ) -> tuple[slice, slice]:
     """Return the rows and columns of a picture that show the whole route, with a margin.
 
-    edit: the edit list. shape: (h, w) of the picture, whose proportions the part has.
+    edit: the edit list. shape: (h, w, …) of the picture; the part has the same proportions.
     """
     place = edit[["y_px", "x_px"]].to_numpy(float)
     low, high = place.min(axis=0) - margin_px, place.max(axis=0) + margin_px
-    whole = np.array(shape[:2])
-    size = np.ceil(whole * min(1.0, float(((high - low) / whole).max()))).astype(int)
-    start = np.clip(np.round((low + high - size) / 2).astype(int), 0, whole - size)
+    full = np.array(shape[:2])
+    size = np.ceil(full * min(1.0, float(((high - low) / full).max()))).astype(int)
+    start = np.clip(np.round((low + high - size) / 2).astype(int), 0, full - size)
     rows, columns = (
         slice(first, first + length) for first, length in zip(start, size, strict=True)
     )

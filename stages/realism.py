@@ -55,7 +55,7 @@ PANEL_PX, CRF = 320, 20  # of the film of examples
 
 @dataclass(frozen=True)
 class GalleryOpener:
-    """A function without arguments that opens the film's pictures, also in another process."""
+    """Opens the film's pictures when it is called; it can be sent to another process."""
 
     project: Project
 
@@ -65,9 +65,9 @@ class GalleryOpener:
 
 
 def _followed_share(followed_ticks: Sized, work: list[Work]) -> float:
-    """Return the share (0 … 1) of the ticks of edit lists in which extraction followed a fish.
+    """Return the share (0 … 1) of the ticks of edit lists in which extraction followed the fish.
 
-    followed_ticks: those with a fish. work: the edit lists.
+    followed_ticks: an entry for each tick with a followed fish. work: the edit lists.
     """
     return len(followed_ticks) / max(1, sum(len(edit) for edit, _ in work))
 
@@ -78,15 +78,15 @@ def measure_swimming(
 ) -> dict[str, Swimming]:  # fmt: skip
     """Draw the edit lists of film and modes, and measure the fish in them by extraction.
 
-    works, instruments: by mode or FILM. kept: feature tables that an earlier run has measured in
-    the same edit lists. Returns the measured swimming by the same names; a name without a followed
-    fish is left out.
+    works, instruments: edit lists, and how to extract the fish from their pictures, by mode or
+    FILM. kept: feature tables of an earlier run. Return the measured swimming by the same names; a
+    name without a followed fish is left out.
     """
     tables = {
         name: kept.load(name, "parquet", partial(load_frames, count=len(work)))
         for name, work in works.items()
     }
-    new = [name for name, measured_before in tables.items() if measured_before is None]
+    new = [name for name, kept_tables in tables.items() if kept_tables is None]
     jobs = [(instruments[name], *job) for name in new for job in works[name]]
     with report_progress("realism", sum(len(edit) for _, edit, _ in jobs), "ticks") as advance:
         results = ordered_map(partial(measure_edit_list, pictures), jobs, pool)
@@ -113,9 +113,9 @@ def measure_swimming(
 def _classify_or_error(
     p: RealismSettings, named_windows: tuple[str, tuple[Windows, Windows]]
 ) -> Verdict | FinloopError:
-    """Return the verdict on one comparison, or the error if it has too few windows.
+    """Return how well a classifier tells two sets of windows apart; the error if they are too few.
 
-    named_windows: name of the comparison, and its two sets of windows.
+    named_windows: name of the comparison, and its two sets of windows, short stretches of swimming.
     """
     try:
         return compare.classify_windows(named_windows[1], p, by_channel=named_windows[0] != AGAIN)
@@ -128,10 +128,11 @@ def classify_all(
 ) -> dict[str, Verdict]:
     """Return the verdict on each comparison that has enough windows; print a note on the others.
 
-    sides: the two sets of windows of each comparison. kept: verdicts of an earlier run.
+    sides: the two sets of windows of each comparison, short stretches of swimming, by its name.
+    kept: verdicts of an earlier run.
     """
-    found = {name: kept.load(name, "json", load_values) for name in sides}
-    verdicts = {name: Verdict.from_values(one) for name, one in found.items() if one}
+    kept_values = {name: kept.load(name, "json", load_values) for name in sides}
+    verdicts = {name: Verdict.from_values(values) for name, values in kept_values.items() if values}
     new = {name: windows for name, windows in sides.items() if name not in verdicts}
     results = ordered_map(partial(_classify_or_error, p), new.items(), pool)
     for name, result in zip(new, results, strict=True):
@@ -146,7 +147,7 @@ def classify_all(
 def _save_film(path: Path, windows: pd.DataFrame, project: Project, slower: int) -> None:
     """Write a film of the examples, each shown twice, `slower` times as slow as filmed.
 
-    windows: columns of `EXAMPLES`.
+    windows: a row per tick of each example, the windows that are most clearly film or animation.
     """
     tank, length = project.background, project.scene.typical_length_px
     shape, rate = (PANEL_PX + examples.WORDS_PX, 2 * PANEL_PX, 3), project.facts.frame_rate
@@ -163,7 +164,7 @@ def _save_report(
 ) -> None:  # fmt: skip
     """Write auc.csv and roc.csv to `folder`, and the metrics to reports/realism/.
 
-    works, measured: the edit lists and the measured swimming, by mode or FILM.
+    verdicts: by comparison. works, measured: edit lists and measured swimming, by mode or FILM.
     """
     save_csv(folder / "auc.csv", compare.verdict_table(verdicts), decimals=4)
     curves = [compute_roc(result.scores).assign(compared=name) for name, result in verdicts.items()]
@@ -180,7 +181,10 @@ def _save_report(
 
 
 def main() -> None:
-    """Test whether animations differ from film; write data/realism/ and reports/realism/."""
+    """Test whether a classifier can distinguish the animations from the film.
+
+    data/realism/ gets its results and examples, also as a film, reports/realism/ the metrics.
+    """
     with Project() as project, open_workers(WORKERS_NEED) as pool:
         _compare_swimming(load_settings("realism"), load_settings("animate"), project, pool)
 
@@ -197,7 +201,10 @@ def build_instrument(project: Project) -> Instrument:
 def _compare_swimming(
     p: RealismSettings, q: AnimateSettings, project: Project, pool: Workers
 ) -> None:
-    """Measure film and animations, classify them, and write data/realism/ and reports/realism/."""
+    """Draw and measure film and animations, classify them; write data/realism/, reports/realism/.
+
+    p, q: the parameters `realism` and `animate`. FinloopError if no fish is followed in the film.
+    """
     rate, features = project.rate_hz, project.features
     works = {
         FILM: sample_film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)

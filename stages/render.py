@@ -31,42 +31,43 @@ def _save_films(
 ) -> list[float]:  # fmt: skip
     """Write the films of an edit list to data/render/; return each frame's change in grey levels.
 
-    advance: reports progress.
+    They are an MP4 and, if desired, one with goals and path, a short WebP, and modes.mp4, which
+    shows all modes side by side. advance: reports progress.
     """
-    shown, ticks = place_ticks(edit, gallery), edit["tick"].nunique()
+    fish_by_tick, ticks = place_ticks(edit, gallery), edit["tick"].nunique()
     rate, background = project.facts.frame_rate, project.background
-    clean, change = Painter(background, shadow=shadow), list[float]()
-    steps = FrameChangeMeter(clean)
-    seen = Painter(background, colour=True, shadow=shadow) if p.marked_film else clean
+    clean, changes = Painter(background, shadow=shadow), list[float]()
+    meter = FrameChangeMeter(clean)
+    marked = Painter(background, colour=True, shadow=shadow) if p.marked_film else clean
     with whole_folder(OUT) as folder, ExitStack() as stack:
         mp4 = Mp4Writer(folder / f"{p.mode}.mp4", clean.frame.shape, rate, p.crf)
         outputs: list[tuple[FilmWriter, Painter, int]] = [(mp4, clean, ticks)]
         if p.marked_film:
-            marks = MarkPainter(seen, edit, project.goals(p.mode))
-            mp4 = Mp4Writer(folder / f"{p.mode}_marked.mp4", seen.frame.shape, rate, p.crf)
-            outputs.append((mp4, seen, ticks))
+            marks = MarkPainter(marked, edit, project.goals(p.mode))
+            mp4 = Mp4Writer(folder / f"{p.mode}_marked.mp4", marked.frame.shape, rate, p.crf)
+            outputs.append((mp4, marked, ticks))
         if webp_ticks := round(p.webp_seconds * rate):
-            how = seen.frame.shape, rate, p.webp_width_px, p.webp_quality
-            outputs.append((WebpWriter(folder / f"{p.mode}.webp", *how), seen, webp_ticks))
+            coding = marked.frame.shape, rate, p.webp_width_px, p.webp_quality
+            outputs.append((WebpWriter(folder / f"{p.mode}.webp", *coding), marked, webp_ticks))
         for writer, _, _ in outputs:
             stack.enter_context(writer)
-        for tick, fish in enumerate(shown):
-            change.append(steps.measure_change(clean.show(*fish)))
+        for tick, fish in enumerate(fish_by_tick):
+            changes.append(meter.measure_change(clean.show(*fish)))
             if p.marked_film:
                 marks.show(tick, *fish)
-            for writer, painter, most in outputs:
-                if tick < most:
+            for writer, painter, ticks_to_write in outputs:
+                if tick < ticks_to_write:
                     writer.write(painter.frame)
             advance()
         if comparison_ticks := round(p.comparison_seconds * rate):
             _save_comparison(folder / "modes.mp4", p, project, comparison_ticks)
-    return change
+    return changes
 
 
 def _save_comparison(path: Path, p: RenderSettings, project: Project, ticks: int) -> None:
     """Write a film that shows one fish of the film and one of every mode side by side.
 
-    ticks: its length, at most.
+    ticks: longest length; the film is as long as the shortest animation or track.
     """
     tracks, edits = project.tracks(PLACES), dict[str, pd.DataFrame]()
     place = tracks[["x_px", "y_px"]].to_numpy(float)
@@ -85,7 +86,10 @@ def _save_comparison(path: Path, p: RenderSettings, project: Project, ticks: int
 
 
 def main() -> None:
-    """Draw the animation as films; write data/render/, and metrics to reports/render/."""
+    """Draw the animation of `render.mode` as films; write data/render/ and reports/render/.
+
+    The metrics say how much a frame differs from the one before, in the animation and in the film.
+    """
     p: RenderSettings = load_settings("render")
     with Project() as project:
         drawn = project.edit_with_sources(p.mode, "render")
@@ -93,10 +97,10 @@ def main() -> None:
         length_px = project.drawn_scale(p.mode) * drawn.scene.typical_length_px
         shadow = Shadow(p.shadow_darkness, p.shadow_blur * length_px)
         with report_progress("render", ticks) as advance:
-            change = _save_films(p, drawn.edit, project, gallery, shadow, advance)
-            natural = film_frame_changes(Painter(project.background), gallery, drawn.tracks)
+            changes = _save_films(p, drawn.edit, project, gallery, shadow, advance)
+            film_changes = film_frame_changes(Painter(project.background), gallery, drawn.tracks)
         duration = {"frames": ticks, "duration_s": ticks / project.rate_hz}
-    save_metrics(REPORT / "metrics.json", frame_change_metrics(change, natural) | duration)
+    save_metrics(REPORT / "metrics.json", frame_change_metrics(changes, film_changes) | duration)
 
 
 if __name__ == "__main__":

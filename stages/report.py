@@ -63,12 +63,13 @@ TABLES = {  # by chapter
 }
 
 
-def _sections(
+def _load_chapters(
     p: ReportSettings,
 ) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], list[Table]]]:
     """Yield each chapter that has pictures: the chapter, its pictures as WebP, its tables."""
 
     def load_webp(figure: Figure) -> WebP:
+        """Load the picture of a figure, and encode it for the page."""
         return encode_webp(
             load_picture(REPORTS / figure.path), p.max_picture_width_px, p.picture_quality
         )
@@ -79,17 +80,17 @@ def _sections(
         pictures = list(zip(figures, coded, strict=True))
         tables = [
             table_of_data_frame(pd.read_csv(path), caption)
-            for name, caption in TABLES.get(chapter.id, ())
-            if (path := Path(name)).is_file()
+            for path, caption in TABLES.get(chapter.id, ())
+            if Path(path).is_file()
         ]
         if pictures:
             yield chapter, pictures, tables
 
 
 def _describe_film(facts: VideoFacts, source: str, features: Mapping[str, float]) -> str:
-    """Return a sentence or two on the film: origin, frames, size, and lengths where known.
+    """Return sentences on the film: origin, frames, size, and lengths in mm where known.
 
-    source: the variant of the clip. features: numbers of the stage `features`.
+    source: where the clip is from, a key of SOURCES. features: numbers of the stage `features`.
     """
     fish = f", {features['fish_frames']:,} pictures of fish" if features else ""
     size = f"{facts.width_px}×{facts.height_px} px at {facts.frame_rate_hz:.4g} Hz"
@@ -107,7 +108,10 @@ def _describe_film(facts: VideoFacts, source: str, features: Mapping[str, float]
 
 
 def _describe_animation(mode: str, marks: bool) -> str:
-    """Return the text below the report's film; marks: whether goals and path are drawn in it."""
+    """Return the text below the report's film, the animation.
+
+    mode: of the animation, or "retarget". marks: whether goals and path are drawn in the film.
+    """
     if mode == "retarget":
         does, shown = "The fish swims as another animal did", "The line is its path"
     else:
@@ -117,32 +121,34 @@ def _describe_animation(mode: str, marks: bool) -> str:
 
 
 def main() -> None:
-    """Write reports/index.html, the page of all results, and metrics to reports/report/."""
+    """Write reports/index.html, the page of all results, and metrics to reports/report/.
+
+    FinloopError if the page would be larger than `report.max_page_mb`.
+    """
     p: ReportSettings = load_settings("report")
-    values = read_params()
-    values = {word: values[word] for word in WORDS}  # what results depend on
+    params = read_params()
+    values = {word: params[word] for word in WORDS}  # without groups on which no result depends
     mode, source = values["render"]["mode"], values["clip"]["source"]
     marked_film = RENDER / f"{mode}_marked.mp4"
     film_path = marked_film if marked_film.is_file() else RENDER / f"{mode}.mp4"
     film, poster = load_film_below_size(film_path, round(p.max_film_mb * 1e6))
-    beside: dict[str, Any] = {"beside": "", "modes": list(MODES.values())}
+    comparison: dict[str, Any] = {"beside": "", "modes": list(MODES.values())}
     if (RENDER / "modes.mp4").is_file():
         panels, first = load_film_below_size(RENDER / "modes.mp4", round(p.max_film_mb * 1e6 / 2))
-        beside |= {
+        comparison |= {
             "beside": data_uri("video/mp4", panels),
             "beside_poster": encode_webp(first, p.max_picture_width_px, p.picture_quality),
         }
     numbers = {word: load_numbers(REPORTS / word) for word in values if word != "report"}
-    chapters, changes = list(_sections(p)), list_overrides(values)
-    differ = {change.partition("=")[0] for change in changes}
-    parameters = {  # of each group: (name, value, is it another than in conf/)
-        word: [
-            (key, json.dumps(value).strip('"'), f"{word}.{key}" in differ or word in differ)
-            for key, value in group.items()
+    chapters, changes = list(_load_chapters(p)), list_overrides(values)
+    changed = {change.partition("=")[0] for change in changes}
+    parameters = {}  # group → (name, value, whether it is another than in conf/)
+    for group, settings in values.items():
+        parameters[group] = [
+            (key, json.dumps(value).strip('"'), bool({f"{group}.{key}", group} & changed))
+            for key, value in settings.items()
         ]
-        for word, group in values.items()
-    }
-    page = beside | {
+    page = comparison | {
         "title": "A fish, filmed once and steered for ever",
         "facts": _describe_film(load_facts(CLIP / FACTS_NAME), source, numbers["features"]),
         "film": data_uri("video/mp4", film),
@@ -160,7 +166,7 @@ def main() -> None:
             ".venv/bin/dvc exp run" + "".join(f" -S '{change}'" for change in changes),
             "xdg-open reports/index.html",
         ],
-        "numbers": [headline_table(part, word) for word, part in numbers.items() if part],
+        "numbers": [headline_table(part, stage) for stage, part in numbers.items() if part],
         "licence": SOURCES[source][1],
     }
     text = render_template("report.html.j2", page).encode()

@@ -19,9 +19,9 @@ _GIT_ADVICE = (  # what git says, what is wanted, what to do
 
 
 def run_git(*arguments: str, folder: Path | None = None) -> str:
-    """Run a git command; return its output, or raise FinloopError with git's message.
+    """Run git with these arguments; return its output, or raise FinloopError with git's message.
 
-    folder: in which it runs, None for the present one.
+    folder: where it runs, None for the present folder.
     """
     process = subprocess.run(
         ["git", *arguments], cwd=folder, capture_output=True, text=True, check=False
@@ -29,10 +29,10 @@ def run_git(*arguments: str, folder: Path | None = None) -> str:
     if process.returncode:
         message = process.stderr.strip()
         advice = "a repository that git can read and write", "correct what git names"
-        for text, *known in _GIT_ADVICE:
+        for text, wanted, do in _GIT_ADVICE:
             if text in message:
                 message = next(line for line in message.splitlines() if text in line)
-                advice = known[0], known[1]
+                advice = wanted, do
         raise FinloopError(f"git {arguments[0]} failed: {message}", *advice)
     return process.stdout
 
@@ -49,6 +49,7 @@ def list_experiments() -> dict[str, str]:
 
     FinloopError if there is no commit.
     """
+    # DVC keeps them as refs/exps/<2 digits of the commit>/<the others>/<name>.
     head = run_git("rev-parse", "HEAD").strip()
     refs = run_git(
         "for-each-ref", "--format=%(refname) %(objectname)", f"refs/exps/{head[:2]}/{head[2:]}"
@@ -60,15 +61,15 @@ def list_experiments() -> dict[str, str]:
 def find_experiments(names: Sequence[str]) -> dict[str, str]:
     """Return named DVC experiments on the present commit, name → commit of the experiment.
 
-    FinloopError says of each other name on which commit there is such an experiment, if on any.
+    FinloopError if one is not there; it says on which other commit there is one of that name.
     """
     known = list_experiments()
     missing = [name for name in names if name not in known]
     if not missing:
         return {name: known[name] for name in names}
     refs = run_git("for-each-ref", "--format=%(refname)", "refs/exps").split()
-    places = [ref.split("/") for ref in refs if ref.count("/") == 4]
-    elsewhere = {name: first + rest for *_, first, rest, name in places if name in missing}
+    parts = [ref.split("/") for ref in refs if ref.count("/") == 4]
+    elsewhere = {name: start + rest for *_, start, rest, name in parts if name in missing}
     reasons = [
         f"experiment {name} is of another version, commit {describe_commit(elsewhere[name])}"
         if name in elsewhere
@@ -88,10 +89,10 @@ def describe_commit(commit: str) -> str:
     return run_git("log", "-1", "--format=%h (%s)", commit).strip()
 
 
-def tell_differing_code(commits: Mapping[str, str]) -> str:
-    """Return a sentence that names experiments whose program is not the first one's, or "".
+def describe_differing_code(commits: Mapping[str, str]) -> str:
+    """Return a sentence that names experiments whose program is not that of the first one.
 
-    commits: experiment → its commit.
+    commits: experiment → its commit. The sentence is "" if there is no such experiment.
     """
     trees = {
         name: run_git("ls-tree", commit, "finloop", "stages", "dvc.yaml")

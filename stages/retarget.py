@@ -23,7 +23,7 @@ EDIT_LIST = Path("data/animate/retarget.parquet")
 
 
 def load_retarget_data(project: Project) -> RetargetData:
-    """Return the results of earlier stages that retargeting needs of the film."""
+    """Return what retargeting needs of the film: rate, arena, pictures, poses, looks of rows."""
     return RetargetData(
         project.rate_hz, project.arena, project.film_reel, project.poses, project.row_looks,
         project.map_facts.size,
@@ -31,24 +31,27 @@ def load_retarget_data(project: Project) -> RetargetData:
 
 
 def _retarget_film(p: RetargetSettings) -> Retargeted:
-    """Let the film's fish swim the requested track; return its edit list and numbers."""
+    """Let the film's fish swim the track of `p.tracks`; return its edit list and numbers."""
     with Project() as project:
         steps = project.step_distances[["headed", "as_filmed"]].dropna()
-        film, load = load_retarget_data(project), load_settings
-        others = JoinParameters(load("jumps"), load("animate"), load("matching").join)
-        result = retarget_track(load_track(film, p), film, p, others)
-        mine = drawn_step_distances(result.edit, film.pictures)
+        film, join = load_retarget_data(project), load_settings("matching").join
+        joining = JoinParameters(load_settings("jumps"), load_settings("animate"), join)
+        result = retarget_track(load_track(film, p), film, p, joining)
+        drawn_steps = drawn_step_distances(result.edit, film.pictures)
         joins, _ = measure_discontinuities(result.edit, film.pictures)
     numbers = {
         **result.numbers,
-        **step_measures(mine, steps["as_filmed"].to_numpy(float)),
+        **step_measures(drawn_steps, steps["as_filmed"].to_numpy(float)),
         **discontinuity_measures(joins, steps["headed"].to_numpy(float)),
     }
     return result._replace(numbers=numbers)
 
 
 def describe_lacks(numbers: Mapping[str, float]) -> list[str]:
-    """Return sentences on what a retargeted track lacks; numbers: of `Retargeted`."""
+    """Return sentences on what a retargeted track lacks: posture, parts left out, leaving the tank.
+
+    numbers: those of the result, with the keys used below.
+    """
     sentences = []
     if not numbers["with_postures"]:
         sentences.append(
@@ -66,9 +69,9 @@ def describe_lacks(numbers: Mapping[str, float]) -> list[str]:
 
 
 def main() -> None:
-    """Let the fish swim a recorded track; write data/retarget/ and its edit list.
+    """Let the film's fish swim a track of another animal; write data/retarget/ and an edit list.
 
-    Without `retarget.tracks` both are empty.
+    data/retarget/ has the requested poses. Without `retarget.tracks` both are empty.
     """
     p: RetargetSettings = load_settings("retarget")
     if p.tracks is None:

@@ -22,10 +22,11 @@ Numbers = Mapping[str, float]
 
 
 def reuse_or_make(kept: Path, folder: Path, make: Callable[[Path], Numbers]) -> dict[str, float]:
-    """Link a film's files into `folder` if they are kept, or make them; return its numbers.
+    """Fill `folder` with a film's files: link kept ones, or `make` them; return their numbers.
 
     kept: folder of the film's files, named by the `key_digest` of what they are made from. make:
-    writes the files into a folder and returns numbers. After an error in `make` there is no folder.
+    writes the files into a folder and returns numbers; they are then kept. After an error in `make`
+    there is no folder.
     """
     numbers = _read_json(kept / NUMBERS_NAME)
     if isinstance(numbers, dict):
@@ -54,7 +55,7 @@ def _read_json(path: Path) -> Any:
 
 
 def _link_folder(source: Path, target: Path) -> None:
-    """Link all files of a folder into another one; copy them where the disk has no links."""
+    """Link all files of the folder `source` into `target`; copy them where links are impossible."""
     shutil.copytree(source, target, copy_function=_link_or_copy, dirs_exist_ok=True)
 
 
@@ -67,7 +68,7 @@ def _link_or_copy(source: str, target: str) -> None:
 
 
 def key_digest(key: Mapping[str, Any]) -> str:
-    """Return 16 hexadecimal digits that distinguish this key, plain values by name, from others."""
+    """Return a digest of 16 hexadecimal digits of plain values by name."""
     return hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:16]
 
 

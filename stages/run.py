@@ -76,15 +76,15 @@ def _copy_machine_code() -> None:
     if root.resolve() == Path.cwd():
         return
     for compiled in root.glob("finloop/**/__pycache__/*.nb[ic]"):
-        here = compiled.relative_to(root)
-        if not here.exists():
-            here.parent.mkdir(parents=True, exist_ok=True)
+        copy = compiled.relative_to(root)
+        if not copy.exists():
+            copy.parent.mkdir(parents=True, exist_ok=True)
             with contextlib.suppress(OSError):  # another stage may be replacing it
-                shutil.copyfile(compiled, here)
+                shutil.copyfile(compiled, copy)
 
 
 def _require_packages() -> None:
-    """End the program with a message if the first Python on PATH lacks the packages."""
+    """End the program with a message if the present Python lacks the packages of the project."""
     missing = [name for name in ("cv2", "numpy", "pydantic") if not importlib.util.find_spec(name)]
     if missing:
         error = FinloopError(
@@ -108,9 +108,9 @@ _require_packages()
 
 
 def _require_own_program() -> None:
-    """Raise FinloopError if the present folder is a working copy, and another finloop runs.
+    """Raise FinloopError if the present folder has finloop's sources, but another finloop runs.
 
-    `python -m` looks there first, unless Python is told not to.
+    `python -m` takes the present folder's finloop, unless Python is told not to look there.
     """
     if holds_sources(Path.cwd()) and Path.cwd().resolve() != HOME:
         raise FinloopError(
@@ -121,10 +121,9 @@ def _require_own_program() -> None:
 
 
 def run(main: Callable[[], None]) -> NoReturn:
-    """Run a stage and end the process: status 0, or one message on stderr and status 1 (130).
+    """Run a stage's `main` and end the process: status 0, 1 after an error, 130 after Ctrl-C.
 
-    main: the stage. Status 130 is an interruption by Ctrl-C. Only an unforeseen exception shows its
-    traceback, after a line that marks it as a fault.
+    An error gives one message on stderr. Only an unforeseen exception shows its traceback, too.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.freeze()  # imported objects stay: the collector never examines them
@@ -137,20 +136,20 @@ def run(main: Callable[[], None]) -> NoReturn:
         print("\nfinloop: interrupted; the same command goes on from here", file=sys.stderr)
         sys.exit(130)
     except Exception as error:
-        foreseen = _as_user_error(error)
-        if foreseen is None:
+        message = _as_user_error(error)
+        if message is None:
             traceback.print_exc()
-            foreseen = FinloopError(
+            message = FinloopError(
                 f"an error in the program itself: {type(error).__name__}: {error}",
                 "no error, or a message with a remedy",
                 "report it, with the traceback above",
             )
-        sys.exit(f"finloop: {foreseen}")
+        sys.exit(f"finloop: {message}")
     sys.exit(0)
 
 
 def _note_origins() -> None:
-    """Note what the folder of a stage was made from; of a program that is no stage, nothing."""
+    """Write a note of what the stage's folder was made from; do nothing if no stage runs."""
     module = sys.modules["__main__"].__spec__
     if module is not None:
         from stages.origins import note_origins  # not at the top: it needs the right Python
@@ -197,12 +196,13 @@ def open_in_browser(url: str) -> None:
 def report_progress(
     stage: str, total: int | None, unit: str = "frames"
 ) -> Iterator[Callable[..., None]]:
-    """Yield `advance(n=1)`, which moves a progress bar on stderr, or prints a line at times.
+    """Yield `advance(n=1)`, which reports on stderr that n more items are done.
 
-    stage: the name to show. total: the number of `unit` to come, None where it is unknown.
+    stage: the name to show. total: the number of items to come, None where it is unknown. unit:
+    what the items are, in the plural. A terminal shows a bar; else a line is printed at times.
     """
-    show = _progress_bar if sys.stderr.isatty() else _progress_lines
-    with show(stage, total, unit) as advance:
+    open_report = _progress_bar if sys.stderr.isatty() else _progress_lines
+    with open_report(stage, total, unit) as advance:
         yield advance
 
 
@@ -223,33 +223,40 @@ def _progress_bar(stage: str, total: int | None, unit: str) -> Iterator[Callable
 
 @contextmanager
 def _progress_lines(stage: str, total: int | None, unit: str) -> Iterator[Callable[..., None]]:
-    """Yield `advance(n=1)`, which prints a line of progress every `LINE_EVERY_S` seconds."""
-    start = last = time.monotonic()
-    done = before = 0  # now, and when the last line was written
+    """Yield `advance(n=1)`, which prints a line of progress at most every `LINE_EVERY_S` seconds.
 
-    def write_line(left: str = "") -> None:
-        all_of_them = f" of {total}" if total else ""
-        elapsed = f"{time.monotonic() - start:.0f} s"
-        print(f"{stage}: {done}{all_of_them} {unit}, {elapsed}{left}", file=sys.stderr)
+    A last line is printed when the block ends.
+    """
+    start_s = last_line_s = time.monotonic()
+    done = done_at_last_line = 0
+
+    def write_line(time_left: str = "") -> None:
+        """Print how many items are done, and the time since the beginning."""
+        of_total = f" of {total}" if total else ""
+        elapsed = f"{time.monotonic() - start_s:.0f} s"
+        print(f"{stage}: {done}{of_total} {unit}, {elapsed}{time_left}", file=sys.stderr)
 
     def advance(n: int = 1) -> None:
-        nonlocal done, last, before
+        """Count n more items; print a line if the last one is old enough."""
+        nonlocal done, last_line_s, done_at_last_line
         done += n
-        now = time.monotonic()
-        if now - last >= LINE_EVERY_S:
-            each_s = (now - last) / max(1, done - before)  # kept results pass at another rate
-            write_line(f", {each_s * max(0, total - done):.0f} s left" if total else "")
-            last, before = now, done
+        now_s = time.monotonic()
+        if now_s - last_line_s >= LINE_EVERY_S:
+            # From the last line on: earlier items, if kept, passed at another rate.
+            item_s = (now_s - last_line_s) / max(1, done - done_at_last_line)
+            write_line(f", {item_s * max(0, total - done):.0f} s left" if total else "")
+            last_line_s, done_at_last_line = now_s, done
 
     yield advance
     write_line()
 
 
 def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
-    """Write a stage's `METRICS` to metrics.json at `path`, and all its numbers to numbers.csv.
+    """Write the chief numbers of a stage to the JSON file `path`, all of them to numbers.csv.
 
-    Both are in one folder, sorted, and rounded to DIGITS digits. None, NaN and infinity are left
-    out: such a number does not exist for this clip (no truth, no fish long enough).
+    Both are in one folder, sorted and rounded. Which are chief numbers, METRICS says by the name of
+    the folder. None, NaN and infinity are left out: such a number does not exist for this clip (no
+    truth, no fish long enough). TypeError for what is no number.
     """
     # Not at the top: they need the right Python.
     from finloop.io.atomic import save_bytes
@@ -265,6 +272,6 @@ def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
         elif not (value is None or isinstance(value, Real)):
             raise TypeError(f"metric {name} must be a number, got {value!r}")
     save_numbers(path.parent, values)
-    shown = METRICS.get(path.parent.name, [])
-    metrics = {name: value for name, value in values.items() if name in shown}
+    chief = METRICS.get(path.parent.name, [])
+    metrics = {name: value for name, value in values.items() if name in chief}
     save_bytes(path, (json.dumps(metrics, indent=2) + "\n").encode())

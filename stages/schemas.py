@@ -34,8 +34,8 @@ from stages.stamps import file_stamp
 def omegaconf_schema(option: type) -> type:
     """Convert a settings dataclass to one for OmegaConf: not frozen, without ranges and defaults.
 
-    What may be a number is `Any`: `finloop.base.settings` checks it, whole numbers are numbers
-    there, and its message says what to type.
+    A parameter that may be a number gets the type `Any`: `finloop.base.settings` checks it, takes
+    whole numbers for numbers, too, and its message says what to type.
     """
     hints = get_type_hints(option)  # drops Annotated
     types = [(field.name, _simplify_type(hints[field.name])) for field in fields(option)]
@@ -43,7 +43,10 @@ def omegaconf_schema(option: type) -> type:
 
 
 def _simplify_type(hint: Any) -> Any:
-    """Return the nearest type annotation that OmegaConf understands: of texts, or any."""
+    """Return the type annotation for OmegaConf: `Any` where it has numbers or is nested.
+
+    Literals become the type of their values.
+    """
     parts = get_args(hint)
     if get_origin(hint) is Literal:
         return type(parts[0])
@@ -57,15 +60,15 @@ def _simplify_type(hint: Any) -> Any:
 
 
 def _leaf_types(hint: Any) -> set[Any]:
-    """Return the types inside a type annotation that have no parts themselves."""
+    """Return the plain types inside a type annotation, such as {int, None} for `int | None`."""
     parts = () if get_origin(hint) is Literal else get_args(hint)
     return set().union(*map(_leaf_types, parts)) if parts else {hint}
 
 
 def check_and_stamp(*, _root_: DictConfig) -> str:
-    """Return the stamp of conf/; raise FinloopError unless every parameter is right.
+    """Return the stamp, a digest, of conf/; FinloopError unless every parameter is right.
 
-    _root_: the whole composed config.
+    _root_: the whole composed config, which Hydra passes by this name.
     """
     values = _plain_groups(_root_, {*map(str, _root_)} - {*STAMPS})
     if problems := list_problems(values) or find_conflicts(values):
@@ -74,29 +77,30 @@ def check_and_stamp(*, _root_: DictConfig) -> str:
 
 
 def _find_conf() -> Path:
-    """Return the folder conf/ that is composed: DVC takes that of the repository around here."""
+    """Return the nearest folder conf/ at or above the present folder, else the shipped one."""
     folders = (folder / CONF for folder in (Path.cwd(), *Path.cwd().parents))
     return next((conf for conf in folders if (conf / "config.yaml").is_file()), SHIPPED)
 
 
 def _stamp_files(name: str, *, _root_: DictConfig) -> str | None:
-    """Return the stamp of the files that a composed config names.
+    """Return the stamp, a digest, of files that a composed config names; None if one is missing.
 
-    name: which files, one of `FILES`. _root_: the whole config.
+    name: which files, one of `FILES`. _root_: the whole config, which Hydra passes by this name.
     """
     return file_stamp(name, _plain_groups(_root_, ("clip", "extract", "matching", "retarget")))
 
 
 def _plain_groups(root: DictConfig, words: Iterable[str]) -> dict[str, Any]:
-    """Return groups of a composed config as plain values, by name; {} for a missing one."""
-    # Node by node, because to resolve the root would resolve the stamps themselves again.
-    nodes = {word: root._get_node(word) for word in words}
-    return {
-        word: OmegaConf.to_container(node, resolve=True)
-        if OmegaConf.is_config(node)
-        else node or {}
-        for word, node in nodes.items()
-    }
+    """Return groups of a composed config as plain values, by name; {} for a missing one.
+
+    words: names of the groups.
+    """
+    groups: dict[str, Any] = {}
+    for word in words:  # one by one: to resolve the root would resolve the stamps again
+        node: Any = root._get_node(word)
+        is_config = OmegaConf.is_config(node)
+        groups[word] = OmegaConf.to_container(node, resolve=True) if is_config else node or {}
+    return groups
 
 
 for word in GROUPS:

@@ -58,7 +58,7 @@ def _require_present_conf(values: Mapping[str, Any]) -> None:
 
 
 def conf_stamp(conf: Path) -> str:
-    """Return a digest of the values in the folder `conf`, with one of conf/local/ after a `-`.
+    """Return a digest of the files in the folder `conf`, with one of conf/local/ after a `-`.
 
     Without a conf/local/ the second part is missing. Experiments are left out: a new one changes no
     value.
@@ -71,13 +71,17 @@ def conf_stamp(conf: Path) -> str:
         digest = hashlib.sha256()
         for name in names:
             text = files[name].read_bytes().replace(b"\r\n", b"\n")
+            # With lengths, so that no two lists of files give the same bytes.
             digest.update(b"%d %s %d %s" % (len(name), name.encode(), len(text), text))
         digests.append(digest.hexdigest()[:16])
     return "-".join(digests)
 
 
 def list_problems(values: Mapping[str, Any]) -> list[str]:
-    """Return a sentence for each wrong value in a params.yaml, with its dotted name."""
+    """Return a sentence for each wrong, missing or unknown parameter, with its dotted name.
+
+    values: content of params.yaml.
+    """
     problems = [f"{word}: unknown" for word in values if word not in (*GROUPS, *STAMPS)]
     for word in GROUPS:
         problems += check_values(word, variants(word), values.get(word, {}))[1]
@@ -85,19 +89,19 @@ def list_problems(values: Mapping[str, Any]) -> list[str]:
 
 
 def list_overrides(values: Mapping[str, Any]) -> list[str]:
-    """Return the Hydra overrides, such as `clip=carp`, that make conf/ compose to a params.yaml.
+    """Return the Hydra overrides, such as `clip=carp`, with which conf/ composes to a params.yaml.
 
-    values: content of params.yaml. Groups come in its order, a variant before the keys that differ
-    from it.
+    values: content of params.yaml. Groups come in its order; the override that chooses a group's
+    variant comes before those of single parameters.
     """
     conf = CONF.absolute()
-    usual = default_variants(conf)
+    default_options = default_variants(conf)
     changes = []
     for word, group in values.items():
         if word in STAMPS:
             continue
-        option = group.get("source", usual[word])
-        if option != usual[word]:
+        option = group.get("source", default_options[word])
+        if option != default_options[word]:
             changes.append(f"{word}={option}")
         in_conf = read_conf_values(word, option, conf)
         changes += [

@@ -33,9 +33,10 @@ TRACKS = ("track_id", "frame", "area_px", "contrast")
 
 
 def _report_stand_ins(choices: dict[str, ChosenFrames], still: bool) -> None:
-    """Print a note on what stands in for sequences, or a still tail, that the film lacks.
+    """Print a note on each sequence that the film lacks, and on what stands in for it.
 
-    choices: by the name of the sequence. still: whether the film shows a still tail.
+    choices: the frames chosen for each sequence, by its name. still: whether the film shows a glide
+    with a still tail.
     """
     for word, what in (("straight", "full tail beat"), ("left", "whole turn")):
         if choices[word].stands_in:
@@ -57,10 +58,8 @@ def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: floa
     page_px: width of a page.
     """
     with open_cutouts(folder / "sprites.arrow") as store:
-        pages, count = (
-            atlas.lay_out_pages(sprites, store.index, page_px),
-            count_orientations(sprites),
-        )
+        pages = atlas.lay_out_pages(sprites, store.index, page_px)
+        count = count_orientations(sprites)
         for number, page in enumerate(pages):
             picture = atlas.draw_atlas_page(
                 page, lambda s, o: store[sprite_store_row(s, o, count)].pixels
@@ -72,7 +71,10 @@ def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: floa
 
 
 def main() -> None:
-    """Make the sprites and their atlas; write data/sprites/, and tables to reports/sprites/."""
+    """Turn chosen frames of each sequence to every orientation: the sprites, and their atlas.
+
+    data/sprites/ gets them and tables, reports/sprites/ the metrics.
+    """
     settings: SpritesSettings = load_settings("sprites")
     with Project() as project:
         features, facts, rate_hz = project.features, project.facts, project.rate_hz

@@ -26,16 +26,16 @@ Groups = Mapping[str, Mapping[str, Any]]
 def file_stamp(name: str, groups: Groups) -> str | None:
     """Return a digest of the files that parameters name; None if there are none, or one is missing.
 
-    name: which files, one of `FILES`. groups: the groups of params.yaml by name.
+    name: which files, one of `FILES`. groups: content of params.yaml, group → parameters.
     """
     try:
-        files = _LISTS[name](groups)
-        if not files:
+        paths = _LISTS[name](groups)
+        if not paths:
             return None
         from finloop.io.footage import read_file_stamps
 
-        # A folder stands for its files.
-        content = [(str(file.absolute()), *read_file_stamps(file)) for file in files]
+        # Of a folder, the names, sizes and times of all its files.
+        content = [(str(path.absolute()), *read_file_stamps(path)) for path in paths]
         return hashlib.sha256(repr(content).encode()).hexdigest()[:16]
     except (FinloopError, OSError):
         return None
@@ -48,17 +48,19 @@ def _film_files(groups: Groups) -> list[Path]:
         return []
     from finloop.io.footage import list_films
 
-    several = [paths] if isinstance(paths, str) else paths
-    names = [item if isinstance(item, str) else item["path"] for item in several]
-    return [film for path in names for film in list_films(path)]
+    entries = [paths] if isinstance(paths, str) else paths
+    # An entry is a path, or the parameters of one film with its path.
+    paths = [entry if isinstance(entry, str) else entry["path"] for entry in entries]
+    return [film for path in paths for film in list_films(path)]
 
 
 def _films_and_masks(groups: Groups) -> list[Path]:
     """Return the films, and the files with the masks of their arenas."""
     paths = groups.get("clip", {}).get("path")
-    several = paths if isinstance(paths, list | tuple) else []
-    parts = [groups.get("clip", {}), *(part for part in several if isinstance(part, Mapping))]
-    masks = [Path(part["arena"]) for part in parts if isinstance(part.get("arena"), str)]
+    entries = paths if isinstance(paths, list | tuple) else []
+    # A film of a list may have parameters of its own.
+    settings = [groups.get("clip", {}), *(item for item in entries if isinstance(item, Mapping))]
+    masks = [Path(film["arena"]) for film in settings if isinstance(film.get("arena"), str)]
     return [*_film_files(groups), *(mask.expanduser() for mask in masks)]
 
 
@@ -77,8 +79,8 @@ def _track_files(groups: Groups) -> list[Path]:
 def _path_files(groups: Groups) -> list[Path]:
     """Return the files with paths to swim; a track of the film has none."""
     paths = groups.get("matching", {}).get("path")
-    several = [paths] if isinstance(paths, str) else paths or []
-    return [Path(path).expanduser() for path in several if path and path[:6] != "track:"]
+    entries = [paths] if isinstance(paths, str) else paths or []
+    return [Path(path).expanduser() for path in entries if path and path[:6] != "track:"]
 
 
 def _retarget_files(groups: Groups) -> list[Path]:
@@ -98,13 +100,13 @@ _LISTS: dict[str, Callable[[Groups], list[Path]]] = dict(
 
 
 def main() -> None:
-    """Renew the stamps in params.yaml where films, tracks or paths have changed.
+    """Renew the stamps (digests) in params.yaml where films, tracks or paths have changed.
 
-    FinloopError if one was there before and is missing: a stage that ran would remove what was made
+    FinloopError if one was there before and is missing: to run a stage would remove what was made
     of it.
     """
     values = read_params()
-    text = old = PARAMS.read_text(encoding="utf-8")
+    text = old_text = PARAMS.read_text(encoding="utf-8")
     for name in FILES:
         stamp = file_stamp(name, values)
         if values.get(name) and not stamp:
@@ -117,7 +119,7 @@ def main() -> None:
             )
         line = yaml.safe_dump({name: stamp}).strip()
         text = re.sub(rf"^{name}:.*$", line, text, flags=re.MULTILINE)
-    if text != old:
+    if text != old_text:
         save_bytes(PARAMS, text.encode())
 
 

@@ -56,7 +56,7 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(morph_run, folder):
 @pytest.mark.usefixtures("no_drawing")
 def test_numbers_tell_what_was_made(folder, monkeypatch):
     monkeypatch.setattr(
-        stages.morph, "_release_hoop", lambda _: {}
+        stages.morph, "_draw_released_hoop", lambda _: {}
     )  # as above, whatever the method
     monkeypatch.setattr(stages.morph.MorphSettings, "back", False)
     prepare(folder, *SMALL, "morph.method=linear")
@@ -86,7 +86,7 @@ def test_numbers_tell_what_was_made(folder, monkeypatch):
 )
 @pytest.mark.usefixtures("no_drawing")
 def test_what_is_wrong_is_said_and_nothing_is_lost(folder, monkeypatch, asked, said):
-    monkeypatch.setattr(stages.morph, "_release_hoop", lambda _: {})
+    monkeypatch.setattr(stages.morph, "_draw_released_hoop", lambda _: {})
     (folder / "data/morph").mkdir(parents=True)
     (folder / "data/morph/kept.txt").write_text("kept")
     with pytest.raises(FinloopError, match=said):
