@@ -73,17 +73,17 @@ def show(options: argparse.Namespace) -> None:
     """Show a protocol to animals, until Ctrl-C."""
     protocol = load_protocol(options.protocol)
     print(list_trials(protocol, order_trials(protocol)))
-    known = load_display_calibration(options.display, protocol.display.calibrated)
+    calibration = load_display_calibration(options.display, protocol.display.calibrated)
     with bind_socket(options.port, options.listen) as listens, open_scene(protocol) as film:
         messages = _animal_messages(options, film, protocol)
-        with _open_session(options, protocol, film, RealClock(), display=known) as session:
+        with _open_session(options, protocol, film, RealClock(), display=calibration) as session:
             hub = SessionHub(session, options.display, display_file(options.display))
             session.connect_outputs(hub.send, hub.send_trigger)
             policy = _access_policy(options, listens)
             session.link = _page_address(options, listens, policy, "show")
             inputs = _make_inputs(options, policy, session, messages)
-            started = _make_announcer(options, listens, policy)
-            _run_server(create_session_server(listens, policy, hub, inputs, started))
+            announce = _make_announcer(options, listens, policy)
+            _run_server(create_session_server(listens, policy, hub, inputs, announce))
 
 
 def dry(options: argparse.Namespace) -> None:
@@ -109,9 +109,9 @@ def replay(options: argparse.Namespace) -> None:
     record = open_session_record(options.session)
     protocol = parse_protocol(record.header["protocol"], Path(record.header["folder"]))
     with open_scene(protocol) as film:
-        if others := film.find_differences(record.header):
+        if differences := film.find_differences(record.header):
             raise FinloopError(
-                f"{options.session} was made from another {', '.join(others)}",
+                f"{options.session} was made from another {', '.join(differences)}",
                 "the stages' results and parameters (animate, matching) of that session",
                 "run the pipeline on that film with the parameters in the session's file",
             )
@@ -126,16 +126,16 @@ def replay(options: argparse.Namespace) -> None:
             record.header["looks"], protocol.fish, display=record.header["display"], mode="replay",
             digest=True, name="replay", keys=[],
         )  # fmt: skip
-        room = ReplayHub(feed, read_displayed_frames(record), options.quick)
+        hub = ReplayHub(feed, read_displayed_frames(record), options.quick)
         with bind_socket(options.port) as listens:
             policy = AccessPolicy(listens.getsockname()[1])
             announce = _make_announcer(options, listens, policy)
-            _run_server(create_display_server(listens, policy, room, announce))
+            _run_server(create_display_server(listens, policy, hub, announce))
     print(
-        f"replay: {room.shown} frames drawn, pixels of {room.compared} compared, "
-        f"{len(room.different)} differ"
+        f"replay: {hub.shown} frames drawn, pixels of {hub.compared} compared, "
+        f"{len(hub.different)} differ"
     )
-    if room.different:
+    if hub.different:
         sys.exit(1)
 
 
@@ -159,10 +159,11 @@ def recover(options: argparse.Namespace) -> None:
 
 def calibrate(options: argparse.Namespace) -> None:
     """Calibrate a display, until the calibration is stored."""
-    known = load_display_calibration(options.display, False)
+    calibration = load_display_calibration(options.display, required=False)
     with bind_socket(options.port, options.listen) as listens, open_scene() as film:
         feed = film.feed(
-            [], 0, display=known, mode="calibrate", digest=False, name=options.display, keys=[],
+            looks=[], fish=0, display=calibration, mode="calibrate", digest=False,
+            name=options.display, keys=[],
         )  # fmt: skip
         path = display_file(options.display)
         hub = CalibrationHub(feed, path, lambda: print(f"calibrate: stored in {path}"))
@@ -178,12 +179,12 @@ def calibrate(options: argparse.Namespace) -> None:
 def _open_session(
     options: argparse.Namespace, protocol: Protocol, film: FilmedScene, clock: Any, **facts: Any
 ) -> Iterator[Session]:
-    """Yield a new session with its log; at its end write the session's file.
+    """Yield a new session with its log; at its end write the session's file and description.
 
     clock: real, or one that does not wait. facts: further fields of the file's header, such as
     display.
     """
-    order = order_trials(protocol)
+    trials = order_trials(protocol)
     stamp = datetime.now().strftime("%Y-%m-%dT%H-%M-%S")
     name = re.sub(r"[^\w-]+", "-", protocol.name).strip("-") or "session"
     path = options.out / f"{stamp}_{name}.parquet"
@@ -194,14 +195,10 @@ def _open_session(
         digest=getattr(options, "digest", False), name=getattr(options, "display", "none"),
         keys=[protocol.start_key] if protocol.start_key else [],
     )  # fmt: skip
-    log = Log(
-        journal,
-        film.header(
-            protocol, order, **({"display": None, "folder": str(options.protocol.parent)} | facts)
-        ),
-    )
+    fields = {"display": None, "folder": str(options.protocol.parent)} | facts
+    log = Log(journal, film.header(protocol, trials, **fields))
     try:
-        session = Session(film.scene, protocol, order, feed, log, clock)
+        session = Session(film.scene, protocol, trials, feed, log, clock)
         session.name = str(path)
         yield session
     finally:
@@ -210,7 +207,7 @@ def _open_session(
 
 
 def _write_session_file(journal: Path, path: Path, recovered: bool = False) -> None:
-    """Convert a session's journal to its file and a description; remove the journal.
+    """Convert a session's journal to the file `path` and a description (.md); remove the journal.
 
     recovered: whether the session was interrupted, which the description says.
     """
@@ -225,9 +222,9 @@ def _write_session_file(journal: Path, path: Path, recovered: bool = False) -> N
 def _animal_messages(
     options: argparse.Namespace, film: FilmedScene, protocol: Protocol
 ) -> list[tuple[float, str]]:
-    """Return the messages, (s, text), that a recorded track sends in place of a live animal.
+    """Return the messages, (time [s], text), that a recorded track sends for a live animal.
 
-    [] without --animal.
+    The list is empty without --animal. FinloopError if the protocol has no live animals.
     """
     if options.animal is None:
         return []
@@ -249,11 +246,11 @@ def _make_inputs(
 ) -> Callable[[], list[Coroutine[Any, Any, None]]]:  # fmt: skip
     """Return a function that makes the tasks which receive messages during a session.
 
-    messages: (s, text), those of a recorded track.
+    They listen at the ports --udp and --osc. messages: (time [s], text), of a recorded track.
     """
 
     async def listen(kind: str, port: int) -> None:
-        """Receive the messages of trackers at a port of this machine."""
+        """Receive the messages of trackers at a port of this machine; kind: "udp" or "osc"."""
         bound = bind_socket(port, options.listen, socket.SOCK_DGRAM)
         await receive_datagrams(bound, kind, session.receive_message, policy.token)
 
@@ -264,6 +261,7 @@ def _make_inputs(
             session.receive_message(text, "recorded")
 
     def make_tasks() -> list[Coroutine[Any, Any, None]]:
+        """Return a task for each port in use, and one for the recorded messages."""
         ports = {"udp": options.udp, "osc": options.osc}
         listening = [listen(kind, port) for kind, port in ports.items() if port]
         return listening + ([play_messages()] if messages else [])
@@ -272,7 +270,7 @@ def _make_inputs(
 
 
 def _access_policy(options: argparse.Namespace, listens: socket.socket) -> AccessPolicy:
-    """Return who may connect: only this machine, or others that know a secret token.
+    """Return who may connect: this machine, or with --listen others that know a new secret token.
 
     listens: the bound socket.
     """
@@ -295,7 +293,7 @@ def _page_address(
 def _make_announcer(
     options: argparse.Namespace, listens: socket.socket, policy: AccessPolicy
 ) -> Callable[[], None]:
-    """Return a function that prints the page's address and, if desired, opens it.
+    """Return a function that prints the page's address and opens it, unless --no-open is given.
 
     listens: the bound socket.
     """
@@ -319,51 +317,54 @@ def _run_server(server: AppServer) -> None:
 
 
 def _build_parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line; each command's function is its option `does`."""
+    """Return the parser of the command line; its result has the command's function as `does`."""
     parser = argparse.ArgumentParser(
         prog="python -m stages.stimulus", description="A stimulus for animals; docs/stimulus.md."
     )
     commands = parser.add_subparsers(required=True, metavar="command")
 
-    def command(does: Callable[[argparse.Namespace], None], *what: str) -> Any:
+    def add_command(does: Callable[[argparse.Namespace], None], *paths: str) -> Any:
+        """Add a command with its arguments, all paths; return its parser."""
         name = does.__name__.partition("_")[0]
-        one = commands.add_parser(name, help=(does.__doc__ or "").rstrip("."))
-        one.set_defaults(does=does)
-        for each in what:
-            one.add_argument(each, type=Path)
-        return one
+        command = commands.add_parser(name, help=(does.__doc__ or "").rstrip("."))
+        command.set_defaults(does=does)
+        for path in paths:
+            command.add_argument(path, type=Path)
+        return command
 
-    command(list_only, "protocol")
-    shows, dries = command(show, "protocol"), command(dry, "protocol")
-    again, calibrates = command(replay, "session"), command(calibrate)
-    command(recover, "journal")
-    command(page, "protocol", "out")
-    for one in (shows, dries):
-        one.add_argument("--out", type=Path, default=OUT, help=f"folder; default {OUT}/")
-        animal = one.add_argument_group("a recorded track as the live animal")
+    add_command(list_only, "protocol")
+    show_parser, dry_parser = add_command(show, "protocol"), add_command(dry, "protocol")
+    replay_parser, calibrate_parser = add_command(replay, "session"), add_command(calibrate)
+    add_command(recover, "journal")
+    add_command(page, "protocol", "out")
+    for command in (show_parser, dry_parser):
+        command.add_argument("--out", type=Path, default=OUT, help=f"folder; default {OUT}/")
+        animal = command.add_argument_group("a recorded track as the live animal")
         animal.add_argument("--animal", help="track:8 of the film, or a file; see docs/paths.md")
         for name, most, text in (
             ("--loss", 0.99, "share of messages lost"), ("--jitter", 60.0, "of arrival times, s"),
             ("--gap", 60.0, "s of silence every 10 s"),
         ):  # fmt: skip
             animal.add_argument(name, type=_number_up_to(most), default=0.0, help=text)
-    for one in (shows, calibrates):
-        one.add_argument("--display", default="display", help="its name; default display")
-        one.add_argument("--listen", default=HOST, help="address of this machine for others")
-    for one in (shows, calibrates, again):
-        one.add_argument("--port", type=int, default=PORT, help=f"default {PORT}; 0 = any free")
-        one.add_argument("--no-open", dest="open", action="store_false", help="open no browser")
-    shows.add_argument("--udp", type=int, help="port for trackers")
-    shows.add_argument("--osc", type=int, help="port for trackers")
-    shows.add_argument("--digest", action="store_true", help="log every frame's digest; slow")
-    again.add_argument("--check", action="store_true", help="plan again and compare; no display")
-    again.add_argument("--draw", action="store_true", help="after --check, draw as well")
-    again.add_argument("--quick", action="store_true", help="draw as fast as possible")
+    for command in (show_parser, calibrate_parser):
+        command.add_argument("--display", default="display", help="its name; default display")
+        command.add_argument("--listen", default=HOST, help="address of this machine for others")
+    for command in (show_parser, calibrate_parser, replay_parser):
+        command.add_argument("--port", type=int, default=PORT, help=f"default {PORT}; 0 = any free")
+        command.add_argument("--no-open", dest="open", action="store_false", help="open no browser")
+    add_option = show_parser.add_argument
+    add_option("--udp", type=int, help="port for trackers")
+    add_option("--osc", type=int, help="port for trackers")
+    add_option("--digest", action="store_true", help="log every frame's digest; slow")
+    add_option = replay_parser.add_argument
+    add_option("--check", action="store_true", help="plan again and compare; no display")
+    add_option("--draw", action="store_true", help="after --check, draw as well")
+    add_option("--quick", action="store_true", help="draw as fast as possible")
     return parser
 
 
 def _number_up_to(most: float) -> Callable[[str], float]:
-    """Return a parser of command-line numbers from 0 to `most`."""
+    """Return a function that parses a command-line number from 0 to `most`; it refuses others."""
 
     def parse_number(text: str) -> float:
         if not 0 <= float(text) <= most:

@@ -38,7 +38,7 @@ _PLANNED_BY = ("animate", "matching")
 
 @dataclass(frozen=True)
 class FilmedScene:
-    """A film opened for a stimulus: what plans the motion, and the pictures for the page."""
+    """A film opened for a stimulus: the planner of motion, and the pictures for the display."""
 
     scene: TrialContext
     pictures: PagePictures
@@ -51,11 +51,11 @@ class FilmedScene:
         looks: one per look of the protocol. fish: number of fish. facts: further fields.
         """
         scene = self.scene
-        more = {
+        fields = {
             "rate": scene.rate_hz, "posture": scene.posture, "looks": looks, "fish": fish,
             "mm_per_px": scene.mm_per_px, "typical": self.pictures.measure_typical_fish(),
         }  # fmt: skip
-        return Feed(self.tank, more | facts, self.pictures)
+        return Feed(self.tank, fields | facts, self.pictures)
 
     def header(self, protocol: Protocol, trials: tuple[Trial, ...], **facts: Any) -> dict[str, Any]:
         """Return the header of a session's file: software, protocol, trials, film, parameters.
@@ -68,29 +68,30 @@ class FilmedScene:
             "begun": datetime.now().astimezone().isoformat(timespec="seconds"),
             "software": software | {name: version(name) for name in _SOFTWARE},
             "protocol": protocol.model_dump(mode="json", by_alias=True),
-            "trials": [one._asdict() for one in trials],
+            "trials": [trial._asdict() for trial in trials],
             "film": self.film, "rate_hz": self.scene.rate_hz, "posture": self.scene.posture,
             "mm_per_px": self.scene.mm_per_px, "looks": look_messages(protocol),
             "animate": _load_parameters(*_PLANNED_BY), **facts,
         }  # fmt: skip
 
     def find_differences(self, header: dict[str, Any]) -> list[str]:
-        """Return what differs from a session with this header: "film", or `group.key`."""
-        film = ["film"] if self.film != header["film"] else []
-        then = header["animate"]
-        return film + [
-            f"{word}.{name}"
-            for word in _PLANNED_BY
-            for name, value in _load_parameters(word).items()
-            if value != then.get(name)
-        ]
+        """Return what differs between this film and a session's: "film", or names `group.key`.
+
+        header: of the session's file.
+        """
+        differences = ["film"] if self.film != header["film"] else []
+        for group in _PLANNED_BY:
+            for name, value in _load_parameters(group).items():
+                if value != header["animate"].get(name):
+                    differences.append(f"{group}.{name}")
+        return differences
 
 
-def _load_parameters(*words: str) -> dict[str, Any]:
-    """Return the parameters of some groups, by their names, as plain values."""
+def _load_parameters(*groups: str) -> dict[str, Any]:
+    """Return the parameters of some groups, all in one dictionary by name, as plain values."""
     values: dict[str, Any] = {}
-    for word in words:
-        values |= json.loads(json.dumps(asdict(load_settings(word))))
+    for group in groups:
+        values |= json.loads(json.dumps(asdict(load_settings(group))))  # tuples become lists
     return values
 
 
@@ -103,8 +104,8 @@ def look_messages(protocol: Protocol) -> list[dict[str, Any]]:
 def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
     """Yield the film and all that a session needs, opened from the stages' results.
 
-    protocol: None where no fish is to swim. FinloopError also if the film has no mode `matching`,
-    or the protocol has rules of a school and the film shows none.
+    protocol: None where no fish is to swim. FinloopError if the film shows too little for mode
+    `matching`, or no school although the protocol has rules of one.
     """
     fish_mm = None if protocol is None else protocol.display.fish_mm
     with Project() as project:
@@ -112,6 +113,7 @@ def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
         reel, bodies = animator.pictures.reel, animator.pictures.bodies
         gallery = Gallery(build_shelves({FRAME: reel.film}, project.tracks(PLACE), None), bodies)
         film_mm, length_px = project.facts.mm_per_px, animator.world.motion.body_length_px
+        # By the length of fish that the protocol wants, else by the film's scale; None: unknown.
         mm_per_px = fish_mm / length_px if fish_mm else film_mm and film_mm / reel.size
         pictures = PagePictures(gallery, reel.size)
         height, width = pictures.largest_px
@@ -124,9 +126,9 @@ def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
 
 
 def _results_digest(data: Path) -> str:
-    """Return 16 hexadecimal digits of the results that a film's animation is made from.
+    """Return a digest, 16 hexadecimal digits, of the results that an animation is made from.
 
-    data: the folder data/.
+    data: the folder data/. Missing files are left out.
     """
     digest = hashlib.sha256()
     for name in _MADE_FROM:

@@ -64,7 +64,7 @@ def parse_study(text: str) -> tuple[dict[str, Overrides], Overrides]:
     """Return the films of a study, name → overrides, and the overrides that all films share.
 
     text: paths of films, separated by spaces, or the path of one YAML file. FinloopError if a film
-    of the line is missing, a film stands twice, or the file is not a study.
+    is missing, a film stands twice, or the file is not a study.
     """
     path, common = Path(text.strip()).expanduser(), list[str]()
     if path.suffix.lower() in (".yaml", ".yml"):
@@ -85,23 +85,22 @@ def parse_study(text: str) -> tuple[dict[str, Overrides], Overrides]:
 def require_different_films(films: Mapping[str, Overrides]) -> None:
     """Raise FinloopError if two films of a study are one film with the same settings.
 
-    films: name → overrides. A link to a film and a copy of it are that film.
+    films: name → overrides. A film, a link to it and a copy of it count as one film.
     """
-    copies = Counter(map(_file_size, films.values()))
-    first: dict[str, str] = {}  # what is run → name
-    for name, settings in films.items():
-        path = _film_path(settings)
-        known: list[str] = settings
+    size_counts = Counter(map(_file_size, films.values()))
+    first_names: dict[str, str] = {}  # film and settings → the first name of both
+    for name, overrides in films.items():
+        path, key = _film_path(overrides), overrides
         if path and path.exists():
-            same_size = path.is_file() and copies[_file_size(settings)] > 1
-            content = path_digest(path) if same_size else str(path.resolve())
-            known = [content, *(one for one in settings if not one.startswith("clip.path="))]
-        other = first.setdefault(str(known), name)
+            may_be_copy = path.is_file() and size_counts[_file_size(overrides)] > 1
+            film = path_digest(path) if may_be_copy else str(path.resolve())
+            key = [film, *(text for text in overrides if not text.startswith("clip.path="))]
+        other = first_names.setdefault(str(key), name)
         if other != name:
-            paths = {str(_film_path(films[one]) or "") for one in (other, name)}
-            one_content = f" ({' and '.join(sorted(paths))})" if len(paths) > 1 else ""
+            paths = {str(_film_path(films[twin]) or "") for twin in (other, name)}
+            both_paths = f" ({' and '.join(sorted(paths))})" if len(paths) > 1 else ""
             raise FinloopError(
-                f"{other} and {name} are one film with the same settings{one_content}",
+                f"{other} and {name} are one film with the same settings{both_paths}",
                 "each film once, or with settings of its own",
                 "take one of them out",
             )
@@ -109,7 +108,7 @@ def require_different_films(films: Mapping[str, Overrides]) -> None:
 
 def _film_path(settings: Overrides) -> Path | None:
     """Return the path of the film that overrides name; None if they name none."""
-    paths = [one.partition("=")[2] for one in settings if one.startswith("clip.path=")]
+    paths = [text.partition("=")[2] for text in settings if text.startswith("clip.path=")]
     return Path(yaml.safe_load(paths[-1].replace("\\${", "${"))) if paths else None
 
 
@@ -133,10 +132,8 @@ def read_study_file(path: Path) -> tuple[dict[str, Overrides], Overrides]:
     problems = []
     if not isinstance(films, Mapping) or not films:
         problems.append("it has no films")
-    elif set(values) - {"films", "settings"}:
-        problems.append(
-            f"it has {', '.join(sorted(map(str, set(values) - {'films', 'settings'})))}"
-        )
+    elif unknown := set(values) - {"films", "settings"}:
+        problems.append(f"it has {', '.join(sorted(map(str, unknown)))}")
     common = (values.get("settings") or {}) if isinstance(values, Mapping) else {}
     if not isinstance(common, Mapping):
         problems.append("its settings are no `parameter: value`")
@@ -144,18 +141,18 @@ def read_study_file(path: Path) -> tuple[dict[str, Overrides], Overrides]:
     for name, film in (films or {}).items() if not problems else ():
         if not NAME.fullmatch(str(name)):
             problems.append(f"the name {name!r} has more than letters, digits, _ and -")
-        own = {"path": film} if isinstance(film, str) else film
-        if not isinstance(own, Mapping) or not isinstance(own.get("path", ""), str):
+        settings = {"path": film} if isinstance(film, str) else film
+        if not isinstance(settings, Mapping) or not isinstance(settings.get("path", ""), str):
             problems.append(f"{name} is neither a path nor settings")
             continue
-        runs[str(name)] = _format_overrides(own, path.parent)
+        runs[str(name)] = _format_overrides(settings, path.parent)
     if problems:
         raise FinloopError(f"{path} is not a study: {'; '.join(problems)}", EXAMPLE, "correct it")
     return runs, _format_overrides(common, path.parent)
 
 
 def _format_overrides(values: Mapping[str, Any], folder: Path) -> Overrides:
-    """Return settings by name as overrides; a relative path of a film is relative to `folder`."""
+    """Return settings by name as overrides `key=value`; the film's path is relative to `folder`."""
     overrides = []
     for key, value in values.items():
         if key == "path":
@@ -166,33 +163,33 @@ def _format_overrides(values: Mapping[str, Any], folder: Path) -> Overrides:
 
 
 def clip_path_overrides(path: str) -> Overrides:
-    """Return the overrides that make the film at a path the film of the pipeline."""
+    """Return the overrides with which the pipeline runs on the film at a path."""
     return ["clip=file", f"clip.path={format_override(path)}"]
 
 
 def load_results(
     films: Mapping[str, Overrides], failures: Mapping[str, str], folder: Path
 ) -> list[FilmResult]:
-    """Return the results of a study's experiments, in the order of its films.
+    """Return the results of a study's experiments, in the order of its films; write each report.
 
-    failures: experiment → why it failed. folder: where each film's report is written.
+    films: name → overrides. failures: experiment → why it failed. folder: for the reports.
     """
-    commits, made = list_experiments(), list[FilmResult]()
+    commits, results = list_experiments(), list[FilmResult]()
     for name, settings in films.items():
         if PREFIX + name in failures:
-            made.append(FilmResult(name, settings, error=failures[PREFIX + name]))
+            results.append(FilmResult(name, settings, error=failures[PREFIX + name]))
             continue
-        files = open_experiment(commits[PREFIX + name])
+        files = load_experiment_files(commits[PREFIX + name])
         pictures = {text: files[path] for text, path in PICTURES.items() if path in files}
         report = f"{REPORTS.name}/{name}.html" if REPORT in files else ""
         if report:
             (folder / f"{name}.html").write_bytes(files[REPORT])
-        made.append(FilmResult(name, settings, read_numbers(files), pictures, report))
-    return made
+        results.append(FilmResult(name, settings, read_numbers(files), pictures, report))
+    return results
 
 
-@cache  # two are asked for: before the runs, and after them
-def open_experiment(commit: str) -> dict[str, bytes]:
+@cache  # `main` reads an experiment before the runs, and after them
+def load_experiment_files(commit: str) -> dict[str, bytes]:
     """Return the files of an experiment that a study shows, path → content.
 
     commit: that of the experiment. A file that its pipeline does not make is left out. FinloopError
@@ -219,7 +216,7 @@ def open_experiment(commit: str) -> dict[str, bytes]:
 def read_numbers(files: Mapping[str, bytes]) -> dict[str, float]:
     """Return the numbers in an experiment's files, `<stage>.<number>` → value.
 
-    `clip.findings` is how many checks of the film found a fault.
+    files: path → content. `clip.findings` is how many checks of the film found a fault.
     """
     values = {
         f"{Path(path).parent.name}.{key}": value
@@ -236,12 +233,12 @@ def read_numbers(files: Mapping[str, bytes]) -> dict[str, float]:
 def forget_lost_results(names: Iterable[str]) -> None:
     """Remove experiments whose results are no longer in DVC's cache, so that they are made again.
 
-    names: of experiments. `dvc gc` takes the results and leaves the experiment.
+    names: of experiments. `dvc gc` removes the results and leaves the experiment in git.
     """
     commits = list_experiments()
     for name in commits.keys() & {*names}:
         try:
-            open_experiment(commits[name])
+            load_experiment_files(commits[name])
         except FinloopError:
             print(f"finloop: the results of {name} are lost, and made again", file=sys.stderr)
             head = run_git("rev-parse", "HEAD").strip()
@@ -265,12 +262,12 @@ def main() -> None:
     runs = {PREFIX + name: ["~local", *common, *settings] for name, settings in films.items()}
     failures = make_runs(runs, [], max(1, arguments.jobs), shared=False)
     with whole_folder(REPORTS) as folder:
-        films_made = load_results(films, failures, folder)
-    save_csv(TABLE, study_table(films_made), decimals=4)
-    save_bytes(PAGE, study_page(films_made, common).encode())
+        results = load_results(films, failures, folder)
+    save_csv(TABLE, study_table(results), decimals=4)
+    save_bytes(PAGE, study_page(results, common).encode())
     print(f"\nDone: {PAGE}, {TABLE}")
-    for name, why in failures.items():
-        print(f"\n{name} failed:\n    {why}", file=sys.stderr)
+    for name, reason in failures.items():
+        print(f"\n{name} failed:\n    {reason}", file=sys.stderr)
     if failures:
         raise FinloopError(
             f"{len(failures)} of {len(films)} films failed: {', '.join(failures)}",

@@ -61,7 +61,7 @@ AFTER_ANIMATE = {"retarget", "render", "realism", "tank", "export", "morph", "ga
 def _clone(root: Path, folder: Path, cache: str) -> None:
     """Clone the repository `root`, with uncommitted changes, into `folder`; share DVC's cache.
 
-    cache: path of the cache.
+    cache: path of DVC's cache, which the clone then uses.
     """
     run_git("clone", "--quiet", "--shared", str(root), str(folder), folder=root)
     listed = run_git("ls-files", "-z", "--modified", "--others", "--exclude-standard", folder=root)
@@ -72,7 +72,7 @@ def _clone(root: Path, folder: Path, cache: str) -> None:
             shutil.copy2(root / name, folder / name)
         else:
             (folder / name).unlink(missing_ok=True)
-    # With the machine code in __pycache__, which takes half a minute to compile.
+    # Also the machine code in __pycache__, which takes half a minute to compile.
     if (root / "finloop").is_dir():  # else it is installed
         shutil.copytree(root / "finloop", folder / "finloop", dirs_exist_ok=True)
     for key, value in zip(("user.name", "user.email"), read_git_user(), strict=True):
@@ -98,7 +98,7 @@ def drop_lock_without_results(lock: Path, cache: Path) -> None:
 def run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bool, str]:
     """Run a DVC command in a folder; return whether it succeeds, and its output.
 
-    processes: on how many a stage works.
+    processes: the number of processes on which a stage works.
     """
     process = subprocess.run(
         [sys.executable, "-c", DVC, *arguments],
@@ -108,10 +108,10 @@ def run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bo
     return not process.returncode, process.stdout
 
 
-def _is_same(commit: str, params: str) -> bool:
+def _has_same_code_and_params(commit: str, params: str) -> bool:
     """Return whether an experiment has the present code and this text of params.yaml.
 
-    commit: that of the experiment.
+    commit: that of the experiment. params: the text.
     """
     excludes = [f":(exclude){name}" for name in RESULTS]
     changed = subprocess.run(["git", "diff", "--quiet", commit, "--", ".", *excludes], check=False)
@@ -137,10 +137,10 @@ def _has_run_same_program(commit: str) -> bool:
 def _make_run(name: str, changes: list[str], stages: list[str], clone: Path, processes: int) -> str:
     """Make one run in a clone, and fetch its experiment; return "", or its last lines if it failed.
 
-    changes: overrides. stages: to run, all if empty. processes: on how many a stage works.
+    changes: overrides. stages: to run, all if empty. processes: the number of processes of a stage.
     """
-    values = [word for change in changes for word in ("-S", change)]
-    command = "exp", "run", "--name", name, *values, *stages
+    options = [text for change in changes for text in ("-S", change)]
+    command = "exp", "run", "--name", name, *options, *stages
     succeeds, text = run_dvc(*command, folder=clone, processes=processes)
     if not succeeds:
         return "\n    ".join(failure_lines(text))
@@ -153,15 +153,16 @@ def _make_run(name: str, changes: list[str], stages: list[str], clone: Path, pro
 def failure_lines(text: str) -> list[str]:
     """Return finloop's last message in the output of a failed run, or the output's last lines."""
     lines = text.splitlines()
-    said = [number for number, line in enumerate(lines) if line.startswith("  wanted: ")]
-    if not said:
+    # A message of finloop begins with "finloop: " and has a line "  wanted: ".
+    wanted = [number for number, line in enumerate(lines) if line.startswith("  wanted: ")]
+    if not wanted:
         return lines[-LAST_LINES:]
-    begin = max(number for number in range(said[-1]) if lines[number].startswith("finloop: "))
-    end = next(
-        (number for number in range(said[-1], len(lines)) if lines[number].startswith("ERROR:")),
-        len(lines),
-    )
-    return lines[begin:end]
+    last = wanted[-1]
+    start = max(number for number in range(last) if lines[number].startswith("finloop: "))
+    stop = last
+    while stop < len(lines) and not lines[stop].startswith("ERROR:"):
+        stop += 1
+    return lines[start:stop]
 
 
 class RunMaker:
@@ -172,9 +173,9 @@ class RunMaker:
     """
 
     def __init__(self, stages: list[str], jobs: int, shared: bool = True) -> None:
-        """Clone nothing yet: that needs a run to make."""
+        """Check that git can store experiments; FinloopError if not. Clones are made by `make`."""
         self.stages, self.jobs, self.shared = stages, max(1, jobs), shared
-        self.there = list_experiments()  # raises if there is no commit for them
+        self.existing = list_experiments()  # raises if there is no commit for them
         read_git_user()  # raises if there is none
         self._stack, self._clones = ExitStack(), list[Path]()
 
@@ -187,9 +188,9 @@ class RunMaker:
         self._stack.close()
 
     def make(self, runs: Mapping[str, list[str]]) -> dict[str, str]:
-        """Make runs, name → overrides, but for existing ones; return the failed ones with causes.
+        """Make runs, name → overrides; return the failed ones, name → cause.
 
-        An existing experiment is taken if it has the present code and the same parameters.
+        An existing experiment with the present code and the same parameters is not run again.
         """
         failures, todo = dict[str, str](), list[str]()
         for name, changes in runs.items():
@@ -198,7 +199,8 @@ class RunMaker:
             except FinloopError as error:
                 failures[name] = str(error)
                 continue
-            if not (name in self.there and _is_same(self.there[name], params)):
+            commit = self.existing.get(name)
+            if not (commit and _has_same_code_and_params(commit, params)):
                 todo.append(name)
         if not todo:
             return failures
@@ -206,14 +208,16 @@ class RunMaker:
         with report_progress("runs", len(todo), "runs") as advance:
 
             def make_next(clone: Path, at_once: int) -> bool:
+                """Make the next run while `at_once` runs go on; return whether it succeeds."""
                 name, processes = todo.pop(0), max(1, THREADS // at_once)
-                if why := _make_run(name, runs[name], self.stages, clone, processes):
-                    failures[name] = why
+                if cause := _make_run(name, runs[name], self.stages, clone, processes):
+                    failures[name] = cause
                 advance()
-                return not why
+                return not cause
 
             def make_all(clone: Path) -> None:
-                with suppress(IndexError):  # nothing is left
+                """Make runs in a clone until none is left."""
+                with suppress(IndexError):  # `todo` is empty
                     while True:
                         make_next(clone, len(self._clones))
 
@@ -229,7 +233,10 @@ class RunMaker:
         return failures
 
     def _open_clones(self, count: int) -> None:
-        """Make clones until there are `count`; find out whether a first run goes alone."""
+        """Make clones until there are `count`; find out whether the first run must go alone.
+
+        It need not if the stages that all runs share are up to date.
+        """
         root = Path.cwd()
         (root / APART).mkdir(exist_ok=True)
         if not self._clones:
@@ -248,7 +255,7 @@ def make_runs(
 ) -> dict[str, str]:
     """Make runs, name → overrides; return the failed ones, name → cause.
 
-    stages, jobs, shared: as `RunMaker` takes them.
+    stages: to run, all if empty. jobs: runs at a time. shared: whether they have stages in common.
     """
     with RunMaker(stages, jobs, shared) as maker:
         return maker.make(runs)
@@ -259,10 +266,10 @@ def plan_sweep(
 ) -> tuple[str, Experiment, list[str]]:
     """Return the name of a sweep, what it varies and measures, and the overrides of all its runs.
 
-    words: a name in conf/experiment/, `key=1,2` to vary and `key=3` for every run; without a name
-    the headline numbers of the varied stages and of `animate` are measured. measures: others,
-    instead. changes: fields of the experiment. FinloopError if there is nothing to vary, or a name
-    is unknown.
+    words: a name in conf/experiment/, `key=1,2` to vary and `key=3` for every run. measures: what
+    is measured instead of what the named sweep declares or, without a name, the headline numbers of
+    the varied stages and of `animate`. changes: other fields of the experiment, None = as declared.
+    FinloopError if there is nothing to vary, or a name is unknown.
     """
     names = [word for word in words if "=" not in word]
     varied, fixed = dict[str, str](), list[str]()
@@ -304,16 +311,19 @@ def plan_sweep(
 
 
 def list_sweeps() -> list[str]:
-    """Return the names in conf/experiment/."""
+    """Return the names of the sweeps in conf/experiment/, sorted."""
     return sorted(path.stem for path in (CONF / FOLDER).glob("*.yaml"))
 
 
 def _headline_measures(groups: Iterable[str]) -> list[str]:
-    """Return the headline numbers of stages, and those of `animate` if it comes after one."""
-    words = dict.fromkeys(word for word in groups if word in HEADLINES)
+    """Return names `<stage>.<number>` of the headline numbers of stages, and of `animate`.
+
+    Those of `animate` are left out if it runs before all these stages. groups: names of stages.
+    """
+    stages = dict.fromkeys(group for group in groups if group in HEADLINES)
     if not {*groups} <= AFTER_ANIMATE:
-        words["animate"] = None
-    return [f"{word}.{headline.name}" for word in words for headline in HEADLINES[word]]
+        stages["animate"] = None
+    return [f"{stage}.{headline.name}" for stage in stages for headline in HEADLINES[stage]]
 
 
 def make_sweep(
@@ -329,6 +339,7 @@ def make_sweep(
     with RunMaker(plan.stages, jobs) as maker:
 
         def make(runs: Mapping[str, list[str]]) -> dict[str, str]:
+            """Make runs, each with its own overrides after the common ones."""
             return maker.make({key: overrides + changes for key, changes in runs.items()})
 
         if plan.sweeper == "optuna":
@@ -346,7 +357,7 @@ def read_measure(name: str, measure: str) -> float | None:
 
 
 def main() -> None:
-    """Run a sweep; print the comparison of its runs and write reports/compare.html."""
+    """Run the sweep on the command line; print a comparison and write reports/compare.html."""
     parser = argparse.ArgumentParser(prog="make sweep", description=__doc__)
     parser.add_argument("words", nargs="*", metavar="NAME or key=value[,value]")
     parser.add_argument("--seeds", type=int, help="runs of each value")
@@ -357,16 +368,16 @@ def main() -> None:
         "--measure", action="append", default=[], metavar="stage.number", help="what is compared"
     )
     parser.add_argument("--jobs", type=int, default=THREADS, help="runs at a time")
-    # A word of the variable may have parentheses, at which the shell of make would stumble.
+    # From a variable: words may have parentheses, which the shell of make would misunderstand.
     text = os.environ.get("SWEEP", "")
     try:
-        given = vars(parser.parse_args(sys.argv[1:] + shlex.split(text)))
+        arguments = vars(parser.parse_args(sys.argv[1:] + shlex.split(text)))
     except ValueError as error:
         raise FinloopError(
             f'S="{text}" cannot be read: {error}', 'S="group.key=1,2,3"', "close the quotes"
         ) from error
-    words, measures, jobs = given.pop("words"), given.pop("measure"), given.pop("jobs")
-    name, plan, fixed = plan_sweep(words, measures, given)
+    words, measures, jobs = arguments.pop("words"), arguments.pop("measure"), arguments.pop("jobs")
+    name, plan, fixed = plan_sweep(words, measures, arguments)
     chosen = [f"+{FOLDER}={name}"] if name in list_sweeps() else []
     overrides = [*chosen, *list_overrides(read_params()), *fixed]
     require_only_one("stages.sweep")

@@ -35,9 +35,9 @@ _SHEET_PX = 480  # width of a picture on the contact sheet
 
 
 def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface], Floats]:
-    """Return the fish of an edit list's first seconds as moving surfaces, and the ticks' times.
+    """Return the animation's fish as moving 3-D surfaces, and the times (ticks,) [s].
 
-    The times (ticks,) are in s.
+    Only the first `p.seconds` of the edit list of `p.mode` are taken, at least one tick.
     """
     edit, _, tracks, sprites, bodies = project.edit_with_sources(p.mode, "tank", USED)
     edits = split_by_fish(edit[(edit["time_s"] < p.seconds) | (edit["tick"] == 0)])
@@ -59,7 +59,7 @@ def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface],
 
 
 def _join_sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
-    """Join rows of pictures (h, w, 3) into one picture, each _SHEET_PX wide."""
+    """Scale pictures (h, w, 3) to _SHEET_PX wide and join them to one; pictures: row by row."""
     height, width = pictures[0][0].shape[:2]
     size = _SHEET_PX, round(_SHEET_PX * height / width)
     return np.vstack([
@@ -69,7 +69,10 @@ def _join_sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
 
 
 def main() -> None:
-    """Draw the animation in three dimensions; write data/tank/ and reports/tank/."""
+    """Draw the animation in three dimensions: a film, a picture, a glTF scene and a page.
+
+    They are written to data/tank/, a contact sheet and the metrics to reports/tank/.
+    """
     p: TankSettings = load_settings("tank")
     choose_window()
     with Project() as project, whole_folder(OUT) as folder:
@@ -85,10 +88,12 @@ def main() -> None:
         with TankScene(background, room, size, len(fish)) as scene:
 
             def draw_view(camera: str, tick: int) -> np.ndarray:
-                worn = [one.shape_at(tick) for one in fish]
-                return scene.draw_frame(worn, cameras[camera], tick, time[tick])
+                """Return the picture (h, w, 3) of the tank that a camera sees at a tick."""
+                shapes = [surface.shape_at(tick) for surface in fish]
+                return scene.draw_frame(shapes, cameras[camera], tick, time[tick])
 
             save_picture(folder / "still.png", draw_view(FOLLOW, first.find_bent_tick()))
+            # In the middle of each of MOMENTS equal parts of the film; a row for each camera.
             moments = np.linspace(0, ticks - 1, 2 * MOMENTS + 1).astype(int)[1::2]
             rows = [[draw_view(name, int(tick)) for tick in moments] for name in PRESETS]
             with (
@@ -107,13 +112,13 @@ def main() -> None:
         ]  # fmt: skip
         glb = encode_tank_glb(room, background, first.typical_skin(), bodies, rate)
         save_bytes(folder / "tank.glb", glb)
-        way = [to_gltf_axes((place - room.middle) / room.length) for place in first.place]
-        save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, way, rate)
+        path = [to_gltf_axes((place - room.middle) / room.length) for place in first.place]
+        save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, path, rate)
     save_picture(REPORT / "contact_sheet.png", _join_sheet(rows))
-    error_px = max(one.shape.error_px for one in bodies)
+    error_px = max(body.shape.error_px for body in bodies)
     numbers = {
         "frames": ticks, "duration_s": ticks / rate,
-        "gltf_shapes": max(len(one.shape.modes) for one in bodies), "gltf_error_px": error_px,
+        "gltf_shapes": max(len(body.shape.modes) for body in bodies), "gltf_error_px": error_px,
         "gltf_error_pct_of_length": 100 * error_px / first.length_px,
     }  # fmt: skip
     save_metrics(REPORT / "metrics.json", numbers)

@@ -22,7 +22,10 @@ Overrides = dict[str, list[str]]  # run → overrides
 
 
 def choose_goal(plan: Experiment) -> tuple[str, str]:
-    """Return the measure that Optuna improves, and its good direction; FinloopError for none."""
+    """Return the measure that Optuna improves, and its good direction (HIGHER or lower).
+
+    It is the sweep's goal, else its first measure with such a direction; FinloopError for none.
+    """
     names = [plan.goal] if plan.goal else plan.measures
     for name in names:
         if direction := good_direction(name):
@@ -34,7 +37,7 @@ def choose_goal(plan: Experiment) -> tuple[str, str]:
     )
 
 
-def distribution(values: str) -> Any:
+def optuna_distribution(values: str) -> Any:
     """Return values in Hydra's notation as a distribution of Optuna.
 
     An interval is continuous, or whole (`int(interval(1, 9))`); other values are categories.
@@ -59,9 +62,9 @@ def make_trials(
 ) -> tuple[Overrides, dict[str, str], str]:  # fmt: skip
     """Run the trials of a sweep; return its runs, the failed ones (name → cause), and a sentence.
 
-    name: of the sweep. present: value of each of its seeds. pairs: trials at a time. make: makes
-    runs, and returns those that failed. measure: returns a measure of a run. FinloopError if Optuna
-    is missing, or the goal has no direction.
+    name: of the sweep. present: seed parameter → its present value. pairs: trials at a time. make:
+    makes runs, and returns those that failed, with causes. measure: returns a run's measure, from
+    the names of both. FinloopError if Optuna is missing, or the goal has no direction.
     """
     goal, direction = choose_goal(plan)
     try:
@@ -76,22 +79,22 @@ def make_trials(
         sampler=optuna.samplers.TPESampler(seed=0, constant_liar=True),
         pruner=optuna.pruners.MedianPruner(n_startup_trials=UNPRUNED),
     )
-    space = {key: distribution(values) for key, values in plan.params.items()}
+    space = {key: optuna_distribution(values) for key, values in plan.params.items()}
     seeds = range(plan.seeds if present else 1)
     runs, failures = Overrides(), dict[str, str]()
     for first in range(0, plan.trials, pairs):
-        asked = [study.ask(space) for _ in range(min(pairs, plan.trials - first))]
-        results: dict[Any, list[float]] = {trial: [] for trial in asked}
+        trials = [study.ask(space) for _ in range(min(pairs, plan.trials - first))]
+        results: dict[Any, list[float]] = {trial: [] for trial in trials}  # of those that go on
         for seed in seeds:
-            batch, keys = Overrides(), dict[Any, str]()
+            batch, run_names = Overrides(), dict[Any, str]()
             for trial in results:
                 values = dict(map(_format_value, trial.params.items()))
                 batch |= plan.list_run(name, values, present, seed)
-                *_, keys[trial] = batch
+                *_, run_names[trial] = batch  # the run that was added last
             runs |= batch
             failures |= make(batch)
-            for trial, key in keys.items():
-                value = None if key in failures else measure(key, goal)
+            for trial, run_name in run_names.items():
+                value = None if run_name in failures else measure(run_name, goal)
                 if value is None:
                     study.tell(trial, state=optuna.trial.TrialState.FAIL)
                     del results[trial]

@@ -9,7 +9,7 @@ from stages.animation import load_film_data, write_animation
 
 
 def open_mode(project: Project) -> PaperAnimator:
-    """Return the animator of mode `hybrid`; without loops or gateways it is that of `network`."""
+    """Return the animator of mode `hybrid`; without loops or gateways, that of `network`."""
     data, settings = load_film_data(project, project.reel), project.settings
     return hybrid_animator(
         data, project.motion_network, project.loops, project.gateways,
@@ -18,7 +18,7 @@ def open_mode(project: Project) -> PaperAnimator:
 
 
 def main() -> None:
-    """Plan the animation of mode `hybrid`; write it to data/animate/."""
+    """Plan the animation of mode `hybrid` and measure it; write data/animate/hybrid*."""
     write_animation("hybrid", open_mode)
 
 

@@ -15,7 +15,7 @@ def open_mode(project: Project) -> PaperAnimator:
 
 
 def main() -> None:
-    """Plan the animation of mode `loops`; write it to data/animate/."""
+    """Plan the animation of mode `loops` and measure it; write data/animate/loops*."""
     write_animation("loops", open_mode)
 
 

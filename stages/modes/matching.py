@@ -24,43 +24,45 @@ from stages.animation import write_animation
 def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnimator:
     """Return the animator of mode `matching`, with the results of earlier stages.
 
-    sprite_rows (s,): the film's row of each sprite, from which a fish of another mode continues.
+    sprite_rows (s,): the film's row of each sprite; a fish that another mode shows as a sprite
+    continues there.
     """
-    common, own = project.settings("animate"), project.settings("matching")
+    common, matching = project.settings("animate"), project.settings("matching")
     data = MatchingData(
         project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
         project.step_distances, project.jumps, project.poses, project.forecast_sampler,
-        load_path_lines(own, project.features), project.facts.mm_per_px, project.school_rule,
+        load_path_lines(matching, project.features), project.facts.mm_per_px, project.school_rule,
         project.background, sprite_rows,
     )  # fmt: skip
-    return matching_animator(data, merge_settings(common, own))
+    return matching_animator(data, merge_settings(common, matching))
 
 
 def save_matching_tables(
-    folder: Path, plans: MatchingAnimator, swims: list[Swim], edit: pd.DataFrame
+    folder: Path, animator: MatchingAnimator, swims: list[Swim], edit: pd.DataFrame
 ) -> dict[str, float]:
-    """Write considered.parquet and, for paths, path.parquet and left.parquet to `folder`.
+    """Write the candidates of each decision, and how well fish keep to given paths, to `folder`.
 
-    plans: the animator. swims: one per fish. edit: the edit list. Returns errors from the paths and
-    clearances between fish, by name.
+    The files are considered.parquet and, if there are paths, path.parquet and left.parquet (where a
+    fish leaves its path). swims: one per fish. edit: the edit list. Return the clearances between
+    fish and the errors from the paths, by name.
     """
-    world = plans.world
+    world = animator.world
     ticks, filmed = world.duration, world.film.filmed
-    weighed = [candidate_table(swim, ticks, filmed, fish) for fish, swim in enumerate(swims)]
-    save_table(folder / "considered.parquet", pd.concat(weighed), CONSIDERED)
-    clearance = encounters.measure_clearance(edit, plans.player)
-    pairs = enumerate(plans.paths[: len(swims)])
-    follows = {fish: path for fish, path in pairs if path is not None}
-    if not follows:
+    candidates = [candidate_table(swim, ticks, filmed, fish) for fish, swim in enumerate(swims)]
+    save_table(folder / "considered.parquet", pd.concat(candidates), CONSIDERED)
+    clearance = encounters.measure_clearance(edit, animator.player)
+    all_paths = enumerate(animator.paths[: len(swims)])
+    path_by_fish = {fish: path for fish, path in all_paths if path is not None}
+    if not path_by_fish:
         return clearance
-    most = path_measures.swimming_limits(world.film, world)
+    limits = path_measures.swimming_limits(world.film, world)
     tables, departures, numbers = [], [], []
-    for fish, path in follows.items():
+    for fish, path in path_by_fish.items():
         table = path_measures.path_table("matching", swims[fish], path, ticks, world)
-        left = path_measures.find_departures(table, path, world, most)
-        numbers.append(path_measures.path_metrics(table, left, path, world))
+        departed = path_measures.find_departures(table, path, world, limits)
+        numbers.append(path_measures.path_metrics(table, departed, path, world))
         tables.append(table.assign(fish=fish))
-        departures.append(left.assign(fish=fish))
+        departures.append(departed.assign(fish=fish))
     for name, parts, schema in (
         ("path", tables, path_measures.PATH_ROWS),
         ("left", departures, path_measures.LEFT),
@@ -70,7 +72,7 @@ def save_matching_tables(
 
 
 def main() -> None:
-    """Plan the animation of mode `matching`; write it to data/animate/."""
+    """Plan the animation of mode `matching` and measure it; write data/animate/matching*."""
     write_animation("matching", open_mode, save_matching_tables)
 
 

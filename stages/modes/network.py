@@ -15,7 +15,7 @@ def open_mode(project: Project) -> PaperAnimator:
 
 
 def main() -> None:
-    """Plan the animation of mode `network`; write it to data/animate/."""
+    """Plan the animation of mode `network` and measure it; write data/animate/network*."""
     write_animation("network", open_mode)
 
 

@@ -22,7 +22,7 @@ PATH = DATA / "matching/path.parquet"
 
 
 def main() -> None:
-    """Draw speeds, turn rates and states of all modes, and paths and errors of fish with a path.
+    """Draw speeds, turn rates and states of all modes; draw each given path and the fish's errors.
 
     The files are kinematics.png and path/path.png, path/path-2.png … in reports/modes/animate/.
     """
@@ -30,12 +30,13 @@ def main() -> None:
     numbers = load_numbers(Path("reports/animate"))
     save_figure(REPORT / "kinematics.png", draw_kinematics(table, numbers))
     with whole_folder(REPORT / "path") as folder:
-        if (PATH).exists():
-            paths, left = load_table(PATH, PATH_ROWS), pd.read_csv(LEFT)
+        if PATH.exists():
+            paths, departures = load_table(PATH, PATH_ROWS), pd.read_csv(LEFT)
             background = Project().background
-            for fish, way in paths.groupby("fish"):
+            for fish, path in paths.groupby("fish"):
                 name = "path.png" if fish == paths["fish"].min() else f"path-{fish + 1}.png"
-                save_figure(folder / name, draw_path(way, left[left["fish"] == fish], background))
+                departed = departures[departures["fish"] == fish]  # where it leaves the path
+                save_figure(folder / name, draw_path(path, departed, background))
 
 
 if __name__ == "__main__":

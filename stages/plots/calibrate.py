@@ -14,15 +14,16 @@ NAMES = {"zones": "points that swim by the zones", "alone": "points without othe
 
 
 def main() -> None:
-    """Draw how distances and headings between fish are distributed, in reports/film/calibrate/."""
-    film = load_table(FOLDER / "film.parquet", SHOAL)
-    shoals = dict(
-        zip(("film, first half", "film, second half"), split_in_halves(film), strict=True)
-    )
-    for name, words in NAMES.items():
+    """Draw how distances and headings between fish are distributed, in reports/film/calibrate/.
+
+    The groups are the two halves of the film, and simulated points with and without zones, if any.
+    """
+    first, second = split_in_halves(load_table(FOLDER / "film.parquet", SHOAL))
+    groups = {"film, first half": first, "film, second half": second}
+    for name, title in NAMES.items():
         if (path := FOLDER / f"{name}.parquet").exists():
-            shoals[words] = load_table(path, SHOAL)
-    save_figure(Path("reports/film/calibrate/distributions.png"), draw_school_measures(shoals))
+            groups[title] = load_table(path, SHOAL)
+    save_figure(Path("reports/film/calibrate/distributions.png"), draw_school_measures(groups))
 
 
 if __name__ == "__main__":

@@ -20,24 +20,24 @@ CLIP = Path("data/clip")
 
 
 def main() -> None:
-    """Draw the check of the film, reports/film/clip/check.png; several films one below another."""
+    """Draw how good the film is, reports/film/clip/check.png; several films one below another."""
     pictures = [_draw_film(name, CLIP / home) for name, home in list_film_folders(CLIP)]
     save_picture(Path("reports/film/clip/check.png"), stack_pictures(pictures))
 
 
 def _draw_film(name: str, clip: Path) -> Picture:
-    """Draw a frame of one film, its difference from the tank, and curves over time.
+    """Return a picture of one film: a frame, its difference from the tank, and curves over time.
 
     name: of the film. clip: folder of its clip.
     """
     facts = load_facts(clip / FACTS_NAME)
     middle = [facts.frames // 2]
     (frame,) = read_chosen_frames(clip / CLIP_NAME, middle, colour=facts.colour)
-    (plain,) = read_chosen_frames(clip / CLIP_NAME, middle)
+    (grey_frame,) = read_chosen_frames(clip / CLIP_NAME, middle)
     tank = to_grey(load_picture(clip / TANK_NAME))
     table = load_table(clip / CHECK_NAME, CHECK)
-    even = undo_gain(plain, measure_gain(plain, tank))
-    difference = np.abs(even.astype(np.float32) - tank)
+    even_light = undo_gain(grey_frame, measure_gain(grey_frame, tank))
+    difference = np.abs(even_light.astype(np.float32) - tank)
     title = f"{name} a frame of the film".strip()
     return draw_film_check(frame, difference, table, facts.frame_rate_hz, title)
 

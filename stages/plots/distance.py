@@ -18,7 +18,10 @@ from stages.settings import load_settings
 
 
 def main() -> None:
-    """Draw the distance maps (Fig. 9), reports/motion/distance/fig9.png."""
+    """Draw how unlike every two frames of the longest tracks are (Fig. 9).
+
+    The file is reports/motion/distance/fig9.png: the whole map, and the part that is compared.
+    """
     p: DistanceSettings = load_settings("distance")
     with Project() as project:
         facts, features = project.map_facts, project.features

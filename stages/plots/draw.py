@@ -12,7 +12,7 @@ from finloop.base.parallel import Processes, warm_up, worker_loss_error
 def draw_all(modules: Sequence[str]) -> None:
     """Run `main` of each module in worker processes, several at a time.
 
-    modules: names, the slowest first.
+    modules: names, the slowest first. FinloopError if the system kills a worker.
     """
     warm_up(modules)
     with report_progress("plots", len(modules), "stages") as advance:

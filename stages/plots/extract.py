@@ -32,7 +32,7 @@ from finloop.plots.parts import stack_pictures
 from stages.settings import load_settings
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/film/extract")
-FRAMES = 4
+FRAMES = 4  # whose detections are drawn, of all films together
 THINNED = 50  # frames whose fish are thinned, to choose two for Figs. 3, 4
 
 
@@ -56,7 +56,10 @@ class ExtractedFilm(NamedTuple):
 
 
 def main() -> None:
-    """Draw the detections in some frames, and Figs. 3 and 4, in reports/film/extract/."""
+    """Draw the fish found in some frames, and their thinning (Figs. 3 and 4).
+
+    The files are detections.png and fig3_4.png in reports/film/extract/.
+    """
     settings: ExtractSettings = load_settings("extract")
     films = [
         _load_film(name, home)
@@ -66,17 +69,17 @@ def main() -> None:
     pictures = []
     for film in films:
         labels, frames = zip(*film.read_frames(max(1, FRAMES // len(films))), strict=True)
-        silhouettes = film.scene, film.typical, film.arena, settings
-        pictures.append(draw_detections(frames, labels, *silhouettes))
+        extraction = film.scene, film.typical, film.arena, settings
+        pictures.append(draw_detections(frames, labels, *extraction))
     save_picture(REPORT / "detections.png", stack_pictures(pictures))
-    fish, words = choose_fish_to_draw(_thin_films(films, settings))
-    save_figure(REPORT / "fig3_4.png", figure3_4(fish, words))
+    fish, caption = choose_fish_to_draw(_thin_films(films, settings))
+    save_figure(REPORT / "fig3_4.png", figure3_4(fish, caption))
 
 
 def _load_film(name: str, home: Path) -> ExtractedFilm:
-    """Load the results of `clip` and `extract` for one film.
+    """Load the results of the stages `clip` and `extract` for one film.
 
-    name: of the film. home: its folder below those of the stages.
+    name: of the film. home: its folder, relative to those of the two stages.
     """
     clip, tracks_folder = CLIP / home, EXTRACT / home
     facts = load_facts(clip / FACTS_NAME)
@@ -93,7 +96,7 @@ def _load_film(name: str, home: Path) -> ExtractedFilm:
 
 
 def _thin_films(films: list[ExtractedFilm], settings: ExtractSettings) -> Iterator[ThinnedFish]:
-    """Yield the thinned fish of THINNED frames, spread over the films."""
+    """Yield the fish of THINNED frames spread over the films, each thinned to lines 1 px wide."""
     count = max(1, THINNED // len(films))
     for film in films:
         for label, frame in film.read_frames(count):

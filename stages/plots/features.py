@@ -16,7 +16,11 @@ FISH = 48  # on the contact sheet
 
 
 def main() -> None:
-    """Draw contact sheet, Figs. 5 and 7, tracks and orientations in reports/film/features/."""
+    """Draw what `features` measured, in reports/film/features/.
+
+    The files are contact_sheet.png (fish with their backbones), fig5.png (a turn), fig7.png (motion
+    area over time), trajectories.png and rose.png (orientations).
+    """
     with Project() as project:
         table, background = project.features, project.background
         tracks, rows = project.tracks(COLUMNS), draw.choose_rows_to_check(table, FISH)

@@ -15,7 +15,7 @@ MODULES = (
 
 
 def main() -> None:
-    """Draw what clip, extract, features, identity, calibrate and pose made, in reports/film/."""
+    """Draw the results of clip, extract, features, identity, calibrate, pose in reports/film/."""
     draw_all(MODULES)
 
 

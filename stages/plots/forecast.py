@@ -17,9 +17,9 @@ REPORT = Path("reports/motion/forecast")
 
 
 def main() -> None:
-    """Draw the forecast's learning and a fish that it moves alone, in reports/motion/forecast/.
+    """Draw the forecast's errors per epoch, and a fish that only the forecast moves.
 
-    Without a model the pictures are empty.
+    The files are learning.png and free.png in reports/motion/forecast/, empty without a model.
     """
     project = Project()
     if not project.has_forecast:

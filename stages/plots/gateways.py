@@ -14,14 +14,17 @@ PAIRS = 12  # of each direction
 
 
 def main() -> None:
-    """Draw gateways in reports/motion/gateways/; without any, the nearest refused pairs."""
+    """Draw gateways, pairs of a frame and a sprite that look alike, in contact_sheet.png.
+
+    A direction without gateways shows its nearest refused pairs.
+    """
     with Project() as project:
-        ways, reel, sheet = project.gateways, project.reel, {}
+        gateways, reel, sheet = project.gateways, project.reel, {}
         nearest = load_table(project.data / "gateways/nearest.parquet", GATEWAYS)
         for direction in (IN, OUT):
-            table = ways if direction in set(ways["direction"]) else nearest
-            some = choose_gateways_to_draw(table[table["direction"] == direction], PAIRS)
-            sheet[direction] = list(gateway_pictures(some, reel, project.map_facts))
+            table = gateways if direction in set(gateways["direction"]) else nearest
+            chosen = choose_gateways_to_draw(table[table["direction"] == direction], PAIRS)
+            sheet[direction] = list(gateway_pictures(chosen, reel, project.map_facts))
     save_picture(Path("reports/motion/gateways/contact_sheet.png"), draw_gateways(sheet))
 
 

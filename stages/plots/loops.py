@@ -44,41 +44,40 @@ def main() -> None:
 
 
 def _draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figure]]:
-    """Yield name and figure of each of NAMES, for a film that has loops."""
+    """Yield name and figure of each of NAMES, for a film that has loops (similar frames)."""
     loops, features, reel = project.loops, project.features, project.film_reel
     facts, rate_hz = project.map_facts, project.rate_hz
     track = features["track_id"].to_numpy()
     graph = build_loop_graph(loops, track)
     yield "over_time", figure12(loops, graph, features, rate_hz)
     yield "over_tank", draw.draw_loops_over_tank(loops, graph, features, project.background)
-    three = find_three_routes(loops, track)
-    if three is None:
+    routes = find_three_routes(loops, track)
+    if routes is None:
         why = "Fig. 10: no track has four loops between whose ends there are three ways as in the "
         yield "fig10", draw_message(f"{why}paper.")
     else:
-        yield "fig10", figure10(three, reel, facts.pose, facts.step_median)
+        yield "fig10", figure10(routes, reel, facts.pose, facts.step_median)
     ends = choose_table_ends(graph.ends, track)
     yield "fig11", draw.figure11(position_table(ends, features), ends, features)
     gap = least_loop_frames(infer_delta_frames(features), p)
-    best, worst = (
-        list(
-            draw.loop_pictures(
-                ranked.iloc[draw.choose_separate_loops(ranked, gap, BEST)], reel, facts
-            )
-        )
-        for ranked in (loops, loops[::-1])
-    )
+    pictures = []
+    for ranked in (loops, loops[::-1]):  # from the best, and from the worst
+        chosen = ranked.iloc[draw.choose_separate_loops(ranked, gap, BEST)]
+        pictures.append(list(draw.loop_pictures(chosen, reel, facts)))
+    best, worst = pictures
     yield "best_and_worst", draw.figure8(best, worst)
 
 
 def _draw_improper(project: Project, p: LoopsSettings) -> Figure:
-    """Return Fig. 13 of the fish paper, or a figure that says that no loop is improper."""
+    """Return Fig. 13 of the fish paper, or a figure that says that no loop is improper.
+
+    Along an improper loop the fish travels against its heading.
+    """
     features, reel, facts = project.features, project.film_reel, project.map_facts
     pairs = to_sparse_map(project.similar_pairs, len(features))
-    every, counts = find_loop_candidates(
-        pairs, features, p.distance_threshold * facts.step_median, p
-    )
-    loop = find_most_improper_loop(every, features, p.improper_angle_deg)
+    threshold = p.distance_threshold * facts.step_median
+    candidates, counts = find_loop_candidates(pairs, features, threshold, p)
+    loop = find_most_improper_loop(candidates, features, p.improper_angle_deg)
     if loop is None:
         return draw_message(
             f"Fig. 13: of {counts['minima']} pairs of similar frames none travels more than "
@@ -87,14 +86,14 @@ def _draw_improper(project: Project, p: LoopsSettings) -> Figure:
     track, frame = (features[name].to_numpy() for name in ("track_id", "frame"))
     ends = [f"frame {frame[row]} of track {track[row]}" for row in (loop.a, loop.b)]
     steps = loop.filtered / facts.step_median
-    words = (
+    caption = (
         f"a pair that is no loop: {' and '.join(ends)}, {steps:.2f} natural steps apart "
         f"(a loop: {p.distance_threshold:g} at most);\n"
         f"it travels {loop.off_deg:.0f}° off the heading "
         f"(a loop: {p.improper_angle_deg:g}° at most). "
         f"{counts['improper_dropped']} of {counts['minima']} similar pairs are improper"
     )
-    return figure13(loop, reel, facts.pose, project.background, words)
+    return figure13(loop, reel, facts.pose, project.background, caption)
 
 
 if __name__ == "__main__":

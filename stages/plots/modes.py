@@ -13,7 +13,7 @@ MODULES = (
 
 
 def main() -> None:
-    """Draw the pictures of animate, retarget, render and realism in reports/modes/."""
+    """Draw the results of the stages animate, retarget, render and realism in reports/modes/."""
     draw_all(MODULES)
 
 

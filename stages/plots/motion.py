@@ -15,7 +15,7 @@ MODULES = (
 
 
 def main() -> None:
-    """Draw bpn, forecast, sprites, distance, loops and gateways in reports/motion/."""
+    """Draw the results of bpn, forecast, sprites, distance, loops, gateways in reports/motion/."""
     draw_all(MODULES)
 
 

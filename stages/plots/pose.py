@@ -10,7 +10,7 @@ from finloop.project import Project
 
 
 def main() -> None:
-    """Draw the principal shapes of the pose, reports/film/pose/shapes.png."""
+    """Draw the principal shapes of the postures on an animal, reports/film/pose/shapes.png."""
     with Project() as project:
         picture = draw_shapes(project.poses, project.cutouts)
     save_picture(Path("reports/film/pose/shapes.png"), picture)

@@ -18,7 +18,11 @@ STRIP = 10, 130  # pictures, px
 
 
 def main() -> None:
-    """Draw ROC curves and the most obviously false windows in reports/modes/realism/."""
+    """Draw how distinguishable animation is from film, and the most obviously false windows.
+
+    The files are auc.png (ROC curves) and contact_sheet.png in reports/modes/realism/. A window is
+    a short stretch of swimming.
+    """
     auc, roc = (pd.read_csv(OUT / name) for name in ("auc.csv", "roc.csv"))
     save_figure(REPORT / "auc.png", draw_roc(auc, roc))
 
@@ -28,14 +32,11 @@ def main() -> None:
         gallery, painter = project.whole_gallery, Painter(project.background)
         length = project.scene.typical_length_px
         for number, example in table.groupby("example"):
-            strips.append(
-                {
-                    side: draw_strip(
-                        example[example["side"] == side], gallery, painter, length, *STRIP
-                    )
-                    for side in SIDES
-                }
-            )
+            pictures = {}
+            for side in SIDES:  # film and animation
+                window = example[example["side"] == side]
+                pictures[side] = draw_strip(window, gallery, painter, length, *STRIP)
+            strips.append(pictures)
             titles.append(f"{number + 1}: {example['compared'].iloc[0]}")
     curves = load_table(OUT / "curves.parquet", CURVES)
     save_figure(REPORT / "contact_sheet.png", draw_false_windows(curves, titles, strips))

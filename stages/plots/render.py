@@ -18,7 +18,11 @@ REPORT = Path("reports/modes/render")
 
 
 def main() -> None:
-    """Draw each mode's path, and sheets of ticks and of switches, in reports/modes/render/."""
+    """Draw the path of every mode and, for `render.mode`, sheets of the first fish's pictures.
+
+    A sheet shows regular moments, or where the animation changes to other film; the files are in
+    reports/modes/render/.
+    """
     p: RenderSettings = load_settings("render")
     with Project() as project:
         background, drawn = project.background, project.edit_with_sources(p.mode, "render")
@@ -26,8 +30,8 @@ def main() -> None:
         half_px = round(0.75 * project.drawn_scale(p.mode) * drawn.scene.typical_length_px)
         edit = drawn.edit[drawn.edit["fish"] == 0]  # tick by tick the first fish is shown alone
         for name, ticks in choose_sheet_ticks(edit, drawn.tracks).items():
-            some = edit.iloc[ticks].assign(tick=range(len(ticks)))
-            rows = place_rows(some, gallery) if ticks else ()
+            chosen = edit.iloc[ticks].assign(tick=range(len(ticks)))
+            rows = place_rows(chosen, gallery) if ticks else ()
             sheet = draw_tiles(cut_tiles(edit, ticks, rows, Painter(background), half_px))
             save_picture(REPORT / f"{name}.png", sheet)
         for mode, facts in MODES.items():

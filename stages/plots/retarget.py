@@ -19,7 +19,10 @@ _SPAN = 1.6  # body lengths across a tile
 
 
 def main() -> None:
-    """Draw requested and drawn backbones in reports/modes/retarget/, if a track is retargeted."""
+    """Draw requested and drawn backbones of a retargeted track, backbones.png.
+
+    The folder reports/modes/retarget/ stays empty if no track is retargeted.
+    """
     asked = load_table(Path("data/retarget/asked.parquet"), ASKED)
     with whole_folder(REPORT) as folder:
         if asked.empty:
@@ -27,8 +30,8 @@ def main() -> None:
         ticks = choose_ticks_to_draw(asked)
         with Project() as project:
             drawn = project.edit_with_sources(RETARGET, "plots-modes")
-            some = drawn.edit.iloc[ticks].assign(tick=range(len(ticks)))
-            rows, painter = place_rows(some, project.gallery(drawn)), Painter(project.background)
+            chosen = drawn.edit.iloc[ticks].assign(tick=range(len(ticks)))
+            rows, painter = place_rows(chosen, project.gallery(drawn)), Painter(project.background)
             size = round(_SPAN * drawn.scene.typical_length_px)
             picture = draw_backbones(asked, ticks, rows, painter, size)
         save_picture(folder / "backbones.png", picture)

@@ -12,7 +12,10 @@ from finloop.project import Project
 
 
 def main() -> None:
-    """Draw the contact sheet of the sprites, reports/motion/sprites/contact_sheet.png."""
+    """Draw every step of each sequence of sprites, and one sprite in all orientations.
+
+    The file is reports/motion/sprites/contact_sheet.png.
+    """
     with Project() as project:
         sprites, store = project.sprites, project.sprite_cutouts
         count = count_orientations(sprites)
