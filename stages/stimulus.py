@@ -32,12 +32,7 @@ from finloop.stimulus.order import order_trials
 from finloop.stimulus.page import build_standalone_page
 from finloop.stimulus.protocol import Protocol
 from finloop.stimulus.protocol_file import load_protocol, parse_protocol
-from finloop.stimulus.recorded import (
-    ConnectionFaults,
-    DryClock,
-    imitate_tracker,
-    repeat_messages,
-)
+from finloop.stimulus.recorded import ConnectionFaults, DryClock, imitate_tracker, repeat_messages
 from finloop.stimulus.replay import open_session_record, read_displayed_frames, replan_session
 from finloop.stimulus.serve import (
     CalibrationHub,

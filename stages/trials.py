@@ -42,11 +42,7 @@ def optuna_distribution(values: str) -> Any:
 
     An interval is continuous, or whole (`int(interval(1, 9))`); other values are categories.
     """
-    from optuna.distributions import (
-        CategoricalDistribution,
-        FloatDistribution,
-        IntDistribution,
-    )
+    from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
     interval = parse_interval(values)
     if interval is None:

@@ -185,10 +185,7 @@ def tracks_writer(folder: Path, schema: Schema) -> Iterator[Write]:
     """
     table, store = folder / "unsorted-tracks.arrow", folder / f"unsorted-{CUTOUTS_NAME}"
     tracks: list[NDArray[np.int32]] = []
-    with (
-        pa.ipc.new_file(str(table), arrow_schema(schema)) as rows,
-        CutoutWriter(store) as cutouts,
-    ):
+    with pa.ipc.new_file(str(table), arrow_schema(schema)) as rows, CutoutWriter(store) as cutouts:
 
         def write(lot: pd.DataFrame, pictures: Iterable[Cutout]) -> None:
             """Append rows of the table of tracks, and one cut-out for each of them."""

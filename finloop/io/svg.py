@@ -283,9 +283,7 @@ def _load_safe_tree(path: Path) -> ElementTree.Element:
             data = file.read(MOST_BYTES + 1)
     except OSError as error:
         raise FinloopError(
-            f"{path} cannot be read ({error.strerror})",
-            "an SVG drawing",
-            "name a file that exists",
+            f"{path} cannot be read ({error.strerror})", "an SVG drawing", "name a file that exists"
         ) from error
     if len(data) > MOST_BYTES:
         raise FinloopError(
@@ -297,9 +295,7 @@ def _load_safe_tree(path: Path) -> ElementTree.Element:
     root = ElementTree.fromstring(data)
     if _tag(root) != "svg":
         raise FinloopError(
-            f"{path} holds <{_tag(root)}>, no SVG",
-            "an SVG drawing",
-            "save the drawing as SVG",
+            f"{path} holds <{_tag(root)}>, no SVG", "an SVG drawing", "save the drawing as SVG"
         )
     _keep_contours(root)
     style = sum(len(element.text or "") for element in root.iter() if _tag(element) == "style")
