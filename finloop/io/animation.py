@@ -71,8 +71,8 @@ def find_morph_writer(path: Path) -> "Writer":
 def _save_plain(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> None:
     """Write a morph as plain JSON: the points of every contour in every frame.
 
-    The content is `{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`. Rate and side are not
-    used.
+    The content is `{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`; tau is the share of the
+    morph, 0 … 1. Rate and side are not used.
     """
     layers = {name: frames.tolist() for name, frames in morph.layers.items()}
     frames = [
@@ -98,9 +98,9 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: in
     That is exact, and half as long as decimals.
     """
     grid = 10.0**morph.decimals
-    seconds = len(morph.tau) / frame_rate  # as films last
-    # The frame after the last: itself, or the first of a morph that goes there and back.
-    after = 0 if morph.tau[-1] < morph.tau.max() else -1
+    seconds = len(morph.tau) / frame_rate  # every frame for one tick, as in a film
+    # The frame shown after the last: itself, or the first if the morph goes there and back.
+    end_frame = 0 if morph.tau[-1] < morph.tau.max() else -1
     width, height = f"{morph.width:.10g}", f"{morph.height:.10g}"
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}"'
@@ -116,7 +116,7 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: in
         lines.append(
             f"<path id={quoteattr(shape.name)} {_svg_paint_attributes(shape.paint, grid)}"
             f' d={quoteattr(frames[0])}><animate attributeName="d" dur="{float(seconds):.6g}s"'
-            f' repeatCount="indefinite" values="{";".join([*frames, frames[after]])}"/></path>'
+            f' repeatCount="indefinite" values="{";".join([*frames, frames[end_frame]])}"/></path>'
         )
     save_bytes(path, "\n".join([*lines, "</g>", "</svg>", ""]).encode())
 
@@ -127,13 +127,13 @@ def _painted_shapes(morph: Morph) -> list[Shape]:
 
 
 def _svg_path_data(points: Ints, closed: bool) -> str:
-    """Return the `d` attribute of an SVG path through points (n, 2) on the morph's grid."""
+    """Return the `d` attribute of an SVG path through points (n, 2), whole numbers."""
     text = " ".join(map(str, np.diff(points, axis=0).ravel().tolist())).replace(" -", "-")
     return f"M{points[0, 0]} {points[0, 1]}l{text}{'z' if closed else ''}"
 
 
 def _svg_paint_attributes(paint: Paint, grid: float) -> str:
-    """Return the SVG attributes that paint a shape; grid: units of the path per px."""
+    """Return the SVG attributes that paint a shape, fill and stroke; grid: path units per px."""
     style = {
         kind: "none" if colour is None else "#{:02x}{:02x}{:02x}".format(*colour)
         for kind, colour in (("fill", paint.fill), ("stroke", paint.stroke))
@@ -153,8 +153,8 @@ def _svg_paint_attributes(paint: Paint, grid: float) -> str:
 def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> None:
     """Write a morph as Lottie JSON, with a layer for each shape and a keyframe for each frame.
 
-    The topmost shape is first. Players interpolate linearly between keyframes. The side is not
-    used.
+    The topmost shape is first. Players interpolate linearly between keyframes. The longer side is
+    not used.
     """
     layers = [
         _lottie_layer(morph, shape, k) for k, shape in enumerate(_painted_shapes(morph)[::-1], 1)
@@ -188,7 +188,7 @@ def _lottie_path(morph: Morph, name: str, closed: bool) -> Json:
     name: of the contour in `morph.layers`. closed: whether its end joins its beginning.
     """
     frames = morph.layers[name].tolist()
-    straight = [[0, 0]] * len(frames[0])
+    straight = [[0, 0]] * len(frames[0])  # tangents of length 0: polylines
     keys: list[Json] = [
         {"t": k, "s": [{"i": straight, "o": straight, "v": points, "c": closed}]}
         for k, points in enumerate(frames)
@@ -227,7 +227,7 @@ def _save_film(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
     """Write a morph as a film: MP4 if the ending of `path` is .mp4, else animated WebP."""
     scale = longer_side_px / max(morph.width, morph.height)
     # Both formats need even sides.
-    height, width = (2 * max(1, round(s * scale / 2)) for s in (morph.height, morph.width))
+    height, width = (2 * max(1, round(side * scale / 2)) for side in (morph.height, morph.width))
     shape = height, width, 3
     film: FilmWriter = WebpWriter(path, shape, frame_rate, width, QUALITY)
     if path.suffix.lower() == ".mp4":
@@ -242,23 +242,23 @@ def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterato
 
     shape: height and width of the pictures [px]. scale: px of the picture per px of the drawing.
     """
-    forms = _painted_shapes(morph)
+    shapes = _painted_shapes(morph)
 
     def paint_frame(frame: int) -> Picture:
         """Return the picture (h, w, 3) of the frame with a number."""
-        contours = [(form, [morph.layers[name][frame] for name in form.layers]) for form in forms]
+        contours = [(item, [morph.layers[name][frame] for name in item.layers]) for item in shapes]
         return paint_layers(contours, shape, scale)
 
     points = np.hstack([frames.reshape(len(frames), -1) for frames in morph.layers.values()])
-    first, alike = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
-    equal = first[alike.ravel()]  # of each frame, the first that is equal
-    again = {*equal[equal != np.arange(len(equal))].tolist()}
-    new = ordered_map(paint_frame, np.sort(first).tolist(), Threads(THREADS))
-    packed = dict[int, bytes]()  # repeated pictures; flat colours compress well
-    for frame, first_equal in enumerate(equal.tolist()):
+    _, first, group = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    first_equals = first[group.ravel()]  # of each frame, the first that is equal
+    repeated = {*first_equals[first_equals != np.arange(len(first_equals))].tolist()}
+    new_pictures = ordered_map(paint_frame, np.sort(first).tolist(), Threads(THREADS))
+    packed = dict[int, bytes]()  # pictures to be shown again; flat colours compress well
+    for frame, first_equal in enumerate(first_equals.tolist()):
         if first_equal == frame:
-            picture = next(new)
-            if frame in again:
+            picture = next(new_pictures)
+            if frame in repeated:
                 packed[frame] = zlib.compress(picture.tobytes(), 1)
         else:
             pixels = np.frombuffer(zlib.decompress(packed[first_equal]), np.uint8)

@@ -23,10 +23,10 @@ _NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Let a block write a file completely or not at all: yield a temporary path, then rename it.
+    """Yield a temporary path for a file; rename that file to `path` when the block succeeds.
 
-    It becomes `path` when the block succeeds; else `path` does not change. FinloopError if the disk
-    is full.
+    So the file is written completely or not at all: else `path` does not change. FinloopError if
+    the disk is full.
     """
     with _temporary_path(path, f".{path.stem}.{_process_tag()}.part{path.suffix}") as part:
         yield part
@@ -37,9 +37,9 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Let a block fill a folder completely or not at all: yield a temporary one, then rename it.
+    """Yield a temporary folder; let it replace the folder `path` when the block succeeds.
 
-    It replaces the folder `path` when the block succeeds; after an exception `path` is unchanged.
+    So the folder is filled completely or not at all: after an exception `path` is unchanged.
     FinloopError if the disk is full.
     """
     with _temporary_path(path, f".{path.name}.{_process_tag()}.part") as part:
@@ -97,11 +97,11 @@ def _remove_leftovers(folder: Path) -> None:
         if not number.isdecimal():
             continue
         try:
-            os.kill(int(number), 0)  # asks whether the process runs
+            os.kill(int(number), 0)  # signal 0 ends nothing; it fails if no such process runs
         except ProcessLookupError:
             _remove_path(path)
         except (PermissionError, OverflowError):
-            pass  # it runs, or there is no such number
+            pass  # another user's process, which runs; or no process has so large a number
 
 
 def _remove_path(path: Path) -> None:
@@ -133,12 +133,13 @@ def require_free_space(folder: Path, size_bytes: float, content: str, advice: st
     into the message.
     """
     above = (folder.absolute(), *folder.absolute().parents)
-    home = next(path for path in above if path.exists() and path.suffix != ".part")
-    free = shutil.disk_usage(home).free
+    # Not a temporary folder: the user shall recognise the one in the message.
+    existing = next(path for path in above if path.exists() and path.suffix != ".part")
+    free = shutil.disk_usage(existing).free
     if free < size_bytes:
         raise FinloopError(
             f"{content} will take about {decimal(int(size_bytes))}, "
-            f"and {decimal(free)} are free in {home}",
+            f"and {decimal(free)} are free in {existing}",
             "enough free space for all of it",
             f"free some space (`dvc gc --workspace` drops unused results), or {advice}",
         )

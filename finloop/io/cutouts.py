@@ -74,7 +74,7 @@ class CutoutWriter:
         return self
 
     def write(self, cutout: Cutout) -> None:
-        """Append one cut-out (pixels of a fish with alpha) to the store."""
+        """Append one cut-out to the store: its place, and its pixels, compressed."""
         pixels = np.ascontiguousarray(cutout.pixels)
         packed = _CODEC.compress(pixels, asbytes=True)
         key = cutout[5:] if self._schema is _SPRITES else ()
@@ -89,8 +89,8 @@ class CutoutWriter:
         index = store.index.to_numpy()[rows]
         if keys is not None:
             index[:, :2] = keys
-        for row, of_row in zip(rows.tolist(), index.tolist(), strict=True):
-            self._append((*of_row, store.pixel_buffer(row).to_pybytes()))
+        for row, place in zip(rows.tolist(), index.tolist(), strict=True):
+            self._append((*place, store.pixel_buffer(row).to_pybytes()))
 
     def _append(self, row: tuple[Any, ...]) -> None:
         """Add one cut-out's place and compressed pixels to the rows that wait to be written."""
@@ -102,7 +102,8 @@ class CutoutWriter:
         """Write the waiting cut-outs as one batch, unless the `with` block has failed."""
         if self._rows and error is None:
             columns = zip(*self._rows, strict=True)
-            arrays = [pa.array(c, f.type) for c, f in zip(columns, self._schema, strict=True)]
+            fields = zip(columns, self._schema, strict=True)
+            arrays = [pa.array(column, field.type) for column, field in fields]
             self._file.write_batch(pa.record_batch(arrays, schema=self._schema))
             self._rows = []
 
@@ -177,7 +178,7 @@ def open_cutouts(path: Path) -> Iterator[CutoutStore]:
 
 @contextmanager
 def tracks_writer(folder: Path, schema: Schema) -> Iterator[Write]:
-    """Yield a function that appends rows of the table of tracks together with their cut-outs.
+    """Yield a function that appends rows of the table of tracks, and a cut-out for each row.
 
     At the end of the block, both are sorted by track and written to `folder` as tracks.parquet and
     cutouts.arrow. schema: of the table of tracks. A track's rows must come in the order of their
@@ -187,10 +188,10 @@ def tracks_writer(folder: Path, schema: Schema) -> Iterator[Write]:
     tracks: list[NDArray[np.int32]] = []
     with pa.ipc.new_file(str(table), arrow_schema(schema)) as rows, CutoutWriter(store) as cutouts:
 
-        def write(lot: pd.DataFrame, pictures: Iterable[Cutout]) -> None:
+        def write(table_rows: pd.DataFrame, pictures: Iterable[Cutout]) -> None:
             """Append rows of the table of tracks, and one cut-out for each of them."""
-            rows.write_table(arrow_table(lot, schema, TRACKS_NAME))
-            tracks.append(lot["track_id"].to_numpy(np.int32))
+            rows.write_table(arrow_table(table_rows, schema, TRACKS_NAME))
+            tracks.append(table_rows["track_id"].to_numpy(np.int32))
             for cutout in pictures:
                 cutouts.write(cutout)
 
@@ -215,7 +216,7 @@ def tracks_writer(folder: Path, schema: Schema) -> Iterator[Write]:
 
 
 def _reorder(source: pa.MemoryMappedFile, order: Rows, lot: int) -> Iterator[pa.Table]:
-    """Yield the rows of an Arrow file in a given order, as tables of `lot` rows.
+    """Yield the rows of an Arrow file in a given order, as tables of at most `lot` rows.
 
     order: row numbers of the file, in the wanted order.
     """
@@ -223,9 +224,8 @@ def _reorder(source: pa.MemoryMappedFile, order: Rows, lot: int) -> Iterator[pa.
     batches = [file.get_batch(k) for k in range(file.num_record_batches)]
     start = np.cumsum([0, *(batch.num_rows for batch in batches)])
     for rows in np.split(order, range(lot, len(order), lot)) if len(order) else ():
-        of_batch = np.searchsorted(start, rows, side="right") - 1
-        parts = [
-            batches[k].take(pa.array(rows[of_batch == k] - start[k])) for k in np.unique(of_batch)
-        ]
-        back = np.argsort(np.argsort(of_batch, kind="stable"))
-        yield pa.Table.from_batches(parts).take(back)
+        batch = np.searchsorted(start, rows, side="right") - 1  # the batch that holds each row
+        parts = [batches[k].take(pa.array(rows[batch == k] - start[k])) for k in np.unique(batch)]
+        # Parts are sorted by batch; this inverse permutation restores the wanted order.
+        restore = np.argsort(np.argsort(batch, kind="stable"))
+        yield pa.Table.from_batches(parts).take(restore)

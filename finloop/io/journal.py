@@ -21,7 +21,7 @@ _HEADER = b"finloop"  # the key of the header in the file's metadata
 
 
 class Journal:
-    """A new journal file for the rows of a table; FinloopError if the file exists.
+    """A new journal: a file of table rows, each on the disk as soon as it is appended.
 
     header: a text kept with the table, such as the settings of a session.
     """
@@ -76,10 +76,10 @@ def read_journal(path: Path) -> Iterator[tuple[pa.Schema, Iterator[pa.RecordBatc
                 "the journal of a session",
                 "name another .journal file: one cut off at its start holds no rows to recover",
             ) from error
-        yield reader.schema, _complete_batches(reader)
+        yield reader.schema, _read_intact_batches(reader)
 
 
-def _complete_batches(reader: pa.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:
+def _read_intact_batches(reader: pa.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:
     """Yield the record batches of a journal up to the first that is cut off or damaged."""
     while True:
         try:
@@ -95,8 +95,8 @@ def save_journal(journal: Path, path: Path, schema: Schema) -> int:
     rows, coding = 0, parquet_coding(schema)
     with (
         read_journal(journal) as (arrow, parts),
-        whole_file(path) as made,
-        pq.ParquetWriter(made, arrow, **coding) as file,
+        whole_file(path) as new_path,
+        pq.ParquetWriter(new_path, arrow, **coding) as file,
     ):
         for part in parts:
             file.write_batch(part)

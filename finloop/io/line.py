@@ -21,9 +21,9 @@ _WANTED = (
 def load_line(path: Path, unit: str) -> Line:
     """Load the path that a fish shall follow, from a file .csv, .parquet or .svg.
 
-    unit: PX, TANK or MM, of columns x and y; columns such as x_mm name their own. An SVG's path is
-    in px, or in shares of the viewport if the unit is TANK. FinloopError if the file cannot be
-    read, lacks a column, is an SVG of several paths or none, or holds no path.
+    unit: PX, TANK (shares of the tank's size) or MM, of columns x and y; columns such as x_mm name
+    their own. An SVG's path is in px, or in shares of the viewport if the unit is TANK.
+    FinloopError if the file cannot be read, lacks a column, or holds not exactly one path.
     """
     suffix = path.suffix.lower()
     if suffix == ".svg":
@@ -52,9 +52,9 @@ def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
     """
     names = {name.strip().lower(): name for name in table.column_names}
     x, y = "x", "y"
-    for named in (TANK, MM, PX):
-        if {f"x_{named}", f"y_{named}"} <= names.keys():
-            x, y, unit = f"x_{named}", f"y_{named}", named
+    for named_unit in (TANK, MM, PX):
+        if {f"x_{named_unit}", f"y_{named_unit}"} <= names.keys():
+            x, y, unit = f"x_{named_unit}", f"y_{named_unit}", named_unit
     if not {x, y} <= names.keys():
         raise FinloopError(
             f"{path} has the columns {', '.join(table.column_names)}",

@@ -23,15 +23,15 @@ def save_array(path: Path, array: NDArray[Any]) -> None:
 def create_array(path: Path, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
     """Create an .npy file of zeros and return it as an array whose changes reach the file.
 
-    The file appears at once, so use it inside `whole_folder`. kind: its dtype. OSError if the disk
+    kind: its dtype. The file appears at once, so use it inside `whole_folder`. OSError if the disk
     is full: the file takes all its space from the beginning, because the system kills a process
     that writes to a mapped page without space.
     """
-    made = np.lib.format.open_memmap(path, "w+", np.dtype(kind), shape)
+    array = np.lib.format.open_memmap(path, "w+", np.dtype(kind), shape)
     if hasattr(os, "posix_fallocate"):
         with path.open("r+b") as file:
-            os.posix_fallocate(file.fileno(), 0, made.offset + made.nbytes)
-    return made.view(np.ndarray)
+            os.posix_fallocate(file.fileno(), 0, array.offset + array.nbytes)
+    return array.view(np.ndarray)
 
 
 def flush_array(array: NDArray[Any]) -> None:
@@ -52,10 +52,10 @@ def open_array(path: Path, shape: tuple[int | None, ...], kind: str) -> NDArray[
         array = np.load(path, mmap_mode="c", allow_pickle=False)
     except (EOFError, OSError, ValueError) as error:
         raise FinloopError(f"{path} cannot be read as an array ({error})", wanted, again) from error
-    same = len(shape) == array.ndim and all(
-        length in (None, found) for length, found in zip(shape, array.shape, strict=True)
+    fits = len(shape) == array.ndim and all(
+        length in (None, actual) for length, actual in zip(shape, array.shape, strict=True)
     )
-    if array.dtype != np.dtype(kind) or not same:
+    if array.dtype != np.dtype(kind) or not fits:
         came = f"{path} holds an array of {array.dtype} of shape {array.shape}"
         raise FinloopError(came, wanted, again)
     return array.view(np.ndarray)

@@ -28,7 +28,7 @@ from finloop.io.video import KEY_FRAME_EVERY, THREADS, VideoFacts, read_frames
 # With B-frames, look-ahead or weights x264 reads uninitialised memory: its output would then depend
 # on what else the process has done.
 _REPEATABLE = {"bf": "0", "x264-params": "mbtree=0:rc-lookahead=0:weightp=0"}
-_WAITING = 4  # most frames that wait to be coded
+_MOST_WAITING = 4  # frames that wait to be coded
 _KEY_EVERY_S = 2  # a player can seek to every two seconds
 _COLOURS = {
     Colorspace.ITU709: (ColorPrimaries.BT709, ColorTrc.BT709),
@@ -39,12 +39,12 @@ _SMALL_CRF, _SMALL_WIDTHS = 28, (960, 640, 426)  # coding and px of a film made 
 
 
 class FilmWriter(ABC):
-    """Writer of a film file, frame by frame.
+    """Writer of a film file, frame by frame, in a `with` block; subclasses name the format.
 
-    The film appears at `path` when the `with` block succeeds. A thread codes frames while the
-    caller makes the next ones; a later `write`, or the end of the block, raises its errors:
-    FinloopError if the disk is full. shape: of every frame. frame_rate: frames per second. quality:
-    a number on the scale that the subclass names.
+    The film appears at `path` when the block succeeds. A thread codes frames while the caller makes
+    the next ones; a later `write`, or the end of the block, raises its errors: FinloopError if the
+    disk is full. shape: of every frame, (h, w) or (h, w, channels). frame_rate: frames per second.
+    quality: a number on the scale that the subclass names.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class FilmWriter(ABC):
         return self._stream
 
     def _set_half_chroma(self, stream: Any, pixels: str, matrix: Colorspace) -> None:
-        """Set a stream to even sides and limited range, with colours at half the resolution.
+        """Set a stream to even sides, limited range (16 … 235), colours at half the resolution.
 
         pixels: FFmpeg's name of the pixel format. matrix: how RGB becomes brightness and colours.
         """
@@ -94,7 +94,10 @@ class FilmWriter(ABC):
         coder.color_primaries, coder.color_trc = _COLOURS[matrix]
 
     def _pad_to_even(self, frame: Picture, border: int) -> Picture:
-        """Return a frame padded to an even width and height; border: OpenCV's border type."""
+        """Return a frame with even sides, padded at the right and bottom.
+
+        border: OpenCV's border type, which says with what.
+        """
         if not any(self._odd):
             return frame
         return cv2.copyMakeBorder(frame, 0, self._odd[0], 0, self._odd[1], border)
@@ -111,7 +114,7 @@ class FilmWriter(ABC):
         """Append one frame, uint8, of the film's shape; ValueError for any other."""
         if frame.shape != self._shape or frame.dtype != np.uint8:
             raise ValueError(f"frame {frame.shape} {frame.dtype}, wanted {self._shape} uint8")
-        self._wait_until_fewer(_WAITING)
+        self._wait_until_fewer(_MOST_WAITING)
         self._waiting.append(self._coder.submit(self._encode, frame.copy(), self.frames))
         self.frames += 1
 
@@ -124,7 +127,7 @@ class FilmWriter(ABC):
         """Code one frame and write it to the file; number: of the frame, from 0."""
         if self._broken:  # writing after an error crashes the library
             return
-        self._broken = True
+        self._broken = True  # until this frame has succeeded
         coded = self._convert_frame(frame)
         coded.pts, coded.time_base = number, 1 / self._rate
         packets = self._stream.encode(coded)
@@ -138,7 +141,7 @@ class FilmWriter(ABC):
             self._waiting.popleft().result()
 
     def _finish(self, error: Any, *_: Any) -> None:
-        """Code the last frames at the end of the `with` block; after an error, drop them."""
+        """Code the last frames at the end of the `with` block; drop them if it raised `error`."""
         if error is None:
             self._wait_until_fewer(1)
             self._file.mux(self._stream.encode(None))
@@ -153,10 +156,10 @@ class FilmWriter(ABC):
 def _subsample_chroma(
     frame: Picture, matrix: Colorspace, size: tuple[int, int] | None = None
 ) -> VideoFrame:
-    """Convert a frame, grey or RGB, to YUV 4:2:0 of limited range.
+    """Convert a frame, grey or RGB, to YUV 4:2:0 of limited range (16 … 235).
 
     matrix: how RGB becomes brightness and colours. size: even width and height of the result [px];
-    None: those of the frame.
+    None = those of the frame.
     """
     width, height = frame.shape[1::-1] if size is None else size
     if frame.ndim == 2:  # swscale gives grey a tint that varies
@@ -182,14 +185,9 @@ class VideoWriter(FilmWriter):
     """
 
     def __init__(
-        self,
-        path: Path,
-        width: int,
-        height: int,
-        frame_rate: Fraction,
-        colour: bool = False,
+        self, path: Path, width: int, height: int, frame_rate: Fraction, colour: bool = False,
         crf: int = 0,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Prepare a writer of frames (height, width) grey or, if `colour`, RGB."""
         super().__init__(path, (height, width, 3) if colour else (height, width), frame_rate, crf)
         even = height % 2 == 0 and width % 2 == 0
@@ -223,11 +221,9 @@ class VideoWriter(FilmWriter):
             picture.color_range = ColorRange.JPEG
             return picture
         return VideoFrame.from_ndarray(frame, format="rgb24").reformat(
-            format=self._format,
-            dst_colorspace=Colorspace.ITU601,
-            dst_color_range=ColorRange.JPEG,
-            threads=THREADS,
-        )
+            format=self._format, dst_colorspace=Colorspace.ITU601,
+            dst_color_range=ColorRange.JPEG, threads=THREADS,
+        )  # fmt: skip
 
 
 class Mp4Writer(FilmWriter):
@@ -260,8 +256,8 @@ class WebpWriter(FilmWriter):
     ) -> None:
         """Prepare a writer of RGB frames of a shape (h, w, 3), scaled down to `width` px."""
         super().__init__(path, shape, frame_rate, quality)
-        wide = min(width, shape[1])
-        self._size = 2 * max(1, wide // 2), 2 * max(1, round(shape[0] * wide / shape[1] / 2))
+        width = min(width, shape[1])
+        self._size = 2 * max(1, width // 2), 2 * max(1, round(shape[0] * width / shape[1] / 2))
 
     def __enter__(self) -> Self:
         """Open an animated WebP file and return this writer."""
@@ -358,8 +354,8 @@ def _recode_narrower(path: Path, shape: tuple[int, ...], width: int) -> bytes:
 
     path: of the film. shape: height and width of its frames first [px].
     """
-    wide = min(width, shape[1])
-    size = wide, max(2, round(shape[0] * wide / shape[1]))
+    width = min(width, shape[1])
+    size = width, max(2, round(shape[0] * width / shape[1]))
     with av.open(str(path)) as container:
         rate = Fraction(container.streams.video[0].average_rate or 25)
     with TemporaryDirectory() as folder:

@@ -11,8 +11,8 @@ NUMBERS_NAME = "numbers.csv"
 
 def save_numbers(folder: Path, numbers: Mapping[str, float | int]) -> None:
     """Write a stage's numbers by name to `folder`/numbers.csv, sorted by name."""
+    lines = ["number,value", *(f"{name},{value!r}" for name, value in sorted(numbers.items()))]
     with whole_file(folder / NUMBERS_NAME) as part:
-        lines = ["number,value", *(f"{name},{value!r}" for name, value in sorted(numbers.items()))]
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

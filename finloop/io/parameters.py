@@ -12,7 +12,7 @@ from finloop.base.settings import GROUPS, check_values, variants
 
 
 def read_parameters(path: Path) -> dict[str, Any]:
-    """Return params.yaml as {stage: its parameters}; FinloopError if it cannot be read."""
+    """Return the content of params.yaml, stage → its parameters; FinloopError if unreadable."""
     hint = "what `make params` writes", "make params"
     try:
         values = yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
@@ -38,11 +38,11 @@ def build_settings(word: str, values: Mapping[str, Any]) -> Any:
 def refusal_error(problems: list[str]) -> FinloopError:
     """Return the error that lists all refused parameters; problems: a sentence about each."""
     count = "a parameter is" if len(problems) == 1 else f"{len(problems)} parameters are"
-    named = dict.fromkeys(re.split(r"[.:]", problem)[0] for problem in problems)
-    words = " ".join(f"help={word}" for word in named if word in GROUPS) or "help=clip"
+    groups = dict.fromkeys(re.split(r"[.:]", problem)[0] for problem in problems)
+    help_words = " ".join(f"help={word}" for word in groups if word in GROUPS) or "help=clip"
     return FinloopError(
         f"{count} refused:\n    " + "\n    ".join(problems),
-        f'names, types and ranges as make params S="{words}" prints them',
+        f'names, types and ranges as make params S="{help_words}" prints them',
         "correct what you typed: make params S=\"name=value\", dvc exp run -S 'name=value'; or "
         "correct conf/, and run `make params`",
     )

@@ -18,7 +18,7 @@ _DECIMALS = 5  # of the places of its axes, in shares of its width and height: 0
 
 
 def save_picture(path: Path, picture: Picture) -> None:
-    """Write a picture, (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA, in its ending's format."""
+    """Write a picture, (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA, by the ending of `path`."""
     if picture.ndim == 3:
         code = cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
         picture = cv2.cvtColor(picture, code)
@@ -31,7 +31,7 @@ def load_picture(path: Path) -> Picture:
         coded = np.frombuffer(path.read_bytes(), np.uint8)
         picture = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED)
         if picture is None:
-            raise ValueError("no picture")
+            raise ValueError("no picture")  # caught below
     except (OSError, cv2.error, ValueError) as error:
         raise FinloopError(
             f"{path} cannot be read as a picture ({error})",
@@ -42,10 +42,7 @@ def load_picture(path: Path) -> Picture:
 
 
 def save_figure(path: Path, figure: "Figure") -> None:
-    """Write a matplotlib figure in the format of the ending of `path`.
-
-    The same figure gives the same bytes.
-    """
+    """Write a matplotlib figure in the format of the ending of `path`; equal ones, equal bytes."""
     for axes in figure.axes:
         if not axes.axison:  # hidden ticks would still be laid out, in half of the time
             axes.set(xticks=[], yticks=[])

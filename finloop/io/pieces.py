@@ -23,9 +23,9 @@ _SIZE = 8  # bytes of the size in front of a piece
 
 @dataclass(frozen=True)
 class Pieces:
-    """The stored results of a long run, piece by piece, so that it can continue if interrupted.
+    """The stored results of the parts of a long run, from which it continues if interrupted.
 
-    Each piece is a file in `folder`. An object of this class can be sent to another process.
+    Each result is a file in `folder`. An object of this class can be sent to another process.
     """
 
     folder: Path
@@ -41,9 +41,9 @@ class Pieces:
             plain = _CODEC.decompress(content[_SIZE:], int.from_bytes(content[:_SIZE]))
             return pickle.loads(plain)
         except (OSError, EOFError, ValueError, pickle.UnpicklingError):
-            piece = make()
-        save_bytes(path, pack_result(piece))
-        return piece
+            result = make()
+        save_bytes(path, pack_result(result))
+        return result
 
     def stored_bytes(self) -> int:
         """Return the size of all stored results together [bytes]."""
@@ -56,9 +56,9 @@ class Pieces:
             self.folder.parent.rmdir()
 
 
-def pack_result(piece: object) -> bytes:
+def pack_result(result: object) -> bytes:
     """Convert a result to the content of its file: its plain size, then its compressed pickle."""
-    plain = pickle.dumps(piece, pickle.HIGHEST_PROTOCOL)
+    plain = pickle.dumps(result, pickle.HIGHEST_PROTOCOL)
     return len(plain).to_bytes(_SIZE) + _CODEC.compress(plain, asbytes=True)
 
 
@@ -68,5 +68,5 @@ def remove_folders_except(folder: Path, names: Iterable[str]) -> None:
     for path in folder.glob("*"):
         if path.name not in names:
             shutil.rmtree(path, ignore_errors=True)
-    with suppress(OSError):
+    with suppress(OSError):  # it is not empty
         folder.rmdir()

@@ -66,6 +66,6 @@ def load_records(path: Path, kind: Callable[..., T], stage: str) -> list[T]:
 
 
 def remake_hint(stage: str) -> tuple[str, str]:
-    """Return what an error about a damaged file of a stage says: what is wanted, and what to do."""
+    """Return the lines `wanted` and `do` of the error about a damaged file that a stage wrote."""
     wanted = f"the file that the stage `{stage}` wrote"
     return wanted, f"make it again: `dvc repro --force {stage}`"

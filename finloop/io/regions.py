@@ -40,9 +40,9 @@ def save_masks(folder: Path, frames: Iterable[Mapping[str, Mask]]) -> None:
     frames: for each frame, from 0, the boolean mask (h, w) of each limb by name.
     """
     with whole_folder(folder) as part:
-        for k, frame in enumerate(frames):
-            for name, mask in frame.items():
-                path = part / name / f"{k:0{DIGITS}}.png"
+        for number, frame in enumerate(frames):
+            for limb, mask in frame.items():
+                path = part / limb / f"{number:0{DIGITS}}.png"
                 path.parent.mkdir(exist_ok=True)
                 path.write_bytes(cv2.imencode(".png", mask * np.uint8(255))[1].tobytes())
 
@@ -54,10 +54,10 @@ def load_regions(
 ) -> Regions[T]:
     """Load the region of each limb in each frame from a folder of masks or of SVG traces.
 
-    convert_mask turns a boolean mask (h, w) into what is kept of a region. convert_trace does so
-    from a closed path and the width and height of its picture [px]. FinloopError if there is no
-    folder or nothing in it, masks and traces are mixed, a file's name has no number, two have the
-    same, a picture cannot be read, masks are dark, or sizes differ.
+    convert_mask: turns a boolean mask (h, w) into what the caller wants of a region, such as its
+    contour. convert_trace: does so with a closed path and the width and height of its picture [px].
+    FinloopError if there is no folder or nothing in it, masks and traces are mixed, a file's name
+    has no number, two have the same, a picture cannot be read, masks are dark, or sizes differ.
     """
     if not folder.is_dir():
         raise FinloopError(f"{folder} is no folder", _WANTED, "give the folder of the regions")
@@ -87,12 +87,12 @@ def _load_masks(paths: Mapping[str, list[Path]], convert_mask: Callable[[Mask], 
     sizes = dict[tuple[int, ...], Path]()
     for name, files in numbered.items():
         brightest = 0
-        for k, path in files.items():
+        for number, path in files.items():
             mask = load_picture(path)
             mask = mask if mask.ndim == 2 else mask[..., :3].max(axis=2)
             _require_one_size(sizes, mask.shape, path)
             brightest = max(brightest, int(mask.max()))
-            frames[k - first][name] = convert_mask(mask >= BRIGHT)
+            frames[number - first][name] = convert_mask(mask >= BRIGHT)
         if 0 < brightest < BRIGHT:
             raise FinloopError(
                 f"no mask of {name} has a pixel brighter than {brightest} of 255",
@@ -105,12 +105,12 @@ def _load_masks(paths: Mapping[str, list[Path]], convert_mask: Callable[[Mask], 
 def _load_traces(
     paths: list[Path], convert_trace: Callable[[Curve, float, float], T]
 ) -> Regions[T]:
-    """Load the regions of limbs from SVG files, one for each frame."""
+    """Load the regions of limbs from SVG files, one per frame; FinloopError for an open path."""
     numbered = _paths_by_number(paths)
     first, last = min(numbered), max(numbered)
     frames: list[dict[str, T]] = [{} for _ in range(first, last + 1)]
     sizes = dict[tuple[int, ...], Path]()
-    for k, path in numbered.items():
+    for number, path in numbered.items():
         drawing = load_svg(path)
         _require_one_size(sizes, (round(drawing.height), round(drawing.width)), path)
         for name, curve in drawing.curves.items():
@@ -120,32 +120,32 @@ def _load_traces(
                     "closed paths: a limb is a region",
                     "close it in a drawing program",
                 )
-            frames[k - first][name] = convert_trace(curve, drawing.width, drawing.height)
+            frames[number - first][name] = convert_trace(curve, drawing.width, drawing.height)
     names = dict.fromkeys(name for frame in frames for name in frame)
     return Regions([{name: frame.get(name) for name in names} for frame in frames], first)
 
 
 def _paths_by_number(paths: list[Path]) -> dict[int, Path]:
-    """Return files by the last number in their names; FinloopError if it lacks or is repeated."""
-    out = dict[int, Path]()
+    """Return files by the last number in their names; FinloopError if it is missing or repeated."""
+    by_number = dict[int, Path]()
     for path in paths:
         numbers = re.findall(r"\d+", path.stem)
-        if not numbers or int(numbers[-1]) in out:
+        if not numbers or int(numbers[-1]) in by_number:
             raise FinloopError(
                 f"{path} has {'a number that another has' if numbers else 'no number in its name'}",
                 "the number of its frame, such as 0007",
                 "number the files as the frames",
             )
-        out[int(numbers[-1])] = path
-    return out
+        by_number[int(numbers[-1])] = path
+    return by_number
 
 
 def _require_one_size(
     sizes: dict[tuple[int, ...], Path], size: tuple[int, ...], path: Path
 ) -> None:
-    """Add a picture's size to the known sizes; FinloopError if there is then more than one.
+    """Add a picture's (height, width) to the known sizes; FinloopError if they then differ.
 
-    sizes: by (height, width), the first file of that size. path: of the picture.
+    sizes: size → the first file of that size; changes. path: of the picture.
     """
     sizes.setdefault(size, path)
     if len(sizes) > 1:

@@ -35,7 +35,7 @@ class FilmPart(NamedTuple):
 
 
 def load_readable_parts(clip: Path) -> list[FilmPart]:
-    """Return the films that the clip in folder `clip` joins and that could be read.
+    """Return the films that the clip in folder `clip` joins, without those that are left out.
 
     The list is empty for a clip of a single film.
     """
@@ -43,7 +43,7 @@ def load_readable_parts(clip: Path) -> list[FilmPart]:
 
 
 def load_parts(clip: Path) -> list[FilmPart]:
-    """Return all films that the clip in folder `clip` was to join, also unreadable ones."""
+    """Return all films that the clip in folder `clip` was to join, also those that are left out."""
     return load_records(clip / PARTS_NAME, FilmPart, "clip") if (clip / PARTS_NAME).exists() else []
 
 
@@ -61,9 +61,9 @@ def list_film_folders(clip: Path) -> list[tuple[str, Path]]:
 def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
     """Join the clips of several films: write their common facts, arena and list of films.
 
-    clip: the folder that holds films/<name>/. parts: all films. Returns the facts of the joined
-    clip. Its rate is the lowest of all, so no frame is shown twice; a faster film is thinned. Its
-    arena is that of the first film. FinloopError if no film could be read.
+    clip: the folder that holds films/<name>/. parts: all films. Return the facts of the joined
+    clip. Its rate is the lowest of all: of a faster film some frames are left out. Its arena is
+    that of the first film. FinloopError if no film could be read.
     """
     facts = {
         part.name: load_facts(clip / FILMS / part.name / FACTS_NAME)
@@ -77,8 +77,8 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
             "at least one film that can be read",
             "correct clip.path, or repair the films",
         )
-    first = next(iter(facts))
-    rate = min(fact.frame_rate for fact in facts.values())
+    first_name = next(iter(facts))
+    rate = min(film_facts.frame_rate for film_facts in facts.values())
     listed: list[FilmPart] = []
     segments: list[tuple[int, int]] = []
     start = 0
@@ -86,13 +86,14 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
         if not part.error:
             film = facts[part.name]
             ticks = frames_at_rate(film.frames, film.frame_rate, rate)
-            cuts = np.searchsorted(ticks, np.array(film.segments)) + start
-            segments += [(int(a), int(b)) for a, b in cuts if a < b]
+            # The film's ranges without a cut, as ranges of the joined clip's frames.
+            ranges = np.searchsorted(ticks, np.array(film.segments)) + start
+            segments += [(int(first), int(stop)) for first, stop in ranges if first < stop]
             part = part._replace(start=start, stop=start + len(ticks))
             start = part.stop
         listed.append(part)
-    whole = replace(
-        facts[first],
+    joined = replace(
+        facts[first_name],
         frames=start,
         frame_rate=rate,
         colour=all(fact.colour for fact in facts.values()),
@@ -100,16 +101,17 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
         **{name: sum(getattr(fact, name) for fact in facts.values()) for name in _COUNTS},
         notes=tuple(f"{name}: {note}" for name, fact in facts.items() for note in fact.notes),
     )
-    save_facts(clip / FACTS_NAME, whole)
-    shutil.copyfile(clip / FILMS / first / ARENA_NAME, clip / ARENA_NAME)
+    save_facts(clip / FACTS_NAME, joined)
+    shutil.copyfile(clip / FILMS / first_name / ARENA_NAME, clip / ARENA_NAME)
     save_records(clip / PARTS_NAME, listed)
-    return whole
+    return joined
 
 
 def frames_at_rate(frames: int, rate: Fraction, lower_rate: Fraction) -> Frames:
     """Return the numbers of a film's frames that are shown when it plays at a lower rate.
 
-    frames: of the film. rate, lower_rate: frames per second of the film, and of the result.
+    frames: their count. rate, lower_rate: frames per second of the film, and of the result. Rates
+    that differ little count as equal: all frames are shown.
     """
     step = float(rate / lower_rate)
     if abs(step - 1) <= _SAME_RATE:

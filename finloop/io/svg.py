@@ -85,36 +85,37 @@ def load_svg(path: Path) -> Drawing:
     }
     styles = {name: style for name, (_, _, style) in zip(names, contours, strict=True) if style}
     width, height = picture.width, picture.height
-    if not {"viewBox", "width", "height"} & tree.attrib.keys():
-        reach = np.maximum.reduce([curve.points.max(axis=0) for curve in curves.values()])
-        width, height = np.maximum(reach, 1)
+    if not {"viewBox", "width", "height"} & tree.attrib.keys():  # the file states no size
+        corner = np.maximum.reduce([curve.points.max(axis=0) for curve in curves.values()])
+        width, height = np.maximum(corner, 1)
     return Drawing(curves, float(width), float(height), styles)
 
 
 # --- names
 
 
-def _unique_names(path: Path, ids: list[tuple[str, bool]]) -> list[str]:
+def _unique_names(path: Path, names: list[tuple[str, bool]]) -> list[str]:
     """Return a unique name for each contour; names that are XML ids do not change.
 
-    path: of the file, for messages. ids: each contour's name, and whether it is its XML id.
+    path: of the file, for messages. names: each contour's name, and whether it is its XML id.
+    FinloopError if two contours have one id.
     """
-    own = Counter(name for name, is_id in ids if is_id)
-    if twice := [name for name, count in own.items() if count > 1]:
+    ids = Counter(name for name, is_id in names if is_id)
+    if repeated := [name for name, count in ids.items() if count > 1]:
         raise FinloopError(
-            f"{path} uses the id {twice[0]!r} {own[twice[0]]} times",
+            f"{path} uses the id {repeated[0]!r} {ids[repeated[0]]} times",
             "an id of its own for every contour",
             "rename them: ids define which contours of two drawings belong together",
         )
-    names, used = [], set(own)
-    for name, is_id in ids:
-        number, new = 1, name
-        while not is_id and new in used:
+    unique_names, used = [], set(ids)
+    for name, is_id in names:
+        number, unique = 1, name
+        while not is_id and unique in used:
             number += 1
-            new = f"{name}-{number}"
-        used.add(new)
-        names.append(new)
-    return names
+            unique = f"{name}-{number}"
+        used.add(unique)
+        unique_names.append(unique)
+    return unique_names
 
 
 def _named_shapes(group: Any, default_name: str) -> Iterator[tuple[str, bool, Any]]:
@@ -123,22 +124,24 @@ def _named_shapes(group: Any, default_name: str) -> Iterator[tuple[str, bool, An
     default_name: given to shapes that neither have an id nor lie in a group with one.
     """
     for part in group:
-        own = part.id if part.id is not None else ""
-        if isinstance(part, svg.Use):
-            yield from (
-                (own or n, False, shape) for n, _, shape in _named_shapes(part, own or default_name)
-            )
+        part_id = part.id or ""
+        if isinstance(part, svg.Use):  # it shows shapes whose ids stand elsewhere in the file
+            for name, _, shape in _named_shapes(part, part_id or default_name):
+                yield part_id or name, False, shape
         elif isinstance(part, list) and not isinstance(part, svg.Shape):
-            yield from _named_shapes(part, own or default_name)
+            yield from _named_shapes(part, part_id or default_name)
         elif isinstance(part, svg.Shape):
-            yield own or default_name, bool(own), part
+            yield part_id or default_name, bool(part_id), part
 
 
 # --- contours
 
 
 def _shown_contours(picture: Any) -> Iterator[tuple[tuple[str, bool], Curve, str]]:
-    """Yield (name, whether it is an id), contour and style of everything that a drawing shows."""
+    """Yield (name, whether it is an id), contour and style of everything that a drawing shows.
+
+    picture: the drawing as svgelements reads it.
+    """
     flat = FLATNESS * max(float(picture.width), float(picture.height))
     for name, is_id, shape in _named_shapes(picture, "contour"):
         if shape.values.get("visibility") in ("hidden", "collapse"):
@@ -155,14 +158,14 @@ def _shape_contours(shape: Any, flat: float) -> Iterator[Curve]:
     A contour is closed if the shape says so, or if it ends where it began.
     """
     pieces: list[Points] = []
-    before: Any = None
-    for segment in [*shape.segments(), svg.Move(0j)]:
-        _correct_smooth_control(before, segment)
-        before = segment
+    previous: Any = None
+    for segment in [*shape.segments(), svg.Move(0j)]:  # the added move ends the last contour
+        _correct_smooth_control(previous, segment)
+        previous = segment
         if isinstance(segment, svg.Move) and pieces:
             points = np.concatenate(pieces)
-            ends = len(points) > 2 and bool((points[0] == points[-1]).all())
-            yield Curve(points, closed=ends)
+            closed = len(points) > 2 and bool((points[0] == points[-1]).all())
+            yield Curve(points, closed=closed)
             pieces = []
         elif isinstance(segment, svg.Close) and pieces:
             yield Curve(np.concatenate(pieces), closed=True)
@@ -193,9 +196,10 @@ def _polyline(segment: Any, flat: float) -> Points:
     """
     if isinstance(segment, svg.Arc):
         radius, sweep = max(segment.rx, segment.ry), abs(float(segment.sweep))
-        turn = 2 * np.arccos(np.clip(1 - flat / max(radius, flat), -1, 1))
-        along = np.linspace(0, 1, _piece_count(sweep / turn) + 1)
-        points = np.asarray(segment.npoint(along), np.float64)
+        # The angle of a chord that is `flat` away from its arc.
+        chord_angle = 2 * np.arccos(np.clip(1 - flat / max(radius, flat), -1, 1))
+        shares = np.linspace(0, 1, _piece_count(sweep / chord_angle) + 1)
+        points = np.asarray(segment.npoint(shares), np.float64)
         points[[0, -1]] = _to_points(segment.start, segment.end)
         return points
     control = [segment.start, segment.end]
@@ -208,12 +212,12 @@ def _polyline(segment: Any, flat: float) -> Points:
     if degree == 1:
         return nodes
     # A chord of a curve b(t) over a step h is at most h² max|b″| / 8 from it.
-    bend = degree * (degree - 1) * np.abs(np.diff(nodes, 2, axis=0)).sum(axis=1).max()
-    t = np.linspace(0, 1, _piece_count(np.sqrt(bend / (8 * flat))) + 1)[:, None]
-    level: list[Points] = list(nodes)
-    while len(level) > 1:  # de Casteljau, all t at once
-        level = [(1 - t) * a + t * b for a, b in pairwise(level)]
-    return level[0]
+    second = degree * (degree - 1) * np.abs(np.diff(nodes, 2, axis=0)).sum(axis=1).max()
+    t = np.linspace(0, 1, _piece_count(np.sqrt(second / (8 * flat))) + 1)[:, None]
+    points_by_t: list[Points] = list(nodes)
+    while len(points_by_t) > 1:  # de Casteljau's algorithm, for all t at once
+        points_by_t = [(1 - t) * a + t * b for a, b in pairwise(points_by_t)]
+    return points_by_t[0]
 
 
 def _piece_count(count: float) -> int:
@@ -235,14 +239,14 @@ def _to_points(*points: Any) -> Points:
 def _paint_style(shape: Any) -> str:
     """Return the SVG style that paints a shape (fill, stroke, width, opacity); "" if none."""
     values = shape.values
-    whole = _parse_opacity(values.get("opacity"))
+    shape_opacity = _parse_opacity(values.get("opacity"))
     style = {
         kind: _css_colour(getattr(shape, kind), values.get(kind)) for kind in ("fill", "stroke")
     }
     if set(style.values()) == {"none"}:
         return ""
     for kind, colour in (("fill", shape.fill), ("stroke", shape.stroke)):
-        if style[kind] != "none" and (opacity := whole * float(colour.opacity)) < 1:
+        if style[kind] != "none" and (opacity := shape_opacity * float(colour.opacity)) < 1:
             style[f"{kind}-opacity"] = f"{opacity:.4g}"
     if style["stroke"] != "none":
         style["stroke-width"] = f"{shape.implicit_stroke_width:.6g}"
@@ -276,7 +280,7 @@ def _load_safe_tree(path: Path) -> ElementTree.Element:
     """Load an SVG file's XML tree without elements that draw no contour, such as text and pictures.
 
     FinloopError if the file is missing, huge, no SVG, declares entities, points to another file for
-    a shape, or would draw more than MOST_DRAWN.
+    a shape, or would draw more than MOST_DRAWN characters of geometry.
     """
     try:
         with path.open("rb") as file:
@@ -298,10 +302,10 @@ def _load_safe_tree(path: Path) -> ElementTree.Element:
             f"{path} holds <{_tag(root)}>, no SVG", "an SVG drawing", "save the drawing as SVG"
         )
     _keep_contours(root)
-    style = sum(len(element.text or "") for element in root.iter() if _tag(element) == "style")
-    if style > MOST_STYLE:
+    styles = [element.text or "" for element in root.iter() if _tag(element) == "style"]
+    if (characters := sum(map(len, styles))) > MOST_STYLE:
         raise FinloopError(
-            f"{path} has style sheets of {style / 1024:.0f} KiB",
+            f"{path} has style sheets of {characters / 1024:.0f} KiB",
             f"at most {MOST_STYLE // 1024} KiB",
             "save it without embedded fonts, or with styles as attributes",
         )
@@ -337,7 +341,10 @@ def _tag(element: ElementTree.Element) -> str:
 
 
 def _keep_contours(root: ElementTree.Element) -> None:
-    """Remove elements that draw no contour; move symbols, which only a `use` shows, to `defs`."""
+    """Remove elements that draw no contour; move symbols, which only a `use` shows, to `defs`.
+
+    root: the tree, which is changed.
+    """
     hidden = ElementTree.Element(f"{_SVG}defs")
     for parent in list(root.iter()):
         for child in list(parent):

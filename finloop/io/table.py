@@ -26,8 +26,8 @@ _AGAIN = "run the stage that makes it again: `dvc repro`"
 
 def _arrow_type(column: Column) -> pa.DataType:
     """Return the Arrow data type of a column: a number, or a list of numbers."""
-    inner = pa.type_for_alias(column.dtype)
-    return pa.list_(inner, column.length) if column.length else inner  # ANY = -1 is Arrow's, too
+    number = pa.type_for_alias(column.dtype)
+    return pa.list_(number, column.length) if column.length else number  # ANY is Arrow's -1
 
 
 def arrow_schema(schema: Schema) -> pa.Schema:
@@ -65,20 +65,21 @@ def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
 
 
 def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
-    """Check a data frame against its schema and convert it to an Arrow table, as `save_table` does.
+    """Check a data frame against its schema and convert it to an Arrow table.
 
-    name: of the table, for messages. FinloopError lists all faults at once.
+    name: of the table, for messages. FinloopError lists every missing, unknown, ill-typed or
+    wrongly null column at once.
     """
     problems = _name_problems(list(frame.columns), schema)
-    arrays, empty_cells = [], list[str]()
+    arrays, null_problems = [], list[str]()
     for column in schema.columns:
         if column.name in frame:
             try:
                 arrays.append(_to_arrow(frame[column.name], column))
-                empty_cells += _null_problems(arrays[-1], column)
+                null_problems += _null_problems(arrays[-1], column)
             except (pa.ArrowException, ValueError, TypeError, OverflowError) as error:
-                problems.append(f"{column.name}: not {_describe(column)} ({error})")
-    problems += empty_cells
+                problems.append(f"{column.name}: not {_describe_column(column)} ({error})")
+    problems += null_problems
     if problems:
         do = "correct the stage that makes the table"
         raise _schema_error(f"the table for {name}", problems, do)
@@ -86,7 +87,10 @@ def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
 
 
 def apply_schema(frame: pd.DataFrame, schema: Schema) -> pd.DataFrame:
-    """Check a data frame against a schema and convert it as saving and loading it would."""
+    """Check a data frame against a schema and convert it as saving and loading it would.
+
+    FinloopError if it does not fit.
+    """
     return _to_frame(arrow_table(frame, schema, "the next verb"), schema)
 
 
@@ -103,18 +107,18 @@ def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None)
 def load_list_columns(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
     """Read list columns of a table, each as one array (rows, length), in the order of `names`.
 
-    This is faster than `load_table`. FinloopError as there, and if the lists of a column have
-    several lengths.
+    This is faster than `load_table`. FinloopError if the file is unreadable, does not fit its
+    schema, or the lists of a column have several lengths.
     """
     table, schema = _read_columns(path, schema, names)
     arrays, ragged = [], []
     for name in names:
         column = table.column(name).combine_chunks()
-        length = pc.min_max(pc.list_value_length(column)).as_py()
-        if length["min"] != length["max"]:
-            ragged.append(f"{name}: lists of {length['min']} to {length['max']} numbers")
+        lengths = pc.min_max(pc.list_value_length(column)).as_py()
+        if lengths["min"] != lengths["max"]:
+            ragged.append(f"{name}: lists of {lengths['min']} to {lengths['max']} numbers")
         flat = column.flatten().to_numpy(zero_copy_only=False)
-        arrays.append(flat if ragged else flat.reshape(len(column), length["max"] or 0))
+        arrays.append(flat if ragged else flat.reshape(len(column), lengths["max"] or 0))
     if ragged:
         raise _schema_error(str(path), ragged, _AGAIN)
     return arrays
@@ -150,7 +154,10 @@ def _unreadable_error(path: Path, error: Exception) -> FinloopError:
 def _read_columns(
     path: Path, schema: Schema, columns: Sequence[str] | None
 ) -> tuple[pa.Table, Schema]:
-    """Read all or some columns of a table and check them; return them with their schema."""
+    """Read a Parquet table and check it; return it with its schema, both with the same columns.
+
+    columns: names of those to read, None = all. FinloopError lists all faults at once.
+    """
     if columns is not None:
         schema = Schema(*(column for column in schema.columns if column.name in columns))
     try:
@@ -163,7 +170,7 @@ def _read_columns(
             continue
         field = table.schema.field(column.name)
         if field.type != _arrow_type(column):
-            problems.append(f"{column.name}: {field.type}, wanted {_describe(column)}")
+            problems.append(f"{column.name}: {field.type}, wanted {_describe_column(column)}")
             continue
         unit = (field.metadata or {}).get(b"unit", b"").decode()
         if unit != column.unit:
@@ -177,8 +184,8 @@ def _read_columns(
 def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False) -> None:
     """Write a small table as CSV for people and plots, rounded, completely or not at all.
 
-    decimals: most digits after the point. exact: keep all others (mathematical constants, places in
-    a film); else floats also lose the digits that not all processors share.
+    decimals: most digits after the point. exact: round no further (mathematical constants, places
+    in a film); else floats also lose the digits that differ between processors.
     """
     frame = frame.round(decimals)
     if not exact:
@@ -190,7 +197,7 @@ def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False
         frame.to_csv(part, index=False, lineterminator="\n")
 
 
-def _describe(column: Column) -> str:
+def _describe_column(column: Column) -> str:
     """Return a column's type and unit in words, such as "lists of 3 float32 in 'px'"."""
     size = "" if column.length == ANY else f"{column.length} "
     kind = f"lists of {size}{column.dtype}" if column.length else column.dtype
@@ -204,7 +211,7 @@ def _name_problems(names: list[str], schema: Schema) -> list[str]:
 
 
 def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
-    """Convert one column to Arrow; raise ValueError or ArrowInvalid where that would change it.
+    """Convert one column to Arrow; ValueError, TypeError or ArrowInvalid if that would change it.
 
     Only the rounding of floats is allowed.
     """
@@ -239,9 +246,8 @@ def _null_problems(array: pa.Array, column: Column) -> list[str]:
 
 def _to_frame(table: pa.Table, schema: Schema) -> pd.DataFrame:
     """Convert an Arrow table to a data frame, with the schema's columns."""
-    return pd.DataFrame(
-        {c.name: _to_pandas(table.column(c.name).combine_chunks(), c) for c in schema.columns}
-    )
+    arrays = {column: table.column(column.name).combine_chunks() for column in schema.columns}
+    return pd.DataFrame({column.name: _to_pandas(arrays[column], column) for column in arrays})
 
 
 def _to_pandas(array: pa.Array, column: Column) -> pd.Series:
@@ -285,7 +291,7 @@ def table_writer(path: Path, schema: Schema) -> Iterator[Callable[[pd.DataFrame]
     """Yield a function that appends a data frame to a Parquet file.
 
     So the table may be larger than the memory. The file appears at `path` when the block succeeds.
-    FinloopError as in `save_table`.
+    The function raises FinloopError for a data frame that does not fit the schema.
     """
     coding = parquet_coding(schema)
     with whole_file(path) as part, pq.ParquetWriter(part, arrow_schema(schema), **coding) as file:

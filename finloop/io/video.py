@@ -82,7 +82,7 @@ def load_facts(path: Path) -> VideoFacts:
 
 
 def _parse_facts(record: dict[str, Any]) -> VideoFacts:
-    """Convert the content of facts.json to `VideoFacts`."""
+    """Convert the content of facts.json to `VideoFacts`; any error if it is damaged."""
     record.pop("frame_rate_hz")
     record |= {key: Fraction(record[key]) for key in ("frame_rate", "pixel_aspect")}
     record["segments"] = tuple((int(a), int(b)) for a, b in record["segments"])
@@ -91,9 +91,10 @@ def _parse_facts(record: dict[str, Any]) -> VideoFacts:
 
 @contextmanager
 def _open_clip(path: Path, threads: int) -> Iterator[tuple[InputContainer, VideoStream, Fraction]]:
-    """Open a clip; yield its container, its video stream and the time from frame to frame.
+    """Open a clip; yield its container, its video stream and the time from frame to frame [ticks].
 
-    That time is in the stream's ticks. threads: of the decoder.
+    Ticks are the unit of the stream's time stamps. threads: of the decoder. FinloopError if the
+    clip cannot be read.
     """
     try:
         with av.open(str(path)) as container:
@@ -106,7 +107,7 @@ def _open_clip(path: Path, threads: int) -> Iterator[tuple[InputContainer, Video
 
 
 def _clip_error(path: Path, why: str, kind: type[FinloopError] = UndecodableError) -> FinloopError:
-    """Return the error for a clip that cannot be read; why: the reason, in words."""
+    """Return the error, of class `kind`, for a clip that cannot be read; why: the reason."""
     return kind(
         came=f"{path} cannot be read as a normalised clip ({why})",
         wanted="the clip as the stage `clip` wrote it",
@@ -133,9 +134,9 @@ def _frame_number(frame: VideoFrame, step: Fraction) -> int:
 
 
 def view_grey_levels(frame: VideoFrame) -> np.ndarray:
-    """Return the grey levels (h, w) uint8 of a decoded frame, as a read-only view of its Y plane.
+    """Return the grey levels (h, w) uint8 of a decoded frame, a view of its brightness (Y) plane.
 
-    The decoder predicts later frames from this memory.
+    It is read-only, because the decoder predicts later frames from this memory.
     """
     plane = frame.planes[0]
     rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)
@@ -156,13 +157,9 @@ def require_frame_count(path: Path, frames: int) -> None:
 
 
 def read_frames(
-    path: Path,
-    *,
-    colour: bool = False,
-    start: int = 0,
-    stop: int | None = None,
+    path: Path, *, colour: bool = False, start: int = 0, stop: int | None = None,
     threads: int = THREADS,
-) -> Iterator[np.ndarray]:
+) -> Iterator[np.ndarray]:  # fmt: skip
     """Yield the frames from `start` to before `stop` of a normalised clip, one after the other.
 
     They are (h, w, 3) RGB if `colour`, else (h, w) grey, uint8; `stop` None = to the end. threads:
@@ -176,28 +173,29 @@ def read_frames(
             return
         if start > 0:
             container.seek(int(start * step), stream=stream)
-        number = start
+        expected = start
         for frame in _decode_clip(path, container, stream):
-            index = _frame_number(frame, step)
-            if index < start:
+            number = _frame_number(frame, step)
+            if number < start:  # a seek goes to a key frame before it
                 continue
-            if index != number:
-                raise _clip_error(path, f"frame {number} is missing")
+            if number != expected:
+                raise _clip_error(path, f"frame {expected} is missing")
             yield convert(frame)
-            number += 1
-            if number == stop:
+            expected += 1
+            if expected == stop:
                 return
-        raise _clip_error(path, f"it ends before frame {number}")
+        raise _clip_error(path, f"it ends before frame {expected}")
 
 
 def read_chosen_frames(
     path: Path, frames: Sequence[int], *, colour: bool = False, threads: int = THREADS
 ) -> Iterator[np.ndarray]:
-    """Yield chosen frames of a normalised clip; `frames`: their numbers, ascending, also repeated.
+    """Yield chosen frames of a normalised clip, (h, w, 3) RGB if `colour`, else (h, w) grey, uint8.
 
-    Pictures and errors are those of `read_frames`; ValueError if `frames` does not ascend.
+    frames: their numbers, ascending, also repeated; ValueError if not. threads: of the decoder.
+    FinloopError if the clip cannot be read; UndecodableError if a frame cannot, or is missing.
     """
-    if any(b < a for a, b in pairwise(frames)):
+    if any(later < earlier for earlier, later in pairwise(frames)):
         raise ValueError("frames must ascend")
     with _open_clip(path, threads) as (container, stream, step):
         convert = _convert_to_rgb if colour else view_grey_levels

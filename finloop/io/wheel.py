@@ -94,7 +94,10 @@ def _download_wheel(folder: Path) -> Path:
 
 
 def _unpack_clip(wheel: Path, part: str, path: Path) -> None:
-    """Write one clip, "A" or "B", from the downloaded wheel to `path`; refuse unknown content."""
+    """Write one clip, "A" or "B", from the downloaded wheel to `path`.
+
+    FinloopError if the wheel lacks the clip, or its content is not the known one.
+    """
     member = f"idtrackerai/data/test_{part}.avi"
     try:
         with zipfile.ZipFile(wheel) as archive:

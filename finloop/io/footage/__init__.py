@@ -26,13 +26,9 @@ FILMS = {
 
 
 def open_footage(
-    path: Path,
-    *,
-    frame_rate_hz: float | None = None,
-    start_s: float = 0.0,
-    end_s: float | None = None,
-    colour: bool | None = None,
-) -> Footage:
+    path: Path, *, frame_rate_hz: float | None = None, start_s: float = 0.0,
+    end_s: float | None = None, colour: bool | None = None,
+) -> Footage:  # fmt: skip
     """Inspect a film, folder of pictures or TIFF stack and choose how to read it.
 
     frame_rate_hz: replaces the file's rate: every frame is kept, frame k at the time k /
@@ -62,12 +58,12 @@ def list_films(path: str) -> list[Path]:
     gives each; a pattern with `*`, `?`, `[…]` or `**` gives what it matches. A path to nothing is
     returned unchanged: opening it fails. FinloopError if a pattern matches nothing.
     """
-    whole = Path(path).expanduser()
-    if whole.is_dir():
-        return _films_in_folder(whole) or [whole]
-    if whole.exists() or not has_magic(str(whole)):
-        return [whole]
-    films = [Path(name) for name in iglob(str(whole), recursive=True)]  # noqa: PTH207 (absolute ones too)
+    pattern = Path(path).expanduser()
+    if pattern.is_dir():
+        return _films_in_folder(pattern) or [pattern]
+    if pattern.exists() or not has_magic(str(pattern)):
+        return [pattern]
+    films = [Path(name) for name in iglob(str(pattern), recursive=True)]  # noqa: PTH207 (absolute)
     if not films:
         raise FinloopError(
             came=f"the pattern {path} matches no file (searched from {Path.cwd()})",
@@ -78,26 +74,27 @@ def list_films(path: str) -> list[Path]:
 
 
 def _films_in_folder(folder: Path) -> list[Path]:
-    """Return the films and picture folders in a folder; none if it holds one film's pictures."""
+    """Return the films and folders of pictures in a folder; [] if it has pictures and no films."""
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
     films = [path for path in inside if path.is_file() and path.suffix.lower() in FILMS]
     if not films and any(path.suffix.lower() in SUFFIXES for path in inside):
         return []
-    for folder in filter(Path.is_dir, inside):
-        if any(path.suffix.lower() in SUFFIXES for path in folder.iterdir()):
-            films.append(folder)
+    for subfolder in filter(Path.is_dir, inside):
+        if any(path.suffix.lower() in SUFFIXES for path in subfolder.iterdir()):
+            films.append(subfolder)
     return sorted(films, key=natural_sort_key)
 
 
 def unique_film_names(paths: Iterable[Path]) -> list[str]:
-    """Return a short, unique name for each film, from its file's name.
+    """Return a unique name for each film, from its file's name, for folders and metrics.
 
-    Equal names are numbered. Names have only letters, digits, `_` and `-`, for folders and metrics.
+    Equal names are numbered: fish, fish-2. Names have only letters, digits, `_` and `-`.
     """
     unique_names: list[str] = []
     for path in paths:
         stem = unicodedata.normalize("NFC", path.stem if path.suffix else path.name)
-        name = "".join(c if c.isalnum() or c in "_-" else "-" for c in stem) or "film"
+        letters = (letter if letter.isalnum() or letter in "_-" else "-" for letter in stem)
+        name = "".join(letters) or "film"
         folded = {earlier.casefold() for earlier in unique_names}  # some file systems ignore case
         number = 2
         unique = name
@@ -116,16 +113,14 @@ class FileStamp(NamedTuple):
 
 
 def read_file_stamps(path: Path) -> list[FileStamp]:
-    """Return the stamp of a film's file, or of every picture in its folder."""
-    files = [(p.name, p.stat()) for p in (sorted(path.iterdir()) if path.is_dir() else [path])]
-    return [FileStamp(name, stat.st_size, stat.st_mtime_ns) for name, stat in files]
+    """Return the stamp of a film's file, or of every file in its folder, sorted by name."""
+    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    stats = [(file.name, file.stat()) for file in files]
+    return [FileStamp(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
 
 
 def refuse_changed_film(path: Path, before: list[FileStamp]) -> None:
-    """Raise FinloopError if a film's files have other stamps than before.
-
-    before: what `read_file_stamps` returned.
-    """
+    """Raise FinloopError if a film's files have changed since `before`, their earlier stamps."""
     if read_file_stamps(path) != before:
         raise FinloopError(
             came=f"{path} has changed while it was read",

@@ -118,7 +118,7 @@ class Footage:
     def stream_numbered(self, loss: LostFrames) -> NumberedFrames:
         """Yield (time [s], (number in the source, picture)) for each frame in the range of time.
 
-        Pictures are upright, (h, w) grey or (h, w, 3) RGB uint8. `loss` counts the frames that
+        Pictures are upright, (h, w) grey or (h, w, 3) RGB uint8. loss: counts the frames that
         cannot be read. FinloopError if frames change their size, or a picture of a folder cannot be
         read.
         """
@@ -129,23 +129,14 @@ class Footage:
 
         source: name of the kind of film. crf: quality of the clip's coding, 0 = lossless.
         """
+        low, high = self.levels or (0.0, 255.0)
         return VideoFacts(
-            source=source,
-            width_px=self.width_px,
-            height_px=self.height_px,
-            frames=self.frames_expected,
-            frame_rate=self.frame_rate,
-            colour=self.colour,
-            segments=(),
-            source_frames=self.frames_in_source,
-            rotation_deg=self.turn.rotation_deg,
-            mirrored=self.turn.is_mirrored,
-            pixel_aspect=self.pixel_aspect,
-            level_low=self.levels[0] if self.levels else 0.0,
-            level_high=self.levels[1] if self.levels else 255.0,
-            crf=crf,
-            notes=self.notes,
-        )
+            source=source, width_px=self.width_px, height_px=self.height_px,
+            frames=self.frames_expected, frame_rate=self.frame_rate, colour=self.colour,
+            segments=(), source_frames=self.frames_in_source, crf=crf, notes=self.notes,
+            rotation_deg=self.turn.rotation_deg, mirrored=self.turn.is_mirrored,
+            pixel_aspect=self.pixel_aspect, level_low=low, level_high=high,
+        )  # fmt: skip
 
 
 def limit_time(footage: Footage, times: np.ndarray, start_s: float, end_s: float) -> Footage:
@@ -222,15 +213,15 @@ def other_size_error(
 
 
 def thin_frame(frame: np.ndarray) -> np.ndarray:
-    """Return every k-th row and column of a frame, so that at most `SAMPLE_PIXELS` remain."""
-    k = math.ceil(math.sqrt(frame.shape[0] * frame.shape[1] / SAMPLE_PIXELS))
-    return frame[::k, ::k]
+    """Return every k-th row and column of a frame, such that at most SAMPLE_PIXELS remain."""
+    step = math.ceil(math.sqrt(frame.shape[0] * frame.shape[1] / SAMPLE_PIXELS))
+    return frame[::step, ::step]
 
 
 def nearest_turn(matrix: Sequence[int] | np.ndarray) -> tuple[Turn, bool]:
     """Return the turn by right angles nearest to a film's display matrix, and whether it is exact.
 
-    matrix: a, b, _, c, d, …; a pixel goes to x′ = a x + c y, y′ = b x + d y.
+    matrix: a, b, _, c, d, …; a pixel goes to x′ = a x + c y, y′ = b x + d y, to be upright.
     """
 
     def sign(value: float) -> int:
@@ -263,10 +254,10 @@ def choose_deep_levels(frames: Iterable[np.ndarray]) -> tuple[float, float]:
     """Choose the two grey levels that become 0 and 255 in a film of more than 8 bits.
 
     They are percentiles over sampled frames: cameras rarely fill their 16 bits, and a few hot
-    pixels must not decide.
+    pixels must not decide. The second is at least the first + 1.
     """
-    lows, highs = zip(*(np.percentile(f, DEEP_PERCENTILES) for f in frames), strict=True)
-    low, high = float(min(lows)), float(max(highs))
+    percentiles = np.array([np.percentile(frame, DEEP_PERCENTILES) for frame in frames])
+    low, high = float(percentiles[:, 0].min()), float(percentiles[:, 1].max())
     return low, max(high, low + 1)
 
 

@@ -29,7 +29,7 @@ def estimate_frame_rate(
     """
     gaps = np.diff(np.asarray(times_s, np.float64))
     gaps = gaps[(gaps > 0) & (gaps <= max(CUT_S, CUT_FRAMES * float(np.median(gaps))))]
-    if not gaps.size:
+    if not gaps.size:  # the stamps say nothing
         return next((rate for rate in candidates if rate > 0), Fraction(25))
     counts = np.rint(gaps / np.median(gaps))
     estimate = float(counts.sum() / gaps.sum())
@@ -55,8 +55,9 @@ def resample_nearest(
     """Yield for every tick of a constant rate the item that is nearest in time.
 
     stamped: pairs (time [s], item), such as frames, in order. frame_rate: ticks per second. timing:
-    counts what happens. Ticks start with the first item and again after every cut. A film of
-    constant rate passes through item by item if its time stamps jitter by less than half a frame.
+    counts items shown, repeated and dropped, and cuts. Ticks start with the first item and again
+    after every cut. A film of constant rate passes through item by item if its time stamps jitter
+    by less than half a frame.
     """
     rate = float(frame_rate)
     last: tuple[float, T] | None = None
@@ -64,22 +65,23 @@ def resample_nearest(
     ticks = 0  # of this segment
 
     def yield_repeats(until: float) -> Iterator[T]:
-        """Yield the previous item once for each tick before tick `until`."""
+        """Yield the last item once for each new tick before tick `until`; count what happens."""
         nonlocal ticks
         assert last is not None
-        times = max(0, int(np.ceil(until)) - ticks)
-        ticks += times
-        timing.frames += times
-        timing.repeated += max(0, times - 1)
-        timing.dropped += times == 0
-        for _ in range(times):
+        count = max(0, int(np.ceil(until)) - ticks)
+        ticks += count
+        timing.frames += count
+        timing.repeated += max(0, count - 1)
+        timing.dropped += count == 0
+        for _ in range(count):
             yield last[1]
 
     for time_s, item in stamped:
         if last is not None:
             if 0 <= time_s - last[0] <= max(CUT_S, CUT_FRAMES / rate):
+                # The last item is the nearest up to the middle between both.
                 yield from yield_repeats(((last[0] + time_s) / 2 - start_s) * rate)
-            else:
+            else:  # a cut
                 yield from yield_repeats((last[0] - start_s) * rate + 0.5)
                 last = None
         if last is None:

@@ -35,12 +35,12 @@ _BY_KEY: dict[str, Software] = {  # by a group or dataset of a HDF5 file
 def load_poses(
     path: Path, software: Software | None, rate_hz: float, parameter: str = "extract.tracks_path"
 ) -> Poses:
-    """Load where the named points of all animals are, from a file or folder of a tracking program.
+    """Load where the keypoints of all animals are, from a file or folder of a tracking program.
 
     software: the program that made it; None = detect it. rate_hz: of the film, for a file that has
     times and no rate. parameter: the one that names the file, for messages. FinloopError if there
-    is nothing, the format is unknown or not that of `software`, the file is damaged, is
-    three-dimensional, or holds no animal.
+    is nothing, the format is unknown or not that of `software`, or the file is damaged, has places
+    in three dimensions, or holds no animal.
     """
     if not path.exists():
         raise FinloopError(
@@ -145,20 +145,20 @@ def _read_by_movement(path: Path, software: Software, rate_hz: float) -> Poses:
     names = [str(name) for dataset in sets for name in dataset.individuals.values]
     if len(set(names)) < len(names):
         raise unreadable_error(path, software, f"animals of one name: {', '.join(names)}")
-    frames = [_frame_numbers(dataset, rate_hz) for dataset in sets]
-    times = np.unique(np.concatenate(frames))
+    frames_of_sets = [_frame_numbers(dataset, rate_hz) for dataset in sets]
+    frames = np.unique(np.concatenate(frames_of_sets))
     keypoints = tuple(str(name) for name in sets[0].keypoints.values)
-    places = np.full((len(times), len(names), len(keypoints), 2), np.nan)
+    places = np.full((len(frames), len(names), len(keypoints), 2), np.nan)
     confidence = np.full(places.shape[:-1], np.nan)
-    first = 0
-    for dataset, frame in zip(sets, frames, strict=True):
-        rows, last = np.searchsorted(times, frame), first + dataset.sizes["individuals"]
+    first = 0  # number of the dataset's first animal
+    for dataset, set_frames in zip(sets, frames_of_sets, strict=True):
+        rows, stop = np.searchsorted(frames, set_frames), first + dataset.sizes["individuals"]
         order = ("time", "individuals", "keypoints")
-        places[rows, first:last] = dataset.position.transpose(*order, "space").values
+        places[rows, first:stop] = dataset.position.transpose(*order, "space").values
         if "confidence" in dataset:
-            confidence[rows, first:last] = dataset.confidence.transpose(*order).values
-        first = last
-    return poses_from_arrays(tuple(names), keypoints, times, places, confidence)
+            confidence[rows, first:stop] = dataset.confidence.transpose(*order).values
+        first = stop
+    return poses_from_arrays(tuple(names), keypoints, frames, places, confidence)
 
 
 def _load_dataset(path: Path, software: Software) -> Any:
@@ -194,7 +194,7 @@ def _load_dataset(path: Path, software: Software) -> Any:
             "places in the picture of one camera, x and y in px",
             "give the tracks that were made in this film, before they were triangulated",
         )
-    if "keypoints" not in dataset.dims:  # of boxes
+    if "keypoints" not in dataset.dims:  # boxes around animals
         dataset = dataset.expand_dims(keypoints=["centre"])
     return dataset.sel(space=["x", "y"])
 

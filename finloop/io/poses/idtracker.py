@@ -72,16 +72,23 @@ def _find_file(path: Path) -> Path:
 
 
 def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
-    """Return places (frames, animals, 2) in px, and the facts that are stored with them."""
+    """Return places (frames, animals, 2) in px, and the facts that are stored with them by name.
+
+    path: a file, or a folder of CSV files. FinloopError for a file with another ending.
+    """
     if path.is_dir():
         return _load_places(path / "trajectories.csv")[0], _load_facts(path / "attributes.json")
     match path.suffix.lower():
         case ".npy":
             with path.open("rb") as file:
-                version = np.lib.format.read_magic(file)
-                headers = np.lib.format.read_array_header_1_0, np.lib.format.read_array_header_2_0
-                shape, _, dtype = headers[version != (1, 0)](file)
-                if dtype.hasobject and shape == ():
+                version, read_header = (
+                    np.lib.format.read_magic(file),
+                    np.lib.format.read_array_header_1_0,
+                )
+                if version != (1, 0):
+                    read_header = np.lib.format.read_array_header_2_0
+                shape, _, dtype = read_header(file)
+                if dtype.hasobject and shape == ():  # a pickled dictionary follows
                     return _unpickle(file)
             return np.load(path, allow_pickle=False), {}
         case ".pickle":
@@ -103,7 +110,7 @@ def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
 
 
 def _load_facts(path: Path) -> dict[str, Any]:
-    """Load the facts in a JSON file; none if there is no such file."""
+    """Load the facts in a JSON file, by name; {} if there is no such file."""
     return json.loads(path.read_text("utf-8")) if path.exists() else {}
 
 
@@ -202,7 +209,7 @@ def _unwrap(value: Any) -> Any:
 
 
 def _to_places(table: pd.DataFrame) -> np.ndarray:
-    """Convert a table with a row per frame and animal to an array (frames, animals, 2)."""
+    """Convert a table with a row per frame and animal to places (frames, animals, 2), NaN: none."""
     frame, animal = (table[name].to_numpy(int) for name in ("frame", "individual"))
     places = np.full((frame.max() + 1, animal.max() + 1, 2), np.nan)
     places[frame, animal] = table[["x", "y"]].to_numpy(float)

@@ -15,7 +15,7 @@ from finloop.io.poses.extra import import_extra
 
 _SOFTWARE = "finloop"
 _UNKNOWN = datetime(1970, 1, 1, tzinfo=UTC)
-_ABOUT = (
+_DESCRIPTION = (
     "Points of one animal in a film, in px. Times are from the beginning of the film; when it was "
     "taken is not known, and session_start_time says 1970."
 )
@@ -24,11 +24,11 @@ _ABOUT = (
 def save_netcdf(path: Path, poses: Poses, rate: Fraction, mm_per_px: float | None = None) -> None:
     """Write poses as a netCDF file that `movement` reads, completely or not at all.
 
-    rate: frames per second. Dimensions are time, space, keypoints, individuals:
-    `xarray.load_dataset` reads it. If `mm_per_px` is known, the variable `position_mm` has the
-    places in mm. FinloopError if the extra `tracks` is not installed.
+    rate: frames per second. Dimensions are time, space, keypoints, individuals. If `mm_per_px` is
+    known, the variable `position_mm` has the places in mm. FinloopError if the extra packages
+    `tracks` are not installed.
     """
-    h5netcdf, words = import_extra("h5netcdf", path), import_extra("h5py", path).string_dtype()
+    h5netcdf, text_type = import_extra("h5netcdf", path), import_extra("h5py", path).string_dtype()
     sizes = {
         "time": poses.frames, "space": 2,
         "keypoints": len(poses.keypoints), "individuals": len(poses.individuals),
@@ -43,23 +43,23 @@ def save_netcdf(path: Path, poses: Poses, rate: Fraction, mm_per_px: float | Non
             ("space", ("x", "y")), ("keypoints", poses.keypoints),
             ("individuals", poses.individuals),
         ):  # fmt: skip
-            file.create_variable(name, (name,), words)[:] = np.array(labels, object)
+            file.create_variable(name, (name,), text_type)[:] = np.array(labels, object)
         kind = {"dtype": np.float32, "fillvalue": np.float32(np.nan), "compression": "gzip"}
-        chunk = (min(BLOCK, max(1, poses.frames)), *list(sizes.values())[1:])
-        position = file.create_variable("position", tuple(sizes), chunks=chunk, **kind)
+        chunks = (min(BLOCK, max(1, poses.frames)), *list(sizes.values())[1:])
+        position = file.create_variable("position", tuple(sizes), chunks=chunks, **kind)
         position.attrs["units"] = "px"
         if mm_per_px is not None:
             file.attrs["mm_per_px"] = mm_per_px
-            in_mm = file.create_variable("position_mm", tuple(sizes), chunks=chunk, **kind)
+            in_mm = file.create_variable("position_mm", tuple(sizes), chunks=chunks, **kind)
             in_mm.attrs["units"] = "mm"
-        axes, chunk = ("time", "keypoints", "individuals"), (chunk[0], *chunk[2:])
-        confidence = file.create_variable("confidence", axes, chunks=chunk, **kind)
+        axes, chunks = ("time", "keypoints", "individuals"), (chunks[0], *chunks[2:])
+        confidence = file.create_variable("confidence", axes, chunks=chunks, **kind)
         for start, cells in iterate_blocks(poses):
-            here = slice(start, start + len(cells))
-            position[here] = places = cells[..., :2].transpose(0, 3, 2, 1)
+            block = slice(start, start + len(cells))
+            position[block] = places = cells[..., :2].transpose(0, 3, 2, 1)
             if mm_per_px is not None:
-                in_mm[here] = places * mm_per_px
-            confidence[here] = cells[..., 2].transpose(0, 2, 1)
+                in_mm[block] = places * mm_per_px
+            confidence[block] = cells[..., 2].transpose(0, 2, 1)
 
 
 def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None = None) -> None:
@@ -83,7 +83,11 @@ def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None
             frame=poses.frame[rows], places=poses.places[rows], confidence=poses.confidence[rows],
         )  # fmt: skip
         cells = np.concatenate([block for _, block in iterate_blocks(animal)])
-        about = {"identifier": name, "session_description": _ABOUT, "session_start_time": _UNKNOWN}
+        metadata = {
+            "identifier": name,
+            "session_description": _DESCRIPTION,
+            "session_start_time": _UNKNOWN,
+        }
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             dataset = load.from_numpy(
@@ -91,7 +95,7 @@ def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None
                 [name], list(poses.keypoints), float(rate), _SOFTWARE,
             )  # fmt: skip
             document = save.to_nwb_file(dataset, config(
-                nwbfile_kwargs=about, pose_estimation_series_kwargs=series,
+                nwbfile_kwargs=metadata, pose_estimation_series_kwargs=series,
             ))  # fmt: skip
             plain = re.sub(r"[^\w.-]", "_", name)
             path = folder / f"{plain}.nwb"

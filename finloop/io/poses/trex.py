@@ -36,19 +36,22 @@ def read_trex(path: Path) -> Poses:
         raise unreadable_error(
             path, SOFTWARE, f"{error} is missing or of another length"
         ) from error
-    times = np.unique(np.concatenate([frame for frame, _ in animals]))
-    places = np.full((len(times), len(animals), 2, 2), np.nan)
+    frames = np.unique(np.concatenate([frame for frame, _ in animals]))
+    places = np.full((len(frames), len(animals), 2, 2), np.nan)
     for number, (frame, points) in enumerate(animals):
-        places[np.searchsorted(times, frame), number] = points
+        places[np.searchsorted(frames, frame), number] = points
     # An animal's name is the part after the film's, such as `id3`.
     names = [file.stem.rsplit("_", 1)[-1] for file in tracks]
     if len(set(names)) < len(names):
         names = [file.stem for file in tracks]
-    return poses_from_arrays(tuple(names), (HEAD, CENTRE), times, places)
+    return poses_from_arrays(tuple(names), (HEAD, CENTRE), frames, places)
 
 
 def _list_files(path: Path) -> list[Path]:
-    """Return the files with tracks at a path, in natural order: id2 before id10."""
+    """Return the files with tracks at a path, in natural order: id2 before id10.
+
+    FinloopError if a folder has none.
+    """
     if path.is_file():
         return [path]
     home = path / "data" if (path / "data").is_dir() else path
@@ -65,7 +68,7 @@ def _number_key(path: Path) -> tuple[list[int], str]:
 
 
 def _load_fields(path: Path) -> dict[str, np.ndarray]:
-    """Load the named columns or arrays in one file of TRex."""
+    """Load the columns or arrays in one file of TRex, by name without the unit."""
     try:
         if path.suffix.lower() == ".csv":
             table = pd.read_csv(io.StringIO(read_plain_csv(path)))
@@ -79,20 +82,23 @@ def _load_fields(path: Path) -> dict[str, np.ndarray]:
 
 
 def _to_points(fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return frames (n,) and places (n, 2, 2) of head and centre from a file's fields.
+    """Return frames (n,), and x, y of head and centre in them, (n, 2, 2), from a file's fields.
 
-    KeyError names a missing field.
+    Places are in px, or in cm without a field `cm_per_pixel`; NaN if unknown. KeyError names a
+    missing field.
     """
     frame = fields["frame"].ravel().astype(int)
-    cm = float(np.ravel(fields.get("cm_per_pixel", [1.0]))[0])
+    cm_per_px = float(np.ravel(fields.get("cm_per_pixel", [1.0]))[0])
     present = ~fields.get("missing", np.zeros(len(frame))).ravel().astype(bool)
     centre = next((suffix for suffix in _CENTRES if f"X{suffix}" in fields), None)
     nowhere = np.full(len(frame), np.nan)
-    pairs = [
-        [fields[f"{axis}{source}"].ravel() / cm if exists else nowhere for axis in "XY"]
-        for source, exists in (("", centre is None or "X" in fields), (centre, centre is not None))
-    ]
-    points = np.stack([np.stack(point, axis=-1) for point in pairs], axis=1).astype(float)
+    pairs = []
+    for suffix, known in (("", centre is None or "X" in fields), (centre, centre is not None)):
+        axes = [
+            fields[f"{axis}{suffix}"].ravel() / cm_per_px if known else nowhere for axis in "XY"
+        ]
+        pairs.append(axes)
+    points = np.stack([np.stack(axes, axis=-1) for axes in pairs], axis=1).astype(float)
     if np.array_equal(points[:, 0], points[:, 1], equal_nan=True):  # TRex found no posture
         points[:, 0] = np.nan
     return frame[present], points[present]

@@ -30,7 +30,7 @@ def save_viewer(
         "title": html.escape(title),
         "alt": html.escape(alt),
         "glb": base64.b64encode(glb).decode(),
-        "way": str([[round(part, 2) for part in place] for place in track]),
+        "way": str([[round(coordinate, 2) for coordinate in place] for place in track]),
         "rate": str(rate_hz),
         "script": _load_viewer_script().replace("</script", "<\\/script"),
     }.items():
@@ -39,7 +39,7 @@ def save_viewer(
 
 
 def _load_viewer_script() -> str:
-    """Return the JavaScript of the 3-D viewer from its installed package."""
+    """Return the JavaScript of the 3-D viewer; FinloopError if its package is not installed."""
     try:
         return Path(str(distribution(_PACKAGE).locate_file(_SCRIPT))).read_text(encoding="utf-8")
     except (PackageNotFoundError, OSError) as error:
