@@ -56,7 +56,8 @@ def _simulate(film: FilmGroup, zones: Zones, p: CalibrateSettings) -> dict[str, 
 def _save_rule(folder: Path, rule: SchoolRule) -> None:
     """Write how a film's fish swim in a group (zones.json, steps.parquet) to `folder`.
 
-    `Project.school_rule` loads it.
+    `Project.school_rule` loads it. The rule is the zones, in which fish repel, align with and
+    attract each other, and the fish's own steps.
     """
     steps = rule.steps
     save_json(folder / "zones.json", {

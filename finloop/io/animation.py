@@ -75,11 +75,11 @@ def _save_plain(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: 
     morph, 0 … 1. Rate and side are not used.
     """
     layers = {name: frames.tolist() for name, frames in morph.layers.items()}
-    frames = [
-        {"tau": float(tau), "layers": {name: frames[k] for name, frames in layers.items()}}
-        for k, tau in enumerate(morph.tau)
-    ]
-    _save_json(path, {"frames": frames})
+    records = []
+    for frame, tau in enumerate(morph.tau):
+        points = {name: frames[frame] for name, frames in layers.items()}
+        records.append({"tau": float(tau), "layers": points})
+    _save_json(path, {"frames": records})
 
 
 def _save_json(path: Path, content: Json) -> None:

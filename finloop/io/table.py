@@ -277,7 +277,7 @@ def _schema_error(table: str, problems: list[str], advice: str) -> FinloopError:
 def save_csv_in_blocks(path: Path, blocks: Iterable[pd.DataFrame], decimals: int) -> None:
     """Write a long table with its index as CSV, block by block, completely or not at all.
 
-    blocks: data frames of the same columns. decimals: of every float.
+    blocks: data frames of the same columns. decimals: digits after the point of every float.
     """
     with whole_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         for number, block in enumerate(blocks):

@@ -44,8 +44,8 @@ class FrameCounts:
     """Counts of frames that grow while a film is converted to a constant frame rate."""
 
     frames: int = 0  # shown, repeats included
-    repeated: int = 0
-    dropped: int = 0
+    repeated: int = 0  # shown again, to fill a tick without a frame
+    dropped: int = 0  # not shown, where several fall on one tick
     cuts: list[int] = field(default_factory=list)  # first frame of each segment without a cut
 
 

@@ -7,7 +7,10 @@ from finloop.base.errors import FinloopError
 
 
 def import_extra(module: str, path: object) -> ModuleType:
-    """Import a module of the extra `tracks`, which `path` needs; FinloopError if not installed."""
+    """Import a module of the optional packages `tracks`, with which to read or write `path`.
+
+    FinloopError if it is not installed.
+    """
     try:
         return import_module(module)
     except ImportError as error:
@@ -15,7 +18,7 @@ def import_extra(module: str, path: object) -> ModuleType:
 
 
 def not_installed_error(path: object, error: ImportError) -> FinloopError:
-    """Return the error for a file that needs a missing package of the extra `tracks`."""
+    """Return the error for a file that needs a missing one of the optional packages `tracks`."""
     return FinloopError(
         f"{path} needs packages that are not all installed: {error}",
         "the optional packages of the extra `tracks` (pyproject.toml)",
