@@ -120,7 +120,8 @@ def _report_findings(metrics: dict[str, float]) -> None:
         repaired = {repair for repair in REPAIRS if metrics[f"{prefix}mended_{repair}"]}
         quality = Quality.from_metrics(metrics, prefix)
         quality_as_filmed = Quality.from_metrics(metrics, f"{prefix}filmed_")
-        for finding in list_findings(quality, quality_as_filmed, repaired):
+        refused = {repair for repair in REPAIRS if f"{prefix}refused_{repair}" in metrics}
+        for finding in list_findings(quality, quality_as_filmed, repaired, refused):
             rows.append({"film": name} | finding.table_row if name else finding.table_row)
             print(f"finloop: {label}{finding.terminal_line}", file=sys.stderr)
     save_csv(FINDINGS, pd.DataFrame(rows), 0)

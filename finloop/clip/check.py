@@ -36,7 +36,7 @@ _FEW = 50  # least number of moved pixels of a frame whose fields are judged
 
 CHECK = Schema(
     Column("frame", "int32", "1"),
-    Column("light", "float32", "1"),
+    Column("light", "float32", "1", nullable=True),
     Column("change", "float32", "grey levels", nullable=True),
     *columns("float32", "px", "shift_x", "shift_y", "shift_apart", nullable=True),
     Column("field_order", "float32", "1", nullable=True),
@@ -79,7 +79,7 @@ class ClipTally:
     brightest: int = 0
     samples: dict[int, np.ndarray] = field(default_factory=dict)  # some frames, by number
     _stride: int = 1
-    # (frames,) brightness relative to the first frame, where both show the tank
+    # (frames,) brightness relative to the first frame, where both show the tank; NaN: too dark
     lights: list[float] = field(default_factory=list)
     # (frames,) how much each frame differs from the one before [grey levels]; NaN for the first
     changes: list[float] = field(default_factory=list)
@@ -149,7 +149,7 @@ def choose_examined_runs(frames: int, key_frame_distance: int = 1) -> list[tuple
 def _empty_tank(frames: Sequence[Picture]) -> Picture:
     """Return the empty tank (h, w[, 3]): the median of frames, after light and shake are undone."""
     sample = list(frames[:: math.ceil(len(frames) / _SAMPLES)])
-    gains = [measure_gain(frame, sample[0]) for frame in sample]
+    gains = [np.nan_to_num(measure_gain(frame, sample[0]), nan=1.0) for frame in sample]
     typical = np.median(gains, axis=0)
     sample = [undo_gain(frame, gain / typical) for frame, gain in zip(sample, gains, strict=True)]
     landmarks = find_landmarks(_median_picture(sample))
@@ -198,7 +198,7 @@ def check_film(
         gain_before = 1.0
         for frame, picture in enumerate(read_frames(start=start, stop=stop), start):
             grey = picture.copy()  # the decoder reuses its memory
-            gain = float(measure_gain(grey, tank)[0])
+            gain = float(np.nan_to_num(measure_gain(grey, tank)[0], nan=1.0))
             shift = measure_shift(grey, landmarks, last)
             last = last if shift is UNKNOWN else shift
             row = {f"shift_{name}": value for name, value in shift._asdict().items()}

@@ -13,6 +13,7 @@ from finloop.base.arrays import Floats, Picture
 
 _PIXELS = 1500  # pixels of a frame that are compared
 _LIT = (16, 250)  # grey levels between which a pixel follows the light
+_LEAST_LIT = 0.2  # share of the picture; of less, on a black floor, animals are the most
 _ROUNDS = 3  # rounds of leaving out pixels that are not tank
 _SIGMAS = 3.0  # standard deviations of the difference from which a pixel is an animal
 _SLOW_S = 3.0  # s; slower changes are drift
@@ -25,13 +26,13 @@ def measure_gain(frame: Picture, tank: Picture) -> Floats:
     """Return how bright a frame is relative to the empty tank, per channel: (1,) or (3,).
 
     It is a ratio of sums over the pixels that show the tank in both pictures and are neither black
-    nor white; 1 if there are no such pixels. frame, tank: (h, w[, 3]).
+    nor white; NaN if these are less than a fifth. frame, tank: (h, w[, 3]).
     """
     frame_levels, tank_levels = _sample_pixels(frame), _sample_pixels(tank)
     low, high = _LIT
     lit = ((tank_levels > low) & (tank_levels < high) & (frame_levels < high)).all(axis=1)
-    if not lit.any():
-        return np.ones(tank_levels.shape[1])
+    if lit.mean() < _LEAST_LIT:
+        return np.full(tank_levels.shape[1], np.nan)
     frame_levels, tank_levels = frame_levels[lit], tank_levels[lit]
     gain = np.median(frame_levels / tank_levels, axis=0)
     for _ in range(_ROUNDS):  # leave out the pixels that an animal covers
@@ -51,15 +52,17 @@ def _sample_pixels(picture: Picture) -> Floats:
 def undo_gain(frame: Picture, gains: Floats) -> Picture:
     """Return a frame (h, w[, 3]) made as bright as the empty tank: each channel over its gain.
 
-    gains: (1,) or (3,), the frame's brightness relative to the tank.
+    gains: (1,) or (3,), the frame's brightness relative to the tank; NaN leaves the frame as it is.
     """
+    if np.isnan(gains).any():
+        return frame
     levels = np.arange(256)[:, None] / gains
     table = np.clip(np.rint(levels), 0, 255).astype(np.uint8)[None]
     return np.asarray(cv2.LUT(frame, table))
 
 
 class LightMeasures(NamedTuple):
-    """Flicker and drift of a film's light, in per cent of its mean brightness."""
+    """Flicker and drift of a film's light, in per cent of its mean brightness; NaN if unknown."""
 
     flicker_pct: float  # root mean square of the fast part over the mean, in the median second
     flicker_hz: float  # NaN where the flicker has no single frequency
@@ -70,7 +73,12 @@ def measure_light(brightness: Floats, rate_hz: float) -> LightMeasures:
     """Measure flicker and drift from the brightness (frames,) of successive frames, in any unit.
 
     rate_hz: frames per second. Changes slower than three seconds are drift, the rest is flicker.
+    NaN where the brightness of most frames is unknown (NaN).
     """
+    known = np.flatnonzero(np.isfinite(brightness))
+    if 2 * len(known) < len(brightness):
+        return LightMeasures(np.nan, np.nan, np.nan)
+    brightness = np.interp(np.arange(len(brightness)), known, brightness[known])
     mean = float(brightness.mean())
     half_window = min(round(_SLOW_S * rate_hz / 2), (len(brightness) - 1) // 2)
     padded = np.pad(brightness, half_window, mode="reflect") if half_window else brightness

@@ -49,6 +49,7 @@ Watch = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 # both borders, and sees the tank from another place, so a single shift cannot repair it.
 FARTHEST = 0.03
 APART = 0.3  # share of the shake; parts of the picture that differ by more did not just shift
+KEPT_CONTRAST = 0.7  # least share of the contrast that a repair leaves; cleared fields lose a tenth
 _EDGE = 2  # px; reach of a Lanczos kernel
 
 REPAIRED_BY = {
@@ -72,6 +73,7 @@ class ClipResult:
     filmed: Quality  # of the film before any repair
     quality: Quality
     mended: frozenset[str]  # the repairs that were made, of `REPAIRED_BY`
+    refused: frozenset[str] = frozenset()  # those that were tried, and made the film no better
 
     @property
     def metrics(self) -> dict[str, float]:
@@ -80,6 +82,7 @@ class ClipResult:
         if self.mended:
             metrics |= {f"filmed_{name}": value for name, value in vars(self.filmed).items()}
         words = sorted(_PICTURES | _TAKING)
+        metrics |= {f"refused_{word}": 1 for word in sorted(self.refused)}
         return metrics | {f"mended_{word}": int(word in self.mended) for word in words}
 
 
@@ -113,22 +116,54 @@ def make_clip(
             todo.discard("undouble")
         if not todo:
             continue
-        if "deinterlace" in todo:
-            order = result.quality.field_order
-            fields = "tff" if order > 0 else "bff" if order <= 0 else "auto"  # auto: NaN
-        if "undouble" in todo:
-            repeats = find_repeats(np.array(result.tally.changes))
-        if todo & _TAKING:
-            corrector = _FrameCorrector(tank, "even_light" in todo, "steady" in todo)
-        repaired_source = _reopen_film(p, fields, repeats, corrector)
-        with show_progress("mend", repaired_source.facts.frames) as advance:
-            facts, tally, arena = write_clip(repaired_source, p, folder, advance)
-        if corrector:
-            arena = arena & corrector.common_mask()
-            save_mask(folder / ARENA_NAME, arena)
-        quality, tank = _check_clip(facts, tally, folder)
-        result = ClipResult(facts, tally, arena, filmed, quality, result.mended | todo)
+        before, kept, tank_before = result, (fields, repeats, corrector), tank
+        while True:  # without the repairs that made the film no better
+            fields, repeats, corrector = kept
+            if "deinterlace" in todo:
+                order = before.quality.field_order
+                fields = "tff" if order > 0 else "bff" if order <= 0 else "auto"  # auto: NaN
+            if "undouble" in todo:
+                repeats = find_repeats(np.array(before.tally.changes))
+            if todo & _TAKING:
+                corrector = _FrameCorrector(tank_before, "even_light" in todo, "steady" in todo)
+            repaired_source = _reopen_film(p, fields, repeats, corrector)
+            with show_progress("mend", repaired_source.facts.frames) as advance:
+                facts, tally, arena = write_clip(repaired_source, p, folder, advance)
+            if corrector:
+                arena = arena & corrector.common_mask()
+                save_mask(folder / ARENA_NAME, arena)
+            quality, tank = _check_clip(facts, tally, folder)
+            worse = {
+                name for name in todo if getattr(p, REPAIRED_BY[name]) == "auto"
+                and not is_better(name, before.quality, quality)
+            }  # fmt: skip
+            result = ClipResult(
+                facts, tally, arena, filmed, quality, before.mended | todo, result.refused | worse
+            )
+            todo = todo - worse
+            if not worse:
+                break
     return result
+
+
+def is_better(repair: str, before: Quality, after: Quality) -> bool:
+    """Return whether a repair made its fault smaller, and the animals stand out nearly as before.
+
+    repair: of `REPAIRED_BY`; before, after: quality of the clip without and with it.
+    """
+
+    def fault(quality: Quality) -> float:
+        """Return the size of the fault that the repair is for, 0 where it is not seen."""
+        sizes = {
+            "deinterlace": abs(quality.field_order), "undouble": quality.doubled_pct,
+            "even_light": max(quality.light_flicker_pct / FLICKER_PCT,
+                              quality.light_drift_pct / DRIFT_PCT),
+            "steady": quality.shake_px,
+        }  # fmt: skip
+        return float(np.nan_to_num(sizes[repair]))
+
+    contrasts = [one.contrast_grey / max(one.noise_grey, 1.0) for one in (before, after)]
+    return fault(after) < fault(before) and not contrasts[1] < KEPT_CONTRAST * contrasts[0]
 
 
 def choose_repairs(p: FootageSettings, quality: Quality, smaller_side_px: int) -> set[str]:
@@ -149,7 +184,10 @@ def choose_repairs(p: FootageSettings, quality: Quality, smaller_side_px: int) -
         or quality.light_drift_pct >= DRIFT_PCT,
         "steady": quality.shake_px >= SHAKE_PX and is_small_shift,
     }
-    possible = {"undouble": converted, "steady": isfinite(quality.shake_px)}
+    possible = {
+        "undouble": converted, "steady": isfinite(quality.shake_px),
+        "even_light": isfinite(quality.light_flicker_pct),
+    }  # fmt: skip
     modes = {name: getattr(p, REPAIRED_BY[name]) for name in faults}
     asked = {name for name, mode in modes.items() if mode == "always" and possible.get(name, True)}
     return asked | {name for name, mode in modes.items() if mode == "auto" and faults[name]}

@@ -45,14 +45,21 @@ REPAIRS = {
 """By the repair (`finloop.clip.rewrite`): the words of the findings, and what was done."""
 
 
+_REFUSED = "A repair was tried, made the film no better, and was left out."
+
+
 def list_findings(
-    quality: Quality, filmed: Quality | None = None, mended: Collection[str] = ()
+    quality: Quality,
+    filmed: Quality | None = None,
+    mended: Collection[str] = (),
+    refused: Collection[str] = (),
 ) -> list[Finding]:
     """Return the findings on light, camera, pictures, exposure and contrast of a clip.
 
-    filmed: quality of the film before its repair; mended: the names of the repairs. The finding on
-    a repaired fault also says what was measured before.
+    filmed: quality of the film before its repair; mended: the names of the repairs; refused: those
+    that made the film worse. The finding on a repaired fault also says what was measured before.
     """
+    worse = {word for name in refused for word in REPAIRS[name][0]}
     remedies = {word: REPAIRS[name][1] for name in mended for word in REPAIRS[name][0]}
     before = (
         {finding.word: finding for finding in _judge_all(filmed)} if filmed and remedies else {}
@@ -62,6 +69,8 @@ def list_findings(
         if finding.word in remedies and not before[finding.word].good:
             text = f"{before[finding.word].text} {remedies[finding.word]} {finding.text}"
             finding = finding._replace(text=text)
+        if finding.word in worse and not finding.good:
+            finding = finding._replace(text=f"{finding.text} {_REFUSED}")
         findings.append(finding)
     return findings
 
@@ -82,6 +91,10 @@ def _format_number(value: float) -> str:
 
 def _judge_light(quality: Quality) -> Iterator[Finding]:
     """Yield the findings on the flicker and the drift of the light."""
+    if isnan(quality.light_flicker_pct):
+        text = "Whether the light changes cannot be told: the floor is plain black or white."
+        yield Finding("flicker", True, text)
+        return
     flicker = f"The light flickers by {_format_number(quality.light_flicker_pct)} %"
     if quality.light_flicker_pct < FLICKER_PCT:
         yield Finding("flicker", True, f"{flicker}, less than is seen.")
