@@ -11,7 +11,7 @@ from scratch import write_frames
 
 from finloop.base.settings import settings
 from finloop.clip.check import Quality
-from finloop.clip.rewrite import ClipResult, choose_repairs, make_clip
+from finloop.clip.rewrite import ClipResult, choose_repairs, is_better, make_clip
 from finloop.clip.shake import Shift, undo_shift
 from finloop.clip.verdict import list_findings
 from finloop.clip.write import open_clip_source
@@ -171,3 +171,57 @@ def test_findings_say_what_was_and_what_is():
     words = {one.word: one for one in list_findings(now, filmed, {"even_light"})}
     assert words["flicker"].good and "5" in words["flicker"].text
     assert words["drift"] == {one.word: one for one in list_findings(now)}["drift"]
+
+
+def worm_frames(count: int) -> list[np.ndarray]:
+    """A bright worm that moves over a black floor, brighter in some frames than in others."""
+    frames = []
+    for k in range(count):
+        frame = np.full((120, 160), 3, np.uint8)
+        centre = 80 + 40 * np.cos(k / 9), 60 + 30 * np.sin(k / 9)
+        cv2.ellipse(frame, (centre, (44, 9), 10.0 * k), 90 + 40 * (k % 7 == 0), -1)
+        frames.append(frame)
+    return frames
+
+
+@pytest.mark.parametrize("count", [60, 61])
+def test_a_bright_animal_on_a_black_floor_is_not_the_light(tmp_path, count):
+    frames = worm_frames(count)
+    result, shown = clip_of(tmp_path, frames)
+    assert not result.mended and off(shown, frames) == 0
+    words = {one.word: one for one in list_findings(result.quality)}
+    assert words["flicker"].good and "cannot be told" in words["flicker"].text
+    p = parameters(correct_light="always")
+    assert choose_repairs(p, result.quality, 120) == set()
+
+
+@pytest.mark.parametrize(
+    ("repair", "fault"),
+    [
+        ("even_light", {"light_flicker_pct": 5.0}), ("even_light", {"light_drift_pct": 40.0}),
+        ("steady", {"shake_px": 2.0}), ("deinterlace", {"field_order": -0.5}),
+        ("undouble", {"doubled_pct": 30.0}),
+    ],
+)  # fmt: skip
+def test_a_repair_is_better_if_its_fault_shrinks_and_animals_stand_out(repair, fault):
+    before, after = quality(**fault), quality()
+    assert is_better(repair, before, after)
+    assert not is_better(repair, before, before)
+    assert not is_better(repair, after, before)
+    assert not is_better(repair, before, quality(contrast_grey=20.0))
+    assert not is_better(repair, before, quality(noise_grey=4.0))
+
+
+def test_a_repair_that_is_no_better_is_left_out_and_reported(tmp_path, monkeypatch, carp):
+    flickering = [
+        cv2.convertScaleAbs(frame, alpha=1 + 0.05 * (k % 2)) for k, frame in enumerate(carp)
+    ]
+    monkeypatch.setattr("finloop.clip.rewrite.undo_gain", lambda frame, gain: frame)
+    result, shown = clip_of(tmp_path, flickering)
+    assert result.refused == {"even_light"} and not result.mended
+    assert off(shown, flickering) == 0 and result.metrics["refused_even_light"] == 1
+    words = {
+        one.word: one
+        for one in list_findings(result.quality, result.filmed, result.mended, result.refused)
+    }
+    assert "was left out" in words["flicker"].text and "was left out" not in words["drift"].text
