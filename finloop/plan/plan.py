@@ -91,13 +91,10 @@ class Plan(NamedTuple):
     def first_runs(self, most_ticks: int) -> tuple[Run, ...]:
         """Return the runs of film of the plan's first ticks: about `most_ticks`, at least a leg.
 
-        Legs that play the film on are one run. The fish swims at most half of a plan that leads
-        nowhere, so that the next search begins before its end.
+        Legs that play the film on are one run. A plan that leads nowhere has only its first leg.
         """
         runs: list[Run] = []
-        left = most_ticks
-        if not np.isfinite(self.cost):
-            left = min(most_ticks, int(self.ticks.sum()) // 2)
+        left = most_ticks if np.isfinite(self.cost) else 0
         for row, ticks in zip(self.rows.tolist(), self.ticks.tolist(), strict=True):
             left -= ticks
             if runs and left < 0:
