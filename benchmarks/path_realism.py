@@ -61,7 +61,7 @@ def animate_route(planner: Planner, ticks: int, seed: int, route: Route | None =
             if name
         ]
         ticks = min(ticks, sum(ticks_of_stretches))
-    return build_edit_lists([record], ticks, planner.sources), ()
+    return build_edit_lists([record], ticks, planner.edit_inputs), ()
 
 
 def routes_by_motion(

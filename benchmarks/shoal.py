@@ -41,7 +41,7 @@ def measure_group(animator: MatchingAnimator, seconds_per_goal: float) -> dict[s
     start = time.process_time()
     swims = animate_group(player, tasks, ticks)
     planned = time.process_time()
-    edit = build_edit_lists(swims, ticks, player.sources)
+    edit = build_edit_lists(swims, ticks, player.edit_inputs)
     listed = time.process_time()
     places, length = fish_places(edit), world.motion.body_length_px
     nearest = (

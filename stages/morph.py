@@ -104,7 +104,7 @@ def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
     return numbers
 
 
-def _draw_curves(p: MorphSettings) -> dict[str, float]:
+def _draw_curve_paper_figures(p: MorphSettings) -> dict[str, float]:
     """Draw Figs. 2 and 3 of the curve paper: a letter at several scales, and a stiffness matrix.
 
     Return how much of the matrix is off its diagonal, in % of its energy, per wavelet and levels.
@@ -140,7 +140,7 @@ def _fold_table(morphs: dict[str, Morph]) -> pd.DataFrame:
 def main() -> None:
     """Morph a drawing into another, by every method; write data/morph/, and figures to reports/."""
     p: MorphSettings = load_settings("morph")
-    numbers = _draw_curves(p) | _draw_released_hoop(p)
+    numbers = _draw_curve_paper_figures(p) | _draw_released_hoop(p)
     drawings = load_svg(Path(p.first_drawing)), load_svg(Path(p.last_drawing))
     scales = LinearOptions(p.linear_level, p.wavelet)
     physics = PhysicalOptions(p.elasticity, p.damping, p.mass)

@@ -421,26 +421,26 @@ def sprites_shown(number: list[int]) -> PictureSequence:
 def test_a_new_sequence_fades_in_while_the_old_one_plays_on(player):
     # A cycle of straight frames 0-7, then the turn that begins with frame 14.
     shown = sprites_shown([5, 6, 7, 14, 15, 16, 17])
-    partner, weight = cross_fade_partners(shown, [3], 2, player.sources.next_number)
+    partner, weight = cross_fade_partners(shown, [3], 2, player.edit_inputs.next_number)
     assert weight == pytest.approx([0, 0, 0, 2 / 3, 1 / 3, 0, 0])
     assert list(partner.number[3:5]) == [0, 1] and not partner.frame.any()
     # After the last frame of a turn that one stays: there is no other.
     shown = sprites_shown([20, 21, 22, 8, 9, 10, 11])
-    partner, _ = cross_fade_partners(shown, [3], 3, player.sources.next_number)
+    partner, _ = cross_fade_partners(shown, [3], 3, player.edit_inputs.next_number)
     assert list(partner.number[3:6]) == [22, 22, 22]
 
 
 def test_what_goes_on_does_not_fade(player):
     shown = sprites_shown([5, 6, 7, 0, 1, 2])
-    _, weight = cross_fade_partners(shown, [], 2, player.sources.next_number)
+    _, weight = cross_fade_partners(shown, [], 2, player.edit_inputs.next_number)
     assert not weight.any()
-    _, weight = cross_fade_partners(shown, [3], 0, player.sources.next_number)
+    _, weight = cross_fade_partners(shown, [3], 0, player.edit_inputs.next_number)
     assert not weight.any()
 
 
 def test_a_fade_that_a_new_one_cuts_short_does_not_come_back(player):
     shown = sprites_shown([5, 6, 14, 15, 8, 9, 10, 11])
-    partner, weight = cross_fade_partners(shown, [2, 4], 3, player.sources.next_number)
+    partner, weight = cross_fade_partners(shown, [2, 4], 3, player.edit_inputs.next_number)
     assert weight == pytest.approx([0, 0, 0.75, 0.5, 0.75, 0.5, 0.25, 0])
     assert list(partner.number[2:7]) == [7, 0, 16, 17, 18]
 

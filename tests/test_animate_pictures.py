@@ -277,7 +277,7 @@ def in_own_pose(edit: pd.DataFrame, shown: Pictures) -> pd.DataFrame:
     """The edit list, every tick posed as it was filmed."""
     edit = edit.copy()
     for tick, row in enumerate(edit.itertuples()):
-        body = shown.bodies.edit_row_body(row_picture(row))
+        body = shown.bodies.body_in_edit_row(row_picture(row))
         edit.at[tick, "pose"] = shown.bodies.codes(body)
     return edit
 

@@ -205,7 +205,7 @@ def test_sprites_and_frames_join_alike():
     assert set(kind[calm]) == {SPRITE, FRAME}
     for tick in calm:
         bodies = [
-            BODIES.edit_row_body(row_picture(row))
+            BODIES.body_in_edit_row(row_picture(row))
             for row in edit.iloc[tick - 1 : tick + 1].itertuples()
         ]
         assert abs(wrap_deg(bodies[1].heading_deg - bodies[0].heading_deg)) < 30  # two orientations

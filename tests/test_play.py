@@ -61,7 +61,7 @@ def say(view, **wish):
 def test_left_alone_it_is_the_edit_list_of_animate(mode, rest):
     ticks, players = 240, resting_players(rest)
     found = animate_fish(players[mode], [], ticks, np.random.default_rng([7, 0]))
-    wanted = build_edit_list(found, ticks, players[mode].sources)
+    wanted = build_edit_list(found, ticks, players[mode].edit_inputs)
     tank = LiveTank(players, mode, 1, 7)
     first = np.array([tank.fish[0].row_at(0)[:-1]], ROW)
     rows = pd.DataFrame(np.append(first, played_rows(tank, ticks - 1)))

@@ -61,7 +61,7 @@ def swim_group(player, ticks=TICKS, seed=0, goals=()):
     plans = MatchingAnimator(player, None, 1.0, 1.0)
     todo = plans._share_out_tasks(goals, plans.seekers, np.random.default_rng(seed))
     assert len(todo) == p.fish
-    return build_edit_lists(animate_group(player, todo, ticks), ticks, player.sources)
+    return build_edit_lists(animate_group(player, todo, ticks), ticks, player.edit_inputs)
 
 
 def gaps(player, edit):

@@ -86,7 +86,7 @@ def spacious():
 def swim_group(player, fish, ticks, goals=(), seed=0):
     """What several fish do, as an edit list."""
     todo = make_tasks(goals, fish, np.random.default_rng(seed))
-    return build_edit_lists(animate_group(player, todo, ticks), ticks, player.sources)
+    return build_edit_lists(animate_group(player, todo, ticks), ticks, player.edit_inputs)
 
 
 # --- fish of one tank
@@ -99,7 +99,9 @@ def test_nobody_swims_through_another_and_all_goals_are_reached():
         goals = random_goals(player.world, 12, np.random.default_rng(1))
         swims = animate_group(player, make_tasks(goals, 6, np.random.default_rng(2)), ticks)
         assert all((one.reached >= 0).all() for one in swims)
-        met[through] = count_overlaps(build_edit_lists(swims, ticks, player.sources), player).sum()
+        met[through] = count_overlaps(
+            build_edit_lists(swims, ticks, player.edit_inputs), player
+        ).sum()
     assert met[False] == 0 < met[True]
 
 
@@ -107,14 +109,14 @@ def test_fish_that_do_not_meet_swim_as_each_would_alone():
     player, ticks = spacious(), 60
     goals = random_goals(player.world, 6, np.random.default_rng(3))
     together = animate_group(player, make_tasks(goals, 3, np.random.default_rng(5)), ticks)
-    table = build_edit_lists(together, ticks, player.sources)
+    table = build_edit_lists(together, ticks, player.edit_inputs)
     apart = [np.hypot(*(a - b).T).min() for a, b in combinations(encounters.fish_places(table), 2)]
     assert min(apart) > 4 * LENGTH
     alone = [
         animate_fish(player, task.goals, ticks, task.rng)
         for task in make_tasks(goals, 3, np.random.default_rng(5))
     ]
-    pd.testing.assert_frame_equal(table, build_edit_lists(alone, ticks, player.sources))
+    pd.testing.assert_frame_equal(table, build_edit_lists(alone, ticks, player.edit_inputs))
 
 
 def test_planning_keeps_no_hold_of_what_it_was_given():
@@ -194,7 +196,7 @@ def test_one_fish_swims_the_path_and_the_others_keep_clear_of_it():
     path = lay_path(ring, player.world.tank, player.world.motion, None)
     swims = animate_group(player, make_tasks([], 3, np.random.default_rng(0), path.route), 300)
     assert set(swims[0].names) == {PATH} and set(swims[1].names + swims[2].names) == {""}
-    table = build_edit_lists(swims, 300, player.sources)
+    table = build_edit_lists(swims, 300, player.edit_inputs)
     x, y = encounters.fish_places(table)[0].T
     assert np.median(np.abs(np.hypot(x - 400, y - 300) - 100)) < LENGTH / 2
     assert not count_overlaps(table, player).any()
@@ -224,7 +226,7 @@ def test_each_fish_has_a_path_or_goals_of_its_own():
     swims = animate_group(player, todo, 500)
     assert [set(swims[fish].names) == {PATH} for fish in range(4)] == [True, False, True, False]
     assert all((swims[fish].reached >= 0).all() for fish in (1, 3))
-    table = build_edit_lists(swims, 500, player.sources)
+    table = build_edit_lists(swims, 500, player.edit_inputs)
     assert not count_overlaps(table, player).any()
     for fish, (cx, cy) in ((0, (290, 200)), (2, (480, 400))):
         x, y = encounters.fish_places(table)[fish].T
@@ -249,7 +251,7 @@ def test_who_begins_a_path_on_the_way_of_another_is_not_run_into():
         )
     ]
     swims = animate_group(player, todo, 200)
-    assert not count_overlaps(build_edit_lists(swims, 200, player.sources), player).any()
+    assert not count_overlaps(build_edit_lists(swims, 200, player.edit_inputs), player).any()
 
 
 def test_there_is_a_path_a_fish_at_most(tmp_path):

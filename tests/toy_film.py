@@ -454,4 +454,4 @@ def spot(x, y, touch=TOUCH, head=HEAD) -> Target:
 def edit_of(player, goals, ticks, seed) -> tuple[Swim, pd.DataFrame]:
     """A swim, and its edit list."""
     found = animate_fish(player, goals, ticks, np.random.default_rng(seed))
-    return found, build_edit_list(found, ticks, player.sources)
+    return found, build_edit_list(found, ticks, player.edit_inputs)

@@ -34,7 +34,7 @@ class AnyPlayer(Protocol):
         """Return the sprites and the outlines of all pictures."""
 
     @property
-    def sources(self) -> EditInputs:
+    def edit_inputs(self) -> EditInputs:
         """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
 
     @property

@@ -209,7 +209,7 @@ def plan_edit_list(
     player: AnyPlayer, goals: Sequence[Goal], ticks: int, rng: np.random.Generator
 ) -> pd.DataFrame:
     """Return the edit list of one fish for `ticks` ticks: to the goals in turn, then anywhere."""
-    return build_edit_list(animate_fish(player, goals, ticks, rng), ticks, player.sources)
+    return build_edit_list(animate_fish(player, goals, ticks, rng), ticks, player.edit_inputs)
 
 
 class NoRoom(FinloopError):

@@ -127,7 +127,7 @@ class Bodies:
         sway = np.where(is_mirrored, -1, 1) * wrap_deg(heading - direction[sprite])
         return Body(row, is_mirrored, turn_deg + np.where(frame, heading, sway))
 
-    def edit_row_body(self, shown: RowPicture) -> Body:
+    def body_in_edit_row(self, shown: RowPicture) -> Body:
         """Return which filmed body, mirrored or turned, is in a picture that an edit list names."""
         frame, turn = np.array(shown.kind == FRAME), np.asarray(shown.rotation_deg, float)
         if not frame:

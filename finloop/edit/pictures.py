@@ -155,7 +155,7 @@ def draw_edit_list(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
         if row.pose is None:
             drawn = [pictures(*picture) for picture in to_draw]
         else:
-            bodies = [pictures.bodies.edit_row_body(picture) for picture in to_draw]
+            bodies = [pictures.bodies.body_in_edit_row(picture) for picture in to_draw]
             target = pictures.target_pose(bodies[0], row.scale, row.pose)
             drawn = [pictures.draw_body(body, target) for body in bodies]
         yield mix_pictures(*drawn, row.weight) if row.weight else drawn[0]
@@ -198,11 +198,11 @@ def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Pict
     """
     turn, bodies = -float(now.heading_deg), pictures.bodies
     if now.pose is not None:
-        body = bodies.edit_row_body(row_picture(now))
+        body = bodies.body_in_edit_row(row_picture(now))
         target = pictures.target_pose(body, now.scale, now.pose, turn)
         drawn = pictures.draw_body(body, target)
         if before.pose is not None:
-            follows = bodies.next_body(bodies.edit_row_body(row_picture(before)))
+            follows = bodies.next_body(bodies.body_in_edit_row(row_picture(before)))
             return drawn, pictures.draw_body(follows, target)
     elif now.kind == FRAME:
         drawn = pictures(*row_picture(now._replace(rotation_deg=now.rotation_deg + turn)))

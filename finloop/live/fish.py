@@ -45,14 +45,14 @@ class Modes(NamedTuple):
 
         Each mode can draw the sprites of all modes, as a fish may come from another mode.
         """
-        all_sources = [player.sources for player in players.values()]
+        all_sources = [player.edit_inputs for player in players.values()]
         with_most_sprites = max(all_sources, key=lambda sources: len(sources.sprite_scale))
         return cls(players, {
             mode: replace(
-                player.sources, sprite_scale=with_most_sprites.sprite_scale,
+                player.edit_inputs, sprite_scale=with_most_sprites.sprite_scale,
                 sprite_after=with_most_sprites.sprite_after,
                 orientations=with_most_sprites.orientations,
-                joins=replace(player.sources.joins, bodies=with_most_sprites.joins.bodies),
+                joins=replace(player.edit_inputs.joins, bodies=with_most_sprites.joins.bodies),
             )
             for mode, player in players.items()
         })  # fmt: skip

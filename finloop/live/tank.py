@@ -262,7 +262,8 @@ class LiveTank:
     def go_back_to(self, tick: int) -> None:
         """Set the tank back to a past tick; fish swim on from there, later ticks are forgotten.
 
-        Fish that were not in the tank then go. A tick that is too old is replaced by the oldest.
+        Fish that entered after that tick are removed; mode and grouping become those of then. A
+        tick that is too old is replaced by the oldest.
         """
         self.tick = min(max(tick, self.oldest_tick), self.tick)
         self.fish = [fish for fish in self.fish if fish.row_at(self.tick) is not None]

@@ -159,7 +159,7 @@ class PaperAnimator:
         """Return the animation of the fish to goals, and its edit list."""
         ticks = round(self.p.seconds * self.player.world.motion.rate_hz)
         animation = animate_fish(self.player, goals, ticks, rng)
-        return animation, build_edit_list(animation, ticks, self.player.sources)
+        return animation, build_edit_list(animation, ticks, self.player.edit_inputs)
 
 
 class ModeAssets(NamedTuple):

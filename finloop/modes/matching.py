@@ -181,7 +181,7 @@ class MatchingAnimator:
         tasks, ticks = self._trial_tasks(number), self.world.duration
         goals = [task.goals for task in tasks]
         animations = animate_group(self.player, tasks, ticks)
-        return build_edit_lists(animations, ticks, self.player.sources), goals
+        return build_edit_lists(animations, ticks, self.player.edit_inputs), goals
 
     def _trial_tasks(self, trial_number: int) -> list[SwimTask]:
         """Return the task of each fish in a random animation without paths."""
@@ -209,7 +209,7 @@ class MatchingAnimator:
         player, p = self.player, self.world.settings
         ticks = self.world.duration
         animations = animate_group(player, self.tasks(goals), ticks)
-        edit = build_edit_lists(animations, ticks, player.sources)
+        edit = build_edit_lists(animations, ticks, player.edit_inputs)
         if p.join == FADE:
             edit = remove_ghost_fades(edit, self.pictures, p.fade_steps * self.step)
         return animations, edit

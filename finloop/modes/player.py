@@ -59,7 +59,7 @@ class PaperPlayer:
     most_fish = 1
 
     @cached_property
-    def sources(self) -> EditInputs:
+    def edit_inputs(self) -> EditInputs:
         """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
         film, motion, sprites = self.film, self.world.motion, self.sprites
         filmed = slice(0, film.filmed)

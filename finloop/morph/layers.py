@@ -154,10 +154,10 @@ def linear_morph(
 ) -> Points:
     """Return the frames (frames, points, 2) of the linear morph from curve a to b (Eq. 4.1).
 
-    A(τ) = (1 − τ) Aˢ + τ Aᵈ, with A the points of both curves. With a level, A are the control
-    points for 1/2^level of the points, so the ends are coarse versions of the curves, and `points`
-    is a power of two. FinloopError if one curve is open and the other closed, or, with a level, the
-    points cannot be halved so often or the wavelet is longer than the curve.
+    A(τ) = (1 − τ) Aˢ + τ Aᵈ, where Aˢ and Aᵈ are `points` points of a and of b. With a level they
+    are points / 2^level wavelet control points of a and of b: the ends are coarse versions of the
+    curves, and `points` is a power of two. FinloopError if one curve is open and the other closed,
+    or, with a level, the points cannot be halved so often or the wavelet is longer than the curve.
     """
     ends = np.stack(match_curves(a, b, points))
     tau = np.linspace(0, 1, frames)[:, None, None]

@@ -80,14 +80,15 @@ class Planner:
     most_fish = None
 
     @cached_property
-    def sources(self) -> EditInputs:
+    def edit_inputs(self) -> EditInputs:
         """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
         film, motion = self.world.film, self.world.motion
         filmed = slice(0, film.filmed)
-        return EditInputs(
-            motion.rate_hz, motion.body_length_px, film.heading[filmed], film.scale[filmed],
-            film.has_next[filmed], np.ones(1), np.zeros(1, np.int64), 1, self.joins,
-            ("matching", "matching"),
+        return EditInputs(  # without sprites, but for one that is never shown
+            motion.rate_hz, motion.body_length_px, heading_deg=film.heading[filmed],
+            scale=film.scale[filmed], goes_on=film.has_next[filmed], sprite_scale=np.ones(1),
+            sprite_after=np.zeros(1, np.int64), orientations=1, joins=self.joins,
+            modes=("matching", "matching"),
         )  # fmt: skip
 
     # --- where a fish begins, and which others it knows

@@ -115,7 +115,7 @@ class Gallery:
         wanted: which pictures; codes (c,): the pose, by its principal-component scores.
         """
         assert self.bodies is not None
-        bodies = [self.bodies.edit_row_body(picture) for picture in wanted]
+        bodies = [self.bodies.body_in_edit_row(picture) for picture in wanted]
         poses = self.bodies.poses
         target = poses.pose_from_codes(int(bodies[0].row), codes)
         heading = math.radians(bodies[0].heading_deg)

@@ -124,7 +124,7 @@ def retarget_track(
     """
     reel = film.reel
     motion = resample_track(track, film.rate_hz, p)
-    placed, scale = _scale_track(track, motion, film, p)
+    placed, scale = _fit_track_to_fish(track, motion, film, p)
     rows = FilmRows.from_reel(reel, film.poses, film.look, others.weights, track.has_postures)
     if track.rows is not None and not p.allow_own_frames:
         rows = rows.exclude_rows(track.rows)
@@ -200,12 +200,13 @@ class _PlacedTrack(NamedTuple):
         )
 
 
-def _scale_track(
+def _fit_track_to_fish(
     track: Track, motion: RecordedMotion, film: RetargetData, p: RetargetSettings
 ) -> tuple[_PlacedTrack, float]:
-    """Return a recorded track scaled to the size of this film's fish, and the scale, px per px.
+    """Return a recorded track as motion of this film's fish: scaled, with postures; and the scale.
 
-    motion: its points at every tick. A track without postures gets the mean posture.
+    motion: its points at every tick. The scale is px of this film per px of the track. A track
+    without postures gets the mean posture; `p.mirrored` swaps left and right.
     """
     shapes, length_px, at = film.poses.shapes, film.reel.length_px, track.at
     share = backbone_length_share(shapes)

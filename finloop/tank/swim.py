@@ -130,7 +130,7 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
     The film's backbone is changed by the difference between the backbones of the unfilmed pose and
     of the filmed posture, at equal arc lengths. All are compared headed right.
     """
-    body = bodies.edit_row_body(row_picture(row))
+    body = bodies.body_in_edit_row(row_picture(row))
     number, side = int(body.row), -1 if body.mirrored else 1
     filmed = bodies.poses.pose[number].move_to(0, 0, 0, bodies.poses.pose.size_px[number])
     posed = bodies.poses.pose_from_codes(number, row.pose).move_to(0, 0, 0, filmed.size_px)
