@@ -20,6 +20,7 @@ from finloop.features.table import (
     USED,
     choose_turn_thresholds,
     infer_delta_frames,
+    learn_head_cues,
     measure_features,
     track_slices,
 )
@@ -46,7 +47,15 @@ def main() -> None:
     delta = infer_delta_frames(table)
     heading, bend = (table[name].to_numpy(float) for name in ("heading_deg", "bend"))
     thresholds = choose_turn_thresholds(heading, bend, track_slices(table), delta, settings)
+    cues = learn_head_cues(tracks, facts.frame_rate_hz, settings.head)
+    if cues.width < 0 and settings.head == "auto":
+        print(
+            "features: in this film animals move with the thin end first: it is taken for the head "
+            "(features.head=blunt: not)",
+            file=sys.stderr,
+        )
     metrics = summarize_features(table) | {
+        "head_is_blunt_end": int(cues.width > 0),
         "delta_s": delta / facts.frame_rate_hz,
         "turn_threshold_deg": thresholds.turn_deg,
         "bend_threshold_body_lengths_2": thresholds.bend,

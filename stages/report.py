@@ -45,6 +45,7 @@ SOURCES = {
     "file": ("Own footage", "The footage stays its authors'. The program's licence is MIT."),
 }
 TANK, BESIDE = Path("data/tank/tank.html"), Path("data/animate/beside")
+_ENOUGH_AHEAD_PCT = 50.0  # of moving animals; of fewer, heads and tails may be exchanged
 TABLES = {  # by chapter
     "filmed": (
         ("data/extract/films.csv", "The films, and how their fish are matched to the first film's"),
@@ -107,6 +108,23 @@ def _describe_film(facts: VideoFacts, source: str, features: Mapping[str, float]
     )
 
 
+def _list_doubts(features: dict[str, float]) -> pd.DataFrame:
+    """Return what is doubtful in the film and in the modes: columns mode, doubt (a sentence).
+
+    features: the numbers of the stage `features`.
+    """
+    doubts = pd.read_csv(BESIDE / "doubts.csv")
+    ahead = features.get("headed_along_travel_pct", 100.0)
+    if ahead >= _ENOUGH_AHEAD_PCT:
+        return doubts
+    text = (
+        f"only {ahead:.0f} % of the moving animals go where the head points: heads may be tails "
+        "(features.head)"
+    )
+    film = pd.DataFrame({"mode": ["The film"], "doubt": [text]})
+    return pd.concat([film, doubts], ignore_index=True)
+
+
 def _describe_animation(mode: str, marks: bool) -> str:
     """Return the text below the report's film, the animation.
 
@@ -155,7 +173,7 @@ def main() -> None:
         "poster": encode_webp(poster, p.max_picture_width_px, p.picture_quality),
         "film_text": _describe_animation(mode, film_path == marked_film),
         "headline": mode_headline_numbers(numbers["animate"] | numbers["realism"], mode),
-        "doubts": table_of_data_frame(pd.read_csv(BESIDE / "doubts.csv"), "What is doubtful"),
+        "doubts": table_of_data_frame(_list_doubts(numbers["features"]), "What is doubtful"),
         "measures": measures_table(pd.read_csv(BESIDE / "measures.csv")),
         "sections": chapters,
         "table_2": table_of_data_frame(pd.read_csv(TIMES), TIMES_TITLE, 3),

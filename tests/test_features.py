@@ -29,7 +29,13 @@ from finloop.features.area import (
     signed_spline_area,
 )
 from finloop.features.current import places_through_water
-from finloop.features.head import _most_probable_states, _state_probabilities, decide_head_end
+from finloop.features.head import (
+    HeadCues,
+    _most_probable_states,
+    _state_probabilities,
+    choose_head_cues,
+    decide_head_end,
+)
 from finloop.features.memory import held_out_block_frames, measure_delta_s
 from finloop.features.metrics import (
     compare_with_truth,
@@ -58,6 +64,7 @@ from finloop.features.table import (
     find_orientations,
     measure_features,
     measure_headings,
+    orient_backbones,
     track_slices,
     wrap_deg,
 )
@@ -78,7 +85,7 @@ ORIENTATIONS = 24  # conf/features/default.yaml
 
 RATE = 25.0
 SETTINGS = FeaturesSettings(
-    delta_s=0.2, water_current_bl_s=0.0, turn_threshold_deg=16.0, bend_threshold=0.04,
+    head="auto", delta_s=0.2, water_current_bl_s=0.0, turn_threshold_deg=16.0, bend_threshold=0.04,
     turn_end_threshold=0.5, orientations=24,
 )  # fmt: skip
 LENGTH = 60.0
@@ -321,6 +328,27 @@ def test_one_cue_is_enough_to_find_the_head(speed, width):
     assert confidence.min() > 0.9
     if speed == 0:  # a single frame, too
         assert decide_head_end(mixed[:1], widths[:1], RATE)[0] == first[:1]
+
+
+@pytest.mark.parametrize("rule", ["auto", "blunt", "thin", "travel"])
+@pytest.mark.parametrize("leads", ["blunt", "thin"])
+def test_the_end_that_leads_in_the_film_is_the_head(rule, leads):
+    """One animal moves about; another rests, so that only its shape tells its head."""
+    width = WIDTH if leads == "blunt" else WIDTH[::-1]
+    lines = [swim(60, speed=3.0), swim(60, speed=0.0) + 300.0]
+    tracks = tracks_table(*lines, width=width)
+    found, confidence = orient_backbones(tracks, RATE, rule=rule)
+    truth = np.concatenate(lines)
+    ahead = np.linalg.norm(found[:, 0] - truth[:, 0], axis=1) < 1
+    assert ahead[:60].all() == (rule in ("auto", "travel", leads))
+    assert rule == "travel" or ahead[60:].all() == (rule in ("auto", leads))
+    assert rule == "travel" or confidence.min() > 0.9
+
+
+def test_a_few_steps_backwards_do_not_make_the_thin_end_the_head():
+    line = swim(4, speed=-3.0)
+    cues = choose_head_cues("auto", line, np.broadcast_to(WIDTH, (4, POINTS)), [slice(0, 4)], RATE)
+    assert cues == HeadCues(1, True)
 
 
 def test_a_fish_may_be_pushed_backwards_for_a_while():

@@ -190,6 +190,18 @@ CONTRAST = """() => {
     const [a, b] = [light(getComputedStyle(e).color), light(behind(e))].sort((x, y) => y - x); return (a + .05) / (b + .05); })); }"""
 
 
+def test_heads_that_travel_backwards_are_doubtful(folder: Path):
+    doubt = "of the moving animals go where the head points"
+    stages.report.main()
+    assert doubt not in Path("reports/index.html").read_text()
+    numbers = folder / "reports/features/numbers.csv"
+    text = re.sub(r"(headed_along_travel_pct),.*", r"\1,8.2", numbers.read_text())
+    numbers.write_text(text)
+    stages.report.main()
+    page = Path("reports/index.html").read_text()
+    assert page.index(f"only 8 % {doubt}") < page.index("only 29 %")
+
+
 def test_in_a_browser_nothing_is_missing_and_everybody_can_read_it(folder: Path):
     stages.report.main()
     with chromium() as browser:

@@ -4,17 +4,21 @@ The paper locates head and tail without saying how. A decision frame by frame fl
 only gives evidence, and the most probable sequence of a two-state hidden Markov model decides
 (Viterbi). State 0: the first backbone point is the head; state 1: the last one.
 
-Evidence: the head is the blunt end, and fish swim forwards. Between frames, an end stays near its
-place: exchanging head and tail would be a jump of a body length, and costs accordingly.
+Evidence: the head is the blunt end, and fish swim forwards. Of other animals the thin end may lead:
+which end does is learned from all tracks of the film. Between frames, an end stays near its place:
+exchanging head and tail would be a jump of a body length, and costs accordingly.
 """
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Reals
+from finloop.features.settings import HeadRule
 
 _BLUNT = 0.12  # relative difference in width between the halves that makes the odds e : 1
 _FORWARD = 0.05  # body lengths of travel between frames that make the odds e : 1
@@ -23,6 +27,36 @@ _WANDER = 0.15  # body lengths that an end moves between frames, standard deviat
 _MOST_ODDS = 700.0  # log odds whose exponential is still finite
 _CERTAIN = 1e6  # log odds; more than all evidence about a track
 _MEMORY_S = 0.4  # nearer frames repeat the same evidence
+_AGAINST_BLUNT = 3.0  # sum of products of both cues' log odds against a blunt head that is believed
+
+
+class HeadCues(NamedTuple):
+    """What tells the head: width 1 = the blunt end, −1 = the thin end, 0 = unused; the travel."""
+
+    width: int = 1
+    travel: bool = True
+
+
+FISH_CUES = HeadCues()
+"""A fish swims blunt end first."""
+
+
+def choose_head_cues(
+    rule: HeadRule, backbone: Reals, half_width: Reals, tracks: Sequence[slice], rate_hz: float
+) -> HeadCues:
+    """Choose what tells the head in a film: by `auto`, whether its animals move blunt end first.
+
+    backbone: (rows, n, 2) px; half_width: (rows, n) px; tracks: the rows of each track; rate_hz:
+    frames per second. Where little moves, the blunt end is the head, as of a fish.
+    """
+    if rule != "auto":
+        return {"blunt": HeadCues(1, False), "thin": HeadCues(-1, False)}.get(rule, HeadCues(0))
+    agreement = 0.0
+    for rows in tracks:
+        travel = _travel_evidence(backbone[rows], _median_length(backbone[rows]))
+        agreement += float((travel * _width_evidence(half_width[rows])).sum())
+    is_thin = agreement / max(1.0, _MEMORY_S * rate_hz) < -_AGAINST_BLUNT
+    return HeadCues(-1 if is_thin else 1)
 
 
 def begins_at_tail(lines: Reals, features: pd.DataFrame) -> Mask:
@@ -52,7 +86,11 @@ def match_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8
 
 
 def decide_head_end(
-    backbone: Reals, half_width: Reals, rate_hz: float, given_head: NDArray[np.int8] | None = None
+    backbone: Reals,
+    half_width: Reals,
+    rate_hz: float,
+    given_head: NDArray[np.int8] | None = None,
+    cues: HeadCues = FISH_CUES,
 ) -> tuple[Mask, Floats]:
     """Decide for each frame of a track whether the first backbone point is the head.
 
@@ -60,16 +98,23 @@ def decide_head_end(
     0.5, it speaks against the decision. backbone: (frames, n, 2) px, consecutive frames;
     half_width: (frames, n) px, of the body along the backbone; rate_hz: frames per second;
     given_head (frames,): which end another program calls the head, 1 the first, −1 the last, 0
-    unknown; it decides where it is known.
+    unknown; it decides where it is known. cues: what tells the head in this film.
     """
-    length = np.median(np.hypot(*np.diff(backbone, axis=1).transpose(2, 0, 1)).sum(1))
-    evidence = _width_evidence(half_width) + _travel_evidence(backbone, length)
+    length = _median_length(backbone)
+    evidence = cues.width * _width_evidence(half_width)
+    if cues.travel:
+        evidence = evidence + _travel_evidence(backbone, length)
     evidence /= max(1.0, _MEMORY_S * rate_hz)
     stay_odds = _stay_odds(backbone, length).tolist()
     all_evidence = evidence if given_head is None else evidence + 2 * _CERTAIN * given_head
     head_first = _most_probable_states(all_evidence.tolist(), stay_odds)
     probability = _state_probabilities(evidence.tolist(), stay_odds)
     return head_first, np.where(head_first, probability, 1 - probability)
+
+
+def _median_length(backbone: Reals) -> float:
+    """Return the median length, px, of the backbones (frames, n, 2) px of a track."""
+    return float(np.median(np.hypot(*np.diff(backbone, axis=1).transpose(2, 0, 1)).sum(1)))
 
 
 def _width_evidence(half_width: Reals) -> Floats:

@@ -7,6 +7,9 @@ from pydantic import Field
 
 from finloop.base.settings import NotNegative, Positive
 
+HeadRule = Literal["auto", "blunt", "thin", "travel"]
+"""How the head is found: by travel and the end that leads in the film, by shape or travel alone."""
+
 
 @dataclass(frozen=True)
 class FeaturesSettings:
@@ -16,6 +19,7 @@ class FeaturesSettings:
     / `bend_threshold`) reaches 1, until the mean falls to `turn_end_threshold`.
     """
 
+    head: HeadRule
     delta_s: Literal["auto"] | Positive
     water_current_bl_s: Literal["auto"] | NotNegative
     turn_threshold_deg: Literal["auto"] | Positive

@@ -17,9 +17,14 @@ from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
 from finloop.features.area import interpolate_lines, measure_bend
 from finloop.features.current import measure_current, places_through_water
-from finloop.features.head import decide_head_end, match_head_end
+from finloop.features.head import (
+    HeadCues,
+    choose_head_cues,
+    decide_head_end,
+    match_head_end,
+)
 from finloop.features.memory import measure_delta_s
-from finloop.features.settings import FeaturesSettings
+from finloop.features.settings import FeaturesSettings, HeadRule
 from finloop.features.swimming_type import (
     TurnThresholds,
     classify_swimming_types,
@@ -131,7 +136,7 @@ def measure_features(
             "make it again: `dvc repro --force extract`",
         )
     rows_of_tracks = track_slices(tracks)
-    backbone, confidence = orient_backbones(tracks, rate_hz, given)
+    backbone, confidence = orient_backbones(tracks, rate_hz, given, settings.head)
     place = tracks[["x_px", "y_px"]].to_numpy(float)
     length = tracks["length_px"].to_numpy(float)
     bend, heading = measure_bend(backbone, length), measure_headings(backbone)
@@ -228,22 +233,36 @@ def track_slices(tracks: pd.DataFrame) -> list[slice]:
 
 
 def orient_backbones(
-    tracks: pd.DataFrame, rate_hz: float, given: pd.DataFrame | None = None
-) -> tuple[Floats, Floats]:
+    tracks: pd.DataFrame, rate_hz: float, given: pd.DataFrame | None = None,
+    rule: HeadRule = "auto",
+) -> tuple[Floats, Floats]:  # fmt: skip
     """Return backbones (rows, n, 2) px with the head first, and how probable that is (rows,).
 
     tracks: the columns `USED`, sorted by track and frame; rate_hz: frames per second; given:
-    another program's heads and tails, same rows, which decide where they are not NaN.
+    another program's heads and tails, same rows, which decide where they are not NaN; rule: how the
+    head is found elsewhere.
     """
     backbone = lists_to_points(tracks, "backbone").astype(float)
     width = lists_to_array(tracks["half_width_px"])
     given_head = None if given is None else match_head_end(backbone, *read_head_and_tail(given))
+    cues = learn_head_cues(tracks, rate_hz, rule)
     head_first, confidence = np.empty(len(tracks), bool), np.empty(len(tracks))
     for rows in track_slices(tracks):
         head_first[rows], confidence[rows] = decide_head_end(
-            backbone[rows], width[rows], rate_hz, None if given_head is None else given_head[rows]
+            backbone[rows],
+            width[rows],
+            rate_hz,
+            None if given_head is None else given_head[rows],
+            cues,
         )
     return np.where(head_first[:, None, None], backbone, backbone[:, ::-1]), confidence
+
+
+def learn_head_cues(tracks: pd.DataFrame, rate_hz: float, rule: HeadRule) -> HeadCues:
+    """Return what tells the head in a film, from its tracks; the columns `USED`, in their order."""
+    backbone = lists_to_points(tracks, "backbone").astype(float)
+    width = lists_to_array(tracks["half_width_px"])
+    return choose_head_cues(rule, backbone, width, track_slices(tracks), rate_hz)
 
 
 def read_head_and_tail(given: pd.DataFrame) -> tuple[Floats, Floats]:
