@@ -184,7 +184,7 @@ def film(plan=PLAN, heading=20.0, mirrored=False, speed=2.5, start=0, track=3):
         )
     tracks = pd.DataFrame(rows)
     table, _ = measure_features(
-        tracks, RATE, FeatureSettings(0.2, 0.0, 16.0, 0.04, 0.5, ORIENTATIONS)
+        tracks, RATE, FeatureSettings("auto", 0.2, 0.0, 16.0, 0.04, 0.5, ORIENTATIONS)
     )
     return Film(tracks, table, cutouts)
 
