@@ -564,6 +564,15 @@ def test_missing_numbers_are_missing_frames_with_their_time(tmp_path):
     assert numbers(read(later, loss)[1]) == list(range(24, 40)) and loss.gaps == 0
 
 
+def test_names_without_a_common_form_are_in_natural_order(tmp_path):
+    folder = write_pictures(tmp_path / "film", map(picture, range(4)))
+    names = ["a.png", "b2.png", "c10_3.png", "d.png"]
+    for file, name in zip(sorted(folder.iterdir()), names, strict=True):
+        file.rename(folder / name)
+    footage = open_footage(folder, frame_rate_hz=10)
+    assert numbers(read(footage)[1]) == [0, 1, 2, 3] and footage.notes == ()
+
+
 def test_two_cameras_in_a_folder_are_refused_and_times_are_not(tmp_path):
     for names in (
         [f"left{k}.png" for k in range(9)] + [f"right{k}.png" for k in range(9)],

@@ -49,7 +49,7 @@ Watch = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 # both borders, and sees the tank from another place, so a single shift cannot repair it.
 FARTHEST = 0.03
 APART = 0.3  # share of the shake; parts of the picture that differ by more did not just shift
-KEPT_CONTRAST = 0.7  # least share of the contrast that a repair leaves; cleared fields lose a tenth
+KEPT_CONTRAST = 0.7  # share of the contrast over the noise that a repair must leave
 _EDGE = 2  # px; reach of a Lanczos kernel
 
 REPAIRED_BY = {

@@ -245,7 +245,7 @@ def orient_backbones(
     backbone = lists_to_points(tracks, "backbone").astype(float)
     width = lists_to_array(tracks["half_width_px"])
     given_head = None if given is None else match_head_end(backbone, *read_head_and_tail(given))
-    cues = learn_head_cues(tracks, rate_hz, rule)
+    cues = choose_head_cues(rule, backbone, width, track_slices(tracks), rate_hz)
     head_first, confidence = np.empty(len(tracks), bool), np.empty(len(tracks))
     for rows in track_slices(tracks):
         head_first[rows], confidence[rows] = decide_head_end(

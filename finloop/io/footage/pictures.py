@@ -169,14 +169,16 @@ def _several_series_error(folder: Path, sizes: dict[str, int]) -> FinloopError:
 def _find_ticks(folder: Path, pictures: list[Path]) -> Ints:
     """Return when each picture was shot, in frames after the first, by the number in its name.
 
-    pictures: of one series, in order. Where several numbers of the names differ, or the numbers are
-    not evenly spaced, pictures count as consecutive. FinloopError for the pictures of two cameras.
+    pictures: of one series, in order. Where names have not equally many numbers, several of these
+    differ, or they are not evenly spaced, pictures count as consecutive. FinloopError for the
+    pictures of two cameras.
     """
-    numbers = np.array([
-        [float(part) for part in re.findall(r"\d+", file.stem)] for file in pictures
-    ])  # fmt: skip
+    parts = [re.findall(r"\d+", file.stem) for file in pictures]
     consecutive = np.arange(len(pictures))
-    differ = np.flatnonzero(np.ptp(numbers, axis=0)) if numbers.size else np.zeros(0, int)
+    if not parts[0] or len({len(part) for part in parts}) > 1:
+        return consecutive
+    numbers = np.array(parts, float)
+    differ = np.flatnonzero(np.ptp(numbers, axis=0))
     if len(differ) == 2:
         _refuse_two_cameras(folder, pictures, *numbers[:, differ].T)
     if len(differ) != 1:
