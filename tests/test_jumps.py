@@ -121,7 +121,7 @@ def test_jumps_of_a_long_film_lead_to_the_nearest_rows_and_to_others(rng, monkey
     for most in (2000, 160):
         of_parts(monkeypatch, most)
         look = JumpSearch.from_values(values, track, 10, LEAST, mirror=False)
-        made[most] = _find_best_jumps(Nothing(), look, 1.0, (8, 3), np.arange(len(track)))
+        made[most] = _find_best_jumps(Nothing(), look, 1.0, 8, 3, np.arange(len(track)))
     # The nearest are all of the same moment, after which all goes on alike.
     elsewhere = {
         most: (jumps["to"] % len(one) - jumps["row"] % len(one)).abs() >= LEAST

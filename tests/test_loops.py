@@ -37,7 +37,7 @@ from finloop.loops.graph import (
     build_loop_graph,
     can_play_for_ever,
     find_routes,
-    is_in_component,
+    rows_of_component,
 )
 from finloop.loops.positions import (
     choose_table_ends,
@@ -378,7 +378,7 @@ def test_the_graph_of_fig10(fig10):
     assert fig10.component.tolist() == [0, 0, 0, 0, 0, 0, 0, 1]  # no film follows H
     assert fig10.endless.tolist() == [True] * 7 + [False]
     assert can_play_for_ever(fig10, np.zeros(90, int)).tolist() == [True] * 75 + [False] * 15
-    assert is_in_component(fig10, 90).nonzero()[0].tolist() == list(range(5, 75))
+    assert rows_of_component(fig10, 90).nonzero()[0].tolist() == list(range(5, 75))
 
 
 def test_one_loop_goes_on_for_ever_within_a_track_alone():
@@ -412,7 +412,7 @@ def test_components_and_dead_ends_are_those_of_the_film_frame_by_frame(seed):
     np.testing.assert_array_equal(can_play_for_ever(graph, track), for_ever)
     np.testing.assert_array_equal(graph.endless, for_ever[graph.ends])
     together = reach & reach.T
-    mine = is_in_component(graph, 120)
+    mine = rows_of_component(graph, 120)
     if again.any():
         assert mine.sum() == together.sum(axis=1).max()
         np.testing.assert_array_equal(together[mine.argmax()], mine)
@@ -424,8 +424,8 @@ def test_the_first_component_has_the_most_film_not_the_most_loops():
     many = [(5, 15), (10, 20), (17, 25)]
     graph = build_loop_graph(table_of(*many, (60, 110)), np.zeros(120, int))
     assert graph.component[np.searchsorted(graph.ends, 60)] == 0
-    assert is_in_component(graph, 120).nonzero()[0].tolist() == list(range(60, 110))
-    assert is_in_component(graph, 120, 1).nonzero()[0].tolist() == list(range(5, 25))
+    assert rows_of_component(graph, 120).nonzero()[0].tolist() == list(range(60, 110))
+    assert rows_of_component(graph, 120, 1).nonzero()[0].tolist() == list(range(5, 25))
 
 
 def test_jumps_are_sorted_by_distance():

@@ -62,10 +62,10 @@ class Nearest:
         recall, index.nprobe = 0.0, 4  # nprobe: number of cells that a search examines
         while recall < RECALL and index.nprobe < cells:
             index.nprobe = min(3 * index.nprobe // 2, cells)
-            near = index.search(sample, _NEAREST + 1)[1]
+            found = index.search(sample, _NEAREST + 1)[1]
             # Each vector's first neighbour is itself.
             shares = [
-                np.isin(exact[1:], hits).mean() for exact, hits in zip(true, near, strict=True)
+                np.isin(exact[1:], hits).mean() for exact, hits in zip(true, found, strict=True)
             ]
             recall = float(np.mean(shares))
         return cls(index, recall)
@@ -88,9 +88,9 @@ class Nearest:
     ) -> tuple[NDArray[Any], ...]:
         """Return the arrays (k, …) that a rule chooses from the nearest vectors of queries (k, d).
 
-        The rule `choice` first gets the `count` nearest vectors. Queries for which it says that
-        these are not enough get four times as many, again and again, up to `most` (None: all
-        vectors of the searched cells).
+        choice(numbers of queries (j,), their `count` nearest vectors) returns arrays (j, …), and a
+        mask (j,): True where so many vectors were enough. Other queries get four times as many,
+        again and again, up to `most` (None: all vectors of the searched cells).
         """
         limit = min(self.index.ntotal, self.index.ntotal if most is None else most)
         count = min(count, limit)

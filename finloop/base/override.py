@@ -70,8 +70,9 @@ def _guess_meant_values(name: str, value: Any, choices: list[str]) -> Iterator[A
     if isinstance(value, str):
         stripped = value.strip()
         if stripped.lower() in _WORDS:
-            word = _WORDS[stripped.lower()]
-            yield from (word, {True: "always", False: "never", None: "auto"}[word])
+            meaning = _WORDS[stripped.lower()]
+            # Some parameters have words for these.
+            yield from (meaning, {True: "always", False: "never", None: "auto"}[meaning])
         yield from get_close_matches(stripped.lower(), choices)
         if minutes := _MINUTES.fullmatch(stripped):
             if unit in ("s", "seconds"):

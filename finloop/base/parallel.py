@@ -70,8 +70,8 @@ class Workers(Protocol):
     ) -> AbstractContextManager[Callable[[A], PendingResult[B]]]:
         """Return a context that starts the workers and yields a function `submit`.
 
-        submit(item) lets a worker compute work(item) and returns a `PendingResult` at once. Both
-        raise BrokenProcessPool if a worker was killed: then all submitted items are lost.
+        submit(item) lets a worker compute work(item) and returns a `PendingResult` at once. Either
+        raises BrokenProcessPool if a worker was killed: then all submitted items are lost.
         """
         ...
 

@@ -49,9 +49,9 @@ def parameter_help(word: str, conf: Path = CONF) -> Iterator[ParameterHelp]:
             text = texts.get(field.name, "")
             brackets = _BRACKET.search(text)
             yield ParameterHelp(
-                word, option, field.name, values.get(field.name, "???"),
-                _BRACKET.sub("", text), brackets[1] if brackets else "",
-                range_text(hints[field.name]),
+                word, option, field.name, value=values.get(field.name, "???"),
+                meaning=_BRACKET.sub("", text), brackets=brackets[1] if brackets else "",
+                range=range_text(hints[field.name]),
             )  # fmt: skip
 
 
@@ -104,12 +104,10 @@ def _limit_text(base: Any, marks: tuple[Any, ...]) -> str:
         return texts[0]
     words = ["whole"] if base is int else [] if base is float else [range_text(base)]
     for mark in marks:
-        for limit in getattr(mark, "metadata", [mark]):
-            words += [
-                f"{sign} {getattr(limit, name):g}"
-                for sign, name in ((">", "gt"), ("≥", "ge"), ("<", "lt"), ("≤", "le"))
-                if hasattr(limit, name)
-            ]
+        for limit in getattr(mark, "metadata", [mark]):  # pydantic's Field holds several limits
+            for name, sign in {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}.items():
+                if hasattr(limit, name):
+                    words.append(f"{sign} {getattr(limit, name):g}")
             if hasattr(limit, "min_length"):
                 words.append("not empty")
     return ", ".join(words)

@@ -67,14 +67,14 @@ def poses_from_arrays(
     seen: Mask = np.all(np.isfinite(places), axis=-1)
     if confidence is None:
         confidence = np.full(seen.shape, np.nan)
-    row, individual = np.nonzero(seen[order].any(-1))
-    time = order[row]
+    place_in_order, individual = np.nonzero(seen[order].any(-1))
+    time = order[place_in_order]
     return Poses(
         individuals,
         keypoints,
-        int(frame.max()) + 1 if len(frame) else 0,
-        individual.astype(np.int64),
-        np.asarray(frame, np.int64)[time],
-        np.where(seen[time, individual][..., None], places[time, individual], np.nan),
-        confidence[time, individual].astype(float),
+        frames=int(frame.max()) + 1 if len(frame) else 0,
+        individual=individual.astype(np.int64),
+        frame=np.asarray(frame, np.int64)[time],
+        places=np.where(seen[time, individual][..., None], places[time, individual], np.nan),
+        confidence=confidence[time, individual].astype(float),
     )

@@ -141,6 +141,7 @@ def variants(word: str) -> dict[str, type]:
     union = get_args(declared)
     if not union:
         return {"default": declared}
+    # The type of `source` is a Literal with the variant's name.
     return {get_args(get_type_hints(variant)["source"])[0]: variant for variant in union}
 
 
@@ -270,14 +271,15 @@ def _describe_problem(
         return f"{name}: has no value"
     if detail["type"] == "unexpected_keyword_argument":
         key = str(detail["loc"][0])
-        others = [
-            other
-            for other, declared in options.items()
+        variants_with_key = [
+            variant
+            for variant, declared in options.items()
             if key in [field.name for field in fields(declared)]
         ]
-        if others:
-            line = f"{word}={others[0]} {quote_override(name, detail['input'])}"
-            return f"{name}: unknown; {' and '.join(others)} of {word} have it; type {line}"
+        if variants_with_key:
+            line = f"{word}={variants_with_key[0]} {quote_override(name, detail['input'])}"
+            names = " and ".join(variants_with_key)
+            return f"{name}: unknown; {names} of {word} have it; type {line}"
         return f"{name}: unknown; {_suggest_name(word, option, key)}"
     message = detail["msg"].removeprefix("Value error, ").removeprefix("Input ")
     got = f", got {detail['input']!r}" if detail["loc"] else ""
@@ -300,12 +302,12 @@ def _suggest_name(word: str, option: type, key: str) -> str:
     if word in OF_MODES:
         if key in GONE:
             return GONE[key]
-        if moved := full_names(key, OF_MODES):
-            return f"it is {moved} now"
+        if new_name := full_names(key, OF_MODES):
+            return f"it is {new_name} now"
     if near := get_close_matches(key, names, 1):
         return f"did you mean {word}.{near[0]}?"
-    if other := full_names(key, GROUPS):
-        return f"did you mean {other}?"
+    if name_elsewhere := full_names(key, GROUPS):
+        return f"did you mean {name_elsewhere}?"
     return f"{word} has {', '.join(names)}"
 
 

@@ -169,10 +169,12 @@ def model_from_weights(weights: Floats, low: Floats, high: Floats, delta_s: floa
 
     low, high (4,): the inputs that are scaled to -1 and 1, in the units of INPUTS; delta_s: Δ [s].
     """
-    first, second = (layer.T.copy() for layer in split_layers(weights))
+    hidden, output = (layer.T.copy() for layer in split_layers(weights))
     return MotionModel(
-        delta_s, MARGIN, low, high, OUTPUT_LOW, OUTPUT_HIGH,
-        first[:-1], first[-1], second[:-1], second[-1],
+        delta_s, MARGIN, input_low=low, input_high=high,
+        output_low=OUTPUT_LOW, output_high=OUTPUT_HIGH,
+        hidden_weights=hidden[:-1], hidden_bias=hidden[-1],
+        output_weights=output[:-1], output_bias=output[-1],
     )  # fmt: skip
 
 

@@ -125,7 +125,7 @@ def find_input_range(inputs: Floats) -> tuple[Floats, Floats]:
     shortest, farthest = np.quantile(inputs[:, 2], [_TAIL, 1 - _TAIL])
     widest = np.quantile(np.abs(inputs[:, 3]), 1 - _TAIL)
     low, high = np.array([0.0, -1.0, shortest, -widest]), np.array([1.0, 1.0, farthest, widest])
-    constant = high - low < 1e-9
+    constant = high - low < 1e-9  # one value in all rows: a range of 1 about it
     return low - 0.5 * constant, high + 0.5 * constant
 
 
@@ -156,11 +156,11 @@ def pair_rows_with_later(features: pd.DataFrame, delta_frames: int) -> LearningR
     pairs = now.merge(later, on=["track_id", "frame"], suffixes=("", "_later")).dropna()
     pairs = pairs.sort_values(["track_id", "frame"])
     return LearningRows(
-        pairs[list(INPUTS)].to_numpy(float),
-        pairs[[f"{name}_later" for name in OUTPUTS]].to_numpy(float),
-        pairs["track_id"].to_numpy(np.int64),
-        pairs["frame"].to_numpy(np.int64),
-        delta_frames,
+        inputs=pairs[list(INPUTS)].to_numpy(float),
+        outputs=pairs[[f"{name}_later" for name in OUTPUTS]].to_numpy(float),
+        track_id=pairs["track_id"].to_numpy(np.int64),
+        frame=pairs["frame"].to_numpy(np.int64),
+        delta_frames=delta_frames,
     )
 
 

@@ -265,7 +265,7 @@ class DaskWorkers:
     @contextmanager
     def open_submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_SubmittedItem"]]:
         """Share a function with the workers; yield a function that submits one item to them."""
-        name, number = uuid4().hex, count()
+        name, number = uuid4().hex, count()  # of the pieces, each with a key of its own
         with self._share_work(work) as path:
 
             def submit(item: A) -> _SubmittedItem:
@@ -295,9 +295,10 @@ class DaskWorkers:
             call = pickle.dumps(DeferredCall(partial(_prepare_worker, need), self.home, path))
             answers = self.client.run(pickle.loads, call, on_error="return")
         errors = [answer for answer in answers.values() if isinstance(answer, Exception)]
-        if refused := [*map(self.refusal_error, errors)]:
-            came = "\n    ".join(sorted({error.came for error in refused}))
-            raise FinloopError(came, refused[0].wanted, refused[0].do)
+        refusals = [self.refusal_error(error) for error in errors]
+        if refusals:
+            came = "\n    ".join(sorted({refusal.came for refusal in refusals}))
+            raise FinloopError(came, refusals[0].wanted, refusals[0].do)
 
     @contextmanager
     def _share_work(self, work: Callable[[A], B] | None) -> Iterator[str]:

@@ -139,13 +139,14 @@ def solve_motion(
     problem = _check_problem(problem, method)
     exact = _solve_modal(problem, options)
     if method == "modal":
-        return Trajectory(problem.times, *exact[:2], exact.facts["estimate"], exact.facts)
+        error = exact.facts["estimate"]
+        return Trajectory(problem.times, exact.displacement, exact.velocity, error, exact.facts)
     if method == "decoupled":
         solution = _solve_decoupled(problem, options)
     elif method == "runge-kutta":
         solution = solve_by_runge_kutta(problem, options)
     else:
-        solution = solve_by_euler(problem, options, method == "implicit-euler")
+        solution = solve_by_euler(problem, options, implicit=method == "implicit-euler")
     deviation = np.abs(solution.displacement - exact.displacement).max()
     largest = np.abs(exact.displacement).max()
     error = float(deviation / largest) if largest else float(deviation)
@@ -249,12 +250,13 @@ def oscillator_response(oscillators: Oscillators, times: Floats, forced: bool = 
         zeros = np.zeros_like(place)
         pushed = t * _mean_of_decay(rate * t) / oscillators.damping
         return Response(place, zeros, pushed, -rate * place, zeros, place / oscillators.damping)
-    # The roots are r = −γ ± √(γ² − k / ρ).
+    # The roots are r = −γ ± √(γ² − k / ρ). Real ones creep; `slow` is the one nearer to 0, as
+    # (k / ρ) / (γ + √…), which does not cancel. Complex ones decay by γ and swing.
     gamma, square = oscillators.damping / (2 * oscillators.density), k / oscillators.density
     discriminant = gamma**2 - square
     root, creeps = np.sqrt(np.abs(discriminant)), discriminant >= 0
     slow = np.where(creeps, square / np.where(creeps & (gamma + root > 0), gamma + root, 1), gamma)
-    decay = np.exp(-slow * t)
+    decay = np.exp(-slow * t)  # becomes the factor of the place where γ is 0
     speed = decay * t
     root_distance, angle = 2 * root[creeps] * t, root[~creeps] * t
     decay[:, creeps] *= (1 + np.exp(-root_distance)) / 2
@@ -267,13 +269,11 @@ def oscillator_response(oscillators: Oscillators, times: Floats, forced: bool = 
         moved = _force_response(2 * gamma * t, square * t**2, slow * t, place)
         pushed = t**2 * moved / oscillators.density
     return Response(
-        place,
-        speed,
-        pushed,
-        -square * speed,
-        decay - gamma * speed,
-        speed / oscillators.density,
-    )
+        place, speed, pushed,
+        place_rate=-square * speed,
+        speed_rate=decay - gamma * speed,
+        pushed_rate=speed / oscillators.density,
+    )  # fmt: skip
 
 
 def _mean_of_decay(x: Floats) -> Floats:
@@ -337,9 +337,9 @@ def _solve_modal(problem: Problem, options: SolverOptions) -> Solution:
     """Return the exact motion, by a Fourier transform, which makes the circulant K diagonal."""
     n = len(problem.rest)
     basis = Basis(
-        lambda points: np.fft.rfft(points, axis=0),
-        lambda modes: np.fft.irfft(modes, n, axis=-2),
-        stiffness_eigenvalues(problem.wavelet, n, problem.material.elastic),
+        transform=lambda points: np.fft.rfft(points, axis=0),
+        inverse=lambda modes: np.fft.irfft(modes, n, axis=-2),
+        k=stiffness_eigenvalues(problem.wavelet, n, problem.material.elastic),
     )
     return _solve_in_basis(basis, problem, options)
 
@@ -351,9 +351,9 @@ def _solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
     """
     n, wavelet, levels = len(problem.rest), problem.wavelet, options.levels
     basis = Basis(
-        lambda points: wavelet_transform(points, wavelet, levels),
-        lambda coefficients: inverse_transform(np.asarray(coefficients, float), wavelet, levels),
-        stiffness_matrix(wavelet, n, levels, problem.material.elastic).diagonal(),
+        transform=lambda points: wavelet_transform(points, wavelet, levels),
+        inverse=lambda q: inverse_transform(np.asarray(q, float), wavelet, levels),
+        k=stiffness_matrix(wavelet, n, levels, problem.material.elastic).diagonal(),
     )
     return _solve_in_basis(basis, problem, options)
 
@@ -364,9 +364,8 @@ def _solve_in_basis(basis: Basis, problem: Problem, options: SolverOptions) -> S
     Under a constant force the motion is exact; any other force is integrated.
     """
     material, (u, v) = problem.material, problem.state_at_start()
-    damping = (
-        material.mass_damping * (material.density or 1.0) + material.stiffness_damping * basis.k
-    )
+    mass = material.density or 1.0  # as `Material` says
+    damping = material.mass_damping * mass + material.stiffness_damping * basis.k
     modes = Oscillators(material.density, damping, basis.k)
     facts = {f"{kind}_roots": float(count) for kind, count in modes.count_root_kinds().items()}
     if callable(problem.force):
@@ -414,8 +413,9 @@ def _integrate_changing_force(
     for rtol in tolerance * np.array([0.1, 0.01, 1e-3, 1e-4]):
         atol = rtol * (np.abs(start).max() or 1.0)
         result = scipy.integrate.solve_ivp(
-            slope, span, start, formula, problem.times, rtol=max(rtol, 3e-14), atol=atol
-        )
+            slope, span, start, method=formula, t_eval=problem.times,
+            rtol=max(rtol, 3e-14), atol=atol,  # scipy refuses less
+        )  # fmt: skip
         if not result.success:
             raise too_fast
         u, v = np.moveaxis(result.y.T.reshape(-1, 2, *shape), 1, 0)

@@ -51,9 +51,9 @@ def connection_coefficients(wavelet: str) -> ConnectionCoefficients:
     wavelet is not orthogonal, or the derivative of φ is not square integrable (φ is not in H¹):
     then μ is infinite, though (3.11) may have a solution.
     """
-    low = filter_bank(wavelet)[2]
+    analysis_low, _analysis_high, low, _high = filter_bank(wavelet)
     taps = len(low)
-    if not np.allclose(filter_bank(wavelet)[0], low[::-1], rtol=0, atol=1e-10):
+    if not np.allclose(analysis_low, low[::-1], rtol=0, atol=1e-10):
         raise FinloopError(
             f"the wavelet {wavelet} is not orthogonal",
             "an orthogonal wavelet: only then is M = ρI",

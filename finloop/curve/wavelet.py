@@ -65,6 +65,8 @@ def filter_bank(wavelet: str) -> Floats:
 
 def _cubic_spline_filters() -> Floats:
     """Return filters (4, taps) of the biorthogonal cubic spline with 4 + 4 vanishing moments."""
+    # Low filters are cos⁴(ξ/2) and cos⁴(ξ/2) Σ_k C(3 + k, k) sin^2k(ξ/2), k = 0 … 3 (Cohen,
+    # Daubechies and Feauveau 1992).
     spline = np.array([1, 4, 6, 4, 1]) / 16  # cos⁴(ξ/2)
     sine = np.array([-1, 2, -1]) / 4  # sin²(ξ/2)
     dual, sine_power = np.zeros(7), np.ones(1)
@@ -207,7 +209,8 @@ def _fill_periodically(padded, source, half, k, first):  # type: ignore[no-untyp
 def _transform_in_place(curves, filters, levels):  # type: ignore[no-untyped-def]
     """Replace curves (b, n, k) by their wavelet coefficients, with filters (2, taps).
 
-    levels: how often the points are halved. Even and odd samples are stored separately. Every tap
+    filters: low and high; levels: how often the points are halved. Even and odd samples (p = 0, 1)
+    are stored separately, from sample `first` to `half + last` of the periodic curve. Every tap
     then adds one run of numbers to another, which compilers make fast for every k.
     """
     count, n, k = curves.shape
@@ -246,7 +249,8 @@ def _transform_in_place(curves, filters, levels):  # type: ignore[no-untyped-def
 def _invert_in_place(curves, filters, levels):  # type: ignore[no-untyped-def]
     """Replace wavelet coefficients (b, n, k) by their curves, with filters (2, taps).
 
-    levels: how often the points were halved.
+    This undoes `_transform_in_place`. `padded` holds the approximation (p = 0) and the details
+    (p = 1) of a scale, continued periodically; `split` the even and odd points that they give.
     """
     count, n, k = curves.shape
     taps = filters.shape[1]

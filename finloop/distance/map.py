@@ -171,15 +171,16 @@ def _recompute_small_squares(
 
     block_squares: squared distances in a rectangle of the map; those whose root may be off by more
     than EXACT are replaced. x (n, k): pictures as rows; norms (n,): squared. An error e of a square
-    d² is an error e / 2d of its root.
+    d² is an error e / 2d of its root, and e is up to _LOSS (‖a‖² + ‖b‖²): d is too small below
+    least_d = factor (‖a‖² + ‖b‖²).
     """
     rows, columns = rectangle
-    share = _LOSS / (2 * EXACT)
-    if block_squares.min() >= (share * (norms[rows].max() + norms[columns].max())) ** 2:
+    factor = _LOSS / (2 * EXACT)
+    if block_squares.min() >= (factor * (norms[rows].max() + norms[columns].max())) ** 2:
         return
-    limit = norms[rows, None] + norms[columns]
-    limit *= share
-    close = block_squares < np.square(limit, out=limit)
+    least_d = norms[rows, None] + norms[columns]
+    least_d *= factor
+    close = block_squares < np.square(least_d, out=least_d)
     count = np.count_nonzero(close)
     if count > _MANY * block_squares.size:  # a fish that does not move: all in float64
         a, b = x[rows].astype(np.float64), x[columns].astype(np.float64)
@@ -197,18 +198,18 @@ def _recompute_small_squares(
 def find_frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
     """Return the kind (n,) of each row as a number; only rows of one kind are compared (Eqs. 6, 7).
 
-    Rows of one kind have the same swimming type and, in the pose FILM, where turned fish differ,
-    the same orientation.
+    Rows of one kind have the same swimming type (−1, 0 or 1) and, in the pose FILM, where turned
+    fish differ, the same orientation.
     """
     swimming_type = features["swimming_type"].to_numpy(np.intp)
-    return 3 * features["orientation"].to_numpy(np.intp) * (pose == FILM) + swimming_type
+    orientation = features["orientation"].to_numpy(np.intp)
+    return 3 * orientation + swimming_type if pose == FILM else swimming_type
 
 
 def find_comparable_pairs(kind: Ints, area: Reals, threshold: float) -> Mask:
     """Return which pairs (n, n) are compared: equal kinds (Eq. 7), similar motion areas (Eq. 8).
 
-    kind (n,): from `find_frame_kinds`; area (n,): motion areas; threshold: their largest
-    difference.
+    kind, area (n,): kind and motion area of frames; threshold: largest difference of two areas.
     """
     return (kind[:, None] == kind) & _have_similar_areas(area, area, threshold)
 
@@ -236,9 +237,8 @@ def find_comparison_blocks(kind: Ints, area: Reals, threshold: float) -> Iterato
             # Slightly wider than the threshold: the exact test comes after the product.
             greatest_area = np.nextafter(area[rows.stop - 1] + threshold, np.inf)
             end = start + int(np.searchsorted(area[start:stop], greatest_area, "right"))
-            yield from (
-                MapBlock(rows, columns) for columns in _split_range(rows.start, end, 8 * _BAND)
-            )
+            for columns in _split_range(rows.start, end, 8 * _BAND):  # bounds the memory of a block
+                yield MapBlock(rows, columns)
 
 
 def count_pairs(blocks: Iterable[MapBlock]) -> int:
@@ -277,14 +277,15 @@ def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
 
     rows: the feature row of each picture.
     """
-    row = rows.astype(np.int32)  # before indexing: a long film has tens of millions of pairs
+    # A long film has tens of millions of pairs: 32 bits, and what is done with is deleted.
+    row = rows.astype(np.int32)
     parts = [(row[a], row[b], distance) for a, b, distance in pairs]
     a, b, distance = map(np.concatenate, zip(*parts, strict=True))
     del parts
     i, j = np.minimum(a, b), np.maximum(a, b)
     del a, b
-    first = np.argsort(i * (rows.max() + np.int64(1)) + j)
-    return pd.DataFrame({"i": i[first], "j": j[first], "distance": distance[first]})
+    order = np.argsort(i * (rows.max() + np.int64(1)) + j)  # one number for each i and j
+    return pd.DataFrame({"i": i[order], "j": j[order], "distance": distance[order]})
 
 
 # --- natural steps
@@ -310,7 +311,7 @@ def natural_step_table(
 
 
 def find_map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
-    """Return the numbers (k,) of the feature rows in the distance map: those that STEPS lists."""
+    """Return the numbers (k,) of the feature rows that the table `steps` (schema STEPS) lists."""
     feature_keys, step_keys = (  # one number for each track and frame
         table["track_id"].to_numpy(np.int64) << 32 | table["frame"].to_numpy(np.int64)
         for table in (features, steps)
@@ -319,7 +320,7 @@ def find_map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
 
 
 def measure_usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
-    """Return the median and the 95th percentile of the column step of STEPS (Eq. 5).
+    """Return the median and the 95th percentile of the steps (Eq. 5) in a table (schema STEPS).
 
     FinloopError if the film does not move, or no frame follows another: then steps are no unit.
     """
@@ -386,12 +387,15 @@ def compare_frames(
     median, p95 = measure_usual_steps(steps)
     most_distance = np.inf if p.max_distance_steps is None else p.max_distance_steps * median
 
-    def with_progress() -> Iterator[PicturePairs]:
-        """Yield the similar pairs, block by block, and report each block."""
-        for pairs in find_similar_pairs(x, kind, area, p.motion_area_threshold, most_distance):
-            yield pairs
+    def report_blocks(blocks: Iterable[PicturePairs]) -> Iterator[PicturePairs]:
+        """Yield the blocks of pairs unchanged; call `advance` after each."""
+        for block in blocks:
+            yield block
             advance()
 
-    pairs = pair_table(with_progress(), rows[order])
-    threshold, keep = p.motion_area_threshold, p.max_distance_steps
-    return FrameComparison(pairs, steps, MapFacts(pose, size, threshold, keep, median, p95))
+    blocks = find_similar_pairs(x, kind, area, p.motion_area_threshold, most_distance)
+    pairs = pair_table(report_blocks(blocks), rows[order])
+    facts = MapFacts(
+        pose, size, p.motion_area_threshold, p.max_distance_steps, step_median=median, step_p95=p95
+    )
+    return FrameComparison(pairs, steps, facts)

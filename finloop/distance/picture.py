@@ -50,8 +50,7 @@ def typical_lengths_px(features: pd.DataFrame) -> pd.Series:
 
     It is the track's median, drawn towards the mean of all tracks as far as it is uncertain: a
     mouse that is visible for a moment, curled up, is no shorter mouse. With e² the variance of a
-    track's median and τ² that between animals (Morris 1983: empirical Bayes; τ² by DerSimonian and
-    Laird 1986),
+    track's median and τ² that between animals (Morris 1983: empirical Bayes),
 
         length = mean + τ² / (τ² + e²) (median − mean),   e² = κ / rows.
 
@@ -71,14 +70,17 @@ def typical_lengths_px(features: pd.DataFrame) -> pd.Series:
 
 
 def _shrink_to_mean(values: pd.Series, variance: pd.Series) -> pd.Series:
-    """Return values (k,) of known variances, shrunk towards their mean (empirical Bayes)."""
+    """Return values (k,) of known variances, shrunk towards their mean (empirical Bayes).
+
+    τ², the variance between the values, is estimated as by DerSimonian and Laird (1986).
+    """
     weight = 1 / variance
     mean = float((weight * values).sum() / weight.sum())
     excess = float((weight * (values - mean) ** 2).sum()) - (len(values) - 1)
-    between = max(excess / float(weight.sum() - (weight**2).sum() / weight.sum()), 0.0)
-    weight = 1 / (between + variance)
+    tau_squared = max(excess / float(weight.sum() - (weight**2).sum() / weight.sum()), 0.0)
+    weight = 1 / (tau_squared + variance)
     mean = float((weight * values).sum() / weight.sum())
-    return mean + between * weight * (values - mean)
+    return mean + tau_squared * weight * (values - mean)
 
 
 def paired_distances(a: Reals, b: Reals) -> Floats:

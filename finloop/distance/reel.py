@@ -118,7 +118,7 @@ class Reel:
 
     @cached_property
     def step_ends(self) -> tuple[Rows, Rows]:
-        """Return the first and the last rows, (k,) each, of all steps that last Δ / 5."""
+        """Return the first and last rows, (k,) each, of all natural steps: Δ / 5 in one track."""
         keys, frames = self.features[_KEY].to_numpy(), natural_step_frames(self.features)
         first = np.flatnonzero((keys[frames:] - keys[:-frames] == (0, frames)).all(axis=1))
         return first, first + frames

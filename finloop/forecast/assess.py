@@ -82,10 +82,12 @@ def predict_ensembles(
         means.append(sampler.mean[row] + members.mean(0))
         spreads.append(np.sqrt(variance))
         ranks.append(below / (len(similar) + 1))
-    state_size = len(film.scale)
+    shape = -1, len(film.scale)
     return PredictedEnsembles(
         np.array(rows, np.int64),
-        *(np.array(values).reshape(-1, state_size) for values in (means, spreads, ranks)),
+        mean=np.array(means).reshape(shape),
+        spread=np.array(spreads).reshape(shape),
+        rank=np.array(ranks).reshape(shape),
     )
 
 
@@ -157,11 +159,9 @@ def measure_control_slopes(
         if not len(similar):
             continue
         control = sampler.control[rng.choice(similar)]
-        past, followed_row = (
-            start_at_row(sampler, row).past,
-            draw_next_row(sampler, row, control, rng),
-        )
-        state, steps = RolloutState(past, followed_row), []
+        past = start_at_row(sampler, row).past
+        state = RolloutState(past, draw_next_row(sampler, row, control, rng))
+        steps = []
         for _ in range(delta):
             state = step_fish(sampler, state, control, rng)
             steps.append(state.past[0, -MOTION:] * step_s)
@@ -170,18 +170,21 @@ def measure_control_slopes(
         displacement = ((ahead + 1j * left) * np.exp(1j * np.append(0.0, heading[:-1]))).sum()
         controls.append(control)
         motions.append((float(abs(displacement)), float(heading[-1])))
-    asked, done = np.array(controls), np.array(motions)
-    return {
-        name: float(np.polyfit(asked[:, i], done[:, i], 1)[0])
-        for i, name in enumerate(("displacement_slope", "angle_slope"))
-        if np.ptp(asked[:, i]) > 0
-    }
+    slopes = {}
+    for name, control, motion in zip(
+        ("displacement_slope", "angle_slope"), np.transpose(controls), np.transpose(motions),
+        strict=True,
+    ):  # fmt: skip
+        if np.ptp(control) > 0:
+            slopes[name] = float(np.polyfit(control, motion, 1)[0])
+    return slopes
 
 
 def posture_motion_areas(postures: Floats) -> Floats:
     """Return how bent postures (k, 2 + 2 n) are: motion areas (k,), squared body lengths (§2.2)."""
     zeros = np.zeros(len(postures))
-    lines = Pose(zeros, zeros, zeros, zeros + 1, postures).backbone_px()
+    poses = Pose(zeros, zeros, heading_rad=zeros, size_px=zeros + 1, posture=postures)
+    lines = poses.backbone_px()
     return np.abs(measure_bend(lines, backbone_steps(postures).sum(1)))
 
 

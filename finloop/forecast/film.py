@@ -108,22 +108,20 @@ def compute_film_states(
             "turns",
             "take a longer film, or leave the forecast out (matching.uses=[film])",
         )
-    whole, side = np.eye(code_count + MOTION), np.ones(2)
+    mirror_states, mirror_control = np.eye(code_count + MOTION), np.ones(2)
     if mirror is not None:
-        whole[:code_count, :code_count], side[1] = np.asarray(mirror)[:code_count, :code_count], -1
-        whole[range(code_count, code_count + MOTION), range(code_count, code_count + MOTION)] = (
-            1,
-            -1,
-            -1,
-        )
-    scale = np.maximum(np.nanstd(states, axis=0), _LEAST_SD)
+        mirror_states[:code_count, :code_count] = np.asarray(mirror)[:code_count, :code_count]
+        mirror_states[-2, -2] = mirror_states[-1, -1] = -1  # speed to the left, turning
+        mirror_control[1] = -1  # the angle
     film_row = np.arange(n if mirror is None else 2 * n) % n
     is_mirror = (np.arange(len(film_row)) >= n)[:, None]
     return FilmStates(
-        np.where(is_mirror, (states @ whole)[film_row], states[film_row]),
-        np.where(is_mirror, (control * side)[film_row], control[film_row]),
-        usable[film_row], whole, side, lags, scale, np.sqrt(np.nanmean(control**2, axis=0)),
-        frame[film_row], delta, rate_hz, n, measure_memory_frames(codes, track),
+        states=np.where(is_mirror, (states @ mirror_states)[film_row], states[film_row]),
+        control=np.where(is_mirror, (control * mirror_control)[film_row], control[film_row]),
+        usable=usable[film_row], mirror=mirror_states, side=mirror_control, lags=lags,
+        scale=np.maximum(np.nanstd(states, axis=0), _LEAST_SD),
+        control_scale=np.sqrt(np.nanmean(control**2, axis=0)), frame=frame[film_row],
+        delta=delta, rate_hz=rate_hz, count=n, memory=measure_memory_frames(codes, track),
     )  # fmt: skip
 
 
@@ -170,15 +168,13 @@ def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
     block = held_out_block_frames(
         p.held_out_block_deltas, p.held_out_ratio, film.delta, film.frame[rows], least
     )
-    first_block, last_block = (
-        (film.frame[rows] - film.lags[-1]) // block,
-        (film.frame[rows] + 1) // block,
-    )
+    first_block = (film.frame[rows] - film.lags[-1]) // block  # of the past
+    last_block = (film.frame[rows] + 1) // block  # of the next state
     blocks = np.unique(first_block)
     count = min(max(1, round(p.held_out_ratio * len(blocks))), len(blocks) - 1)
     chosen = np.random.default_rng((p.seed, 0)).permutation(blocks)[:count]
     begins_in, ends_in = np.isin(first_block, chosen), np.isin(last_block, chosen)
-    parts = Partition(rows[~begins_in & ~ends_in], rows[begins_in & ends_in])
+    parts = Partition(train=rows[~begins_in & ~ends_in], held_out=rows[begins_in & ends_in])
     if min(len(parts.train), len(parts.held_out)) == 0:
         raise FinloopError(
             f"{len(parts.train)} rows to learn from and {len(parts.held_out)} to test with, in "
@@ -187,7 +183,11 @@ def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
             "lower forecast.held_out_block_deltas, or take a longer film",
         )
     rng = np.random.default_rng((p.seed, 2))
-    return Partition(*(
-        np.sort(rng.choice(part, p.most_rows, replace=False)) if len(part) > p.most_rows else part
-        for part in (parts.train, parts.held_out)
-    ))  # fmt: skip
+
+    def sample(part: Ints) -> Ints:
+        """Return at most `p.most_rows` random rows of a part, ascending."""
+        if len(part) <= p.most_rows:
+            return part
+        return np.sort(rng.choice(part, p.most_rows, replace=False))
+
+    return Partition(train=sample(parts.train), held_out=sample(parts.held_out))

@@ -72,27 +72,31 @@ def train_predictor(
     with _torch_on_one_thread(p.seed) as generator:
         network = _Network(film, p.hidden_units)
         train, held_out = (_make_sample(film, rows) for rows in (parts.train, parts.held_out))
+        (past, _control, next_states), best_weights = train, _copy_weights(network)
         # Predicting no change has the error 1.
-        weight = 1 / ((train[0][:, 0] - train[2]).square().mean(0) + _FLOOR)
+        weight = 1 / ((past[:, 0] - next_states).square().mean(0) + _FLOOR)
         adam = torch.optim.AdamW(
             network.parameters(), lr=p.learning_rate, weight_decay=p.weight_decay
         )
         curve = [_mean_square_errors(network, weight, train, held_out)]
-        best_weights, waited = _copy_weights(network), 0
+        epochs_since_best = 0
         for _ in range(p.epochs):
             _learn_epoch(network, adam, (train, weight), p, generator)
             curve.append(_mean_square_errors(network, weight, train, held_out))
             advance()
-            waited += 1
+            epochs_since_best += 1
             if curve[-1]["held_out_error"] < min(row["held_out_error"] for row in curve[:-1]):
-                best_weights, waited = _copy_weights(network), 0
-            if waited >= p.patience:
+                best_weights, epochs_since_best = _copy_weights(network), 0
+            if epochs_since_best >= p.patience:
                 break
     weights = {name: value.numpy().astype(np.float32) for name, value in best_weights.items()}
     layers = tuple(np.ascontiguousarray(weights[f"layers.{i}.weight"].T) for i in range(3))
     biases = tuple(weights[f"layers.{i}.bias"] for i in range(3))
     model = Forecast(
-        layers, biases, film.lags, film.scale, film.control_scale, film.mirror, film.side  # type: ignore[arg-type]
+        layers,  # type: ignore[arg-type]
+        biases,
+        lags=film.lags, scale=film.scale, control_scale=film.control_scale, mirror=film.mirror,
+        side=film.side,
     )  # fmt: skip
     return model, pd.DataFrame(curve).rename_axis("epoch").reset_index()
 

@@ -63,13 +63,21 @@ class Forecast:
         for lag in range(lags):
             mirror[lag * size : (lag + 1) * size, lag * size : (lag + 1) * size] = self.mirror
         mirror[-2, -2], mirror[-1, -1] = self.side
-        last = 0.5 * third * self.scale, 0.5 * third_bias * self.scale
-        pairs = (
-            [first / unit[:, None], mirror @ (first / unit[:, None])], [second] * 2,
-            [last[0], last[0] @ self.mirror], [first_bias] * 2, [second_bias] * 2,
-            [last[1], last[1] @ self.mirror],
-        )  # fmt: skip
-        return KernelWeights(*(np.ascontiguousarray(np.stack(pair), np.float32) for pair in pairs))
+        scaled_first = first / unit[:, None]
+        half_third, half_bias = 0.5 * third * self.scale, 0.5 * third_bias * self.scale
+
+        def stack_pair(own: Reals, mirrored: Reals) -> Weights:
+            """Return weights of the network and of its mirror image as one array (2, …)."""
+            return np.ascontiguousarray(np.stack([own, mirrored]), np.float32)
+
+        return KernelWeights(
+            first=stack_pair(scaled_first, mirror @ scaled_first),
+            second=stack_pair(second, second),
+            third=stack_pair(half_third, half_third @ self.mirror),
+            first_bias=stack_pair(first_bias, first_bias),
+            second_bias=stack_pair(second_bias, second_bias),
+            third_bias=stack_pair(half_bias, half_bias @ self.mirror),
+        )
 
     def predict_means(self, past: Reals, control: Reals) -> Floats:
         """Return the means (k, d) of the next states, in the units of `FilmStates`.
@@ -107,14 +115,11 @@ def restore_forecast(**content: Any) -> Forecast:
     biases = [np.array(content[f"{name}_bias"], np.float32) for name in _LAYERS]
     size, hidden = len(scale), len(biases[0])
     sizes = [len(lags) * size + 2, hidden, hidden, size]
-    shapes = [layer.shape == (sizes[i], sizes[i + 1]) for i, layer in enumerate(layers)]
-    shapes += [bias.shape == (sizes[i + 1],) for i, bias in enumerate(biases)]
-    shapes += [
-        mirror.shape == (size, size),
-        control_scale.shape == side.shape == (2,),
-        lags.ndim == 1,
-    ]
-    if not all(shapes) or not all(np.isfinite(array).all() for array in (*layers, *biases, mirror)):
+    fits = [layer.shape == (sizes[i], sizes[i + 1]) for i, layer in enumerate(layers)]
+    fits += [bias.shape == (sizes[i + 1],) for i, bias in enumerate(biases)]
+    fits += [mirror.shape == (size, size), control_scale.shape == side.shape == (2,)]
+    is_finite = [np.isfinite(array).all() for array in (*layers, *biases, mirror)]
+    if not (all(fits) and lags.ndim == 1 and all(is_finite)):
         raise ValueError("weights of other sizes, or not finite")
     return Forecast(tuple(layers), tuple(biases), lags, scale, control_scale, mirror, side)  # type: ignore[arg-type]
 

@@ -112,7 +112,7 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
     passage, examined = max(film.delta, round(film.memory)), _NEAR * _SPARE * p.neighbours
     pasts, looks = _embed_pasts(film, rows, p.fade), np.asarray(look)[rows + 1]
     looks = (looks - looks.mean(0)).astype(np.float32)
-    limits = examined, passage, _SPARE * p.neighbours
+    limits = examined, passage, _SPARE * p.neighbours  # see `_choose_passages`
     part = assign_parts(film.count, _STRETCH * film.delta)[rows % film.count]
     parts = 1 + int(part.max())
     most = max(_MOST // parts, _FEWEST * examined)
@@ -129,12 +129,12 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
 
         def choose(queries: Ints, near: Ints, lot: Ints = lot, members: Ints = members) -> Any:
             """Return the nearest rows that look alike, for some rows of the lot."""
-            numbers = np.where(near < 0, -1, members[near])
-            return _choose_passages(rows, lot, (looks, p.look), limits, queries, numbers)
+            candidates = np.where(near < 0, -1, members[near])
+            return _choose_passages(rows, lot, (looks, p.look), limits, queries, candidates)
 
-        (choice,) = index.choose(pasts[lot], examined, choose, most)
-        query, rank = np.nonzero(choice >= 0)
-        yield np.column_stack([rows[lot[query]], choice[query, rank]])
+        (similar,) = index.choose(pasts[lot], examined, choose, most)  # (lot, count), −1 for none
+        query, rank = np.nonzero(similar >= 0)
+        yield np.column_stack([rows[lot[query]], similar[query, rank]])
 
 
 def _choose_alike_pairs(
@@ -144,8 +144,8 @@ def _choose_alike_pairs(
 
     pairs (k, 2): of rows, sorted; film_rows: number of the film's rows, without mirror images.
     """
-    _, row = np.unique(pairs[:, 0], return_inverse=True)
-    rank = np.arange(len(pairs)) - np.searchsorted(row, row)
+    row = np.unique(pairs[:, 0], return_inverse=True)[1]
+    rank = np.arange(len(pairs)) - np.searchsorted(row, row)  # of a pair among those of its row
     first = np.flatnonzero(rank < p.neighbours)
     alike = np.zeros(len(pairs), bool)
     alike[first] = _visible_distances_after(pairs[first], film_rows, visible) <= p.max_discontinuity

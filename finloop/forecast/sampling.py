@@ -77,21 +77,24 @@ def build_sampler(
     graph: start and to of similar rows, from `build_similarity_graph`; mean (m, d): predicted next
     states of the rows, None to compute them.
     """
-    rows, d = film.rows, len(film.scale)
+    rows, (start, to) = film.rows, graph
     if mean is None:
         mean = np.zeros_like(film.states)
         for lot in np.split(rows, range(_LOT, len(rows), _LOT)):
             mean[lot] = model.predict_means(film.past(lot), film.control[lot])
-    edges = np.arange(0, len(graph[1]), 1 + len(graph[1]) // _EDGES)
-    source = np.searchsorted(graph[0], edges, "right") - 1
-    differences = film.control[source] - film.control[graph[1][edges]]
-    half_life = np.repeat([p.settle_pose, p.settle_motion], [d - MOTION, MOTION])
+    edges = np.arange(0, len(to), 1 + len(to) // _EDGES)  # a sample of the similar pairs
+    source = np.searchsorted(start, edges, "right") - 1
+    differences = film.control[source] - film.control[to[edges]]
+    code_count = len(film.scale) - MOTION
+    half_life = np.repeat([p.settle_pose, p.settle_motion], [code_count, MOTION])
     return Sampler(
-        model.kernel_weights(), np.nan_to_num(film.states), mean, np.nan_to_num(film.control),
-        film.usable, film.states[rows].min(0), film.states[rows].max(0), film.lags,
-        0.5 ** (1 / (half_life * film.delta)), *graph,
-        max(1.0, p.follow * film.delta, film.memory),
-        p.obey * np.sqrt((differences**2).mean(0)), np.zeros(len(film.states), bool),
+        net=model.kernel_weights(), states=np.nan_to_num(film.states), mean=mean,
+        control=np.nan_to_num(film.control), usable=film.usable, low=film.states[rows].min(0),
+        high=film.states[rows].max(0), lags=film.lags,
+        settle=0.5 ** (1 / (half_life * film.delta)), start=start, to=to,
+        follow=max(1.0, p.follow * film.delta, film.memory),
+        obey=p.obey * np.sqrt((differences**2).mean(0)),  # a share of the usual difference
+        rests=np.zeros(len(film.states), bool),
     )  # fmt: skip
 
 

@@ -151,15 +151,17 @@ def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
     this clock is the best possible. It falls evenly in a subcycle without motion or frames.
     """
     change = (model.start - model.end).ravel()
-    norm = float(change @ change)
+    squared_change = float(change @ change)
     samples = model.samples
-    if norm == 0 or not len(samples.tau):
+    if squared_change == 0 or not len(samples.tau):
         return 1 - tau
     order = np.argsort(samples.tau, kind="stable")
-    flat = (samples.coefficients - model.end).reshape(len(order), -1)
-    falling = scipy.optimize.isotonic_regression(flat[order] @ change / norm, increasing=False).x
-    nodes = np.concatenate([[0.0], samples.tau[order], [1.0]])
-    return np.interp(tau, nodes, np.concatenate([[1.0], np.clip(falling, 0, 1), [0.0]]))
+    from_end = (samples.coefficients - model.end).reshape(len(order), -1)
+    shares = from_end[order] @ change / squared_change  # of the first key frame, in each film frame
+    falling_shares = scipy.optimize.isotonic_regression(shares, increasing=False).x
+    known_tau = np.concatenate([[0.0], samples.tau[order], [1.0]])
+    known_shares = np.concatenate([[1.0], np.clip(falling_shares, 0, 1), [0.0]])
+    return np.interp(tau, known_tau, known_shares)
 
 
 def _errors_by_scale(

@@ -120,14 +120,16 @@ def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
         changed = fitted_phase - shift + stretch * (fitted_phase - middle)
         return _parabola_fit_error(changed, centred_x, split)
 
-    shifts = np.linspace(-REACH, REACH, STEPS)
-    first = float(shifts[np.argmin([squared_error(np.array([s, 0.0])) for s in shifts])])
+    shifts = np.linspace(-REACH, REACH, STEPS)  # 0.002 cycles apart
+    errors = [squared_error(np.array([shift, 0.0])) for shift in shifts]
+    best_shift = float(shifts[np.argmin(errors)])
     shift, stretch = scipy.optimize.minimize(
         squared_error,
-        (first, 0.0),
+        (best_shift, 0.0),
         method="Nelder-Mead",
         options={
-            "initial_simplex": [(first, 0.0), (first + 0.004, 0.0), (first, 0.003)],
+            # from there a few steps of the grid
+            "initial_simplex": [(best_shift, 0.0), (best_shift + 0.004, 0.0), (best_shift, 0.003)],
             "xatol": 1e-5,
             "fatol": 1e-12 * float((centred_x**2).sum()),
         },

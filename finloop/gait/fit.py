@@ -145,7 +145,7 @@ def interpolate_key_frames(film: GaitContours, split: float) -> KeyFrames:
     keys: list[dict[str, Points]] = []
     missing = []
     for number, key_phase in enumerate((0.0, split), start=1):
-        half_cycles = np.round((film.phase - key_phase) / 0.5)
+        half_cycles = np.round((film.phase - key_phase) / 0.5)  # from the key to the frame, whole
         in_first_half = (half_cycles % 2 == 0)[:, None, None]
         distance = np.abs(film.phase - key_phase - 0.5 * half_cycles)
         key = dict[str, Points]()
@@ -344,8 +344,8 @@ def _fit_smooth_contours(
             deviation = samples.coefficients - model.predict(samples.tau, linear)
             flat = deviation.reshape(len(deviation), -1)
             factors = np.linalg.lstsq(_evaluate_two_cubics(samples.tau), flat, rcond=None)[0]
-            bend = (_evaluate_two_cubics(tau[frames]) @ factors).reshape(-1, *model.end.shape)
-            coefficients = model.predict(tau[frames], linear) + bend
+            bow = (_evaluate_two_cubics(tau[frames]) @ factors).reshape(-1, *model.end.shape)
+            coefficients = model.predict(tau[frames], linear) + bow
             first_half[name][frames] = contour_from_descriptor(
                 coefficients, points.shape[1], wavelet, coarse
             )
@@ -387,8 +387,7 @@ def fit_gait(
     gamma = fit_all_gammas(subcycles, per_scale, LEAST_MOTION * film.body_length)
     gamma[POOLED] = {}
     for number, letter in enumerate("AB"):
-        models = [subcycles[name, number] for name in film.contours]
-        fractions = [model.gamma_fraction() for model in models]
+        fractions = [subcycles[limb, number].gamma_fraction() for limb in film.contours]
         gamma[POOLED][letter] = (gamma_from_fractions(fractions),)
     gait = Gait(
         name=name,
@@ -414,7 +413,7 @@ def _ground_contact_phases(
     A foot is down from its foremost to its hindmost place; the animal heads for screen right. A
     foot is the lowest point of a contour that has "left" or "right" in its id.
     """
-    frames = 240
+    frames = 240  # of a cycle: phases are exact to 0.004
     spans = dict[str, tuple[tuple[float, float], ...]]()
     layout = HalfCycleLayout(offsets=film.offsets)
     for name, points in contours_of_cycle(keys.first, keys.second, gait, frames, layout).items():

@@ -102,8 +102,8 @@ def _foot_shift(contour: Points, next_contour: Points) -> float:
     turn = arm[:, 0] * across[:, 1] - arm[:, 1] * across[:, 0]
     motion = np.column_stack([across, turn])[foot]
     displacement = ((next_contour - contour) * across).sum(axis=1)[foot]
-    x, _, _ = np.linalg.lstsq(motion, displacement, rcond=None)[0]
-    return float(x)
+    x_y_and_turn = np.linalg.lstsq(motion, displacement, rcond=None)[0]
+    return float(x_y_and_turn[0])
 
 
 def _foot_paths(limbs: Mapping[str, Points], support: Support) -> Paths:
@@ -173,7 +173,7 @@ def _fill_shifts(shift: Points) -> Points:
     following = np.append(known[1:], known[0] + frames)  # the first one again, a cycle later
     for start, end in zip(known, following, strict=True):
         between = np.arange(start + 1, end)
-        share = (between - start) / (end - start)
-        share = (share * share * (3 - 2 * share))[:, None]
+        time = (between - start) / (end - start)
+        share = (time * time * (3 - 2 * time))[:, None]  # from 0 to 1, level at both
         filled[between % frames] = (1 - share) * shift[start] + share * shift[end % frames]
     return filled

@@ -64,7 +64,7 @@ def region_contour(mask: Mask, smooth_px: float = SMOOTH_PX) -> Region:
     if mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any():
         return BORDER
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    pad = int(np.ceil(4 * smooth_px)) + 1
+    pad = int(np.ceil(4 * smooth_px)) + 1  # the Gaussian ends within the window
     window = mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].astype(np.float32)
     window = np.pad(window, pad)
     if smooth_px > 0:

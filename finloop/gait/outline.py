@@ -131,20 +131,14 @@ def contours_from_snout(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
     """
     contours = np.empty((len(outline_px), n, 2))
     for outline, snout, row in zip(outline_px, snout_px, contours, strict=True):
-        corners = orient_clockwise(Curve(outline, True)).points
-        next_points = np.roll(corners, -1, axis=0)
-        edge = next_points - corners
-        square = np.maximum((edge**2).sum(axis=1), 1e-12)
+        corners = orient_clockwise(Curve(outline, closed=True)).points
+        edge = np.roll(corners, -1, axis=0) - corners
+        square = np.maximum((edge**2).sum(axis=1), 1e-12)  # never divide by 0
         share = np.clip(((snout - corners) * edge).sum(axis=1) / square, 0, 1)
-        projections = corners + share[:, None] * edge
-        start = int(((projections - snout) ** 2).sum(axis=1).argmin())
-        line = np.concatenate(
-            [
-                projections[start : start + 1],
-                np.roll(corners, -start - 1, axis=0),
-                projections[start : start + 1],
-            ]
-        )
+        nearest_of_edge = corners + share[:, None] * edge
+        start = int(((nearest_of_edge - snout) ** 2).sum(axis=1).argmin())
+        first_point = nearest_of_edge[[start]]
+        line = np.concatenate([first_point, np.roll(corners, -start - 1, axis=0), first_point])
         distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
         marks = np.arange(n) / n * distance[-1]
         row[:] = np.stack([np.interp(marks, distance, line[:, c]) for c in range(2)], axis=1)
@@ -161,7 +155,7 @@ def body_centres_and_directions(points: Floats, backbone: Floats) -> tuple[Float
     centred = backbone - backbone.mean(axis=1, keepdims=True)
     xx, yy = (centred**2).sum(axis=1).T
     xy = centred.prod(axis=2).sum(axis=1)
-    angle = np.arctan2(2 * xy, xx - yy) / 2
+    angle = np.arctan2(2 * xy, xx - yy) / 2  # of the longer principal axis
     ahead = backbone[:, 0] - backbone[:, -1]
     points_to_tail = ahead[:, 0] * np.cos(angle) + ahead[:, 1] * np.sin(angle) < 0
     return area_centroids(points), np.unwrap(angle + np.pi * points_to_tail)

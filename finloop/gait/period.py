@@ -6,8 +6,7 @@ fitted to a window of two cycles about every frame (harmonic least squares). Vit
 finds the best path of frequencies through the frames, and the modes give the phase along it. The
 confidence is how well all other cycles predict each cycle.
 
-Glossary: *ridge* the path of frequencies over the frames; *share* the part of the variance in a
-window that its sinusoid explains, 0-1.
+Glossary: *share* the part of the variance in a window that its sinusoid explains, 0-1.
 """
 
 from dataclasses import dataclass, replace
@@ -92,15 +91,15 @@ def find_period(
         )
     count = max(3, int(np.ceil(np.log(high / low) / np.log(_STEP))))
     grid = np.geomspace(low, high, count) / frame_rate_hz  # cycles a frame
-    share = np.stack([_fit_sinusoids(modes, frequency)[0] for frequency in grid])
-    ridge = _best_frequency_path(share, grid)
-    phase = _phase_of_frequency_path(modes, share, ridge, grid)
-    on_ridge = ridge, np.arange(frames)
+    shares = np.stack([_fit_sinusoids(modes, frequency)[0] for frequency in grid])
+    path = _best_frequency_path(shares, grid)
+    phase = _phase_of_frequency_path(modes, shares, path, grid)
+    explained_share = shares[path, np.arange(frames)]
     period = period_from_phase(
-        modes, phase, (share[on_ridge] >= _STEADY) & complete_rows, frame_rate_hz
+        modes, phase, (explained_share >= _STEADY) & complete_rows, frame_rate_hz
     )
     if not period.cycles:
-        return replace(period, why=_explain_missing_period(modes, share[on_ridge], period.why))
+        return replace(period, why=_explain_missing_period(modes, explained_share, period.why))
     if extreme is None:
         complete = signal[complete_rows]
         mode = np.linalg.svd(complete - complete.mean(axis=0), full_matrices=False)[2][0]
@@ -134,9 +133,9 @@ def set_phase_zero(period: Period, extreme: Floats) -> Period:
     """
     frames = period.steady & np.isfinite(extreme)
     terms = _harmonic_terms(period.phase[frames], 1)
-    _, cos, sin = np.linalg.lstsq(terms, extreme[frames], rcond=None)[0]
+    _constant, cos, sin = np.linalg.lstsq(terms, extreme[frames], rcond=None)[0]
     phase = period.phase - np.arctan2(sin, cos) / (2 * np.pi)
-    return replace(period, phase=phase - np.floor(phase.min()))
+    return replace(period, phase=phase - np.floor(phase.min()))  # 0 or more
 
 
 def require_periodic(beat: Period, name: str) -> Period:
@@ -156,7 +155,8 @@ def require_periodic(beat: Period, name: str) -> Period:
 
 def _no_period(frames: int, why: str) -> Period:
     """Return the `Period` of a motion that does not repeat, with the reason `why`."""
-    return Period(np.nan, np.zeros(frames), np.zeros(frames, bool), 0.0, 0.0, why)
+    none = np.zeros(frames)
+    return Period(np.nan, phase=none, steady=none > 0, confidence=0.0, cycles=0.0, why=why)
 
 
 def fill_gaps(signal: Floats) -> Floats:
@@ -282,12 +282,14 @@ def _fit_sinusoids(modes: Floats, frequency: float) -> tuple[Floats, Complex, Fl
     angle = 2 * np.pi * frequency * t
     weight = np.sin(np.pi * (np.arange(n) + 0.5) / n)
     terms = np.stack([np.ones(n), t / n, np.cos(angle), np.sin(angle)], axis=1)
-    basis, upper = np.linalg.qr(terms * weight[:, None])
+    basis, upper = np.linalg.qr(terms * weight[:, None])  # orthonormal terms
     kernels = (basis * weight[:, None])[::-1]
+    # (windows, modes, 4): how much of each term every window holds, by one convolution for all
     projections = scipy.signal.fftconvolve(
         modes[:, :, None], kernels[:, None], mode="valid", axes=0
     )
     total = scipy.signal.fftconvolve((modes**2).sum(axis=1), weight[::-1] ** 2, mode="valid")
+    # squares about the straight line
     total = np.maximum(total - (projections[..., :2] ** 2).sum(axis=(1, 2)), 0)
     explained = (projections[..., 2:] ** 2).sum(axis=(1, 2))
     # Subtract what noise alone would give: two of the n - 2 numbers that a line leaves.
@@ -312,16 +314,11 @@ def _best_frequency_path(share: Floats, grid: Floats) -> NDArray[np.intp]:
     best_sum = share[:, 0].copy()
     previous = np.zeros((frames, count), np.intp)
     for row in range(1, frames):
-        options = np.stack(
-            [
-                np.r_[-np.inf, best_sum[:-1] - cost[:-1]],
-                best_sum,
-                np.r_[best_sum[1:] - cost[1:], -np.inf],
-            ]
-        )
-        move = options.argmax(axis=0)
-        previous[row] = np.arange(count) + move - 1
-        best_sum = np.take_along_axis(options, move[None], axis=0)[0] + share[:, row]
+        from_below = np.r_[-np.inf, best_sum[:-1] - cost[:-1]]
+        from_above = np.r_[best_sum[1:] - cost[1:], -np.inf]
+        options = np.stack([from_below, best_sum, from_above])
+        previous[row] = np.arange(count) + options.argmax(axis=0) - 1
+        best_sum = options.max(axis=0) + share[:, row]
     path = np.empty(frames, np.intp)
     path[-1] = best_sum.argmax()
     for row in range(frames - 1, 0, -1):

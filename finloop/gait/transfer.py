@@ -211,19 +211,17 @@ def renumber_curve(model: Points, curve: Curve) -> Points:
     a, n = _centred_complex_points(model), len(model)
     if not curve.closed:
         points = resample_curve(curve, n).points
-        numberings = [points, points[::-1]]
-        return max(
-            numberings,
-            key=lambda numbered: float(
-                _contour_likeness(a @ _centred_complex_points(numbered).conj())
-            ),
+        forwards, backwards = (
+            _contour_likeness(a @ _centred_complex_points(numbered).conj())
+            for numbered in (points, points[::-1])
         )
+        return points if forwards >= backwards else points[::-1]
     points = resample_curve(orient_clockwise(curve), n * FINE).points
     numberings = [points[start::FINE] for start in range(FINE)]
     # Entry s is Σ a_(i+s) conj(b_i): point 0 of the curve goes to point s of the model.
     b = np.stack([_centred_complex_points(numbered) for numbered in numberings])
-    alike = _contour_likeness(np.fft.ifft(np.fft.fft(a) * np.fft.fft(b).conj()))
-    start, shift = np.unravel_index(int(alike.argmax()), alike.shape)
+    likeness = _contour_likeness(np.fft.ifft(np.fft.fft(a) * np.fft.fft(b).conj()))
+    start, shift = np.unravel_index(int(likeness.argmax()), likeness.shape)
     return np.roll(numberings[int(start)], int(shift), axis=0)
 
 
@@ -242,24 +240,19 @@ def mirrored_point_orders(
         if twin in orders:
             orders[name] = orders[twin]
             continue
-        pairs = [
-            (_centred_complex_points(here[name]), _centred_complex_points(there[twin] * [1, -1]))
-            for here, there in ((key2, key1), (key1, key2))
-        ]
         n = len(key1[name])
+        forwards = np.arange(n)
+        starts_likeness, forwards_likeness, backwards_likeness = np.zeros(n), 0.0, 0.0
+        for this_key, other_key in ((key2, key1), (key1, key2)):
+            a = _centred_complex_points(this_key[name])
+            b = _centred_complex_points(other_key[twin] * [1, -1]).conj()
+            starts_likeness += _contour_likeness(np.fft.ifft(np.fft.fft(a) * np.fft.fft(b)))
+            forwards_likeness += float(_contour_likeness(a @ b))
+            backwards_likeness += float(_contour_likeness(a @ b[forwards[::-1]]))
         if closed[name]:
-            product = [np.fft.ifft(np.fft.fft(a) * np.fft.fft(b.conj())) for a, b in pairs]
-            orders[name] = reversed_order(
-                n, int(np.sum([_contour_likeness(z) for z in product], axis=0).argmax())
-            )
+            orders[name] = reversed_order(n, int(starts_likeness.argmax()))
         else:
-            both_orders = (np.arange(n), np.arange(n)[::-1])
-            orders[name] = max(
-                both_orders,
-                key=lambda indices: float(
-                    sum(_contour_likeness(a @ b[indices].conj()) for a, b in pairs)
-                ),
-            )
+            orders[name] = forwards if forwards_likeness >= backwards_likeness else forwards[::-1]
     return orders
 
 

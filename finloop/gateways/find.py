@@ -11,7 +11,6 @@ while it is on screen: `turn_deg` is the turn of the film that fits it.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import count, repeat
 
 import numpy as np
 import pandas as pd
@@ -202,17 +201,16 @@ def _find_ways_in(
     for number in np.unique(distances.orientation):
         rows = np.flatnonzero(has_enough_ahead & (distances.orientation == number))
         for sprite, row_distances in enumerate(distances.ahead[:, rows]):
-            order = rows[np.argsort(row_distances, kind="stable")]
-            order = order[distances.ahead[sprite, order] <= most_distance]
-            best: list[int] = []
-            while len(order) and len(best) < settings.frames_per_sprite:
-                best.append(int(order[0]))
-                is_apart = np.abs(frame[order] - frame[best[-1]]) >= settings.apart * delta
-                order = order[(is_apart & (order != best[-1])) | (track[order] != track[best[-1]])]
-            best_distances = distances.ahead[sprite, best]
-            ways += zip(
-                repeat(sprite), distances.rows[best], count(1), best_distances, strict=False
-            )
+            left = rows[np.argsort(row_distances, kind="stable")]  # candidates, the nearest first
+            left = left[distances.ahead[sprite, left] <= most_distance]
+            rank = 0
+            while len(left) and rank < settings.frames_per_sprite:
+                nearest, left = left[0], left[1:]
+                rank += 1
+                distance = distances.ahead[sprite, nearest]
+                ways.append((sprite, distances.rows[nearest], rank, distance))
+                is_apart = np.abs(frame[left] - frame[nearest]) >= settings.apart * delta
+                left = left[is_apart | (track[left] != track[nearest])]
     kinds = {"sprite": int, "row": int, "rank": int, "distance": float}
     table = pd.DataFrame(ways, columns=list(kinds)).astype(kinds)
     return table.sort_values("sprite", kind="stable")
@@ -251,7 +249,8 @@ def gateway_metrics(
 ) -> dict[str, float]:  # fmt: skip
     """Return metrics of the gateways (pairs of a sprite and a film row), as in metrics.json.
 
-    table: the gateways; nearest: those without a threshold; step_median: the film's median step.
+    table: the gateways; nearest: what there would be without a threshold of the distance;
+    step_median: the film's median step.
     """
     result: dict[str, float] = {}
     for direction in (IN, OUT):
@@ -263,21 +262,21 @@ def gateway_metrics(
             f"distance_{direction}_p95_steps": steps.quantile(0.95),
             f"nearest_{direction}_steps": least / step_median,
         }
-    leads_in, leads_out = (table[table["direction"] == direction] for direction in (IN, OUT))
-    compared = len(distances.ahead) * len(np.unique(distances.orientation))
-    entered = len(leads_in[["sprite", "orientation"]].drop_duplicates())
-    has_way_out = np.isin(distances.rows, leads_out["row"])
+    ways_in, ways_out = (table[table["direction"] == direction] for direction in (IN, OUT))
+    sprites_in_orientations = len(distances.ahead) * len(np.unique(distances.orientation))
+    with_way_in = len(ways_in[["sprite", "orientation"]].drop_duplicates())
+    has_way_out = np.isin(distances.rows, ways_out["row"])
     track = features["track_id"].to_numpy()
-    rows_without = (
-        pd.Series(~has_way_out).groupby([track[distances.rows], has_way_out.cumsum()]).sum()
-    )  # runs of rows
+    # Lengths of the runs of rows without a way out: each follows a row with one, or begins a track.
+    run = [track[distances.rows], has_way_out.cumsum()]
+    rows_without = pd.Series(~has_way_out).groupby(run).sum()
     return result | {
         "sprites": len(distances.ahead),
-        "sprites_in_orientations": compared,
-        "sprites_in_orientations_without_way_in": compared - entered,
-        "film_rows_led_to": leads_in["row"].nunique(),
-        "film_tracks_led_to": len(np.unique(track[leads_in["row"]])),
+        "sprites_in_orientations": sprites_in_orientations,
+        "sprites_in_orientations_without_way_in": sprites_in_orientations - with_way_in,
+        "film_rows_led_to": ways_in["row"].nunique(),
+        "film_tracks_led_to": len(np.unique(track[ways_in["row"]])),
         "film_rows_with_way_out_pct": 100 * has_way_out.mean(),
         "film_longest_without_way_out_s": int(rows_without.max()) / rate_hz,
-        "sprites_led_to": leads_out["sprite"].nunique(),
+        "sprites_led_to": ways_out["sprite"].nunique(),
     }

@@ -125,14 +125,12 @@ def measure_trial_gaps(
     for span in track_slices(evidence.reel.features):
         start, stop = span.start, span.stop
         gap = int(rng.choice(gap_frames)) if len(gap_frames) else 1
-        middle = (
-            int(np.searchsorted(frame[start:stop], (frame[start] + frame[stop - 1] - gap) // 2))
-            + start
-        )
-        resume = int(np.searchsorted(frame[start:stop], frame[middle - 1] + gap)) + start
-        if middle - start >= _LEAST_HALF <= stop - resume:
+        middle_frame = (frame[start] + frame[stop - 1] - gap) // 2
+        gap_start = start + int(np.searchsorted(frame[start:stop], middle_frame))
+        gap_stop = start + int(np.searchsorted(frame[start:stop], frame[gap_start - 1] + gap))
+        if gap_start - start >= _LEAST_HALF and stop - gap_stop >= _LEAST_HALF:
             halves.append(len(parts))
-            parts += [np.arange(start, middle), np.arange(resume, stop)]
+            parts += [np.arange(start, gap_start), np.arange(gap_stop, stop)]
         else:
             parts.append(np.arange(start, stop))
     before = _join_tracks(evidence, parts).before
@@ -169,7 +167,7 @@ def _join_tracks(evidence: IdentityEvidence, parts: list[NDArray[np.intp]]) -> T
     by_track = np.split(descriptors, np.cumsum([len(rows) for rows in samples])[:-1])
 
     def score_pairs(chains: Chains) -> tuple[TrackPairs, Floats]:
-        """Return the pairs of chains that may be joined, and the log ratio of each join."""
+        """Return pairs of chains that may be one animal, and log(P of one / P of two) of each."""
         chain_ends = motion.select_chain_ends(ends, chains)
         start, stop = chain_ends.start, chain_ends.stop
         pairs = successor_pairs(start, stop, segment[[chain[0] for chain in chains]])

@@ -173,6 +173,7 @@ class _JoinSearch:
         first = np.cumsum(size) - size
         place = np.empty(tracks, np.intp)  # number of a track within its part
         place[in_order] = np.arange(tracks) - np.repeat(first, size)
+        # Entries of the matrices: a join of each pair, and for each track an end without a join.
         end = np.append(pairs.a, np.arange(tracks))
         column = np.append(place[pairs.b], size[part] + place)
         self._order = np.lexsort((column, place[end], part[end]))

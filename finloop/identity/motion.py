@@ -117,22 +117,27 @@ def measure_drift(tracks: pd.DataFrame) -> GapDrift:
     spread = tracks[["x", "y"]].quantile(0.99) - tracks[["x", "y"]].quantile(0.01)
     tank = float(np.maximum(spread, 1.0).prod())
     anywhere = float(np.sqrt(tank / np.pi))
-    trials = [(before, *_measure_errors(tracks, before)) for before in _BEFORE]
-    if not trials[0][1]:  # the tracks are too short for any trial gap
-        return GapDrift(np.ones(1), np.full(1, anywhere), np.zeros(1), tank, _BEFORE[0])
-    trials = [trial for trial in trials if trial[1]]
-    common = min(len(error) for _, error, _ in trials)
-    before, error, share = min(
-        trials, key=lambda trial: np.log(np.add(trial[1][:common], 1e-6)).sum()
-    )
+    errors, shares = dict[int, list[float]](), dict[int, list[float]]()  # by frames of the velocity
+    for before in _BEFORE:
+        error, share = _measure_errors(tracks, before)
+        if error:
+            errors[before], shares[before] = error, share
+    if _BEFORE[0] not in errors:  # the tracks are too short for any trial gap
+        return GapDrift(
+            np.ones(1), np.full(1, anywhere), share=np.zeros(1), tank=tank, before=_BEFORE[0]
+        )
+    common = min(map(len, errors.values()))
+    best = min(errors, key=lambda before: np.log(np.add(errors[before][:common], 1e-6)).sum())
     # After a gap so long that the error, which grows with its root, spans the tank, it may be
     # anywhere.
-    gaps = 2.0 ** np.arange(len(error))
-    last = max(anywhere, error[-1])
-    beyond = gaps[-1] * (last / max(error[-1], _NO_ERROR)) ** 2 + 1
+    gaps = 2.0 ** np.arange(len(errors[best]))
+    longest_error = errors[best][-1]
+    last = max(anywhere, longest_error)
+    beyond = gaps[-1] * (last / max(longest_error, _NO_ERROR)) ** 2 + 1
     return GapDrift(
-        np.append(gaps, beyond), np.append(error, last), np.append(share, 0.0), tank, before
-    )
+        np.append(gaps, beyond), np.append(errors[best], last),
+        share=np.append(shares[best], 0.0), tank=tank, before=best,
+    )  # fmt: skip
 
 
 def _measure_errors(tracks: pd.DataFrame, velocity_frames: int) -> tuple[list[float], list[float]]:

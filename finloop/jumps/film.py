@@ -216,9 +216,11 @@ def find_film_jumps(
     search = JumpSearch.from_values(values, track, settings.candidates, least, mirror)
     visible, tables = VisibleDistance.from_source(source, workers), []
     rows = split_into_blocks(len(track), _LOT)
-    counts = settings.jumps_per_frame, min(settings.nearest, settings.jumps_per_frame)
-    best_of = partial(_find_best_jumps, source, search, visible.natural, counts)
-    for done, table in zip(rows, ordered_map(best_of, rows, workers), strict=True):
+    find_jumps = partial(
+        _find_best_jumps, source, search, visible.natural, settings.jumps_per_frame,
+        min(settings.nearest, settings.jumps_per_frame),
+    )  # fmt: skip
+    for done, table in zip(rows, ordered_map(find_jumps, rows, workers), strict=True):
         tables.append(table)
         advance(len(done))
     jumps = pd.concat(tables, ignore_index=True)
@@ -242,28 +244,27 @@ def find_film_jumps(
 
 
 def _find_best_jumps(
-    source: RowSource, search: JumpSearch, natural_step: float, counts: tuple[int, int], rows: Ints
-) -> pd.DataFrame:
+    source: RowSource, search: JumpSearch, natural_step: float, jumps_per_row: int,
+    jumps_to_any_part: int, rows: Ints,
+) -> pd.DataFrame:  # fmt: skip
     """Return the least visible jumps of some rows: columns of `JUMPS`.
 
-    natural_step: unit of the visible distance. counts: how many jumps a row has; and in a film of
-    several parts, how many of them lead to the nearest rows of all parts. The others of a row lead
-    to a single part, which changes every `_TURN` rows.
+    natural_step: unit of the visible distance. In a long film, which has several parts,
+    `jumps_to_any_part` of a row's jumps lead to the nearest rows of the whole film. The others lead
+    into one part of it, in turn: into the next part every `_TURN` rows.
     """
-    visible = VisibleDistance(
-        source.picture_array(), source.load_film()[1].pose.posture, natural_step
-    )
-    (count, anywhere), parts = counts, search.parts
+    postures = source.load_film()[1].pose.posture
+    visible, parts = VisibleDistance(source.picture_array(), postures, natural_step), search.parts
 
     def choose_best(neighbours: pd.DataFrame, most: int) -> pd.DataFrame:
         """Return the least visible jumps to some neighbours, at most `most` for each row."""
         return choose_best_jumps(neighbours, visible.measure_best(neighbours, most), most)
 
-    if parts == 1 or anywhere == count:
-        return choose_best(search(rows), count)
-    tables = [choose_best(search(rows), anywhere)]
+    if parts == 1 or jumps_to_any_part == jumps_per_row:
+        return choose_best(search(rows), jumps_per_row)
+    tables = [choose_best(search(rows), jumps_to_any_part)]
     for turn, turn_rows in pd.Series(rows).groupby(rows // _TURN):
         neighbours = search.search_part(turn_rows.to_numpy(), int(turn) % parts)
-        tables.append(choose_best(neighbours, count - anywhere))
+        tables.append(choose_best(neighbours, jumps_per_row - jumps_to_any_part))
     jumps = pd.concat(tables).drop_duplicates(["row", "to", "mirrored"])
     return jumps.sort_values(["row", "seam", "to"], ignore_index=True)

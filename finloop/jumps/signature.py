@@ -176,15 +176,14 @@ def compute_signatures(
     unit is the natural step, the median distance from row to row a step later. step_ends: rows
     (k,), and the rows (k,) a step later.
     """
-    weights = (
-        settings.pose_weight, settings.change, settings.motion_weight, settings.appearance_weight,
-    )  # fmt: skip
-    weighted = [standardize_part(part, name == "motion") * weight for (name, part), weight in
-             zip(row_parts._asdict().items(), weights, strict=True)]  # fmt: skip
-    values = np.concatenate(weighted, axis=-1)
-    natural_step = np.median(
-        np.linalg.norm(values[0, step_ends[1]] - values[0, step_ends[0]], axis=-1)
-    )
+    weighted = [
+        standardize_part(row_parts.pose) * settings.pose_weight,
+        standardize_part(row_parts.change) * settings.change,
+        standardize_part(row_parts.motion, each=True) * settings.motion_weight,
+        standardize_part(row_parts.look) * settings.appearance_weight,
+    ]
+    values, (first, after) = np.concatenate(weighted, axis=-1), step_ends
+    natural_step = np.median(np.linalg.norm(values[0, after] - values[0, first], axis=-1))
     return values / max(float(natural_step), 1e-12)
 
 

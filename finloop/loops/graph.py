@@ -63,46 +63,43 @@ def build_loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> Loop
     """
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     loop_distance = loops["distance"].to_numpy(np.float32)
+    # Every loop is two jumps, first all from a to b, then all from b to a.
     ends, source = np.unique(np.r_[a, b].astype(np.int32), return_inverse=True)
     to = np.r_[source[len(a) :], source[: len(a)]]
     end_count = int(ends.size)
     ahead = np.full(end_count, -1, np.int32)
-    follows = np.flatnonzero(np.diff(track_id[ends]) == 0)
-    ahead[follows] = follows + 1
+    has_end_ahead = np.flatnonzero(np.diff(track_id[ends]) == 0)
+    ahead[has_end_ahead] = has_end_ahead + 1
     order = np.lexsort((to, np.r_[loop_distance, loop_distance], source))
     start = np.searchsorted(source[order], np.arange(end_count + 1)).astype(np.int32)
     jumps = to[order].astype(np.int32)
-    following = _segment_successors(ahead, start, jumps)
-    count, component_of_segment = connected_components(
-        following, directed=True, connection="strong"
-    )
-    cyclic = (np.bincount(component_of_segment, minlength=count) > 1)[component_of_segment] | (
-        following.diagonal() > 0
-    )
-    component = renumber_groups(
-        component_of_segment, np.where(ahead >= 0, ends[ahead] - ends, 0) * cyclic
-    )
-    endless = _has_endless_future(track_id, ends, start, jumps)[ends]
-    distance = np.r_[loop_distance, loop_distance][order]
-    return LoopGraph(ends, ahead, start, jumps, distance, component, cyclic, endless)
+    successors = _segment_successors(ahead, start, jumps)
+    _, component_of_segment = connected_components(successors, directed=True, connection="strong")
+    has_others = np.bincount(component_of_segment)[component_of_segment] > 1
+    cyclic = has_others | (successors.diagonal() > 0)
+    segment_frames = np.where(ahead >= 0, ends[ahead] - ends, 0)
+    return LoopGraph(
+        ends, ahead, start, jumps,
+        distance=np.r_[loop_distance, loop_distance][order],
+        component=renumber_groups(component_of_segment, segment_frames * cyclic),
+        cyclic=cyclic,
+        endless=_has_endless_future(track_id, ends, start, jumps)[ends],
+    )  # fmt: skip
 
 
 def _segment_successors(
     ahead: NDArray[np.int32], start: NDArray[np.int32], to: NDArray[np.int32]
 ) -> csr_array:
-    """Return the sparse matrix (m, m) of which segment of film (row) can follow which (column).
+    """Return the sparse matrix (m, m): > 0 where after a segment (row) another one can be shown.
 
     A segment runs from a loop end to the next. ahead (m,): the next end in the track, −1 for none;
     from end k the film can jump to the ends `to[start[k]:start[k + 1]]`.
     """
     m = len(ahead)
     played = np.flatnonzero(ahead >= 0)
-    next_end = ahead[played]
-    count = start[next_end + 1] - start[next_end]
-    offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    jumped = to[np.repeat(start[next_end], count) + offset]
-    rows, columns = np.r_[played, np.repeat(played, count)], np.r_[next_end, jumped]
-    return coo_array((np.ones(len(rows), np.int8), (rows, columns)), (m, m)).tocsr()
+    play = csr_array((np.ones(len(played), np.int32), (played, ahead[played])), (m, m))
+    jump = csr_array((np.ones(len(to), np.int32), to, start), (m, m))
+    return play + play @ jump
 
 
 def renumber_groups(
@@ -161,24 +158,26 @@ def _has_endless_future(
     has_next = np.append(track_id[1:] == track_id[:-1], False)
     end = np.full(len(track_id), -1, np.int32)
     end[ends] = np.arange(len(ends))
-    return has_next & np.append(find_endless_rows(has_next, end, start, ends[to])[1:], False)
+    is_endless = find_endless_rows(has_next, end, start, ends[to])
+    return has_next & np.append(is_endless[1:], False)
 
 
 def can_play_for_ever(graph: LoopGraph, track_id: NDArray[np.integer]) -> Mask:
-    """Return after which feature rows (n,) the film can play for ever.
+    """Return after which feature rows (n,) of a film, by playing or jumping, it can play for ever.
 
     track_id (n,): of every row.
     """
     return _has_endless_future(track_id, graph.ends, graph.start, graph.to)
 
 
-def is_in_component(graph: LoopGraph, rows: int, number: int = 0) -> Mask:
-    """Return which feature rows (rows,) lie in one connected part of the loop graph.
+def rows_of_component(graph: LoopGraph, row_count: int, component: int = 0) -> Mask:
+    """Return a mask (row_count,) of the feature rows in one component of the loop graph.
 
-    Film and loops connect its rows. rows: their number; number: of the part, 0 has the most film.
+    A component is film of which every part can be reached from every other by playing and jumping.
+    row_count: of the feature table; component: its number, 0 has the most film.
     """
-    change = np.zeros(rows + 1, np.int32)
-    segments = (graph.component == number) & (graph.ahead >= 0)
+    change = np.zeros(row_count + 1, np.int32)  # of the number of segments that a row lies in
+    segments = (graph.component == component) & (graph.ahead >= 0)
     np.add.at(change, graph.ends[segments], 1)
     np.add.at(change, graph.ends[graph.ahead[segments]], -1)
     return np.cumsum(change)[:-1] > 0
@@ -231,5 +230,6 @@ def _least_route_costs(graph: LoopGraph, target_end: int, jump_frames: float) ->
     played = np.flatnonzero(graph.ahead >= 0)
     jumped = np.repeat(np.arange(m), np.diff(graph.start))
     cost = np.r_[graph.segment_frames[played], np.full(len(jumped), max(jump_frames, _FREE))]
-    back = np.r_[graph.ahead[played], graph.to], np.r_[played, jumped]
-    return dijkstra(coo_array((cost, back), (m, m)).tocsr(), indices=target_end) * (1 - 1e-9)
+    backwards = np.r_[graph.ahead[played], graph.to], np.r_[played, jumped]  # from end, to end
+    least_cost = dijkstra(coo_array((cost, backwards), (m, m)).tocsr(), indices=target_end)
+    return least_cost * (1 - 1e-9)  # not above the true cost in spite of rounding

@@ -25,7 +25,7 @@ from finloop.distance.map import MapFacts
 from finloop.distance.picture import typical_lengths_px
 from finloop.features.current import places_through_water
 from finloop.features.table import infer_delta_frames, wrap_deg
-from finloop.loops.graph import LoopGraph, can_play_for_ever, is_in_component, renumber_groups
+from finloop.loops.graph import LoopGraph, can_play_for_ever, renumber_groups, rows_of_component
 from finloop.loops.settings import LoopsSettings
 
 TRAVEL = 0.05  # body lengths from which a fish has a direction of travel
@@ -255,20 +255,20 @@ def group_overlapping_loops(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
     loops.
     """
     n = len(a)
-    within = track[a] == track[b]
+    # Rows first … last that each end covers: end a all the film up to b, if that is its track.
     first = np.r_[a, b]
-    last = np.r_[np.where(within, b, a), b]
+    last = np.r_[np.where(track[a] == track[b], b, a), b]
     order = np.lexsort((-last, first))
+    # A stretch is film that overlapping loops cover; a new one begins beyond all that came before.
     reach = np.maximum.accumulate(last[order])
-    stretch_of_sorted = np.r_[0, np.cumsum(first[order][1:] > reach[:-1])]
     stretch_of_end = np.empty(2 * n, np.int64)
-    stretch_of_end[order] = stretch_of_sorted
-    stretch_count = int(stretch_of_sorted[-1]) + 1
-    overlaps = coo_array(
+    stretch_of_end[order] = np.r_[0, np.cumsum(first[order][1:] > reach[:-1])]
+    stretch_count = int(stretch_of_end.max()) + 1
+    joins = coo_array(  # the stretches of a loop's two ends
         (np.ones(n, np.int8), (stretch_of_end[:n], stretch_of_end[n:])),
         (stretch_count, stretch_count),
     )
-    _, group_of_stretch = connected_components(overlaps, directed=False)
+    _, group_of_stretch = connected_components(joins, directed=False)
     return renumber_groups(group_of_stretch[stretch_of_end[:n]])
 
 
@@ -298,10 +298,10 @@ def _explain_no_loops(
             "distance.motion_area_threshold, or distance.frame_of_reference=body; or take a longer "
             "clip",
         )
-    any_far, _ = find_loop_candidates(pairs, features, np.inf, settings)
-    any_far = any_far[~any_far["improper"]]
-    if len(any_far):
-        enough = np.ceil(100 * any_far["filtered"].iloc[0] / step_median) / 100
+    at_any_distance, _ = find_loop_candidates(pairs, features, np.inf, settings)
+    at_any_distance = at_any_distance[~at_any_distance["improper"]]
+    if len(at_any_distance):
+        enough = np.ceil(100 * at_any_distance["filtered"].iloc[0] / step_median) / 100
         return NoLoopsError(
             f"no video loops with loops.distance_threshold {settings.distance_threshold:g} "
             "(median natural steps)",
@@ -357,26 +357,28 @@ def measure_travel(a: Rows, b: Rows, features: pd.DataFrame) -> LoopTravel:
     moved less than `TRAVEL` body lengths has no direction of travel.
     """
     track = features["track_id"].to_numpy()
-    x, y = places_through_water(features).T * ((1,), (-1,))
+    x, y = places_through_water(features).T
+    place = x - 1j * y  # y up, so that angles are anticlockwise as seen
     length = typical_lengths_px(features).to_numpy(float)
     heading_vector = np.exp(1j * np.radians(features["heading_deg"].to_numpy(float)))
 
-    def travel(low: Rows, high: Rows, known: Mask) -> Floats:
-        """Return the direction of travel from low to high rows; NaN where there is none."""
-        displacement = (x[high] - x[low]) + 1j * (y[high] - y[low])
+    def direction_of_travel(low: Rows, high: Rows, known: Mask) -> Floats:
+        """Return the direction [°] from low to high rows; NaN if not `known`, or hardly moved."""
+        displacement = place[high] - place[low]
         known = known & (np.abs(displacement) >= TRAVEL * length[low])
         return np.where(known, np.degrees(np.angle(displacement)), np.nan)
 
     heading_sum = np.r_[0, np.cumsum(heading_vector)]
     mean_heading = (heading_sum[b + 1] - heading_sum[a]) / (b + 1 - a)
-    travels = [travel(a, b, (track[a] == track[b]) & (np.abs(mean_heading) >= RESULTANT))]
+    known = (track[a] == track[b]) & (np.abs(mean_heading) >= RESULTANT)
+    travels = [direction_of_travel(a, b, known)]
     delta = infer_delta_frames(features)
     first = np.searchsorted(track, track)  # tracks lie one after another, their numbers rise
     last = np.searchsorted(track, track, side="right") - 1
     for end in (a, b):
         low = np.maximum(end - delta // 2, first[end])
         high = np.minimum(low + delta, last[end])
-        travels.append(travel(low, high, np.ones(len(end), bool)))
+        travels.append(direction_of_travel(low, high, np.ones(len(end), bool)))
     headings = [
         np.degrees(np.angle(vector))
         for vector in (mean_heading, heading_vector[a], heading_vector[b])
@@ -393,14 +395,15 @@ def loop_metrics(
 ) -> dict[str, float]:  # fmt: skip
     """Return the metrics of a film's loops, by their names in metrics.json.
 
-    A seam is the picture distance of a jump in median steps of the film. Shares of the film are of
-    its `compared` rows. A component of the graph counts if the film can play in it for ever. From a
-    dead end every route leads to the end of a track.
+    counts: of `find_video_loops`. compared: rows of the distance map; shares of the film are of
+    these. A seam is the picture distance of a jump in median steps of the film. A component of the
+    graph counts if the film can play in it for ever. From a dead end every route leads to the end
+    of a track.
     """
     track = features["track_id"].to_numpy()
     seam = loops["distance"].to_numpy(float) / facts.step_median
     within = loops["length_s"].notna()
-    largest = is_in_component(graph, len(features))
+    largest = rows_of_component(graph, len(features))
     sizes = loops["group"].value_counts()
     return {
         **counts,

@@ -34,14 +34,14 @@ def count_polygon_folds(stack: Reals, closed: bool = True) -> Ints:
     repeated. FinloopError if a coordinate is not finite, or there are too few vertices.
     """
     stack = _check_polygons(stack, closed)
-    counts = [count_folds_unchecked(points, closed, False) for points in stack]
+    counts = [count_folds_unchecked(points, closed, first_only=False) for points in stack]
     return np.array(counts, np.int64)
 
 
 def is_simple(points: Reals, closed: bool = True) -> bool:
     """Return whether a polygon (n, 2) never meets itself, as `count_polygon_folds` counts."""
     polygon = _check_polygons(points, closed)[0]
-    return count_folds_unchecked(polygon, closed, True) == 0
+    return count_folds_unchecked(polygon, closed, first_only=True) == 0
 
 
 def stays_simple(poses: Reals, closed: bool = True) -> bool:
@@ -51,7 +51,7 @@ def stays_simple(poses: Reals, closed: bool = True) -> bool:
     near each other to decide.
     """
     poses = _check_polygons(poses, closed)
-    if count_folds_unchecked(poses[0], closed, True):
+    if count_folds_unchecked(poses[0], closed, first_only=True):
         return False
     return bool(stays_simple_unchecked(poses, closed))
 

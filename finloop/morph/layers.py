@@ -190,7 +190,9 @@ def physical_morph(
     material = Material(density=mass, elastic=elastic, mass_damping=mass_damping)
     times = np.linspace(0, 1, frames)
     start = np.column_stack([bend, slowest])  # x, y, and a third coordinate for the mean's motion
-    motion = solve_motion(Problem(np.zeros_like(start), start, material, times)).displacement
+    at_rest = np.zeros_like(start)
+    problem = Problem(rest=at_rest, displacement=start, material=material, times=times)
+    motion = solve_motion(problem).displacement
     mean_factor = motion[:, 0, 2] / slowest[0]
     displacement = motion[:, :points, :2] + mean_factor[:, None, None] * mean_offset
     fade = np.clip((1 - times) / FADE, 0, 1)

@@ -66,11 +66,11 @@ class FoldFreeMorph:
 
 
 def morph_without_folds(a: Curve, b: Curve, frames: int, points: int) -> FoldFreeMorph:
-    """Morph curve a into b so that no frame count itself.
+    """Morph curve a into b so that no frame meets itself.
 
-    Return the frames, the method, and whether it is proved that no moment between two frames count
-    itself either. frames: their number, the curves themselves included; points: of every frame.
-    FinloopError if one curve is open and the other closed, if a curve, resampled, count itself, or
+    Return the frames, the method, and whether it is proved that the curve does not meet itself
+    between two frames either. frames: their number, a and b included; points: of every frame.
+    FinloopError if one curve is open and the other closed, if a curve, resampled, meets itself, or
     if its parts are too near each other.
     """
     first, second = match_curves(a, b, points)
@@ -129,8 +129,7 @@ def _find_simple_path(first: Points, second: Points, closed: bool) -> tuple[Poin
 def _candidate_starts(a: Points, b: Points) -> list[int]:
     """Return the points of polygon b that may correspond to the first of a: 0, and the best fits.
 
-    a, b (k, n, 2): poses of both, simplified step by step. Neighbouring start points give similar
-    paths, so only local minima of the misfit count.
+    a, b (k, n, 2): poses of both, simplified step by step. Only local minima of the misfit count.
     """
     n, starts = a.shape[1], [0]
     for share in (0.0, 0.5, 1.0):
@@ -141,6 +140,7 @@ def _candidate_starts(a: Points, b: Points) -> list[int]:
         starts += minima[np.argsort(misfit[minima], kind="stable")][:2].tolist()
     different: list[int] = []
     for start in starts:
+        # At least 1/32 of the polygon apart: nearer ones give nearly the same path.
         if all(min((start - s) % n, (s - start) % n) > n // 32 for s in different):
             different.append(start)
     return different
@@ -158,7 +158,7 @@ def _find_shortest_path(
     length = before[:, None] + _pose_distances(a, b) + after
     possible = length < limit
 
-    def is_free(i: int, j: int) -> bool:
+    def try_to_join(i: int, j: int) -> bool:
         """Return whether poses a_i and b_j can be joined; else rule out less simplified pairs."""
         if _straight_motion_is_simple(a[i], b[j], closed):
             return True
@@ -168,10 +168,10 @@ def _find_shortest_path(
     low, high = 0, min(len(a), len(b)) - 1
     while low < high:  # bisection: how simple must both poses be? This rules out many pairs
         middle = (low + high) // 2
-        low, high = (low, middle) if is_free(middle, middle) else (middle + 1, high)
+        low, high = (low, middle) if try_to_join(middle, middle) else (middle + 1, high)
     for flat_index in np.argsort(length, axis=None):
         i, j = divmod(int(flat_index), len(b))
-        if possible[i, j] and is_free(i, j):
+        if possible[i, j] and try_to_join(i, j):
             # One pose simpler if that is free too: the shortest free path almost folds.
             if (
                 i + 1 < len(a)
@@ -231,10 +231,10 @@ def _straight_motion_is_simple(first: Points, second: Points, closed: bool) -> b
 
 
 def _frames_along_path(poses: Points, frames: int, closed: bool) -> tuple[Points, bool]:
-    """Return frames (frames, n, 2) at constant speed along poses, smoothed in time if they can be.
+    """Return frames (frames, n, 2) at constant speed along poses, smoothed in time if possible.
 
-    poses (k, n, 2). Smoothing is left out if it makes folds. Also return whether it is: then each
-    frame lies, up to its size, on the path through the poses.
+    poses (k, n, 2). Smoothing is left out if it would make folds. Also return whether it was left
+    out: then each frame lies, up to its size, on the path through the poses.
     """
     along = path_lengths(poses)
     marks = np.linspace(0, along[-1], frames)
@@ -311,9 +311,9 @@ def _smooth_contour(points: Points, closed: bool) -> Points:
     if not closed:
         edges[len(points) - 1 :] *= -1  # the second half mirrors the first
     angle = np.pi * np.arange(len(edges)) / len(edges)
-    weight = 1 / (1 + 4 * REACH**2 * np.sin(angle) ** 2)
-    mean = np.fft.ifft(np.fft.fft(edges @ [1, 1j]) * weight)[: len(points) - 1]
-    z = np.r_[0, np.cumsum(mean)]
+    weight = 1 / (1 + 4 * REACH**2 * np.sin(angle) ** 2)  # of frequencies: a mean that falls off
+    mean_edges = np.fft.ifft(np.fft.fft(edges @ [1, 1j]) * weight)[: len(points) - 1]
+    z = np.r_[0, np.cumsum(mean_edges)]
     smooth = np.stack([z.real, z.imag], axis=1)
     return smooth - smooth.mean(axis=0) + points.mean(axis=0)
 
@@ -409,15 +409,16 @@ def straighten_curve(points: Points) -> tuple[Points, bool]:
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
     poses, length_share, shrink = [points], 1.0, SHRINK
     while not _is_straight(poses[-1]):
-        marks = along[-1] * (0.5 + shrink * length_share * (np.linspace(0, 1, len(points)) - 0.5))
+        share = shrink * length_share  # of the curve that the next pose shows
+        marks = along[-1] * (0.5 + share * (np.linspace(0, 1, len(points)) - 0.5))
         x, y = (np.interp(marks, along, values) for values in points.T)
-        pose = np.stack([x - x.mean(), y - y.mean()], axis=1) / (shrink * length_share)
+        pose = np.stack([x - x.mean(), y - y.mean()], axis=1) / share
         pose += points.mean(axis=0)
-        if stays_simple_unchecked(np.stack([poses[-1], pose]), False):
+        if stays_simple_unchecked(np.stack([poses[-1], pose]), closed=False):
             poses.append(pose)
-            length_share, shrink = shrink * length_share, max(SHRINK, shrink**2)
+            length_share, shrink = share, max(SHRINK, shrink**2)  # twice the step again
         elif shrink < SLOWEST:
-            shrink = shrink**0.5
+            shrink = shrink**0.5  # half the step
         else:
             return np.stack(poses), False
     return np.stack(poses), True

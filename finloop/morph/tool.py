@@ -33,15 +33,14 @@ def main(arguments: list[str] | None = None, program: str = "python -m finloop.m
 def _write_morph(options: argparse.Namespace) -> str:
     """Write the morph that the command line's options describe; return its summary."""
     find_morph_writer(options.output)  # check the ending first
-    drawings = load_svg(options.a), load_svg(options.b)
-    physics = PhysicalOptions(options.elastic, options.damping, options.mass)
     result = morph_drawings(
-        *drawings,
+        load_svg(options.a),
+        load_svg(options.b),
         options.method,
         options.frames,
         options.points,
-        LinearOptions(options.level),
-        physics,
+        scales=LinearOptions(options.level),
+        physics=PhysicalOptions(options.elastic, options.damping, options.mass),
     )
     shown = there_and_back(result) if options.back else result
     save_animation(options.output, shown, options.fps, options.size)

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Mask
-from finloop.loops.graph import LoopGraph, can_play_for_ever, is_in_component
+from finloop.loops.graph import LoopGraph, can_play_for_ever, rows_of_component
 from finloop.loops.search import group_overlapping_loops
 from finloop.plots.loops import arc_points, spread_table_rows
 
@@ -162,7 +162,7 @@ def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_h
     """
     track_id, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     rows = len(track_id)
-    endless, in_largest = can_play_for_ever(graph, track_id), is_in_component(graph, rows)
+    endless, in_largest = can_play_for_ever(graph, track_id), rows_of_component(graph, rows)
     state = np.where(in_largest, 0, np.where(endless, 1, 2))
     axes.imshow(
         state[None], aspect="auto", extent=(0, rows / rate_hz, 0, 1), interpolation="nearest",

@@ -69,9 +69,10 @@ class FilmPoses:
         """Return the principal shapes as plain lists; with codes, `restore_poses` rebuilds all."""
         shapes = self.shapes
         return ShapeFacts(
-            shapes.mean.tolist(), shapes.shapes.tolist(), shapes.weights.tolist(),
-            shapes.variance.tolist(), shapes.total_variance, shapes.gap, self.trunk,
-            self.tail_spread, self.memory_frames,
+            mean=shapes.mean.tolist(), shapes=shapes.shapes.tolist(),
+            weights=shapes.weights.tolist(), variance=shapes.variance.tolist(),
+            total_variance=shapes.total_variance, gap=shapes.gap, trunk=self.trunk,
+            tail_spread=self.tail_spread, memory_frames=self.memory_frames,
         )  # fmt: skip
 
     def pose_from_codes(self, row: int, codes: Floats) -> Pose:
@@ -114,12 +115,14 @@ def restore_poses(
     to compute them. ValueError if their sizes do not match.
     """
     values, stored = codes.astype(float), ShapeFacts(**facts)
-    mean, shapes = np.array(stored.mean), np.array(stored.shapes)
-    weights, variance = np.array(stored.weights), np.array(stored.variance)
+    shapes = np.array(stored.shapes)
     if len(values) != len(features) or values.shape[1:] != shapes.shape[:1]:
         raise ValueError(f"{values.shape} codes, {len(features)} rows, {len(shapes)} shapes")
-    total = stored.total_variance
-    without_codes = PoseShapes(mean, shapes, weights, variance, total, values[:0], stored.gap)
+    without_codes = PoseShapes(
+        np.array(stored.mean), shapes, weights=np.array(stored.weights),
+        variance=np.array(stored.variance), total_variance=stored.total_variance,
+        codes=values[:0], gap=stored.gap,
+    )  # fmt: skip
     scalars = stored.trunk, stored.tail_spread, stored.memory_frames
     return _build_poses(features, values, without_codes, scalars, posture)
 
@@ -135,9 +138,10 @@ def _build_poses(
     """
     whole = replace(shapes, codes=np.concatenate([codes, codes @ shapes.mirror_matrix]))
     pose = Pose(
-        features["x_px"].to_numpy(float), features["y_px"].to_numpy(float),
-        np.radians(features["heading_deg"].to_numpy(float)),
-        typical_lengths_px(features).to_numpy(float),
-        whole.decode(codes) if posture is None else posture,
-    )  # fmt: skip
+        features["x_px"].to_numpy(float),
+        features["y_px"].to_numpy(float),
+        heading_rad=np.radians(features["heading_deg"].to_numpy(float)),
+        size_px=typical_lengths_px(features).to_numpy(float),
+        posture=whole.decode(codes) if posture is None else posture,
+    )
     return FilmPoses(pose, codes, whole, *facts)

@@ -177,16 +177,16 @@ def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
     y: the row; front, rear: the cross-sections that bound a step, each as point, normal, lengths.
     Bounds are ±HIDDEN where a section is parallel to the row.
     """
-    (ax, ay), (anx, any_), _ = front
-    (bx, by), (bnx, bny), _ = rear
+    (fx, fy), (fnx, fny), _ = front
+    (rx, ry), (rnx, rny), _ = rear
     start, stop = -HIDDEN, HIDDEN
-    if abs(any_) > 1e-9:
-        x_of_section = ax + (y - ay) * anx / any_
-        start, stop = (x_of_section, stop) if any_ > 0 else (start, x_of_section)
-    if abs(bny) > 1e-9:
-        x_of_section = bx + (y - by) * bnx / bny
+    if abs(fny) > 1e-9:
+        x_of_section = fx + (y - fy) * fnx / fny
+        start, stop = (x_of_section, stop) if fny > 0 else (start, x_of_section)
+    if abs(rny) > 1e-9:
+        x_of_section = rx + (y - ry) * rnx / rny
         start, stop = (
-            (start, min(stop, x_of_section)) if bny > 0 else (max(start, x_of_section), stop)
+            (start, min(stop, x_of_section)) if rny > 0 else (max(start, x_of_section), stop)
         )
     return start - 1e-3, stop + 1e-3
 
@@ -201,19 +201,19 @@ def _paint_step(canvas, film, strips, part, mode, corner):  # type: ignore[no-un
     height, width, channels = canvas.shape
     (film_strip, new_strip), (i, left, right) = strips, part
     front, rear = _section_numbers(new_strip, i), _section_numbers(new_strip, i + 1)
-    (ax, ay), (anx, any_), _ = front
-    (bx, by), (bnx, bny), _ = rear
+    (fx, fy), (fnx, fny), _ = front
+    (rx, ry), (rnx, rny), _ = rear
     film_front, film_rear = _section_numbers(film_strip, i), _section_numbers(film_strip, i + 1)
-    xs = (ax + left * anx, ax - right * anx, bx + left * bnx, bx - right * bnx)
-    ys = (ay + left * any_, ay - right * any_, by + left * bny, by - right * bny)
+    xs = (fx + left * fnx, fx - right * fnx, rx + left * rnx, rx - right * rnx)
+    ys = (fy + left * fny, fy - right * fny, ry + left * rny, ry - right * rny)
     top, left_px = corner
     low, high = max(min(xs), left_px), min(max(xs), left_px + width - 1.0)
     first, last = max(min(ys), top), min(max(ys), top + height - 1.0)
     for y in range(math.ceil(first), math.floor(last) + 1):
         start, stop = _row_span(y, front, rear)
         for x in range(math.ceil(max(start, low)), math.floor(min(stop, high)) + 1):
-            before = (x - ax) * any_ - (y - ay) * anx
-            after = (bx - x) * bny - (by - y) * bnx
+            before = (x - fx) * fny - (y - fy) * fnx
+            after = (rx - x) * rny - (ry - y) * rnx
             if min(before, after) < -_SEAM or before + after < _SEAM:
                 continue
             share = before / (before + after)
@@ -240,15 +240,15 @@ def _strip_place(x, y, front, rear, share):  # type: ignore[no-untyped-def]
 
     Along counts from the cross-section at `share` (0-1) between `front` and `rear`.
     """
-    (ax, ay), (anx, any_), (aleft, aright) = front
-    (bx, by), (bnx, bny), (bleft, bright) = rear
-    nx, ny = anx + share * (bnx - anx), any_ + share * (bny - any_)
-    dx, dy = x - ax - share * (bx - ax), y - ay - share * (by - ay)
+    (fx, fy), (fnx, fny), (fleft, fright) = front
+    (rx, ry), (rnx, rny), (rleft, rright) = rear
+    nx, ny = fnx + share * (rnx - fnx), fny + share * (rny - fny)
+    dx, dy = x - fx - share * (rx - fx), y - fy - share * (ry - fy)
     norm = 1 / (nx * nx + ny * ny)
     o, along = (dx * nx + dy * ny) * norm, (dx * ny - dy * nx) * norm
     if o >= 0:
-        return unsqueeze_offset(o, aleft + share * (bleft - aleft)), along
-    return -unsqueeze_offset(-o, aright + share * (bright - aright)), along
+        return unsqueeze_offset(o, fleft + share * (rleft - fleft)), along
+    return -unsqueeze_offset(-o, fright + share * (rright - fright)), along
 
 
 @finite_leaf
@@ -259,20 +259,20 @@ def _film_place(place, front, rear, mirrored):  # type: ignore[no-untyped-def]
     the film, and the share from the section `front` to `rear`; mirrored: whether left and right are
     exchanged. (HIDDEN, HIDDEN) where the film's pose does not show it.
     """
-    (ax, ay), (anx, any_), (aleft, aright) = front
-    (bx, by), (bnx, bny), (bleft, bright) = rear
+    (fx, fy), (fnx, fny), (fleft, fright) = front
+    (rx, ry), (rnx, rny), (rleft, rright) = rear
     unbent, along, share = place
     if mirrored:
         unbent = -unbent
     if unbent >= 0:
-        offset = squeeze_offset(unbent, aleft + share * (bleft - aleft))
+        offset = squeeze_offset(unbent, fleft + share * (rleft - fleft))
     else:
-        offset = -squeeze_offset(-unbent, aright + share * (bright - aright))
+        offset = -squeeze_offset(-unbent, fright + share * (rright - fright))
     if abs(offset) >= HIDDEN:
         return HIDDEN, HIDDEN
-    nx, ny = anx + share * (bnx - anx), any_ + share * (bny - any_)
-    u = ax + share * (bx - ax) + offset * nx + along * ny
-    v = ay + share * (by - ay) + offset * ny - along * nx
+    nx, ny = fnx + share * (rnx - fnx), fny + share * (rny - fny)
+    u = fx + share * (rx - fx) + offset * nx + along * ny
+    v = fy + share * (ry - fy) + offset * ny - along * nx
     return u, v
 
 
@@ -403,7 +403,7 @@ def nearest_in_pose(
         if filled == count and cost >= best[-1]:
             continue
         filled = min(filled + 1, count)
-        place = filled - 1
+        place = filled - 1  # where the cost belongs among the ascending best ones
         while place > 0 and best[place - 1] > cost:
             best[place] = best[place - 1]
             place -= 1

@@ -81,12 +81,12 @@ class PoseShapes:
         gap = float(np.quantile(nearest, gap_quantile))
         return cls(
             mean,
-            shapes[:shape_count],
-            weights,
-            variance[:shape_count],
-            total_variance,
-            codes,
-            gap,
+            shapes=shapes[:shape_count],
+            weights=weights,
+            variance=variance[:shape_count],
+            total_variance=total_variance,
+            codes=codes,
+            gap=gap,
         )
 
     @property

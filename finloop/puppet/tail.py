@@ -60,15 +60,15 @@ def align_body_and_tail(
     count = smooth.shape[1]
     body_steps = max(1, round(parameters.body * (count - 1)))
     step_px, body_end = _mean_step_lengths(smooth), _find_body_ends(widths, parameters.thin)
-    tail_px = (count - 1 - body_end) * step_px
-    tail_steps = np.quantile(tail_px, parameters.whole) / step_px
-    shares = np.arange(count - body_steps) / max(count - 1 - body_steps, 1)
-    before = body_end[:, None] * np.linspace(0, 1, body_steps + 1)[:-1]
-    after = body_end[:, None] + tail_steps[:, None] * shares
-    places = np.concatenate([before, after], 1)  # in steps, also beyond n - 1
-    corner = np.minimum(places.astype(int), count - 2)[..., None]
-    start, stop = (np.take_along_axis(smooth, corner + k, 1) for k in (0, 1))
-    return start + (places[..., None] - corner) * (stop - start)
+    visible_tail_px = (count - 1 - body_end) * step_px
+    tail_steps = np.quantile(visible_tail_px, parameters.whole) / step_px
+    tail_shares = np.arange(count - body_steps) / max(count - 1 - body_steps, 1)
+    on_body = body_end[:, None] * np.linspace(0, 1, body_steps + 1)[:-1]
+    on_tail = body_end[:, None] + tail_steps[:, None] * tail_shares
+    places = np.concatenate([on_body, on_tail], 1)  # in steps from the head, also beyond n - 1
+    point_before = np.minimum(places.astype(int), count - 2)[..., None]
+    start, stop = (np.take_along_axis(smooth, point_before + k, 1) for k in (0, 1))
+    return start + (places[..., None] - point_before) * (stop - start)
 
 
 def _mean_step_lengths(lines: Floats) -> Floats:

@@ -60,20 +60,26 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
     sizes = index.set_index(_KEY)[["width_px", "height_px"]]
     groups = []
     for sequence, rows in sprites.groupby("sequence", sort=False):
-        for number in range(1, count_orientations(sprites) + 1):
-            group = f"{sequence}/{number:02d}"
-            groups.append([
-                AtlasSlot(sprite, number, f"{group}/{step:02d}", group, 0, 0, *map(int, size))
-                for sprite, step in zip(rows["sprite"], rows["step"], strict=True)
-                for size in [sizes.loc[(sprite, number)]]
-            ])  # fmt: skip
+        for orientation in range(1, count_orientations(sprites) + 1):
+            group = f"{sequence}/{orientation:02d}"
+            slots = []
+            for sprite, step in zip(rows["sprite"], rows["step"], strict=True):
+                width, height = map(int, sizes.loc[(sprite, orientation)])
+                name = f"{group}/{step:02d}"
+                slots.append(
+                    AtlasSlot(
+                        sprite, orientation, name, group, x=0, y=0, width=width, height=height
+                    )
+                )
+            groups.append(slots)
+
+    def is_too_much(count: int) -> bool:
+        """Return whether the first `count` groups that are left do not fit on one page."""
+        return _pack_page([*chain(*groups[:count])], page_px, page_px) is None
+
     atlas: list[AtlasPage] = []
     while groups:
-        fit = bisect_left(
-            range(1, len(groups) + 1),
-            True,
-            key=lambda count: _pack_page([*chain(*groups[:count])], page_px, page_px) is None,
-        )
+        fit = bisect_left(range(1, len(groups) + 1), True, key=is_too_much)  # groups on this page
         if fit == 0:
             slots = groups[0]
             raise FinloopError(

@@ -229,7 +229,7 @@ def find_tail_beats(
     ):
         tail = sliding_window_view(track["tail"].to_numpy(), n)[start]
         power = np.abs(np.fft.rfft(tail - tail.mean(1, keepdims=True), axis=1)) ** 2
-        power[:, 1 : (n + 1) // 2] *= 2
+        power[:, 1 : (n + 1) // 2] *= 2  # rfft leaves out the mirror images
         total = np.maximum(power[:, 1:].sum(1), 1e-12)
         swing = np.maximum(np.ptp(tail, axis=1), 1e-6)
         faults = _common_faults(track, start, n, settings) | {
@@ -569,9 +569,12 @@ def best_runs_of_tracks(
         picture_faults["soft"] = max(0.0, softness) / settings.soft
         track = int(table["track_id"].iat[start])
         run = FrameRun(
-            track, int(table["frame"].iat[start]), int(table["frame"].iat[start + n - 1]),
-            slice(start, start + n), candidates.loc[label, faults].to_dict() | picture_faults,
-        )  # fmt: skip
+            track,
+            first=int(table["frame"].iat[start]),
+            last=int(table["frame"].iat[start + n - 1]),
+            rows=slice(start, start + n),
+            faults=candidates.loc[label, faults].to_dict() | picture_faults,
+        )
         if track not in best or run.cost < best[track].cost:
             best[track] = run
     return sorted(best.values(), key=lambda run: run.cost)

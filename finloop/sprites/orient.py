@@ -145,19 +145,19 @@ def turn_cutout(
         return source
     linear = rotation_matrix(angle_deg)
     if mirror_axis_deg is not None:
-        back = rotation_matrix(-mirror_axis_deg)
-        linear = linear @ (rotation_matrix(mirror_axis_deg) @ np.diag([1.0, -1.0]) @ back)
+        from_axis, to_axis = rotation_matrix(-mirror_axis_deg), rotation_matrix(mirror_axis_deg)
+        linear = linear @ (to_axis @ np.diag([1.0, -1.0]) @ from_axis)
     pivot, origin = np.array([x_px, y_px]), np.array([source.x0_px, source.y0_px])
     h, w = source.pixels.shape[:2]
     corners = np.array([[0, 0], [w - 1, 0], [0, h - 1], [w - 1, h - 1]]) + origin
     turned_corners = (corners - pivot) @ linear.T + pivot
     low = np.floor(turned_corners.min(0)).astype(int) - _REACH
     high = np.ceil(turned_corners.max(0)).astype(int) + _REACH
-    back = linear.T  # rigid: the inverse
-    offset = pivot - origin + back @ (low - pivot)  # in the source, under the canvas's first pixel
+    inverse = linear.T  # of a rigid motion
+    offset = pivot - origin + inverse @ (low - pivot)  # of the canvas's first pixel in the source
     width, height = (high - low + 1).tolist()
     canvas = cv2.warpAffine(
-        source.pixels.astype(np.float32), np.column_stack([back, offset]), (width, height),
+        source.pixels.astype(np.float32), np.column_stack([inverse, offset]), (width, height),
         flags=cv2.INTER_LANCZOS4 | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_CONSTANT,
     )  # fmt: skip
     # The filter overshoots. Where alpha exceeds 255, the colour is lowered with it; otherwise edges

@@ -69,7 +69,7 @@ def draw_carp(
     that the wet back reflects.
     """
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    margin = 0.30 * length if max(fins) > 0.02 else 0.13 * length
+    margin = 0.30 * length if max(fins) > 0.02 else 0.13 * length  # open fins reach farther
     x0, y0 = np.floor(line.min(axis=0) - margin - 2).astype(int)
     x1, y1 = np.ceil(line.max(axis=0) + margin + 3).astype(int)
     rows, columns = (y1 - y0) * oversample, (x1 - x0) * oversample
@@ -83,17 +83,18 @@ def draw_carp(
     reach = 1.08 * half_width(np.linspace(0, 1, len(line))) * look.girth * unit + 2 * oversample
     body = _find_body_pixels(fine_line, rows, columns, reach.astype(np.float32), look.girth, unit)
     colour = _shade_body(body, look, light, gloss)
-    opacity = colour[:, 3] * body.part
+    body_opacity = colour[:, 3] * body.part
     pixels, pixel_cover = picture.reshape(-1, 4), cover.reshape(-1)
-    painted = pixels[body.flat] * (1 - opacity)[:, None]
-    painted[:, :3] += colour[:, :3] * opacity[:, None]
-    painted[:, 3] += opacity
+    painted = pixels[body.flat] * (1 - body_opacity)[:, None]
+    painted[:, :3] += colour[:, :3] * body_opacity[:, None]
+    painted[:, 3] += body_opacity
     pixels[body.flat] = painted
     pixel_cover[body.flat] = np.maximum(pixel_cover[body.flat], body.part)
     size = (int(x1 - x0), int(y1 - y0))
     picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.float32)
     cover = np.asarray(cv2.resize(cover, size, interpolation=cv2.INTER_AREA), np.float32)
-    return CarpPicture(int(x0), int(y0), picture[..., :3], picture[..., 3], cover)
+    colour, opacity = picture[..., :3], picture[..., 3]
+    return CarpPicture(int(x0), int(y0), colour=colour, opacity=opacity, coverage=cover)
 
 
 def _draw_fins(
@@ -111,22 +112,22 @@ def _draw_fins(
     """
     tangent = _tangents_to_head(line)
     for root, root_share, size, breadth, closed_angle, open_angle in (PECTORAL, PELVIC):
-        for sign, opening in ((1, fins[0]), (-1, fins[1])):
+        place = root * (len(line) - 1)  # on the midline, in its steps
+        i = int(place)
+        node = line[i] + (place - i) * (line[i + 1] - line[i])
+        forward = tangent[i]
+        width = float(half_width(np.array([root]))[0]) * look.girth
+        for sign, opening in ((1, fins[0]), (-1, fins[1])):  # the left fin, the right one
             if opening > 0.02:  # a closed fin is hidden under the body
-                place = root * (len(line) - 1)
-                i = int(place)
-                node = line[i] + (place - i) * (line[i + 1] - line[i])
-                forward = tangent[i]
-                left = np.array([forward[1], -forward[0]])
-                width = float(half_width(np.array([root]))[0]) * look.girth
+                outwards = sign * np.array([forward[1], -forward[0]])
                 angle = closed_angle + (open_angle - closed_angle) * opening
-                along = -forward * np.cos(angle) + sign * left * np.sin(angle)
-                towards_edge = forward * np.sin(angle) + sign * left * np.cos(angle)
+                along = -forward * np.cos(angle) + outwards * np.sin(angle)
+                towards_edge = forward * np.sin(angle) + outwards * np.cos(angle)
                 _paint_fin(
                     picture, cover, look.fin,
-                    node + sign * left * width * root_share * unit,
-                    along * size * unit,
-                    towards_edge * size * breadth * (0.45 + 0.55 * opening) * unit,
+                    root=node + outwards * width * root_share * unit,
+                    along=along * size * unit,
+                    lead=towards_edge * size * breadth * (0.45 + 0.55 * opening) * unit,
                 )  # fmt: skip
 
 
@@ -174,6 +175,7 @@ def _find_body_pixels(
     py, px = np.divmod(index, columns)
     px, py = px.astype(np.float32), py.astype(np.float32)
 
+    # Place and tangent at each midline point; `slope` is their change from point to point.
     node = np.hstack([line, _tangents_to_head(line)]).astype(np.float32)
     length = np.float32(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())
     slope = np.diff(node, axis=0)
@@ -195,7 +197,9 @@ def _find_body_pixels(
     edge_distance = (w2 - v * v) / np.sqrt(dw2 * dw2 + 4 * v * v + 1e-12)
     part = np.clip(edge_distance * np.float32(unit) + 0.5, 0, 1)
     keep = part > 0
-    return _BodyPixels(index[keep], s[keep], v[keep], ty[keep], part[keep], w2[keep])
+    return _BodyPixels(
+        index[keep], s[keep], v[keep], left_x=ty[keep], part=part[keep], width2=w2[keep]
+    )
 
 
 def _shade_body(

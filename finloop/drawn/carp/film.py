@@ -32,7 +32,10 @@ NOISE_PAD = 160  # px by which the noise bank exceeds a frame, for random offset
 
 
 def is_tank_large_enough(params: CarpFilm) -> bool:
-    """Return whether the tank has room for all fish: each needs 2.2 × 2.2 body lengths."""
+    """Return whether the tank has room for all fish: each needs 2.2 × 2.2 body lengths.
+
+    And mass centres need 1.2 × 1.2 body lengths to move in.
+    """
     x0, y0, x1, y1 = allowed_rectangle(params.width_px, params.height_px, params.body_length_px)
     wide, high = x1 - x0, y1 - y0  # of the places of mass centres; bodies reach 0.7 beyond them
     if wide < 1.2 or high < 1.2:
@@ -53,8 +56,8 @@ def carp_motion(params: CarpFilm) -> CarpMotion:
         params.fish,
         room,
         params.frame_rate_hz,
-        params.fins_open_ratio,
-        _random_generators(params.seed)[0],
+        fins=params.fins_open_ratio,
+        rng=_random_generators(params.seed)[0],
     )
 
 
@@ -76,7 +79,7 @@ def fish_colours(params: CarpFilm) -> tuple[FishColours, ...]:
 @lru_cache(maxsize=2)  # painting takes as long as drawing some dozen frames
 def _paint_all_fish(seed: int, fish: int, columns: int) -> tuple[FishColours, ...]:
     """Paint `fish` fish from a seed, with skin pictures `columns` px wide."""
-    *_, skins, _, light = _random_generators(seed)
+    _motion, _floor, skins, _noise, light = _random_generators(seed)
     coat = int(light.integers(4))
     return tuple(paint_fish(rng, columns, coat + i) for i, rng in enumerate(skins.spawn(fish)))
 
@@ -85,6 +88,7 @@ def light_levels(params: CarpFilm) -> Floats:
     """Return the brightness of the light in every frame, (frames,): 1 ± `light_drift`."""
     phase = _random_generators(params.seed)[4].uniform(0, 2 * np.pi, 4)[1:]
     time_s = np.arange(params.frames) / params.frame_rate_hz
+    # Three slow waves whose periods, 41, 17 and 6.1 s, do not repeat together.
     variation = 0.62 * np.sin(2 * np.pi * time_s / 41.0 + phase[0])
     variation += 0.28 * np.sin(2 * np.pi * time_s / 17.0 + phase[1])
     variation += 0.10 * np.sin(2 * np.pi * time_s / 6.1 + phase[2])
@@ -204,7 +208,7 @@ def film_frames(
             lit = vignette[window][..., None]
             tank[window] = tank[window] * (1 - opacity[inner][..., None]) + colour[inner] * lit
             changed.append(window)
-        y, x = noise_rng.integers(0, NOISE_PAD, 2)
+        y, x = noise_rng.integers(0, NOISE_PAD, 2)  # another part of the noise, perhaps inverted
         sign = 1 - 2 * int(noise_rng.integers(2))
         grain = noise[y : y + params.height_px, x : x + params.width_px]
         picture = cv2.addWeighted(tank, float(lamp[frame]), grain, sign, 0, dtype=cv2.CV_8U)

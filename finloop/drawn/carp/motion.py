@@ -180,13 +180,14 @@ class Swimmer:
 
     def _begin_straight(self, mode: str) -> None:
         """Begin a kind of straight swimming: "cruise", "glide" or "burst"."""
-        low, high, rates, amplitudes = {
-            "cruise": (1.2, 3.2, (1.3, 2.1), (0.7, 1.0)),
-            "glide": (0.8, 2.0, (0.7, 1.0), (0.05, 0.16)),
-            "burst": (0.5, 1.0, (2.9, 3.7), (1.0, 1.2)),
+        # Ranges of the duration [s], and of the tail beat: rate [beats/s] and amplitude.
+        seconds, rates, amplitudes = {
+            "cruise": ((1.2, 3.2), (1.3, 2.1), (0.7, 1.0)),
+            "glide": ((0.8, 2.0), (0.7, 1.0), (0.05, 0.16)),
+            "burst": ((0.5, 1.0), (2.9, 3.7), (1.0, 1.2)),
         }[mode]
         self.mode = mode
-        self.remaining_s = self.duration_s = float(self.rng.uniform(low, high))
+        self.remaining_s = self.duration_s = float(self.rng.uniform(*seconds))
         self.target_rate = float(self.rng.uniform(*rates))
         self.target_amplitude = float(self.rng.uniform(*amplitudes))
 
@@ -210,14 +211,14 @@ class Swimmer:
         best, best_angle = -math.inf, None
         for size in self.rng.uniform(math.radians(30), math.radians(150), 14):
             for angle in (size, -size):
-                size_of_turn = abs(angle)
-                half_way = 0.5 * self.speed * (0.36 + 0.76 * size_of_turn / math.pi)
-                x = self.x + half_way * (math.cos(self.axis) + math.cos(self.axis + angle)) / 2
-                y = self.y - half_way * (math.sin(self.axis) + math.sin(self.axis + angle)) / 2
+                # About the place at which the turn ends, and the free water [BL] from there on.
+                way = 0.5 * self.speed * (0.36 + 0.76 * size / math.pi)
+                x = self.x + way * (math.cos(self.axis) + math.cos(self.axis + angle)) / 2
+                y = self.y - way * (math.sin(self.axis) + math.sin(self.axis + angle)) / 2
                 run = _distance_to_edge(x, y, self.axis + angle, self.room)
                 gap = min((_closest_approach(self, other, angle) for other in others), default=9.0)
                 score = min(run, 3.5) + 1.5 * min(gap, 2.5) + float(self.rng.uniform(0, 1.5))
-                score -= 0.25 * size_of_turn if sharp else 0.6 * size_of_turn
+                score -= 0.25 * size if sharp else 0.6 * size
                 score -= 0.45 * max(self.net_turn * math.copysign(1.0, angle), 0.0)
                 if not sharp and (run < 1.6 or gap < 1.6):
                     continue
@@ -285,7 +286,7 @@ class Swimmer:
         self._move_fins(dt)
 
     def _turn(self, dt: float, is_late: bool) -> None:
-        """Bend the body and turn its axis in `dt` seconds; late: in the last part of a turn."""
+        """Bend the body and turn its axis in `dt` s; is_late: in the last part of a turn."""
         bend, axis = self.bend, self.axis
         if self.mode == "turn":
             tau = 1 - max(self.remaining_s, 0.0) / self.duration_s
@@ -309,7 +310,7 @@ class Swimmer:
     def _beat_tail(self, dt: float, is_late: bool) -> None:
         """Beat the tail for `dt` seconds; rate and amplitude follow their targets with a delay.
 
-        late: in the last part of a turn.
+        is_late: in the last part of a turn.
         """
         rate, amplitude = (2.2, 0.8) if is_late else (self.target_rate, self.target_amplitude)
         self.rate += (rate - self.rate) * dt / 0.18

@@ -51,10 +51,9 @@ def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Floats, Float
     linearly. Widths are in body lengths; the slope is against s.
     """
     s = np.linspace(-beyond, 1 + beyond, points)
-    curve, slope = _squared_width_curve(), _squared_width_curve().derivative()
-    inside = np.clip(s, 0, 1)
-    slope_at_s = slope(inside)
-    return s, curve(inside) + (s - inside) * slope_at_s, slope_at_s
+    curve, inside = _squared_width_curve(), np.clip(s, 0, 1)
+    slope = curve.derivative()(inside)
+    return s, curve(inside) + (s - inside) * slope, slope
 
 
 @dataclass(frozen=True)
@@ -180,7 +179,7 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
         interpolation=cv2.INTER_AREA if columns < length_px else cv2.INTER_LINEAR,
     )
     fin = _paint_fin_picture(rng, max(24, round(columns * 0.25)), back, flank, dark)
-    return FishColours(np.ascontiguousarray(scaled_down, np.float32), fin, 1.0)
+    return FishColours(np.ascontiguousarray(scaled_down, np.float32), fin, girth=1.0)
 
 
 def _paint_fin_picture(
@@ -234,14 +233,15 @@ def paint_floor(width_px: int, height_px: int, rng: np.random.Generator) -> Imag
 
 def _pebbles(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
     """Return pebbles as grey levels to add (h, w): many small, few large, lit from one side."""
-    scale = 3
+    scale = 3  # subpixels per px, for smooth edges
     layer = np.zeros((height_px * scale, width_px * scale), np.float32)
-    for _ in range(width_px * height_px // 170):
+    for _ in range(width_px * height_px // 170):  # one for 170 px²
         radius = float(np.clip(0.9 * rng.pareto(2.4) + 1.0, 1.0, 6.5)) * scale
         flatness = float(rng.uniform(0.6, 1.0))
         centre = rng.uniform(0, [layer.shape[1], layer.shape[0]])
         turn = float(rng.uniform(0, 180))
         tone = float(rng.normal(0, 9.0))
+        # Its shade, the stone itself, and a smaller highlight, each with its shift.
         for shift, level in ((0.30, tone - 9.0), (0.0, tone), (-0.25, tone + 4.0)):
             size = radius * (1.0 if shift >= 0 else 0.6)
             place = (float(centre[0] + shift * radius), float(centre[1] + shift * radius))

@@ -80,25 +80,22 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
     angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     shadow = np.column_stack([half_width * np.cos(angle), half_height * np.sin(angle)])
     _fill_polygon(picture, origin + shadow, SHADE)
-    for part, colour in (
-        ("fore_left", FAR),
-        ("hind_left", FAR),
-        (TAIL, COAT),
-        (BODY, COAT),
-        (HEAD, COAT),
-        (EAR, DARK),
-        ("hind_right", NEAR),
-        ("fore_right", NEAR),
-    ):
-        contour = (
-            limb_contours_at(dog, part, np.array(phase), POINTS)
-            if isinstance(part, str)
-            else part_contour(dog, phase, part, POINTS)
-        )
+
+    def fill_limb(name: str, colour: tuple[int, int, int]) -> None:
+        """Fill a limb of the dog."""
+        contour = limb_contours_at(dog, name, np.array(phase), POINTS)
+        _fill_polygon(picture, origin + contour, colour)
+
+    fill_limb("fore_left", FAR)
+    fill_limb("hind_left", FAR)
+    for part, colour in ((TAIL, COAT), (BODY, COAT), (HEAD, COAT), (EAR, DARK)):
+        contour = part_contour(dog, phase, part, POINTS)
         _fill_polygon(picture, origin + contour, colour)
         if part == BODY:
             bob = contour[0] - part_contour(dog, 0.0, BODY, POINTS)[0]
             _fill_polygon(picture, origin + dog.trunk_px * COLLAR_CORNERS + bob, COLLAR)
+    fill_limb("hind_right", NEAR)
+    fill_limb("fore_right", NEAR)
     for place, size in ((EYE, 0.020), (NOSE, 0.030)):
         ring = size * dog.trunk_px * np.column_stack([np.cos(angle), np.sin(angle)])
         _fill_polygon(picture, origin + spot_place(dog, phase, place) + ring, INK)

@@ -137,14 +137,16 @@ def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats
     # lower are the angles of these bones.
     upper = np.arctan2(across[..., 1], across[..., 0]) - shape.bend * np.arccos(cosine)
     knee = hip + bones[0] * np.stack([np.cos(upper), np.sin(upper)], axis=-1)
-    lower = np.arctan2(*np.moveaxis(ankle - knee, -1, 0)[::-1])
-    straight = np.diff(rest, axis=0)
-    at_rest = np.arctan2(straight[:, 1], straight[:, 0])
+    shin = ankle - knee
+    lower = np.arctan2(shin[..., 1], shin[..., 0])
+    bones_at_rest = np.diff(rest, axis=0)
+    at_rest = np.arctan2(bones_at_rest[:, 1], bones_at_rest[:, 0])
     turns = np.stack([upper - at_rest[0], lower - at_rest[1], pastern, paw], axis=-1)
     heads = np.stack([hip, knee, ankle, rest[3] + foot], axis=-2)
     outline, weight = _skin_and_bone_weights(shape, n)
-    local = (outline[:, None] - rest[:4]) @ [1, 1j]  # (n, 4)
-    joints = heads @ np.array([1, 1j])  # (…, 4)
+    # As complex numbers: the outline seen from the head of each bone (n, 4), and the heads (…, 4).
+    local = (outline[:, None] - rest[:4]) @ [1, 1j]
+    joints = heads @ np.array([1, 1j])
     points = np.einsum("nb,...nb->...n", weight, local * np.exp(1j * turns)[..., None, :])
     points = points + joints @ weight.T
     return np.stack([points.real, points.imag], axis=-1)

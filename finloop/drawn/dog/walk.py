@@ -91,11 +91,8 @@ class DogFilm:
             )
         phase = np.linspace(0, 1, 200)
         for name in NAMES:
-            if not limb_reaches(
-                LIMBS[name[:4]],
-                foot_displacements(self, name, phase),
-                body_displacements(self, phase),
-            ).all():
+            foot, top = foot_displacements(self, name, phase), body_displacements(self, phase)
+            if not limb_reaches(LIMBS[name[:4]], foot, top).all():
                 raise FinloopError(
                     f"a stride of {self.stride:g} with a lift of {self.lift:g} trunks",
                     f"a stride within reach of the limb {name}",
