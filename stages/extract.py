@@ -1,6 +1,6 @@
 """Stage `extract`: make background, tracks, backbones and cut-outs from the normalised clip."""
 
-from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_findings, report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from collections.abc import Iterator, Mapping
@@ -20,6 +20,7 @@ from finloop.extract.join_films import FilmContribution, FishScaling, join_extra
 from finloop.extract.load_given import find_tracks_path
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import ExtractSettings
+from finloop.extract.verdict import list_findings
 from finloop.extract.write import Extraction, describe_lost_frames, extract_tracks
 from finloop.io.atomic import whole_folder
 from finloop.io.footage import read_file_stamps
@@ -50,6 +51,7 @@ def main() -> None:
     """Follow every animal of the clip; write data/extract/, and metrics to reports/extract/.
 
     data/extract/ gets background, tracks with backbones, cut-outs, and a row per film in films.csv.
+    What is doubtful is printed and written to its findings.csv.
     """
     settings: ExtractSettings = load_settings("extract")
     with open_workers(WORKERS_NEED) as pool, whole_folder(EXTRACT) as folder:
@@ -66,6 +68,7 @@ def main() -> None:
     remove_folders_except(PIECES, [])
     save_metrics(REPORT / "metrics.json", numbers)
     save_csv(EXTRACT / "films.csv", pd.DataFrame(films), decimals=3)
+    report_findings(EXTRACT, list_findings(numbers))
 
 
 def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Stage `features`: make the feature table, the numbers of Fig. 7, and Table 1 from the tracks."""
 
-from stages.run import run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_findings, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from pathlib import Path
@@ -9,6 +9,8 @@ from finloop.drawn.truth import TRUTH
 from finloop.features.metrics import (
     compare_heads_with_external,
     compare_with_truth,
+    judge_frames_per_beat,
+    measure_frames_per_beat,
     metrics_in_mm,
     orientation_table,
     rows_of_longest_track,
@@ -36,7 +38,8 @@ def main() -> None:
     """Measure how each fish swims in each frame; write data/features/ and reports/features/.
 
     The reports are table1.csv (orientations), fig7.csv (bend and swimming type over time) and the
-    metrics, which are also compared with a drawn film's truth and with given tracks, if any.
+    metrics, which are also compared with a drawn film's truth and with given tracks, if any. What
+    is doubtful in the film is printed and written to findings.csv.
     """
     settings: FeaturesSettings = load_settings("features")
     project = Project()
@@ -79,7 +82,9 @@ def main() -> None:
     fig7 = rows_of_longest_track(table)[["frame", "motion_area_rel", "swimming_type"]]
     save_csv(REPORT / "fig7.csv", fig7, decimals=4)
 
+    metrics["frames_per_beat"] = measure_frames_per_beat(table)
     save_metrics(REPORT / "metrics.json", metrics)
+    report_findings(TABLE.parent, judge_frames_per_beat(metrics["frames_per_beat"]))
 
 
 if __name__ == "__main__":

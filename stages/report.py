@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 from finloop.base.errors import FinloopError
+from finloop.base.finding import FINDINGS_NAME, GOOD
 from finloop.base.parallel import Threads, ordered_map
 from finloop.base.settings import WORDS
 from finloop.edit.modes import MODES
@@ -32,6 +33,7 @@ from finloop.report.tables import (
 from stages.settings import list_overrides, load_settings, read_params
 
 REPORTS, CLIP, RENDER = Path("reports"), Path("data/clip"), Path("data/render")
+EXTRACT, FEATURES = Path("data/extract"), Path("data/features")
 TIMES = Path("benchmarks/table2.csv")
 TIMES_TITLE = "Table 2: computing times, as `python -m benchmarks.table2` measured them once"
 OUT, METRICS = REPORTS / "index.html", REPORTS / "report/metrics.json"
@@ -60,7 +62,11 @@ TABLES = {  # by chapter
         ("data/morph/folds.csv", "Frames in which a contour crosses itself"),
     ),
     "gait": (("data/gait/gamma.csv", "γ and the unexplained rest"),),
-    "checks": (("data/clip/findings.csv", "Quality of the film, with advice"),),
+    "checks": (
+        (f"{CLIP}/{FINDINGS_NAME}", "Quality of the film, with advice"),
+        (f"{EXTRACT}/{FINDINGS_NAME}", "How its animals are seen, with advice"),
+        (f"{FEATURES}/{FINDINGS_NAME}", "Its rate, with advice"),
+    ),
 }
 
 
@@ -113,16 +119,22 @@ def _list_doubts(features: dict[str, float]) -> pd.DataFrame:
 
     features: the numbers of the stage `features`.
     """
-    doubts = pd.read_csv(BESIDE / "doubts.csv")
+    rows = list[tuple[str, str]]()
     ahead = features.get("headed_along_travel_pct", 100.0)
-    if ahead >= _ENOUGH_AHEAD_PCT:
-        return doubts
-    text = (
-        f"only {ahead:.0f} % of the moving animals go where the head points: heads may be tails "
-        "(features.head)"
-    )
-    film = pd.DataFrame({"mode": ["The film"], "doubt": [text]})
-    return pd.concat([film, doubts], ignore_index=True)
+    if ahead < _ENOUGH_AHEAD_PCT:
+        text = (
+            f"only {ahead:.0f} % of the moving animals go where the head points: heads may be "
+            "tails (features.head)"
+        )
+        rows.append(("The film", text))
+    for folder in (CLIP, EXTRACT, FEATURES):
+        if (path := folder / FINDINGS_NAME).is_file():
+            findings = pd.read_csv(path)
+            for fault in findings[findings["verdict"] != GOOD].to_dict("records"):
+                text = f"{fault['measured']} {fault['what to do']}"
+                rows.append((fault.get("film", "The film"), text))
+    film = pd.DataFrame(rows, columns=["mode", "doubt"])
+    return pd.concat([film, pd.read_csv(BESIDE / "doubts.csv")], ignore_index=True)
 
 
 def _describe_animation(mode: str, marks: bool) -> str:

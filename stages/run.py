@@ -35,7 +35,7 @@ import sys
 import time
 import traceback
 import webbrowser
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
@@ -43,6 +43,7 @@ from typing import NoReturn
 
 from finloop.base.digits import round_significant
 from finloop.base.errors import FinloopError
+from finloop.base.finding import FINDINGS_NAME, Finding
 from finloop.base.process import die_with_parent
 from finloop.base.program import HOME, describe_program, holds_sources
 
@@ -249,6 +250,20 @@ def _progress_lines(stage: str, total: int | None, unit: str) -> Iterator[Callab
 
     yield advance
     write_line()
+
+
+def report_findings(folder: Path, findings: Iterable[Finding]) -> None:
+    """Write findings on the film to findings.csv in a stage's folder, and print them on stderr."""
+    import pandas as pd
+
+    from finloop.io.table import save_csv
+
+    rows = []
+    for finding in findings:
+        rows.append(finding.table_row)
+        print(f"finloop: {finding.terminal_line}", file=sys.stderr)
+    table = pd.DataFrame(rows, columns=[*Finding("", True, "").table_row])
+    save_csv(folder / FINDINGS_NAME, table, 0)
 
 
 def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:

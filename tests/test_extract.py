@@ -1016,7 +1016,14 @@ def test_branches_of_drawn_fish_cover_their_skeletons(film_with_truth, name):
 # -- the stage ----------------------------------------------------------------------------------
 
 FILM = [*TINY_CARP, "clip.frames=90", "clip.crf=0"]
-MADE = ["background.png", "cutouts.arrow", "films.csv", "scene.json", "tracks.parquet"]
+MADE = [
+    "background.png",
+    "cutouts.arrow",
+    "films.csv",
+    "findings.csv",
+    "scene.json",
+    "tracks.parquet",
+]
 
 
 @pytest.fixture(scope="module")

@@ -190,6 +190,20 @@ CONTRAST = """() => {
     const [a, b] = [light(getComputedStyle(e).color), light(behind(e))].sort((x, y) => y - x); return (a + .05) / (b + .05); })); }"""
 
 
+def test_faults_of_the_film_are_doubtful_and_its_virtues_are_not(folder: Path):
+    for stage in ("clip", "extract"):
+        Path(f"data/{stage}").mkdir(parents=True, exist_ok=True)
+        Path(f"data/{stage}/findings.csv").write_text(
+            "what,verdict,measured,what to do\n"
+            f"a,good,{stage} is well,\nb,better otherwise,{stage} is bad.,Mend {stage}.\n"
+        )
+    stages.report.main()
+    page = Path("reports/index.html").read_text()
+    head = page[: page.index('id="animation"')]
+    assert "clip is bad. Mend clip." in head and "extract is bad. Mend extract." in head
+    assert "is well" not in head and "extract is well" in page
+
+
 def test_heads_that_travel_backwards_are_doubtful(folder: Path):
     doubt = "of the moving animals go where the head points"
     stages.report.main()

@@ -62,6 +62,7 @@ class Quality:
     contrast_grey: float  # median difference of what moves from the empty tank
     animal_black_pct: float  # of the pixels of what moves: nothing was recorded
     animal_white_pct: float
+    coding_quantiser: float = math.nan  # of H.264: 0 is without loss, 51 is worst; NaN: unknown
 
     @classmethod
     def from_metrics(cls, metrics: Mapping[str, float], prefix: str = "") -> "Quality":

@@ -289,6 +289,8 @@ def _check_clip(facts: VideoFacts, tally: ClipTally, folder: Path) -> tuple[Qual
     """Measure a clip's light, camera and coding; write and return its quality and empty tank."""
     read = partial(read_frames, folder / CLIP_NAME)
     quality, table, tank = check_film(read, facts.frame_rate_hz, tally, KEY_FRAME_EVERY)
+    if facts.coding_quantiser is not None:
+        quality = replace(quality, coding_quantiser=facts.coding_quantiser)
     save_table(folder / CHECK_NAME, table, CHECK)
     save_picture(folder / TANK_NAME, tank)
     return quality, tank

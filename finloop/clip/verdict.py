@@ -2,8 +2,8 @@
 
 from collections.abc import Collection, Iterator
 from math import isnan
-from typing import NamedTuple
 
+from finloop.base.finding import Finding
 from finloop.clip.check import Quality
 
 # Values from which something is a fault.
@@ -14,26 +14,7 @@ DOUBLED_PCT = 2.0
 INTERLACED = 0.15  # of `check.measure_field_order`; film of whole pictures stays below 0.02
 CONTRAST_NOISES = 8.0  # with less, the outline follows the noise
 LOST_PCT = 10.0  # share of the animals' pixels that are black or white
-
-
-class Finding(NamedTuple):
-    """One finding about a film: whether it is good, what was measured, and else what to do."""
-
-    word: str  # what it is about, such as `flicker`
-    good: bool
-    text: str  # a sentence
-    remedy: str = ""  # a sentence, said only where the film is not good
-
-    @property
-    def terminal_line(self) -> str:
-        """Return the finding as a line for a terminal."""
-        return f"the film: {self.text}" if self.good else f"THE FILM: {self.text} {self.remedy}"
-
-    @property
-    def table_row(self) -> dict[str, str]:
-        """Return the finding as a row of a table for people."""
-        verdict, do = ("good", "") if self.good else ("better otherwise", self.remedy)
-        return {"what": self.word, "verdict": verdict, "measured": self.text, "what to do": do}
+QUANTISER = 40.0  # of H.264; above it backbones of a drawn carp are off by twice as much and more
 
 
 REPAIRS = {
@@ -54,7 +35,7 @@ def list_findings(
     mended: Collection[str] = (),
     refused: Collection[str] = (),
 ) -> list[Finding]:
-    """Return the findings on light, camera, pictures, exposure and contrast of a clip.
+    """Return the findings on light, camera, pictures, exposure, contrast and coding of a clip.
 
     filmed: quality of the film before its repair; mended: the names of the repairs; refused: those
     that made the film worse. The finding on a repaired fault also says what was measured before.
@@ -82,6 +63,13 @@ def _judge_all(quality: Quality) -> Iterator[Finding]:
     yield from _judge_pictures(quality)
     yield from _judge_exposure(quality)
     yield _judge_contrast(quality)
+    if not isnan(quality.coding_quantiser):
+        yield Finding(
+            "coding", quality.coding_quantiser < QUANTISER,
+            f"Its pictures are coded with a quantiser of {quality.coding_quantiser:.0f} "
+            "(0 is without loss, 51 is worst).",
+            "Take the camera's own file, not one from a messenger; set a higher bit rate.",
+        )  # fmt: skip
 
 
 def _format_number(value: float) -> str:

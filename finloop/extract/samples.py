@@ -13,6 +13,7 @@ from functools import partial
 from operator import attrgetter
 from typing import Literal, NamedTuple
 
+import cv2
 import numpy as np
 
 from finloop.base.arrays import Picture
@@ -36,7 +37,8 @@ class TypicalFish(NamedTuple):
     """A typical fish of the clip: its silhouette's area, backbone's length [px], and contrast.
 
     contrast: grey levels of the difference image. fins: which pale pixels beyond silhouettes are
-    shown with them; thin: whether pale thin parts belong to the silhouette.
+    shown with them; thin: whether pale thin parts belong to the silhouette. edge_px: how wide the
+    outline is, where the animal blends with the tank.
     """
 
     area_px: float
@@ -44,6 +46,7 @@ class TypicalFish(NamedTuple):
     contrast: float
     fins: Fins
     thin: bool = False
+    edge_px: float = 0.0
 
 
 Verdict = Literal["fish", "at border", "too large", "too small", "too pale"]
@@ -224,7 +227,21 @@ def find_typical_fish(
         fins = "brighter"  # a shadow is darker than the tank
     contrast = float(np.median([s.contrast for s in similar]))
     length, spread = _median_and_spread([line.length_px for _, line in traced])
-    return TypicalFish(area, length, contrast, fins), spread
+    edge = float(np.median([measure_edge_width(s) for s, _ in traced]))
+    return TypicalFish(area, length, contrast, fins, edge_px=edge), spread
+
+
+def measure_edge_width(silhouette: Silhouette) -> float:
+    """Return how wide the outline of a silhouette is [px]: its contrast over the steepest slope.
+
+    The slope is that of the difference image, where it is half of the contrast, and the upper
+    quartile along the outline: skin marks and pale fins are less steep.
+    """
+    field, half = silhouette.field.astype(np.float32), silhouette.contrast / 2
+    inside = ((field > half) & silhouette.mask).astype(np.uint8)
+    rim = (inside - cv2.erode(inside, np.ones((3, 3), np.uint8))).view(bool)
+    slope = np.hypot(*(cv2.Sobel(field, cv2.CV_32F, x, 1 - x, scale=1 / 8) for x in (0, 1)))
+    return silhouette.contrast / max(float(np.quantile(slope[rim], 0.75)), 1e-6)
 
 
 def _no_fish_error(

@@ -26,6 +26,7 @@ class SceneFacts:
     fins: str
     points: int
     thin: bool = False
+    typical_edge_px: float = 0.0
 
 
 GIVEN = Schema(

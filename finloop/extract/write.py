@@ -132,6 +132,7 @@ def extract_tracks(
         fins=typical.fins,
         points=p.points,
         thin=typical.thin,
+        typical_edge_px=typical.edge_px,
     )
     save_record(folder / SCENE_NAME, tank)
     save_picture(folder / BACKGROUND_NAME, scene.background)

@@ -1,8 +1,11 @@
 """Metrics of a feature table: Table 1, errors against ground truth, plausibility."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pandas as pd
 
+from finloop.base.finding import Finding
 from finloop.base.schema import lists_to_points
 from finloop.features.area import interpolate_lines
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
@@ -15,6 +18,7 @@ from finloop.features.table import (
 )  # fmt: skip
 
 _MOVING = 0.1  # body lengths in Δ from which a fish has a direction of travel
+FEW_FRAMES = 5.0  # frames of a beat; no rhythm is found in fewer
 
 
 def orientation_table(features: pd.DataFrame) -> pd.DataFrame:
@@ -73,6 +77,35 @@ def summarize_features(features: pd.DataFrame, long_frames: int = 60) -> dict[st
         "head_confidence_below_0_9_pct": float(100 * (features["head_confidence"] < 0.9).mean()),
         **measure_heading_agreement(features),
     }
+
+
+def measure_frames_per_beat(features: pd.DataFrame) -> float:
+    """Return how many frames a tail beat has, by how much the bend changes from frame to frame.
+
+    A sine of n frames a period differs from the mean of its neighbours by the share
+    1 − cos(2π / n) of itself; of all frames with both neighbours, this share is fitted. Bends
+    without any order give 4. NaN without such frames, or if nothing bends.
+    """
+    track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
+    bend = features["bend"].to_numpy(float)
+    bend = bend - features.groupby("track_id")["bend"].transform("mean").to_numpy(float)
+    middle = np.flatnonzero((track[2:] == track[:-2]) & (frame[2:] - frame[:-2] == 2)) + 1
+    around = (bend[middle - 1] + bend[middle + 1]) / 2
+    square = float(np.sum(bend[middle] ** 2))
+    if not square:
+        return float("nan")
+    share = float(np.sum((bend[middle] - around) * bend[middle])) / square
+    return float(2 * np.pi / np.arccos(np.clip(1 - share, -1, 1 - 1e-9)))
+
+
+def judge_frames_per_beat(frames: float) -> Iterator[Finding]:
+    """Yield the finding on how many frames a tail beat has; none if that is not known (NaN)."""
+    if not np.isnan(frames):
+        yield Finding(
+            "rate", frames >= FEW_FRAMES,
+            f"From frame to frame the body bends as with {frames:.3g} frames in a beat.",
+            "Film at a higher rate: 8 frames or more in a tail beat; sharper and nearer.",
+        )  # fmt: skip
 
 
 def metrics_in_mm(

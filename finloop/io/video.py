@@ -58,6 +58,7 @@ class VideoFacts:
     pixel_aspect: Fraction = Fraction(1)  # width : height of a pixel of the file; square here
     level_low: float = 0.0  # grey level of a source of more than 8 bits that became 0
     level_high: float = 255.0  # the one that became 255
+    coding_quantiser: float | None = None  # of a film in H.264: 0 is without loss, 51 is worst
     mm_per_px: float | None = None  # mm, of a pixel of the clip; None: not known
     crf: int = 0  # quality of the coding, 0 = lossless
     notes: tuple[str, ...] = ()  # sentences about the source for the user

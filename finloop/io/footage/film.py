@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from av.container import InputContainer
 from av.filter import Graph
+from av.sidedata.encparams import VideoEncParams, VideoEncParamsType
 from av.sidedata.sidedata import Type as SideDataType
 from av.stream import Disposition
 from av.video.frame import VideoFrame
@@ -128,6 +129,7 @@ class _FilmCoding(NamedTuple):
     chroma: float  # share of the pixels that have colour
     outside: float  # share of the pixels outside the limited range
     levels: tuple[float, float] | None
+    quantiser: float | None  # of H.264, mean of the samples; None for other codes
 
 
 def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
@@ -135,7 +137,7 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
 
     stamps: of its frames [s], ascending. FinloopError if no frame can be decoded.
     """
-    chroma, outside, deep = [], [], []
+    chroma, outside, deep, quantisers = [], [], [], []
     low, high = OUTSIDE_LEVELS
     first: VideoFrame | None = None
     for frame in _sample_frames(path, stamps):
@@ -147,6 +149,11 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
         )
         raw = thin_frame(_convert_to_grey(frame, full_range=True, levels=None))
         outside.append(float(((raw < low) | (raw > high)).mean()))
+        quantisers += [
+            float(np.mean(side.qp_map()))
+            for side in frame.side_data
+            if isinstance(side, VideoEncParams) and side.codec_type == VideoEncParamsType.H264
+        ]
         first_component, *others = frame.format.components
         if first_component.bits > 8 and not others:  # it does not state how many are used
             deep.append(thin_frame(frame.to_ndarray(format="gray16le")))
@@ -165,6 +172,7 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
         chroma=float(np.mean(chroma)),
         outside=0.0 if stated or not yuv else float(np.mean(outside)),
         levels=choose_deep_levels(deep) if deep else None,
+        quantiser=float(np.mean(quantisers)) if quantisers else None,
     )
 
 
@@ -180,6 +188,7 @@ def _sample_frames(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
         return islice((frame for frame in frames if frame is not None), count)
 
     with open_stream(path) as (container, stream):
+        stream.codec_context.options = {"export_side_data": "venc_params"}
         yield from take_good(1)
         for stamp in np.linspace(stamps[0], stamps[-1], SAMPLES)[1:]:
             try:
@@ -242,6 +251,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         pixel_aspect=aspect,
         coded_size=(coding.width, coding.height),
         notes=tuple(note for note, applies in notes.items() if applies),
+        coding_quantiser=coding.quantiser,
         full_range=full_range,
         renumbered=rate is not None,
         stamp_s=coding.first_s,

@@ -110,6 +110,7 @@ class Footage:
     notes: tuple[str, ...] = ()  # sentences for the user
     start_s: float = 0.0  # half-open range of time that is streamed
     end_s: float = math.inf
+    coding_quantiser: float | None = None  # of a film in H.264: 0 is without loss, 51 is worst
     full_range: bool = False  # whether Y spans 0 … 255 although the film does not say so
     renumbered: bool = False  # whether frame k has the time k / frame_rate, whatever its stamp
     stamp_s: float = 0.0  # time stamp of the first frame
@@ -136,6 +137,7 @@ class Footage:
             segments=(), source_frames=self.frames_in_source, crf=crf, notes=self.notes,
             rotation_deg=self.turn.rotation_deg, mirrored=self.turn.is_mirrored,
             pixel_aspect=self.pixel_aspect, level_low=low, level_high=high,
+            coding_quantiser=self.coding_quantiser,
         )  # fmt: skip
 
 

@@ -1,0 +1,138 @@
+"""What would be better filmed otherwise: each fault is found in a film that has it, and no other."""
+
+from fractions import Fraction
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.special import erf
+from scratch import write_frames
+
+from finloop.base.parallel import ALONE
+from finloop.base.settings import settings
+from finloop.clip.rewrite import make_clip
+from finloop.clip.verdict import list_findings as judge_film
+from finloop.clip.write import open_clip_source
+from finloop.drawn.carp.film import film_frames
+from finloop.extract.samples import measure_edge_width
+from finloop.extract.segment import Silhouette
+from finloop.extract.table import tracks_schema
+from finloop.extract.verdict import list_findings as judge_animals
+from finloop.extract.write import extract_tracks
+from finloop.features.metrics import judge_frames_per_beat, measure_frames_per_beat
+from finloop.features.table import measure_features
+from finloop.io.movie import Mp4Writer, VideoWriter
+from finloop.io.table import load_table
+
+
+def carp_frames(frames: int, rate_hz: float) -> list[np.ndarray]:
+    """A carp of 60 px."""
+    drawn = settings(
+        "clip", source="carp", frames=frames, frame_rate_hz=rate_hz, width_px=320, height_px=240,
+        body_length_px=60.0, colour=False, fish=1,
+    )  # fmt: skip
+    return [frame for frame, _ in film_frames(drawn)]
+
+
+@pytest.fixture(scope="module")
+def carp() -> list[np.ndarray]:
+    """Twelve seconds of a carp."""
+    return carp_frames(300, 25.0)
+
+
+def faults(folder: Path, frames: list[np.ndarray], rate: float = 25, crf: int = 0) -> set[str]:
+    """What finloop finds fault with in a film of these frames."""
+    path, clip, tracks = folder / "film.mp4", folder / "clip", folder / "tracks"
+    height, width = frames[0].shape
+    if crf:
+        rgb = [np.repeat(frame[..., None], 3, axis=2) for frame in frames]
+        write_frames(Mp4Writer(path, rgb[0].shape, Fraction(rate), crf), rgb)
+    else:
+        write_frames(VideoWriter(path, width, height, Fraction(rate), False), frames)
+    clip.mkdir()
+    tracks.mkdir()
+    p = settings("clip", source="file", path=str(path))
+    made = make_clip(p, open_clip_source(p), clip)
+    findings = [*judge_film(made.quality)]
+    p = settings("extract")
+    extraction = extract_tracks(clip, p, tracks, ALONE)
+    facts = vars(extraction.scene) | {
+        f"silhouettes_{verdict.replace(' ', '_')}": extraction.verdicts[verdict]
+        for verdict in ("fish", "at border")
+    }
+    findings += judge_animals(facts)
+    table = load_table(tracks / "tracks.parquet", tracks_schema(p.points))
+    features, _ = measure_features(table, made.facts.frame_rate_hz, settings("features"))
+    findings += judge_frames_per_beat(measure_frames_per_beat(features))
+    assert all(finding.text and (finding.good or finding.remedy) for finding in findings)
+    return {finding.word for finding in findings if not finding.good}
+
+
+def test_a_good_film_has_no_fault(tmp_path, carp):
+    assert faults(tmp_path, carp) == set()
+
+
+def test_a_film_of_a_tenth_of_the_rate_has_too_few_frames_in_a_beat(tmp_path):
+    assert "rate" in faults(tmp_path, carp_frames(100, 2.5), rate=2.5)
+
+
+def test_a_blurred_film_is_not_sharp(tmp_path, carp):
+    assert faults(tmp_path, [cv2.GaussianBlur(f, (0, 0), 3) for f in carp]) == {"sharpness"}
+
+
+def test_a_film_that_was_coded_too_small_is_coded_badly(tmp_path, carp):
+    assert "coding" in faults(tmp_path, carp, crf=50)
+
+
+def test_a_shrunk_animal_is_too_small(tmp_path, carp):
+    small = [cv2.resize(f, (160, 120), interpolation=cv2.INTER_AREA) for f in carp]
+    assert faults(tmp_path, small) == {"size"}
+
+
+def test_an_animal_that_leaves_the_picture_is_cut_off_by_its_border(tmp_path, carp):
+    assert faults(tmp_path, [f[40:170, 60:240].copy() for f in carp]) == {"border"}
+
+
+@pytest.mark.parametrize("word", ["black", "white"])
+def test_an_animal_without_a_grey_level_is_not_exposed(tmp_path, carp, word):
+    """The carp is darker than its tank."""
+    middle = float(np.median(carp[0]))
+    spoilt = []
+    for frame in carp:
+        level = (frame.astype(float) - middle) * 3
+        level = middle + level if word == "black" else 255 - middle - level
+        spoilt.append(np.clip(level, 0, 255).astype(np.uint8))
+    assert word in faults(tmp_path, spoilt)
+
+
+# --- the measures
+
+
+def bends(values: np.ndarray) -> pd.DataFrame:
+    """Features of one animal that bends so."""
+    return pd.DataFrame({"track_id": 0, "frame": np.arange(len(values)), "bend": values})
+
+
+@pytest.mark.parametrize("frames", [2.5, 4.0, 7.3, 30.0])
+def test_a_sine_has_its_frames_in_a_beat(frames):
+    beat = bends(0.1 * np.sin(2 * np.pi * np.arange(3000) / frames + 0.4))
+    assert measure_frames_per_beat(beat) == pytest.approx(frames, rel=0.01)
+
+
+def test_what_does_not_bend_has_no_beat():
+    assert np.isnan(measure_frames_per_beat(bends(np.zeros(9))))
+    assert np.isnan(measure_frames_per_beat(bends(np.ones(2))))
+    assert not [*judge_frames_per_beat(np.nan)]
+
+
+@pytest.mark.parametrize("contrast", [40.0, 200.0])
+@pytest.mark.parametrize("sigma", [3.0, 5.0])
+def test_an_outline_is_as_wide_as_its_blur(contrast, sigma):
+    """The steepest slope of a blurred step is contrast / (σ √2π)."""
+    x = np.arange(80)[None] - np.array([[19.5], [60.5]])
+    step = (1 + erf(np.array([[1], [-1]]) * x / sigma / 2**0.5)) / 2
+    field = np.repeat(np.rint(contrast * step.prod(axis=0))[None], 9, axis=0).astype(np.uint8)
+    found = Silhouette(0, 0, field > contrast / 3, field, contrast, 400.0, False)
+    assert measure_edge_width(found) == pytest.approx(sigma * (2 * np.pi) ** 0.5, rel=0.1)
