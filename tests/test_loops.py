@@ -61,7 +61,7 @@ from finloop.loops.search import (
     to_sparse_map,
 )
 from finloop.plots.improper_loop import figure13, find_most_improper_loop, loop_path_rows
-from finloop.plots.loop_groups import figure12, find_stretches, rows_below_loops
+from finloop.plots.loop_groups import figure12, find_stretches, rows_within_loops
 from finloop.plots.loop_routes import figure10, find_three_routes, jump_legs, spell_route
 from finloop.plots.loops import choose_separate_loops, spread_table_rows
 
@@ -634,7 +634,7 @@ def test_no_film_lies_below_two_groups(seed):
     pairs = np.unique(np.sort(rng.integers(0, 150, (14, 2)), axis=1), axis=0)
     a, b = pairs[pairs[:, 0] < pairs[:, 1]].T
     loops = pd.DataFrame({"a": a, "b": b, "group": group_overlapping_loops(a, b, track)})
-    below = [rows_below_loops(mine, track) for _, mine in loops.groupby("group")]
+    below = [rows_within_loops(mine, track) for _, mine in loops.groupby("group")]
     assert np.sum(below, axis=0).max() == 1 and len(below) > 1
     for _, loop in loops.iterrows():
         ends = loop[["a", "b"]].to_numpy()

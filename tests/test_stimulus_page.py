@@ -87,8 +87,8 @@ def state_of(posture, x=160.25, y=120.5, heading=0.7, size=LENGTH, number=10, pa
 
 
 def bent_of(one, posture, heading=0.7, size=LENGTH, mirrored=False):
-    held = pad_picture(one.pixels, *one.line[:2])
-    source = PlacedBackbone(held.x_px, held.y_px, *one.line[2:], one.posture.astype(float))
+    held = pad_picture(one.pixels, *one.placement[:2])
+    source = PlacedBackbone(held.x_px, held.y_px, *one.placement[2:], one.posture.astype(float))
     return BentPicture(
         held, source, posture.astype(float), float(np.float32(heading)), size, mirrored
     )
@@ -147,7 +147,7 @@ class Stage:
 
     def take(self, number, slot, one):
         height, width = one.pixels.shape[:2]
-        arrays = [list(one.line), text_of(one.posture), text_of(one.pixels)]
+        arrays = [list(one.placement), text_of(one.posture), text_of(one.pixels)]
         self.page.evaluate(
             "([n, s, w, h, line, posture, pixels]) => drawer.picture(n, s, w, h, line, floats(posture), bytes(pixels))",
             [number, slot, width, height, *arrays],
@@ -232,7 +232,7 @@ def paint(tank, *fish):
 
 def test_in_its_own_posture_at_its_own_place_a_picture_is_the_cut_out(stage):
     one, tank = fish_of(), tank_of(HEIGHT, WIDTH)
-    drawn = stage.draw(state_of(one.posture, one.line[0] + 60, one.line[1] + 40, 0.0))
+    drawn = stage.draw(state_of(one.posture, one.placement[0] + 60, one.placement[1] + 40, 0.0))
     height, width = one.pixels.shape[:2]
     wanted = tank.astype(float)
     part = wanted[40 : 40 + height, 60 : 60 + width]
@@ -332,7 +332,7 @@ def test_contrast_is_that_of_the_fish_against_the_floor(stage, name, contrast):
 
 def test_a_silhouette_has_the_outline_and_one_colour(colour):
     one = fish_of(colour=True)
-    place = one.line[0] + 60, one.line[1] + 40
+    place = one.placement[0] + 60, one.placement[1] + 40
     drawn = colour.draw(state_of(one.posture, *place, 0.0, look=look("orange")))
     height, width = one.pixels.shape[:2]
     alpha, wanted = one.pixels[..., 3:] / 255, colour.tank.astype(float)
@@ -344,7 +344,7 @@ def test_a_silhouette_has_the_outline_and_one_colour(colour):
 def test_dots_and_silhouettes_of_a_session_are_alike_whatever_the_picture(white):
     facts, one = measure_typical_fish(white.pictures.values()), fish_of()
     area = one.pixels[..., 1].sum() / 255
-    assert facts["area"] * one.line[3] ** 2 == pytest.approx(area, rel=0.1)
+    assert facts["area"] * one.placement[3] ** 2 == pytest.approx(area, rel=0.1)
     for name in ("dot", "dark"):
         white.page.evaluate("facts => { drawer.spec.typical = facts; }", facts)
         states = [state_of(S_BEND, number=number, look=look(name)) for number in (10, 11)]
@@ -637,7 +637,7 @@ class Server:
         self.send(
             message("hello", tank.tobytes(), **(plain | facts)),
             message("picture", one.posture.tobytes() + one.pixels.tobytes(), picture=10, slot=0, width=width,
-                    height=height, line=list(one.line)),
+                    height=height, line=list(one.placement)),
         )  # fmt: skip
         wait(self.page, "drawer && drawer.pictures.has(10)")
 

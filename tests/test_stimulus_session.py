@@ -292,7 +292,7 @@ def test_input_to_frame_is_the_first_frame_in_which_it_shows(tmp_path):
         while session._tick < 5:
             await asyncio.sleep(0)
         session.receive_message('{"t": 1.0, "id": 1, "x": 30.0, "y": 30.0}', "a")
-        seq, due, heard = session._seq, session._due, clock.read_time()
+        seq, due, heard = session._seq, session._due_s, clock.read_time()
         for number, at in enumerate((due - 1.2 / rate, due - 0.9 / rate, due)):
             facts = np.array([number, at, at, at + 0.004, seq, 0, 0, 0])
             session.record_frames(facts.tobytes())
@@ -331,7 +331,7 @@ def test_a_display_that_goes_in_a_trial_is_told_and_frames_count_on(tmp_path):
     assert session.display is None and "display has gone" in session.messages[-1]
     session.add_display(came)
     session.record_frames(np.array([1, 0, 0, 0, 0, 0, 0, 0.0]).tobytes())
-    assert session._frame == 9  # the parity that the square shows stays
+    assert session._last_frame == 9  # the parity that the square shows stays
     session.record_frames(b"nonsense")
     assert session.counts.bad == 1
     session.log.close()

@@ -13,7 +13,7 @@ from finloop.social.measures import frame_slots, measure_group, middle_frame, sp
 from finloop.social.neighbours import Neighbours, complex_vectors, neighbours_among
 from finloop.social.walls import Walls
 
-_PART = 4  # the horizon is at most 1 / _PART of the longest track
+_PART = 4  # the measured horizon is at most 1 / _PART of the longest track
 LEAST = 50  # rows with other fish that each half must have for a fit
 
 
@@ -127,8 +127,8 @@ def build_film_group(
             "take a shorter one, auto, or a film with longer tracks",
         )
     return FilmGroup(
-        place, heading, frame, later, earlier, index, slot,
-        places=spread_to_slots(place, index, slot, shape),
+        place=place, heading=heading, frame=frame, later=later, earlier=earlier, index=index,
+        slot=slot, places=spread_to_slots(place, index, slot, shape),
         headings=spread_to_slots(heading, index, slot, shape), horizon=ticks, walls=walls,
         table=measure_group(frame, places_px, headings_deg, walls),
     )  # fmt: skip
@@ -154,7 +154,7 @@ def _longest_track_rows(track: Ints) -> int:
 def _link_rows(frame: Ints, track: Ints, ticks: int) -> tuple[Ints, Ints]:
     """Return the rows (n,) of the same track `ticks` frames later, and earlier; −1 for none.
 
-    frame, track (n,): frame and track number of each row.
+    frame, track (n,): frame and track number of each row, sorted by track and frame.
     """
     later, earlier = np.full((2, len(frame)), -1)
     same = (track[ticks:] == track[:-ticks]) & (frame[ticks:] == frame[:-ticks] + ticks)

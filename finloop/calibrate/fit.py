@@ -66,6 +66,7 @@ def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
     blind_angles = [settings.blind_angle_deg]
     if settings.blind_angle_deg == "auto":
         blind_angles = sorted(settings.blind_angles_deg)
+    # The least error so far, and the radii, the blind angle and the pulls that give it.
     best: tuple[float, tuple[float, float, float], float, Complex] | None = None
     for angle in map(float, blind_angles):
         sums = NeighbourSums(seen, all_radii, angle)
@@ -80,16 +81,29 @@ def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
     own = max(float(with_zones[0]), _LEAST_OWN)
     zones = _weighted_zones(radii, blind_deg, with_zones[1:4] / own, fixed)
     without, _ = fit_directions(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
-    shares = []
-    for half in (rows, held_out):
-        pulls = zone_means(film.visible_neighbours(half), zones.radii, zones.blind_deg)
-        wall, after = _wall_pull(film, half), film.relative_headings(half)
-        error, error_without = (
-            float((np.abs(after - a - weigh_zone_pulls(pulls, b) - c * wall) ** 2).sum())
-            for a, *b, c in (with_zones, without)  # of own direction, zones, wall
-        )
-        shares.append(1 - error / error_without)
-    return ZoneFit(zones, own, *shares)
+    explained, explained_held_out = (
+        _explained_share(film, half, zones, with_zones, without) for half in (rows, held_out)
+    )
+    return ZoneFit(zones, own, explained, explained_held_out)
+
+
+def _explained_share(
+    film: FilmGroup, rows: Ints, zones: Zones, with_zones: Floats, without: Floats
+) -> float:
+    """Return the share of the squared error without zones that zones remove in some rows.
+
+    with_zones, without (5,): coefficients of own direction, three zones and wall in either case.
+    """
+    pulls = zone_means(film.visible_neighbours(rows), zones.radii, zones.blind_deg)
+    wall, after = _wall_pull(film, rows), film.relative_headings(rows)
+
+    def squared_error(coefficients: Floats) -> float:
+        """Return the sum of squared errors of the directions that coefficients predict."""
+        own, *weights, wall_weight = coefficients
+        errors = after - own - weigh_zone_pulls(pulls, weights) - wall_weight * wall
+        return float((np.abs(errors) ** 2).sum())
+
+    return 1 - squared_error(with_zones) / squared_error(without)
 
 
 def _wall_pull(film: FilmGroup, rows: Ints) -> Complex:
@@ -100,14 +114,13 @@ def _wall_pull(film: FilmGroup, rows: Ints) -> Complex:
 class NeighbourSums:
     """Sums over the neighbours of n fish, from which the pulls of many zones are computed quickly.
 
-    A zone is the difference of the sums within two radii. seen: the neighbours (n, m). radii:
-    ascending, body lengths.
+    A zone is the difference of the sums within two radii.
     """
 
     def __init__(self, seen: Neighbours, radii: Sequence[float], blind_deg: float) -> None:
-        """Sum over the neighbours nearer than each radius.
+        """Sum over the neighbours (n, m) nearer than each radius.
 
-        blind_deg: blind angle behind the fish, in degrees.
+        radii: ascending, body lengths; blind_deg: blind angle behind the fish, in degrees.
         """
         self._radii = {radius: number for number, radius in enumerate(radii)}
         sees = seen.bearing.real >= -np.cos(np.radians(blind_deg) / 2)

@@ -59,10 +59,11 @@ def measure_own_steps(film: FilmGroup, rows: Ints, zones: Zones) -> SocialSteps:
     move = (film.place[film.later[rows]] - film.place[rows]) * heading.conj()
     before = (film.place[rows] - film.place[film.earlier[rows]]) * heading.conj()
     turn = film.relative_headings(rows)
-    forward, onward = (_fit_own_part(vector, 1 + pulls) for vector in (move, turn))
+    whole_pulls = 1 + pulls  # 1: the own direction, straight on
+    forward, onward = _fit_own_part(move, whole_pulls), _fit_own_part(turn, whole_pulls)
     return SocialSteps(
-        film.walls.vectors_from_wall(film.place[rows], heading), before, move - forward * pulls,
-        turn - onward * pulls, forward, onward,
+        wall=film.walls.vectors_from_wall(film.place[rows], heading), last=before,
+        move=move - forward * pulls, turn=turn - onward * pulls, forward=forward, onward=onward,
     )  # fmt: skip
 
 

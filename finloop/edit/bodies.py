@@ -119,12 +119,13 @@ class Bodies:
         by how much a frame is turned, or the direction in which a sprite swims; mirrored: whether a
         frame is mirrored.
         """
-        rows, is_flipped, direction, _ = self._sprite_bodies
+        sprite_row, sprite_mirrored, sprite_direction, _turn = self._sprite_bodies
         sprite = np.where(frame, 0, number)
-        row = np.where(frame, number, rows[sprite])
-        is_mirrored = np.where(frame, mirrored, is_flipped[sprite])
+        row = np.where(frame, number, sprite_row[sprite])
+        is_mirrored = np.where(frame, mirrored, sprite_mirrored[sprite])
         heading = self.heading_deg[row]
-        sway = np.where(is_mirrored, -1, 1) * wrap_deg(heading - direction[sprite])
+        # A sprite's head sways about the direction in which the sprite swims.
+        sway = np.where(is_mirrored, -1, 1) * wrap_deg(heading - sprite_direction[sprite])
         return Body(row, is_mirrored, turn_deg + np.where(frame, heading, sway))
 
     def body_in_edit_row(self, shown: RowPicture) -> Body:
@@ -147,14 +148,15 @@ class Bodies:
 
         frame (…): whether each picture is a frame; number (…): its row or sprite number.
         """
-        return np.where(frame, 0.0, self._sprite_bodies[3][np.where(frame, 0, number)])
+        _rows, _is_mirrored, _direction, turn = self._sprite_bodies
+        return np.where(frame, 0.0, turn[np.where(frame, 0, number)])
 
     def are_near_in_film(self, first: Body, second: Body, frames: int) -> Mask:
         """Return which pairs (…) of bodies are at most `frames` apart in one track of the film.
 
         Both, or none, must be mirrored.
         """
-        track = np.append(0, np.cumsum(~self.goes_on[:-1]))
+        track = np.append(0, np.cumsum(~self.goes_on[:-1]))  # number of each row's track
         near = np.abs(first.row - second.row) <= frames
         same_track = track[first.row] == track[second.row]
         return near & same_track & (first.mirrored == second.mirrored)
@@ -163,7 +165,7 @@ class Bodies:
         """Return the pose codes (…, c), principal-component scores, of bodies as drawn."""
         return self._mirror_codes(self.poses.codes[body.row], body.mirrored)
 
-    def speed(self, body: Body) -> Floats:
+    def code_speed(self, body: Body) -> Floats:
         """Return by how much the pose codes (…, c) of bodies, as drawn, change per frame."""
         return self._mirror_codes(self._code_speeds[body.row], body.mirrored)
 

@@ -75,9 +75,9 @@ def _decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any
 
     They are filled on the first tick of each stretch, and empty (NaN or null) on the others.
     """
-    starts = np.cumsum([0] + [len(s.way) for s in stretches])[:-1]
+    starts = np.cumsum([0] + [len(stretch.way) for stretch in stretches])[:-1]
     first_ticks = starts[starts < ticks]
-    decisions = [s.decision for s in stretches[: len(first_ticks)]]
+    decisions = [stretch.decision for stretch in stretches[: len(first_ticks)]]
     columns: dict[str, Any] = {}
     for name, values in zip(Decision._fields, zip(*decisions, strict=True), strict=True):
         if isinstance(values[0], tuple):
@@ -107,40 +107,43 @@ def edit_columns(
     names: the goal of each stretch; sources: what can be shown. The columns of the cross-fade
     partner have a meaning where `weight` > 0.
     """
-    lengths = np.array([len(s.way) for s in stretches])
-    of_tick = np.repeat(np.arange(len(stretches)), lengths)[:ticks]  # number of the stretch
-    way = np.concatenate([s.way for s in stretches])[:ticks]
-    rots = [np.zeros(len(s.way)) if s.rot is None else s.rot for s in stretches]
+    lengths = np.array([len(stretch.way) for stretch in stretches])
+    stretch_of_tick = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
+    way = np.concatenate([stretch.way for stretch in stretches])[:ticks]
+    rots = [
+        np.zeros(len(stretch.way)) if stretch.rot is None else stretch.rot for stretch in stretches
+    ]
     pictures = resolve_mirror_images(
-        np.array([s.kind == FRAME for s in stretches])[of_tick],
-        np.concatenate([s.number for s in stretches])[:ticks],
-        np.concatenate(rots)[:ticks],
-        sources.heading_deg,
+        frame=np.array([stretch.kind == FRAME for stretch in stretches])[stretch_of_tick],
+        number=np.concatenate([stretch.number for stretch in stretches])[:ticks],
+        rot=np.concatenate(rots)[:ticks],
+        heading_deg=sources.heading_deg,
     )
-    start = np.concatenate([[0], np.cumsum(lengths)[:-1]])
-    first_ticks = start[start < ticks]
+    starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
+    first_ticks = starts[starts < ticks]
     heading = wrap_deg(way[:, 2])
     step = np.hypot(*np.diff(way[:, :2], axis=0, prepend=way[:1, :2]).T)
     speed = step / sources.body_length_px * sources.rate_hz
     if len(speed) > 1:
         speed[0] = speed[1]  # before the first tick there is no step
-    new = np.array([s.new for s in stretches])[: len(first_ticks)] & (first_ticks > 0)
-    aims = np.array([s.aim for s in stretches])
-    state = np.array([s.state for s in stretches])[of_tick]
+    is_new = np.array([stretch.new for stretch in stretches])[: len(first_ticks)]
+    new_ticks = first_ticks[is_new & (first_ticks > 0)]
+    aims = np.array([stretch.aim for stretch in stretches])[stretch_of_tick]
+    state = np.array([stretch.state for stretch in stretches])[stretch_of_tick]
     return {
         "tick": np.arange(ticks),
         "time_s": np.arange(ticks) / sources.rate_hz,
-        **_join_columns(pictures, heading, first_ticks[new], sources),
+        **_join_columns(pictures, heading, new_ticks, sources),
         "x_px": way[:, 0],
         "y_px": way[:, 1],
         "heading_deg": heading,
         "speed": speed,
-        "motion_area": np.array([s.area for s in stretches])[of_tick],
+        "motion_area": np.array([stretch.area for stretch in stretches])[stretch_of_tick],
         "mode": np.where(pictures.frame, *sources.modes),
         "state": np.array(STATES)[state],
-        "goal": np.array(names)[of_tick],
-        "aim_x_px": aims[of_tick, 0],
-        "aim_y_px": aims[of_tick, 1],
+        "goal": np.array(names)[stretch_of_tick],
+        "aim_x_px": aims[:, 0],
+        "aim_y_px": aims[:, 1],
     }
 
 

@@ -108,8 +108,8 @@ class JoinRules:
         See x(τ) in this module's text.
         """
         rate, ticks = _DECAY / self.decay, np.arange(self._spring_ticks)
-        left = np.exp(-rate * ticks)
-        return (1 + rate * ticks) * left, ticks * left
+        decay = np.exp(-rate * ticks)
+        return (1 + rate * ticks) * decay, ticks * decay
 
 
 def resolve_join_rules(
@@ -127,8 +127,10 @@ def resolve_join_rules(
     else:
         ticks = max(p.join_time_deltas * delta, 1.0)
     fade = 0 if kind == CUT else round(p.cross_fade_deltas * delta)
-    rests = resting_rows(bodies, p.rest)
-    return JoinRules(kind, fade, ticks, bodies, bending_improves_match, rests)
+    return JoinRules(
+        kind=kind, fade=fade, decay=ticks, bodies=bodies, rests=resting_rows(bodies, p.rest),
+        bending_improves_match=bending_improves_match,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -181,6 +183,7 @@ def inertialize_pictures(
         frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored
     )
     previous, current = drawn.select(np.s_[:-1]), drawn.select(np.s_[1:])
+    # A join is a picture that is not the film's next one, unless it is held for the third time.
     due = bodies.next_body(previous)  # what the film shows next; a sprite turns as the fish does
     sprite_turn = np.diff(line_deg) - bodies.sprite_turn_deg(frame[:-1], number[:-1])
     due = due._replace(heading_deg=due.heading_deg + np.where(frame[:-1], 0.0, sprite_turn))
@@ -199,21 +202,24 @@ def inertialize_pictures(
         for row, old_row, mirrored, old_mirrored in pairs
     ]]  # fmt: skip
     offset[unbent, :-1] = velocity[unbent, :-1] = 0
-    springs = rules.spring_response()
-    clock = np.cumsum(moves) - 1  # counts only ticks at which the film moves
-    left = sum_past_values(springs[0], offset[moves]) + sum_past_values(springs[1], velocity[moves])
-    left = left[clock]
-    latest_join = np.full(clock[-1] + 1, -(2**31))
+    # What remains of the offsets of all joins, by a clock that stands still while the film rests.
+    offset_decay, velocity_decay = rules.spring_response()
+    clock = np.cumsum(moves) - 1
+    remaining = sum_past_values(offset_decay, offset[moves])
+    remaining += sum_past_values(velocity_decay, velocity[moves])
+    remaining = remaining[clock]
+    latest_join = np.full(clock[-1] + 1, -(2**31))  # by the clock; none yet: long ago
     latest_join[clock[joins]] = clock[joins]
-    since = clock - np.maximum.accumulate(latest_join)[clock]
-    posed, codes = since < len(springs[0]), bodies.codes(drawn)
-    codes[posed] += left[posed, :-1]
-    shapes = bodies.poses.shapes  # a posture near a filmed one is possible
-    doubtful = posed & (np.linalg.norm(left[:, :-1], axis=1) > shapes.gap)
+    since_join = clock - np.maximum.accumulate(latest_join)[clock]
+    posed, codes = since_join < len(offset_decay), bodies.codes(drawn)
+    codes[posed] += remaining[posed, :-1]
+    # A posture near a filmed one is possible; others are moved to the nearest possible one.
+    shapes = bodies.poses.shapes
+    doubtful = posed & (np.linalg.norm(remaining[:, :-1], axis=1) > shapes.gap)
     if doubtful.any():
         codes[doubtful] = shapes.nearest_codes(codes[doubtful]).codes
     begins = joins[~bodies.are_near_in_film(old, new, rules.fade)]
-    return InertializedPictures(begins, codes.astype(np.float32), posed, left[:, -1])
+    return InertializedPictures(begins, codes.astype(np.float32), posed, remaining[:, -1])
 
 
 def _join_offsets(
@@ -226,15 +232,15 @@ def _join_offsets(
     there; before_deg: turn in the tick before each.
     """
     new, ticks = drawn.select(joins), len(drawn.row)
-    ahead = np.minimum(joins + 1, ticks - 1)
+    ahead = np.minimum(joins + 1, ticks - 1)  # the tick after each join
     plays_on = (ahead > joins) & ~np.isin(ahead, joins)
-    turns = np.where(plays_on, wrap_deg(drawn.heading_deg[ahead] - new.heading_deg), before_deg)
+    after_deg = np.where(plays_on, wrap_deg(drawn.heading_deg[ahead] - new.heading_deg), before_deg)
     is_held = (drawn.row[ahead] == new.row) & (ahead > joins)
     codes = bodies.codes(old) - bodies.codes(new)
-    speed = bodies.speed(old) - bodies.speed(new) * ~is_held[:, None]
+    code_speed = bodies.code_speed(old) - bodies.code_speed(new) * ~is_held[:, None]
     offset, velocity = np.zeros((2, ticks, codes.shape[1] + 1))
     offset[joins] = np.column_stack([codes, wrap_deg(old.heading_deg - new.heading_deg)])
-    velocity[joins] = np.column_stack([speed, before_deg - turns])
+    velocity[joins] = np.column_stack([code_speed, before_deg - after_deg])
     return offset, velocity
 
 
@@ -246,8 +252,11 @@ def cross_fade_partners(
     shown: the pictures that fade in. At each tick of `begins` the old picture plays on for `fade`
     ticks and loses its share. following(kind, number): returns the number of the next picture.
     """
-    ticks, dtypes = len(shown.number), (bool, np.int64, float, bool)
-    partner, weight = PictureSequence(*(np.zeros(ticks, d) for d in dtypes)), np.zeros(ticks)
+    ticks = len(shown.number)
+    partner, weight = PictureSequence(
+        frame=np.zeros(ticks, bool), number=np.zeros(ticks, np.int64), rot=np.zeros(ticks),
+        mirrored=np.zeros(ticks, bool),
+    ), np.zeros(ticks)  # fmt: skip
     for first in begins:
         frame, number = bool(shown.frame[first - 1]), int(shown.number[first - 1])
         for tick in range(first, min(first + fade, ticks)):

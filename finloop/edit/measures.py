@@ -54,10 +54,10 @@ def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def motion_area_errors(edit: pd.DataFrame) -> dict[str, float]:
-    """Return how well sprites bend as much as the network asked for in turns (Fig. 18).
+    """Return by how much the sprites of turns miss the motion area that the network asked for.
 
-    `turn_area_missed_median`: median difference of the most bent sprite's motion area from the one
-    that the network asked for, as a share of the film's largest. {} without such turns.
+    `turn_area_missed_median`: median difference of the most bent sprite's motion area from it, as a
+    share of the film's largest. {} without such turns (Fig. 18).
     """
     missed = (edit["sprite_area"] - edit["motion_area"]).abs().dropna()
     return {} if missed.empty else {"turn_area_missed_median": float(missed.median())}
@@ -75,7 +75,7 @@ def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
     rises. A narrow one has too little room. Without turns percentages are NaN.
     """
     turning = (edit["state"] == STATES[TURN]).to_numpy()
-    is_first = edit["reason"].notna().to_numpy()
+    is_first = edit["reason"].notna().to_numpy()  # tick of a stretch, which one decision gives
     stretch = np.cumsum(is_first)
     right, up = edit["aim_x_px"] - edit["x_px"], edit["y_px"] - edit["aim_y_px"]
     bearing = np.degrees(np.arctan2(up, right))
@@ -153,7 +153,8 @@ def longest_repeat(edit: pd.DataFrame) -> int:
         equal = np.concatenate([[False], pictures[lag:] == pictures[:-lag], [False]])
         edges = np.flatnonzero(np.diff(equal.astype(np.int8)))
         if edges.size:
-            longest = max(longest, min(lag, int((edges[1::2] - edges[::2]).max())))
+            run_lengths = edges[1::2] - edges[::2]
+            longest = max(longest, min(lag, int(run_lengths.max())))  # a run ends where it recurs
     return longest
 
 

@@ -76,7 +76,7 @@ class Pictures:
 
     @cached_property
     def bending_improves_match(self) -> BendingTest:
-        """Return the test whether a film row looks more like another if bent into its posture."""
+        """Return a function that tells whether bending makes a film row look more like another."""
         return lru_cache(_CACHED_PAIRS)(self._test_bending)
 
     def _test_bending(self, row: int, other: int, mirrored: bool, other_mirrored: bool) -> bool:
@@ -116,8 +116,7 @@ def cross_fade_distance(row: Any, pictures: Pictures) -> float:
 
     row: a row of an edit list (what is drawn at every tick) as a named tuple, with `weight` > 0.
     """
-    shown, partner = (pictures(*name(row)) for name in (row_picture, row_partner))
-    return float(paired_distances(shown, partner))
+    return float(paired_distances(pictures(*row_picture(row)), pictures(*row_partner(row))))
 
 
 def remove_ghost_fades(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
@@ -174,15 +173,14 @@ def measure_discontinuities(
     next_sprite = _next_sprites(pictures.reel.sprites)
     distances, ticks = [], []
     rows = list(edit.itertuples())
+    shown = [(row.kind, row.source, row.mirrored) for row in rows]
     for tick in range(1, len(rows)):
         before, now = rows[tick - 1], rows[tick]
-        last_three = [(r.kind, r.source, r.mirrored) for r in rows[max(tick - 2, 0) : tick + 1]]
-        if len(last_three) == 3 and len(set(last_three)) == 1:
+        if tick > 1 and shown[tick - 2] == shown[tick - 1] == shown[tick]:
             continue  # the picture is held
         if before.kind == FRAME:
-            follows = int(pictures.reel.next_rows(before.source))
-            alike = now.kind == FRAME and now.mirrored == before.mirrored
-            if alike and now.source == follows != before.source:
+            next_row = int(pictures.reel.next_rows(before.source))
+            if next_row != before.source and shown[tick] == (FRAME, next_row, before.mirrored):
                 continue
         elif now.kind == SPRITE and now.source == next_sprite[before.source]:
             continue
@@ -196,14 +194,14 @@ def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Pict
 
     before, now: rows of an edit list; the film would show what follows `before`.
     """
-    turn, bodies = -float(now.heading_deg), pictures.bodies
+    turn, bodies = -float(now.heading_deg), pictures.bodies  # turn: heads the fish right
     if now.pose is not None:
         body = bodies.body_in_edit_row(row_picture(now))
         target = pictures.target_pose(body, now.scale, now.pose, turn)
         drawn = pictures.draw_body(body, target)
         if before.pose is not None:
-            follows = bodies.next_body(bodies.body_in_edit_row(row_picture(before)))
-            return drawn, pictures.draw_body(follows, target)
+            due = bodies.next_body(bodies.body_in_edit_row(row_picture(before)))
+            return drawn, pictures.draw_body(due, target)
     elif now.kind == FRAME:
         drawn = pictures(*row_picture(now._replace(rotation_deg=now.rotation_deg + turn)))
     else:
@@ -211,6 +209,7 @@ def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Pict
     if before.kind == SPRITE:
         return drawn, pictures.sprite_successors[before.source]
     row = int(pictures.reel.next_rows(before.source))
+    # Each row is mirrored about its own heading: take back the difference.
     turn += 2 * before.mirrored * (bodies.heading_deg[before.source] - bodies.heading_deg[row])
     next_frame = before._replace(source=row, rotation_deg=before.rotation_deg + turn)
     return drawn, pictures(*row_picture(next_frame))

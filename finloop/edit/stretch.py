@@ -186,10 +186,7 @@ def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
 
 
 def _describe_costs(decision: Decision) -> str:
-    """Return in words how many ways to go were compared, and the seconds that the best two cost.
-
-    The text begins with "; ", to be added to a sentence.
-    """
+    """Return in words, after "; ", how many ways were compared, and what the two best cost [s]."""
     if not decision.ways:
         return "; as planned before"
     if math.isnan(decision.value_s):

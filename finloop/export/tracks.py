@@ -49,11 +49,12 @@ def keypoints_of_tracks(
     centre = rows[["x_px", "y_px"]].to_numpy(float)
     confidence = rows["head_confidence"].to_numpy(float)[:, None].repeat(body_points + 2, 1)
     return Poses(
-        tuple(f"track_{number}" if animals is None else str(number) for number in ids),
-        (HEAD, *(f"body_{n}" for n in range(1, body_points + 1)), TAIL, CENTRE),
-        frames, np.searchsorted(ids, rows["individual"].to_numpy()),
-        rows["frame"].to_numpy(np.int64), np.concatenate([places, centre[:, None]], axis=1),
-        np.concatenate([confidence, np.ones((len(rows), 1))], axis=1),
+        individuals=tuple(f"track_{id}" if animals is None else str(id) for id in ids),
+        keypoints=(HEAD, *(f"body_{n}" for n in range(1, body_points + 1)), TAIL, CENTRE),
+        frames=frames, individual=np.searchsorted(ids, rows["individual"].to_numpy()),
+        frame=rows["frame"].to_numpy(np.int64),
+        places=np.concatenate([places, centre[:, None]], axis=1),
+        confidence=np.concatenate([confidence, np.ones((len(rows), 1))], axis=1),
     )  # fmt: skip
 
 

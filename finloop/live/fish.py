@@ -46,13 +46,13 @@ class Modes(NamedTuple):
         Each mode can draw the sprites of all modes, as a fish may come from another mode.
         """
         all_sources = [player.edit_inputs for player in players.values()]
-        with_most_sprites = max(all_sources, key=lambda sources: len(sources.sprite_scale))
+        richest = max(all_sources, key=lambda sources: len(sources.sprite_scale))
         return cls(players, {
             mode: replace(
-                player.edit_inputs, sprite_scale=with_most_sprites.sprite_scale,
-                sprite_after=with_most_sprites.sprite_after,
-                orientations=with_most_sprites.orientations,
-                joins=replace(player.edit_inputs.joins, bodies=with_most_sprites.joins.bodies),
+                player.edit_inputs, sprite_scale=richest.sprite_scale,
+                sprite_after=richest.sprite_after,
+                orientations=richest.orientations,
+                joins=replace(player.edit_inputs.joins, bodies=richest.joins.bodies),
             )
             for mode, player in players.items()
         })  # fmt: skip
@@ -94,15 +94,15 @@ class Request(NamedTuple):
 class DecisionRecord:
     """A decision of a fish, with all that it was made from.
 
-    tick: the first one of the stretch of motion; state, draws: of the fish and of the random
+    tick: the first one of the stretch of motion; state, rng_state: of the fish and of the random
     generator before the decision; goal: a goal, path or rule, None where the fish wandered;
-    stretch: the result.
+    stretch: the motion that was decided on.
     """
 
     tick: int
     mode: str
     state: State
-    draws: Mapping[str, Any]
+    rng_state: Mapping[str, Any]
     goal: Goal | Route | Rule | None
     stretch: Stretch
 
@@ -174,8 +174,7 @@ OtherPaths = Callable[["LiveFish", int], dict[str, Floats]]
 class LiveFish:
     """One fish of the live tank, which remembers its past and can be set back to it.
 
-    born: the tank's tick that is its first. name: of its goals. other_paths: returns the planned
-    paths of the other fish, each as `LiveFish.planned_path_from` does.
+    born: the tank's tick that is its first. name: of its goals.
     """
 
     def __init__(
@@ -184,24 +183,27 @@ class LiveFish:
     ) -> None:  # fmt: skip
         """Put a fish into the tank, where there is room; FinloopError without room.
 
-        too_unlike: returns whether the pictures of a cross-fade are too unlike to be mixed.
+        too_unlike: returns whether the pictures of a cross-fade are too unlike to be mixed;
+        other_paths: returns the planned paths of the other fish.
         """
         self.mode, self.born, self.name = mode, born, name
         self.goal: Goal | None = None
         self.path_task: PathTask | None = None
         self.rule_task: RuleTask | None = None
         self.reached = False
-        self._modes, self._rng, self._too_unlike, self._others = modes, rng, too_unlike, other_paths
+        self._modes, self._rng = modes, rng
+        self._too_unlike, self._find_other_paths = too_unlike, other_paths
         self._state = self._player.begin(rng, None, self._player.company(self._other_paths(0), 0))
         self._drag_ticks = max(1, int(_DRAG_S * self._player.world.motion.rate_hz))
-        self._ring = np.zeros(HISTORY, ROW)
+        # The last `HISTORY` ticks, each at its number modulo `HISTORY`.
+        self._rows = np.zeros(HISTORY, ROW)
         self._poses = np.full(HISTORY, None, object)
         self._requests = np.full(HISTORY, None, object)
         self._decisions: deque[DecisionRecord] = deque()
-        self._plan = np.zeros(0, ROW)  # the last stretch, and how much of it has been played:
-        self._plan_poses = np.zeros(0, object)
-        self._played = 0
-        self._cut_after = 0  # ticks of it, 0 = not at all
+        # The last planned stretch, how many ticks of it were played, and when it is cut (0: never).
+        self._planned_rows = np.zeros(0, ROW)
+        self._planned_poses = np.zeros(0, object)
+        self._played = self._cut_after = 0
         # Whether a picture of a cross-fade was hidden at the last tick, and at the one before.
         self._was_hidden = self._hidden_before = False
 
@@ -213,13 +215,14 @@ class LiveFish:
     @property
     def last_tick(self) -> int:
         """Return the last tick, as the tank counts, at which this fish was drawn."""
-        return self.born + self._state.fish.tick - len(self._plan) + self._played - 1
+        # The fish's state is that after its last planned stretch, of which a part was played.
+        return self.born + self._state.fish.tick - len(self._planned_rows) + self._played - 1
 
     def row_at(self, tick: int) -> TankRow | None:
-        """Return what was drawn at a tick of the tank; None before and after what is remembered."""
+        """Return how the fish was drawn at a tick of the tank; None if that is not remembered."""
         if not self._oldest_tick <= tick <= self.last_tick:
             return None
-        return TankRow._make((*self._ring[tick % HISTORY].item(), self._poses[tick % HISTORY]))
+        return TankRow._make((*self._rows[tick % HISTORY].item(), self._poses[tick % HISTORY]))
 
     def planned_path_from(self, tick: int) -> Floats:
         """Return the planned path (n, 4) of the fish from a tick of the tank on, n ≥ 1.
@@ -235,7 +238,7 @@ class LiveFish:
 
         Their columns are x, y [px], heading [degrees] and number of the picture.
         """
-        paths = list(self._others(self, self.born + tick).values())
+        paths = list(self._find_other_paths(self, self.born + tick).values())
         return Plans.from_paths(paths, tick).others(-1, tick)
 
     def request_at(self, tick: int) -> Request:
@@ -245,9 +248,9 @@ class LiveFish:
 
     def past_places(self, ticks: range) -> Floats:
         """Return where the fish was (n, 2) [px] at those of some ticks that it remembers."""
-        known = np.arange(ticks.start, ticks.stop, ticks.step)
-        slots = known[known >= self._oldest_tick] % HISTORY
-        return np.column_stack([self._ring["x_px"][slots], self._ring["y_px"][slots]])
+        wanted = np.arange(ticks.start, ticks.stop, ticks.step)
+        slots = wanted[wanted >= self._oldest_tick] % HISTORY
+        return np.column_stack([self._rows["x_px"][slots], self._rows["y_px"][slots]])
 
     @property
     def _oldest_tick(self) -> int:
@@ -259,7 +262,8 @@ class LiveFish:
         row = self.row_at(tick)
         if row is None:
             return None
-        return next((made for made in reversed(self._decisions) if made.tick == row.decided), None)
+        latest_first = reversed(self._decisions)
+        return next((past for past in latest_first if past.tick == row.decided), None)
 
     def planning_decision(self, decision: DecisionRecord) -> DecisionRecord:
         """Return the decision whose plan a given decision carries on; itself if it made its own."""
@@ -312,31 +316,36 @@ class LiveFish:
     def advance(self) -> None:
         """Advance the fish by one tick; plan again where a request cuts the motion, or it ends."""
         self._hidden_before = self._was_hidden
-        if self._cut_after and self._played >= min(self._cut_after, len(self._plan)):
+        if self._cut_after and self._played >= min(self._cut_after, len(self._planned_rows)):
             self._cut_after = 0
-            if self._played < len(self._plan):
+            if self._played < len(self._planned_rows):
                 self._replan_stretch()
-        if self._played == len(self._plan):
+        if self._played == len(self._planned_rows):
             self._plan_stretch(self._next_target())
         self._record_tick()
 
     def _record_tick(self) -> None:
         """Go to the next tick of the plan, and remember how it is drawn and the user's request."""
-        row = TankRow._make((*self._plan[self._played].item(), self._plan_poses[self._played]))
+        row = TankRow._make(
+            (*self._planned_rows[self._played].item(), self._planned_poses[self._played])
+        )
         self._played += 1
         # The picture that is cross-faded is hidden, and stays hidden, if it is too unlike: two
         # unlike fish on top of each other look like ghosts.
         self._was_hidden = row.weight > 0 and (self._was_hidden or self._too_unlike(row))
         last = self._decisions[-1]
-        if self._played == len(self._plan):
+        if self._played == len(self._planned_rows):
             self._end_stretch(last)
         goal, slot = self.goal, self.last_tick % HISTORY
         self._poses[slot] = row.pose
         self._requests[slot] = Request(self.mode, self.path_task, self.rule_task, self._cut_after)
-        self._ring[slot] = row._replace(
-            weight=0.0 if self._was_hidden else row.weight, reached=self.reached, decided=last.tick,
-            goal_x_px=goal.x_px if goal else math.nan, goal_y_px=goal.y_px if goal else math.nan,
-        )[:-1]  # fmt: skip
+        self._rows[slot] = row._replace(
+            weight=0.0 if self._was_hidden else row.weight,
+            reached=self.reached,
+            decided=last.tick,
+            goal_x_px=goal.x_px if goal else math.nan,
+            goal_y_px=goal.y_px if goal else math.nan,
+        )[:-1]  # without the pose; fmt: skip
 
     def _next_target(self) -> Goal | Route | Rule | None:
         """Return the goal, path or rule of the next decision; None: the fish wanders.
@@ -348,7 +357,7 @@ class LiveFish:
             return self.path_task.route
         if self.rule_task is None:
             return None if self.reached else self.goal
-        others = self._others(self, self.born + self._state.fish.tick)
+        others = self._find_other_paths(self, self.born + self._state.fish.tick)
         if self.rule_task.leader in others:
             return Rule.to_follow(others[self.rule_task.leader][0])
         if self.rule_task.shoaling is not None and others:
@@ -382,10 +391,10 @@ class LiveFish:
         while self._decisions.pop().tick > decision.tick:
             pass
         self.mode, self._state = decision.mode, decision.state
-        self._rng.bit_generator.state = decision.draws
+        self._rng.bit_generator.state = decision.rng_state
         self._plan_stretch(decision.goal, decision.state.fish.company)
         self._played = tick - decision.tick + 1
-        self._was_hidden = self._plan["weight"][self._played - 1] > 0 and row.weight == 0
+        self._was_hidden = self._planned_rows["weight"][self._played - 1] > 0 and row.weight == 0
         self.goal, self.reached = None, row.reached
         self.mode, self.path_task, self.rule_task, self._cut_after = self.request_at(tick)
         if not math.isnan(row.goal_x_px):
@@ -397,45 +406,52 @@ class LiveFish:
         The old plan stays if the new one would meet other fish, which rely on the old one.
         """
         last = self._decisions.pop()
-        old_plan = self._state, self._plan, self._plan_poses, self._played
-        draws = self._rng.bit_generator.state
+        old_plan = self._state, self._planned_rows, self._planned_poses, self._played
+        rng_state = self._rng.bit_generator.state
         if self._played:
             player = self._modes.players[last.mode]
             stretch, self._state = player.cut(last.state, last.stretch, self._played)
             self._decisions.append(replace(last, stretch=stretch))
         else:
-            self._state, self._rng.bit_generator.state = last.state, last.draws
+            self._state, self._rng.bit_generator.state = last.state, last.rng_state
         self._plan_stretch(self._next_target())
         new = self._decisions[-1]
         if not self._player.is_clear(new.state, new.stretch):
             while self._decisions and self._decisions[-1].tick >= last.tick:
                 self._decisions.pop()
             self._decisions.append(last)
-            self._state, self._plan, self._plan_poses, self._played = old_plan
-            self._rng.bit_generator.state = draws
+            self._state, self._planned_rows, self._planned_poses, self._played = old_plan
+            self._rng.bit_generator.state = rng_state
 
-    def _plan_stretch(self, goal: Goal | Route | Rule | None, known: Company | None = None) -> None:
+    def _plan_stretch(
+        self, goal: Goal | Route | Rule | None, company: Company | None = None
+    ) -> None:
         """Plan the next motion towards a goal, path or rule (None: wander) and remember it.
 
-        known: the other fish, if they are known from an earlier decision.
+        company: the other fish as an earlier decision knew them; None: as they are now.
         """
-        if known is None:
+        if company is None:
             state = self._player.with_others(self._state, self._other_paths(self._state.fish.tick))
         else:
-            state = self._state._replace(fish=self._state.fish._replace(company=known))
-        draws = self._rng.bit_generator.state
+            state = self._state._replace(fish=self._state.fish._replace(company=company))
+        rng_state = self._rng.bit_generator.state
         stretch, self._state = self._player.plan(state, goal, self._rng)
-        begins = self.born + state.fish.tick
-        self._decisions.append(DecisionRecord(begins, self.mode, state, draws, goal, stretch))
-        while len(self._decisions) > 1 and self._decisions[1].tick <= begins - HISTORY:
+        first_tick = self.born + state.fish.tick
+        decision = DecisionRecord(
+            tick=first_tick, mode=self.mode, state=state, rng_state=rng_state, goal=goal,
+            stretch=stretch,
+        )  # fmt: skip
+        self._decisions.append(decision)
+        while len(self._decisions) > 1 and self._decisions[1].tick <= first_tick - HISTORY:
             self._decisions.popleft()
-        self._plan, self._plan_poses, self._played = *self._draw_last_stretch(), 0
+        self._planned_rows, self._planned_poses = self._last_stretch_rows()
+        self._played = 0
 
-    def _draw_last_stretch(self) -> tuple[NDArray[np.void], NDArray[Any]]:
-        """Return the last planned motion as rows (n,) of type `ROW`, and their poses (n,).
+    def _last_stretch_rows(self) -> tuple[NDArray[np.void], NDArray[Any]]:
+        """Return how the last planned motion is drawn: rows (n,) of type `ROW`, and poses (n,).
 
-        They depend on earlier motions, as long as the inertialization of those has not died away;
-        it goes on only at ticks at which the film moves.
+        Earlier motions count as long as their inertialization (the soft end of a jump) has not died
+        away; it goes on only at ticks at which the film moves.
         """
         ticks, moving_ticks, recent = 0, 0, deque[DecisionRecord]()
         joins, last = self._player.joins, self._decisions[-1]

@@ -25,6 +25,7 @@ def rehearse_paths(player: AnyPlayer) -> None:
     """
     rng, world = np.random.default_rng(0), player.world
     rows, columns = np.nonzero(world.tank.legal)  # where a fish can be
+    # The path leads from the first to the last of these places.
     x, y = columns[[0, -1]].astype(float), rows[[0, -1]].astype(float)
     if np.hypot(x[1] - x[0], y[1] - y[0]) > world.touch_px:
         line = Line("a rehearsal", x, y, PX)
@@ -55,9 +56,10 @@ class LiveTank:
             )
         self.players, self.mode, self.tick = players, mode, 0
         self._modes = Modes.from_players(players)
+        # The rule for fish in a group; all modes that have one have the same.
         rules = (player.shoaling for player in players.values())
         self.shoaling = next((rule for rule in rules if rule), None)
-        self._too_unlike, self._draws, self._born = too_unlike, np.random.default_rng(seed), 0
+        self._too_unlike, self._rng, self._created = too_unlike, np.random.default_rng(seed), 0
         self.fish: list[LiveFish] = []
         self.set_fish_count(fish)
 
@@ -101,8 +103,8 @@ class LiveTank:
         del self.fish[count:]
         while len(self.fish) < count:
             # The first fish draws from the tank's generator, as a single fish would.
-            rng = self._draws.spawn(1)[0] if self._born else self._draws
-            self._born += 1
+            rng = self._rng.spawn(1)[0] if self._created else self._rng
+            self._created += 1
             name = goal_name(len(self.fish))
             try:
                 new = LiveFish(
@@ -139,10 +141,7 @@ class LiveTank:
             fish.send_to_goal((float(x), float(y)), drag)
 
     def _refuse_in_paper(self, request: str) -> None:
-        """Raise FinloopError if the present mode is one of the paper's, which cannot do a request.
-
-        request: in words, such as "a path".
-        """
+        """Raise FinloopError for a request, such as "a path", that no mode of the paper can do."""
         if self.most_fish is not None:
             raise _paper_error(request, self.mode)
 
@@ -156,12 +155,14 @@ class LiveTank:
         self._refuse_in_paper("a path")
         world = self.world
         x, y = np.array([world.tank.nearest_legal_point(*place) for place in places], float).T
-        gap, reach = np.hypot(x[-1] - x[0], y[-1] - y[0]), np.hypot(x - x[0], y - y[0]).max()
+        from_start_px = np.hypot(x - x[0], y - y[0])
         # Places nearer to each other than touch_px count as one place.
-        if reach <= world.touch_px:
+        if from_start_px.max() <= world.touch_px:
             self.send_to_goal(fish_index, float(x[-1]), float(y[-1]))
             return
-        closed = bool(gap <= world.touch_px and reach > 2 * world.touch_px)
+        closed = bool(
+            from_start_px[-1] <= world.touch_px and from_start_px.max() > 2 * world.touch_px
+        )
         line = Line("the drawn path", x, y, PX, closed=closed)
         route = lay_path(line, world.tank, world.motion, None).route
         for fish in self._select_fish(fish_index):
@@ -269,7 +270,7 @@ class LiveTank:
         self.fish = [fish for fish in self.fish if fish.row_at(self.tick) is not None]
         for fish in self.fish:
             fish.go_back_to(self.tick)
-        self.mode = self.fish[0].mode
+        self.mode = self.fish[0].mode  # all fish have the same one
         rules = [fish.rule_task.shoaling for fish in self.fish if fish.rule_task is not None]
         self.shoaling = next((rule for rule in rules if rule is not None), self.shoaling)
 

@@ -231,6 +231,7 @@ class TankView:
         turn_rad = float(options.rots[number])
         path = self._path_if_played_on(film, (fish.x, fish.y), row, turn_rad)
         return {
+            # The mirror image of a row has the row's number plus `filmed`.
             "row": row % film.filmed, "seam": round(float(options.seams[number]), 2),
             "terms": [
                 None if impossible else round(float(term), 2) for term in options.terms[number]

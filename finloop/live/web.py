@@ -152,18 +152,18 @@ class SocketRoute(NamedTuple):
 
 
 class AppServer(uvicorn.Server):
-    """Web server with pages, WebSockets and tasks beside them; an error of a task ends it.
-
-    listens: the bound socket. pages: HTML by path. tasks: returns what runs beside. started: called
-    once the server can be reached.
-    """
+    """Web server with pages, WebSockets and tasks beside them; an error of a task ends it."""
 
     def __init__(
         self, listens: socket.socket, policy: AccessPolicy, pages: Mapping[str, str],
         sockets: Sequence[SocketRoute], tasks: Callable[[], list[Coroutine[Any, Any, None]]],
         started: Callable[[], None],
     ) -> None:  # fmt: skip
-        """Prepare the server; `serve_until_stopped` starts it."""
+        """Prepare the server; `serve_until_stopped` starts it.
+
+        listens: the bound socket. pages: HTML by path. tasks: returns coroutines to run beside the
+        server. started: called once the server can be reached.
+        """
         self._listens, self._policy, self._tasks, self._on_start = listens, policy, tasks, started
         self._failure: BaseException | None = None
         routes = [self._page_route(*page) for page in pages.items()]
@@ -209,10 +209,7 @@ class AppServer(uvicorn.Server):
 
     @contextlib.asynccontextmanager
     async def _run_tasks(self, _: Starlette) -> AsyncIterator[None]:
-        """Run the tasks while the server runs, with settings of Python that keep delays short.
-
-        Cancel them when it stops.
-        """
+        """Run the tasks until the server stops, with settings of Python that keep delays short."""
         gc.collect()
         gc.freeze()  # present objects are not scanned again, which takes time
         switch_interval_s = sys.getswitchinterval()

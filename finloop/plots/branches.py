@@ -79,7 +79,8 @@ class ThinnedFish(NamedTuple):
     @property
     def difference_px(self) -> int:
         """Return how many pixels of the two rules' paths lie more than 1 px off the other path."""
-        distances = np.abs(self.branches[0].path[:, None] - self.kept).max(-1)  # (m, k)
+        # (m, k): how far each two pixels of the paths are from each other, sideways or upwards.
+        distances = np.abs(self.branches[0].path[:, None] - self.kept).max(-1)
         return int((distances.min(0) > 1).sum() + (distances.min(1) > 1).sum())
 
 
@@ -137,10 +138,7 @@ def find_branches(skeleton: Mask) -> list[SkeletonBranch]:
 
 
 def _step_back(number: Ints, x: int, y: int) -> tuple[int, int]:
-    """Return the neighbour (x, y) of a pixel x, y whose number is one less.
-
-    A neighbour beside the pixel comes before a diagonal one. ValueError if there is none.
-    """
+    """Return the neighbour (x, y) of a pixel whose number is one less, beside it if possible."""
     steps = ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
     height, width = number.shape
     for dx, dy in steps:
@@ -196,10 +194,11 @@ def _thin_silhouette(
     y = np.clip(np.arange(whole.shape[0]) + top, 0, frame.shape[0] - 1)
     x = np.clip(np.arange(whole.shape[1]) + left, 0, frame.shape[1] - 1)
     return ThinnedFish(
-        label, frame[np.ix_(y, x)], body[window], whole, skeleton, half_width,
-        find_branches(skeleton), find_longest_path(skeleton, half_width).astype(np.int64),
-        None if backbone is None else backbone.points_px + corner,
-        len(_find_ends(skimage.morphology.skeletonize(alone))),
+        label=label, film=frame[np.ix_(y, x)], body=body[window], whole=whole, skeleton=skeleton,
+        half_width=half_width, branches=find_branches(skeleton),
+        kept=find_longest_path(skeleton, half_width).astype(np.int64),
+        backbone=None if backbone is None else backbone.points_px + corner,
+        body_ends=len(_find_ends(skimage.morphology.skeletonize(alone))),
     )  # fmt: skip
 
 
@@ -359,13 +358,14 @@ def _place_label(blocked: Floats, x: int, y: int, label_width: float) -> tuple[f
     height, width = blocked.shape
     for distance in (3.0, 4.0, 5.0, 6.5, 8.0):
         for angle in np.arange(0, 2 * np.pi, np.pi / 8):
+            # Labels are wider than high, so they stand farther off sideways; they are 2.8 px high.
             centre = x + distance * np.cos(angle) * 1.3, y + distance * np.sin(angle)
             left, top = centre[0] - label_width / 2, centre[1] - 1.4
             right, bottom = left + label_width, top + 2.8
             if left < 0 or top < 0 or right > width or bottom > height:
                 continue
             box = np.s_[int(top) : int(bottom) + 1, int(left) : int(right) + 1]
-            cost = blocked[box].sum() + 0.3 * distance
+            cost = blocked[box].sum() + 0.3 * distance  # of equal places the nearer one
             if cost < least_cost:
                 least_cost, place, label_box = cost, centre, box
     blocked[label_box] += 3

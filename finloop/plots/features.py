@@ -85,7 +85,8 @@ def draw_rose(features: pd.DataFrame) -> Figure:
     for swimming_type, (name, colour) in TYPES.items():
         orientations = features.loc[features["swimming_type"] == swimming_type, "orientation"]
         share = 100 * np.bincount(orientations - 1, minlength=count) / len(features)
-        axes.bar(angle, share, width=0.9 * angle[1], bottom=base, color=colour, label=name)
+        width = 0.9 * angle[1]  # of a sector
+        axes.bar(angle, share, width=width, bottom=base, color=colour, label=name)
         base += share
     step = -(-count // 12)  # at most 12 orientations are numbered
     axes.set_xticks(angle[::step], [f"{number}" for number in range(1, count + 1, step)])

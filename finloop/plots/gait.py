@@ -49,10 +49,7 @@ def draw_gait_figures(
 
 
 def _figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points) -> Figure:
-    """Draw Fig. 8 with pictures: k frames (h, w) of one gait cycle, row by row, with their phases.
-
-    phases (k,): in cycles.
-    """
+    """Draw Fig. 8 with k pictures (h, w) of a gait cycle, and their phases (k,) in cycles."""
     height, width = pictures[0].shape[:2]
     rows = -(-len(pictures) // _COLUMNS)  # rounded up
     figure, ax = _open_plot(_COLUMNS * 2.0, rows * (2.0 * height / width + 0.2), title="")
@@ -102,7 +99,7 @@ def _figure9(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
 
 def _draw_support(ax: Axes, gait: Gait) -> None:
     """Draw a row per limb over the phase: ● where it is on the ground, ○ where it is lifted."""
-    phases = np.linspace(0, 1, 24, endpoint=False) + 1 / 48
+    phases = np.linspace(0, 1, 24, endpoint=False) + 1 / 48  # the middle of each 24th
     inks = _contour_colours(gait.support)
     for row, (ink, spans) in enumerate(zip(inks, gait.support.values(), strict=True)):
         on_ground = np.zeros(len(phases), bool)
@@ -182,8 +179,8 @@ def _figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
             subcycle = subcycles[name, number]
             change = (subcycle.start - subcycle.end).ravel()
             samples = subcycle.samples
-            left = (samples.coefficients - subcycle.end).reshape(len(samples.tau), -1)
-            share = left @ change / max(float(change @ change), 1e-300)  # not 0 / 0 at rest
+            remaining = (samples.coefficients - subcycle.end).reshape(len(samples.tau), -1)
+            share = remaining @ change / max(float(change @ change), 1e-300)  # not 0 / 0 at rest
             gamma = subcycle.fit_gammas(per_scale=False, least_motion=0.0)[0]
             ax.plot(tau, key_1_share(tau, np.array(gamma)), color=ink, lw=1.2)
             ax.plot(
@@ -301,7 +298,7 @@ def _draw_cells(
 def _open_plot(width: float, height: float, title: str) -> tuple[Figure, Axes]:
     """Return a figure of a size in inches, filled by one plot without a frame, and the plot."""
     figure = Figure(figsize=(width, height))
-    ax = figure.add_axes((0.01, 0.01, 0.98, 0.98 - 0.3 / height))
+    ax = figure.add_axes((0.01, 0.01, 0.98, 0.98 - 0.3 / height))  # 0.3 inches for the title
     ax.set_title(title, fontsize=10)
     ax.set_aspect("equal")
     ax.axis("off")

@@ -85,7 +85,7 @@ def draw_gateways(gateways: Mapping[str, Sequence[GatewayPictures]], columns: in
     """
     bands = []
     for direction, pictures in gateways.items():
-        strip = np.full((_STRIP, 4 * TILE * columns, 3), 255, np.uint8)
+        strip = np.full((_STRIP, 4 * TILE * columns, 3), 255, np.uint8)  # 4 pictures a gateway
         write_text(strip, _HEADLINES[direction], (4, _STRIP - 5), _INK, size=0.45)
         bands += [strip, *join_in_rows([_draw_gateway(gateway) for gateway in pictures], columns)]
     return np.vstack(bands)

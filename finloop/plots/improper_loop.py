@@ -56,12 +56,13 @@ def find_most_improper_loop(
     if pairs.empty:
         return None
     a, b = pairs["a"].to_numpy(), pairs["b"].to_numpy()
-    travel = measure_travel(a, b, features)
-    off = np.where(travel.off_deg > max_angle_deg, travel.off_deg, 0.0)
-    displacement = np.diff(places_through_water(features)[np.stack([a, b])], axis=0)[0]
-    length = features["body_length_px"].to_numpy(float)[a]
-    off[:, 0] *= np.minimum(np.hypot(*displacement.T) / length, 1.0)
-    considered = off[:, :1] if off[:, 0].any() else off  # column 0: between the ends
+    travel = measure_travel(a, b, features)  # arrays (pairs, 3): between the ends, at a, at b
+    fault_deg = np.where(travel.off_deg > max_angle_deg, travel.off_deg, 0.0)
+    places = places_through_water(features)
+    path_length = np.hypot(*(places[b] - places[a]).T)
+    body_length = features["body_length_px"].to_numpy(float)[a]
+    fault_deg[:, 0] *= np.minimum(path_length / body_length, 1.0)
+    considered = fault_deg[:, :1] if fault_deg[:, 0].any() else fault_deg
     pair, place = np.unravel_index(int(considered.argmax()), considered.shape)
     return ImproperLoop(
         a=int(a[pair]), b=int(b[pair]), place=int(place),

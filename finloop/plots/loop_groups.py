@@ -31,24 +31,24 @@ def find_stretches(inside: Mask, track_id: Rows) -> list[tuple[int, int]]:
 
     A run ends where the track ends. track_id (n,): the track of each row.
     """
-    number = np.where(inside, track_id, -1)
-    edges = np.flatnonzero(np.diff(number, prepend=-1, append=-1))
-    edges = np.unique(np.r_[edges, len(number)])
+    track_inside = np.where(inside, track_id, -1)
+    edges = np.flatnonzero(np.diff(track_inside, prepend=-1, append=-1))
+
     return [(int(start), int(stop)) for start, stop in pairwise(edges) if inside[start]]
 
 
-def rows_below_loops(loops: pd.DataFrame, track_id: Rows) -> Mask:
+def rows_within_loops(loops: pd.DataFrame, track_id: Rows) -> Mask:
     """Return which rows (n,) of the film lie between the two ends of a loop.
 
     Of a loop between two tracks only its ends count. track_id (n,): the track of each row.
     """
-    change = np.zeros(len(track_id) + 1, np.int64)  # of how many loops lie over a row
+    begins_less_ends = np.zeros(len(track_id) + 1, np.int64)  # of the loops that lie over each row
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     within = track_id[a] == track_id[b]
     for first, last in ((a, np.where(within, b, a)), (b, b)):
-        np.add.at(change, first, 1)
-        np.add.at(change, last + 1, -1)
-    return np.cumsum(change)[:-1] > 0
+        np.add.at(begins_less_ends, first, 1)
+        np.add.at(begins_less_ends, last + 1, -1)
+    return np.cumsum(begins_less_ends)[:-1] > 0
 
 
 def figure12(
@@ -86,9 +86,9 @@ def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: 
     if within.empty:
         axes.set_title("no loop lies within one track", loc="left", fontsize=10)
         return
-    number = group_overlapping_loops(within["a"].to_numpy(), within["b"].to_numpy(), track_id)
-    within = within.assign(track_group=number).sort_values(["track_group", "length_s"])
-    count, drawn = int(number.max()) + 1, 0
+    groups = group_overlapping_loops(within["a"].to_numpy(), within["b"].to_numpy(), track_id)
+    within = within.assign(track_group=groups).sort_values(["track_group", "length_s"])
+    count, drawn = int(groups.max()) + 1, 0
     arcs_per_group = max(1, min(_PER_GROUP, _ARCS // count))
     by_group = within.groupby("track_group")
     rank_in_time = by_group["a"].min().argsort().argsort()  # of each group among all
@@ -127,7 +127,7 @@ def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
     names = []
     for row in range(min(len(group_sizes), _ROWS) + (len(group_sizes) > _ROWS)):
         group = loops[loops["group"] == row] if row < _ROWS else loops[loops["group"] >= row]
-        covered, colour = rows_below_loops(group, track_id), _OTHER if row else _LARGEST
+        covered, colour = rows_within_loops(group, track_id), _OTHER if row else _LARGEST
         parts = [(a / rate_hz, (b - a) / rate_hz) for a, b in find_stretches(covered, track_id)]
         axes.broken_barh(parts, (row - 0.3, 0.6), color=colour, lw=0 if row == 0 else 1.5)
         if row:
@@ -177,7 +177,7 @@ def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_h
     ]
     axes.legend(handles=handles)
     dead_ends = find_stretches(~endless, track_id)
-    longest_first = sorted(dead_ends, key=lambda rows: rows[0] - rows[1])
+    longest_first = sorted(dead_ends, key=lambda stretch: stretch[0] - stretch[1])
     named = sorted(longest_first[:_NAMED])
     for number, (start, stop) in enumerate(named):
         text = f"track {track_id[start]}\nframes {frame[start]}–{frame[stop - 1]}"

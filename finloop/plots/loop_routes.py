@@ -77,12 +77,13 @@ def _least_gap_shares(pairs: Ints) -> Floats:
     ends = pairs.reshape(n, 8)
     order = ends.argsort(axis=1, kind="stable")
     rank = np.argsort(order, axis=1)  # of each end in time, 0 for A … 7 for H
-    partner = np.empty_like(rank)  # rank of the other end of the loop, by rank
+    partner = np.empty_like(rank)  # (n, 8): for each of A … H, the rank of its loop's other end
     np.put_along_axis(partner, rank, rank[:, [1, 0, 3, 2, 5, 4, 7, 6]], axis=1)
     time = np.take_along_axis(ends, order, axis=1)
     least_share = np.diff(time, axis=1).min(axis=1) / (time[:, -1] - time[:, 0])
-    leads_back = (partner[:, 5:] < 5).all(axis=1)  # H, G and F have loops with ends before F
-    early = np.arange(5)  # A … E have a loop that ends after the end to which H leads
+    leads_back = (partner[:, 5:] < 5).all(axis=1)  # F, G and H have loops with ends before F
+    # The fourth loop has both its ends before F, and the later one after the end to which H leads.
+    early = np.arange(5)  # A … E
     lies_between = (partner[:, :5] < early) & (early > partner[:, 7:])
     return np.where(leads_back & lies_between.any(axis=1), least_share, 0.0)
 
@@ -159,10 +160,7 @@ def _end_colours(three: ThreeRoutes) -> list[str]:
 
 
 def _draw_loops(axes: Axes, three: ThreeRoutes, frame: Rows) -> None:
-    """Draw the four loops as arcs over the frames, with the letters of their ends.
-
-    frame (n,): the frame of each row.
-    """
+    """Draw four loops as arcs over the frame (n,) of each row, with the letters of their ends."""
     a, b = frame[three.loops["a"]], frame[three.loops["b"]]
     arcs = arc_points(a.astype(float), b.astype(float))
     for number, (arc, colour) in enumerate(zip(arcs, _COLOURS, strict=True), start=1):
@@ -205,7 +203,8 @@ def _draw_fish_at_ends(
 def _draw_route(axes: Axes, route: Sequence[Leg], ends: Rows, frame: Rows) -> None:
     """Draw a route over the frames: solid lines are played, each jump leads one level down.
 
-    ends: rows of A … H. frame (n,): the frame of each row.
+    ends: rows of A … H. frame (n,): the frame of each row. A jump is a dotted line down, along and
+    down again, to an arrow head.
     """
     level = 0
     for start, stop, kind in merge_play_legs(route):

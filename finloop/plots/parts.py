@@ -50,8 +50,9 @@ def join_in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
     White tiles fill the last row. Without tiles there is no row.
     """
     missing = -len(tiles) % columns
-    all_tiles = [*tiles, *[np.full_like(tile, 255) for tile in tiles[:1]] * missing]
-    return [np.hstack(all_tiles[i : i + columns]) for i in range(0, len(all_tiles), columns)]
+    white_tiles = [np.full_like(tiles[0], 255)] * missing if tiles else []
+    tiles = [*tiles, *white_tiles]
+    return [np.hstack(tiles[start : start + columns]) for start in range(0, len(tiles), columns)]
 
 
 def stack_pictures(pictures: Sequence[Picture]) -> Picture:
@@ -103,5 +104,6 @@ def draw_arrow(axes: Axes, start: Floats, end: Floats, **style: object) -> None:
     """
     arrow = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, **style}
     # An annotation without a text; its arrow leads from the text's place to the annotated place.
-    ends = tuple(end), tuple(start)
-    axes.annotate("", *ends, zorder=3, annotation_clip=False, arrowprops=arrow)
+    axes.annotate(
+        "", xy=tuple(end), xytext=tuple(start), zorder=3, annotation_clip=False, arrowprops=arrow
+    )

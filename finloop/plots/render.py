@@ -45,7 +45,7 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
     names, colours = tick_categories(edit)
     places, fish = edit[["x_px", "y_px"]].to_numpy(float), edit["fish"].to_numpy()
     later = np.flatnonzero(fish[1:] == fish[:-1]) + 1  # rows that follow one of the same fish
-    steps = np.stack([places[later - 1], places[later]], axis=1)
+    steps = np.stack([places[later - 1], places[later]], axis=1)  # (n, 2 ends, 2)
     has_goal = ticks_with_goal(edit)[later]
     name_of_step = names.to_numpy()[later]
     wandering = list(steps[~has_goal])
@@ -114,12 +114,10 @@ def find_liveliest_start(edit: pd.DataFrame, count: int) -> int:
     """Return the first of the `count` successive ticks in which the heading changes most."""
     heading = np.radians(edit["heading_deg"].to_numpy(float))
     change = np.abs(np.diff(np.unwrap(heading), prepend=heading[:1]))
-    total = np.cumsum(np.r_[0.0, change])
-    last_start = max(len(edit) - count, 0)
-    if last_start == 0:
+    change_before = np.cumsum(np.r_[0.0, change])
+    if len(edit) <= count:
         return 0
-    change_after = total[count : count + last_start + 1] - total[: last_start + 1]
-    return int(np.argmax(change_after))
+    return int(np.argmax(change_before[count:] - change_before[:-count]))
 
 
 def choose_switch_ticks(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
@@ -132,6 +130,7 @@ def choose_switch_ticks(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> 
     fades = (edit["weight"] > 0).to_numpy()
     changes_kind = np.append(False, kind[1:] != kind[:-1])
     is_frame = kind == FRAME
+    # Track and frame that each tick shows; on a jump not the next frame of the same track.
     filmed = tracks[["track_id", "frame"]].to_numpy()[np.where(is_frame, edit["source"], 0)]
     jumps = (np.diff(filmed, axis=0) != (0, 1)).any(axis=1) & is_frame[1:] & is_frame[:-1]
     fade_begins = fades & ~np.append(False, fades[:-1])
@@ -150,7 +149,8 @@ def choose_sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, li
     """Return the ticks to draw on each of two sheets, "contact_sheet" and "switches".
 
     The first shows successive ticks in which the heading changes most, the second the ticks around
-    each switch. tracks: track_id and frame of every cut-out.
+    each switch to another part of the film or to a sprite. tracks: track_id and frame of every
+    cut-out.
     """
     start, count = find_liveliest_start(edit, TICKS), len(edit)
     switches = choose_switch_ticks(edit, tracks, SWITCHES)
@@ -159,7 +159,10 @@ def choose_sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, li
 
 
 def ticks_around_switch(tick: int, count: int) -> range:
-    """Return the ticks to draw around a switch at `tick`, in an animation of `count` ticks."""
+    """Return `BEFORE` ticks before a switch at `tick` and `AFTER` from it on, of `count` ticks.
+
+    Near an end of the animation they are moved inside.
+    """
     first = max(0, min(tick - BEFORE, count - BEFORE - AFTER))
     return range(first, min(first + BEFORE + AFTER, count))
 

@@ -61,10 +61,7 @@ def draw_backbones(
 
 
 def _draw_line(tile: Picture, points: Points, colour: Colour, width: int) -> None:
-    """Draw a line through points (n, 2) in px of the tile; a single point becomes a dot.
-
-    width: of the line, px.
-    """
+    """Draw a line, `width` px wide, through points (n, 2) of a tile; one point becomes a dot."""
     sixteenths = np.round(16 * points).astype(np.int32)  # of a pixel, for cv2's shift=4
     if len(sixteenths) == 1:
         place = tuple(sixteenths[0].tolist())

@@ -32,8 +32,10 @@ def find_strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
     turn.
     """
     delta = infer_delta_frames(features)
-    for k in delta * np.arange(1, _MOST + 1 if delta else 1):
-        turn_deg = _clear_turn_deg(features, int(k), delta)
+    if delta == 0:  # the film is too short
+        return None
+    for k in range(delta, _MOST * delta + 1, delta):
+        turn_deg = _clear_turn_deg(features, k, delta)
         if turn_deg.any():
             return turn_deg.argmax() + k * np.arange(3)
     return None
@@ -180,10 +182,7 @@ def _draw_heading(
 def _draw_turn_over_time(
     part: SubFigure, features: pd.DataFrame, rows: NDArray[np.intp], k: int
 ) -> None:
-    """Draw motion area and heading over the frames of a turn and `k` frames around it.
-
-    rows (3,): the rows of the turn, which vertical lines mark.
-    """
+    """Draw motion area and heading over a turn and k frames around; lines mark its rows (3,)."""
     track = features["track_id"].to_numpy()
     shown = np.arange(max(rows[0] - k, 0), min(rows[-1] + k + 1, len(features)))
     shown = shown[track[shown] == track[rows[0]]]

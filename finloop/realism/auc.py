@@ -70,14 +70,15 @@ def compute_auc(scores: Scores) -> Auc:
     areas, pairs, deviations = [], [], []
     for part in scores.split_by_block():
         film, animation = part.score[~part.animation], part.score[part.animation]
-        right = np.empty(len(part.score))  # DeLong's components: the share of pairs in right order
-        right[part.animation] = _share_below(animation, film)
-        right[~part.animation] = 1.0 - _share_below(film, animation)
-        area = float(right[part.animation].mean())
+        # DeLong's components: in which share of its pairs each window is in the right order.
+        right_share = np.empty(len(part.score))
+        right_share[part.animation] = _share_below(animation, film)
+        right_share[~part.animation] = 1.0 - _share_below(film, animation)
+        area = float(right_share[part.animation].mean())
         count = np.where(part.animation, len(animation), len(film))
         areas.append(area)
         pairs.append(len(film) * len(animation))
-        deviations.append(pd.Series((right - area) / count).groupby(part.cluster).sum())
+        deviations.append(pd.Series((right_share - area) / count).groupby(part.cluster).sum())
     weights = np.array(pairs) / sum(pairs)
     value = float(weights @ areas)
     weighted = [weight * sums for weight, sums in zip(weights, deviations, strict=True)]

@@ -56,26 +56,28 @@ class FilmSample:
         p = self.p
         return cut_in_frames(p.window_deltas, p.stride, p.step, self.delta)
 
-    def cut_windows(self, swimming: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
+    def cut_windows(self, swimming: Swimming, blocks: Blocks, used: Mask | None = None) -> Windows:
         """Return windows of film or animation, each assigned to a block of the film's time.
 
-        swimming: n measured ticks. film: the blocks of its time. part (n,): True for ticks to use,
+        swimming: n measured ticks. blocks: of the film's time. used (n,): True for ticks to use,
         None for all. A tick with a sprite belongs to a block of the animation's own time.
         """
-        p, gap = self.p, self.p.gap * self.delta / self.rate_hz
+        p, gap_s = self.p, self.p.gap * self.delta / self.rate_hz
         is_frame, own_s = swimming.row >= 0, swimming.time_s
         film_s = self.frame_s[np.where(is_frame, swimming.row, 0)]
-        own = equal_blocks(own_s, p.cross_validation_folds)
-        cluster_ticks = max(1, round(p.cluster * self.delta))
+        own_blocks = equal_blocks(own_s, p.cross_validation_folds)
+        block = np.where(is_frame, blocks.block_numbers(film_s), own_blocks.block_numbers(own_s))
+        near = np.where(
+            is_frame[:, None], blocks.are_near(film_s, gap_s), own_blocks.are_near(own_s, gap_s)
+        )
         tick = np.round(own_s * self.rate_hz).astype(np.int64)
-        block = np.where(is_frame, film.block_numbers(film_s), own.block_numbers(own_s))
-        near = np.where(is_frame[:, None], film.are_near(film_s, gap), own.are_near(own_s, gap))
+        cluster_ticks = max(1, round(p.cluster * self.delta))
         cluster = np.where(is_frame, swimming.row // cluster_ticks, -1 - tick // cluster_ticks)
-        used = np.arange(len(is_frame)) if part is None else np.flatnonzero(part)
-        ticks = TickBlocks(block[used], near[used], cluster[used])
-        table = swimming.table.iloc[used]
-        result = cut_windows(table, ticks, self.window_cut, self.rate_hz, self.largest)
-        return replace(result, first=used[result.first])
+        rows = np.arange(len(is_frame)) if used is None else np.flatnonzero(used)
+        ticks = TickBlocks(block[rows], near[rows], cluster[rows])
+        table = swimming.table.iloc[rows]
+        windows = cut_windows(table, ticks, self.window_cut, self.rate_hz, self.largest)
+        return replace(windows, first=rows[windows.first])
 
     def film_blocks(self, repeats: int = 1) -> Blocks:
         """Return the blocks of the film's time, with equally many rows (a fish in a frame) in each.
@@ -96,8 +98,9 @@ class FilmSample:
         show the same fish, as an animation does. From halves by tracks, a classifier would learn to
         distinguish the fish.
         """
-        film, blocks = self.film, self.film_blocks(2)
-        early = self.frame_s[film.row] < blocks.edges[self.p.cross_validation_folds]
+        film, blocks = self.film, self.film_blocks(repeats=2)
+        middle_s = blocks.edges[self.p.cross_validation_folds]  # where the blocks begin again
+        early = self.frame_s[film.row] < middle_s
         return self.cut_windows(film, blocks, early), self.cut_windows(film, blocks, ~early)
 
     def comparison_windows(self, measured: Mapping[str, Swimming], features: pd.DataFrame) -> Sides:

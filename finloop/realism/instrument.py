@@ -39,8 +39,7 @@ class Instrument:
     """The noise, thresholds and typical fish of a film, to measure an animation in the same way.
 
     tank (h, w) or (h, w, 3) uint8: empty. arena (h, w) uint8: 255 inside. facts: noise, threshold
-    and typical fish of the film. rate_hz: frames per second. size: factor by which fish are drawn
-    larger than filmed, 1 = as filmed.
+    and typical fish of the film. rate_hz: frames per second. fish_scale: drawn size / filmed size.
     """
 
     tank: Picture
@@ -49,17 +48,18 @@ class Instrument:
     extract: ExtractSettings
     features: FeatureSettings
     rate_hz: float
-    size: float = 1.0
+    fish_scale: float = 1.0
 
-    def adapt_to_animation(self, size: float) -> "Instrument":
-        """Return the instrument for fish drawn `size` times as large as filmed, in still water.
+    def adapt_to_animation(self, fish_scale: float) -> "Instrument":
+        """Return the instrument for fish drawn `fish_scale` times as large, in still water.
 
         It measures a tank that is shrunk so that the fish are as large as filmed.
         """
-        adapted = replace(self, features=replace(self.features, water_current_bl_s=0.0), size=size)
-        if size == 1:
+        still = replace(self.features, water_current_bl_s=0.0)
+        adapted = replace(self, features=still, fish_scale=fish_scale)
+        if fish_scale == 1:
             return adapted
-        width, height = (max(1, round(side / size)) for side in self.arena.shape[::-1])
+        width, height = (max(1, round(side / fish_scale)) for side in self.arena.shape[::-1])
         return replace(
             adapted,
             tank=cv2.resize(self.tank, (width, height)),
@@ -68,10 +68,10 @@ class Instrument:
 
     def reduce_to_filmed_size(self, edit: pd.DataFrame) -> pd.DataFrame:
         """Return an edit list, its places and scales shrunk until fish are as large as filmed."""
-        if self.size == 1:
+        if self.fish_scale == 1:
             return edit
-        places = {name: (edit[name] + 0.5) / self.size - 0.5 for name in ("x_px", "y_px")}
-        scales = {name: edit[name] / self.size for name in ("scale", "partner_scale")}
+        places = {name: (edit[name] + 0.5) / self.fish_scale - 0.5 for name in ("x_px", "y_px")}
+        scales = {name: edit[name] / self.fish_scale for name in ("scale", "partner_scale")}
         return edit.assign(**places, **scales)
 
     @property
@@ -88,21 +88,17 @@ class Instrument:
         """
         painter, facts = Painter(self.tank), self.facts
         for animal in fish:
-            drawn_box = painter.show(animal)
-            margin = _RIM + max(
-                drawn_box.bottom - drawn_box.top, drawn_box.right - drawn_box.left, 0
-            )
-            box = drawn_box.grow(margin).clip_to(
-                self.tank.shape
-            )  # mostly tank, so the median is the tank's
+            drawn = painter.show(animal)
+            margin = _RIM + max(drawn.bottom - drawn.top, drawn.right - drawn.left, 0)
+            box = drawn.grow(margin).clip_to(self.tank.shape)  # mostly tank, as is its median
             scene = Scene(
                 np.ascontiguousarray(self.tank[box.slices]), facts.polarity,  # type: ignore[arg-type]
                 facts.noise_grey, facts.threshold_grey,
             )  # fmt: skip
             arena = np.ascontiguousarray(self.arena[box.slices])
             detector = Detector(arena, self.typical_fish, self.extract)
-            drawn = np.ascontiguousarray(painter.frame[box.slices])
-            yield _shift_detections(detector.detect(drawn, scene), box.left, box.top)
+            frame = np.ascontiguousarray(painter.frame[box.slices])
+            yield _shift_detections(detector.detect(frame, scene), box.left, box.top)
 
     def measure_fish(self, fish: Iterable[PlacedFish], cuts: Sequence[int] = ()) -> pd.DataFrame:
         """Return the feature table (FEATURES) of drawn fish, one per tick; `frame` is the tick.
@@ -119,10 +115,7 @@ class Instrument:
 
 
 def _shift_detections(detections: Detections, x: int, y: int) -> Detections:
-    """Return detections in a part of the tank, converted from px of the part to px of the tank.
-
-    x, y: the part's upper left pixel.
-    """
+    """Return detections in px of the tank, from px of a part whose upper left pixel is x, y."""
 
     def shift_fish(fish: SegmentedFish) -> SegmentedFish:
         """Return a fish with all its places shifted."""
@@ -138,9 +131,8 @@ def _shift_detections(detections: Detections, x: int, y: int) -> Detections:
         left, top, right, bottom = spot.box
         box = left + x, top + y, right + x, bottom + y
         spots.append(replace(spot, x_px=spot.x_px + x, y_px=spot.y_px + y, box=box))
-    return Detections(
-        detections.verdicts, spots, [fish and shift_fish(fish) for fish in detections.fish]
-    )
+    fish_or_none = [None if fish is None else shift_fish(fish) for fish in detections.fish]
+    return Detections(detections.verdicts, spots, fish_or_none)
 
 
 @dataclass(frozen=True)

@@ -156,11 +156,12 @@ def cut_windows(
             first.append(track_start + starts)
         track_start += len(track)
     first_rows = np.concatenate(first)
-    rows = first_rows[:, None] + np.arange(cut.length + 1)
-    counts = (ticks.block[rows][..., None] == np.arange(blocks)).sum(axis=1)
+    rows = first_rows[:, None] + np.arange(cut.length + 1)  # (windows, ticks)
+    ticks_in_block = (ticks.block[rows][..., None] == np.arange(blocks)).sum(axis=1)
     return Windows(
-        np.concatenate(x).astype(np.float32), first_rows, counts.argmax(axis=1),
-        ticks.near[rows].any(axis=1), ticks.cluster[rows[:, cut.length // 2]],
+        x=np.concatenate(x).astype(np.float32), first=first_rows,
+        block=ticks_in_block.argmax(axis=1), near=ticks.near[rows].any(axis=1),
+        cluster=ticks.cluster[rows[:, cut.length // 2]],
     )  # fmt: skip
 
 

@@ -31,16 +31,17 @@ def longest_tracks_edit_list(track: Ints, places: Floats, ticks: int) -> pd.Data
 
 
 def draw_side_by_side(
-    edits: Mapping[str, pd.DataFrame], gallery: Gallery, tank: Picture, length_px: float, size: int
+    edits: Mapping[str, pd.DataFrame], gallery: Gallery, floor: Picture, length_px: float, size: int
 ) -> Iterator[Picture]:
     """Draw edit lists of one fish side by side: yield a picture (h, w, 3) uint8 for each tick.
 
-    edits: by the title below each, all equally long; tank: the floor, (H, W) or (H, W, 3) uint8;
-    length_px: body length of the fish; size: width and height of a panel, px. A panel follows the
-    fish; below it are its title and what it shows. h is size + WORDS_PX, w is size · lists.
+    edits: by the title below each, all equally long; floor: the empty tank, (H, W) or (H, W, 3)
+    uint8; length_px: body length of the fish; size: width and height of a panel, px. A panel
+    follows the fish; below it are its title and what it shows. h is size + WORDS_PX, w is size ·
+    lists.
     """
     half_px = _AROUND * length_px
-    panel_films = [_draw_panels(edit, gallery, tank, half_px, size) for edit in edits.values()]
+    panel_films = [_draw_panels(edit, gallery, floor, half_px, size) for edit in edits.values()]
     for panels in zip(*panel_films, strict=True):
         frame = np.full((size + WORDS_PX, len(edits) * size, 3), 255, np.uint8)
         for number, (title, (picture, name)) in enumerate(zip(edits, panels, strict=True)):
@@ -54,13 +55,14 @@ def draw_side_by_side(
 
 
 def _draw_panels(
-    edit: pd.DataFrame, gallery: Gallery, tank: Picture, half_px: float, size: int
+    edit: pd.DataFrame, gallery: Gallery, floor: Picture, half_px: float, size: int
 ) -> Iterator[tuple[Picture, str]]:
     """Yield, for each tick, a square picture around the fish and the name of what it shows.
 
-    tank: the floor; half_px: half of the tank's side that a panel shows; size: side of a panel, px.
+    floor: the empty tank; half_px: how far a panel shows it on each side of the fish, px of the
+    tank; size: side of a panel, px.
     """
-    painter, names = Painter(tank, colour=True), picture_kinds(edit)
+    painter, names = Painter(floor, colour=True), picture_kinds(edit)
     for fish, name in zip(place_rows(edit, gallery), names, strict=True):
         painter.show(fish)
         middle = (size - 1) / 2

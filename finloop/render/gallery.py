@@ -45,16 +45,15 @@ class CutoutShelf(NamedTuple):
 
 
 class Gallery:
-    """The fish pictures that edit lists name; the `keep` pictures used last stay in memory.
-
-    shelves: by kind, FRAME or SPRITE; bodies: the film's postures, without which no frame can be
-    drawn mirrored or in another pose.
-    """
+    """The fish pictures that edit lists name; those used last stay in memory."""
 
     def __init__(
         self, shelves: Mapping[str, CutoutShelf], bodies: Bodies | None = None, keep: int = 512
     ) -> None:
-        """Keep the stores of cut-outs; `keep`: number of pictures held in memory."""
+        """Take the stores of cut-outs by kind, FRAME or SPRITE; keep `keep` pictures in memory.
+
+        bodies: the film's postures, without which no frame is drawn mirrored or in another pose.
+        """
         self.shelves, self.bodies = shelves, bodies
         self.picture = lru_cache(keep)(self._load_picture)
 

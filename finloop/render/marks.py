@@ -53,7 +53,7 @@ def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
 
 
 def goal_stretches(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
-    """Return when a fish swims to which goal: name ("" = wandering), first tick, end tick."""
+    """Return when a fish swims to which goal: its name ("" = wandering), first tick, tick after."""
     goal = edit["goal"].to_numpy()
     edges = [0, *np.flatnonzero(goal[1:] != goal[:-1]) + 1, len(goal)]
     return [(goal[a], int(a), int(b)) for a, b in pairwise(edges)]
@@ -212,7 +212,8 @@ class MarkPainter:
 
     def _text_width_px(self, text: str) -> int:
         """Return how wide, in px, a text is in the goals' letters."""
-        return int(cv2.getTextSize((10_000, 100), text, (0, 0), _FONT, self._size, _BOLD)[2])
+        picture_size = 10_000, 100  # large enough for any text
+        return int(cv2.getTextSize(picture_size, text, (0, 0), _FONT, self._size, _BOLD)[2])
 
     def _mark_floor_changed(self, points: NDArray[np.float64], reach: float) -> None:
         """Tell the painter that the floor changed within `reach` px of points (n, 2)."""

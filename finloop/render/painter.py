@@ -366,7 +366,7 @@ def _sample_cubically(pixels, near, u, v):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def _readable_span(m, y, shape, ends):  # type: ignore[no-untyped-def]
-    """Return the range of x, start and stop, in which row y of the canvas shows a picture's inside.
+    """Return the range of x, start and stop, in which row y of a canvas shows a picture.
 
     m: six coefficients, u = m0 x + m1 y + m2, v = m3 x + m4 y + m5 of the picture; shape: its
     height and width; ends: the largest range. The range is empty if start ≥ stop.

@@ -126,7 +126,10 @@ def compare_experiments(
     best = pareto_front(means[keys].to_numpy() * cost_sign) & bool(objectives)
     effects = measure_effects(runs[~repeats], values[~repeats]) if differing else []
     first_runs = names.index[~names.duplicated()].astype(str).tolist()
-    return Comparison(rows, means, spreads, objectives, best, effects, first_runs, runs, values)
+    return Comparison(
+        parameters=rows, measures=means, spreads=spreads, objectives=objectives, best=best,
+        effects=effects, first_runs=first_runs, run_parameters=runs, run_measures=values,
+    )  # fmt: skip
 
 
 def _experiment_names(runs: pd.DataFrame, repeats: "pd.Series[bool]") -> "pd.Series[str]":
@@ -138,9 +141,10 @@ def _experiment_names(runs: pd.DataFrame, repeats: "pd.Series[bool]") -> "pd.Ser
     """
     if runs.columns.empty:
         return pd.Series(runs.index.astype(str), runs.index)
-    settings = runs.astype(str).agg("\t".join, axis=1).mask(repeats, runs.index.astype(str))
-    first_run = pd.Series(runs.index.astype(str), runs.index).groupby(settings).transform("first")
-    run_count = settings.groupby(settings).transform("size")
+    # Runs with the same text are one experiment.
+    experiment = runs.astype(str).agg("\t".join, axis=1).mask(repeats, runs.index.astype(str))
+    first_run = pd.Series(runs.index.astype(str), runs.index).groupby(experiment).transform("first")
+    run_count = experiment.groupby(experiment).transform("size")
     return first_run.where(run_count == 1, first_run.str.replace(r"-seed\d+$", "", regex=True))
 
 

@@ -103,29 +103,29 @@ def measure_effects(parameters: pd.DataFrame, measures: pd.DataFrame) -> list[Ef
     for name in measures.columns[measures.notna().any()]:
         measure = measures[name].dropna()
         table = parameters.loc[measure.index]
-        settings = table.astype(str).agg("\t".join, axis=1)
+        cell = table.astype(str).agg("\t".join, axis=1)
         for parameter in table:
-            effects.append(_measure_effect(str(parameter), measure, table[parameter], settings))
+            effects.append(_measure_effect(str(parameter), measure, table[parameter], cell))
     return effects
 
 
 def _measure_effect(
-    parameter: str, measure: "pd.Series[float]", given: "pd.Series[Any]", settings: "pd.Series[str]"
+    parameter: str, measure: "pd.Series[float]", setting: "pd.Series[Any]", cell: "pd.Series[str]"
 ) -> Effect:
     """Return the effect of a parameter on a measure, tested against that of the seeds.
 
-    given: value of the parameter. settings: text that is equal for runs that differ in their seeds
-    alone. measure, given and settings have a row per run.
+    measure, setting, cell: a row per run. setting: value of the parameter. cell: text that is equal
+    for runs that differ in their seeds alone.
     """
-    ranks, values = rank_values(given)
+    ranks, values = rank_values(setting)
     groups = measure.groupby(ranks)
     means, counts = groups.mean().to_numpy(float), groups.size().to_numpy(int)
     near_zero = _EQUAL * float(measure.abs().max())
-    by_seed = measure - measure.groupby(settings).transform("mean")
-    freedom = len(measure) - settings.nunique()
-    spread = float(np.sqrt((by_seed**2).sum() / freedom)) if freedom else np.nan
+    deviations = measure - measure.groupby(cell).transform("mean")
+    freedom = len(measure) - cell.nunique()  # degrees of freedom; 0: no two runs of a cell
+    spread = float(np.sqrt((deviations**2).sum() / freedom)) if freedom else np.nan
     good = good_direction(str(measure.name))
-    top = int(np.argmin(means) if good == LOWER else np.argmax(means))
+    top = int(np.argmin(means) if good == LOWER else np.argmax(means))  # the best value
     differences, size = np.abs(means - means[top]), np.nan
     if np.ptp(means) <= near_zero:
         size, best = 0.0, np.ones(len(means), bool)
@@ -135,8 +135,11 @@ def _measure_effect(
         size = float(np.ptp(means)) / spread
         scale = spread * np.sqrt((1 / counts + 1 / counts[top]) / 2)
         best = studentized_range.sf(differences / scale, len(means), freedom) >= SIGNIFICANCE
-    number_count = len({value for value in given if not is_word(value)})
-    effect = Effect(parameter, str(measure.name), values, means, spread, size, best, verdict="")
+    number_count = len({value for value in setting if not is_word(value)})
+    effect = Effect(
+        parameter=parameter, measure=str(measure.name), values=values, means=means, spread=spread,
+        size=size, best=best, verdict="",
+    )  # fmt: skip
     same = float(np.ptp(measure)) <= near_zero
     verdict = SAME if same else _describe_effect(effect, good, number_count)
     return effect._replace(verdict=verdict)

@@ -104,12 +104,12 @@ def track_from_film_rows(film: RetargetData, rows: Ints, name: str) -> Track:
     rows (t,): rows of the film; name: for messages.
     """
     poses, features = film.poses, film.reel.features
-    steps = poses.pose[rows].backbone_px()
-    size = float(poses.pose.size_px[rows[0]])
+    backbones = poses.pose[rows].backbone_px()
+    size_px = float(poses.pose.size_px[rows[0]])
     return Track(
-        name, film.rate_hz, features["frame"].to_numpy(np.int64)[rows], steps,
-        np.linspace(0, 1, steps.shape[1]), size * backbone_length_share(poses.shapes),
-        poses.codes[rows], rows,
+        name=name, rate_hz=film.rate_hz, frame=features["frame"].to_numpy(np.int64)[rows],
+        points=backbones, along=np.linspace(0, 1, backbones.shape[1]),
+        length_px=size_px * backbone_length_share(poses.shapes), codes=poses.codes[rows], rows=rows,
     )  # fmt: skip
 
 
@@ -130,13 +130,11 @@ def retarget_track(
         rows = rows.exclude_rows(track.rows)
     pictures = film.pictures
     joins = resolve_join_rules(
-        others.joins,
-        others.join,
-        pictures.bodies,
-        infer_delta_frames(reel.features),
-        pictures.bending_improves_match,
-    )
-    sources, placed = _choose_rows_and_place(placed, rows, joins, film, p)
+        others.joins, kind=others.join, bodies=pictures.bodies,
+        delta=infer_delta_frames(reel.features),
+        bending_improves_match=pictures.bending_improves_match,
+    )  # fmt: skip
+    sources, placed = _choose_rows_and_move_into_tank(placed, rows, joins, film, p)
     drawn_scale = (reel.length_px / reel.lengths_px).astype(float)
     edit = build_edit_list(sources, placed.pose, placed.codes, drawn_scale, joins, film.rate_hz)
     asked = _requested_motion_table(motion, placed, sources)
@@ -148,8 +146,8 @@ def retarget_track(
         "scale": scale,
         "way_size": placed.size,
         "with_postures": float(track.has_postures),
-        **{f"apart_{name}_pct": 100 * float(asked["apart"].quantile(q))
-           for name, q in (("median", 0.5), ("p95", 0.95))},
+        "apart_median_pct": 100 * float(asked["apart"].quantile(0.5)),
+        "apart_p95_pct": 100 * float(asked["apart"].quantile(0.95)),
         "clamped_pct": 100 * float(placed.clamped.mean()),
         "outside_ticks": int(outside.any(1).sum()),
         "switches": len(sources.switch),
@@ -163,13 +161,13 @@ def retarget_track(
 class _PlacedTrack(NamedTuple):
     """A recorded track in this film's tank: points (T, m, 2) px along the body, poses (T).
 
-    at (m,): where along the body the points are, 0 = head, 1 = tail, NaN = the middle; codes (T,
+    along (m,): where along the body the points are, 0 = head, 1 = tail, NaN = the middle; codes (T,
     c): of the postures; clamped (T,): which of them were changed to ones that the film shows; size:
     of the path, relative to its size at the track's scale.
     """
 
     points: Points
-    at: Floats
+    along: Floats
     pose: Pose
     codes: Floats
     clamped: Mask
@@ -178,7 +176,7 @@ class _PlacedTrack(NamedTuple):
     @property
     def has_postures(self) -> bool:
         """Return whether the points determine how the animal is bent."""
-        return len(self.at) > 2
+        return len(self.along) > 2
 
     def offsets_into_tank(self, film: RetargetData, p: RetargetSettings) -> tuple[Points, float]:
         """Return how far (T, 2) px the bodies must move to lie in the tank, and the path's size."""
@@ -208,29 +206,30 @@ def _fit_track_to_fish(
     motion: its points at every tick. The scale is px of this film per px of the track. A track
     without postures gets the mean posture; `p.mirrored` swaps left and right.
     """
-    shapes, length_px, at = film.poses.shapes, film.reel.length_px, track.at
-    share = backbone_length_share(shapes)
-    if len(at) == 2:  # of two points only the straight distance is known
-        share = straight_distance_share(shapes, at) / np.ptp(at)
-    scale = track_scale(track, length_px * share, p)
+    shapes, length_px, along = film.poses.shapes, film.reel.length_px, track.along
+    length_share = backbone_length_share(shapes)
+    if len(along) == 2:  # of two points only the straight distance is known
+        length_share = straight_distance_share(shapes, along) / np.ptp(along)
+    scale = track_scale(track, length_px * length_share, p)
     points, codes = scale * motion.points, motion.codes
     if p.mirrored:
         points = mirror_left_right(points, film.arena.shape[1])
         codes = None if codes is None else codes @ shapes.mirror_matrix
     if track.has_postures:
-        return _PlacedTrack(points, at, *fit_postures(points, at, shapes, length_px, codes)), scale
+        pose, codes, clamped = fit_postures(points, along, shapes, length_px, codes)
+        return _PlacedTrack(points, along, pose, codes, clamped), scale
     postures = np.repeat(shapes.mean[None], len(points), 0)
     heading = None
-    if len(at) == 1:
+    if len(along) == 1:
         delta = infer_delta_frames(film.reel.features)
-        span, still_px = max(1, round(delta / 4)), _STILL * length_px / delta
-        heading = _travel_headings(points[:, 0], span, still_px)
-    pose = align_postures(postures, points, at, length_px, heading)
+        span = max(1, round(delta / 4))  # a quarter of Δ, as for the film's rows (`FilmRows`)
+        heading = _travel_headings(points[:, 0], span, still_px=_STILL * length_px / delta)
+    pose = align_postures(postures, points, along, length_px, heading)
     codes, clamped = np.zeros((len(points), len(shapes.shapes))), np.zeros(len(points), bool)
-    return _PlacedTrack(points, at, pose, codes, clamped), scale
+    return _PlacedTrack(points, along, pose, codes, clamped), scale
 
 
-def _choose_rows_and_place(
+def _choose_rows_and_move_into_tank(
     track: _PlacedTrack, rows: FilmRows, joins: JoinRules, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _PlacedTrack]:
     """Return film rows that swim as a track does, and the track moved into the tank.
@@ -253,10 +252,7 @@ def _choose_rows_and_place(
 def _choose_rows(
     track: _PlacedTrack, rows: FilmRows, film: RetargetData, p: RetargetSettings
 ) -> RowSequence:
-    """Return the film rows that swim most like a track.
-
-    rows: those that can be shown; film: the film whose frames are drawn.
-    """
+    """Return the film rows, of those that can be shown, that swim most like a track."""
     pose = track.pose
     place_bl = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
     codes = track.codes if track.has_postures else None
@@ -275,8 +271,8 @@ def _choose_rows_without_postures(
     heading = np.unwrap(track.pose.heading_rad)
     codes = shown_pose_codes(sources, np.degrees(heading), joins)
     postures = film.poses.shapes.decode(codes)
-    known_heading = heading if len(track.at) == 1 else None
-    pose = align_postures(postures, track.points, track.at, film.reel.length_px, known_heading)
+    known_heading = heading if len(track.along) == 1 else None  # a single point shows none
+    pose = align_postures(postures, track.points, track.along, film.reel.length_px, known_heading)
     return sources, track._replace(pose=pose, codes=codes)
 
 
@@ -298,11 +294,11 @@ def _requested_motion_table(
     motion: RecordedMotion, track: _PlacedTrack, sources: RowSequence
 ) -> pd.DataFrame:
     """Return the motion of every tick, as requested and as drawn: columns of `ASKED`."""
-    points, pose, at = track.points, track.pose, track.at
+    points, pose, along = track.points, track.pose, track.along
     backbone = pose.backbone_px()
     apart = np.full(len(points), np.nan)
-    if len(at) > 1:
-        offset = places_on_body(pose, at) - points
+    if len(along) > 1:
+        offset = places_on_body(pose, along) - points
         apart = np.hypot(*np.moveaxis(offset, -1, 0)).mean(1) / pose.steps_px.sum(-1)
     lists = {}
     for name, line in (("asked", points), ("drawn", backbone)):

@@ -39,7 +39,7 @@ def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> Recorde
     frames = np.flatnonzero(track.whole & asked)
     is_gap = np.diff(track.frame[frames]) > 1 + round(p.gap_s * track.rate_hz)
     stretches = np.split(frames, np.flatnonzero(is_gap) + 1)
-    longest = max(stretches, key=lambda frames: np.ptp(time[frames]) if len(frames) else -1.0)
+    longest = max(stretches, key=lambda stretch: np.ptp(time[stretch]) if len(stretch) else -1.0)
     duration_s = float(np.ptp(time[longest])) if len(longest) else 0.0
     ticks = int(duration_s * rate_hz + 1e-6) + 1
     if ticks < _LEAST_TICKS or len(longest) < 2:

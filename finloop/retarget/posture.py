@@ -37,45 +37,45 @@ class FittedPostures(NamedTuple):
 
 
 def fit_postures(
-    points: Points, at: Floats, shapes: PoseShapes, size_px: float, codes: Floats | None = None
+    points: Points, along: Floats, shapes: PoseShapes, size_px: float, codes: Floats | None = None
 ) -> FittedPostures:
     """Return the film's postures nearest to recorded lines (T, m, 2) px, head first, m > 2.
 
-    at (m,): where along the body the points are, 0 = head, 1 = tail; size_px: typical length of the
-    animal to draw; codes (T, c): the pose codes (principal-component scores), None if unknown.
+    along (m,): where along the body the points are, 0 = head, 1 = tail; size_px: typical length of
+    the animal to draw; codes (T, c): the pose codes (principal-component scores), None if unknown.
     Postures unlike all of the film are changed to the nearest ones of the film.
     """
     rounds = _ROUNDS if codes is None else 1
-    # Directions of the head, from a third of the body, and of the body's steps against it.
-    neck = max(1, int(np.argmin(np.abs(at - _HEAD))))
+    # Directions of the head, seen from a third of the body, and of the body's steps against it.
+    neck = max(1, int(np.argmin(np.abs(along - _HEAD))))
     head = points[:, 0] - points[:, neck]
     head_direction = np.arctan2(-head[:, 1], head[:, 0])
     step = points[:, :-1] - points[:, 1:]
     angles = np.arctan2(-step[..., 1], step[..., 0]) - head_direction[:, None]
     angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the others follow from the head on
     directions = np.unwrap(angles, axis=1)
-    turned = np.zeros(len(points))
+    heading_from_head = np.zeros(len(points))  # by how much the heading differs from the head's
     for _ in range(rounds):
         likely = codes
         if likely is None:
-            likely = most_likely_codes(directions - turned[:, None], at, shapes)
+            likely = most_likely_codes(directions - heading_from_head[:, None], along, shapes)
         shown, clamped = shapes.nearest_codes(likely)
-        pose = align_postures(shapes.decode(shown), points, at, size_px)
-        turned = np.angle(np.exp(1j * (pose.heading_rad - head_direction)))
+        pose = align_postures(shapes.decode(shown), points, along, size_px)
+        heading_from_head = np.angle(np.exp(1j * (pose.heading_rad - head_direction)))
     return FittedPostures(pose, shown, clamped)
 
 
-def most_likely_codes(directions: Floats, at: Floats, shapes: PoseShapes) -> Floats:
+def most_likely_codes(directions: Floats, along: Floats, shapes: PoseShapes) -> Floats:
     """Return the most probable pose codes (T, c) for directions (T, m − 1) of body steps.
 
-    Directions are in radians relative to the heading, towards the head. at (m,): where along the
+    Directions are in radians relative to the heading, towards the head. along (m,): where along the
     body the ends of the steps are, 0 = head, 1 = tail; each lies on a point of the film's
     backbones.
     """
     bend_count = backbone_bends(shapes.mean).size
-    first = round(at[0] * bend_count)
-    is_given = np.zeros(len(shapes.mean), bool)
-    backbone_bends(is_given)[first : first + directions.shape[1]] = True
+    first = round(along[0] * bend_count)
+    is_given = np.zeros(len(shapes.mean), bool)  # of the numbers of a posture, among them bends
+    backbone_bends(is_given)[first : first + directions.shape[1]] = True  # a view
     deviations = (directions - shapes.mean[is_given]) * shapes.weights[is_given]
     components = shapes.shapes[:, is_given]
     variance_left = max(shapes.total_variance - float(shapes.variance.sum()), 0.0)
@@ -86,17 +86,21 @@ def most_likely_codes(directions: Floats, at: Floats, shapes: PoseShapes) -> Flo
 
 
 def align_postures(
-    postures: Floats, points: Points, at: Floats, size_px: float, heading_rad: Floats | None = None
+    postures: Floats,
+    points: Points,
+    along: Floats,
+    size_px: float,
+    heading_rad: Floats | None = None,
 ) -> Pose:
     """Return postures (T, d) placed and turned so that they lie nearest to points (T, m, 2) px.
 
-    at (m,): where along the body the points are, 0 = head, 1 = tail, NaN = the mass centre.
+    along (m,): where along the body the points are, 0 = head, 1 = tail, NaN = the mass centre.
     size_px: typical length of the animal. heading_rad (T,): needed where a single point determines
     no heading.
     """
     zeros = np.zeros(len(postures))
     unplaced = Pose(zeros, zeros, zeros, zeros + size_px, postures)
-    on_body = places_on_body(unplaced, at)
+    on_body = places_on_body(unplaced, along)
     body, line = on_body[..., 0] - 1j * on_body[..., 1], points[..., 0] - 1j * points[..., 1]
     body_centre, line_centre = body.mean(1), line.mean(1)
     if heading_rad is None:
@@ -107,18 +111,18 @@ def align_postures(
     return unplaced.move_to(centre.real, -centre.imag, heading_rad, size_px)
 
 
-def places_on_body(pose: Pose, at: Floats) -> Points:
+def places_on_body(pose: Pose, along: Floats) -> Points:
     """Return the places (T, m, 2) px on the backbones of poses (T) at shares (m,) of the body.
 
-    at: 0 = head, 1 = tail, NaN = the mass centre.
+    along: 0 = head, 1 = tail, NaN = the mass centre.
     """
     line = pose.backbone_px()
-    place = np.nan_to_num(at) * (line.shape[1] - 1)
+    place = np.nan_to_num(along) * (line.shape[1] - 1)
     low = np.minimum(place.astype(int), line.shape[1] - 2)
     share = (place - low)[:, None]
     places = (1 - share) * line[:, low] + share * line[:, low + 1]
     centre = np.stack([pose.x_px, pose.y_px], -1)[:, None]
-    return np.where(np.isnan(at)[:, None], centre, places)
+    return np.where(np.isnan(along)[:, None], centre, places)
 
 
 def backbone_length_share(shapes: PoseShapes) -> float:
@@ -126,11 +130,11 @@ def backbone_length_share(shapes: PoseShapes) -> float:
     return float(backbone_steps(shapes.mean).sum())
 
 
-def straight_distance_share(shapes: PoseShapes, at: Floats) -> float:
+def straight_distance_share(shapes: PoseShapes, along: Floats) -> float:
     """Return the straight distance between two places of a fish in the mean posture.
 
-    Its unit is `size_px`, the typical length. at (2,): the places, 0 = head, 1 = tail.
+    Its unit is `size_px`, the typical length. along (2,): the places, 0 = head, 1 = tail.
     """
     zeros = np.zeros(1)
-    ends = places_on_body(Pose(zeros, zeros, zeros, zeros + 1, shapes.mean[None]), at)[0]
+    ends = places_on_body(Pose(zeros, zeros, zeros, zeros + 1, shapes.mean[None]), along)[0]
     return float(np.hypot(*(ends[-1] - ends[0])))

@@ -51,10 +51,10 @@ class FilmRows:
         """Return the rows of a film as vectors in which they can be compared.
 
         look: light and skin of each row, then of each mirror image, from the stage `jumps`;
-        weights: of the parts; has_postures: whether the track has postures.
+        weights: of pose, its change, motion and look; has_postures: whether the track has postures.
         """
         n, span = len(reel), max(1, round(infer_delta_frames(reel.features) / 4))
-        sides = len(look) // n
+        sides = len(look) // n  # 2 with mirror images, else 1
         pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
         change = np.stack([change_per_row(codes, reel.has_next_frame, span) for codes in pose])
         speed = measure_film_motion(reel, span)
@@ -66,21 +66,23 @@ class FilmRows:
         scaled = zip((pose, change, speed), scales, strict=True)
         parts = [part[:sides] * scale for part, scale in scaled]
         scaled_look = weights.appearance_weight * np.asarray(look, float).reshape(sides, n, -1)
+        # The natural step: the median distance between a row and the next, by all four parts.
         first, after = reel.step_ends
         vectors = np.concatenate([*parts, scaled_look], axis=-1)[0]
         natural_step = max(
             float(np.median(np.linalg.norm(vectors[after] - vectors[first], axis=-1))), 1e-12
         )
-        used = slice(0 if has_postures else 2, 3)
+        used = slice(0 if has_postures else 2, 3)  # without postures the motion alone
+        visible = [scaled_look] if has_postures else [parts[0], scaled_look]
         next_row = np.where(reel.has_next_frame, np.arange(n) + 1, -1)
+        next_mirror_image = np.where(next_row < 0, -1, next_row + n)
         return cls(
-            n,
-            _join_and_flatten(parts[used]) / natural_step,
-            _join_and_flatten([scaled_look] if has_postures else [parts[0], scaled_look])
-            / natural_step,
-            np.concatenate([next_row, np.where(next_row < 0, -1, next_row + n)][:sides]),
-            [scale / natural_step for scale in scales[used]],
-            span,
+            count=n,
+            values=_join_and_flatten(parts[used]) / natural_step,
+            seen=_join_and_flatten(visible) / natural_step,
+            follows=np.concatenate([next_row, next_mirror_image][:sides]),
+            scales=[scale / natural_step for scale in scales[used]],
+            span=span,
         )
 
     def exclude_rows(self, rows: Ints) -> "FilmRows":
@@ -131,24 +133,26 @@ def find_cheapest_rows(
     usable = np.flatnonzero(np.isfinite(rows.values).all(1))
     index = Nearest.from_vectors(rows.values[usable].astype(np.float32))
     nearest = index.search(requested, min(candidates, len(usable)))
-    numbers, costs, origins, beams = np.zeros(0, np.int64), np.zeros(0), [], []
+    # The beam: the rows that end the cheapest sequences so far. Each tick keeps it, and the places
+    # in the beam before from which its rows are reached.
+    beam, costs, origins, beams = np.zeros(0, np.int64), np.zeros(0), [], []
     for tick, wanted in enumerate(requested):
-        follows = rows.follows[numbers]
+        follows = rows.follows[beam]
         plays_on = np.flatnonzero(follows >= 0)
         tried = np.union1d(usable[nearest[tick][nearest[tick] >= 0]], follows[plays_on])
         cost = np.linalg.norm(rows.values[tried] - wanted, axis=1) / delta
         origin = np.full(len(tried), -1)
         if tick:
-            due = np.where(follows >= 0, follows, numbers)
-            visible = np.linalg.norm(rows.seen[due][:, None] - rows.seen[tried], axis=-1)
-            total = costs[:, None] + switch + visible
+            due = np.where(follows >= 0, follows, beam)
+            discontinuity = np.linalg.norm(rows.seen[due][:, None] - rows.seen[tried], axis=-1)
+            total = costs[:, None] + switch + discontinuity  # (beam, tried)
             total[plays_on, np.searchsorted(tried, follows[plays_on])] = costs[plays_on]
             origin = total.argmin(0)
             cost += total[origin, np.arange(len(tried))]
         kept = np.sort(np.argsort(cost, kind="stable")[: _BEAM * candidates])
-        numbers, costs = tried[kept], cost[kept]
+        beam, costs = tried[kept], cost[kept]
         origins.append(origin[kept])
-        beams.append(numbers)
+        beams.append(beam)
     places = [int(costs.argmin())]  # in the beams, from the last tick back
     for origin in origins[:0:-1]:
         places.append(int(origin[places[-1]]))

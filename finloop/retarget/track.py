@@ -24,7 +24,7 @@ _ZIGZAG = 1.5  # times the distance from head to tail; a longer line has its poi
 class Track(NamedTuple):
     """A recorded track: points of one animal along its body, head first, in the px of its file.
 
-    frame (t,): numbers in the file, ascending; points (t, m, 2), NaN where not given; at (m,):
+    frame (t,): numbers in the file, ascending; points (t, m, 2), NaN where not given; along (m,):
     where along the body they are, 0 = head, 1 = tail, NaN = the middle of the animal; length_px: of
     its body, None for a single point. A track of the drawn film also has pose codes (t, c) and its
     rows (t,).
@@ -34,7 +34,7 @@ class Track(NamedTuple):
     rate_hz: float
     frame: Ints
     points: Floats
-    at: Floats
+    along: Floats
     length_px: float | None
     codes: Floats | None = None
     rows: Ints | None = None
@@ -47,7 +47,7 @@ class Track(NamedTuple):
     @property
     def has_postures(self) -> bool:
         """Return whether there are enough points, 3, to show how the animal is bent."""
-        return len(self.at) > 2
+        return len(self.along) > 2
 
 
 def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> Track:
@@ -61,13 +61,13 @@ def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettin
     first, last = p.keypoint_range
     if len(order) > 2:
         body_shares = np.arange(steps + 1) / steps
-        at = body_shares[(body_shares >= first - 1e-9) & (body_shares <= last + 1e-9)]
-        share = (at - first) / (last - first)
+        along = body_shares[(body_shares >= first - 1e-9) & (body_shares <= last + 1e-9)]
+        share = (along - first) / (last - first)
         body = resample_body_lines(points[:, order], share, name)
     else:
         heads = [find_keypoint(poses.keypoints, p.head, HEADS, "retarget.body_keypoints")]
         single = 0.0 if poses.keypoints[order[0]] in heads else np.nan
-        at = np.array([first, last] if len(order) == 2 else [single])
+        along = np.array([first, last] if len(order) == 2 else [single])
         body = points[:, order]
     complete = np.isfinite(body).all((1, 2))
     if not complete.any():
@@ -77,7 +77,7 @@ def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettin
             "at least one frame with all of them",
             "name visible points (retarget.body_keypoints), or lower retarget.min_confidence",
         )
-    return Track(name, rate_hz, frame, body, at, _body_length_px(body[complete], at))
+    return Track(name, rate_hz, frame, body, along, _body_length_px(body[complete], along))
 
 
 def track_from_backbones(name: str, rate_hz: float, frame: Ints, line: Floats, steps: int) -> Track:
@@ -86,10 +86,10 @@ def track_from_backbones(name: str, rate_hz: float, frame: Ints, line: Floats, s
     name: for messages; frame (t,): their numbers; steps: of a backbone of the drawn film; the track
     has steps + 1 points.
     """
-    at = np.arange(steps + 1) / steps
-    place = at * (line.shape[1] - 1)
+    along = np.arange(steps + 1) / steps
+    place = along * (line.shape[1] - 1)
     points = interpolate_lines(line, place)
-    return Track(name, rate_hz, frame, points, at, _body_length_px(line, np.array([0.0, 1.0])))
+    return Track(name, rate_hz, frame, points, along, _body_length_px(line, np.array([0.0, 1.0])))
 
 
 def _select_animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats]:
@@ -155,14 +155,15 @@ def body_keypoint_numbers(keypoints: Sequence[str], points: Floats, p: RetargetS
     others = [k for k, name in enumerate(keypoints) if _letters_of(name) not in _CENTRES]
     chord = points[:, last] - points[:, first]
     square = (chord**2).sum(-1)
-    between = {}
+    between = {}  # place along the line from head to tail, 0 … 1, by keypoint
     for k in others:
         offset = points[:, k] - points[:, first]
         along = (offset * chord).sum(-1) / square
         beside = (offset[:, 0] * chord[:, 1] - offset[:, 1] * chord[:, 0]) / square
         if np.isfinite(along).any():
-            place, aside = float(np.nanmedian(along)), abs(float(np.nanmedian(beside)))
-            if 0.02 < place < 0.98 and aside < _BESIDE and k not in (first, last):
+            place, is_on_line = np.nanmedian(along), abs(np.nanmedian(beside)) < _BESIDE
+            # Nearer to an end than 2 %, it is the end itself by another name.
+            if 0.02 < place < 0.98 and is_on_line and k not in (first, last):
                 between[k] = place
     return np.array([first, *sorted(between, key=lambda k: between[k]), last])
 
@@ -183,7 +184,7 @@ def resample_body_lines(points: Floats, share: Floats, name: str) -> Floats:
     is_given = np.asarray(np.isfinite(points).all(2))
     usable = is_given[:, 0] & is_given[:, -1] & (is_given.sum(1) >= 3)
     places = np.full((len(points), len(share), 2), np.nan)
-    ratio = []
+    length_ratios = []  # of each line to the distance between its ends
     for t in np.flatnonzero(usable):
         given = points[t, is_given[t]]
         chords = np.hypot(*np.diff(given, axis=0).T)
@@ -193,22 +194,22 @@ def resample_body_lines(points: Floats, share: Floats, name: str) -> Floats:
         arc_px = np.append(0.0, np.cumsum(chords[chords > 0]))
         curve = make_interp_spline(arc_px, given, min(3, len(given) - 1))
         dense = curve(np.linspace(0, arc_px[-1], _FINE * len(share) + 1))
-        ratio.append(arc_px[-1] / max(float(np.hypot(*(given[-1] - given[0]))), 1e-9))
+        length_ratios.append(arc_px[-1] / max(float(np.hypot(*(given[-1] - given[0]))), 1e-9))
         even_line = resample_line(dense, _FINE * len(share) + 1)
         places[t] = interpolate_lines(even_line[None], share * (len(even_line) - 1))[0]
-    if ratio and np.median(ratio) > _ZIGZAG:
+    if length_ratios and np.median(length_ratios) > _ZIGZAG:
         raise FinloopError(
-            f"the line through the points of {name} is {np.median(ratio):.1f} times as long as the "
-            "distance from the first to the last point: it goes back and forth",
+            f"the line through the points of {name} is {np.median(length_ratios):.1f} times as "
+            "long as the distance from the first to the last point: it goes back and forth",
             "points in their order along the body, from head to tail",
             "name them in that order (retarget.body_keypoints)",
         )
     return places
 
 
-def _body_length_px(points: Floats, at: Floats) -> float | None:
-    """Return the body length, px, from points (t, m, 2) whose ends lie at shares `at` (m,)."""
-    if len(at) == 1:
+def _body_length_px(points: Floats, along: Floats) -> float | None:
+    """Return the body length [px] from points (t, m, 2) at shares (m,) of it; None for a point."""
+    if len(along) == 1:
         return None
     lengths_px = np.hypot(*np.moveaxis(np.diff(points, axis=1), -1, 0)).sum(1)
-    return float(np.median(lengths_px) / (at[-1] - at[0]))
+    return float(np.median(lengths_px) / (along[-1] - along[0]))

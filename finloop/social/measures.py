@@ -71,8 +71,8 @@ def _measure_nearest_neighbours(place: Complex, heading: Complex) -> tuple[Float
         nearest, towards, along = (np.take_along_axis(part, which, -1)[..., 0] for part in seen)
         has_other = np.isfinite(nearest)
         distances[block] = np.where(has_other, nearest, np.nan)
-        for angle, vector in ((alignments, along), (bearings, towards)):
-            angle[block] = np.where(has_other, np.degrees(np.abs(np.angle(vector))), np.nan)
+        for angles, vector in ((alignments, along), (bearings, towards)):
+            angles[block] = np.where(has_other, np.degrees(np.abs(np.angle(vector))), np.nan)
     return distances, alignments, bearings
 
 

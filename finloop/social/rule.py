@@ -58,7 +58,8 @@ class SocialSteps:
     def _tree(self) -> scipy.spatial.KDTree:
         """Search tree of all steps and their mirror images, by how they began."""
         vectors = self._search_vectors(self.wall, self.last)
-        return scipy.spatial.KDTree(np.concatenate([vectors, vectors * (1, -1, 1, -1)]))
+        mirrored_vectors = vectors * (1, -1, 1, -1)
+        return scipy.spatial.KDTree(np.concatenate([vectors, mirrored_vectors]))
 
     def _search_vectors(self, wall: Complex, last: Complex) -> Floats:
         """Return the vectors (…, 4) in which steps are compared, from `wall` and `last`."""
@@ -75,7 +76,8 @@ class SocialSteps:
         and last step, of the fish.
         """
         count = min(alike, 2 * len(self.move))
-        which = self._tree.query(self._search_vectors(wall, last), k=[*range(1, count + 1)])[1]
+        ranks = [*range(1, count + 1)]  # a list, so that even one step has an axis of its own
+        _distances, which = self._tree.query(self._search_vectors(wall, last), k=ranks)
         which = rng.permuted(which, axis=-1)
         move, turn = (np.concatenate([step, step.conj()]) for step in (self.move, self.turn))
         return move[which], turn[which]
@@ -184,5 +186,5 @@ def next_place_in_school(
     )
     ends = place + heading * (moves[0] + steps.forward * pulls)
     inside = walls.is_inside(ends)
-    to = ends[int(inside.argmax()) if inside.any() else -1] * walls.length
-    return float(to.real), float(-to.imag)
+    end_px = ends[int(inside.argmax()) if inside.any() else -1] * walls.length
+    return float(end_px.real), float(-end_px.imag)

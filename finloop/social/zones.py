@@ -99,10 +99,7 @@ def zone_means(seen: Neighbours, radii: tuple[float, float, float], blind_deg: f
 
 
 def _masked_mean(vectors: Complex, mask: Any) -> Complex:
-    """Return the mean (…) of selected vectors (…, n); 0 where none is selected.
-
-    mask (…, n): True for the vectors that count.
-    """
+    """Return the mean (…) of vectors (…, n) that a mask (…, n) selects; 0 if it selects none."""
     return np.where(mask, vectors, 0).sum(axis=-1) / np.maximum(mask.sum(axis=-1), 1)
 
 

@@ -79,10 +79,7 @@ class LiveAnimals:
     def __init__(
         self, settings: AnimalSettings | None, tank: TankGeometry, mm_per_px: float | None
     ) -> None:
-        """Begin without any animal; FinloopError if the tracker's calibration is invalid.
-
-        settings: of the protocol, None without animals; mm_per_px: mm per px of the tank's picture.
-        """
+        """Begin without any animal; FinloopError if the tracker's calibration is invalid."""
         self._tank = tank
         self.calibration = None if settings is None else fit_calibration(settings, mm_per_px)
         self.gap_s = 0.0 if settings is None else settings.gap_s
@@ -109,7 +106,7 @@ class LiveAnimals:
         now_s: session time, s.
         """
         return [
-            Animal(name, *track.place, track.heading, track.speed, track.heard_s)
+            Animal(name, *track.place, track.heading_rad, track.speed, track.heard_s)
             for name, track in sorted(self._tracks.items())
             if now_s - track.heard_s <= MOST_DELAY_S
         ]
@@ -192,45 +189,46 @@ class _AnimalTrack:
         """Begin without a sighting; source: the tracker, length_px: body length of a fish."""
         self.source, self.heard_s = source, -math.inf
         self.place, self.speed = (0.0, 0.0), 0.0
-        self.heading: float | None = None
+        self.heading_rad: float | None = None
         self._length_px = length_px
         self._past = _PastPlaces()
-        self._bins: deque[tuple[int, float]] = deque(maxlen=_BINS)  # least differences
-        self._offset = 0.0  # the session's time less the tracker's
-        self._t = -math.inf  # the last of the tracker's times
-        self._begin = 0.0  # beginning of its unbroken track, the tracker's time
-        self._refused: float | None = None  # a time of a clock that may have been put back
-        self._anchor = (0.0, 0.0)  # where its motion last gave the heading
+        # Number of each of the last seconds, and the least clock offset that was seen in it.
+        self._least_offsets: deque[tuple[int, float]] = deque(maxlen=_BINS)
+        self._clock_offset_s = 0.0  # the session's time less the tracker's
+        self._last_t = -math.inf  # the last of the tracker's times
+        self._unbroken_since = 0.0  # beginning of its unbroken track, the tracker's time
+        self._refused_t: float | None = None  # a time of a clock that may have been put back
+        self._heading_place = (0.0, 0.0)  # where its motion last gave the heading
 
     def update_clock(self, t: float, arrived_s: float, source: str) -> bool | None:
-        """Update the difference of the clocks; return whether the tracker's clock jumped.
+        """Update the offset between the clocks; return whether the tracker's clock jumped.
 
         t: the tracker's time of a new sighting, s; arrived_s: the session's; source: the tracker's
-        name. None if the sighting is late: t is not after the last one, and the clock is the same.
-        Another source has another clock; earlier sightings are kept.
+        name. Return None if the sighting is late: t is not after the last one, and the clock is the
+        same. Another source has another clock; earlier sightings are kept.
         """
-        difference = arrived_s - t
-        change = difference - self._offset
-        known, new_source = bool(self._bins), source != self.source
-        # A later t with a larger difference is no jump: the message was held up. If the clock was
-        # put back, the least difference of the last bins shows it in a few seconds.
-        put_forward = known and t > self._t and change < -_JUMP_S
-        may_be_back = known and t < self._t and change > _JUMP_S
+        offset = arrived_s - t
+        change = offset - self._clock_offset_s
+        known, new_source = bool(self._least_offsets), source != self.source
+        # A later t with a larger offset is no jump: the message was held up. If the clock was
+        # put back, the least offset of the last bins shows it in a few seconds.
+        put_forward = known and t > self._last_t and change < -_JUMP_S
+        may_be_back = known and t < self._last_t and change > _JUMP_S
         # One sighting may only be late; a second one, in order, shows that the clock was put back.
-        put_back = may_be_back and self._refused is not None and t > self._refused
-        if known and not new_source and t <= self._t and not put_back:
-            self._refused = t if may_be_back else self._refused
+        put_back = may_be_back and self._refused_t is not None and t > self._refused_t
+        if known and not new_source and t <= self._last_t and not put_back:
+            self._refused_t = t if may_be_back else self._refused_t
             return None
-        jumped, self._refused = put_forward or put_back, None
+        jumped, self._refused_t = put_forward or put_back, None
         if new_source or jumped or not known:
-            self._past.change_clock(self._offset - difference, t)
-            self._bins.clear()
-            self.source, self._begin = source, t
-        number = math.floor(arrived_s / _BIN_S)
-        if self._bins and self._bins[-1][0] == number:
-            difference = min(difference, self._bins.pop()[1])
-        self._bins.append((number, difference))
-        self._offset = min(least for _, least in self._bins)
+            self._past.change_clock(self._clock_offset_s - offset, t)
+            self._least_offsets.clear()
+            self.source, self._unbroken_since = source, t
+        bin_number = math.floor(arrived_s / _BIN_S)
+        if self._least_offsets and self._least_offsets[-1][0] == bin_number:
+            offset = min(offset, self._least_offsets.pop()[1])
+        self._least_offsets.append((bin_number, offset))
+        self._clock_offset_s = min(least for _, least in self._least_offsets)
         return jumped
 
     def add_sighting(
@@ -242,24 +240,25 @@ class _AnimalTrack:
         arrived_s: session time. was_lost: whether the animal was lost before.
         """
         if was_lost:
-            self.heading, self._anchor, self._begin = None, place, t
-        x, y = place[0] - self._anchor[0], place[1] - self._anchor[1]
+            self.heading_rad, self._heading_place, self._unbroken_since = None, place, t
+        x, y = place[0] - self._heading_place[0], place[1] - self._heading_place[1]
         if math.hypot(x, y) >= _TURN * self._length_px:
-            self.heading, self._anchor = math.atan2(-y, x), place  # y down, angles anticlockwise
+            self.heading_rad = math.atan2(-y, x)  # y down, angles anticlockwise
+            self._heading_place = place
         if heading_rad is not None:
-            self.heading = heading_rad
-        self.place, self.heard_s, self._t = place, arrived_s, t
+            self.heading_rad = heading_rad
+        self.place, self.heard_s, self._last_t = place, arrived_s, t
         self._past.add_place(t, place)
-        self.speed = self._past.mean_speed(t - _SPEED_S, self._begin)
+        self.speed = self._past.mean_speed(t - _SPEED_S, self._unbroken_since)
 
     def find_past_place(self, time_s: float, gap_s: float) -> PlacePx | None:
         """Return where the animal was (x, y px) at a session time; None if unknown or lost then.
 
         gap_s: time without a message after which the animal is lost.
         """
-        if time_s > self._offset + self._t:
+        if time_s > self._clock_offset_s + self._last_t:
             return self.place if time_s - self.heard_s <= gap_s else None
-        return self._past.interpolate_place(time_s - self._offset, gap_s)
+        return self._past.interpolate_place(time_s - self._clock_offset_s, gap_s)
 
 
 class _PastPlaces:
@@ -281,6 +280,7 @@ class _PastPlaces:
         t: time on the tracker's clock, s. The rows are moved to the front when the array is full.
         """
         rows = self._valid_rows
+        # A place is replaced if the last two and the new one have less than the mean time between.
         if len(rows) > 1 and t - rows[-2, 0] < 2 * _SPACE_S:
             self._end -= 1
         elif self._end == len(self._rows):

@@ -68,7 +68,7 @@ def session_status(session: Session, with_constants: bool = True) -> dict[str, A
     done: how trials ended. with_constants: whether to add what never changes in a session.
     """
     counts, now = session.counts, session.clock.read_time()
-    start = session.plan.start_key or session.plan.start_message or "auto"
+    start = session.protocol.start_key or session.protocol.start_message or "auto"
     # A fish that is absent has the picture −1.
     shown = () if session.shown is None else session.shown[session.shown[:, PICTURE] >= 0]
     status: dict[str, Any] = {
@@ -96,10 +96,10 @@ def session_status(session: Session, with_constants: bool = True) -> dict[str, A
     }  # fmt: skip
     if with_constants:
         status |= {
-            "demands": list(list_requirements(session.plan)),
-            "calibrated": session.plan.display.calibrated, "gap_s": session.animals.gap_s,
-            "mm_per_px": session.scene.mm_per_px, "protocol": session.plan.name,
-            "seed": session.plan.seed, "file": session.name,
+            "demands": list(list_requirements(session.protocol)),
+            "calibrated": session.protocol.display.calibrated, "gap_s": session.animals.gap_s,
+            "mm_per_px": session.scene.mm_per_px, "protocol": session.protocol.name,
+            "seed": session.protocol.seed, "file": session.name,
             "tank": [session.scene.tank.width, session.scene.tank.height], "link": session.link,
             "trials": [[trial.number, trial.block, trial.repeat, trial.condition, trial.seconds]
                        for trial in session.trials],

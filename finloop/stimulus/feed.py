@@ -42,9 +42,7 @@ class TankCanvas(NamedTuple):
 class Feed:
     """Makes the messages to a display page; it remembers which pictures the page has.
 
-    facts: values of the message `hello`, of which `fish` (their number) and `rate` (ticks/s) are
-    required; load_picture: returns a picture of the film by its row. slots: how many pictures the
-    page keeps.
+    slots: how many pictures the page keeps.
     """
 
     def __init__(
@@ -126,15 +124,12 @@ class Feed:
         return messages
 
     def _picture_message(self, number: int, slot: int) -> bytes:
-        """Return the message with one picture of a fish, and where the animal is in it.
-
-        number: its row of the film. slot: number of the place in the page's memory.
-        """
+        """Return the message with the picture of a film row, for a slot of the page's memory."""
         picture = self._load_picture(number)
         height, width = picture.pixels.shape[:2]
         facts = {
             "kind": "picture", "picture": number, "slot": slot, "width": width, "height": height,
-            "line": [float(part) for part in picture.line],
+            "line": [float(part) for part in picture.placement],
         }  # fmt: skip
         payload = picture.posture.astype("<f4").tobytes() + picture.pixels.tobytes()
         return pack_message(facts, payload)

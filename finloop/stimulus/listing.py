@@ -66,8 +66,8 @@ def _describe_condition(condition: Condition) -> tuple[str, str, str]:
         case "goal" | "goals":
             places = motion.goals or [motion.goal or ()]
             first = ["(" + ", ".join(f"{part:g}" for part in place) + ")" for place in places[:3]]
-            motion_words = "to " + ", ".join(first)
-            motion_words += f" and {len(places) - 3} more" * (len(places) > 3)
+            more = f" and {len(places) - 3} more" if len(places) > 3 else ""
+            motion_words = "to " + ", ".join(first) + more
         case "path":
             motion_words = f"along {motion.path}"
         case "again":
@@ -81,15 +81,18 @@ def _describe_condition(condition: Condition) -> tuple[str, str, str]:
             values = motion.rule.model_dump(mode="json", exclude_defaults=True)
             details = [f"{key} {value}" for key, value in values.items() if key != "rule"]
             motion_words = ", ".join([str(motion.rule.rule), *details])
-    looks: list[str] = [look.shape]  # a text times False is left out
-    looks += [f"contrast {look.contrast:g}"] * (look.contrast != 1)
-    looks += [f"size {look.size:g}"] * (look.size != 1)
-    looks += [f"colour {'-'.join(map(str, look.colour or ()))}"] * (look.colour is not None)
-    changes: list[str] = []
-    if change is not None:
-        changes += ["still"] * change.still + ["reversed"] * change.reversed
-        changes += [f"{change.speed:g} times as fast"] * (change.speed != 1)
-    return motion_words, ", ".join(looks), ", ".join(changes) or "none"
+    looks = [
+        look.shape,
+        "" if look.contrast == 1 else f"contrast {look.contrast:g}",
+        "" if look.size == 1 else f"size {look.size:g}",
+        "" if look.colour is None else f"colour {'-'.join(map(str, look.colour))}",
+    ]
+    changes = [] if change is None else [
+        "still" if change.still else "",
+        "reversed" if change.reversed else "",
+        "" if change.speed == 1 else f"{change.speed:g} times as fast",
+    ]  # fmt: skip
+    return motion_words, ", ".join(filter(None, looks)), ", ".join(filter(None, changes)) or "none"
 
 
 def _trial_lines(protocol: Protocol, trials: tuple[Trial, ...]) -> Iterator[str]:
@@ -108,10 +111,7 @@ def _trial_lines(protocol: Protocol, trials: tuple[Trial, ...]) -> Iterator[str]
 
 
 def _aligned_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield the lines of a table: columns in `_TEXT` aligned to the left, numbers to the right.
-
-    head: the columns' names. rows: the texts of each row.
-    """
+    """Yield the lines of a table: columns in `_TEXT` aligned to the left, numbers to the right."""
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     for row in (head, *rows):
         cells = [

@@ -53,8 +53,7 @@ SESSION = Schema(
 class Log:
     """Log of a session: it collects entries and writes them to a journal; any thread may add them.
 
-    path: the journal's file; header: what is known when the session begins, as JSON values. trial:
-    number of the trial that entries belong to; None between trials.
+    trial: number of the trial that entries belong to; None between trials.
     """
 
     def __init__(self, path: Path, header: dict[str, Any]) -> None:
@@ -115,7 +114,7 @@ class Log:
 
         frames: of each, its trial's number, and the arguments of `add_frame`.
         """
-        number, intended, shown, drawn, seq, dropped, _, digest = np.stack(
+        number, intended, shown, drawn, seq, dropped, _fish, digest = np.stack(
             [facts for _, facts, _ in frames]
         ).T
         return self._build_batch(
@@ -141,7 +140,7 @@ class Log:
             trial=[trial for trial, _, drawn in frames for _ in drawn],
             fish=np.concatenate([np.arange(count) for count in counts]),
             posture=pa.ListArray.from_arrays(list_starts, posture.ravel()),
-            **dict(zip(FIELDS, drawn.T, strict=False)),
+            **dict(zip(FIELDS, drawn.T, strict=False)),  # the posture is left over
         )]  # fmt: skip
 
     def _build_batch(self, rows: int, kind: str, **values: Any) -> pa.RecordBatch:

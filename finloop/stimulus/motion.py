@@ -115,7 +115,7 @@ def count_planned_ticks(change: MotionChange | None, ticks: int) -> int:
 
 
 def apply_change(states: States, change: MotionChange | None, ticks: int) -> States:
-    """Play a motion (n, fish, F) faster, backwards or still, at most `ticks` ticks long.
+    """Return a motion (n, fish, F) played faster, backwards or still, at most `ticks` ticks long.
 
     Only the first `count_planned_ticks` ticks of the motion are used, also backwards. A still
     motion holds its first state.
@@ -129,7 +129,7 @@ def apply_change(states: States, change: MotionChange | None, ticks: int) -> Sta
         states = states[::-1]
     if change.speed == 1:
         return states
-    count = math.floor((len(states) - 1) / change.speed + 1e-9) + 1
+    count = math.floor((len(states) - 1) / change.speed + 1e-9) + 1  # 1e-9: as above
     return interpolate_states(states, change.speed * np.arange(count, dtype=float))[:ticks]
 
 
@@ -243,10 +243,7 @@ def rehearse_stimulus(scene: TrialContext) -> None:
 
 
 def _trial_tank(scene: TrialContext, setup: TrialSetup) -> LiveTank:
-    """Return a live tank with the fish of a trial at its first tick.
-
-    FinloopError if the tank has no room for all of them.
-    """
+    """Return a live tank with the fish of a trial at its first tick; FinloopError without room."""
     tank = LiveTank({MODE: scene.player}, MODE, setup.fish, setup.seed)
     if len(tank.fish) < setup.fish:
         raise FinloopError(
@@ -258,10 +255,7 @@ def _trial_tank(scene: TrialContext, setup: TrialSetup) -> LiveTank:
 
 
 def _current_states(tank: LiveTank, scene: TrialContext) -> States:
-    """Return the states (fish, F) of all fish in a live tank at its present tick.
-
-    A state holds the F numbers from which the display's page draws a fish.
-    """
+    """Return the states (fish, F), as a page draws them, of all fish at a tank's present tick."""
     rows = [row for fish in tank.fish if (row := fish.row_at(tank.tick)) is not None]
     return drawn_states(rows, scene.bodies)
 
@@ -270,17 +264,15 @@ def _current_states(tank: LiveTank, scene: TrialContext) -> States:
 
 
 class ReactiveMotion:
-    """The motion of a trial in which fish react to live animals, planned tick by tick.
-
-    keeps: whether all states are kept, for a trial that repeats them; else only the last tick's.
-    """
+    """The motion of a trial in which fish react to live animals, planned tick by tick."""
 
     def __init__(
         self, scene: TrialContext, setup: TrialSetup, animals: LiveAnimals, keeps: bool = True
     ) -> None:
         """Put the fish of a trial into a tank; the first tick is not planned yet.
 
-        keeps: whether all states are kept, not only the last tick's.
+        keeps: whether all states are kept, for a trial that repeats them; else only the last tick's
+        are.
         """
         rule = setup.condition.motion.rule
         assert rule is not None
@@ -288,7 +280,7 @@ class ReactiveMotion:
         self._tank = _trial_tank(scene, setup)
         self._targets: list[PlacePx | None] = [None] * len(self._tank.fish)
         fade = round(setup.fade_s * scene.rate_hz)
-        self._alpha = fade_opacities(scene.count_ticks(setup.condition.seconds), fade)
+        self._opacities = fade_opacities(scene.count_ticks(setup.condition.seconds), fade)
         self._states: list[States] = []
         self._keeps = keeps
 
@@ -355,8 +347,8 @@ class ReactiveMotion:
         return renewed
 
     def _states_with_look(self) -> States:
-        """Return the present states (fish, F) with the trial's look, and its opacity now."""
+        """Return the present states (fish, F) with the trial's look and its present opacity."""
         states = _current_states(self._tank, self._scene)
         states[:, LOOK] = self._setup.look
-        states[:, ALPHA] *= self._alpha[self._tank.tick]
+        states[:, ALPHA] *= self._opacities[self._tank.tick]
         return states

@@ -19,7 +19,8 @@ from finloop.stimulus.protocol import Protocol, Trigger, derive_motion_seed
 
 Node = tuple[str, int]
 """A condition, and the number of its repeat from 0."""
-_WORD = 2**64
+_RAW_VALUES = 2**64
+"""How many different numbers the generator gives: 0 … 2^64 − 1."""
 
 
 class Trial(NamedTuple):
@@ -50,9 +51,12 @@ def order_trials(protocol: Protocol) -> tuple[Trial, ...]:
     repeats, trials = dict.fromkeys(names, 0), []
     for index, name in enumerate(order):
         repeats[name] = repeat = repeats[name] + 1
-        seconds = protocol.conditions[name].seconds
-        seed = derive_motion_seed(protocol, name, repeat)
-        trials.append(Trial(index + 1, index // block_size + 1, repeat, name, seconds, seed))
+        trial = Trial(
+            number=index + 1, block=index // block_size + 1, repeat=repeat, condition=name,
+            seconds=protocol.conditions[name].seconds,
+            seed=derive_motion_seed(protocol, name, repeat),
+        )  # fmt: skip
+        trials.append(trial)
     return tuple(trials)
 
 
@@ -77,8 +81,8 @@ def fill_trigger_text(trigger: Trigger, trial: Trial) -> str:
 
 def _draw_below(generator: PCG64, limit: int) -> int:
     """Draw a whole number 0 … limit − 1, all equally likely; the same in every version of NumPy."""
-    # Without the last incomplete multiple of `limit`, no remainder is likelier than another.
-    while (drawn := int(generator.random_raw())) >= _WORD - _WORD % limit:
+    # Draw again above the largest multiple of `limit`, so that all remainders are equally likely.
+    while (drawn := int(generator.random_raw())) >= _RAW_VALUES - _RAW_VALUES % limit:
         pass
     return drawn % limit
 
@@ -99,10 +103,7 @@ def _predecessors(protocol: Protocol, repeats: int) -> dict[Node, Node | None]:
 
 
 def _draw_order(predecessors: dict[Node, Node | None], generator: PCG64) -> list[Node]:
-    """Draw a random order of trials, each after its predecessor; all such orders equally likely.
-
-    predecessors: the trial that must come before each trial, or None.
-    """
+    """Draw a random order of trials, each after its predecessor, if any; all are equally likely."""
     children: dict[Node | None, list[Node]] = {}
     for node, parent in predecessors.items():
         children.setdefault(parent, []).append(node)
@@ -112,15 +113,15 @@ def _draw_order(predecessors: dict[Node, Node | None], generator: PCG64) -> list
     tree_sizes: dict[Node, int] = {}
     for node in reversed(parents_first):
         tree_sizes[node] = 1 + sum(tree_sizes[child] for child in children.get(node, []))
-    free, order = list(children.get(None, [])), list[Node]()  # free: those that can come next
-    while free:
-        # Draw a free trial with a probability in proportion to its tree's size (Knuth).
-        index, left = 0, _draw_below(generator, sum(tree_sizes[node] for node in free))
-        while left >= tree_sizes[free[index]]:
-            left -= tree_sizes[free[index]]
+    next_ones, order = list(children.get(None, [])), list[Node]()  # those that can come next
+    while next_ones:
+        # Draw the next trial with a probability in proportion to its tree's size (Knuth).
+        index, drawn = 0, _draw_below(generator, sum(tree_sizes[node] for node in next_ones))
+        while drawn >= tree_sizes[next_ones[index]]:
+            drawn -= tree_sizes[next_ones[index]]
             index += 1
-        order.append(free.pop(index))
-        free += children.get(order[-1], [])
+        order.append(next_ones.pop(index))
+        next_ones += children.get(order[-1], [])
     return order
 
 

@@ -74,7 +74,8 @@ def build_standalone_page(
         "pictures": [
             {
                 "picture": number, "width": picture.pixels.shape[1],
-                "height": picture.pixels.shape[0], "line": [float(part) for part in picture.line],
+                "height": picture.pixels.shape[0],
+                "line": [float(part) for part in picture.placement],
             }
             for number, picture in pictures.items()
         ],

@@ -19,13 +19,13 @@ _SMALLER = 0.75  # below this drawn size a picture is shrunk beforehand: else it
 class PagePicture(NamedTuple):
     """A picture of a fish with alpha, and where the animal is in it.
 
-    pixels: (h, w, 2) grey or (h, w, 4) RGB, uint8, premultiplied by alpha. line: x, y of the mass
-    centre (px of the picture), heading (rad), size (px). posture: the shape of its backbone, as
-    `finloop.puppet.pose` describes it.
+    pixels: (h, w, 2) grey or (h, w, 4) RGB, uint8, premultiplied by alpha. placement: x, y of the
+    mass centre (px of the picture), heading (rad), size (px). posture: the shape of its backbone,
+    as `finloop.puppet.pose` describes it.
     """
 
     pixels: Picture
-    line: tuple[float, float, float, float]
+    placement: tuple[float, float, float, float]
     posture: Floats
 
 
@@ -45,7 +45,7 @@ def measure_typical_fish(pictures: Iterable[PagePicture]) -> dict[str, Any]:
     areas, colours = [], []
     for picture in pictures:
         alpha = picture.pixels[..., -1].astype(float)
-        size_px = picture.line[3]
+        size_px = picture.placement[3]
         areas.append(alpha.sum() / 255 / size_px**2)
         solid = picture.pixels[alpha > 127].astype(float)
         solid = solid[:, :-1] * 255 / solid[:, -1:]  # without the premultiplication by alpha
@@ -59,10 +59,7 @@ def measure_typical_fish(pictures: Iterable[PagePicture]) -> dict[str, Any]:
 
 
 class PagePictures:
-    """The film's pictures of fish for the display's page; a call with a row loads one.
-
-    shrink: drawn size / filmed size; much smaller fish get smaller pictures.
-    """
+    """The film's pictures of fish for the display's page; a call with a row loads one."""
 
     def __init__(self, gallery: Gallery, shrink: float = 1.0) -> None:
         """Take the pictures of a gallery; shrink: drawn size / filmed size, applied below 0.75."""
@@ -72,8 +69,10 @@ class PagePictures:
     def largest_px(self) -> tuple[int, int]:
         """Return the largest height and the largest width [px] of all pictures, rounded up."""
         index = self._gallery.shelves[FRAME].store.index
-        height = int(np.ceil(index["height_px"].max() * self._shrink)) + 1
-        width = int(np.ceil(index["width_px"].max() * self._shrink)) + 1
+        height, width = (
+            int(np.ceil(index[name].max() * self._shrink)) + 1  # 1: against rounding errors
+            for name in ("height_px", "width_px")
+        )
         return height, width
 
     def measure_typical_fish(self) -> dict[str, Any]:

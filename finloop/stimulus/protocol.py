@@ -62,15 +62,17 @@ def _browser_key(name: str) -> str:
 
 def _check_template(text: str) -> str:
     """Return a trigger's text unchanged; ValueError unless all braces hold known names."""
-    try:
-        parts = list(Formatter().parse(text))
-    except ValueError:
-        parts = [("", "", "", None)]  # refused as an unknown name
     known = (*TRIGGER_WORDS, None)  # None: text without braces
-    if any(name not in known or format_spec or how for _, name, format_spec, how in parts):
-        words = ", ".join(f"{{{word}}}" for word in TRIGGER_WORDS)
-        raise ValueError(f"may name {words} in braces; write any other brace twice: {{{{ and }}}}")
-    return text
+    try:
+        if all(
+            name in known and not format_spec and not conversion
+            for _, name, format_spec, conversion in Formatter().parse(text)
+        ):
+            return text
+    except ValueError:  # a brace without its counterpart
+        pass
+    words = ", ".join(f"{{{word}}}" for word in TRIGGER_WORDS)
+    raise ValueError(f"may name {words} in braces; write any other brace twice: {{{{ and }}}}")
 
 
 Name = Annotated[str, Field(min_length=1, max_length=80), AfterValidator(_check_printable)]
@@ -133,15 +135,15 @@ class Motion(StrictModel):
     @model_validator(mode="after")
     def _check_one_motion(self) -> "Motion":
         """Refuse a motion with no field or with several."""
-        if len(self._kinds) != 1:
+        if len(self._given_fields) != 1:
             raise ValueError(
                 f"should be exactly one of {', '.join(Motion.model_fields)}; "
-                f"it is {' and '.join(self._kinds) or 'none'}"
+                f"it is {' and '.join(self._given_fields) or 'none'}"
             )
         return self
 
     @property
-    def _kinds(self) -> list[str]:
+    def _given_fields(self) -> list[str]:
         """Return the names of the fields that are given."""
         return [name for name in Motion.model_fields if getattr(self, name) is not None]
 
@@ -153,7 +155,7 @@ class Motion(StrictModel):
     @property
     def kind(self) -> str:
         """Return the name of the only field that is given."""
-        return self._kinds[0]
+        return self._given_fields[0]
 
     @property
     def text(self) -> str:
@@ -183,10 +185,7 @@ class Look(StrictModel):
 
     @property
     def message(self) -> dict[str, Any]:
-        """Return how a fish is drawn, for the display's page, ready for JSON.
-
-        The keys are as, contrast, size, colour.
-        """
+        """Return how a fish is drawn, with the keys as, contrast, size and colour, for JSON."""
         return self.model_dump(mode="json", by_alias=True)
 
 
@@ -326,4 +325,5 @@ def derive_motion_seed(protocol: Protocol, condition: str, repeat: int) -> int:
     """
     motion = protocol.conditions[condition].motion.text
     text = json.dumps([protocol.seed, motion, repeat])
+    # The first 53 of the 256 bits: JavaScript and JSON hold such numbers exactly.
     return int.from_bytes(hashlib.sha256(text.encode()).digest()) >> (256 - 53)

@@ -77,18 +77,20 @@ def load_protocol(path: Path) -> Protocol:
     if len(raw) > MOST_BYTES:
         raise _protocol_error(str(path), [f"larger than {MOST_BYTES / 1e6:g} MB"])
     try:
-        text = read_yaml(raw.decode())
+        parsed = read_yaml(raw.decode())
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         problem = f"line {line}: no UTF-8; save it as UTF-8"
         raise _protocol_error(str(path), [problem]) from error
-    if text.values is None:
-        raise _protocol_error(str(path), text.problems)
-    protocol, problems = _check_values(text.values, path.parent)
-    problems = sorted(problems, key=lambda problem: text.line(problem[0]))
-    lines = [f"line {text.line(place)}: {_format_problem(place, what)}" for place, what in problems]
-    if protocol is None or text.problems or lines:
-        raise _protocol_error(str(path), text.problems + lines)
+    if parsed.values is None:
+        raise _protocol_error(str(path), parsed.problems)
+    protocol, problems = _protocol_and_problems(parsed.values, path.parent)
+    problems = sorted(problems, key=lambda problem: parsed.line(problem[0]))
+    lines = [
+        f"line {parsed.line(place)}: {_format_problem(place, what)}" for place, what in problems
+    ]
+    if protocol is None or parsed.problems or lines:
+        raise _protocol_error(str(path), parsed.problems + lines)
     return protocol
 
 
@@ -97,7 +99,7 @@ def parse_protocol(values: Mapping[str, Any], folder: Path = Path()) -> Protocol
 
     folder: the folder in which the protocol's relative paths begin.
     """
-    protocol, problems = _check_values(values, folder)
+    protocol, problems = _protocol_and_problems(values, folder)
     if protocol is None or problems:
         lines = [_format_problem(*problem) for problem in problems]
         raise _protocol_error("what was given", lines)
@@ -190,10 +192,7 @@ class _YamlReader:
         return [self.read_node(item, (*place, number)) for number, item in enumerate(node.value)]
 
     def _read_mapping(self, node: MappingNode, place: Place) -> dict[str, Any]:
-        """Return the values of a YAML mapping by key; refused keys become problems.
-
-        place: the keys and numbers of entries that lead to the mapping.
-        """
+        """Return the values of the YAML mapping at a place by key; refused keys become problems."""
         values: dict[str, Any] = {}
         for key, value in node.value:
             line = key.start_mark.line + 1
@@ -222,7 +221,7 @@ def _scalar_value(text: str) -> Any:
 # --- types
 
 
-def _check_values(values: Any, folder: Path) -> tuple[Protocol | None, list[Problem]]:
+def _protocol_and_problems(values: Any, folder: Path) -> tuple[Protocol | None, list[Problem]]:
     """Return the protocol that values describe, None if types are wrong; and all problems.
 
     A problem is a place and a sentence. folder: where the protocol's relative paths begin.
@@ -274,7 +273,7 @@ def _type_problem(detail: dict[str, Any]) -> Problem:
     """Return a complaint of pydantic (`ValidationError.errors`) as a place and plain words."""
     place: Place = tuple(step for step in detail["loc"] if step != "[key]")
     if place[:1] == ("start",):
-        place = place[:1] + place[2:]  # without the name of the alternative
+        place = place[:1] + place[2:]  # without pydantic's name of the alternative: auto or wait
     if detail["type"] == "extra_forbidden":
         if place in _REMOVED:
             return place, f"unknown; {_REMOVED[place]}"
@@ -294,7 +293,7 @@ def _type_problem(detail: dict[str, Any]) -> Problem:
 
 def _enclosing_model(place: Place) -> type[BaseModel]:
     """Return the class that describes the group of keys around a place in a protocol."""
-    if place[0] == "conditions" and len(place) == 3:
+    if place[0] == "conditions" and len(place) == 3:  # a key of a condition
         return Condition
     groups = [step for step in place[:-1] if step in _MODELS]
     return _MODELS[groups[-1]] if groups else Protocol
@@ -320,7 +319,8 @@ def _find_contradictions(protocol: Protocol, names: list[str]) -> Iterator[Probl
         yield ("display", "fish_mm"), "requires a calibrated display (calibrated: true)"
     if protocol.animals is not None:
         try:
-            fit_calibration(protocol.animals, 1.0)  # whether the film has a scale is not known yet
+            # Whether the film has a scale is not known yet; any will do.
+            fit_calibration(protocol.animals, mm_per_px=1.0)
         except FinloopError as error:
             yield ("animals",), f"{' '.join(error.came.split())}; wanted: {error.wanted}"
     for name, condition in protocol.conditions.items():

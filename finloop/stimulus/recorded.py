@@ -125,8 +125,7 @@ def repeat_messages(messages: list[tuple[float, str]]) -> Iterator[tuple[float, 
 class DryClock:
     """The clock of a session without a display: a wait ends at once, at the time waited for.
 
-    messages: of trackers, each with its session time (s); receive: takes text and sender of each,
-    at its time.
+    receive: called with the text and the sender of each message, at its time.
     """
 
     def __init__(self, messages: Iterable[tuple[float, str]] = ()) -> None:

@@ -132,8 +132,7 @@ class DisplayHub:
     """Server of display pages: it answers their messages and sends messages to all of them.
 
     The page that came first is the display; the others mirror it, and their records of displayed
-    frames are ignored. A session, a replay and a calibration have subclasses. read_time: returns
-    the session time, s.
+    frames are ignored. A session, a replay and a calibration have subclasses.
     """
 
     def __init__(self, feed: Feed, read_time: Callable[[], float] = time.perf_counter) -> None:
@@ -201,13 +200,10 @@ class DisplayHub:
 
 
 class SessionHub(DisplayHub):
-    """Server of a running session's display pages and trackers.
-
-    name: of the display; store: the file that its calibration is written to.
-    """
+    """Server of a running session's display pages and trackers."""
 
     def __init__(self, session: Session, name: str, store: Path) -> None:
-        """Begin without any page or tracker; name, store: a display's, and its calibration file."""
+        """Begin without any page; name: of the display; store: the file for its calibration."""
         super().__init__(session.feed, session.clock.read_time)
         self.session, self._name, self._store = session, name, store
         self._programs: set[WebSocket] = set()
@@ -282,10 +278,7 @@ class SessionHub(DisplayHub):
 
 
 class CalibrationHub(DisplayHub):
-    """Server of a display that is calibrated without a session.
-
-    store: the file that the calibration is written to; done: called when it is stored.
-    """
+    """Server of a display that is calibrated without a session."""
 
     def __init__(self, feed: Feed, store: Path, done: Callable[[], None]) -> None:
         """Begin without any page; done: called when the calibration is in the file `store`."""
@@ -304,9 +297,8 @@ class CalibrationHub(DisplayHub):
 class ReplayHub(DisplayHub):
     """Server that replays a session's frames and compares what is drawn with the session's log.
 
-    quick: as fast as the page draws, not at the rate of the session. shown, compared: how many
-    frames were drawn again, and had their pixels compared; different: numbers of the frames whose
-    states or pixels differ from the log's.
+    shown, compared: how many frames were drawn again, and had their pixels compared; different:
+    numbers of the frames whose states or pixels differ from the log's.
     """
 
     def __init__(self, feed: Feed, frames: Iterator[DisplayedFrame], quick: bool) -> None:

@@ -26,7 +26,8 @@ from finloop.stimulus.protocol import Protocol
 from finloop.stimulus.recorded import DryClock
 from finloop.stimulus.tracker import parse_trigger
 
-_AHEAD_S, _AHEAD = 0.008, 0.25  # s, ticks, that ticks are planned before the page needs them
+# How long before the page needs it a tick is planned: the shorter of these two times.
+_MOST_LEAD_S, _LEAD_TICKS = 0.008, 0.25
 _FIRST_S = 0.3  # from the beginning of a trial to its first tick: time to send its pictures
 _JUMP_S = 0.5  # a larger change of wall clock against session clock is a jump
 _RECENT = 512  # latencies kept of each kind
@@ -70,26 +71,22 @@ class SessionCounts:
 
 
 class Session:
-    """A session: it plans, sends and logs the ticks of all trials, and handles all inputs.
-
-    scene: what all trials share; plan: the protocol; trials: in their order; feed: makes the
-    messages to the display pages; log, clock: of the session.
-    """
+    """A session: it plans, sends and logs the ticks of all trials, and handles all inputs."""
 
     def __init__(
-        self, scene: TrialContext, plan: Protocol, trials: tuple[Trial, ...], feed: Feed, log: Log,
-        clock: RealClock | DryClock,
+        self, scene: TrialContext, protocol: Protocol, trials: tuple[Trial, ...], feed: Feed,
+        log: Log, clock: RealClock | DryClock,
     ) -> None:  # fmt: skip
         """Prepare a session; it begins with `start` and `run_trials`."""
-        self.scene, self.plan, self.trials = scene, plan, trials
+        self.scene, self.protocol, self.trials = scene, protocol, trials
         self.feed, self.log, self.clock = feed, log, clock
-        self.animals = LiveAnimals(plan.animals, scene.tank, scene.mm_per_px)
+        self.animals = LiveAnimals(protocol.animals, scene.tank, scene.mm_per_px)
         self.counts = SessionCounts()
         self._send: Callable[[bytes], None] = lambda content: None
         self._send_trigger: Callable[[str, str], str | None] = lambda to, text: None
         self.phase = "ready"  # waiting, planning, running, pause, done
         self.trial_index = -1
-        self.done: dict[int, str] = {}
+        self.done: dict[int, str] = {}  # how each trial ended, by its number
         self.waits_for_starts = True  # whether trials wait for keys and messages
         self.displays = 0
         self.display: dict[str, Any] | None = None  # facts about it
@@ -98,15 +95,17 @@ class Session:
         self.shown: States | None = None  # what was displayed last
         self._motions: dict[str, States] = {}  # of the latest trial of each condition
         self._reaction: ReactiveMotion | None = None
-        self._seq, self._due, self._tick = 0, 0.0, -1
-        self._waits: dict[int, tuple[float, float]] = {}  # by seq: an input, and when it counts
-        self._ends: float | None = None  # when the trial ends
-        self._first = self._frame = 0  # numbers of a page's first frame, and of the last one
-        self._intended = 0.0  # when that frame was due
+        # Of the tick sent last: number of its message, when it is due, and its number in the trial.
+        self._seq, self._due_s, self._tick = 0, 0.0, -1
+        # By message: when the input arrived to which it reacts, and the time that its tick follows.
+        self._undrawn_reactions: dict[int, tuple[float, float]] = {}
+        self._trial_end_s: float | None = None
+        self._page_first_frame = self._last_frame = 0  # the log's numbers
+        self._last_intended_s = 0.0  # when the last frame was due
         # Conditions whose motions others repeat, and which are kept therefore.
-        self._repeated = {condition.motion.again for condition in plan.conditions.values()}
+        self._repeated = {condition.motion.again for condition in protocol.conditions.values()}
         self._begun = asyncio.Event()
-        self._permit = asyncio.Event()
+        self._may_start = asyncio.Event()
         self.stopping = self._abort = self._skip = False
         self._wall_offset_s: float | None = None  # the computer's clock less the session's
 
@@ -125,7 +124,7 @@ class Session:
     def start(self) -> None:
         """Begin the session, or the trial that waits for its start."""
         self._begun.set()
-        self._permit.set()
+        self._may_start.set()
 
     def stop(self) -> None:
         """End the session after the present trial."""
@@ -143,13 +142,13 @@ class Session:
         """Skip the rest of the present trial."""
         self._skip = True
         self.log_event("skip")
-        self._permit.set()
+        self._may_start.set()
 
     def press_key(self, key: str) -> None:
         """Log a key press at a display or by the experimenter; it may start a waiting trial."""
         self.log_event("key", key=key)
-        if self.phase == "waiting" and key == self.plan.start_key:
-            self._permit.set()
+        if self.phase == "waiting" and key == self.protocol.start_key:
+            self._may_start.set()
 
     def log_event(self, what: str, **facts: Any) -> None:
         """Log an event with facts about it."""
@@ -174,8 +173,8 @@ class Session:
         name = parse_trigger(text)
         if name is not None:
             self.log_event("trigger", name=name, source=source)
-            if self.phase == "waiting" and name == self.plan.start_message:
-                self._permit.set()
+            if self.phase == "waiting" and name == self.protocol.start_message:
+                self._may_start.set()
             return
         verdicts = self.animals.receive_message(text, source, arrived)
         self.counts.verdicts.update(verdicts)
@@ -186,14 +185,19 @@ class Session:
         states = self._reaction.replan_tick(arrived)
         if states is not None:
             now = self.clock.read_time()
-            self._send_tick(self._tick, self._due, states, now, cut=True)
-            self._waits[self._seq] = arrived, self._due - 1 / self.scene.rate_hz
+            self._send_tick(self._tick, self._due_s, states, now, cut=True)
+            previous_due_s = self._due_s - 1 / self.scene.rate_hz
+            self._undrawn_reactions[self._seq] = arrived, previous_due_s
             self.counts.planned_ms.append(1e3 * (now - arrived))
 
     # --- display
 
     def record_frames(self, message: bytes) -> None:
-        """Log a page's records of displayed frames; count those that were missed or late."""
+        """Log a page's records of displayed frames; count missed and late ones, and measure delays.
+
+        A delay is the time from a tracker's message to the first frame that shows the reaction to
+        it. An invalid message of the page is counted as bad.
+        """
         try:
             frames = parse_frame_records(message, self.scene.width)
         except ValueError:
@@ -201,26 +205,28 @@ class Session:
             return
         for page_facts, drawn in frames:
             facts = page_facts.copy()
-            facts[0] += self._first  # the page counts its frames from 0
+            facts[0] += self._page_first_frame  # the page counts its frames from 0
             self.log.add_frame(facts, drawn)
-            number, intended, _, drawn_s, seq, dropped, _, _ = facts
+            number, intended_s, _shown_s, drawn_s, last_seq, dropped, _fish, _digest = facts
             self.counts.frames += 1
             self.counts.dropped += int(dropped)
-            period = (intended - self._intended) / (dropped + 1)
-            self.counts.late += int(number == self._frame + 1 and drawn_s > intended + period)
-            self._frame, self._intended = int(number), float(intended)
+            # Late: the next frame was due already. The time between frames is known in a row only.
+            period_s = (intended_s - self._last_intended_s) / (dropped + 1)
+            follows = number == self._last_frame + 1
+            self.counts.late += int(follows and drawn_s > intended_s + period_s)
+            self._last_frame, self._last_intended_s = int(number), float(intended_s)
             self.shown = drawn
-            for waiting, (arrived, counts_from) in list(self._waits.items()):
-                if waiting <= seq and intended > counts_from:
-                    self.counts.drawn_ms.append(1e3 * (drawn_s - arrived))
-                    del self._waits[waiting]
+            for seq, (arrived_s, previous_due_s) in list(self._undrawn_reactions.items()):
+                if seq <= last_seq and intended_s > previous_due_s:
+                    self.counts.drawn_ms.append(1e3 * (drawn_s - arrived_s))
+                    del self._undrawn_reactions[seq]
 
     def add_display(self, facts: dict[str, Any]) -> None:
         """Note that a display has connected, with facts about it.
 
         A page counts its frames from 0; the log's numbers go on, with the next even one.
         """
-        self._first = (self._frame // 2 + 1) * 2 if self._frame else 0
+        self._page_first_frame = (self._last_frame // 2 + 1) * 2 if self._last_frame else 0
         self.displays, self.display = self.displays + 1, facts | {"hidden": False}
         self.log_event("display", **facts)
 
@@ -242,7 +248,7 @@ class Session:
 
         now: session time, s.
         """
-        return None if self._ends is None else round(max(0.0, self._ends - now), 1)
+        return None if self._trial_end_s is None else round(max(0.0, self._trial_end_s - now), 1)
 
     def check_wall_clock(self, wall_s: float) -> None:
         """Report a jump of the computer's clock against the session's; wall_s: s since 1970."""
@@ -266,7 +272,7 @@ class Session:
                 self.trial_index = number
                 await self._run_trial(trial)
                 if not self.stopping and trial is not self.trials[-1]:
-                    await self._wait_until(self.clock.read_time() + self.plan.pause_s)
+                    await self._wait_until(self.clock.read_time() + self.protocol.pause_s)
         finally:
             gc.unfreeze()
         self.phase = "done"
@@ -275,13 +281,13 @@ class Session:
     async def _run_trial(self, trial: Trial) -> None:
         """Prepare one trial, wait for its start if it has one, and show it."""
         self._skip, self.phase = False, "planning"
-        setup = TrialSetup.from_protocol(self.plan, trial)
+        setup = TrialSetup.from_protocol(self.protocol, trial)
         known = await self._prepare_motion(trial, setup)
-        waits = self.plan.start != "auto" and self.waits_for_starts
+        waits = self.protocol.start != "auto" and self.waits_for_starts
         if waits and not (self._abort or self._skip):
             self.phase = "waiting"
-            self._permit.clear()
-            await self._permit.wait()
+            self._may_start.clear()
+            await self._may_start.wait()
         if self.stopping:
             return
         if not self._skip:
@@ -325,7 +331,7 @@ class Session:
         self.log.trial = number
         self.log.add_entry("trial", now, number=number, text=json.dumps(facts))
         self.log.trial = number if what == "start" else None
-        for trigger in self.plan.triggers:
+        for trigger in self.protocol.triggers:
             if (trigger.at == "start") == (what == "start"):
                 text = fill_trigger_text(trigger, trial)
                 wrong = self._send_trigger(trigger.to, text)
@@ -341,7 +347,7 @@ class Session:
         self.phase, rate = "running", self.scene.rate_hz
         begin = self.clock.read_time() + _FIRST_S
         ticks = self.scene.count_ticks(setup.condition.seconds)
-        self._ends = begin + ticks / rate
+        self._trial_end_s = begin + ticks / rate
         early = self._lead_time_s(known is not None)
         keeps = trial.condition in self._repeated
         reaction = None
@@ -357,7 +363,7 @@ class Session:
             if known is not None:
                 self._send_tick(tick, due, known[tick], now)
             elif reaction is not None:
-                self._tick, self._due = tick, due
+                self._tick, self._due_s = tick, due
                 self._send_tick(tick, due, reaction.plan_tick(now), now)
             if tick > rate * early:
                 self.counts.tick_ms.append(1e3 * (now - (due - early)))
@@ -365,15 +371,15 @@ class Session:
             await self._wait_until(begin + ticks / rate)
         if reaction is not None and keeps and (motion := reaction.planned_states) is not None:
             self._motions[trial.condition] = motion
-        self._reaction = self._ends = None
-        self._waits.clear()
+        self._reaction = self._trial_end_s = None
+        self._undrawn_reactions.clear()
         self._send(self.feed.clear_message())
         return "abort" if self._abort else "skip" if self._skip else "end"
 
     def _lead_time_s(self, known: bool) -> float:
         """Return how many s before it is due a tick is planned, or sent if known beforehand."""
         tick_s = 1 / self.scene.rate_hz  # the page interpolates from the tick before
-        return EARLY_S if known else tick_s + min(_AHEAD_S, _AHEAD * tick_s)
+        return EARLY_S if known else tick_s + min(_MOST_LEAD_S, _LEAD_TICKS * tick_s)
 
     async def _wait_until(self, time_s: float) -> None:
         """Wait until a session time, or until the trial is skipped or the session aborted."""

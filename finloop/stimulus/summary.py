@@ -145,10 +145,7 @@ def _display_lines(table: pd.DataFrame) -> Iterator[str]:
 
 
 def _timing_lines(table: pd.DataFrame, rate_hz: float) -> Iterator[str]:
-    """Yield lines about delays and dropped frames of a session.
-
-    table: its log; rate_hz: ticks per second.
-    """
+    """Yield lines about delays and dropped frames; table: the log; rate_hz: ticks per second."""
     frames = table[table["kind"] == "frame"]
     if len(frames):
         in_trials = frames[frames["trial"].notna()]

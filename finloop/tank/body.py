@@ -107,13 +107,13 @@ def fish_surfaces(
         return scipy.interpolate.PchipInterpolator(list(profile), list(profile.values()))(grid.s)
 
     height_bl = np.clip(_HEIGHT_PER_WIDTH * float(typical.max()), _LEAST_BL, _MOST_BL)
-    height_px = length_px * height_bl  # half the greatest height
+    half_height_px = length_px * height_bl  # where the body is highest
     on_back, on_belly = grid.angle == 0, np.isclose(np.abs(grid.angle), np.pi)
-    fins = height_px * (on_back * along_body(_DORSAL) - on_belly * along_body(_ANAL))
+    fins = half_height_px * (on_back * along_body(_DORSAL) - on_belly * along_body(_ANAL))
     width = limit_half_widths(half_width, backbone, typical)
     points = np.empty((len(half_width), RINGS, AROUND, 3))
     points[..., :2] = top_view_points(grid, backbone, width)
-    points[..., 2] = height_px * along_body(_HEIGHT) * np.cos(grid.angle) + fins
+    points[..., 2] = half_height_px * along_body(_HEIGHT) * np.cos(grid.angle) + fins
     return points, surface_normals(points)
 
 

@@ -77,7 +77,7 @@ def camera_views(
 
 
 def _view_from_outside(room: TankRoom, azimuth_deg: Floats, elevation_deg: float) -> CameraViews:
-    """Return a view from outside, as near as possible with the whole tank in the picture.
+    """Return views from outside, as near as possible with the whole tank in the picture.
 
     azimuth_deg (ticks,), elevation_deg: direction from the tank to the camera, anticlockwise from
     x, and above the floor.
@@ -95,6 +95,7 @@ def _view_from_outside(room: TankRoom, azimuth_deg: Floats, elevation_deg: float
     across, high, deep = (axis @ corners.T for axis in (right, up, ahead))
     lift = np.zeros((len(azimuth), 1))  # of the aim above the tank's middle
     for _ in range(4):  # nearly as much room above the tank as below after four rounds
+        # As near as each corner can be and is still in the picture; then how high it appears there.
         needed = np.maximum(np.abs(across) / room.aspect, np.abs(high - lift)) / half_picture
         distance = (needed - deep).max(1, keepdims=True)
         slope = (high - lift) / (distance + deep)
@@ -106,7 +107,7 @@ def _view_from_outside(room: TankRoom, azimuth_deg: Floats, elevation_deg: float
 def _view_following_fish(
     room: TankRoom, fish: Floats, heading: Floats, rate_hz: float
 ) -> CameraViews:
-    """Return a view from behind, above and beside a fish, smoother than its path.
+    """Return views from behind, above and beside a fish, smoother than its path.
 
     fish (ticks, 3): its place, px; heading (ticks,): rad; rate_hz: ticks per second.
     """
@@ -118,7 +119,7 @@ def _view_following_fish(
 
 
 def _view_from_edge(room: TankRoom, fish: Floats, rate_hz: float) -> CameraViews:
-    """Return a view from the side of the film's lower edge, which moves along with the fish.
+    """Return views from the side of the film's lower edge, which move along with the fish.
 
     fish (ticks, 3): its place, px; rate_hz: ticks per second.
     """
@@ -130,7 +131,7 @@ def _view_from_edge(room: TankRoom, fish: Floats, rate_hz: float) -> CameraViews
 
 
 def _view_touring(room: TankRoom, fish: Floats, heading: Floats, rate_hz: float) -> CameraViews:
-    """Return a view that passes smoothly from one of `_SCENES` to the next, again and again.
+    """Return views that pass smoothly from one of `_SCENES` to the next, again and again.
 
     fish (ticks, 3), heading (ticks,): the fish's place and direction, px and rad; rate_hz: ticks/s.
     """

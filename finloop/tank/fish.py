@@ -50,9 +50,9 @@ class FishSurface:
         return lru_cache(1)(self._compute_batch)
 
     def shape_at(self, tick: int) -> tuple[Floats, Floats, Picture]:
-        """Return the surface at a tick: points [px of the tank], normals, and skin.
+        """Return points [px of the tank], normals and skin of the surface at a tick.
 
-        Points and normals are (rings, around, 3); the skin is as `skin` returns it.
+        Points and normals are (rings, around, 3), the skin (around, lengthwise, 3).
         """
         batch, index = divmod(tick, _BATCH)
         points, normals = self._recent_batch(batch)

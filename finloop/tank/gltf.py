@@ -89,10 +89,7 @@ class GlbDocument:
         return self.add("textures", {"source": image, "sampler": self.add("samplers", sampler)})
 
     def _add_buffer_view(self, data: bytes, fields: dict[str, int]) -> int:
-        """Add bytes as a buffer view, aligned to four bytes; return its index.
-
-        fields: further fields of the view.
-        """
+        """Add bytes as a buffer view, aligned to 4 bytes, with further fields; return its index."""
         self._data += b"\0" * (-len(self._data) % 4)
         view = {"buffer": 0, "byteOffset": len(self._data), "byteLength": len(data)} | fields
         self._data += data
@@ -137,9 +134,9 @@ def principal_shapes(points: Floats, heading: Floats, most: int = MODES) -> Prin
     shapes = headed_right.reshape(len(points), -1)
     sample = shapes[np.unique(np.linspace(0, len(shapes) - 1, _SAMPLE).astype(int))]
     mean = sample.mean(0)
-    _, size, axes = np.linalg.svd(sample - mean, full_matrices=False)
-    count = min(most, int((size > 1e-9 * max(size[0], 1e-9)).sum()))  # the others are noise
-    spread = size[:count, None] / np.sqrt(len(sample))
+    _, singular, axes = np.linalg.svd(sample - mean, full_matrices=False)
+    count = min(most, int((singular > 1e-9 * max(singular[0], 1e-9)).sum()))  # others are noise
+    spread = singular[:count, None] / np.sqrt(len(sample))  # standard deviation of each
     modes = spread * axes[:count]
     weights = (shapes - mean) @ axes[:count].T / spread.T
     errors = (shapes - mean - weights @ modes).reshape(points.shape)
@@ -218,10 +215,7 @@ def _add_skin_material(glb: GlbDocument, skin: NDArray[np.uint8]) -> int:
 
 
 def _add_fish(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str) -> int:
-    """Add the node of a fish, whose mesh is a mix of principal shapes; return its index.
-
-    material: index of its skin's material; name: of the node and the mesh.
-    """
+    """Add the node of a fish, a mix of principal shapes in a skin's material; return its index."""
     grid = (1, RINGS, AROUND, 3)
     mean_normals = surface_normals(shape.mean.reshape(grid)).reshape(-1, 3)
     targets = []
@@ -257,10 +251,7 @@ def _add_morph_node(glb: GlbDocument, name: str, primitive: dict, targets: list[
 
 
 def _add_shadow(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str) -> int:
-    """Add the node of a fish's shadow on the floor, a strip between its sides; return its index.
-
-    material: index of the shadow's material; name: of the node and the mesh.
-    """
+    """Add the node of a fish's shadow, a strip on the floor between its sides; return its index."""
 
     def flatten(points: Floats) -> Floats:
         """Return the points of both sides of the body, pressed flat, (2 · RINGS, 3)."""
@@ -314,10 +305,7 @@ def _add_motion(
 
 
 def _add_still_parts(glb: GlbDocument, room: TankRoom, background: NDArray[np.uint8]) -> list[int]:
-    """Add floor, edges, water and glass; return their nodes' indices in drawing order.
-
-    background: (h, w) or (h, w, 3), the floor's picture.
-    """
+    """Add floor (the background picture), edges, water and glass; return their nodes as drawn."""
     left, top = -0.5, 0.5
     right, bottom, high = left + room.width, top - room.height, room.depth
     base = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
@@ -327,10 +315,10 @@ def _add_still_parts(glb: GlbDocument, room: TankRoom, background: NDArray[np.ui
     coded = cv2.imencode(".jpg", colour, _JPEG)[1].tobytes()
     floor = _add_plain_material(glb, "floor", (*WATER, 1.0), glb.add_texture(coded, "image/jpeg"))
     box = np.concatenate([low, rim])  # corner i of the floor lies below corner i + 4 of the rim
-    walls = np.array(
-        [[i, (i + 1) % 4, (i + 1) % 4 + 4, i, (i + 1) % 4 + 4, i + 4] for i in range(4)]
-    )
-    edges = np.array([[i, (i + 1) % 4, i + 4, (i + 1) % 4 + 4, i, i + 4] for i in range(4)])
+    corner, following = np.arange(4), (np.arange(4) + 1) % 4
+    # Of each side two triangles, and of each corner the lines along the floor, along the rim, up.
+    walls = np.c_[corner, following, following + 4, corner, following + 4, corner + 4]
+    edges = np.c_[corner, following, corner + 4, following + 4, corner, corner + 4]
     square, on_picture = np.array([0, 1, 2, 0, 2, 3]), np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
     texture_places = {"TEXCOORD_0": glb.add_array(on_picture, vertices=True)}
 

@@ -50,14 +50,13 @@ def wave_heights_and_slopes(
 
 
 class LitFloor:
-    """The floor of the tank under moving light, with the shadows of fish.
-
-    background: the film without fish, (H, W) or (H, W, 3) uint8; where a side is longer than
-    `most_px`, the drawn floor is smaller.
-    """
+    """The floor of the tank under moving light, with the shadows of fish."""
 
     def __init__(self, background: NDArray[np.uint8], room: TankRoom, most_px: int = 960) -> None:
-        """Shrink the background if it is too large, and lay a grid for the light over it."""
+        """Shrink the background to `most_px` a side, and lay a grid for the light over it.
+
+        background: the film without fish, (H, W) or (H, W, 3) uint8.
+        """
         self._scale = min(1.0, most_px / max(background.shape[:2]))  # of the floor's picture
         small = background
         if self._scale < 1:

@@ -68,14 +68,16 @@ def choose_window(libraries: dict[str, str] = _LIBRARIES) -> None:
 class TankScene:
     """An off-screen window in which the tank is drawn; `close` it, or use a `with` block.
 
-    background: (H, W) or (H, W, 3) uint8, the floor; size: (width, height) of the pictures, px;
-    fish: how many. Call `choose_window` before.
+    Call `choose_window` before.
     """
 
     def __init__(
         self, background: Picture, room: TankRoom, size: tuple[int, int], fish: int = 1
     ) -> None:
-        """Open the window and add light, sky, floor, fish (how many), water and glass."""
+        """Open the window and add light, sky, floor, fish (how many), water and glass.
+
+        background: (H, W) or (H, W, 3) uint8, the floor; size: width and height of pictures, px.
+        """
         self._size, self._room = size, room
         self._plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
         self._window = cast(Any, self._plotter.ren_win)
@@ -109,7 +111,8 @@ class TankScene:
     ) -> Picture:
         """Draw the tank with all its fish at a tick; return the picture (height, width, 3) uint8.
 
-        fish: points, normals and skin of each; views: the camera at every tick; time_s: s.
+        fish: points, normals and skin of each; views: the camera at every tick; time_s: of the
+        waves and the light.
         """
         self._aim_camera(views, tick)
         for (points, normals, skin), (mesh, picture) in zip(fish, self._fish, strict=True):

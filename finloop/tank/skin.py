@@ -27,18 +27,21 @@ _PUPIL, _IRIS = 22.0, 206.0
 class FishSkins:
     """The skins of a fish, made of its film pictures: `skin(row)`, (AROUND, LENGTHWISE, 3) float32.
 
-    Values are 0 … 255. typical (p,): median half widths in body lengths; centres_px (n, 2): mass
-    centres, px of the film, y down; load_cutout: returns the cut-out of a row; keep: how many skins
-    stay in memory.
+    Values are 0 … 255.
     """
 
     def __init__(
         self, film: FilmBodies, typical: NDArray[np.floating], centres_px: NDArray[np.floating],
         load_cutout: Callable[[int], Cutout], keep: int = 256,
     ) -> None:  # fmt: skip
-        """Prepare the places, the belly and the eyes that all skins share."""
+        """Prepare the places, the belly and the eyes that all skins share.
+
+        typical (p,): median half widths in body lengths; centres_px (n, 2): mass centres, px of the
+        film, y down; load_cutout: returns the cut-out of a row; keep: skins that stay in memory.
+        """
         self._film, self._typical, self._centres = film, typical, centres_px
         self._load_cutout = load_cutout
+        # Angles from the back, from below (π) over the left and the back to below again (−π).
         around = np.pi * (1 - 2 * (np.arange(AROUND) + 0.5) / AROUND)
         along = (np.arange(LENGTHWISE) + 0.5) / LENGTHWISE
         self._grid = build_surface_grid(along, around, film.backbone.shape[1])

@@ -131,22 +131,29 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
     of the filmed posture, at equal arc lengths. All are compared headed right.
     """
     body = bodies.body_in_edit_row(row_picture(row))
-    number, side = int(body.row), -1 if body.mirrored else 1
-    filmed = bodies.poses.pose[number].move_to(0, 0, 0, bodies.poses.pose.size_px[number])
-    posed = bodies.poses.pose_from_codes(number, row.pose).move_to(0, 0, 0, filmed.size_px)
+    film_row, side = int(body.row), -1 if body.mirrored else 1
+    filmed = bodies.poses.pose[film_row]
+    filmed = filmed.move_to(0, 0, 0, filmed.size_px)  # at 0, 0, headed right
+    posed = bodies.poses.pose_from_codes(film_row, row.pose).move_to(0, 0, 0, filmed.size_px)
     filmed_line, posed_line = filmed.backbone_px() * (1, -1), posed.backbone_px() * (1, -1)
     filmed_line[:, 1] *= side
-    angle = np.radians(film.heading_deg[number])
-    to_right = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    line = film.backbone[number] @ to_right.T * (1, side)
-    filmed_arc, arc = (
-        np.append(0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-        for points in (filmed_line, line)
-    )
-    offsets = [np.interp(arc, filmed_arc, change) for change in (posed_line - filmed_line).T]
-    turn = np.radians(float(body.heading_deg))
-    to_heading = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    return row.scale * (line + np.stack(offsets, -1)) @ to_heading.T
+    line = film.backbone[film_row] @ _turn_matrix(-film.heading_deg[film_row]).T * (1, side)
+    change = posed_line - filmed_line
+    filmed_arc, arc = _arc_length_to_points(filmed_line), _arc_length_to_points(line)
+    offset_x, offset_y = (np.interp(arc, filmed_arc, values) for values in change.T)
+    line += np.column_stack([offset_x, offset_y])
+    return row.scale * line @ _turn_matrix(float(body.heading_deg)).T
+
+
+def _turn_matrix(angle_deg: float) -> Floats:
+    """Return the matrix (2, 2) that turns a vector x, y (y up) anticlockwise by an angle."""
+    angle = np.radians(angle_deg)
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def _arc_length_to_points(line: Floats) -> Floats:
+    """Return the length (p,) of a line (p, 2) from its first point to each of its points."""
+    return np.append(0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
 
 
 def _find_shown_bodies(
