@@ -166,7 +166,8 @@ def flatten_poses(listed: pd.DataFrame) -> pd.DataFrame:
     """
     poses = [pose for pose in listed["pose"] if pose is not None]
     cells = np.full((len(listed), len(poses[0]) if poses else 0), np.nan)
-    cells[listed["pose"].notna()] = poses if poses else 0
+    if poses:
+        cells[listed["pose"].notna()] = poses
     names = [f"pose_{number}" for number in range(1, cells.shape[1] + 1)]
     pose_columns = pd.DataFrame(cells, listed.index, names)
     unknown = [name for name in (*_MM, "speed_mm_s") if listed[name].isna().all()]

@@ -239,7 +239,7 @@ class LiveFish:
         Their columns are x, y [px], heading [degrees] and number of the picture.
         """
         paths = list(self._find_other_paths(self, self.born + tick).values())
-        return Plans.from_paths(paths, tick).others(-1, tick)
+        return Plans.from_paths(paths, tick).others(-1, tick)  # −1: this fish is none of them
 
     def request_at(self, tick: int) -> Request:
         """Return what the fish was asked to do at a known tick of the tank."""
@@ -275,10 +275,11 @@ class LiveFish:
     def send_to_goal(self, goal_px: tuple[float, float] | None, drag: bool = False) -> None:
         """Send the fish to a goal (x, y [px]) from the next tick on; None lets it wander.
 
-        drag: whether the goal is being dragged; then the present stretch may go on for a moment.
+        drag: whether the goal is being dragged; then the planned motion may go on for a moment.
         """
         self.goal = self._make_goal(*goal_px) if goal_px else None
         self.path_task, self.rule_task, self.reached = None, None, False
+        # After how many ticks the planned motion is cut.
         self._cut_after = self._drag_ticks if drag and self._cut_after != 1 else 1
 
     def follow_path(self, route: Route) -> None:

@@ -32,7 +32,7 @@ def draw_detections(
     """
     panels = []
     for frame, label in zip(frames, labels, strict=True):
-        panel, scale = convert_to_colour(frame), frame.shape[1] / 900
+        panel, scale = convert_to_colour(frame), frame.shape[1] / 900  # 1: a frame 900 px wide
         lit_scene = match_scene_to_light(scene, frame)
         edge = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, thin=typical.thin)
         for silhouette in find_silhouettes(frame, lit_scene, arena, settings.least_area_px, edge):

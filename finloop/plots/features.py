@@ -162,7 +162,7 @@ _WORDS, _LETTERS = (235, 235, 235), 0.38
 def _draw_tile(specimen: Specimen, size: int) -> Picture:
     """Draw one fish in a tile, `size` px wide, with its measures and a text on them."""
     film = convert_to_colour(specimen.film)
-    scale = (size - 40) / max(film.shape[:2])
+    scale = (size - 40) / max(film.shape[:2])  # 30 px above are for the text, 10 px below free
     tile = np.full((size, size, 3), 40, np.uint8)
     big = cv2.resize(film, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
     top, left = 30 + (size - 40 - big.shape[0]) // 2, (size - big.shape[1]) // 2

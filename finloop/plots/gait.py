@@ -252,7 +252,8 @@ def _draw_sheet(
     """Return a figure of poses in rows, with a title above each pose, and names beside the rows."""
     cell_width, cell_height = _cell_size(rows)
     columns = max(map(len, rows))
-    width = 1.7 * columns + 0.4  # inches
+    # In inches; 0.3 of a cell is for the names, 0.4 inches above are for the title.
+    width = 1.7 * columns + 0.4
     height = (width / (columns + 0.3)) * len(rows) * cell_height / cell_width + 0.4
     figure, ax = _open_plot(width, height, title)
     _draw_cells(ax, rows, titles, names)

@@ -145,6 +145,7 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
         draw_arrow(axes, head[end], head[end] + 0.45 * length * ahead, color=_HEADING, lw=2.5)
         right, down = head[end] + 0.62 * length * ahead
         axes.text(right, down, letter, ha="center", va="center", color=_HEADING, fontweight="bold")
+    # The direction of travel, through the middle of the path and at least a body length long.
     reach = max(float(np.hypot(*(place[-1] - place[0]))), length)
     middle = place[[0, -1]].mean(0)
     along, ahead = _unit_vector(loop.travel_deg), _unit_vector(loop.heading_deg)

@@ -19,7 +19,7 @@ def draw_shapes(poses: FilmPoses, cutouts: Cutouts, size: int = 150) -> Picture:
     """
     shapes = poses.shapes
     row = int((poses.codes**2).sum(1).argmin())  # the codes of the mean pose are 0
-    middle, length = (size - 1) / 2, size / 1.5
+    middle, length = (size - 1) / 2, size / 1.5  # the animal spans two thirds of a picture
     tiles = []
     for number in range(min(SHAPES, len(shapes.shapes))):
         share = 100 * shapes.variance_shares[number]

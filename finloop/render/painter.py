@@ -255,24 +255,22 @@ class Painter:
         return Box.enclose([box for box in boxes if not box.is_empty] or boxes)
 
     def _draw_shadow(self, upper: PlacedFish, lower: Sequence[PlacedFish]) -> None:
-        """Draw the shadow of a fish on the fish below it; the more it covers them, the darker.
-
-        The formula stands at the top of this module.
-        """
+        """Draw the shadow of a fish on the fish below it; the more it covers them, the darker."""
         upper_box, (share, blur_px) = upper.box, self._shadow
         lower = [fish for fish in lower if not fish.box.intersect(upper_box).is_empty]
         box = upper_box.grow(math.ceil(3 * blur_px)).clip_to(self.canvas.shape)
         if not lower or box.is_empty:
             return
         upper_alpha = self._coverage(upper, box)
-        unshaded = np.ones_like(upper_alpha)
+        off_lower = np.ones_like(upper_alpha)  # the share of each pixel that is on no lower fish
         for fish in lower:
             alpha = self._coverage(fish, box)
+            # A fish counts more, up to 1, the larger the area that the upper one surely covers.
             common_px2 = np.maximum(0, upper_alpha + alpha - 1).sum()
-            unshaded *= 1 - min(1.0, common_px2 / (2 * np.pi * blur_px**2)) * alpha
-        if unshaded.min() == 1:
+            off_lower *= 1 - min(1.0, common_px2 / (2 * np.pi * blur_px**2)) * alpha
+        if off_lower.min() == 1:
             return
-        shade = cv2.GaussianBlur(upper_alpha, (0, 0), blur_px) * (1 - unshaded)
+        shade = cv2.GaussianBlur(upper_alpha, (0, 0), blur_px) * (1 - off_lower)
         light = 1 - share * shade[..., None]
         self.canvas[box.slices] = np.rint(self.canvas[box.slices] * light).astype(np.uint8)
 

@@ -111,7 +111,8 @@ def find_shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | N
     pixels = _round_to_pixels(bodies.reshape(-1, 2))
     depth = scipy.ndimage.distance_transform_edt(np.pad(arena, 1))[1:-1, 1:-1]
     wall_cost = np.maximum(0.0, 1 - depth / (_CLEAR * length_px))
-    for cell in sorted({-(-max(arena.shape) // _CELLS), 1}, reverse=True):
+    coarse = -(-max(arena.shape) // _CELLS)  # side of a cell, rounded up
+    for cell in sorted({coarse, 1}, reverse=True):
         shift = _find_shift_by_cells(pixels, arena, wall_cost, cell)
         if shift is not None:
             return shift

@@ -256,7 +256,7 @@ class _AnimalTrack:
 
         gap_s: time without a message after which the animal is lost.
         """
-        if time_s > self._clock_offset_s + self._last_t:
+        if time_s > self._clock_offset_s + self._last_t:  # after the last sighting
             return self.place if time_s - self.heard_s <= gap_s else None
         return self._past.interpolate_place(time_s - self._clock_offset_s, gap_s)
 

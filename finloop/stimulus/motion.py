@@ -36,8 +36,8 @@ from finloop.stimulus.protocol import Condition, MotionChange, Protocol
 from finloop.stimulus.rules import find_rule_target
 
 _REHEARSED = 200  # ticks of the rehearsal
-_STEPS = slice(PICTURE, LOOK + 1)
-"""Pictures, their mixture, their sides and the look, which are not interpolated."""
+_NOT_INTERPOLATED = slice(PICTURE, LOOK + 1)
+"""Pictures, their mixture, their sides and the look."""
 MODE = "matching"
 
 
@@ -149,7 +149,7 @@ def interpolate_states(states: States, times: Floats) -> States:
     step = after.astype(float) - before
     step[..., HEADING] = (step[..., HEADING] + np.pi) % (2 * np.pi) - np.pi
     mixed = (before + share * step).astype(np.float32)
-    mixed[..., _STEPS] = nearer[..., _STEPS]
+    mixed[..., _NOT_INTERPOLATED] = nearer[..., _NOT_INTERPOLATED]
     # A fish that is absent at one of the two ticks has no place to come from, or to go to.
     comes_or_goes = (before[..., PICTURE] < 0) != (after[..., PICTURE] < 0)
     return np.where(comes_or_goes[..., None], nearer, mixed)

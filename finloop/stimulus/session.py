@@ -365,7 +365,7 @@ class Session:
             elif reaction is not None:
                 self._tick, self._due_s = tick, due
                 self._send_tick(tick, due, reaction.plan_tick(now), now)
-            if tick > rate * early:
+            if tick > rate * early:  # the first ticks are sent at once, as they are overdue
                 self.counts.tick_ms.append(1e3 * (now - (due - early)))
         else:
             await self._wait_until(begin + ticks / rate)

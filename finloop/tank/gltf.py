@@ -182,7 +182,7 @@ def encode_tank_glb(
     samplers: list[dict] = []
     for swimmer, shadow, body in zip(swimmers, shadows, bodies, strict=True):
         lift = (0, 0, _LIFT * room.length)
-        on_floor = swimmer.place - swimmer.place[:, 2:] * (SUN / SUN[2]) + lift
+        on_floor = swimmer.place - swimmer.place[:, 2:] * (SUN / SUN[2]) + lift  # of the shadow
         places = {shadow: on_floor, body: swimmer.place}
         for node, path, output in _add_motion(glb, swimmer, places):
             channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})

@@ -192,6 +192,7 @@ class TankScene:
         """Add the surface of the water; return its mesh, to change at every tick."""
         rows, columns = self._water.x.shape
         first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+        # Each face of the mesh, as VTK has it: 4, then the numbers of its four corners.
         faces = np.stack(
             [np.full_like(first, 4), first, first + 1, first + columns + 1, first + columns], -1
         )

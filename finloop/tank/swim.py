@@ -116,11 +116,10 @@ def poses_in_tank(
         for tick in np.flatnonzero(edit["pose"].notna()):
             line[tick] = _posed_backbone(edit.iloc[tick], film, bodies)
     return TankPoses(
-        edit[["x_px", "y_px"]].to_numpy(float) * (1, -1),
-        line,
-        first_width + share * (second_width - first_width),
-        np.unwrap(np.radians(edit["heading_deg"].to_numpy(float))),
-        first, second, weight,
+        centre=edit[["x_px", "y_px"]].to_numpy(float) * (1, -1), backbone=line,
+        half_width=first_width + share * (second_width - first_width),
+        heading=np.unwrap(np.radians(edit["heading_deg"].to_numpy(float))),
+        first=first, second=second, weight=weight,
     )  # fmt: skip
 
 
