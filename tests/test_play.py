@@ -146,7 +146,7 @@ def test_while_a_goal_is_dragged_a_stretch_is_swum_for_a_moment(mode):
 
 def test_a_bent_fish_goes_on_from_its_bend():
     network = toy_players()["network"].mode
-    turns, plan_of = network.sprites.turns, network.nearest_turn
+    turns, plan_of = network.sprites.turns, network.cached_turn
     plan = plan_of(LEFT, 100, 90)
     for at, sprite in enumerate(plan.frames[:-1]):
         on = start_from_bend(plan, turns, LEFT, sprite)

@@ -180,7 +180,7 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
                          '{"do":"pause","on":false}'):  # fmt: skip
                 host.store_request(pages[0], text)
             host.make_frame(*host.take_requests(), ticks=20)
-            toy_players()["network"].mode.nearest_turn.cache_clear()
+            toy_players()["network"].mode.cached_turn.cache_clear()
             gc.collect()
             counts.append(len(gc.get_objects()))
         return host, counts

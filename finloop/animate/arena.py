@@ -1,5 +1,6 @@
 """The tank: where the centre of a fish may be, which way leads round a wall, what is in sight."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -64,15 +65,15 @@ class Tank:
         """
         if self.can_swim_straight(x, y, to_x, to_y):
             return to_x, to_y
-        cell = max(1, -(-max(self.legal.shape) // _CELLS))
+        cell = math.ceil(max(self.legal.shape) / _CELLS)
         free = self.legal[cell // 2 :: cell, cell // 2 :: cell]
         cost = np.where(free, 1.0, 1e6)  # through a wall only if nothing else leads there
         last = np.array(cost.shape) - 1
         start, end = (
-            tuple(np.minimum((int(row) // cell, int(column) // cell), last))
-            for row, column in (self._nearest_pixel(x, y), self._nearest_pixel(to_x, to_y))
+            tuple(np.minimum(np.array(pixel) // cell, last))
+            for pixel in (self._nearest_pixel(x, y), self._nearest_pixel(to_x, to_y))
         )
-        way, _ = skimage.graph.route_through_array(cost, start, end, geometric=True)
+        way = skimage.graph.route_through_array(cost, start, end, geometric=True)[0]
         point = (to_x, to_y)
         for row, column in reversed(way):  # from the target back to the fish
             point = float(column * cell + cell // 2), float(row * cell + cell // 2)

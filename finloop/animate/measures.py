@@ -218,7 +218,8 @@ def count_ticks_outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
     depth = np.where(inside, tank.depth_px[row * inside, column * inside], 0.0)
     pictures = edit.groupby(["kind", "source", "mirrored"]).indices
     for (kind, source, mirrored), shown in pictures.items():
-        ahead, left = player.hull(str(kind), int(source)).T * [[1], [-1 if mirrored else 1]]
+        ahead, left = player.hull(str(kind), int(source)).T
+        left = -left if mirrored else left
         # Far from the wall no point can be outside.
         ticks = shown[depth[shown] <= np.hypot(ahead, left).max() + _ROUNDED_PX]
         if not len(ticks):

@@ -204,27 +204,28 @@ def _track_as_turn(track: TrackKinematics) -> Run:
 def _turns_of_runs(runs: list[Run], rate_hz: float, delta: int) -> Turns | None:
     """Return the turns of runs that turn and are filmed whole; None if there are none.
 
-    runs: track, swimming type, first frame, one past the last; rate_hz: frames per second; delta: Δ
-    in frames.
+    runs: track, swimming type (side: 1 left, −1 right), first frame, one past the last; rate_hz:
+    frames per second; delta: Δ in frames.
     """
     rows = []
-    for track, kind, first, last in runs:
-        prior, final = max(first - 1, 0), min(last, len(track.kind) - 1)
-        turned = kind * (track.heading_deg[prior : final + 1] - track.heading_deg[prior])
-        if turned[-1] <= 0 or prior == first or final < last:
-            continue  # cut off by an end of the track, or a bend that turned nothing
-        over_delta = turned[min(delta, len(turned) - 1) :] - turned[: max(len(turned) - delta, 1)]
-        peak = prior + int(over_delta.argmax())
-        displacement = track.speed[min(peak + delta // 2, last - 1)] * delta / rate_hz
-        sideways = kind * track.sideways[first:last]
-        forward = track.forward[first:last]
-        rows.append((turned[-1], last - first, over_delta.max(), displacement, forward, sideways))
+    for track, side, first, end in runs:
+        if first == 0 or end > len(track.kind) - 1:
+            continue  # cut off by an end of the track
+        turned = side * (track.heading_deg[first - 1 : end + 1] - track.heading_deg[first - 1])
+        if turned[-1] <= 0:
+            continue  # a bend that turned nothing
+        in_delta = turned[min(delta, len(turned) - 1) :] - turned[: max(len(turned) - delta, 1)]
+        fastest = first - 1 + int(in_delta.argmax())  # beginning of the Δ with the largest turn
+        displacement = track.speed[min(fastest + delta // 2, end - 1)] * delta / rate_hz
+        forward, sideways = track.forward[first:end], side * track.sideways[first:end]
+        rows.append((turned[-1], end - first, in_delta.max(), displacement, forward, sideways))
     if not rows:
         return None
     angles, ticks, included, displacements, forwards, sidewards = zip(*rows, strict=True)
     return Turns(
-        np.array(angles), np.array(ticks, np.int32), _first_ticks(ticks), np.array(included),
-        np.array(displacements), np.concatenate(forwards), np.concatenate(sidewards),
+        np.array(angles), np.array(ticks, np.int32), start=_first_ticks(ticks),
+        included_angle_deg=np.array(included), displacement=np.array(displacements),
+        forward=np.concatenate(forwards), sideways=np.concatenate(sidewards),
     )  # fmt: skip
 
 

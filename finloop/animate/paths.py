@@ -73,8 +73,9 @@ def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float 
         routes.append(
             Route(
                 np.interp(px, along, x), np.interp(px, along, y),
-                np.interp(px, along, headings) if len(headings) else headings, step, closed,
-                due_px, 1, max(2, round(_AHEAD / step_bl)),
+                heading=np.interp(px, along, headings) if len(headings) else headings,
+                step=step, closed=closed, when=due_px, begins=1,
+                ahead=max(2, round(_AHEAD / step_bl)),
             )
         )  # fmt: skip
     route, asked = routes

@@ -34,16 +34,17 @@ def random_wander_place(world: World, fish: Fish, rng: np.random.Generator) -> t
     """
     motion, tank = world.motion, world.tank
     for _ in range(_TRIES):
-        turn = draw_one(motion.turns.angle_deg, rng) * (-1.0, 1.0)[rng.integers(2)]
-        ticks = int(draw_one(motion.straight_ticks, rng))
+        angle_deg = random_item(motion.turns.angle_deg, rng)
+        turn = angle_deg * (-1.0, 1.0)[rng.integers(2)]  # to the right or left
+        ticks = int(random_item(motion.straight_ticks, rng))
         distance = max(2.0, fish.speed * ticks / motion.rate_hz) * motion.body_length_px
         direction = np.radians(fish.heading + turn)
         x, y = fish.x + distance * np.cos(direction), fish.y - distance * np.sin(direction)
         if tank.can_swim_straight(fish.x, fish.y, x, y):
             return np.array([x, y]), ticks
-    return np.array(tank.random_point(rng)), int(draw_one(motion.straight_ticks, rng))
+    return np.array(tank.random_point(rng)), int(random_item(motion.straight_ticks, rng))
 
 
-def draw_one(values: NDArray[Any], rng: np.random.Generator) -> Any:
+def random_item(values: NDArray[Any], rng: np.random.Generator) -> Any:
     """Return a random one of values (n,), like `rng.choice`, but five times as fast."""
     return values[rng.integers(len(values))]

@@ -50,15 +50,14 @@ def refuse_shared_goals(goals: Sequence[Goal], goal_seekers: Sequence[int]) -> N
     Two places are one if one is within the radius of the other. goal_seekers: the numbers, from 0,
     of the fish that swim to goals; messages number fish from 1, as the parameters do.
     """
-    count = len(goal_seekers)
-    meetings = [
-        f"{goal.name} (fish {fish + 1}) and {other.name} (fish {other_fish + 1})"
-        for first in range(0, len(goals), count)
-        for (fish, goal), (other_fish, other) in combinations(
-            zip(goal_seekers, goals[first : first + count], strict=False), 2
-        )
-        if np.hypot(goal.x_px - other.x_px, goal.y_px - other.y_px) < goal.radius_px
-    ]
+    count, meetings = len(goal_seekers), []
+    for first in range(0, len(goals), count):  # goals that all fish have at the same time
+        goals_by_fish = zip(goal_seekers, goals[first : first + count], strict=False)
+        for (fish, goal), (other_fish, other) in combinations(goals_by_fish, 2):
+            if np.hypot(goal.x_px - other.x_px, goal.y_px - other.y_px) < goal.radius_px:
+                meetings.append(
+                    f"{goal.name} (fish {fish + 1}) and {other.name} (fish {other_fish + 1})"
+                )
     if meetings:
         raise FinloopError(
             f"animate.goals sends two fish to one place at the same time: {', '.join(meetings)}",
@@ -76,9 +75,8 @@ def make_tasks(
     rng: of the first fish, from which those of the others are spawned; route: the path, or None.
     """
     generators = [rng, *rng.spawn(fish_count - 1)]
-    routes = [route, *[None] * (fish_count - 1)]
-    dealt = deal_goals(goals, fish_count)
-    return [SwimTask(*task) for task in zip(dealt, generators, routes, strict=True)]
+    first, *others = map(SwimTask, deal_goals(goals, fish_count), generators)
+    return [first._replace(route=route), *others]
 
 
 class SchoolMember:

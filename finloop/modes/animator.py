@@ -181,9 +181,11 @@ def prepare_mode_assets(film_data: FilmData, p: AnimateSettings) -> ModeAssets:
     delta = infer_delta_frames(reel.features)
     motion = learn_motion(reel.features, film_data.rate_hz, delta).scale_to(reel.size)
     world = World(
-        make_tank(sized.area, sized.reach_px), motion, p.goal_radius_bl * motion.body_length_px,
-        head_ahead_px(reel.features, reel.size),
-    )  # fmt: skip
+        make_tank(sized.area, sized.reach_px),
+        motion,
+        touch_px=p.goal_radius_bl * motion.body_length_px,
+        head_px=head_ahead_px(reel.features, reel.size),
+    )
     pictures = Pictures(
         reel, film_data.map_facts.size, Bodies(film_data.poses, reel.has_next_frame, reel.sprites)
     )
@@ -202,8 +204,10 @@ def video_loop_graph(film_data: FilmData, assets: ModeAssets, loops: pd.DataFram
     """
     features = assets.sized.reel.features
     n, track = len(features), features["track_id"].to_numpy()
-    no_rows = np.zeros(0, np.int32)
-    jumps = Jumps(np.full(n, -1, np.int32), np.zeros(1, np.int32), no_rows, np.zeros(0))
+    jumps = Jumps(  # none
+        np.full(n, -1, np.int32), start=np.zeros(1, np.int32), to=np.zeros(0, np.int32),
+        seam=np.zeros(0),
+    )  # fmt: skip
     if len(loops):
         jumps = loop_jumps(build_loop_graph(loops, track), n, film_data.map_facts.step_median)
     pose, barred = film_data.map_facts.pose, assets.sized.barred
@@ -222,4 +226,5 @@ def make_animator(
     delta, bending = assets.world.motion.delta, assets.pictures.bending_improves_match
     joins = resolve_join_rules(p, join, assets.pictures.bodies, delta, bending)
     player = PaperPlayer(mode, assets.world, film, sprites, assets.cast, joins)
-    return PaperAnimator(player, assets.pictures, float(film_data.steps["headed"].median()), p)
+    natural_step = float(film_data.steps["headed"].median())
+    return PaperAnimator(player, assets.pictures, natural_step, p)

@@ -206,9 +206,10 @@ class Hybrid:
         reaching = np.flatnonzero(ticks)
         if not reaching.size:
             return self.loops.swim_on_spot(fish, starts, ways, goal, rng)
-        waits = ways._replace(ticks=0 * ticks, inside=ticks)
-        taken = int(reaching[np.argmin(ticks[reaching])])
-        return replace(self.loops.make_stretch(fish, starts, waits, taken, goal), waits=True)
+        ways_to_gateway = ways._replace(ticks=0 * ticks, inside=ticks)  # none is legal
+        nearest = int(reaching[np.argmin(ticks[reaching])])
+        stretch = self.loops.make_stretch(fish, starts, ways_to_gateway, nearest, goal)
+        return replace(stretch, waits=True)
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch that began with `fish`."""

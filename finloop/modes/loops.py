@@ -151,7 +151,8 @@ class Loops:
         """
         film, row = self.film, fish.row + 1
         plays_on = film.has_next[row] and film.recurrent[row + 1]
-        slot = film.jump_slot[row] if not plays_on or fish.since + 1 >= self.stay else -1
+        may_jump = not plays_on or fish.since + 1 >= self.stay
+        slot = film.jump_slot[row] if may_jump else -1  # −1: no jump
         jumps = slice(film.start[slot], film.start[slot + 1]) if slot >= 0 else slice(0)
         rows = np.append(np.full(int(plays_on), row), film.to[jumps]).astype(np.int64)
         seams = np.append(np.zeros(int(plays_on)), film.seam[jumps])
@@ -222,9 +223,11 @@ class Loops:
             seam=np.nan if plays_on else float(starts.seams[taken]),
             quadrant=int(ways.quadrant[taken]) if legal else 0,
         ))  # fmt: skip
-        touched = bool(legal and ways.touched[taken])
-        rots = np.full(ticks, rot)
-        return Stretch(FILM, trajectory, rows, not plays_on, goal, touched, decision, FRAME, rots)
+        return Stretch(
+            FILM, trajectory, rows, new=not plays_on, aim=goal,
+            touched=bool(legal and ways.touched[taken]), decision=decision, kind=FRAME,
+            rot=np.full(ticks, rot),
+        )  # fmt: skip
 
     def next_place(self, fish: Fish) -> tuple[float, float]:
         """Return where the fish is at the next tick, x, y px.
@@ -233,10 +236,8 @@ class Loops:
         """
         if fish.row < 0:
             distance = fish.speed * self.world.motion.body_length_px / self.world.motion.rate_hz
-            angle = np.radians(fish.heading)
-            return fish.x + distance * float(np.cos(angle)), fish.y - distance * float(
-                np.sin(angle)
-            )
+            cos, sin = np.cos(np.radians(fish.heading)), np.sin(np.radians(fish.heading))
+            return fish.x + distance * float(cos), fish.y - distance * float(sin)
         dx, dy = rotate(self.film.dx[fish.row], self.film.dy[fish.row], fish.rot)
         return fish.x + float(dx), fish.y + float(dy)
 
@@ -249,38 +250,32 @@ class Loops:
         """
         film, taken = self.film, int(rng.integers(len(starts.rows)))
         row, rot = int(starts.rows[taken]), float(starts.rots[taken])
-        ahead = slice(row, row + 4 * self.stay)
-        ends = np.flatnonzero(self.ends[ahead] & np.logical_and.accumulate(film.has_next[ahead]))
-        ticks = int(ends[ends + 1 >= min(self.stay, ends[-1] + 1)][0]) + 1 if ends.size else 1
+        ahead = slice(row, row + 4 * self.stay)  # far enough to hold such a loop end, mostly
+        is_reached = np.logical_and.accumulate(film.has_next[ahead])
+        ticks_to_ends = np.flatnonzero(self.ends[ahead] & is_reached) + 1
+        ticks = 1
+        if ticks_to_ends.size:
+            least = min(self.stay, ticks_to_ends[-1])
+            ticks = int(ticks_to_ends[ticks_to_ends >= least][0])
         rows = np.arange(row, row + ticks)
-        trajectory = np.column_stack(
-            [np.full(ticks, fish.x), np.full(ticks, fish.y), film.heading[rows] + rot]
-        )
-        decision = add_verdict_counts(ways, Decision(SPOT))
-        jumps = row != fish.row + 1
-        rots = np.full(ticks, rot)
+        place = np.tile([fish.x, fish.y], (ticks, 1))
         return Stretch(
-            FILM,
-            trajectory,
-            rows,
-            jumps,
-            goal,
-            touched=False,
-            decision=decision,
-            kind=FRAME,
-            rot=rots,
-        )
+            FILM, np.column_stack([place, film.heading[rows] + rot]), rows,
+            new=row != fish.row + 1, aim=goal, touched=False,
+            decision=add_verdict_counts(ways, Decision(SPOT)), kind=FRAME,
+            rot=np.full(ticks, rot),
+        )  # fmt: skip
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch of film that began with `fish`."""
         ticks, last_row = len(stretch.way), int(stretch.number[-1])
         x, y, heading = map(float, stretch.way[-1])
         assert stretch.rot is not None
+        begins_anew = stretch.new or fish.row < 0
         return Fish(
-            x, y, float(wrap(heading)), float(self.film.speed[last_row]), state=FILM, sprite=-1,
-            area=float(self.film.area[last_row]), tick=fish.tick + ticks, row=last_row,
-            rot=float(stretch.rot[-1]),
-            since=ticks - 1 if stretch.new or fish.row < 0 else fish.since + ticks,
+            x, y, float(wrap(heading)), speed=float(self.film.speed[last_row]), state=FILM,
+            sprite=-1, area=float(self.film.area[last_row]), tick=fish.tick + ticks, row=last_row,
+            rot=float(stretch.rot[-1]), since=ticks - 1 if begins_anew else fish.since + ticks,
         )  # fmt: skip
 
 

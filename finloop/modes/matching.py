@@ -237,9 +237,10 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     joins = resolve_join_rules(p, p.join, bodies, motion.delta, pictures.bending_improves_match)
     filmed_steps = np.full(len(features), np.nan)
     filmed_steps[find_map_rows(features, film_data.steps)] = film_data.steps["as_filmed"]
+    first_spring_response = joins.spring_response()[0]
     rarity = Rarity.from_movement(
         bodies.movement, film_data.poses.codes, reel.has_next_frame, filmed_steps,
-        joins.spring_response()[0], p.rarity_weight,
+        first_spring_response, p.rarity_weight,
     )  # fmt: skip
     jumps = neighbour_jumps(film_data.jumps, len(features))
     graph = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative_row_costs)
@@ -262,15 +263,16 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     prediction_source = None
     if predicts and sampler is not None:
         prediction_source = PredictionSource(world, sampler, rarity)
-    shoaling, sprite_rows = film_data.shoaling, film_data.sprite_rows
-    player = Planner(world, film_source, prediction_source, cast, joins, shoaling, sprite_rows)
+    player = Planner(
+        world, film_source, prediction_source, cast, joins, shoaling=film_data.shoaling,
+        sprite_rows=film_data.sprite_rows,
+    )  # fmt: skip
     paths = tuple(
         None if line is None else lay_path(line, tank, motion, film_data.mm_per_px)
         for line in film_data.lines
     )
-    return MatchingAnimator(
-        player, pictures, float(film_data.steps["headed"].median()), reach_px, paths
-    )
+    natural_step = float(film_data.steps["headed"].median())
+    return MatchingAnimator(player, pictures, natural_step, reach_px, paths)
 
 
 class NothingToUse(FinloopError):

@@ -79,7 +79,7 @@ class Network:
             self._first_speeds[state] = phases.first_speed[self._phases_after[state]]
         self._by_angle = np.argsort(turns.angle_deg, kind="stable")
         self._angles = turns.angle_deg[self._by_angle]
-        self.nearest_turn = lru_cache(10_000)(self._plan_rounded_turn)
+        self.cached_turn = lru_cache(10_000)(self._plan_rounded_turn)
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """Return a fish at a random place and heading of the tank, sliding with a still tail."""
@@ -101,11 +101,10 @@ class Network:
         approach = self._approach(fish, goal)
         if self.will_turn(approach):
             return self.turn_to_aim(approach, rng)
-        return (
-            self.swim_straight(approach, rng)
-            or (self.turn_to_aim(approach, rng) if abs(approach.error) > 1 else None)
-            or self.brake(approach)
-        )
+        if (straight := self.swim_straight(approach, rng)) is not None:
+            return straight
+        # At a wall: a fish that heads for its aim, to 1°, cannot turn away.
+        return self.turn_to_aim(approach, rng) if abs(approach.error) > 1 else self.brake(approach)
 
     def _approach(self, fish: Fish, goal: Target) -> GoalApproach:
         """Return a fish, its goal and the point it heads for, with distance and heading error."""
@@ -155,7 +154,7 @@ class Network:
         motion, phases, fish = self.world.motion, self.phases, approach.fish
         nearest = int(np.searchsorted(self._first_speeds[fish.state], fish.speed))
         rows = self._phases_after[fish.state]
-        chosen = rows[self._draw_near(nearest, len(rows), rng)]
+        chosen = rows[self._random_near(nearest, len(rows), rng)]
         film = slice(phases.start[chosen], phases.start[chosen] + phases.ticks[chosen])
         first = phases.first_speed[chosen]
         offset_left = np.maximum(0.0, 1 - np.arange(1, phases.ticks[chosen] + 1) / motion.delta)
@@ -167,19 +166,19 @@ class Network:
         if not approach.far:
             drift_factor = min(1.0, abs(approach.error) / max(np.abs(drift).max(), 1e-9))
         drift = drift * np.copysign(drift_factor, approach.error * drift[-1])
+        swim = Ahead(forward, drift, brake=forward * self._stop)
         way, safe_ticks, touch_tick = step.swim_ahead(
-            self.world.tank.legal, approach.start, Ahead(forward, drift, forward * self._stop),
-            approach.goal,
-        )  # fmt: skip
+            self.world.tank.legal, approach.start, swim, approach.goal
+        )
         if safe_ticks < min(2, len(way)) and touch_tick >= safe_ticks:
             return None
         ticks = min(touch_tick + 1, safe_ticks)
         state = int(phases.state[chosen])
         sprite, phase, new = self._play_cycle(fish, state, speed[:ticks])
-        decision = Decision(PHASE, film_speed=float(first))
         return Stretch(
-            state, way[:ticks], sprite, new, approach.aim, touch_tick < ticks, decision, phase=phase
-        )
+            state, way[:ticks], sprite, new, approach.aim, touched=touch_tick < ticks,
+            decision=Decision(PHASE, film_speed=float(first)), phase=phase,
+        )  # fmt: skip
 
     def _play_cycle(self, fish: Fish, state: int, speeds: Floats) -> tuple[Ints, Floats, bool]:
         """Return the sprites of a state's cycle (n,), places in the cycle, and whether it is new.
@@ -209,10 +208,10 @@ class Network:
         fish, sprites, turns = approach.fish, self.sprites, self.world.motion.turns
         side, angle = (LEFT if approach.error > 0 else RIGHT), abs(approach.error)
         nearest = int(np.searchsorted(self._angles, angle))
-        chosen = int(self._by_angle[self._draw_near(nearest, len(self._angles), rng)])
+        chosen = int(self._by_angle[self._random_near(nearest, len(self._angles), rng)])
         included = turns.included_angle_deg[chosen] * min(angle / turns.angle_deg[chosen], 1.0)
         area = self.ideal_motion_area(fish, turns.displacement[chosen], side * included)
-        plan, new = self.nearest_turn(side, round(angle), round(100 * area)), True
+        plan, new = self.cached_turn(side, round(angle), round(100 * area)), True
         if fish.is_bent:
             plan = start_from_bend(plan, sprites.turns, side, fish.sprite)
             new = plan.frames[0] not in (fish.sprite, sprites.following[fish.sprite])
@@ -238,22 +237,23 @@ class Network:
         film_ticks = slice(
             turns.start[turn_number], turns.start[turn_number] + turns.ticks[turn_number]
         )
-        at_tick = np.linspace(0, turns.ticks[turn_number] - 1, count)
-        ticks = np.arange(turns.ticks[turn_number])
-        forward = np.interp(at_tick, ticks, turns.forward[film_ticks])
-        sideways = np.interp(at_tick, ticks, turns.sideways[film_ticks])
+        # The filmed turn, stretched to the ticks of the plan.
+        film_time = np.linspace(0, turns.ticks[turn_number] - 1, count)
+        film_tick = np.arange(turns.ticks[turn_number])
+        forward = np.interp(film_time, film_tick, turns.forward[film_ticks])
+        sideways = np.interp(film_time, film_tick, turns.sideways[film_ticks])
         largest_share = float(np.ediff1d(plan.share, to_begin=plan.share[:1]).max())
-        fastest = 1.5 * abs(approach.error) * largest_share
+        fastest = 1.5 * abs(approach.error) * largest_share  # degrees a tick: half as much again
         tick_numbers, speed = np.arange(1, count + 1), approach.fish.speed / motion.rate_hz
         # The ticks in which the first speed fades, and the factor of the turn's displacement.
         tries = [(motion.delta, factor) for factor in ease] + [(2, ease[-1]), (0, ease[-1])]
         for stop, factor in tries:
             fade = np.maximum(0.0, 1 - tick_numbers / stop) if stop else np.zeros(count)
             ahead = factor * forward + (speed - factor * forward[0]) * fade
+            forward_bl = np.minimum(np.maximum(ahead, 0.0), phases.high / motion.rate_hz)
+            sideways_bl = factor * sideways * (1 - fade)
             swim = Turning(
-                plan.share,
-                np.minimum(np.maximum(ahead, 0.0), phases.high / motion.rate_hz) * self._px,
-                factor * sideways * (1 - fade) * self._px,
+                plan.share, forward=forward_bl * self._px, sideways=sideways_bl * self._px
             )
             trajectory, possible, touch_tick = step.swim_turn(
                 self.world.tank.legal, approach.start, swim, approach.goal, approach.aim, fastest
@@ -268,10 +268,10 @@ class Network:
         ticks = motion.delta
         speed_factor = self.p.brake_speed_ratio ** (np.arange(1, ticks + 1) / ticks)
         speed, zeros = np.maximum(fish.speed * speed_factor, phases.low), np.zeros(ticks)
+        swim = Ahead(speed * (self._px / motion.rate_hz), drift=zeros, brake=zeros)
         way, safe_ticks, touch_tick = step.swim_ahead(
-            self.world.tank.legal, approach.start,
-            Ahead(speed * (self._px / motion.rate_hz), zeros, zeros), approach.goal,
-        )  # fmt: skip
+            self.world.tank.legal, approach.start, swim, approach.goal
+        )
         shown = min(touch_tick + 1, safe_ticks)
         if shown == 0:
             way, shown, touch_tick = np.tile(approach.start, (ticks, 1)), ticks, ticks
@@ -299,8 +299,8 @@ class Network:
             fish.tick + ticks, since=since,
         )  # fmt: skip
 
-    def _draw_near(self, middle: int, count: int, rng: np.random.Generator) -> int:
-        """Draw one of the `alike` numbers below `count` around a middle one, all equally likely."""
+    def _random_near(self, middle: int, count: int, rng: np.random.Generator) -> int:
+        """Return a random one of the `alike` numbers, 0 … count − 1, nearest to a middle one."""
         alike = self.p.alike
         first = max(0, min(middle - alike // 2, count - alike))
         return first + int(rng.integers(min(alike, count)))

@@ -76,7 +76,7 @@ def _phases_of_runs(
     """
     limits = still_sway, p.steady_speed_ratio, max(1, round(p.phase_least * delta))
     rows = []
-    for track, _, first, last in runs:
+    for track, _type, first, last in runs:
         before = TURN if first > 0 else -1
         for state, begin, end in _split_run(track, first, last, limits):
             prior = max(begin - 1, 0)
@@ -90,10 +90,16 @@ def _phases_of_runs(
         raise too_little_error("straight swimming")
     states, states_before, ticks, speeds, changes, drifts = zip(*rows, strict=True)
     return Phases(
-        np.array(states, np.int8), np.array(states_before, np.int8), np.array(ticks, np.int32),
-        np.concatenate([[0], np.cumsum(ticks)[:-1]]).astype(np.int32), np.array(speeds),
-        np.concatenate(changes), np.concatenate(drifts), *speed_range,
-    )  # fmt: skip
+        state=np.array(states, np.int8),
+        before=np.array(states_before, np.int8),
+        ticks=np.array(ticks, np.int32),
+        start=np.concatenate([[0], np.cumsum(ticks)[:-1]]).astype(np.int32),
+        first_speed=np.array(speeds),
+        speed_change=np.concatenate(changes),
+        drift_deg=np.concatenate(drifts),
+        low=speed_range[0],
+        high=speed_range[1],
+    )
 
 
 def _split_run(

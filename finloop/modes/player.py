@@ -63,13 +63,15 @@ class PaperPlayer:
         """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
         film, motion, sprites = self.film, self.world.motion, self.sprites
         filmed = slice(0, film.filmed)
-        scale, next_sprites, count = np.ones(1), np.zeros(1, np.int64), 1
+        scale, next_sprites, orientations = np.ones(1), np.zeros(1, np.int64), 1  # never shown
         if sprites is not None:
             scale, next_sprites = self.cast.sprite_scale, sprites.following
-            count = sprites.orientations
+            orientations = sprites.orientations
         return EditInputs(
-            motion.rate_hz, motion.body_length_px, film.heading[filmed], film.scale[filmed],
-            film.has_next[filmed], scale, next_sprites, count, self.joins, ("loops", "network"),
+            motion.rate_hz, motion.body_length_px, heading_deg=film.heading[filmed],
+            scale=film.scale[filmed], goes_on=film.has_next[filmed], sprite_scale=scale,
+            sprite_after=next_sprites, orientations=orientations, joins=self.joins,
+            modes=("loops", "network"),
         )  # fmt: skip
 
     def begin(

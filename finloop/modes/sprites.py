@@ -107,22 +107,22 @@ def plan_turn(
     depth = max(1, int(np.abs(frames.area[: frames.peak + 1] - area).argmin()))
     depth = min(depth, frames.peak)  # place of the strongest bend
     while True:
-        unheld_deg = frames.steps(depth, 0)[1].sum()
-        held_ticks = min(
-            max(round((angle_deg - unheld_deg) / max(frames.hold_deg, 1e-6)), 0), most_held_ticks
-        )
+        unheld_deg = frames.steps(depth, held_ticks=0)[1].sum()
+        missing_ticks = round((angle_deg - unheld_deg) / max(frames.hold_deg, 1e-6))
+        held_ticks = min(max(missing_ticks, 0), most_held_ticks)
         film_deg = unheld_deg + held_ticks * frames.hold_deg
-        if angle_deg > settings.turn_more * film_deg and depth < frames.peak:
-            depth += 1
-        else:
+        if angle_deg <= settings.turn_more * film_deg or depth >= frames.peak:
             break
-    while depth > 1 and angle_deg < settings.turn_less * frames.steps(depth, 0)[1].sum():
+        depth += 1
+    while depth > 1 and angle_deg < settings.turn_less * frames.steps(depth, held_ticks=0)[1].sum():
         depth, held_ticks = depth - 1, 0
     numbers, degrees = frames.steps(depth, held_ticks)
     film_deg = float(degrees.sum())
     progress = np.cumsum(degrees + settings.turn_floor * max(film_deg, 1.0))
-    area = float(frames.area[depth])
-    return TurnPlan(numbers, progress / progress[-1], area, film_deg, settings.turn_floor)
+    return TurnPlan(
+        numbers, share=progress / progress[-1], area=float(frames.area[depth]),
+        film_deg=film_deg, floor=settings.turn_floor,
+    )  # fmt: skip
 
 
 def start_from_bend(
@@ -139,8 +139,9 @@ def start_from_bend(
         return plan
     step = np.diff(plan.share, prepend=0.0)
     shown_at = np.flatnonzero(plan.frames == sprite)
-    undoing = turns_by_side[sides[0]].straightening_sprites(sprite)
-    if sides[0] != side:
+    bent_to = sides[0]
+    undoing = turns_by_side[bent_to].straightening_sprites(sprite)
+    if bent_to != side:
         frames = np.concatenate([undoing[::2], plan.frames])
         step = np.concatenate([np.full(len(frames) - len(step), plan.floor), step])
     elif shown_at.size and shown_at[0] + 1 < len(plan.frames):
@@ -159,11 +160,8 @@ def make_sprites(table: pd.DataFrame, pose_distances: Floats, rate_hz: float) ->
     pose_distances (n, n): Euclidean distances between the film's frame after sprite i, and sprite
     j, both turned to head right; rate_hz: frames per second.
     """
-    parts = {
-        name: table[table["sequence"] == name] for name in ("straight", "slide", "left", "right")
-    }
-    straight = parts["straight"].index.to_numpy()
-    slide = parts["slide"].index.to_numpy()
+    parts = dict(iter(table.groupby("sequence")))
+    straight, slide = parts["straight"].index.to_numpy(), parts["slide"].index.to_numpy()
     cycles = {STRAIGHT: straight, ACCELERATE: straight, DECELERATE: straight, SLIDE: slide}
     following = np.arange(len(table))
     for part in parts.values():
