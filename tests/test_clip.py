@@ -1053,7 +1053,7 @@ def test_a_full_disk_leaves_the_last_clip(run_stage, avi, monkeypatch):
         ("carp", {"noise_grey": math.nan}, "clip.noise_grey: should be a finite number"),
         ("carp", {"body_length_px": -1.0}, "clip.body_length_px"),
         ("zebrafish", {"parts": "C"}, "clip.parts: should be 'A', 'B' or 'AB'"),
-        ("zebrafish", {"crf": 99}, "clip.crf: should be less than or equal to 51"),
+        ("carp", {"crf": 99}, "clip.crf: should be less than or equal to 51"),
         ("file", {}, "clip.path: has no value"),
         ("file", {"path": " "}, "path is empty"),
         ("file", {"path": "a", "start_s": -1}, "clip.start_s: should be greater than or equal"),

@@ -39,13 +39,15 @@ def parameter_help(word: str, conf: Path = CONF) -> Iterator[ParameterHelp]:
     """Yield the explanation of each parameter of a group such as "extract", variant by variant.
 
     conf: the folder conf/, with the comments and values. A parameter without a comment has an empty
-    meaning, one without a value has the value "???".
+    meaning, one without a value has the value "???". `source`, the name of a variant, is left out.
     """
     for option, declared in variants(word).items():
         texts = _read_comments(conf / word / f"{option}.yaml")
         values = read_conf_values(word, option, conf)
         hints = get_type_hints(declared, include_extras=True)
         for field in fields(declared):
+            if field.name == "source":
+                continue
             text = texts.get(field.name, "")
             brackets = _BRACKET.search(text)
             yield ParameterHelp(

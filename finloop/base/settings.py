@@ -294,8 +294,9 @@ def _suggest_name(word: str, option: type, key: str) -> str:
     word: name of the group. option: its settings dataclass. key: the unknown name.
     """
     names = [field.name for field in fields(option)]
-    if renamed := getattr(option, "RENAMED", {}).get(key):
-        return f"it is {word}.{renamed} now"
+    key = getattr(option, "RENAMED", {}).get(key, key)
+    if key in names:
+        return f"it is {word}.{key} now"
     for base in option.__mro__:
         if key in vars(base).get("__annotations__", {}):
             return f"it is a constant now, {base.__name__}.{key}"

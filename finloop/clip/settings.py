@@ -21,7 +21,8 @@ class ZebrafishSettings:
     source: Literal["zebrafish"]  # names this variant
     parts: Literal["A", "B", "AB"]
     mm_per_px: Positive | None
-    crf: Crf
+
+    crf: ClassVar[int] = 0  # of the clip's H.264: so short a film is stored without loss
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,9 @@ class CarpSettings(CarpFilm):
     """Drawn carp from above, with exact ground truth, from a seed."""
 
     source: Literal["carp"]  # names this variant
-    mm_per_px: Positive | None
     crf: Crf
+
+    mm_per_px: ClassVar[None] = None  # a drawn tank has no size in mm
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ class GaitSettings:
     regions: str | None
     regions_rate_hz: Positive | None
     contour_points: Annotated[int, Field(ge=64, le=1024)]
-    wavelet: str
     gamma_per_scale: bool
     walker_drawings: tuple[str, str]
     swimmer_drawings: tuple[str, str]
@@ -30,6 +29,7 @@ class GaitSettings:
     seed: ClassVar[int] = 1  # of that noise
     # phase of key 2: subcycle A ends there, C half a cycle later; even quarters, as Figs. 8-10
     split: ClassVar[float] = 0.25
+    wavelet: ClassVar[str] = "coif2"  # of the descriptor; one γ for all scales is alike for any
     coarse: ClassVar[int] = 4  # coefficients of the coarsest scale, a power of two: the rough shape
     # frames/s of a drawing in motion, about: whole frames make up a cycle
     frame_rate_hz: ClassVar[float] = 40.0

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from finloop.base.settings import Seed, Share
+from finloop.base.settings import Share
 
 
 @dataclass(frozen=True)
@@ -12,8 +12,8 @@ class IdentitySettings:
 
     min_join_probability: Share
     new_animal_probability: Share
-    seed: Seed
 
+    seed: ClassVar[int] = 0  # of the noise that probabilities are estimated by: 500 draws suffice
     looked_at: ClassVar[int] = 60  # pictures of a track for its descriptors
     size_px: ClassVar[int] = 24  # px, sides of these pictures: looks, no details
     components: ClassVar[int] = 32  # principal components of the pictures, at most

@@ -12,7 +12,6 @@ class JumpsSettings:
 
     jumps_per_frame: Count
     min_jump_deltas: Positive
-    pose_weight: NotNegative
     motion_weight: NotNegative
     appearance_weight: NotNegative
     mirror: Literal["auto", "yes", "no"]
@@ -22,6 +21,7 @@ class JumpsSettings:
     """Jumps to the nearest frames of all, in a film of more than 20,000 rows: these go on much
     alike. The others lead to a part of the film, where frames lie as far apart as in a short one.
     """
+    pose_weight: ClassVar[float] = 1.0  # the unit of the weights, of which only the ratios count
     change: ClassVar[float] = 1.0  # weight of the change of pose; 1 = as the pose itself
     look_px: ClassVar[int] = 32  # side of pictures of light and skin: coarse, nobody sees them
     look_numbers: ClassVar[int] = 8  # their principal components: the first hold the most variance

@@ -19,8 +19,6 @@ class NetworkSettings:
     join: Join
     still_tail_ratio: Share
     steady_speed_ratio: NotNegative
-    min_speed_quantile: Share
-    max_speed_quantile: Share
     max_heading_error_deg: NotNegative
     near_goal_bl: NotNegative
     max_bend_hold_deltas: Annotated[int, Field(ge=0)]
@@ -28,6 +26,10 @@ class NetworkSettings:
     min_playback_rate: Positive
     max_playback_rate: Positive
 
+    min_speed_quantile: ClassVar[float] = 0.002
+    """Of the film's speeds: the fish never swims slower than this quantile, nor faster than
+    `max_speed_quantile`. They keep tracking faults out, and little of the film."""
+    max_speed_quantile: ClassVar[float] = 0.998  # see min_speed_quantile
     phase_drift_deg: ClassVar[float] = 20.0
     """A phase whose heading drifts farther is left out: it is a turn, as `max_heading_error_deg`
     has it."""
