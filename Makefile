@@ -40,7 +40,7 @@ demo: display setup ## fetch the zebrafish clip, run the pipeline on it, say wha
 	@echo "  data/animate/beside/measures.csv          the measures of all modes, beside the film's own"
 	@echo "  reports/motion/sprites/contact_sheet.png  the frames that network and hybrid show"
 	@echo "  reports/film/features/contact_sheet.png   the fish, with what was found in them"
-	@echo "  reports/features/numbers.csv              the numbers (of others: dvc metrics show)"
+	@echo "  reports/features/metrics.json             the numbers (of others: dvc metrics show)"
 	@echo "  dvc_plots/index.html                      every chart and picture"
 	@echo "Then: make play                             send the fish by hand"
 	@dvc plots show >/dev/null

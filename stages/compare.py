@@ -44,28 +44,30 @@ def _load_parameters(commit: str) -> dict[str, Any]:
 
 
 def load_numbers(commits: list[str], stages: list[str]) -> dict[str, dict[str, float]]:
-    """Return the numbers of some stages in some commits: commit → {`stage.number`: value}."""
-    from dvc.repo import Repo  # not at the top: the import takes half a second
+    """Return the numbers of some stages in some commits: commit → {`stage.number`: value}.
 
-    paths = [f"reports/{stage}/metrics.json" for stage in stages]
-    with Repo() as repo:
-        metrics_by_commit = repo.metrics.show(targets=paths, revs=commits, on_error="ignore")
-    values: dict[str, dict[str, float]] = {}
-    for commit, metrics in metrics_by_commit.items():
-        values[commit] = {
-            f"{Path(path).parent.name}.{key}": value
-            for path, file in metrics.get("data", {}).items()
-            for key, value in file.get("data", {}).items()
-        }
-    # Metrics are few; of most stages git has all numbers, too.
+    Numbers that are neither in git nor in DVC's cache are left out.
+    """
     folders = [f"reports/{stage}/" for stage in stages]
+    values: dict[str, dict[str, float]] = {commit: {} for commit in commits}
     for commit in commits:
-        for path in run_git("ls-tree", "--name-only", commit, *folders).splitlines():
-            if Path(path).name == NUMBERS_NAME:
-                stage = Path(path).parent.name
-                numbers = parse_numbers(run_git("show", f"{commit}:{path}"))
-                values[commit] |= {f"{stage}.{key}": value for key, value in numbers.items()}
+        in_git = run_git("ls-tree", "--name-only", commit, *folders).splitlines()
+        for stage in stages:
+            path = f"reports/{stage}/{NUMBERS_NAME}"
+            text = run_git("show", f"{commit}:{path}") if path in in_git else _cached(commit, path)
+            numbers = parse_numbers(text) if text else {}
+            values[commit] |= {f"{stage}.{key}": value for key, value in numbers.items()}
     return values
+
+
+def _cached(commit: str, path: str) -> str:
+    """Return the text of a file of a commit that DVC's cache has; "" if it has none."""
+    from dvc.api import DVCFileSystem  # not at the top: the import takes half a second
+
+    try:
+        return DVCFileSystem(rev=commit).read_text(path)
+    except OSError:
+        return ""
 
 
 def write_comparison(names: list[str], measures: list[str], title: str, why: str) -> str:

@@ -1,7 +1,7 @@
 """Run the pipeline on a tiny drawn film, and compare its numbers with kept ones.
 
 `make ci-fixture` calls `python -m stages.fixture`. The film and its settings are in
-.ci/fixture/film.yaml, the kept numbers in .ci/fixture/numbers.csv. The run is made in copies of the
+.ci/fixture/film.yaml, the kept numbers in .ci/fixture/metrics.json. The run is made in copies of the
 workspace, without conf/local/, and from an empty cache: the workspace does not change.
 reports/fixture/ gets the report, all numbers, the comparison, and what DVC has printed. The exit
 status is 1 where a number is not the kept one. `--keep` keeps the present values instead.
@@ -13,7 +13,7 @@ from stages.run import report_progress, run  # isort: skip
 import argparse
 import math
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import chdir
 from pathlib import Path
@@ -31,7 +31,7 @@ from stages.repository import run_git
 from stages.settings import PARAMS, format_override
 from stages.sweep import failure_lines, run_dvc
 
-FILM, KEPT = Path(".ci/fixture/film.yaml"), Path(".ci/fixture/numbers.csv")
+FILM, KEPT = Path(".ci/fixture/film.yaml"), Path(".ci/fixture") / NUMBERS_NAME
 OUT = Path("reports/fixture")
 SIDE_STAGES = ("morph", "gait")  # stages that run beside the others: no other stage needs them
 TOLERANCE = 1e-3  # largest relative difference, and twice the largest absolute one, of like numbers
@@ -82,20 +82,11 @@ def load_comparable_numbers(folder: Path) -> dict[str, float]:
     """
     stages: dict[str, Any] = yaml.safe_load((folder / "dvc.yaml").read_text("utf-8"))["stages"]
     numbers: dict[str, float] = {}
-    for path in _plots_in_git(stages):
-        if path.name == NUMBERS_NAME:
-            values = load_numbers(folder / path.parent)
-            numbers |= {f"{path.parent.name}.{name}": value for name, value in values.items()}
+    for name, stage in stages.items():
+        if any(isinstance(path, dict) for path in stage.get("metrics", [])):  # {path: cache: false}
+            values = load_numbers(folder / "reports" / name)
+            numbers |= {f"{name}.{key}": value for key, value in values.items()}
     return numbers
-
-
-def _plots_in_git(stages: Mapping[str, Any]) -> Iterator[Path]:
-    """Yield the paths of the plots that git keeps, not DVC's cache; stages: those of a dvc.yaml."""
-    for stage in stages.values():
-        for plot in stage.get("plots", []):
-            for path, options in plot.items() if isinstance(plot, dict) else ():
-                if not options.get("cache", True):
-                    yield Path(path)
 
 
 def _copy_workspace(folder: Path, cache: Path) -> None:

@@ -26,7 +26,6 @@ import contextlib
 import errno
 import gc
 import importlib.util
-import json
 import math
 import os
 import shutil
@@ -267,14 +266,12 @@ def report_findings(folder: Path, findings: Iterable[Finding]) -> None:
 
 
 def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
-    """Write the chief numbers of a stage to the JSON file `path`, all of them to numbers.csv.
+    """Write the numbers of a stage to `path`, reports/<stage>/metrics.json, sorted and rounded.
 
-    Both are in one folder, sorted and rounded. Which are chief numbers, METRICS says by the name of
-    the folder. None, NaN and infinity are left out: such a number does not exist for this clip (no
+    METRICS names, by the name of the folder, the chief numbers, which stand at the top. None, NaN and infinity are left out: such a number does not exist for this clip (no
     truth, no fish long enough). TypeError for what is no number.
     """
     # Not at the top: they need the right Python.
-    from finloop.io.atomic import save_bytes
     from finloop.io.numbers import save_numbers
     from finloop.report.headlines import METRICS
 
@@ -286,7 +283,4 @@ def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
             values[name] = round_significant(float(value))
         elif not (value is None or isinstance(value, Real)):
             raise TypeError(f"metric {name} must be a number, got {value!r}")
-    save_numbers(path.parent, values)
-    chief = METRICS.get(path.parent.name, [])
-    metrics = {name: value for name, value in values.items() if name in chief}
-    save_bytes(path, (json.dumps(metrics, indent=2) + "\n").encode())
+    save_numbers(path.parent, values, METRICS.get(path.parent.name, []))

@@ -1066,7 +1066,7 @@ def workspace(tmp_path, monkeypatch):
 def test_the_stage_makes_its_files(extract_run):
     data = extract_run / "data/extract"
     assert list(content(data)) == MADE
-    assert list(content(extract_run / "reports/extract")) == ["metrics.json", "numbers.csv"]
+    assert list(content(extract_run / "reports/extract")) == ["metrics.json"]
     drawn = content(extract_run / "reports/film/extract")
     assert list(drawn) == ["detections.png", "fig3_4.png"]
     facts = load_record(data / "scene.json", SceneFacts, "extract")

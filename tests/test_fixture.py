@@ -9,6 +9,7 @@ from conftest import ROOT
 
 import stages.fixture
 from finloop.base.errors import FinloopError
+from finloop.io.numbers import load_numbers, save_numbers
 from finloop.lab.new import make_repository
 from stages.fixture import FILM, KEPT, OUT, compare_numbers, main, read_tiny_film
 
@@ -27,10 +28,8 @@ def fake_dvc(number: float, fails: bool = False):
     def run_dvc(*_arguments: str, folder: Path) -> tuple[bool, str]:
         assert yaml.safe_load((folder / "params.yaml").read_text())["clip"]["source"] == "carp"
         assert not (folder / "reports").exists() and not (folder / "conf/local").is_file()
-        (folder / "reports/clip").mkdir(parents=True)
-        (folder / "reports/clip/numbers.csv").write_text(f"number,value\nframes,{number}\n")
-        (folder / "reports/realism").mkdir()
-        (folder / "reports/realism/numbers.csv").write_text("number,value\nauc,0.5\n")
+        save_numbers(folder / "reports/clip", {"frames": number})
+        save_numbers(folder / "reports/realism", {"auc": 0.5})
         (folder / "reports/index.html").write_text("<p>the report</p>")
         return (
             not fails,
@@ -45,9 +44,9 @@ def test_numbers_are_kept_compared_and_shown(lab, monkeypatch, capsys):
     before = Path("params.yaml").read_text()
     monkeypatch.setattr(stages.fixture, "run_dvc", fake_dvc(100))
     monkeypatch.setattr("sys.argv", ["fixture", "--keep"])
-    KEPT.write_text("number,value\nclip.frames,90\nclip.gone,1\n")
+    save_numbers(KEPT.parent, {"clip.frames": 90, "clip.gone": 1})
     main()
-    assert KEPT.read_text() == "number,value\nclip.frames,100\n"  # none of realism: DVC caches it
+    assert load_numbers(KEPT.parent) == {"clip.frames": 100}  # none of realism: DVC caches it
     assert (OUT / "index.html").read_text() == "<p>the report</p>"
     assert "1 numbers of the tiny film, 0 of them" in capsys.readouterr().out
     monkeypatch.setattr("sys.argv", ["fixture"])
@@ -55,7 +54,7 @@ def test_numbers_are_kept_compared_and_shown(lab, monkeypatch, capsys):
     with pytest.raises(FinloopError, match=r"clip\.frames \| 100 \| 99"):
         main()
     assert "| clip.frames | 100 | 99 |" in (OUT / "comparison.md").read_text()
-    assert KEPT.read_text() == "number,value\nclip.frames,100\n"
+    assert load_numbers(KEPT.parent) == {"clip.frames": 100}
     monkeypatch.setattr(stages.fixture, "run_dvc", fake_dvc(100, fails=True))
     with pytest.raises(FinloopError, match=r"no fish(.|\n)*film one(.|\n)*dvc\.log has all"):
         main()

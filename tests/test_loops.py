@@ -769,7 +769,7 @@ def test_stage_writes_loops_tables_and_pictures(toy, monkeypatch, request):
     assert (beat[loops["a"]] == beat[loops["b"]]).all()  # whole beats of the tail
     assert loops["length_s"].isna().any() and loops["length_s"].notna().any()
     reports, drawn = toy / "reports/loops", toy / "reports/motion/loops"
-    assert sorted(p.name for p in reports.iterdir()) == ["metrics.json", "numbers.csv"]
+    assert sorted(p.name for p in reports.iterdir()) == ["metrics.json"]
     assert sorted(p.name for p in drawn.iterdir()) == [
         "best_and_worst.png", "fig10.png", "fig11.png", "fig13.png", "over_tank.png", "over_time.png",
     ]  # fmt: skip

@@ -49,7 +49,7 @@ def fill(folder: Path) -> None:
     measures_in_git().to_csv(beside / "measures.csv", index=False)
     (beside / "doubts.csv").write_text("mode,doubt\nLoops,reaches only 29 % of its random goals\n")
     for name in (
-        "reports/animate/numbers.csv", "reports/features/numbers.csv", "reports/features/table1.csv",
+        "reports/animate/metrics.json", "reports/features/metrics.json", "reports/features/table1.csv",
         "benchmarks/table2.csv",
     ):  # fmt: skip
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -208,8 +208,8 @@ def test_heads_that_travel_backwards_are_doubtful(folder: Path):
     doubt = "of the moving animals go where the head points"
     stages.report.main()
     assert doubt not in Path("reports/index.html").read_text()
-    numbers = folder / "reports/features/numbers.csv"
-    text = re.sub(r"(headed_along_travel_pct),.*", r"\1,8.2", numbers.read_text())
+    numbers = folder / "reports/features/metrics.json"
+    text = re.sub(r'(headed_along_travel_pct", "value": )[\d.]+', r"\g<1>8.2", numbers.read_text())
     numbers.write_text(text)
     stages.report.main()
     page = Path("reports/index.html").read_text()

@@ -491,7 +491,7 @@ def test_paths_of_several_fish_are_measured_and_drawn_one_by_one(folder, tmp_pat
     report.mkdir()
     left.to_csv(tmp_path / "left.csv", index=False)
     monkeypatch.setattr(stages.plots.animate, "LEFT", tmp_path / "left.csv")
-    (report / "numbers.csv").write_text((folder / "reports/animate/numbers.csv").read_text())
+    (report / "metrics.json").write_text((folder / "reports/animate/metrics.json").read_text())
     monkeypatch.setattr(stages.plots.animate, "PATH", tmp_path / "path.parquet")
     monkeypatch.setattr(stages.plots.animate, "REPORT", report)
     stages.plots.animate.main()

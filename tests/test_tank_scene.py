@@ -272,7 +272,7 @@ def test_the_stage_and_its_page_in_a_browser_without_a_network(folder):
     stages.tank.main()
     made = content(Path("data/tank")) | content(Path("reports/tank"))
     assert {*made} == {
-        "still.png", "tank.mp4", "tank.glb", "tank.html", "metrics.json", "numbers.csv", "contact_sheet.png"
+        "still.png", "tank.mp4", "tank.glb", "tank.html", "metrics.json", "contact_sheet.png"
     }  # fmt: skip
     metrics = load_numbers(Path("reports/tank"))
     assert metrics["frames"] == 10 and metrics["gltf_error_px"] < 0.1

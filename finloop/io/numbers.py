@@ -1,31 +1,38 @@
-"""All numbers of a stage: `numbers.csv`, a row a number, sorted by name."""
+"""The numbers of a stage: `metrics.json`, which DVC reads as metrics and as a table."""
 
-import csv
-from collections.abc import Mapping
+import json
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import save_bytes
 
-NUMBERS_NAME = "numbers.csv"
+NUMBERS_NAME = "metrics.json"
 
 
-def save_numbers(folder: Path, numbers: Mapping[str, float | int]) -> None:
-    """Write a stage's numbers by name to `folder`/numbers.csv, sorted by name."""
-    lines = ["number,value", *(f"{name},{value!r}" for name, value in sorted(numbers.items()))]
-    with whole_file(folder / NUMBERS_NAME) as part:
-        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+def save_numbers(
+    folder: Path, numbers: Mapping[str, float | int], chief: Collection[str] = ()
+) -> None:
+    """Write a stage's numbers by name to `folder`/metrics.json, sorted, a line each.
+
+    chief: names of those that DVC compares. They stand at the top, by name; all numbers follow in
+    the list `numbers`, which DVC draws as a table.
+    """
+    top = [f"  {json.dumps(name)}: {value!r}," for name, value in sorted(numbers.items())
+           if name in chief]  # fmt: skip
+    rows = [
+        f"    {json.dumps({'number': name, 'value': value})}"
+        for name, value in sorted(numbers.items())
+    ]
+    lines = ["{", *top, '  "numbers": [', ",\n".join(rows), "  ]", "}", ""]
+    save_bytes(folder / NUMBERS_NAME, "\n".join(lines).encode())
 
 
 def load_numbers(folder: Path) -> dict[str, float]:
-    """Return a stage's numbers by name from `folder`/numbers.csv; empty if there is no file."""
+    """Return a stage's numbers by name from `folder`/metrics.json; empty if there is no file."""
     path = folder / NUMBERS_NAME
     return parse_numbers(path.read_text(encoding="utf-8")) if path.is_file() else {}
 
 
 def parse_numbers(text: str) -> dict[str, float]:
-    """Return the numbers by name in the text of a numbers.csv; whole numbers become int."""
-    values = {row["number"]: row["value"] for row in csv.DictReader(text.splitlines())}
-    return {
-        name: int(value) if value.lstrip("-").isdigit() else float(value)
-        for name, value in values.items()
-    }
+    """Return the numbers by name in the text of a metrics.json; whole numbers are int."""
+    return {row["number"]: row["value"] for row in json.loads(text)["numbers"]}

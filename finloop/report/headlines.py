@@ -1,7 +1,7 @@
 """The headline numbers of each stage: at most twelve, each with its meaning and direction.
 
 The report shows them. Those of `METRICS` are in `reports/<stage>/metrics.json`, which DVC compares.
-All numbers of a stage are in `reports/<stage>/numbers.csv`.
+All numbers of a stage are in its list `numbers`.
 """
 
 from typing import NamedTuple
