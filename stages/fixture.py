@@ -1,8 +1,8 @@
 """Run the pipeline on a tiny drawn film, and compare its numbers with kept ones.
 
 `make ci-fixture` calls `python -m stages.fixture`. The film and its settings are in
-.ci/fixture/film.yaml, the kept numbers in .ci/fixture/metrics.json. The run is made in copies of the
-workspace, without conf/local/, and from an empty cache: the workspace does not change.
+.ci/fixture/film.yaml, the kept numbers in .ci/fixture/metrics.json. The run is made in copies of
+the workspace, without conf/local/, and from an empty cache: the workspace does not change.
 reports/fixture/ gets the report, all numbers, the comparison, and what DVC has printed. The exit
 status is 1 where a number is not the kept one. `--keep` keeps the present values instead.
 Numbers that differ between processors are not in the file, and not compared.

@@ -266,8 +266,6 @@ def main() -> None:
     save_csv(TABLE, study_table(results), decimals=4)
     save_bytes(PAGE, study_page(results, common).encode())
     print(f"\nDone: {PAGE}, {TABLE}")
-    for name, reason in failures.items():
-        print(f"\n{name} failed:\n    {reason}", file=sys.stderr)
     if failures:
         raise FinloopError(
             f"{len(failures)} of {len(films)} films failed: {', '.join(failures)}",

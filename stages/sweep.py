@@ -30,7 +30,7 @@ from hydra.errors import HydraException
 
 from finloop.base.errors import FinloopError
 from finloop.base.program import holds_sources
-from finloop.base.settings import check_values
+from finloop.base.settings import WORDS, check_values
 from finloop.report.headlines import HEADLINES
 from stages.clones import APART, PREFIX, require_only_one
 from stages.cluster import PROCESSES
@@ -55,7 +55,7 @@ sys.exit(main())
 """
 RESULTS = (PARAMS.name, "dvc.lock", "reports")  # what git has and a run changes
 LAST_LINES = 12  # of the output of a failed run
-AFTER_ANIMATE = {"retarget", "render", "realism", "tank", "export", "morph", "gait", "report"}
+AFTER_ANIMATE = {*WORDS[WORDS.index("animate") + 1 :]}  # stages that `animate` does not need
 
 
 def _clone(root: Path, folder: Path, cache: str) -> None:
@@ -165,6 +165,11 @@ def failure_lines(text: str) -> list[str]:
     return lines[start:stop]
 
 
+def _print_failure(name: str, cause: str) -> None:
+    """Print that a run has failed, as soon as it has: the others may take long."""
+    print(f"\n{name} failed:\n    {cause}\n", file=sys.stderr, flush=True)
+
+
 class RunMaker:
     """Makes runs in clones of the workspace, as many at once as there are clones.
 
@@ -188,7 +193,7 @@ class RunMaker:
         self._stack.close()
 
     def make(self, runs: Mapping[str, list[str]]) -> dict[str, str]:
-        """Make runs, name → overrides; return the failed ones, name → cause.
+        """Make runs, name → overrides; return the failed ones, name → cause, and print each.
 
         An existing experiment with the present code and the same parameters is not run again.
         """
@@ -198,6 +203,7 @@ class RunMaker:
                 params = compose_params(changes)
             except FinloopError as error:
                 failures[name] = str(error)
+                _print_failure(name, failures[name])
                 continue
             commit = self.existing.get(name)
             if not (commit and _has_same_code_and_params(commit, params)):
@@ -212,6 +218,7 @@ class RunMaker:
                 name, processes = todo.pop(0), max(1, THREADS // at_once)
                 if cause := _make_run(name, runs[name], self.stages, clone, processes):
                     failures[name] = cause
+                    _print_failure(name, cause)
                 advance()
                 return not cause
 
@@ -253,7 +260,7 @@ class RunMaker:
 def make_runs(
     runs: Mapping[str, list[str]], stages: list[str], jobs: int, shared: bool = True
 ) -> dict[str, str]:
-    """Make runs, name → overrides; return the failed ones, name → cause.
+    """Make runs, name → overrides; return the failed ones, name → cause, and print each.
 
     stages: to run, all if empty. jobs: runs at a time. shared: whether they have stages in common.
     """
@@ -387,8 +394,6 @@ def main() -> None:
         print(write_comparison(finished, list(plan.measures), plan.title, why))
         print(f"\n{OUT} compares them.")
     if failures:
-        for run_name, why in failures.items():
-            print(f"\n{run_name} failed:\n    {why}", file=sys.stderr)
         raise FinloopError(
             f"{len(failures)} of {len(finished) + len(failures)} runs failed: "
             f"{', '.join(failures)}",

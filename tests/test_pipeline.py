@@ -72,10 +72,14 @@ def test_a_stage_depends_on_the_files_that_it_runs(word):
     assert {"stages/run.py", f"stages/{word.replace('-', '/')}.py"} <= files(word)
 
 
-def waited_for(word: str) -> set[str]:
-    """The paths that a stage's `deps` stand for: with all that is noted in them."""
+def waited_for(word: str, mode: str) -> set[str]:
+    """The paths that a stage's `deps` stand for, with all that is noted in them.
+
+    mode: the one that it shows, as `${render.mode}` in a path.
+    """
     first = {output_paths(stage)[0]: stage for stage in STAGES.values()}
-    todo, found = [*STAGES[word]["deps"]], set[str]()
+    todo = [re.sub(r"\$\{.*\}", mode, path) for path in STAGES[word]["deps"]]
+    found = set[str]()
     while todo:
         found.add(path := todo.pop())
         inside = [out for out in first if does_read(path, out) and out.startswith(path)]
@@ -102,10 +106,11 @@ def loaded_words(word: str) -> set[str]:
 
 @pytest.mark.parametrize("word", [word for word in STAGES if word not in FIRST])
 def test_a_stage_reads_only_what_it_waits_for(word):
-    waits = waited_for(word)
     own = {Path(out).parts[1] for out in outputs(word)} | {word}
-    for other in loaded_words(word) - own - {"animate", *MODES}:
-        assert any(path.startswith(f"data/{other}") for path in waits), other
+    for mode in (*MODES, "retarget"):
+        waits = waited_for(word, mode)
+        for other in loaded_words(word) - own - {"animate", *MODES}:
+            assert any(path.startswith(f"data/{other}") for path in waits), (other, mode)
 
 
 def test_what_a_folder_was_made_from_is_noted_in_it(tmp_path, monkeypatch):
@@ -317,7 +322,7 @@ def test_metrics_and_plots_show_what_stages_make():
     assert reports == {one for word in STAGES for one in names(STAGES[word].get("metrics", []))}
     for plot in PIPELINE["plots"]:
         for name, shape in plot.items() if isinstance(plot, dict) else [(plot, None)]:
-            sources = shape["y"] if shape and "y" in shape else [name]
+            sources = shape["y"] if isinstance((shape or {}).get("y"), dict) else [name]
             # Not a file in a folder of outputs: without the cache, as in a fresh clone, DVC cannot
             # look into the folder, and every experiment fails with "failed to load directory".
             assert made >= set(sources), name
@@ -574,6 +579,7 @@ def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(front: Copy):
     before = front.git("status", "--porcelain"), front.text("dvc.lock"), front.text("params.yaml")
     text = front.run("python", "-m", "stages.sweep", "quick", fails=True)
     assert "quick-7.0 failed" in text and "features.turn_end_threshold: should be" in text
+    assert text.index("quick-7.0 failed") < text.index("runs: ")  # at once, not at the end
     assert "reports/compare.html compares them" in text
     assert before == (
         front.git("status", "--porcelain"),
