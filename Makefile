@@ -7,9 +7,9 @@ ORIGIN := { cat requirements.lock; echo "$(CURDIR)"; }
 OUTSIDE := $(subst $(BIN):,,$(PATH))
 export PATH := $(BIN):$(PATH)
 
-# The first interpreter that is new enough, looked for outside the environment it is to create.
+# The first interpreter that the packages are made for, looked for outside the environment it is to create.
 PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 python3.13 python; do \
-	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	"$$p" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null \
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
@@ -80,7 +80,7 @@ setup: ## create .venv from requirements.lock, once
 .PHONY: $(VENV)
 $(VENV):
 	@command -v git >/dev/null || { echo "finloop: git is missing; install it (apt-get install git)"; exit 1; }
-	@test -n "$(PYTHON)" || { echo "finloop: Python 3.11 or newer is wanted; install one, or: make PYTHON=/path/to/python3 setup"; exit 1; }
+	@test -n "$(PYTHON)" || { echo "finloop: Python 3.11, 3.12 or 3.13 is wanted; install one, or: make PYTHON=/path/to/python3 setup"; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "finloop: $(PYTHON) lacks the venv module; install it (apt-get install python3-venv)"; exit 1; }
 	@echo "Creating $(VENV) with $$($(PYTHON) --version); about 180 packages, PyTorch among them, some minutes ..."
 	@rm -f $(VENV)/origin
