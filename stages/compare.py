@@ -54,13 +54,13 @@ def load_numbers(commits: list[str], stages: list[str]) -> dict[str, dict[str, f
         in_git = run_git("ls-tree", "--name-only", commit, *folders).splitlines()
         for stage in stages:
             path = f"reports/{stage}/{NUMBERS_NAME}"
-            text = run_git("show", f"{commit}:{path}") if path in in_git else _cached(commit, path)
+            text = run_git("show", f"{commit}:{path}") if path in in_git else _read_cached(commit, path)
             numbers = parse_numbers(text) if text else {}
             values[commit] |= {f"{stage}.{key}": value for key, value in numbers.items()}
     return values
 
 
-def _cached(commit: str, path: str) -> str:
+def _read_cached(commit: str, path: str) -> str:
     """Return the text of a file of a commit that DVC's cache has; "" if it has none."""
     from dvc.api import DVCFileSystem  # not at the top: the import takes half a second
 

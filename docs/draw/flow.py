@@ -19,8 +19,8 @@ PLACES = {  # column and row of every box
     "identity": (3, 5), "gait": (3, 6), "morph": (3, 7),
     "loops": (4, 1), "gateways": (4, 2), "jumps": (4, 3), "forecast": (5, 3), ALL_MODES: (6, 2),
     "retarget": (6, 4),
-    "animate": (7, 0), "render": (7, 1), "realism": (7, 2), "tank": (7, 3), "export": (7, 5),
-    "report": (8, 2),
+    "animate": (7, 0), "render": (7, 1), "tank": (7, 2), "export": (7, 5), "realism": (8, 0),
+    "report": (9, 2),
 }  # fmt: skip
 TIP = (
     '<marker id="tip" viewBox="0 0 8 8" refX="1" refY="4" markerWidth="6" markerHeight="6" '
