@@ -54,7 +54,10 @@ def load_numbers(commits: list[str], stages: list[str]) -> dict[str, dict[str, f
         in_git = run_git("ls-tree", "--name-only", commit, *folders).splitlines()
         for stage in stages:
             path = f"reports/{stage}/{NUMBERS_NAME}"
-            text = run_git("show", f"{commit}:{path}") if path in in_git else _read_cached(commit, path)
+            if path in in_git:
+                text = run_git("show", f"{commit}:{path}")
+            else:
+                text = _read_cached(commit, path)
             numbers = parse_numbers(text) if text else {}
             values[commit] |= {f"{stage}.{key}": value for key, value in numbers.items()}
     return values
