@@ -13,6 +13,7 @@ from finloop.animate.company import count_lasting_ticks
 from finloop.animate.kinematics import Target, bearing, turn_towards_aim, wrap
 from finloop.animate.state import Fish
 from finloop.base.arrays import Floats
+from finloop.base.kernel import kernel
 from finloop.edit.schema import FILM, FORECAST, FRAME, SPOT, WAITING
 from finloop.edit.stretch import Decision, Stretch
 from finloop.plan.search import film_candidates
@@ -41,28 +42,15 @@ class Fallback:
         It shows the best next row and those after it, at most a stride (ticks between two checks of
         a way), up to where the film ends. It turns no faster than a fast fish of the film.
         """
-        film, most_deg = self._world.film, self._world.brisk.turn_deg
-        last, first_row, rot = len(film.has_next) - 1, fish.row, fish.rot
-        if film.has_next[fish.row] and len(rows := film_candidates(film, fish.row + 1, rot).rows):
-            first_row = int(rows[0])
-        if film.body:
-            rot = float(wrap(film.heading[min(fish.row + 1, last)] + rot - film.heading[first_row]))
-        rows = np.arange(first_row, first_row + self._world.cost_weights.stride)
-        next_row = np.minimum(rows[:-1] + 1, last)
-        goes_on = film.has_next[next_row] & film.recurrent[np.minimum(next_row + 1, last)]
-        rows = rows[: 1 + int(np.argmin(np.append(goes_on, False)))]
-        filmed_degs = film.heading[rows] + rot
-        trajectory = np.empty((len(rows), 3))
-        trajectory[:, 0], trajectory[:, 1] = fish.x, fish.y
-        wanted_deg = bearing(fish.x, fish.y, target.x, target.y)
-        before = heading = fish.heading
-        for k, filmed_deg in enumerate(filmed_degs):
-            heading += turn_towards_aim(wrap(filmed_deg - before), wanted_deg - heading, most_deg)
-            trajectory[k, 2], before = heading, filmed_deg
-        rots = trajectory[:, 2] - film.heading[rows]
+        world = self._world
+        rows, trajectory = _turn_in_place(
+            world.film, (fish.row, fish.rot), np.array([fish.x, fish.y, fish.heading]),
+            (target.x, target.y), (world.cost_weights.stride, world.brisk.turn_deg),
+        )  # fmt: skip
+        rots = trajectory[:, 2] - world.film.heading[rows]
         state = FORECAST if fish.state == FORECAST else FILM
         return Stretch(
-            state, trajectory, rows, first_row != fish.row + 1, target, touched=False,
+            state, trajectory, rows, int(rows[0]) != fish.row + 1, target, touched=False,
             decision=Decision(SPOT), kind=FRAME, rot=rots,
         )  # fmt: skip
 
@@ -163,3 +151,35 @@ class Fallback:
         trajectory = stretch.way.copy()
         trajectory[:, :2] = (fish.x, fish.y) + distances[:, None] * direction
         return np.asarray(trajectory)
+
+
+@kernel
+def _turn_in_place(film, row_and_rot, pose, aim, most_ticks_and_deg):  # type: ignore[no-untyped-def]
+    """Return the rows (n,) that a fish shows in place, and its trajectory (n, 3): x, y px, heading.
+
+    film: `MotionGraph`; row_and_rot: the row on screen, and its rotation in degrees; pose (3,): x,
+    y px, heading; aim: x, y px to turn to; most_ticks_and_deg: largest n, and largest turn in a
+    tick, degrees.
+    """
+    (row, rot), (most_ticks, most_deg), last = row_and_rot, most_ticks_and_deg, len(film.rows) - 1
+    first = row
+    if film.rows[row].has_next:
+        candidates = film_candidates(film, row + 1, rot)
+        if candidates.rows.size:
+            first = candidates.rows[0]
+    if film.body:
+        rot = wrap(film.rows[min(row + 1, last)].heading + rot - film.rows[first].heading)
+    ticks = 1
+    while ticks < most_ticks:
+        next_row = min(first + ticks, last)
+        if not (film.rows[next_row].has_next and film.rows[min(next_row + 1, last)].recurrent):
+            break
+        ticks += 1
+    trajectory = np.empty((ticks, 3))
+    wanted_deg, heading, before = bearing(pose[0], pose[1], aim[0], aim[1]), pose[2], pose[2]
+    for k in range(ticks):
+        filmed_deg = film.rows[first + k].heading + rot
+        heading += turn_towards_aim(wrap(filmed_deg - before), wanted_deg - heading, most_deg)
+        trajectory[k, 0], trajectory[k, 1], trajectory[k, 2] = pose[0], pose[1], heading
+        before = filmed_deg
+    return first + np.arange(ticks), trajectory
