@@ -59,8 +59,10 @@ def test_where_a_step_is_not_known_the_bodys_movement_stands_in():
 def test_a_join_costs_more_the_farther_it_is_and_going_on_costs_nothing():
     rng = np.random.default_rng(1)
     made = rarity_of(rng.normal(0, 20, 60).cumsum(), rng.normal(0, 0.2, 60), 1.0 + rng.random(60))
-    rows = np.array([5, 5, 5, 65])  # 65: the mirror image of row 5
-    near, middle, far, image = made.transition_costs(rows, np.array([0.0, 0.5, 1.0, 1.0]))
+    codes = np.zeros((120, 2))
+    codes[[21, 22], 0] = 0.5, 1.0
+    costs = [made.transition_costs(np.array([5, 65]), codes, row) for row in (20, 21, 22)]
+    (near, _), (middle, _), (far, image) = costs  # 65: the mirror image of row 5
     assert near == 0 < middle <= far == image
 
 

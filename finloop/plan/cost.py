@@ -122,16 +122,36 @@ class Rarity:
         """Return the cost (n,), in ticks, of the step to each row."""
         return self.step_costs(self.steps)
 
-    def transition_costs(self, rows: Ints, code_distances: Floats) -> Floats:
+    def transition_costs(self, rows: Ints, codes: Floats, row: int) -> Floats:
         """Return the extra cost (k,), in ticks, of the three steps after a transition to each row.
 
         They are larger than in the film, as an offset of the pose fades. rows (k,): rows shown
-        next; code_distances (k,): distance of each row's pose code from the one on screen. Rows n,
-        n + 1 … are mirror images.
+        next; codes (m, c): pose codes of all rows; row: the one on screen. Rows n, n + 1 … are
+        mirror images.
         """
-        next_rows = (rows[:, None] + np.arange(1, 1 + _FADING_TICKS)) % len(self.steps)
-        steps = self.steps[next_rows] + self.added_step * code_distances[:, None]
-        return (self.step_costs(steps) - self._row_costs[next_rows]).sum(1)
+        return np.asarray(
+            _transition_costs(
+                (self.steps, self._row_costs, self.known), (self.share, self.added_step),
+                rows, codes, row,
+            )
+        )  # fmt: skip
+
+
+@kernel
+def _transition_costs(steps_and_costs, share_and_added_step, rows, codes, row):  # type: ignore[no-untyped-def]
+    """Return what `Rarity.transition_costs` does; its fields come as tuples."""
+    (steps, row_costs, known), (share, added_step) = steps_and_costs, share_and_added_step
+    costs = np.zeros(rows.size)
+    for k in range(rows.size):
+        square = 0.0
+        for c in range(codes.shape[1]):
+            square += (codes[rows[k], c] - codes[row, c]) ** 2
+        for tick in range(1, 1 + _FADING_TICKS):
+            next_row = (rows[k] + tick) % len(steps)
+            step = steps[next_row] + added_step * np.sqrt(square)
+            larger = len(known) - np.searchsorted(known, step)
+            costs[k] += share * len(known) / max(larger, 1) - row_costs[next_row]
+    return costs
 
 
 _MOST_LAGS = 3.0  # times the usual lag, beyond which the cost does not grow

@@ -179,33 +179,22 @@ def film_candidates(film: MotionGraph, row: int, rotation_deg: float) -> Candida
 
 
 @kernel
-def add_jump_and_repeat_costs(
-    candidates: Candidates, recent: Ints, tick: int, weights: CostWeights
-) -> None:
-    """Add to the terms of each candidate the costs of its jump and of its repetition, in ticks.
-
-    candidates: changed in place; recent (m, 3): stretches of film that were on screen before
-    `tick`. A row counts as repeated if it, or a row within a stride after it, was.
-    """
-    for k in range(candidates.rows.size):
-        row = candidates.rows[k]
-        ticks_ago = float(tick - last_on_screen(recent, row, row + weights.stride - 1))
-        candidates.terms[k, REPEAT] += repeat_cost(ticks_ago, weights)
-        if candidates.jumps[k]:
-            candidates.terms[k, SEAM] += weights.seam * candidates.seams[k]
-
-
-@kernel
 def weigh_film_candidates(  # type: ignore[no-untyped-def]
     film: MotionGraph, row: int, rotation_deg: float, recent: Ints, tick: int, weights: CostWeights
 ):  # fmt: skip
     """Return the film's candidates to show next, with the costs of jumps and of repetition.
 
     row: the film's next row; rotation_deg: by which it would be turned; recent (m, 3): stretches of
-    film that were on screen before `tick`.
+    film that were on screen before `tick`. A candidate counts as repeated if its row, or a row
+    within a stride after it, was.
     """
     candidates = film_candidates(film, row, rotation_deg)
-    add_jump_and_repeat_costs(candidates, recent, tick, weights)
+    for k in range(candidates.rows.size):
+        first = candidates.rows[k]
+        ticks_ago = float(tick - last_on_screen(recent, first, first + weights.stride - 1))
+        candidates.terms[k, REPEAT] = repeat_cost(ticks_ago, weights)
+        if candidates.jumps[k]:
+            candidates.terms[k, SEAM] = weights.seam * candidates.seams[k]
     return candidates
 
 

@@ -11,10 +11,9 @@ import numpy as np
 from finloop.animate.kinematics import Target, rotate
 from finloop.animate.state import Fish, Run
 from finloop.base.arrays import Floats, Ints
-from finloop.edit.schema import FILM, FORECAST, TERMS
-from finloop.features.table import wrap_deg
+from finloop.edit.schema import FILM, FORECAST
 from finloop.forecast.film import MOTION
-from finloop.forecast.sampling import Sampler, follow_row, next_row_weights, start_at_row
+from finloop.forecast.sampling import Sampler, follow_row, start_at_row
 from finloop.plan.advance import (
     Pace,
     extend_trajectory_by_film,
@@ -28,7 +27,6 @@ from finloop.plan.objectives import Objective
 from finloop.plan.search import (
     Candidates,
     SearchStart,
-    add_jump_and_repeat_costs,
     weigh_film_candidates,
 )
 from finloop.plan.search_graph import SearchGraph, search_graph
@@ -118,6 +116,7 @@ class PredictionSource:
         has_similar = np.flatnonzero(sampler.usable | (np.diff(sampler.start) > 0))
         later = np.minimum(np.searchsorted(has_similar, rows), len(has_similar) - 1)
         neighbours = has_similar[np.stack([np.maximum(later - 1, 0), later])]
+        self._codes = sampler.states[:, :-MOTION]
         self._near = neighbours[np.abs(neighbours - rows).argmin(0), rows]
 
     @cached_property
@@ -136,18 +135,16 @@ class PredictionSource:
         row can be shown next.
         """
         film, row = self.graph.film, self._row_with_similar(fish)
-        rows = next_row_weights(self.sampler, row)[0].astype(np.int64)
-        rows = rows[film.recurrent[rows]]
-        if not len(rows):
-            return None
-        rots = wrap_deg(fish.heading - film.heading[rows])
-        terms = np.zeros((len(rows), len(TERMS)))
-        codes = self.sampler.states[:, :-MOTION]
-        code_distances = np.linalg.norm(codes[rows] - codes[row], axis=1)
-        terms[:, RARITY] = self._rarity.transition_costs(rows, code_distances)
-        candidates = Candidates(rows, rots, np.zeros(len(rows)), rows != row, terms)
         start = _search_start(fish, (fish.x, fish.y, fish.tick), rest_cost, along_px)
-        add_jump_and_repeat_costs(candidates, start.recent, start.tick, self._world.cost_weights)
+        candidates = weigh_film_candidates(
+            film, row, fish.heading - float(film.heading[row]), start.recent, start.tick,
+            self._world.cost_weights,
+        )  # fmt: skip
+        if not len(candidates.rows):
+            return None
+        candidates.terms[:, RARITY] = self._rarity.transition_costs(
+            candidates.rows, self._codes, row
+        )
         return candidates, start
 
     def swim_run(
