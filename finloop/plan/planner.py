@@ -54,7 +54,7 @@ from finloop.plan.world import FilmWorld
 from finloop.social.rule import SchoolRule
 
 _MOST_TRIES = 200  # tries to draw a place clear of the other fish
-_FEWER = 4  # divides the beam of a fish that has others near it
+_FEWER = 4  # divides the beam of a fish that wanders, or that has others near it
 _WIDER = 8  # multiplies the beam along a path where no way leads on
 _STARTS = 300  # random rows of which the best begins a path
 
@@ -366,7 +366,9 @@ class Planner:
         repeated with a wider beam.
         """
         candidates, start = candidates_and_start
-        weights = self._crowded_weights if start.company.near else self._weights
+        any_place = objective.aim.free and not len(objective.route.x)
+        narrow = any_place or start.company.near
+        weights = self._narrow_weights if narrow else self._weights
         horizon = self._ticks_between_searches(objective) + self.world.to_ticks(
             self.world.settings.look_ahead_deltas
         )
@@ -444,8 +446,8 @@ class Planner:
         return self.world.cost_weights
 
     @cached_property
-    def _crowded_weights(self) -> CostWeights:
-        """Return the weights for a fish with others near it: the search follows fewer branches."""
+    def _narrow_weights(self) -> CostWeights:
+        """Return the weights for a fish that wanders or has others near it: fewer branches."""
         return self._weights._replace(beam=1 + self._weights.beam // _FEWER)
 
     def _ticks_between_searches(self, objective: Objective) -> int:
