@@ -210,11 +210,10 @@ def _advance_way(graph, way, ticks, start, objective):  # type: ignore[no-untype
     x, y, turned_deg = way.x + dx, way.y + dy, way.rot + turn * ticks
     heading = then.heading + turned_deg
     if route.x.size:
-        x, y, along, fx, fy, shift = shift_to_route(
+        x, y, along, fx, fy, _ = shift_to_route(
             route, (x, y, along), speed, (tick, ticks), steering
         )
-        used = (turn / steering.turn, shift / max(steering.shift * speed * ticks, 1e-9))
-        cost = path_tick_cost(route, (x, y, heading), (along, fx, fy), used, tick, steering) * ticks
+        cost = path_tick_cost(route, (x, y, heading), (along, fx, fy), tick, steering) * ticks
     if not fits_in_tank(graph.bounds, row + ticks, x, y, heading):
         return False
     if not is_clear_in_search(start.company, row + ticks, x, y, heading, tick):
