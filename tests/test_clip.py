@@ -589,6 +589,127 @@ def test_two_cameras_in_a_folder_are_refused_and_times_are_not(tmp_path):
     assert numbers(read(open_footage(folder, frame_rate_hz=5))[1]) == list(range(18))
 
 
+NAMES_WITH_TIMES = {  # of the time of a picture, in ms after a date
+    "day_and_ms": lambda ms: f"2024-05-03_12-30-{1 + ms // 1000:02}.{ms % 1000:03}",
+    "compact": lambda ms: f"cam2 20240503T1230{1 + ms // 1000:02}_{ms % 1000:03}",
+    "iso": lambda ms: f"2024-05-03T12:30:{1 + ms // 1000:02}.{1000 * (ms % 1000)}Z",
+    "not padded": lambda ms: f"frame 2024.05.03 12.30.{1 + ms // 1000:02}.{ms % 1000}",
+    "ms since 1970": lambda ms: f"{1714735801000 + ms}",
+    "ns since 1970": lambda ms: f"img_{1714735801000 + ms}000000_a",
+    "s since 1970": lambda ms: f"{(1714735801000 + ms) / 1000:.3f}",
+}
+
+
+@pytest.mark.parametrize("name_of", NAMES_WITH_TIMES.values(), ids=NAMES_WITH_TIMES)
+def test_times_in_names_are_those_of_the_frames(tmp_path, name_of):
+    folder = write_pictures(tmp_path / "film", (picture(k)[..., 0] for k in range(30)))
+    for k, file in enumerate(sorted(folder.iterdir(), key=natural_sort_key)):
+        file.rename(folder / f"{name_of(90 * k + (1000 if k > 19 else 0))}.png")
+    footage = open_footage(folder)
+    assert float(footage.frame_rate) == pytest.approx(1 / 0.09, rel=0.01)
+    times, frames = read(footage)
+    expected = 0.09 * np.arange(30) + np.where(np.arange(30) > 19, 1, 0)
+    np.testing.assert_allclose(times, expected, atol=1e-6)
+    assert numbers(frames) == list(range(30))
+    assert any("11.11 frames/s" in note for note in footage.notes)
+    assert float(open_footage(folder, frame_rate_hz=5).frame_rate) == 5
+
+
+@pytest.mark.parametrize("name", ["20240503_123001_{:03}", "2024-05-03 {}", "1234567890_{:04}"])
+def test_a_counter_beside_a_date_is_no_time(tmp_path, name):
+    folder = write_pictures(tmp_path / "film", map(picture, range(12)))
+    for k, file in enumerate(sorted(folder.iterdir(), key=natural_sort_key)):
+        file.rename(folder / f"{name.format(k)}.png")
+    with pytest.raises(FinloopError, match=r"how fast they were shot.*\n.*\n.*frame_rate_hz"):
+        open_footage(folder)
+
+
+def test_tags_of_tiffs_say_when_they_were_shot(tmp_path):
+    pages = np.array([picture(k)[..., 0] for k in range(12)])
+    ome = {"axes": "TYX", "Plane": {"DeltaT": [40.0 * k for k in range(12)],
+                                    "DeltaTUnit": ["ms"] * 12}}  # fmt: skip
+    tifffile.imwrite(tmp_path / "delta.ome.tif", pages, metadata=ome)
+    ome = {"axes": "TYX", "TimeIncrement": 0.04, "TimeIncrementUnit": "s"}
+    tifffile.imwrite(tmp_path / "step.ome.TIF", pages, metadata=ome)
+    imagej = {"axes": "TYX", "finterval": 0.04}
+    tifffile.imwrite(tmp_path / "imagej.tif", pages, imagej=True, metadata=imagej)
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    for k, page in enumerate(pages):
+        day = f"2024:05:03 12:30:{k // 2:02}"
+        tifffile.imwrite(folder / f"{k}.tif", page, datetime=f"{day}.{k % 2 * 5}"[:19])
+    for name in ("delta.ome.tif", "step.ome.TIF", "imagej.tif"):
+        footage = open_footage(tmp_path / name)
+        assert float(footage.frame_rate) == pytest.approx(25), name
+        np.testing.assert_allclose(read(footage)[0], np.arange(12) / 25, atol=1e-6)
+    with pytest.raises(FinloopError, match="how fast"):
+        open_footage(folder)  # two pictures have the same second
+    for file in folder.iterdir():
+        if int(file.stem) % 2:
+            file.unlink()
+    assert float(open_footage(folder).frame_rate) == 1
+
+
+@pytest.mark.parametrize("order", ["grey", "one channel", "RGB", "RGB first"])
+@pytest.mark.parametrize("ending", [".npy", ".NPY", ".h5", ".nwb-like"])
+def test_an_array_is_a_film(tmp_path, order, ending):
+    pages = np.array([picture(k) for k in range(12)])
+    stored = {
+        "grey": pages[..., 0], "one channel": pages[..., :1], "RGB": pages,
+        "RGB first": np.moveaxis(pages, -1, 1),
+    }[order]  # fmt: skip
+    path = tmp_path / f"käfer film{ending}"
+    if ending.lower() == ".npy":
+        with path.open("wb") as file:
+            np.save(file, stored)
+    else:
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(path, "w") as file:
+            file["a/film"] = stored
+            file["a/places"] = np.zeros((12, 2))
+            file["times"] = np.arange(12.0)
+            file["a"].attrs["Frame_Rate"] = 50.0
+        assert open_footage(path).frame_rate == 50
+    footage = open_footage(path, frame_rate_hz=10, colour=order.startswith("RGB"))
+    frames = read(footage)[1]
+    shown = pages if order.startswith("RGB") else pages[..., 0]
+    np.testing.assert_array_equal(frames, shown)
+
+
+def test_an_array_that_is_no_film_is_refused_by_name(tmp_path):
+    np.save(tmp_path / "table.npy", np.zeros((50, 4)))
+    np.save(tmp_path / "film.npy", np.zeros((9, 20, 30), np.uint8))
+    (tmp_path / "empty.npy").write_bytes(b"")
+    (tmp_path / "film.seq").write_bytes(b"\xed\xfe\0\0" + "Norpix seq".encode("utf-16-le"))
+    for name, said in {
+        "table.npy": r"1 arrays: its array \(50, 4\) float64",
+        "film.npy": r"9 pictures, which do not state how fast",
+        "empty.npy": "cannot be read",
+        "film.seq": r"Norpix(.|\n)*pims",
+    }.items():
+        with pytest.raises(FinloopError, match=said) as error:
+            open_footage(tmp_path / name)
+        assert "index" not in error.value.do
+
+
+def test_a_hdf5_file_of_two_films_or_none_is_refused_by_their_names(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "two.hdf5", "w") as file:
+        file["left"] = np.zeros((9, 20, 30), np.uint8)
+        file["right"] = np.zeros((9, 20, 30), np.uint8)
+    with h5py.File(tmp_path / "tracks.h5", "w") as file:
+        file["tracks"] = np.zeros((9, 2, 3))
+    (tmp_path / "cut.h5").write_bytes((tmp_path / "two.hdf5").read_bytes()[:3000])
+    for name, said in {
+        "two.hdf5": r"2 arrays: left \(9, 20, 30\) uint8, right",
+        "tracks.h5": r"1 arrays: tracks \(9, 2, 3\)",
+        "cut.h5": "cannot be read",
+    }.items():
+        with pytest.raises(FinloopError, match=said) as error:
+            open_footage(tmp_path / name, frame_rate_hz=10)
+        assert "index" not in error.value.do
+
+
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
 @pytest.mark.parametrize("colour", [False, True])
 def test_pictures_of_sixteen_bits(tmp_path, suffix, colour):

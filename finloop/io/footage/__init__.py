@@ -1,4 +1,4 @@
-"""Film from any source: whatever FFmpeg opens, a folder of pictures, a stack of TIFF pages.
+"""Film from any source: what FFmpeg opens, a folder of pictures, a stack of TIFF pages, an array.
 
 `list_films` finds the films that a path names. `open_footage` inspects one (rate, colour,
 orientation, depth) and reports its faults; `Footage.stream_numbered` then streams its frames,
@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from finloop.base.errors import FinloopError
+from finloop.io.footage.arrays import is_array_file
 from finloop.io.footage.film import open_film
-from finloop.io.footage.pictures import SUFFIXES, natural_sort_key, open_pictures
+from finloop.io.footage.pictures import SUFFIXES, TIFF, natural_sort_key, open_pictures
 from finloop.io.footage.source import WANTED, Footage, limit_time
 
 FILMS = {
@@ -29,7 +30,7 @@ def open_footage(
     path: Path, *, frame_rate_hz: float | None = None, start_s: float = 0.0,
     end_s: float | None = None, colour: bool | None = None,
 ) -> Footage:  # fmt: skip
-    """Inspect a film, folder of pictures or TIFF stack and choose how to read it.
+    """Inspect a film, folder of pictures, TIFF stack or array and choose how to read it.
 
     frame_rate_hz: replaces the file's rate: every frame is kept, frame k at the time k /
     `frame_rate_hz`. start_s, end_s: half-open range of time; `end_s` None = to the end. colour:
@@ -44,7 +45,7 @@ def open_footage(
             wanted=WANTED,
             do="correct the path, or make it absolute: an experiment may run in another folder",
         )
-    if path.is_dir() or path.suffix.lower() in (".tif", ".tiff"):
+    if path.is_dir() or path.suffix.lower() in TIFF or is_array_file(path):
         footage, times = open_pictures(path, rate, colour)
     else:
         footage, times = open_film(path, rate, colour)

@@ -1,8 +1,8 @@
-"""Folders of pictures and stacks of TIFF pages: their order, and their frames."""
+"""Folders of pictures, stacks of TIFF pages, arrays: their order, and their frames."""
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
 from functools import partial
@@ -16,6 +16,7 @@ from tifffile import TiffFile, TiffFileError
 from finloop.base.arrays import Floats, Ints
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads, ordered_map
+from finloop.io.footage.arrays import open_array, to_picture
 from finloop.io.footage.source import (
     CHROMA_FRACTION,
     SAMPLES,
@@ -31,9 +32,12 @@ from finloop.io.footage.source import (
     thin_frame,
     too_few_error,
 )
+from finloop.io.footage.stamps import times_in_files, times_in_names, times_in_stack
+from finloop.io.footage.timing import estimate_frame_rate
 from finloop.io.video import THREADS
 
-SUFFIXES = {".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".jp2"}
+TIFF = {".tif", ".tiff"}
+SUFFIXES = {*TIFF, ".png", ".jpg", ".jpeg", ".bmp", ".webp", ".jp2"}
 SUFFIXES |= {".pgm", ".ppm", ".pnm"}
 _FEW = 0.05  # of a folder's pictures; so few with another name are left out
 
@@ -46,26 +50,46 @@ class Album(NamedTuple):
     """Pictures of a folder, or pages of a TIFF, in their order.
 
     names: for messages; load: loads one by its number, from 0; ticks (n,): when each was shot, in
-    frames after the first, by the numbers in the names; notes: sentences for the user.
+    frames after the first, by the numbers in the names; notes: sentences for the user; times_s
+    (n,): when each was shot, by the times in names or tags; None if there are none.
     """
 
     names: list[str]
     load: Load
     ticks: Ints
     notes: tuple[str, ...] = ()
+    times_s: Floats | None = None
 
 
 @contextmanager
-def _open_album(path: Path) -> Iterator[Album]:
-    """Open a folder of pictures or a TIFF of several pages for a block."""
+def _open_album(path: Path, has_rate: bool) -> Iterator[Album]:
+    """Open a folder of pictures, a TIFF of several pages or an array for a block.
+
+    has_rate: whether their frame rate is known; else the times in names or tags are read.
+    """
     if path.is_dir():
         files, ticks, notes = find_series(path)
-        yield Album([str(file) for file in files], lambda k: _load_picture(files[k]), ticks, notes)
+        times = None if has_rate else times_in_names([file.stem for file in files])
+        if times is None and not has_rate and files[0].suffix.lower() in TIFF:
+            times = times_in_files(files)
+        if times is not None:
+            order = np.argsort(times)
+            files, times, notes = [files[k] for k in order], times[order], ()
+        load = partial(_load_file, files)
+        yield Album([str(file) for file in files], load, ticks, notes, times)
+        return
+    if path.suffix.lower() not in TIFF:
+        with open_array(path) as (array, rate):
+            numbers = np.arange(len(array))
+            names = [f"{path}, frame {k + 1}," for k in numbers]
+            times = numbers / rate if rate and not has_rate else None
+            yield Album(names, lambda k: to_picture(array[k]), numbers, times_s=times)
         return
     try:
         with TiffFile(path) as stack:
             names = [f"{path}, page {k + 1}," for k in range(len(stack.pages))]
-            yield Album(names, partial(_load_page, stack), np.arange(len(names)))
+            times = None if has_rate else times_in_stack(stack, len(names))
+            yield Album(names, partial(_load_page, stack), np.arange(len(names)), times_s=times)
     except (TiffFileError, OSError) as error:
         raise FinloopError(
             came=f"{path} cannot be read as a TIFF: {error}",
@@ -77,20 +101,28 @@ def _open_album(path: Path) -> Iterator[Album]:
 def open_pictures(
     path: Path, rate: Fraction | None, colour: bool | None
 ) -> tuple[Footage, np.ndarray]:
-    """Inspect a folder of pictures or a TIFF; return its facts and its frames' times [s], from 0.
+    """Inspect a folder of pictures, a TIFF or an array; return facts, and frames' times [s] from 0.
 
-    rate: frames per second, required. colour: whether frames will be RGB; None = where they have
-    colours. FinloopError without a rate, or for fewer than two pictures.
+    rate: frames per second; None = by the times in names or tags. colour: whether frames will be
+    RGB; None = where they have colours. FinloopError without a rate and times, or for fewer than
+    two pictures.
     """
-    with _open_album(path) as (names, load, ticks, notes):
+    has_rate = rate is not None
+    with _open_album(path, has_rate) as (names, load, ticks, notes, times):
         if len(names) < 2:
             raise too_few_error(path, len(names))
+        if times is not None:
+            rate = estimate_frame_rate(times, [])
+            notes = (
+                *notes,
+                f"names or tags say when the pictures were shot: {float(rate):.4g} frames/s",
+            )
         if rate is None:
             raise no_rate_error(path, f"{len(names)} pictures")
         first = load(0)
         numbers = np.unique(np.linspace(0, len(names) - 1, SAMPLES).astype(int))
         samples = [thin_frame(load(int(k))) for k in numbers]
-        times = ticks / float(rate)
+        times = ticks / float(rate) if times is None else times
     levels = None if first.dtype == np.uint8 else choose_deep_levels(samples)
     if colour is None:
         rgb = (_to_uint8(sample, True, levels) for sample in samples)
@@ -106,7 +138,7 @@ def open_pictures(
         frames_in_source=len(times),
         levels=levels,
         notes=notes,
-        renumbered=True,
+        renumbered=has_rate,
         last_s=float(times[-1]),
     )
     return footage, times
@@ -215,8 +247,9 @@ def natural_sort_key(path: Path) -> list[tuple[int, str]]:
     ]
 
 
-def _load_picture(path: Path) -> np.ndarray:
+def _load_file(files: Sequence[Path], number: int) -> np.ndarray:
     """Load a picture file as stored: (h, w) grey or (h, w, 3) RGB, upright by its EXIF."""
+    path = files[number]
     data = np.fromfile(path, np.uint8)
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
     picture = cv2.imdecode(data, flags) if data.size else None
@@ -270,8 +303,8 @@ def _read_picture_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
     It is the `reader` of their `Footage`; see `Footage.stream_numbered`.
     """
     size = footage.width_px, footage.height_px
-    with _open_album(footage.path) as (names, load, ticks, _):
-        times_s = ticks / float(footage.frame_rate)
+    with _open_album(footage.path, footage.renumbered) as (names, load, ticks, _, times):
+        times_s = ticks / float(footage.frame_rate) if times is None else times
 
         def load_frame(number: int) -> tuple[float, tuple[int, np.ndarray]]:
             """Load one picture and check its size and depth; return (time, (number, picture))."""
@@ -288,6 +321,7 @@ def _read_picture_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
             return float(times_s[number]), (number, shown)
 
         numbers = [k for k in range(len(names)) if is_in_range(footage, times_s[k])]
-        loss.gaps = int(ticks[numbers[-1]] - ticks[numbers[0]]) + 1 - len(numbers)
+        if times is None:
+            loss.gaps = int(ticks[numbers[-1]] - ticks[numbers[0]]) + 1 - len(numbers)
         threads = THREADS if footage.path.is_dir() else 1  # of a stack pages follow one another
         yield from ordered_map(load_frame, numbers, Threads(threads))

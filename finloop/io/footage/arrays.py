@@ -1,0 +1,116 @@
+"""Films as arrays: a NumPy file, or a dataset of an HDF5 file; frames first, then rows, columns."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from finloop.base.arrays import Picture
+from finloop.base.errors import FinloopError
+from finloop.io.poses.extra import import_extra
+
+_HDF5, _NORPIX = b"\x89HDF\r\n\x1a\n", b"\xed\xfe\0\0"  # first bytes of files
+_LEAST_SIDE = 16  # px; smaller arrays are tables
+_CHANNELS = (1, 3, 4)
+_RATES = ("fps", "framerate", "rate", "frameratehz", "ratehz")
+_WANTED = "one array of pictures: frames × height × width, or × 3 for RGB"
+
+
+def is_array_file(path: Path) -> bool:
+    """Return whether a file is HDF5, by its first bytes or its ending, or .npy of NumPy.
+
+    FinloopError for a recording of Norpix, which is neither.
+    """
+    if path.suffix.lower() in (".npy", ".h5", ".hdf5", ".hdf"):
+        return True
+    with path.open("rb") as file:
+        begins = file.read(8)
+    if begins.startswith(_NORPIX):
+        raise FinloopError(
+            f"{path} is a recording of Norpix StreamPix (.seq), which FFmpeg does not read",
+            "a film that FFmpeg can read",
+            "export it as AVI in StreamPix; or pip install pims 'imageio[ffmpeg]', then "
+            "python -c \"import imageio, pims; film = pims.NorpixSeq('film.seq'); "
+            "imageio.mimwrite('film.mp4', film, fps=film.frame_rate, quality=10)\"",
+        )
+    return begins == _HDF5
+
+
+@contextmanager
+def open_array(path: Path) -> Iterator[tuple[Any, float | None]]:
+    """Open the pictures of a NumPy or HDF5 file for a block; nothing is read yet.
+
+    Yield an array (frames, h, w), (frames, h, w, c) or (frames, c, h, w), and the frames per second
+    that an attribute states, if one does. FinloopError if the file is damaged, or holds no such
+    array or several.
+    """
+    with ExitStack() as stack:
+        try:
+            if path.suffix.lower() == ".npy":
+                array, rate = np.load(path, mmap_mode="r", allow_pickle=False), None
+            else:
+                file = stack.enter_context(import_extra("h5py", path).File(path))
+                array, rate = _find_dataset(path, file)
+        except (EOFError, OSError, ValueError) as error:
+            raise FinloopError(
+                f"{path} cannot be read: {error}", _WANTED, "save or copy it again"
+            ) from error
+        if not _is_film(array):
+            raise _no_film_error(path, {"its array": array})
+        yield array, rate
+
+
+def to_picture(page: np.ndarray) -> Picture:
+    """Return a frame as (h, w) or (h, w, 3), from (h, w), (h, w, c) or (c, h, w)."""
+    page = np.asarray(page)
+    if page.ndim == 3 and page.shape[2] not in _CHANNELS:
+        page = np.moveaxis(page, 0, -1)
+    if page.ndim == 3:
+        page = page[..., 0] if page.shape[2] == 1 else page[..., :3]
+    return np.ascontiguousarray(page)
+
+
+def _find_dataset(path: Path, file: Any) -> tuple[Any, float | None]:
+    """Return the dataset of pictures in an open HDF5 file, and the rate that its attributes state.
+
+    FinloopError if there is none, or several.
+    """
+    datasets: dict[str, Any] = {}
+    file.visititems(lambda name, found: datasets.update({name: found} if _has_shape(found) else {}))
+    films = {name: found for name, found in datasets.items() if _is_film(found)}
+    if len(films) != 1:
+        raise _no_film_error(path, films or datasets)
+    film = next(iter(films.values()))
+    for attributes in (film.attrs, film.parent.attrs, file.attrs):
+        for name in attributes:
+            if name.lower().replace("_", "").replace(" ", "") in _RATES:
+                return film, float(np.ravel(attributes[name])[0])
+    return film, None
+
+
+def _has_shape(found: Any) -> bool:
+    """Return whether what an HDF5 file holds under a name is a dataset."""
+    return bool(getattr(found, "shape", ()))
+
+
+def _is_film(array: Any) -> bool:
+    """Return whether an array can be a film: two frames or more, of at least 16 px a side."""
+    shape = list(array.shape)
+    if len(shape) == 4:
+        axis = 3 if shape[3] in _CHANNELS else 1
+        if shape.pop(axis) not in _CHANNELS:
+            return False
+    is_number = array.dtype.kind in "uif" and array.dtype.itemsize <= 8
+    return len(shape) == 3 and shape[0] > 1 and min(shape[1:]) >= _LEAST_SIDE and is_number
+
+
+def _no_film_error(path: Path, arrays: dict[str, Any]) -> FinloopError:
+    """Return the error for a file that does not hold one film; arrays: what it holds, by name."""
+    listed = ", ".join(f"{name} {array.shape} {array.dtype}" for name, array in arrays.items())
+    return FinloopError(
+        f"{path} holds {len(arrays)} arrays: {listed}" if arrays else f"{path} holds no array",
+        _WANTED,
+        "save the film alone, as .npy or in an HDF5 file of its own",
+    )

@@ -1,0 +1,122 @@
+"""When the pictures of a folder or a TIFF were shot: times in their names and tags, in seconds."""
+
+import re
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from tifffile import TiffFile, TiffFileError, TiffPage, xml2dict
+
+from finloop.base.arrays import Floats
+
+_DAY_AND_TIME = re.compile(
+    r"(?<!\d)(\d{4})[-_.:]?(\d\d)[-_.:]?(\d\d)[-_. T]?(\d\d)[-_.:h]?(\d\d)[-_.:m]?(\d\d)"
+    r"(?:[.,]?(\d{1,9})|[-_s](\d{3}|\d{6}))?(?!\d)"
+)
+_SINCE_1970 = re.compile(r"(?<!\d)(\d{10})(?:\.?(\d{3}|\d{6}|\d{9}))?(?!\d)")
+_YEARS = datetime(2000, 1, 1, tzinfo=UTC).timestamp(), datetime(2100, 1, 1, tzinfo=UTC).timestamp()
+_UNITS_S = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "min": 60.0, "sec": 1.0, "msec": 1e-3}
+
+
+def times_in_names(names: Sequence[str]) -> Floats | None:
+    """Return the times [s] (n,) in names such as 2024-05-03_12-30-01.250 and 1714735801250.
+
+    Known are a date with a time of day, and the seconds, or parts of one, since 1970. None if a
+    name has no time, or the times cannot be those of a film.
+    """
+    stamps = [_find_day_and_time(name) or _find_since_1970(name) for name in names]
+    return _to_times(stamps)
+
+
+def times_in_files(files: Iterable[Path]) -> Floats | None:
+    """Return the times [s] (n,) in the tags of TIFF files: DateTime, with SubSecTime of Exif.
+
+    None if a file has none, or the times cannot be those of a film.
+    """
+    stamps = []
+    for file in files:
+        try:
+            with TiffFile(file) as tiff:
+                stamps.append(_find_tag(tiff.pages.first))
+        except (TiffFileError, OSError):
+            return None
+        if stamps[-1] is None:
+            return None
+    return _to_times(stamps)
+
+
+def times_in_stack(stack: TiffFile, count: int) -> Floats | None:
+    """Return the times [s] (count,) of a stack's pages, by ImageJ, OME or tags; None: unknown."""
+    facts = stack.imagej_metadata or {}
+    step = float(facts.get("finterval") or 0) * _UNITS_S.get(str(facts.get("tunit", "s")), 0.0)
+    step = step or (1 / float(facts["fps"]) if facts.get("fps") else 0.0)
+    if stack.ome_metadata:
+        pixels = xml2dict(stack.ome_metadata)["OME"]["Image"]
+        pixels = (pixels[0] if isinstance(pixels, list) else pixels)["Pixels"]
+        planes = pixels.get("Plane", [])
+        planes = planes if isinstance(planes, list) else [planes]
+        seconds = [
+            plane["DeltaT"] * _UNITS_S.get(plane.get("DeltaTUnit", "s"), np.nan)
+            for plane in sorted(planes, key=lambda plane: plane.get("TheT", 0))
+            if "DeltaT" in plane
+        ]
+        if len(seconds) == count and (np.diff(seconds) > 0).all():
+            return np.array(seconds) - seconds[0]
+        unit = _UNITS_S.get(pixels.get("TimeIncrementUnit", "s"), 0.0)
+        step = float(pixels.get("TimeIncrement", 0)) * unit or step
+    if step > 0:
+        return np.asarray(np.arange(count) * step)
+    return _to_times([_find_tag(page) for page in stack.pages if isinstance(page, TiffPage)])
+
+
+Stamp = tuple[float, str]
+"""Whole seconds since 1970, and the digits of the parts of a second."""
+
+
+def _find_day_and_time(text: str) -> Stamp | None:
+    """Return the date and time of day in a text; None if it has none."""
+    for match in _DAY_AND_TIME.finditer(text):
+        with suppress(ValueError):
+            year, month, day, hour, minute, second = map(int, match.groups()[:6])
+            moment = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
+            return moment.timestamp(), match[7] or match[8] or ""
+    return None
+
+
+def _find_since_1970(text: str) -> Stamp | None:
+    """Return the time in a text as seconds since 1970, or as ms, µs or ns; None if it has none."""
+    for match in _SINCE_1970.finditer(text):
+        if _YEARS[0] <= int(match[1]) < _YEARS[1]:
+            return float(match[1]), match[2] or ""
+    return None
+
+
+def _find_tag(page: TiffPage) -> Stamp | None:
+    """Return the time in the tags of a TIFF page; None if there is none."""
+    exif = page.tags.valueof("ExifTag", {})
+    moment = _find_day_and_time(str(exif.get("DateTimeOriginal", page.tags.valueof("DateTime"))))
+    parts = str(exif.get("SubsecTimeOriginal") or exif.get("SubsecTime") or "").strip()
+    return (moment[0], moment[1] or parts) if moment else None
+
+
+def _to_times(stamps: Sequence[Stamp | None]) -> Floats | None:
+    """Return the times [s] (n,) after the first stamp; None if they cannot be those of a film.
+
+    Parts of a second of different lengths are counts, such as 7 and 250 ms. In a film no two
+    pictures have the same time, and most of the time passes in usual steps: a counter that follows
+    a date is not taken for parts of a second.
+    """
+    known = [stamp for stamp in stamps if stamp is not None]
+    if len(known) < max(2, len(stamps)):
+        return None
+    digits = max(len(parts) for _, parts in known)
+    second = np.array([second for second, _ in known])
+    parts = np.array([int(parts.zfill(digits) or 0) / 10**digits for _, parts in known])
+    times = second - second[0] + parts
+    steps = np.diff(np.sort(times))
+    total = float(np.ptp(times))
+    if np.ptp(second) == 0 or steps.min() <= 0 or np.median(steps) * len(steps) < total / 2:
+        return None
+    return np.asarray(times - times.min())
