@@ -341,6 +341,77 @@ def test_every_container_comes_through_whole(tmp_path, kind):
     assert frames[0][2, 2] > 245
 
 
+def test_frames_that_an_edit_list_leaves_out_are_no_part_of_the_film(tmp_path):
+    """A copy that begins between two key frames is cut by an edit list alone."""
+    whole = make_film(
+        tmp_path / "whole.mp4",
+        map(picture, range(40)),
+        codec="libx264",
+        options={"bf": "3"},
+        gop=40,
+    )
+    cut, first = tmp_path / "cut.mp4", 10
+    times = {"avoid_negative_ts": "disabled"}
+    with av.open(str(whole)) as source, av.open(str(cut), "w", container_options=times) as copy:
+        stream = source.streams.video[0]
+        copied = copy.add_stream_from_template(stream)
+        for packet in source.demux(stream):
+            if packet.dts is not None:
+                packet.pts -= int(first / 25 / stream.time_base)
+                packet.dts -= int(first / 25 / stream.time_base)
+                packet.stream = copied
+                copy.mux(packet)
+    footage = open_footage(cut)
+    times, frames = read(footage, loss := LostFrames())
+    assert numbers(frames) == list(range(first, 40)) and not loss.lost_frames
+    np.testing.assert_allclose(times, np.arange(30) / 25, atol=1e-6)
+    assert footage.frames_expected == footage.frames_in_source == 30
+    late = open_footage(cut, start_s=0.4, end_s=0.8)
+    assert numbers(read(late)[1]) == list(range(20, 30))
+
+
+@pytest.mark.parametrize("ending", ["mp4", "mkv"])
+def test_a_cover_picture_is_no_film(tmp_path, ending):
+    """In Matroska nothing but its single frame tells it from a film."""
+    path = tmp_path / f"film.{ending}"
+    with av.open(str(path), "w") as container:
+        cover = container.add_stream("mjpeg", rate=25)
+        cover.width, cover.height, cover.pix_fmt = 200, 100, "yuvj420p"
+        cover.disposition = av.stream.Disposition.attached_pic
+        film = container.add_stream("libx264", rate=25)
+        film.width, film.height, film.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        frame = av.VideoFrame.from_ndarray(picture(0, 200, 100), format="rgb24")
+        container.mux(cover.encode(frame) + cover.encode(None))
+        for k in range(20):
+            frame = av.VideoFrame.from_ndarray(picture(k), format="rgb24")
+            frame.pts, frame.time_base = k, Fraction(1, 25)
+            container.mux(film.encode(frame))
+        container.mux(film.encode(None))
+    footage = open_footage(path)
+    assert (footage.width_px, footage.height_px) == (WIDTH, HEIGHT)
+    assert numbers(read(footage)[1]) == list(range(20))
+
+
+def test_of_several_picture_streams_one_is_taken_and_named(tmp_path):
+    path = tmp_path / "film.mkv"
+    with av.open(str(path), "w") as container:
+        streams = [container.add_stream("libx264", rate=25) for _ in range(2)]
+        for stream in streams:
+            stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        for k in range(20):
+            for stream in streams:
+                frame = av.VideoFrame.from_ndarray(picture(k), format="rgb24")
+                frame.pts, frame.time_base = k, Fraction(1, 25)
+                container.mux(stream.encode(frame))
+        for stream in streams:
+            container.mux(stream.encode(None))
+    footage = open_footage(path)
+    assert numbers(read(footage)[1]) == list(range(20))
+    assert footage.notes == (
+        f"of 2 picture streams that of {WIDTH}×{HEIGHT} px is taken, as players do",
+    )
+
+
 @pytest.mark.parametrize(("ending", "codec"), [("h264", "libx264"), ("hevc", "libx265")])
 def test_a_raw_stream_has_the_rate_that_is_given(tmp_path, ending, codec):
     options = {"x265-params": "log-level=none"} if codec == "libx265" else {"bf": "2"}

@@ -62,7 +62,7 @@ _BROKEN_OFF = (av.error.FFmpegError, IndexError)
 
 @contextmanager
 def open_stream(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
-    """Open a film for a block; yield its container and its first stream of moving pictures.
+    """Open a film for a block; yield its container and the stream that a player shows.
 
     FinloopError if the file cannot be read or holds no moving pictures.
     """
@@ -76,8 +76,10 @@ def open_stream(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
                 kinds = " and ".join(sorted({stream.type for stream in container.streams}))
                 holds = f"no pictures, only {kinds}" if kinds else "nothing that can be decoded"
                 raise FinloopError(f"{path} holds {holds}", WANTED, "give a whole film")
-            streams[0].thread_type = "AUTO"
-            yield container, streams[0]
+            best = container.streams.best("video")
+            stream = best if isinstance(best, VideoStream) and best in streams else streams[0]
+            stream.thread_type = "AUTO"
+            yield container, stream
     except (av.error.FFmpegError, OSError) as error:
         raise FinloopError(
             came=f"{path} cannot be read as a film: {error.strerror or error}",
@@ -96,24 +98,27 @@ def _read_time_stamps(container: InputContainer, stream: VideoStream) -> tuple[n
     """Return the frames' time stamps [s], ascending, and how many frames the film promises.
 
     Nothing is decoded. A complete index suffices: its decoding times may be early by some frames,
-    but have the same gaps. Without an index all packets are read. A raw stream (.h264, .hevc) has
+    but have the same gaps. Without an index, or if an edit list leaves out frames, which do not
+    follow one another there, all packets are read. A raw stream (.h264, .hevc) has
     no stamps at all: the result is empty, and the promised frames are its packets.
     """
     ticks: list[int] = []
-    packets = 0
-    if 0 < stream.frames == len(stream.index_entries):
-        ticks = [entry.timestamp for entry in stream.index_entries if not entry.is_discard]
+    packets = discarded = 0
+    index = stream.index_entries
+    if 0 < stream.frames == len(index) and not any(entry.is_discard for entry in index):
+        ticks = [entry.timestamp for entry in index]
         promised = len(ticks)
     if not ticks:
         try:
             for packet in container.demux(stream):
                 stamp = packet.dts if packet.pts is None else packet.pts
                 packets += packet.size > 0
+                discarded += packet.is_discard
                 if packet.size and stamp is not None and not packet.is_discard:
                     ticks.append(stamp)
         except _BROKEN_OFF:
             pass  # `_read_film_frames` counts what is missing
-        promised = max(len(ticks), stream.frames) if ticks else packets
+        promised = max(len(ticks), stream.frames - discarded) if ticks else packets
     return np.sort(np.array(ticks, np.float64)) * float(stream.time_base or 1), promised
 
 
@@ -232,7 +237,8 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         f"{coding.width}×{coding.height} px are made square, {square[0]}×{square[1]} px": (
             square != (coding.width, coding.height)
         ),
-        f"of {streams} picture streams the first is taken": streams > 1,
+        f"of {streams} picture streams that of {coding.width}×{coding.height} px is taken, as "
+        "players do": streams > 1,
         "the film is interlaced: outlines are combed where a fish moves": coding.interlaced,
         "the film asks for a crooked turn; the nearest right angle is taken": not coding.turn_exact,
         "the film does not state its range of levels, and uses them all: 0 … 255": full_range,
