@@ -692,6 +692,46 @@ def test_a_csv_of_any_spreadsheet_gives_the_same_tracks(tmp_path, film, encoding
     )  # fmt: skip
 
 
+CSV_OF_PROGRAMS = {
+    "DeepLabCut": "scorer,D,D,D\nbodyparts,nose,nose,nose\ncoords,x,y,likelihood\n0,1.5,2,1\n3,4,5,1\n",
+    "LightningPose": "scorer,D,D,D,set\nbodyparts,nose,nose,nose,\ncoords,x,y,likelihood,\n"
+    "0,1.5,2,1,train\n3,4,5,1,unused\n",
+    "SLEAP": "track,frame_idx,instance.score,nose.x,nose.y,nose.score\na,0,1,1.5,2,1\na,3,1,4,5,1\n",
+    "idtracker.ai": "frame,time,individual,x,y\n0,0,0,1.5,2\n3,0.1,0,4,5\n",
+    "TRex": "frame,X (px),Y (px),missing\n0,1.5,2,0\n3,4,5,0\n",
+}  # fmt: skip
+HANDLED = {
+    "as it is": lambda text: text,
+    "Windows": lambda text: text.replace("\n", "\r\n"),
+    "old Mac": lambda text: text.replace("\n", "\r"),
+    "blank lines": lambda text: f"\n{text}\n\n",
+    "empty rows": lambda text: text + "," * text.split("\n")[0].count(",") + "\n",
+    "comments": lambda text: f"# by a program, version 2\n# of a film\n{text}",
+    "Excel": lambda text: "sep=;\r\n" + text.replace(",", ";"),
+    "tabs": lambda text: text.replace(",", "\t"),
+    "spaces": lambda text: text.replace(",", ", "),
+}
+
+
+@pytest.mark.parametrize("program", CSV_OF_PROGRAMS)
+@pytest.mark.parametrize("handle", HANDLED.values(), ids=HANDLED)
+def test_a_csv_that_went_through_other_hands_is_read(tmp_path, program, handle):
+    path = tmp_path / "käfer 1DLC_filtered.CSV"
+    path.write_bytes(handle(CSV_OF_PROGRAMS[program]).encode())
+    poses = load_poses(path, None, 25.0)
+    assert poses.frame.tolist() == [0, 3]
+    assert poses.places[:, 0].tolist() == [[1.5, 2], [4, 5]]
+
+
+@pytest.mark.parametrize("program", CSV_OF_PROGRAMS)
+def test_a_csv_that_cannot_be_read_is_shown(tmp_path, program):
+    path = tmp_path / "a.csv"
+    path.write_text("name,colour\nfish,red\n")
+    for software in (None, program):
+        with pytest.raises(FinloopError, match="begins with name,colour / fish,red"):
+            load_poses(path, software, 25.0)
+
+
 @pytest.mark.parametrize(
     ("aspect", "rotation", "scale"),
     [("2", 0, (2, 1)), ("2", 90, (1, 2)), ("1/2", 180, (1, 2)), ("1", 0, (1, 1))],
@@ -846,6 +886,9 @@ def test_what_trex_has_interpolated_is_left_out_and_no_posture_is_no_head(tmp_pa
     table.to_csv(tmp_path / "f_id1.csv", index=False)
     poses = load_poses(tmp_path / "f_id1.csv", None, 25.0)
     assert poses.places[:, 0].tolist() == [[3, 5], [4, 6]]
+    (tmp_path / "film.settings").write_text("analysis_range = [0,9]\ncm_per_pixel = 0.5\n")
+    poses = load_poses(tmp_path / "f_id1.csv", None, 25.0)
+    assert poses.places[:, 0].tolist() == [[6, 10], [8, 12]]
 
 
 @pytest.fixture

@@ -70,19 +70,22 @@ def load_poses(
 
 def _detect_software(path: Path) -> Software:
     """Return the program that made a file or folder of tracks; FinloopError if it is unknown."""
-    suffix = path.suffix.lower()
+    suffix, seen = path.suffix.lower(), ""
     if path.is_dir():
         software = _folder_software(path)
     elif suffix == ".csv":
         software = _csv_software(path)
     elif suffix in (".h5", ".hdf5"):
-        software = _hdf5_software(path)
+        keys = _hdf5_keys(path)
+        software = next((program for key, program in _BY_KEY.items() if key in keys), None)
+        seen = f"; it holds {', '.join(keys) or 'nothing'}"
     else:
         software = _BY_SUFFIX.get(suffix)
     if software is None:
-        begins = f"; it begins with {first_lines(path)}" if suffix == ".csv" else ""
+        if suffix in (".csv", ".txt", ".tsv"):
+            seen = f"; it begins with {first_lines(path)}"
         raise FinloopError(
-            f"the program that made {path} is unknown{begins}",
+            f"the program that made {path} is unknown{seen}",
             f"tracks of {', '.join(get_args(Software))}",
             "name it: extract.tracks_software; or export tracks in one of these formats",
         )
@@ -122,15 +125,14 @@ def _csv_software(path: Path) -> Software | None:
     return "VIA-tracks" if "region_shape_attributes" in names else None
 
 
-def _hdf5_software(path: Path) -> Software | None:
-    """Return the program that made an HDF5 file of tracks, by its groups; None if unknown."""
+def _hdf5_keys(path: Path) -> list[str]:
+    """Return the names of an HDF5 file's groups and datasets; FinloopError if it is damaged."""
     h5py = import_extra("h5py", path)
     try:
         with h5py.File(path) as file:
-            keys = set(file)
+            return list(file)
     except OSError as error:
         raise unreadable_error(path, "any program", error) from error
-    return next((software for key, software in _BY_KEY.items() if key in keys), None)
 
 
 def _read_by_movement(path: Path, software: Software, rate_hz: float) -> Poses:

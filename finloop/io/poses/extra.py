@@ -1,9 +1,12 @@
 """The optional packages that read and write other programs' tracks: the extra `tracks`."""
 
+from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 
 from finloop.base.errors import FinloopError
+from finloop.io.poses.text import first_lines
 
 
 def import_extra(module: str, path: object) -> ModuleType:
@@ -27,9 +30,16 @@ def not_installed_error(path: object, error: ImportError) -> FinloopError:
 
 
 def unreadable_error(path: object, software: str, why: object) -> FinloopError:
-    """Return the error for a file that is not what a tracking program writes; why: the reason."""
+    """Return the error for a file that is not what a tracking program writes; why: the reason.
+
+    Of a CSV the error also says how it begins.
+    """
+    seen = ""
+    if isinstance(path, Path) and path.suffix.lower() == ".csv" and path.is_file():
+        with suppress(FinloopError, OSError):
+            seen = f"; it begins with {first_lines(path)}"
     return FinloopError(
-        f"{path} cannot be read as tracks of {software}: {why}",
+        f"{path} cannot be read as tracks of {software}: {why}{seen}",
         f"a complete file that {software} wrote",
         "export it again; if another program made it, name it: extract.tracks_software",
     )

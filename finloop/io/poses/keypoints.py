@@ -79,6 +79,8 @@ def _read_csv(path: Path) -> tuple[Labels, Ints, Floats]:
     labels = list(zip(*table.iloc[:lines].to_numpy(), strict=True))
     rows = table.iloc[lines:]
     numbers = [k for k, label in enumerate(labels) if label[-1] in _COORDS]
+    if not numbers:
+        raise ValueError("it has no columns x and y")
     values = rows.iloc[:, numbers].apply(pd.to_numeric, errors="coerce").to_numpy(float)
     index = pd.to_numeric(pd.Series(rows.index), errors="coerce")
     if index.isna().any():  # labelled pictures are named, not numbered

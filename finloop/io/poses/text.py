@@ -18,9 +18,10 @@ _HEADER_LINES = 4  # from which the separator is found
 def read_plain_csv(path: Path) -> str:
     """Return the text of a CSV file with commas between cells and points in numbers.
 
-    UTF-8 and UTF-16 with a mark, UTF-8 without and Windows-1252 are read; cells may be separated
-    by comma, semicolon or tab. With the latter two, a comma between digits is a decimal point.
-    FinloopError for a file that holds no text.
+    UTF-8 and UTF-16 with a mark, UTF-8 without and Windows-1252 are read; lines may end in any way;
+    cells may be separated by comma, semicolon or tab. With the latter two, a comma between digits
+    is a decimal point. Left out are lines without content, and what stands before the header:
+    comments (#) and the separator as Excel names it (sep=). FinloopError for a file without text.
     """
     data = path.read_bytes()
     text = _decode(data)
@@ -30,11 +31,15 @@ def read_plain_csv(path: Path) -> str:
             "a CSV file",
             "export the tracks again as CSV; of a spreadsheet save the sheet as CSV",
         )
-    head = "\n".join(text.splitlines()[:_HEADER_LINES])
+    lines = [line for line in text.splitlines() if line.strip(",;\t ")]
+    while lines and lines[0].startswith(("#", "sep=")):
+        del lines[0]
+    text = "\n".join([*lines, ""])
+    head = "\n".join(lines[:_HEADER_LINES])
     separator = max(",;\t", key=head.count)
-    if separator == ",":
+    if separator == "," and ", " not in head:
         return text
-    rows = csv.reader(io.StringIO(text), delimiter=separator)
+    rows = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
     plain = io.StringIO()
     csv.writer(plain, lineterminator="\n").writerows(
         [re.sub(r"(?<=\d),(?=\d)", ".", cell) for cell in row] for row in rows

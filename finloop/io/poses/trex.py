@@ -1,8 +1,8 @@
 """Tracks of TRex: a file .npz or .csv for each animal, alone or in a folder.
 
-`X#wcentroid` is the body's centre and `X` the head, both in cm; `cm_per_pixel` is the size of a
-pixel. A CSV lacks it, so its places stay in cm. Frames that are `missing` are interpolated there;
-they are left out.
+`X#wcentroid` is the body's centre and `X` the head, in cm unless a CSV says (px). `cm_per_pixel` is
+the size of a pixel; where the file lacks it, it is that of TRex's settings, `*.settings`, in the
+same folder or the one above. Frames that are `missing` are interpolated there; they are left out.
 """
 
 import io
@@ -72,13 +72,25 @@ def _load_fields(path: Path) -> dict[str, np.ndarray]:
     try:
         if path.suffix.lower() == ".csv":
             table = pd.read_csv(io.StringIO(read_plain_csv(path)))
-            return {name.split(" (")[0].strip(): table[name].to_numpy() for name in table}
+            fields = {name.split(" (")[0].strip(): table[name].to_numpy() for name in table}
+            if any("(px)" in name for name in table):
+                return fields | {"cm_per_pixel": np.ones(1)}
+            return _read_scale(path.parent) | fields
         with np.load(path, allow_pickle=False) as file:
             kinds = ("frame", "missing", "cm_per_pixel", "X", "Y")
             names = [name for name in file.files if name.split("#")[0] in kinds]
-            return {name: file[name] for name in names}
+            return _read_scale(path.parent) | {name: file[name] for name in names}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise unreadable_error(path, SOFTWARE, error) from error
+
+
+def _read_scale(folder: Path) -> dict[str, np.ndarray]:
+    """Return `cm_per_pixel` by its name, as TRex's settings give it; {} without settings."""
+    for file in [*sorted(folder.glob("*.settings")), *sorted(folder.parent.glob("*.settings"))]:
+        text = file.read_text("utf-8", errors="replace")
+        if found := re.search(r"^\s*cm_per_pixel\s*[=:]\s*([\d.eE+-]+)", text, re.MULTILINE):
+            return {"cm_per_pixel": np.array([float(found[1])])}
+    return {}
 
 
 def _to_points(fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
