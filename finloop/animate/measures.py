@@ -169,10 +169,7 @@ def motion_of_film(features: pd.DataFrame, motion: MotionStatistics) -> tuple[Fl
 def _motion_over_delta(
     places: Floats, headings_deg: Floats, motion: MotionStatistics
 ) -> tuple[Floats, Floats]:
-    """Return speed [body lengths/s] and turn rate [°/s], (n − Δ,) each, over Δ.
-
-    places (n, 2): body lengths; headings_deg (n,).
-    """
+    """Return speed [BL/s] and turn rate [°/s], (n − Δ,), over Δ, from places (n, 2) [BL]."""
     delta, seconds = motion.delta, motion.delta / motion.rate_hz
     distances = np.hypot(*(places[delta:] - places[:-delta]).T)
     heading = np.unwrap(headings_deg, period=360)

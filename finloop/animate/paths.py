@@ -119,10 +119,7 @@ def _refuse_line_outside(line: Line, tank: Tank, x: Floats, y: Floats) -> None:
 
 @kernel
 def _grain_starts(x: Floats, y: Floats, grain_px: float) -> Ints:
-    """Return the first point of every grain, `grain_px` from the first point of the grain before.
-
-    x, y (n,): px of a line's points.
-    """
+    """Return the first point of every grain of a line: `grain_px` or more from the one before."""
     starts = np.empty(x.size, np.int64)
     starts[0], count = 0, 1
     for i in range(1, x.size):

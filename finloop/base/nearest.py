@@ -127,8 +127,5 @@ def assign_parts(n: int, stretch: int, most: int = MOST) -> Ints:
 
 
 def _unpickle(index: NDArray[np.uint8], recall: float) -> Nearest:
-    """Return the index of nearest neighbours that was pickled.
-
-    index: its bytes, as FAISS writes them; recall: share of true neighbours that it finds.
-    """
+    """Return the index of nearest neighbours from its bytes (FAISS writes them) and recall."""
     return Nearest(faiss.deserialize_index(index), recall)

@@ -109,15 +109,11 @@ def paint_layers(
     for shape, contours in shapes:
         paint = shape.paint
         contours_px = [points * scale for points in contours]
-        if paint.fill is not None:
-            _paint_colour(
-                picture, contours_px, shape.closed, paint.fill, paint.fill_opacity, width_px=None
-            )
-        if paint.stroke is not None:
-            width_px = paint.width * scale
-            _paint_colour(
-                picture, contours_px, shape.closed, paint.stroke, paint.stroke_opacity, width_px
-            )
+        fill = paint.fill, paint.fill_opacity, None  # colour, opacity, width of lines
+        stroke = paint.stroke, paint.stroke_opacity, paint.width * scale
+        for colour, opacity, width_px in (fill, stroke):
+            if colour is not None:
+                _paint_colour(picture, contours_px, shape.closed, colour, opacity, width_px)
     return np.round(picture).astype(np.uint8)
 
 

@@ -202,10 +202,7 @@ def prefetch(items: Iterable[A], most: int = 4) -> Iterator[A]:
 
 
 def _retry(work: Callable[[A], B], item: A) -> B:
-    """Return `work(item)`; after an OSError pause and repeat it, up to `TRIES` times in all.
-
-    The OSError of the last try is raised.
-    """
+    """Return `work(item)`; after an OSError pause and try again; raise it after `TRIES` tries."""
     for _ in range(TRIES - 1):
         with suppress(OSError):
             return work(item)

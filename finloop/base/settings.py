@@ -289,10 +289,7 @@ def _describe_problem(
 
 
 def _suggest_name(word: str, option: type, key: str) -> str:
-    """Return a phrase with the new name or place of an unknown parameter, or with similar names.
-
-    word: name of the group. option: its settings dataclass. key: the unknown name.
-    """
+    """Return a phrase with the new name or place of an unknown parameter, or with similar names."""
     names = [field.name for field in fields(option)]
     key = getattr(option, "RENAMED", {}).get(key, key)
     if key in names:

@@ -82,11 +82,13 @@ def count_confusions(predicted: Floats, true: Floats) -> Ints:
     predicted, true: (n, 2), columns OUTPUTS. Types are rounded, in the order straight, left, right.
     """
     predicted_type, true_type = (round_swimming_types(types[:, 1]) for types in (predicted, true))
-    counts = [
-        [np.sum((true_type == row) & (predicted_type == column)) for column in WORDS]
-        for row in WORDS
-    ]
-    return np.array(counts)
+    counts = np.zeros((len(WORDS), len(WORDS)), np.int64)
+    for row, true_word in enumerate(WORDS):
+        for column, predicted_word in enumerate(WORDS):
+            counts[row, column] = np.sum(
+                (true_type == true_word) & (predicted_type == predicted_word)
+            )
+    return counts
 
 
 def assess_model(

@@ -266,10 +266,7 @@ def _draw_groups(group: Ints, share: float, rng: np.random.Generator) -> list[in
 
 
 def _require_rows(train: Mask, held_out: Mask) -> tuple[Mask, Mask]:
-    """Return both masks (n,); FinloopError if too few rows are to learn from or held out.
-
-    train, held_out: masks of the rows.
-    """
+    """Return both masks (n,); FinloopError if too few rows are to learn from or held out."""
     if train.sum() < _LEAST_TRAIN or held_out.sum() < _LEAST_HELD_OUT:
         raise FinloopError(
             f"{train.sum()} rows to learn from and {held_out.sum()} held out",

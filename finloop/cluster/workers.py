@@ -96,10 +96,7 @@ def _describe_worker() -> str:
 
 @cache  # of the start of this process: it does not import its modules again
 def _process_facts(variables: tuple[str, ...]) -> dict[str, str]:
-    """Return facts of this process by name: code, packages, processor, environment variables.
-
-    variables: names of the environment variables, which are in capitals.
-    """
+    """Return facts of this process by name: code, packages, processor, environment variables."""
     return {
         "code": _hash_code(),
         "python": platform.python_version(),
@@ -340,13 +337,10 @@ class DaskWorkers:
 
 
 class _SubmittedItem:
-    """One item that was submitted to Dask's scheduler.
-
-    submit: sends it to the scheduler, and returns its future.
-    """
+    """One item that was submitted to Dask's scheduler."""
 
     def __init__(self, workers: DaskWorkers, submit: Callable[[], Any]) -> None:
-        """Submit the item."""
+        """Call `submit`, which sends the item to the scheduler and returns its future."""
         self._workers, self._submit, self._future = workers, submit, submit()
 
     def result(self) -> Any:

@@ -37,7 +37,7 @@ def orient_clockwise(curve: Curve) -> Curve:
     """
     if not curve.closed or signed_area(curve) >= 0:
         return curve
-    return Curve(np.roll(curve.points[::-1], 1, axis=0), True)
+    return Curve(np.roll(curve.points[::-1], 1, axis=0), closed=True)
 
 
 def resample_curve(curve: Curve, n: int) -> Curve:

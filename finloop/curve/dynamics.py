@@ -195,7 +195,7 @@ def _check_problem(problem: Problem, method: str) -> Problem:
     for applies, came, goal in refusals:
         if applies:
             raise FinloopError(came, goal, "change the problem, or use another method")
-    return Problem(rest, u, material, times, v, force, problem.wavelet)
+    return Problem(rest, u, material, times, velocity=v, force=force, wavelet=problem.wavelet)
 
 
 # --- independent oscillators, ρ a″ + c a′ + k a = Q (Eq. 3.16; the paper prints r̈, ṙ, e₀ and f₀)
@@ -345,10 +345,7 @@ def _solve_modal(problem: Problem, options: SolverOptions) -> Solution:
 
 
 def _solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
-    """Return the motion by Eq. 3.16, which keeps only the diagonal of K in the wavelet basis.
-
-    The neglected entries beside the diagonal cause a considerable error.
-    """
+    """Return the motion by Eq. 3.16, which keeps only the diagonal of K in the wavelet basis."""
     n, wavelet, levels = len(problem.rest), problem.wavelet, options.levels
     basis = Basis(
         transform=lambda points: wavelet_transform(points, wavelet, levels),

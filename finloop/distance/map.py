@@ -101,10 +101,7 @@ def subtract_mean_picture(pictures: Picture) -> Picture:
 
 
 def _distances_of_pairs(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
-    """Return the picture distances (k,) (Eq. 5) between rows a (k,) and b (k,) of x.
-
-    x (n, k): pictures as rows.
-    """
+    """Return the picture distances (k,) (Eq. 5) of rows a, b (k,) of the pictures x (n, m)."""
     distances = np.empty(len(a), np.float32)
     lot_size = max(1, _CHUNK // x.shape[1])
     for start in range(0, len(a), lot_size):

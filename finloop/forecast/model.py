@@ -63,21 +63,17 @@ class Forecast:
         for lag in range(lags):
             mirror[lag * size : (lag + 1) * size, lag * size : (lag + 1) * size] = self.mirror
         mirror[-2, -2], mirror[-1, -1] = self.side
-        scaled_first = first / unit[:, None]
-        half_third, half_bias = 0.5 * third * self.scale, 0.5 * third_bias * self.scale
-
-        def stack_pair(own: Reals, mirrored: Reals) -> Weights:
-            """Return weights of the network and of its mirror image as one array (2, …)."""
-            return np.ascontiguousarray(np.stack([own, mirrored]), np.float32)
-
-        return KernelWeights(
-            first=stack_pair(scaled_first, mirror @ scaled_first),
-            second=stack_pair(second, second),
-            third=stack_pair(half_third, half_third @ self.mirror),
-            first_bias=stack_pair(first_bias, first_bias),
-            second_bias=stack_pair(second_bias, second_bias),
-            third_bias=stack_pair(half_bias, half_bias @ self.mirror),
-        )
+        first = first / unit[:, None]
+        third, third_bias = 0.5 * third * self.scale, 0.5 * third_bias * self.scale
+        pairs = {  # of the network, of its mirror image
+            "first": (first, mirror @ first), "first_bias": (first_bias, first_bias),
+            "second": (second, second), "second_bias": (second_bias, second_bias),
+            "third": (third, third @ self.mirror),
+            "third_bias": (third_bias, third_bias @ self.mirror),
+        }  # fmt: skip
+        return KernelWeights(**{
+            name: np.ascontiguousarray(np.stack(pair), np.float32) for name, pair in pairs.items()
+        })  # fmt: skip
 
     def predict_means(self, past: Reals, control: Reals) -> Floats:
         """Return the means (k, d) of the next states, in the units of `FilmStates`.
@@ -121,7 +117,10 @@ def restore_forecast(**content: Any) -> Forecast:
     is_finite = [np.isfinite(array).all() for array in (*layers, *biases, mirror)]
     if not (all(fits) and lags.ndim == 1 and all(is_finite)):
         raise ValueError("weights of other sizes, or not finite")
-    return Forecast(tuple(layers), tuple(biases), lags, scale, control_scale, mirror, side)  # type: ignore[arg-type]
+    return Forecast(
+        tuple(layers), tuple(biases), lags=lags, scale=scale,  # type: ignore[arg-type]
+        control_scale=control_scale, mirror=mirror, side=side,
+    )  # fmt: skip
 
 
 def _silu(x: Reals) -> Reals:

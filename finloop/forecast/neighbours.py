@@ -71,10 +71,11 @@ def _make_symmetric(
     (all_rows + 1,) and to (e,): the rows similar to row i are to[start[i]:start[i + 1]].
     """
     mirror_pairs = (similar_pairs + film_rows) % all_rows if all_rows > film_rows else similar_pairs
-    directions = ((pairs, side) for pairs in (similar_pairs, mirror_pairs) for side in (0, 1))
-    edges = np.concatenate(
-        [pairs[:, side] * all_rows + pairs[:, 1 - side] for pairs, side in directions]
-    )
+    edges_by_direction = []  # an edge from row i to row j is the number i · all_rows + j
+    for pairs in (similar_pairs, mirror_pairs):
+        for first, second in ((0, 1), (1, 0)):
+            edges_by_direction.append(pairs[:, first] * all_rows + pairs[:, second])
+    edges = np.concatenate(edges_by_direction)
     edges.sort()  # in place, as below: a million rows have 50 million edges
     edges = edges[np.append(True, edges[1:] != edges[:-1])]
     start = np.searchsorted(edges, np.arange(all_rows + 1) * all_rows)
@@ -158,10 +159,7 @@ def _choose_alike_pairs(
 
 
 def _visible_distances_after(pairs: Ints, film_rows: int, visible: VisibleDistance) -> Floats:
-    """Return how different the rows after each pair of rows (k, 2) look: visible distances (k,).
-
-    film_rows: how many rows the film has, without mirror images.
-    """
+    """Return how different the rows after each pair of rows (k, 2) look: visible distances (k,)."""
     row, neighbour = (pairs + 1).T
     return visible(row, neighbour % film_rows, neighbour >= film_rows)
 

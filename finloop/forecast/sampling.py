@@ -150,7 +150,8 @@ def next_row_weights(sampler: Sampler, row: int) -> tuple[Ints, Floats]:
     weights = 1 / np.maximum(neighbour_counts, max(len(rows), 1))
     stay_weight = max(1 - weights.sum(), 0.0) if sampler.usable[row] or not len(rows) else 0.0
     shifted = rows + row - source
-    if (goes_on := sampler.usable[np.minimum(shifted, len(sampler.usable) - 1)]).any():
+    goes_on = sampler.usable[np.minimum(shifted, len(sampler.usable) - 1)]
+    if goes_on.any():
         rows, weights = shifted[goes_on], weights[goes_on]
     return np.append(rows, source), np.append(weights, stay_weight)
 

@@ -62,10 +62,7 @@ def walker_gait_contours(
 
 
 def _find_limb_period(limbs: Limbs, frame_rate_hz: float) -> Period:
-    """Return the common period of an animal's limbs; FinloopError if their motion does not repeat.
-
-    Its phase is 0 at key frame 1, see `_key_1_signal`.
-    """
+    """Return the limbs' common period, phase 0 at key frame 1; FinloopError if nothing repeats."""
     points = limbs.points
     coordinates = [limb.reshape(len(limb), -1) for limb in points.values()]
     signal = fill_gaps(np.concatenate(coordinates, axis=1))

@@ -294,12 +294,11 @@ def fit_key_frames(
     between the keys of a subcycle do.
     """
     samples = sort_into_subcycles(film, split, wavelet, coarse)
-    few = [
-        f"{name!r} in {letter}"
-        for name, pair in samples.items()
-        for letter, frames in zip("AB", pair, strict=True)
-        if ((frames.tau > 1e-6) & (frames.tau < 1 - 1e-6)).sum() < LEAST
-    ]
+    few = []
+    for name, frames_of_a_and_b in samples.items():
+        for letter, frames in zip("AB", frames_of_a_and_b, strict=True):
+            if ((frames.tau > 1e-6) & (frames.tau < 1 - 1e-6)).sum() < LEAST:
+                few.append(f"{name!r} in {letter}")
     if few:
         raise FinloopError(
             f"fewer than {LEAST} frames between the keys show {', '.join(few)}",

@@ -131,10 +131,10 @@ def _fit_ground(paths: Paths) -> Ground:
             time_squares.append(float(time @ time))
             products.append(float(time @ (displacement - displacement.mean())))
     speed = sum(products) / sum(time_squares) if any(time_squares) else 0.0
-    slide = {
-        name: max(float(np.ptp(displacement - speed * frames)) for frames, displacement in supports)
-        for name, supports in paths.items()
-    }
+    slide = {}
+    for name, supports in paths.items():
+        slides = [float(np.ptp(moved - speed * frames)) for frames, moved in supports]
+        slide[name] = max(slides)
     return Ground(speed, slide)
 
 

@@ -194,21 +194,13 @@ def _evaluate_fitted_line(time: Floats, values: Floats, wanted_time: Floats) -> 
 
 
 def _median_contour_width(regions: Sequence[Sequence[Region]]) -> float:
-    """Return the median width [px] of all limbs together, in the frames that show most limbs.
-
-    regions: for each limb, one region a frame.
-    """
-    contours_by_frame = [
-        [region.points for region in frame if isinstance(region, Curve)]
-        for frame in zip(*regions, strict=True)
-    ]
-    most = max(len(contours) for contours in contours_by_frame)
-    widths = [
-        np.ptp(np.concatenate(contours)[:, 0])
-        for contours in contours_by_frame
-        if len(contours) == most
-    ]
-    return float(np.median(widths))
+    """Return the median width [px] of all limbs together, in the frames that show most limbs."""
+    widths_by_count = dict[int, list[float]]()  # by the number of limbs that a frame shows
+    for regions_of_frame in zip(*regions, strict=True):
+        x = [region.points[:, 0] for region in regions_of_frame if isinstance(region, Curve)]
+        if x:
+            widths_by_count.setdefault(len(x), []).append(float(np.ptp(np.concatenate(x))))
+    return float(np.median(widths_by_count[max(widths_by_count)]))
 
 
 def _check_missing_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:

@@ -91,10 +91,7 @@ def choose_frame_timing(
 
 
 def _summarise_transfer(result: Transfer, gait: Gait, seconds: float) -> str:
-    """Return lines for the user: size of a cycle, how far feet slide, which contours fold.
-
-    seconds: duration of the cycle.
-    """
+    """Return lines for the user: length of the cycle, how far feet slide, which contours fold."""
     morph = result.morph
     frames = len(morph.tau)
     lines = [f"{len(morph.layers)} contours, {frames} frames, a cycle of {seconds:.3g} s"]

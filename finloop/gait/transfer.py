@@ -77,11 +77,11 @@ def animate_drawing(
     closed = {name: curve.closed for name, curve in key1.curves.items()}
     keys = match_key_poses(key1, key2, gait.symmetry, points)
     swap = gait.symmetry == "swap"
-    layout = (
-        HalfCycleLayout(offsets=_standing_offsets(keys[0], gait))
-        if swap
-        else HalfCycleLayout(key1.height / 2, mirrored_point_orders(*keys, closed))
-    )
+    if swap:
+        layout = HalfCycleLayout(offsets=_standing_offsets(keys[0], gait))
+    else:
+        orders = mirrored_point_orders(*keys, closed)
+        layout = HalfCycleLayout(middle=key1.height / 2, orders=orders)
     layers = contours_of_cycle(
         *keys, add_pooled_gamma(gait), frames, layout, closed=closed, control=control
     )
@@ -112,10 +112,10 @@ def add_pooled_gamma(gait: Gait) -> Gait:
     """Return the gait with a mean γ (gait parameter) for contours that it does not name."""
     if POOLED in gait.gamma or not gait.gamma:
         return gait
-    pooled = {
-        sub: (float(np.mean([np.mean(gammas[sub]) for gammas in gait.gamma.values()])),)
-        for sub in ("A", "B")
-    }
+    pooled = {}
+    for letter in "AB":
+        means = [np.mean(gammas[letter]) for gammas in gait.gamma.values()]  # over the scales
+        pooled[letter] = (float(np.mean(means)),)
     return replace(gait, gamma={**gait.gamma, POOLED: pooled})
 
 
@@ -147,11 +147,11 @@ def _find_lifted_feet(
     key2: contours (n, 2) by id, y down; offsets: how much lower a limb stands than its partner if
     both stand. A height counts from LIFT of the partner's height on.
     """
-    standing = {
-        name
-        for name, spans in gait.support.items()
-        if any(start <= gait.split + cycle <= end for start, end in spans for cycle in (0, 1))
-    }
+    standing = set()
+    for name, spans in gait.support.items():
+        for start, end in spans:  # `end` may lie in the next cycle
+            if any(start <= phase <= end for phase in (gait.split, gait.split + 1)):
+                standing.add(name)
     lifted = []
     for name in standing & key2.keys():
         if (twin := opposite_limb(name, key2)) not in standing and twin in gait.support:

@@ -109,7 +109,9 @@ def measure_sprite_distances(
             ahead[:, block] = all_distances(next_pictures, filmed).round(_DIGITS)
             own[:, block] = all_distances(own_pictures, filmed).round(_DIGITS)
             advance(len(block))
-    return SpriteDistances(rows, ahead, own, ahead_deg, own_deg, pose_deg, orientation)
+    return SpriteDistances(
+        rows, ahead, own, ahead_deg, own_deg, pose_deg=pose_deg, orientation=orientation
+    )
 
 
 def draw_sprites_and_next(

@@ -142,10 +142,7 @@ def measure_trial_gaps(
 
 
 def _join_tracks(evidence: IdentityEvidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
-    """Return which track continues which, by motion and appearance.
-
-    parts: the numbers of each track's rows in the feature table.
-    """
+    """Return which track continues which, by motion and appearance; parts: each track's rows."""
     reel, p = evidence.reel, evidence.settings
     features = reel.features
     frame = features["frame"].to_numpy()
@@ -185,10 +182,7 @@ def _join_tracks(evidence: IdentityEvidence, parts: list[NDArray[np.intp]]) -> T
 
 
 def _number_animals(joins: TrackJoins, track_rows: list[int]) -> NDArray[np.intp]:
-    """Return the number of each track's animal; animal 0 has the most rows.
-
-    track_rows: how many rows each track has.
-    """
+    """Return the number of each track's animal; animal 0 has the most rows."""
     root = np.arange(len(track_rows))  # becomes the first track of each track's animal
     while (has_before := joins.before[root] >= 0).any():
         root = np.where(has_before, joins.before[root], root)

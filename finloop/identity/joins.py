@@ -131,10 +131,7 @@ def join_in_passes(
 
 
 def _chain_tracks(before: Tracks) -> Chains:
-    """Return chains of joined tracks, in the order of their first tracks.
-
-    before (n,): number of each track's predecessor, −1 for none.
-    """
+    """Return chains of joined tracks; before (n,): each track's predecessor, −1 for none."""
     after = np.full(len(before), -1)
     after[before[before >= 0]] = np.flatnonzero(before >= 0)
     chains: Chains = [[int(track)] for track in np.flatnonzero(before < 0)]

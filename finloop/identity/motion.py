@@ -71,10 +71,7 @@ def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
 
 
 def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floats:
-    """Return the mean velocity (2,) between two rows of a track; 0 for a track of one row.
-
-    frames (k,), places (k, 2): of the track; first, last: numbers of the rows.
-    """
+    """Return the mean velocity (2,) between two rows of a track; 0 for a track of one row."""
     if len(frames) < 2:
         return np.zeros(2)
     return (places[last] - places[first]) / max(frames[last] - frames[first], 1)

@@ -70,7 +70,9 @@ class JumpSearch:
         goals = np.flatnonzero(np.tile(can_play_on, 1 + mirror))
         index = Nearest.from_vectors(targets[goals])
         part = assign_parts(len(track), _STRETCH * least)
-        return cls(targets, goals, index, np.asarray(track), part, count, least)
+        return cls(
+            targets, goals, index, track=np.asarray(track), part=part, count=count, least=least
+        )
 
     @property
     def parts(self) -> int:
@@ -91,10 +93,7 @@ class JumpSearch:
         return self._nearest(rows, goals, Nearest.from_vectors(self.targets[goals], len(goals)))
 
     def _nearest(self, rows: Ints, goals: Ints, index: Nearest) -> pd.DataFrame:
-        """Return the nearest neighbours of rows (k,) among some targets: row, to, mirrored, far.
-
-        goals: numbers of these targets; index: of their signatures.
-        """
+        """Return the nearest neighbours of rows (k,) among the targets `goals`, held by `index`."""
 
         def choose_passages(queries: Ints, near: Ints) -> tuple[tuple[Ints, Floats], Mask]:
             """Return the nearest targets of some rows, and which rows have enough of them."""

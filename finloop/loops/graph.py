@@ -222,10 +222,7 @@ def find_routes(
 
 
 def _least_route_costs(graph: LoopGraph, target_end: int, jump_frames: float) -> Floats:
-    """Return the least cost [frames] of a route from each loop end (m,) to one; inf: no route.
-
-    jump_frames: what a jump costs.
-    """
+    """Return the least cost [frames] of a route from each loop end (m,) to one; inf: no route."""
     m = len(graph.ends)
     played = np.flatnonzero(graph.ahead >= 0)
     jumped = np.repeat(np.arange(m), np.diff(graph.start))

@@ -220,19 +220,19 @@ class Hybrid:
 
 def hybrid_animator(
     film_data: FilmData, model: MotionModel, loops: pd.DataFrame, gateways: pd.DataFrame,
-    p: CommonSettings, q: tuple[NetworkSettings, LoopsSettings, HybridSettings],
+    p: CommonSettings, settings_of_modes: tuple[NetworkSettings, LoopsSettings, HybridSettings],
 ) -> PaperAnimator:  # fmt: skip
     """Return the animator of mode `hybrid` (Fig. 19); without loops or gateways, of `network`.
 
     film_data: what is taken from the film; model: the trained network; loops: rows a, b and
-    distance of each loop; gateways: columns of `GATEWAYS`; p: the group `animate`; q: the groups of
-    the three modes.
+    distance of each loop; gateways: columns of `GATEWAYS`; p: the group `animate`.
     """
+    network_settings, loops_settings, hybrid_settings = settings_of_modes
     assets = prepare_mode_assets(film_data, p)
-    network, sprites = make_network(film_data, assets, model, q[0])
-    loop_mode = make_loops(film_data, assets, loops, q[1])
+    network, sprites = make_network(film_data, assets, model, network_settings)
+    loop_mode = make_loops(film_data, assets, loops, loops_settings)
     sorted_gateways = Gateways(gateways, film_data.map_facts.step_median, loop_mode)
     mode: PaperMode = Hybrid(network, loop_mode, sorted_gateways)
     if not (loop_mode.can_play and sorted_gateways.into and sorted_gateways.out_of):
         mode = network
-    return make_animator(film_data, assets, mode, loop_mode.film, sprites, p, q[2].join)
+    return make_animator(film_data, assets, mode, loop_mode.film, sprites, p, hybrid_settings.join)

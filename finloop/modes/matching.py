@@ -162,10 +162,7 @@ class MatchingAnimator:
     def _share_out_tasks(
         self, goals: Sequence[Goal], goal_seekers: Sequence[int], rng: np.random.Generator
     ) -> list[SwimTask]:
-        """Return the tasks of all fish by the parameters' rules; goals are dealt to the seekers.
-
-        goal_seekers: numbers, from 0, of the fish that swim to goals.
-        """
+        """Return the tasks of all fish by the parameters' rules; `goal_seekers` share the goals."""
         p = self.world.settings
         tasks = add_rules(make_tasks([], p.fish, rng), p)
         if goal_seekers:
@@ -258,7 +255,9 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     touch_px = p.goal_radius_bl * motion.body_length_px
     tank, head_px = make_tank(area, reach_px), head_ahead_px(features, reel.size)
     fast_fish = learn_fast_fish(features, rate_hz, delta, p)
-    world = FilmWorld(tank, motion, touch_px, head_px, graph, fast_fish, p, cast.discs)
+    world = FilmWorld(
+        tank, motion, touch_px, head_px, film=graph, brisk=fast_fish, settings=p, discs=cast.discs
+    )
     film_source = FilmSource(world) if plays else None
     prediction_source = None
     if predicts and sampler is not None:

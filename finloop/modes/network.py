@@ -114,7 +114,7 @@ class Network:
         distance = float(np.hypot(aim.x - fish.x, aim.y - fish.y))
         far = distance > self.p.near_goal_bl * self._px
         start = np.array([fish.x, fish.y, fish.heading])
-        return GoalApproach(fish, goal, aim, start, error, distance, far)
+        return GoalApproach(fish, goal, aim, start, error=error, distance=distance, far=far)
 
     def will_turn(self, approach: GoalApproach) -> bool:
         """Return whether the heading is too far off to swim straight (Fig. 18, first box).

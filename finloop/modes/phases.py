@@ -90,16 +90,12 @@ def _phases_of_runs(
         raise too_little_error("straight swimming")
     states, states_before, ticks, speeds, changes, drifts = zip(*rows, strict=True)
     return Phases(
-        state=np.array(states, np.int8),
-        before=np.array(states_before, np.int8),
+        state=np.array(states, np.int8), before=np.array(states_before, np.int8),
         ticks=np.array(ticks, np.int32),
         start=np.concatenate([[0], np.cumsum(ticks)[:-1]]).astype(np.int32),
-        first_speed=np.array(speeds),
-        speed_change=np.concatenate(changes),
-        drift_deg=np.concatenate(drifts),
-        low=speed_range[0],
-        high=speed_range[1],
-    )
+        first_speed=np.array(speeds), speed_change=np.concatenate(changes),
+        drift_deg=np.concatenate(drifts), low=speed_range[0], high=speed_range[1],
+    )  # fmt: skip
 
 
 def _split_run(

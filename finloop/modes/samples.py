@@ -33,10 +33,7 @@ def sample_animations(animator: Animator, seconds: float, p: AnimateSettings) ->
 
 
 def _sample_with_room(animator: Animator, seconds: float, seeds: Iterator[int]) -> pd.DataFrame:
-    """Return the animation of `seconds` s with the first of the seeds that has room for all fish.
-
-    NoRoom if `_SEEDS` seeds in a row have none.
-    """
+    """Return the animation of the first seed with room for all fish; NoRoom after `_SEEDS`."""
     for _ in range(_SEEDS - 1):
         with suppress(NoRoom):
             return animator.sample(next(seeds), seconds)

@@ -39,7 +39,8 @@ class TurnFrames:
     def straightening_sprites(self, sprite: int) -> Ints:
         """Return the numbers (k,) of the sprites that undo the bend that `sprite` shows."""
         place = int(np.flatnonzero(self.number == sprite)[0])
-        return self.number[place + 1 if place > self.peak else self.place_after_peak(place) :]
+        first = place + 1 if place > self.peak else self.place_after_peak(place)
+        return self.number[first:]
 
     def steps(self, deepest: int, held_ticks: int) -> tuple[Ints, Floats]:
         """Return numbers (k,) of a turn's sprites, and the change of heading up to each.

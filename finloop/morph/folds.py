@@ -80,14 +80,14 @@ def _check_polygons(points: Reals, closed: bool) -> Floats:
 
 @kernel
 def _two_product(a: float, b: float) -> tuple[float, float]:
-    """Return the product of two numbers as a float, and its rounding error (Dekker)."""
+    """Return the product of two numbers as a float, and its rounding error (Dekker).
+
+    Each factor is the sum of two halves of at most 26 bits, whose products are exact.
+    """
     product = a * b
-    wide = _SPLIT * a
-    a_high = wide - (wide - a)
-    a_low = a - a_high
-    wide = _SPLIT * b
-    b_high = wide - (wide - b)
-    b_low = b - b_high
+    a_high = _SPLIT * a - (_SPLIT * a - a)
+    b_high = _SPLIT * b - (_SPLIT * b - b)
+    a_low, b_low = a - a_high, b - b_high
     rest = a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
     return product, rest
 

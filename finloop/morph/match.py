@@ -38,7 +38,8 @@ def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
         return first, min((second, second[::-1]), key=misfit)
     directions = [second, second[::-1]]
     if is_simple(first) and is_simple(second):  # if they turn opposite ways, the morph folds
-        opposite = signed_area(Curve(first, True)) * signed_area(Curve(second, True)) <= 0
+        areas = [signed_area(Curve(points, closed=True)) for points in (first, second)]
+        opposite = areas[0] * areas[1] <= 0
         directions = directions[1:] if opposite else directions[:1]
     misfits = [misfit_by_start(first, points) for points in directions]
     best = int(np.argmin([misfit.min() for misfit in misfits]))

@@ -184,10 +184,7 @@ def _find_shortest_path(
 
 
 def _simplify_curve(points: Points, closed: bool) -> Points:
-    """Simplify a curve (n, 2) step by step to a round shape, a triangle or a line: (k, n, 2).
-
-    FinloopError if all methods give up.
-    """
+    """Simplify a curve (n, 2) step by step to a round shape, a triangle or a line: (k, n, 2)."""
     if not closed:
         poses, is_done = straighten_curve(points)
     else:
@@ -324,7 +321,7 @@ def _smooth_contour(points: Points, closed: bool) -> Points:
 def _resize_polygon(points: Points, goal: float) -> Points:
     """Scale a polygon (n, 2) about the mean of its vertices to the signed area `goal`."""
     middle = points.mean(axis=0)
-    return middle + (points - middle) * np.sqrt(goal / signed_area(Curve(points, True)))
+    return middle + (points - middle) * np.sqrt(goal / signed_area(Curve(points, closed=True)))
 
 
 def round_off_polygon(points: Points) -> tuple[Points, bool]:
@@ -335,11 +332,11 @@ def round_off_polygon(points: Points) -> tuple[Points, bool]:
     """
     poses = [np.ascontiguousarray(points, np.float64)]
     edges = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
-    goal = signed_area(Curve(points, True))
+    goal = signed_area(Curve(points, closed=True))
     step, halvings = edges.mean() ** 2, 0
     while 4 * np.pi * abs(goal) <= ROUND * edges.sum() ** 2:
         pose = _resize_polygon(_implicit_step(poses[-1], step), goal)
-        if stays_simple_unchecked(np.stack([poses[-1], pose]), True):
+        if stays_simple_unchecked(np.stack([poses[-1], pose]), closed=True):
             poses.append(pose)
             edges = np.hypot(*(np.roll(pose, -1, axis=0) - pose).T)
             step, halvings = min(step * GROWTH, STEP * abs(goal)), 0
@@ -377,7 +374,7 @@ def cut_ears(points: Points) -> tuple[Points, bool]:
     can stop the method before the triangle.
     """
     pose = np.ascontiguousarray(points, np.float64)
-    goal, n = signed_area(Curve(pose, True)), len(pose)
+    goal, n = signed_area(Curve(pose, closed=True)), len(pose)
     poses, corners = [pose], np.arange(n)
     while len(corners) > 3:
         before, after = np.roll(corners, 1), np.roll(corners, -1)
@@ -390,7 +387,7 @@ def cut_ears(points: Points) -> tuple[Points, bool]:
             share = span[:, None] / (len(span) + 1)
             cut = pose.copy()
             cut[(first + span) % n] = pose[first] + (pose[last] - pose[first]) * share
-            if tip[corner] >= 0 and stays_simple_unchecked(np.stack([pose, cut]), True):
+            if tip[corner] >= 0 and stays_simple_unchecked(np.stack([pose, cut]), closed=True):
                 break
         else:
             return np.stack(poses), False

@@ -159,10 +159,7 @@ def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _section_numbers(strip, i):  # type: ignore[no-untyped-def]
-    """Return cross-section i of a body as numbers: point, normal, and lengths to left and right.
-
-    strip: points, normals and limits of the cross-sections, (m, 2) each.
-    """
+    """Return cross-section i of a strip: point, unit normal, and lengths to the left and right."""
     return (
         (strip.points[i, 0], strip.points[i, 1]),
         (strip.normals[i, 0], strip.normals[i, 1]),
@@ -278,10 +275,7 @@ def _film_place(place, front, rear, mirrored):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _sample_linearly(film, u, v):  # type: ignore[no-untyped-def]
-    """Return the colour at (u, v) [px] by linear interpolation: red (or grey), green, blue, alpha.
-
-    film: 0 … 255; the result is 0 … 1.
-    """
+    """Return red (or grey), green, blue, alpha, 0 … 1, at u, v px of a film, 0 … 255, linearly."""
     column, row = math.floor(u), math.floor(v)
     du, dv = np.float32(u - column), np.float32(v - row)
     red, green, blue, alpha = _sum_pixels(film, column, row, (_ONE - du, du), (_ONE - dv, dv))
@@ -290,10 +284,7 @@ def _sample_linearly(film, u, v):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _sample_cubically(film, u, v):  # type: ignore[no-untyped-def]
-    """Return the colour at (u, v) [px] by Keys' cubic filter: red (or grey), green, blue, alpha.
-
-    film: 0 … 255; the result is 0 … 1.
-    """
+    """Return red (or grey), green, blue, alpha, 0 … 1, at u, v px of a film, by Keys' filter."""
     column, row = math.floor(u), math.floor(v)
     across, down = keys_cubic_weights(u - column), keys_cubic_weights(v - row)
     red, green, blue, alpha = _sum_pixels(film, column - 1, row - 1, across, down)

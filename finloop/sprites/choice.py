@@ -48,8 +48,10 @@ def swimmer_table(
     """Return a table of what the choice of sprites needs to know of each fish in each frame.
 
     The rows are those of `features` and `tracks`. tail: offset of the tail tip from the head's
-    axis, body lengths, + = left; heading: degrees, unwrapped; speed: body lengths a frame; alone:
-    body lengths to the nearest other mass centre; usable: whether the frame may become a sprite.
+    axis, body lengths, + = left; heading: degrees, unwrapped; step_x_px, step_y_px: way to the next
+    frame, smoothed; speed: body lengths a frame; alone: body lengths to the nearest other mass
+    centre; animal_off: how far its length is off the film's median, 1 = just acceptable; usable:
+    whether the frame may become a sprite.
     """
     table = features.assign(area_px=tracks["area_px"], contrast=tracks["contrast"])
     table = table.reset_index(drop=True)

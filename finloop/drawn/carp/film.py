@@ -147,10 +147,7 @@ def _sensor_noise(params: CarpFilm, rng: np.random.Generator) -> Image:
 
 
 def _shade_floor(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tuple[slice, slice]:
-    """Darken the floor under a fish in a picture; return the changed window.
-
-    picture (h, w, 3 or 1): changes; drawing: the fish's picture, at its place.
-    """
+    """Darken the floor under a fish in a picture (h, w, 3 or 1); return the changed window."""
     sigma = SHADOW_BLUR * params.body_length_px
     pad = int(np.ceil(3 * sigma))
     shadow = cv2.copyMakeBorder(drawing.coverage, pad, pad, pad, pad, cv2.BORDER_CONSTANT)

@@ -98,7 +98,10 @@ def simulate_swimming(
                 swimmer.advance(its_others, dt)
     x, y, axis, beat, amplitude, bend, kind = scalars
     swimming_type = kind.astype(np.int8)
-    return CarpMotion(x, y, axis, beat, amplitude, bend, ripple, fin_opening, swimming_type)
+    return CarpMotion(
+        x, y, axis, beat, amplitude, bend,
+        ripple=ripple, fins=fin_opening, swimming_type=swimming_type,
+    )  # fmt: skip
 
 
 def _starting_places(
@@ -124,6 +127,7 @@ def _smoothstep(x: float) -> float:
 
 def bend_in_turn(tau: float) -> float:
     """Return how bent the body is after a share `tau` (0-1) of a C-turn: from 0 to 1 to 0."""
+    # It bends up to 0.36, holds, and straightens from 0.50 to 0.96.
     return _smoothstep(tau / 0.36) - _smoothstep((tau - 0.50) / 0.46)
 
 
@@ -227,10 +231,7 @@ class Swimmer:
         return best_angle
 
     def _decide(self, others: Sequence["Swimmer"], dt: float) -> None:
-        """Begin another kind of motion if the present one ends, or if a wall or a fish is near.
-
-        others: the other fish; dt: time step, s.
-        """
+        """Begin another kind of motion if the present one ends, or if a wall or a fish is near."""
         self.remaining_s -= dt
         self.rest_s -= dt
         if self.mode == "turn":
@@ -308,10 +309,7 @@ class Swimmer:
             self.turn_over = is_late  # from now on the body only straightens
 
     def _beat_tail(self, dt: float, is_late: bool) -> None:
-        """Beat the tail for `dt` seconds; rate and amplitude follow their targets with a delay.
-
-        is_late: in the last part of a turn.
-        """
+        """Beat the tail for `dt` seconds; rate and amplitude follow their targets with a delay."""
         rate, amplitude = (2.2, 0.8) if is_late else (self.target_rate, self.target_amplitude)
         self.rate += (rate - self.rate) * dt / 0.18
         self.amplitude += (amplitude - self.amplitude) * dt / 0.20

@@ -94,7 +94,7 @@ def points_on_smooth_curve(nodes: tuple[tuple[float, float], ...], n: int) -> Fl
     knots = np.r_[0.0, np.cumsum(np.sqrt(np.linalg.norm(np.diff(corners, axis=0), axis=1)))]
     spline = scipy.interpolate.CubicSpline(knots, corners, bc_type="periodic")
     fine = spline(np.linspace(0, knots[-1], FINE, endpoint=False))
-    return resample_curve(Curve(fine, True), n).points
+    return resample_curve(Curve(fine, closed=True), n).points
 
 
 @cache
@@ -153,10 +153,7 @@ def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats
 
 
 def _ankle_and_turns(shape: LimbShape, foot: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the hock or wrist (…, 2), and the turns of pastern and paw (…,), radians.
-
-    foot (…, 2): how far it is moved from rest, in trunks.
-    """
+    """Return hock or wrist (…, 2), turns of pastern and paw (…,) [rad], for a foot so displaced."""
     rest = np.array(shape.joints)
     pastern = shape.lean[0] * foot[..., 0] - shape.lean[1] * foot[..., 1]
     paw = -0.6 * shape.lean[1] * foot[..., 1]

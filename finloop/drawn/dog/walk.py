@@ -11,7 +11,6 @@ below the middle of the trunk.
 """
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from finloop.drawn.dog.shape import (
     points_on_smooth_curve,
 )
 
-NAMES = tuple(f"{end}_{side}" for end, side in product(("fore", "hind"), ("left", "right")))
+NAMES = ("fore_left", "fore_right", "hind_left", "hind_right")
 FIRST = ("fore_left", "hind_right")  # they swing in A and B, the others in C and D
 REACH = (-1.0, 1.22)  # of tail and nose from the middle of the trunk
 ROUND = 1.5  # power in the height of a swinging foot: 1 = a corner on top, 2 = a parabola
