@@ -33,7 +33,7 @@ def run_git(*arguments: str, folder: Path | None = None) -> str:
             if text in message:
                 message = next(line for line in message.splitlines() if text in line)
                 advice = wanted, do
-        raise FinloopError(f"git {arguments[0]} failed: {message}", *advice)
+        raise FinloopError(f"git failed: {message}", *advice)
     return process.stdout
 
 

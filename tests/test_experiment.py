@@ -88,6 +88,7 @@ def test_a_sweep_varies_what_there_is_and_measures_what_is_measured(name):
         assert str(usual()[word][key]) in varied  # what is usual is among them
         for value in varied:
             settings(word, **{key: yaml.safe_load(value)})  # every value is allowed
+    assert sweep.seeds == 3 and {"bpn.seed", "animate.seed"} <= {*sweep.list_seeds()}
     for measure in (*sweep.measures, *(each.key for each in OBJECTIVES)):
         stage, key = measure.split(".")
         if stage == "realism":  # its numbers are not in git

@@ -979,7 +979,7 @@ def test_the_stage_makes_its_table_and_reports(workspace):
     report = workspace / "reports/features"
     assert {path.name for path in report.iterdir()} == MADE
     assert set(content(workspace / "reports/film/features")) == DRAWN
-    assert list(content(workspace / "data/features")) == ["features.parquet"]
+    assert list(content(workspace / "data/features")) == ["features.parquet", "findings.csv"]
     table = load_table(workspace / "data/features/features.parquet", FEATURES)
     assert len(table) == 100
     metrics = load_numbers(report)

@@ -80,6 +80,16 @@ def test_a_tiny_film_that_cannot_be_read_is_refused(tmp_path):
     assert "clip.colour=false" in read_tiny_film(ROOT / FILM)
 
 
+@pytest.mark.parametrize("command", ["study", "sweep", "runs", "repro", "ci-fixture"])
+def test_a_command_of_the_guides_does_the_same_in_a_lab(command, lab):
+    """In finloop's own Makefile a command first makes the environment."""
+    recipes = [
+        re.search(rf"^{command}:.*\n((?:\t.*\n?)+)", (root / "Makefile").read_text(), re.MULTILINE)
+        for root in (ROOT, lab)
+    ]
+    assert recipes[0] and recipes[1] and recipes[0][1].strip() == recipes[1][1].strip()
+
+
 def triggers(workflow: dict) -> dict:
     """What a workflow runs on; YAML takes the word `on` for true."""
     return workflow[True]

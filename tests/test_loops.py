@@ -873,7 +873,7 @@ def test_stage_with_a_threshold_of_zero_says_what_would_do(tmp_path, monkeypatch
     assert load_table(tmp_path / "data/loops/loops.parquet", LOOPS).empty
     made = set(content(tmp_path / "reports/loops"))
     outs = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["loops"]
-    listed = [*outs["outs"], *outs["metrics"], *outs["plots"]]
+    listed = [*outs["outs"], *outs["metrics"]]
     names = [next(iter(one)) if isinstance(one, dict) else one for one in listed]
     assert made == {Path(name).name for name in names if name.startswith("reports/")}
 

@@ -18,6 +18,7 @@ import psutil
 import pytest
 import yaml
 from conftest import TINY_CARP, Copy, alive, wait_for
+from tiny_run import plot_sources
 
 from benchmarks.pipeline import does_read
 from finloop.base.settings import GROUPS, WORDS
@@ -325,11 +326,9 @@ def test_metrics_and_plots_show_what_stages_make():
     reports = {out for out in made if out.endswith("metrics.json")}
     assert reports == {one for word in STAGES for one in names(STAGES[word].get("metrics", []))}
     for plot in PIPELINE["plots"]:
-        for name, shape in plot.items() if isinstance(plot, dict) else [(plot, None)]:
-            sources = shape["y"] if isinstance((shape or {}).get("y"), dict) else [name]
-            # Not a file in a folder of outputs: without the cache, as in a fresh clone, DVC cannot
-            # look into the folder, and every experiment fails with "failed to load directory".
-            assert made >= set(sources), name
+        # Not a file in a folder of outputs: without the cache, as in a fresh clone, DVC cannot
+        # look into the folder, and every experiment fails with "failed to load directory".
+        assert made >= plot_sources(plot), plot
 
 
 # --- running

@@ -22,14 +22,19 @@ STAGES: dict[str, Any] = PIPELINE["stages"]
 GIVEN = ("benchmarks", "data/drawings", "data/gaits")  # what stages read and none makes
 
 
+def plot_sources(plot: str | dict[str, Any]) -> set[str]:
+    """The paths that an entry of `plots` in dvc.yaml draws: of its `y`, or its name."""
+    if isinstance(plot, str):
+        return {plot}
+    ((name, shape),) = plot.items()
+    return {*shape["y"]} if isinstance(shape["y"], dict) else {name}
+
+
 def pipeline_of(words: Iterable[str]) -> str:
     """dvc.yaml of these stages and all that they wait for, alone."""
     stages = {one: STAGES[one] for one in with_dependencies(words)}
     made = set().union(*map(written_paths, stages.values()))
-    shown = [
-        plot for plot in PIPELINE["plots"]
-        if set([plot] if isinstance(plot, str) else next(iter(plot.values()))["y"]) <= made
-    ]  # fmt: skip
+    shown = [plot for plot in PIPELINE["plots"] if plot_sources(plot) <= made]
     return yaml.safe_dump({"stages": stages, "plots": shown}, sort_keys=False)
 
 
