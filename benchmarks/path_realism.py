@@ -56,7 +56,7 @@ def animate_route(planner: Planner, ticks: int, seed: int, route: Route | None =
     record = animate_fish(planner, [], ticks, np.random.default_rng(seed), route)
     if route is not None:
         ticks_of_stretches = [
-            len(stretch.way)
+            len(stretch.trajectory)
             for stretch, name in zip(record.stretches, record.names, strict=True)
             if name
         ]

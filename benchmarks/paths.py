@@ -135,7 +135,7 @@ def measure_path(
     player = animator.player
     record = animate_fish(player, [], ticks, np.random.default_rng(0), path.route)
     played = sum(
-        len(stretch.way)
+        len(stretch.trajectory)
         for stretch, name_of_stretch in zip(record.stretches, record.names, strict=True)
         if name_of_stretch
     )

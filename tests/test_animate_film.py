@@ -64,11 +64,11 @@ def film_player(film_=None, room_=None, **changes):
 def flat(found):
     """The ticks of a swim: way (n, 3), numbers, rotations, whether a jump begins, stretch of each."""
     s = found.stretches
-    rots = [np.zeros(len(one.way)) if one.rot is None else one.rot for one in s]
-    new = np.concatenate([[one.new] + [False] * (len(one.way) - 1) for one in s])
-    of = np.repeat(np.arange(len(s)), [len(one.way) for one in s])
+    rots = [np.zeros(len(one.trajectory)) if one.rot is None else one.rot for one in s]
+    new = np.concatenate([[one.new] + [False] * (len(one.trajectory) - 1) for one in s])
+    of = np.repeat(np.arange(len(s)), [len(one.trajectory) for one in s])
     numbers = np.concatenate([one.number for one in s])
-    return np.concatenate([one.way for one in s]), numbers, np.concatenate(rots), new, of
+    return np.concatenate([one.trajectory for one in s]), numbers, np.concatenate(rots), new, of
 
 
 def on_the_spot(found):
@@ -317,7 +317,7 @@ def test_a_way_is_never_swum_farther_than_it_was_looked_at():
     assert np.diff(np.flatnonzero(reel.jump_slot >= 0)).max() > 5 * RATE
     for seed in range(3):
         found, _ = edit_of(film_player(reel), [Goal("A", 200.0, 200.0)], 1500, seed)
-        way = np.concatenate([stretch.way for stretch in found.stretches])
+        way = np.concatenate([stretch.trajectory for stretch in found.stretches])
         assert all(is_legal_point(open_tank().legal, x, y) for x, y in way[:, :2])
 
 
@@ -372,13 +372,13 @@ def test_the_way_that_leads_to_the_goal_is_taken(at, row):
             State(fish, np.zeros(2)), Goal("A", *at), np.random.default_rng(seed)
         )
         assert found.number[0] == row and found.new == (row != 20)
-        assert found.way[0] == pytest.approx((400 + STEP, 300, 0))
+        assert found.trajectory[0] == pytest.approx((400 + STEP, 300, 0))
         assert found.options.rows[found.options.taken] == row and len(found.options.rows) == 3
         decision = found.decision
         assert decision.reason == ("play" if row == 20 else "jump") and decision.ways == 3
         assert np.isnan(decision.seam) if row == 20 else decision.seam == pytest.approx(0.2)
         assert decision.value_s == found.options.value[found.options.taken]
-        assert then.fish.tick == len(found.way)
+        assert then.fish.tick == len(found.trajectory)
 
 
 def test_what_a_way_costs_is_the_sum_of_its_terms():

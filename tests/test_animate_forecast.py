@@ -71,7 +71,7 @@ def test_all_goals_are_reached_within_the_tank(seed):
     fish = player()
     animation = animate_fish(fish, GOALS, 2500, np.random.default_rng(seed))
     assert (animation.reached >= 0).all()
-    way = np.concatenate([one.way for one in animation.stretches])
+    way = np.concatenate([one.trajectory for one in animation.stretches])
     legal = fish.world.tank.legal
     assert legal[np.rint(way[:, 1]).astype(int), np.rint(way[:, 0]).astype(int)].all()
 
@@ -88,7 +88,7 @@ def test_what_is_shown_is_the_row_turned_to_the_fishs_heading():
     for one in animate_fish(fish, GOALS, 300, np.random.default_rng(0)).stretches:
         assert one.kind == FRAME and one.state == FORECAST
         shown = fish.world.film.heading[one.number] + one.rot
-        assert np.allclose(np.cos(np.radians(shown - one.way[:, 2])), 1)
+        assert np.allclose(np.cos(np.radians(shown - one.trajectory[:, 2])), 1)
         assert (np.diff(one.number) == 1).all()
 
 
@@ -97,16 +97,19 @@ def test_the_fish_moves_as_is_foretold():
     state = fish.begin(np.random.default_rng(1))
     stretch, _ = fish.plan(state, GOALS[1], np.random.default_rng(2))
     start = np.array([state.fish.x, state.fish.y])
-    way = np.vstack([start, stretch.way[:, :2]])
+    way = np.vstack([start, stretch.trajectory[:, :2]])
     speed = np.hypot(*np.diff(way, axis=0).T) / LENGTH * RATE
-    states = stretch.past[-len(stretch.way) :]
+    states = stretch.past[-len(stretch.trajectory) :]
     assert np.allclose(speed, np.hypot(states[:, -3], states[:, -2]))
 
 
 def test_the_same_draws_give_the_same_swim():
     ways = [
         np.concatenate(
-            [s.way for s in animate_fish(player(), GOALS, 300, np.random.default_rng(k)).stretches]
+            [
+                s.trajectory
+                for s in animate_fish(player(), GOALS, 300, np.random.default_rng(k)).stretches
+            ]
         )
         for k in (4, 4, 5)
     ]
@@ -118,7 +121,7 @@ def test_a_stretch_that_is_cut_leaves_the_fish_as_it_was_then():
     fish = player()
     state, rng = fish.begin(np.random.default_rng(1)), np.random.default_rng(3)
     stretch, _ = fish.plan(state, GOALS[1], rng)
-    while len(stretch.way) < 3:
+    while len(stretch.trajectory) < 3:
         stretch, _ = fish.plan(state, GOALS[1], rng)
     short, cut = fish.cut(state, stretch, 2)
     deep = len(state.fish.past) if state.fish.past is not None else len(cut.fish.past)
@@ -234,14 +237,14 @@ def test_a_fish_in_a_corner_turns_no_faster_than_a_brisk_one_or_as_is_predicted(
         for _ in range(6):
             heading = state.fish.heading
             stretch, state = one.plan(state, Goal("A", 400.0, 300.0), rng)
-            way = np.rint(stretch.way[:, :2]).astype(int)
+            way = np.rint(stretch.trajectory[:, :2]).astype(int)
             assert legal[way[:, 1], way[:, 0]].all()
             own = np.abs(np.diff(one.world.film.heading[stretch.number], prepend=np.nan))[1:]
             if stretch.past is not None:
-                own = np.abs(np.degrees(stretch.past[-len(stretch.way) :, -1]) / RATE)[1:]
-            turned = np.abs((np.diff(stretch.way[:, 2]) + 180) % 360 - 180)
+                own = np.abs(np.degrees(stretch.past[-len(stretch.trajectory) :, -1]) / RATE)[1:]
+            turned = np.abs((np.diff(stretch.trajectory[:, 2]) + 180) % 360 - 180)
             assert (turned <= np.maximum(own % 360, most) + 1e-6).all()
-            assert abs((stretch.way[0, 2] - heading + 180) % 360 - 180) < 30
+            assert abs((stretch.trajectory[0, 2] - heading + 180) % 360 - 180) < 30
 
 
 def test_who_rests_for_most_of_the_film_is_brisk_when_it_swims():
@@ -265,11 +268,11 @@ def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut
     film = one.world.film
     for part in found.stretches:
         assert part.state == FORECAST and (np.diff(part.number) == 1).all()
-        turned = part.way[:, 2] - film.heading[part.number] - part.rot
+        turned = part.trajectory[:, 2] - film.heading[part.number] - part.rot
         assert np.cos(np.radians(turned)) == pytest.approx(1)
     state, rng = one.begin(np.random.default_rng(1), path.route), np.random.default_rng(2)
     stretch, then = one.plan(state, path.route, rng)
     _, cut = one.cut(state, stretch, 3)
     assert len(cut.fish.past) == len(then.fish.past)
-    assert (cut.fish.x, cut.fish.y) == tuple(stretch.way[2, :2])
+    assert (cut.fish.x, cut.fish.y) == tuple(stretch.trajectory[2, :2])
     assert one.plan(cut, path.route, rng)[1].path.along > 0

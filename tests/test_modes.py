@@ -165,15 +165,15 @@ def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut_from_where_it_goes_on(
     state = player.begin(rng)
     for _ in range(60):
         stretch, then = player.plan(state, None, rng)
-        whole, end = player.cut(state, stretch, len(stretch.way))
+        whole, end = player.cut(state, stretch, len(stretch.trajectory))
         assert whole is stretch and repr(end.fish) == repr(then.fish)
-        for ticks in {1, len(stretch.way) - 1} - {0, len(stretch.way)}:
+        for ticks in {1, len(stretch.trajectory) - 1} - {0, len(stretch.trajectory)}:
             short, at = player.cut(state, stretch, ticks)
-            assert len(short.way) == ticks and not short.touched
+            assert len(short.trajectory) == ticks and not short.touched
             assert at.fish.tick == state.fish.tick + ticks
-            assert (at.fish.x, at.fish.y) == tuple(stretch.way[ticks - 1, :2])
+            assert (at.fish.x, at.fish.y) == tuple(stretch.trajectory[ticks - 1, :2])
             on, _ = player.plan(at, A[0], np.random.default_rng(0))
-            assert np.hypot(*(on.way[0, :2] - short.way[-1, :2])) < LENGTH / 2
+            assert np.hypot(*(on.trajectory[0, :2] - short.trajectory[-1, :2])) < LENGTH / 2
             shorter += 1
         state = then
     assert shorter > 20
@@ -225,10 +225,11 @@ def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike(mode
             player_of_a_film_at(rate, mode), A, 600, np.random.default_rng(3)
         ).stretches
         columns = [
-            np.concatenate([getattr(one, name) for one in parts]) for name in ("way", "number")
+            np.concatenate([getattr(one, name) for one in parts])
+            for name in ("trajectory", "number")
         ]
         rots = np.concatenate(
-            [np.zeros(len(one.way)) if one.rot is None else one.rot for one in parts]
+            [np.zeros(len(one.trajectory)) if one.rot is None else one.rot for one in parts]
         )
         swims.append((*columns, rots, [one.decision.reason for one in parts]))
     for one, quicker in zip(*swims, strict=True):
@@ -244,8 +245,8 @@ def test_every_mode_goes_on_from_the_state_of_any_other(mode):
             for _ in range(30):
                 before = state.fish
                 stretch, state = player.plan(state, None, rng)
-                assert np.hypot(*(stretch.way[0, :2] - (before.x, before.y))) < LENGTH / 2
-                assert abs(wrap_deg(stretch.way[0, 2] - before.heading)) < 40
+                assert np.hypot(*(stretch.trajectory[0, :2] - (before.x, before.y))) < LENGTH / 2
+                assert abs(wrap_deg(stretch.trajectory[0, 2] - before.heading)) < 40
         kinds = {"network": SPRITE, "loops": FRAME, "matching": FRAME}
         assert stretch.kind == kinds.get(mode, stretch.kind)
 
@@ -336,7 +337,7 @@ def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, 
     for one in found.stretches:
         assert (np.diff(one.number) == 1).all() and film.has_next[one.number[:-1]].all()
         heading = film.heading[one.number] + one.rot
-        assert wrap_deg(one.way[:, 2] - heading) == pytest.approx(0, abs=1e-9)
+        assert wrap_deg(one.trajectory[:, 2] - heading) == pytest.approx(0, abs=1e-9)
         if before is not None:
             last, first = before.number[-1], one.number[0]
             assert one.new == (first != last + 1)
@@ -370,7 +371,7 @@ def test_a_way_leads_as_the_film_does_to_the_goal_s_quadrant_and_sets_out_that_w
             continue
         last = before.row, before.rot
         for place, to, number, rot in zip(
-            [(before.x, before.y), *stretch.way[:-1, :2]], stretch.way[:, :2],
+            [(before.x, before.y), *stretch.trajectory[:-1, :2]], stretch.trajectory[:, :2],
             [last[0], *stretch.number], [last[1], *stretch.rot], strict=False,
         ):  # fmt: skip
             goes = rotate(film.dx[number], film.dy[number], rot)
@@ -379,8 +380,8 @@ def test_a_way_leads_as_the_film_does_to_the_goal_s_quadrant_and_sets_out_that_w
         if not why.quadrant:  # no way was legal: then it only stays inside
             assert why.ways == why.ways_tank + why.ways_quadrant + why.ways_heading > 0
             other += 1
-        elif not stretch.touched and len(stretch.way) > 1:
-            (x, y, heading), (to_x, to_y, _) = stretch.way[[0, -1]]
+        elif not stretch.touched and len(stretch.trajectory) > 1:
+            (x, y, heading), (to_x, to_y, _) = stretch.trajectory[[0, -1]]
             assert find_quadrants(to_x - x, y - to_y) == find_quadrants(
                 goal.x_px - x, y - goal.y_px
             )
@@ -446,7 +447,7 @@ def test_after_a_jump_comes_at_least_so_much_film(stay, choice):
                 gaps.append(since)
             since = 0
         if since is not None:
-            since += len(stretch.way)
+            since += len(stretch.trajectory)
     assert min(gaps) >= max(1, round(stay * DELTA)) and len(gaps) > 10
 
 
@@ -468,7 +469,7 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
     for _ in range(20):
         found = mode.play(fish, spot(100, 300), rng)
         assert found.decision.reason == "spot" and found.decision.ways_tank == found.decision.ways
-        assert (found.way == [x, 300.0, 0.0]).all() and not found.touched
+        assert (found.trajectory == [x, 300.0, 0.0]).all() and not found.touched
         assert found.new == (found.number[0] != fish.row + 1)
         if found.new:
             assert (fish.row + 1, found.number[0]) in ends
@@ -512,7 +513,9 @@ def test_the_way_is_taken_that_leads_to_the_goal_s_quadrant(goal, quadrant_, row
     found = [mode.play(fish, spot(*goal), np.random.default_rng(seed)) for seed in range(30)]
     assert {int(one.number[0]) for one in found} == (rows or {20, 170, 320})
     for one in found:
-        assert one.way[0] == pytest.approx((300 + STEP, 300, 0)) and one.new == (one.number[0] > 20)
+        assert one.trajectory[0] == pytest.approx((300 + STEP, 300, 0)) and one.new == (
+            one.number[0] > 20
+        )
         assert one.decision.ways == 3 and one.decision.quadrant == (quadrant_ if rows else 0)
         assert one.decision.ways_quadrant == 3 - len(rows)
 
@@ -856,7 +859,7 @@ def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode,
     assert ticks is not None or fade == round(settings("animate").cross_fade_deltas * DELTA) > 1
     number, kind = table["source"].to_numpy(), table["kind"].to_numpy()
     rotation, weight = table["rotation_deg"].to_numpy(float), table["weight"].to_numpy(float)
-    starts = np.cumsum([0, *(len(one.way) for one in found.stretches)])
+    starts = np.cumsum([0, *(len(one.trajectory) for one in found.stretches)])
     begins = [tick for tick, one in zip(starts, found.stretches, strict=False) if one.new]
     begins = np.array([tick for tick in begins if 0 < tick < 1500])
     assert set(np.concatenate(switches(table))) <= set(begins) and len(begins) > 10

@@ -257,7 +257,7 @@ def test_the_film_is_swum_along_a_path_lap_after_lap():
     # What is shown is the film, turned as the fish is, and goes on as the film does between jumps.
     film = film_world_of().film
     for one in recorded.stretches:
-        turned = one.way[:, 2] - film.heading[one.number] - one.rot
+        turned = one.trajectory[:, 2] - film.heading[one.number] - one.rot
         assert np.cos(np.radians(turned)) == pytest.approx(1)
         assert (np.diff(one.number) == 1).all()
 
@@ -276,13 +276,15 @@ def test_a_path_is_followed_to_its_end_and_no_tick_longer():
     path, player = lay_line(line), matching_of()
     made = animate_fish(player, [], 900, np.random.default_rng(0), path.route)
     table = path_table("matching", made, path, 900, player.world)
-    followed_ = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
+    followed_ = [
+        len(one.trajectory) for one, at in zip(made.stretches, made.names, strict=True) if at
+    ]
     end = path.asked.length - 1e-3
     assert sum(followed_) == len(table) < 900
     assert table["along_px"].iloc[-1] >= end > table["along_px"].iloc[-2]
     timed = lay_line(line._replace(time_s=np.array([0.0, 3.03])))
     made = animate_fish(player, [], 900, np.random.default_rng(0), timed.route)
-    ticks = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
+    ticks = [len(one.trajectory) for one, at in zip(made.stretches, made.names, strict=True) if at]
     assert sum(ticks) == len(timed.route.when)
 
 
@@ -327,8 +329,8 @@ def test_a_step_along_a_path_is_pure_and_a_cut_one_goes_on_from_the_cut():
         assert repr(player.plan(state, route, again)) == repr((stretch, then))
         short, cut = player.cut(state, stretch, 2)
         on, after_ = player.plan(cut, route, again)
-        assert len(short.steer if short.steer is not None else short.way) <= 2
-        assert np.hypot(*(on.way[0, :2] - short.way[-1, :2])) < 0.5 * LENGTH
+        assert len(short.steer if short.steer is not None else short.trajectory) <= 2
+        assert np.hypot(*(on.trajectory[0, :2] - short.trajectory[-1, :2])) < 0.5 * LENGTH
         assert after_.path.along >= state.path.along
         state = then
 

@@ -414,7 +414,7 @@ def test_tracks_shorter_than_a_stride_are_swum_by_and_left_in_time():
     state = planner.begin(rng, route)
     for _ in range(60):
         stretch, state = planner.plan(state, route, rng)
-        assert 0 < len(stretch.way) <= 14 and (np.diff(stretch.number) == 1).all()
+        assert 0 < len(stretch.trajectory) <= 14 and (np.diff(stretch.number) == 1).all()
 
 
 def test_a_fish_swims_by_its_plan_alone_and_beside_others_that_are_not_in_its_way():
@@ -423,7 +423,7 @@ def test_a_fish_swims_by_its_plan_alone_and_beside_others_that_are_not_in_its_wa
     state, ticks, searches, stretches = planner.begin(rng, route), 0, 0, 0
     while ticks < 300:
         stretch, state = planner.plan(state, route, rng)
-        ticks, stretches = ticks + len(stretch.way), stretches + 1
+        ticks, stretches = ticks + len(stretch.trajectory), stretches + 1
         searches += stretch.options is not None
     assert searches < stretches / 2
     assert searches <= 1 + 300 / (world.to_ticks(world.settings.path_commit) / 2)
@@ -435,11 +435,11 @@ def test_a_fish_swims_by_its_plan_alone_and_beside_others_that_are_not_in_its_wa
     beside = planner.with_others(state, clear[:, None])
     assert beside.fish.company.near == 1
     found, _ = planner.plan(beside, route, rng)
-    assert found.options is None and np.array_equal(found.way, run.way)
+    assert found.options is None and np.array_equal(found.trajectory, run.trajectory)
     # A fish in the way: the run is cut before it, and the next plan begins anew.
-    ahead = np.append(run.way[-1], run.number[-1])
+    ahead = np.append(run.trajectory[-1], run.number[-1])
     found, cut = planner.plan(planner.with_others(state, ahead[None, None]), route, rng)
-    assert len(found.way) < len(run.way) or found.decision.reason == WAITING
+    assert len(found.trajectory) < len(run.trajectory) or found.decision.reason == WAITING
     assert cut.path.runs == ()
 
 
@@ -466,6 +466,6 @@ def test_nothing_is_swum_that_was_not_looked_at():
         state = State(planner.begin(rng).fish, np.zeros(2))
         for _ in range(40):
             stretch, state = planner.plan(state, Goal("A", 700.0, 100.0), rng)
-            planned = len(stretch.way) + sum(run.ticks for run in state.path.runs)
+            planned = len(stretch.trajectory) + sum(run.ticks for run in state.path.runs)
             assert planned <= max(commit + ahead, 2) * DELTA + world.cost_weights.stride
-            assert stretch.way.shape[0] < 10 * RATE
+            assert stretch.trajectory.shape[0] < 10 * RATE

@@ -171,7 +171,7 @@ def test_a_fish_that_is_stopped_in_a_turn_is_bent_and_only_then():
     for _ in range(200):
         stretch, then = player.plan(state, None, rng)
         assert not then.fish.is_bent
-        if stretch.state == TURN and len(stretch.way) > 4:
+        if stretch.state == TURN and len(stretch.trajectory) > 4:
             assert player.cut(state, stretch, 4)[1].fish.is_bent
             bent += 1
         state = then

@@ -109,7 +109,7 @@ def test_a_wish_holds_for_a_step_and_is_drawn_anew_then():
         stretch, state = player.plan(state, rule, rng)
         assert state.wished and 0 <= state.left < 15
         places.append(tuple(state.place))
-        ticks += len(stretch.way)
+        ticks += len(stretch.trajectory)
     assert 2 <= len(set(places)) <= len(places)
     assert place_by_rule(rule, state.fish, player.world, rng)[1] == 15
     begun = state._replace(left=5)
@@ -122,7 +122,7 @@ def test_the_same_state_and_draws_wish_the_same():
     state = player.begin(np.random.default_rng(0))
     rule = Rule.by_zones(np.array([[500.0, 500.0, 0.0]]), player.shoaling)
     one, other = (player.plan(state, rule, np.random.default_rng(4)) for _ in range(2))
-    assert one[0].way.tolist() == other[0].way.tolist()
+    assert one[0].trajectory.tolist() == other[0].trajectory.tolist()
     assert one[1].place.tolist() == other[1].place.tolist()
 
 

@@ -181,9 +181,9 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
         monkeypatch.setattr(fallback, "_ASIDE_DEG", directions)
         fish = with_neighbours(first, gap)
         ahead = avoider.stay(fish, Target(x + 100, y, 0, 0))
-        way = np.repeat([[x + gap, y, 90.0]], len(ahead.way), axis=0)
-        blocked = replace(ahead, way=way, decision=Decision(PLAY))
-        way = avoider.keep_clear(fish, blocked).way
+        way = np.repeat([[x + gap, y, 90.0]], len(ahead.trajectory), axis=0)
+        blocked = replace(ahead, trajectory=way, decision=Decision(PLAY))
+        way = avoider.keep_clear(fish, blocked).trajectory
         ways.append(way[-1, :2] - (x, y))
     drift_px = fallback._DRIFT * LENGTH / DELTA
     assert ways[0][1] > 0.9 * drift_px and abs(ways[0][0]) < 0.5

@@ -44,12 +44,14 @@ def search_picture(folder: Path) -> Picture:
         share = (value - low) / max(high - low, 1e-9)
         colour = shades(share) if np.isfinite(value) else "0.6"
         axes.plot(x, y, color=colour, lw=2.4, ls="-" if np.isfinite(value) else ":")
-    way, jumps = taken
-    axes.plot(way[:, 0], way[:, 1], color="#d62728", lw=5, alpha=0.8, label="path taken")
-    axes.plot(way[jumps, 0], way[jumps, 1], "o", color="#d62728", ms=7, label="jumps")
+    trajectory, jumps = taken
+    axes.plot(
+        trajectory[:, 0], trajectory[:, 1], color="#d62728", lw=5, alpha=0.8, label="path taken"
+    )
+    axes.plot(trajectory[jumps, 0], trajectory[jumps, 1], "o", color="#d62728", ms=7, label="jumps")
     axes.plot(state.fish.x, state.fish.y, "o", color="black", ms=8, label="the fish")
     axes.plot(goal.x_px, goal.y_px, "o", mfc="none", mec="black", mew=2, ms=16, label="goal")
-    places = np.vstack([*every, way[:, :2], [goal.x_px, goal.y_px]])
+    places = np.vstack([*every, trajectory[:, :2], [goal.x_px, goal.y_px]])
     middle, half = (places.max(0) + places.min(0)) / 2, np.ptp(places, axis=0) / 2
     reach = 1.15 * max(half[1], half[0] * SIZE[1] / SIZE[0])
     axes.set_xlim(middle[0] - reach * SIZE[0] / SIZE[1], middle[0] + reach * SIZE[0] / SIZE[1])
@@ -74,10 +76,10 @@ def _decision(planner: Planner) -> tuple[State, Goal, CandidateVerdicts, tuple[F
         options = stretch.options
         if options is not None and len(options.rows) >= WAYS and options.taken >= 0:
             good = np.isfinite(options.value).mean()
-            way, jumps = _swim_path(planner, state, goal)
-            if 0.4 < good < 0.95 and 2 <= len(jumps) <= 6 and len(way) > 60:
-                return state, goal, options, (way, jumps)
-            best = best or (state, goal, options, (way, jumps))
+            trajectory, jumps = _swim_path(planner, state, goal)
+            if 0.4 < good < 0.95 and 2 <= len(jumps) <= 6 and len(trajectory) > 60:
+                return state, goal, options, (trajectory, jumps)
+            best = best or (state, goal, options, (trajectory, jumps))
         state = then
     assert best is not None
     return best
@@ -90,8 +92,8 @@ def _swim_path(planner: Planner, state: State, goal: Goal) -> tuple[Floats, Floa
         stretch, state = planner.plan(state, goal, rng)
         if stretch.new:
             jumps.append(ticks)
-        places.append(stretch.way)
-        ticks += len(stretch.way)
+        places.append(stretch.trajectory)
+        ticks += len(stretch.trajectory)
         if stretch.touched:
             break
     return np.concatenate(places), np.array(jumps, int)

@@ -75,7 +75,7 @@ def _decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any
 
     They are filled on the first tick of each stretch, and empty (NaN or null) on the others.
     """
-    starts = np.cumsum([0] + [len(stretch.way) for stretch in stretches])[:-1]
+    starts = np.cumsum([0] + [len(stretch.trajectory) for stretch in stretches])[:-1]
     first_ticks = starts[starts < ticks]
     decisions = [stretch.decision for stretch in stretches[: len(first_ticks)]]
     columns: dict[str, Any] = {}
@@ -107,11 +107,12 @@ def edit_columns(
     names: the goal of each stretch; sources: what can be shown. The columns of the cross-fade
     partner have a meaning where `weight` > 0.
     """
-    lengths = np.array([len(stretch.way) for stretch in stretches])
+    lengths = np.array([len(stretch.trajectory) for stretch in stretches])
     stretch_of_tick = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
-    way = np.concatenate([stretch.way for stretch in stretches])[:ticks]
+    trajectory = np.concatenate([stretch.trajectory for stretch in stretches])[:ticks]
     rots = [
-        np.zeros(len(stretch.way)) if stretch.rot is None else stretch.rot for stretch in stretches
+        np.zeros(len(stretch.trajectory)) if stretch.rot is None else stretch.rot
+        for stretch in stretches
     ]
     pictures = resolve_mirror_images(
         frame=np.array([stretch.kind == FRAME for stretch in stretches])[stretch_of_tick],
@@ -121,8 +122,8 @@ def edit_columns(
     )
     starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     first_ticks = starts[starts < ticks]
-    heading = wrap_deg(way[:, 2])
-    step = np.hypot(*np.diff(way[:, :2], axis=0, prepend=way[:1, :2]).T)
+    heading = wrap_deg(trajectory[:, 2])
+    step = np.hypot(*np.diff(trajectory[:, :2], axis=0, prepend=trajectory[:1, :2]).T)
     speed = step / sources.body_length_px * sources.rate_hz
     if len(speed) > 1:
         speed[0] = speed[1]  # before the first tick there is no step
@@ -134,8 +135,8 @@ def edit_columns(
         "tick": np.arange(ticks),
         "time_s": np.arange(ticks) / sources.rate_hz,
         **_join_columns(pictures, heading, new_ticks, sources),
-        "x_px": way[:, 0],
-        "y_px": way[:, 1],
+        "x_px": trajectory[:, 0],
+        "y_px": trajectory[:, 1],
         "heading_deg": heading,
         "speed": speed,
         "motion_area": np.array([stretch.area for stretch in stretches])[stretch_of_tick],

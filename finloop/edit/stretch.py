@@ -59,20 +59,20 @@ class Decision(NamedTuple):
 
 @dataclass(frozen=True)
 class Stretch:
-    """What a fish does for some ticks (n,) after one decision; way (n, 3): x, y px, heading in °.
+    """What a fish does for some ticks (n,) after one decision.
 
-    state: index in `STATES`; kind: SPRITE or FRAME; number (n,): the sprites or film rows shown;
-    rot (n,): by how much frames are turned, degrees; phase (n,): place in the cycle, in frames,
-    where sprites of one are played; new: whether the first picture does not follow the one before;
-    aim: x, y px of the point that the fish heads for, first; area: motion area requested of the
-    network, else NaN; touched: whether the last tick touches the goal; waits: whether the fish
-    waits for a gateway; whole: whether the stretch is uncut; options: what was weighed; past (k +
-    n, d): states of the forecast before and in the stretch, oldest first; steer (n, 2): corrections
-    in degrees and px, on a path alone.
+    state: index in `STATES`; trajectory (n, 3): x, y px, heading in degrees; kind: SPRITE or FRAME;
+    number (n,): the sprites or film rows shown; rot (n,): by how much frames are turned, degrees;
+    phase (n,): place in the cycle, in frames, where sprites of one are played; new: whether the
+    first picture does not follow the one before; aim: x, y px of the point that the fish heads for,
+    first; area: motion area requested of the network, else NaN; touched: whether the last tick
+    touches the goal; waits: whether the fish waits for a gateway; whole: whether the stretch is
+    uncut; options: what was weighed; past (k + n, d): states of the forecast before and in the
+    stretch, oldest first; steer (n, 2): corrections in degrees and px, on a path alone.
     """
 
     state: int
-    way: Floats
+    trajectory: Floats
     number: Ints
     new: bool
     aim: tuple[Any, ...]
@@ -96,8 +96,8 @@ class Stretch:
     @cached_property
     def path_and_pictures(self) -> Floats:
         """Return x, y px, heading in degrees and picture number of each tick, (n, 4)."""
-        ticks = np.empty((len(self.way), 4))
-        ticks[:, :3], ticks[:, 3] = self.way, self.pictures
+        ticks = np.empty((len(self.trajectory), 4))
+        ticks[:, :3], ticks[:, 3] = self.trajectory, self.pictures
         return ticks
 
     def remaining_path(self, gone: int) -> Floats:
@@ -105,19 +105,19 @@ class Stretch:
 
         At least the last tick remains.
         """
-        return self.path_and_pictures[min(gone, len(self.way) - 1) :]
+        return self.path_and_pictures[min(gone, len(self.trajectory) - 1) :]
 
     def cut(self, ticks: int) -> "Stretch":
         """Return the stretch shortened to its first `ticks` ticks, at least 1.
 
         A shortened stretch touches no goal; one that is not longer is returned as it is.
         """
-        if ticks >= len(self.way):
+        if ticks >= len(self.trajectory):
             return self
-        removed = len(self.way) - ticks
+        removed = len(self.trajectory) - ticks
         shortened = {
             name: values[: len(values) - removed]
-            for name in ("way", "number", "rot", "phase", "past", "steer")
+            for name in ("trajectory", "number", "rot", "phase", "past", "steer")
             if (values := getattr(self, name)) is not None
         }
         return replace(self, **shortened, touched=False, whole=False)

@@ -230,7 +230,7 @@ class LiveFish:
         Its columns are x, y [px], heading [degrees] and number of the picture.
         """
         stretch = self._decisions[-1].stretch
-        begin = self.born + self._state.fish.tick - len(stretch.way)
+        begin = self.born + self._state.fish.tick - len(stretch.trajectory)
         return stretch.remaining_path(max(0, tick - begin))
 
     def _other_paths(self, tick: int) -> Floats:
@@ -458,7 +458,7 @@ class LiveFish:
         joins, last = self._player.joins, self._decisions[-1]
         for decision in reversed(self._decisions):
             recent.appendleft(decision)
-            ticks += len(decision.stretch.way)
+            ticks += len(decision.stretch.trajectory)
             if decision is not last:
                 stretch = decision.stretch
                 moving_ticks += joins.count_moving(stretch.kind, stretch.number)
@@ -467,7 +467,7 @@ class LiveFish:
         stretches = [decision.stretch for decision in recent]
         names = [decision.target_name for decision in recent]
         columns = edit_columns(stretches, names, ticks, self._modes.sources[self.mode])
-        first = ticks - len(last.stretch.way)
+        first = ticks - len(last.stretch.trajectory)
         rows = np.zeros(ticks - first, ROW)
         for column in _EDIT_COLUMNS:
             rows[column] = columns[column][first:]

@@ -122,7 +122,7 @@ class Hybrid:
         if fish.since != _JUST_LEFT and (entered := self.enter_film(fish, goal)) is not None:
             return entered
         stretch = self.network.play(fish, goal, rng)
-        for tick in range(1, len(stretch.way)):
+        for tick in range(1, len(stretch.trajectory)):
             at_tick = self.network.end_state(fish, stretch.cut(tick))
             if self.enter_film(at_tick, goal) is not None:
                 return stretch.cut(tick)

@@ -268,8 +268,8 @@ class Loops:
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch of film that began with `fish`."""
-        ticks, last_row = len(stretch.way), int(stretch.number[-1])
-        x, y, heading = map(float, stretch.way[-1])
+        ticks, last_row = len(stretch.trajectory), int(stretch.number[-1])
+        x, y, heading = map(float, stretch.trajectory[-1])
         assert stretch.rot is not None
         begins_anew = stretch.new or fish.row < 0
         return Fish(

@@ -167,16 +167,16 @@ class Network:
             drift_factor = min(1.0, abs(approach.error) / max(np.abs(drift).max(), 1e-9))
         drift = drift * np.copysign(drift_factor, approach.error * drift[-1])
         swim = Ahead(forward, drift, brake=forward * self._stop)
-        way, safe_ticks, touch_tick = step.swim_ahead(
+        trajectory, safe_ticks, touch_tick = step.swim_ahead(
             self.world.tank.legal, approach.start, swim, approach.goal
         )
-        if safe_ticks < min(2, len(way)) and touch_tick >= safe_ticks:
+        if safe_ticks < min(2, len(trajectory)) and touch_tick >= safe_ticks:
             return None
         ticks = min(touch_tick + 1, safe_ticks)
         state = int(phases.state[chosen])
         sprite, phase, new = self._play_cycle(fish, state, speed[:ticks])
         return Stretch(
-            state, way[:ticks], sprite, new, approach.aim, touched=touch_tick < ticks,
+            state, trajectory[:ticks], sprite, new, approach.aim, touched=touch_tick < ticks,
             decision=Decision(PHASE, film_speed=float(first)), phase=phase,
         )  # fmt: skip
 
@@ -215,11 +215,11 @@ class Network:
         if fish.is_bent:
             plan = start_from_bend(plan, sprites.turns, side, fish.sprite)
             new = plan.frames[0] not in (fish.sprite, sprites.following[fish.sprite])
-        way, touch_tick, room = self._fit_turn(approach, plan, chosen)
+        trajectory, touch_tick, room = self._fit_turn(approach, plan, chosen)
         ticks = min(touch_tick + 1, len(plan.frames))
         decision = Decision(TURNING, turn_deg=approach.error, sprite_area=plan.area, room=room)
         return Stretch(
-            TURN, way[:ticks], plan.frames[:ticks], new, approach.aim,
+            TURN, trajectory[:ticks], plan.frames[:ticks], new, approach.aim,
             touched=touch_tick < ticks, decision=decision, area=area,
         )  # fmt: skip
 
@@ -269,23 +269,23 @@ class Network:
         speed_factor = self.p.brake_speed_ratio ** (np.arange(1, ticks + 1) / ticks)
         speed, zeros = np.maximum(fish.speed * speed_factor, phases.low), np.zeros(ticks)
         swim = Ahead(speed * (self._px / motion.rate_hz), drift=zeros, brake=zeros)
-        way, safe_ticks, touch_tick = step.swim_ahead(
+        trajectory, safe_ticks, touch_tick = step.swim_ahead(
             self.world.tank.legal, approach.start, swim, approach.goal
         )
         shown = min(touch_tick + 1, safe_ticks)
         if shown == 0:
-            way, shown, touch_tick = np.tile(approach.start, (ticks, 1)), ticks, ticks
+            trajectory, shown, touch_tick = np.tile(approach.start, (ticks, 1)), ticks, ticks
         sprite, phase, new = self._play_cycle(fish, DECELERATE, speed[:shown])
         return Stretch(
-            DECELERATE, way[:shown], sprite, new, approach.aim,
+            DECELERATE, trajectory[:shown], sprite, new, approach.aim,
             touched=touch_tick < shown, decision=Decision(WALL), phase=phase,
         )  # fmt: skip
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch of sprites that began with `fish`."""
-        ticks, sprite = len(stretch.way), int(stretch.number[-1])
-        x, y, heading = map(float, stretch.way[-1])
-        before_x, before_y = stretch.way[-2, :2] if ticks > 1 else (fish.x, fish.y)
+        ticks, sprite = len(stretch.trajectory), int(stretch.number[-1])
+        x, y, heading = map(float, stretch.trajectory[-1])
+        before_x, before_y = stretch.trajectory[-2, :2] if ticks > 1 else (fish.x, fish.y)
         forward = np.hypot(x - before_x, y - before_y) / self._px
         speed = max(float(forward * self.world.motion.rate_hz), self.phases.low)
         phase = fish.phase

@@ -119,7 +119,7 @@ class PaperPlayer:
         if fish is not state.fish:
             stretch = replace(stretch, new=True)
         if wanders:
-            ticks = len(stretch.way) * (stretch.state != TURN)  # turns do not count
+            ticks = len(stretch.trajectory) * (stretch.state != TURN)  # turns do not count
             left = 0 if stretch.touched else max(0, left - ticks)
         return stretch, State(self.mode.end_state(fish, stretch), place, left)
 

@@ -85,7 +85,7 @@ class Fallback:
 
         fish: at the beginning of the stretch.
         """
-        return count_lasting_ticks(fish.company, stretch.pictures, stretch.way, fish.tick)
+        return count_lasting_ticks(fish.company, stretch.pictures, stretch.trajectory, fish.tick)
 
     def _part_inside_tank(self, stretch: Stretch) -> Stretch | None:
         """Return a stretch up to where it leaves the tank; None if no tick is inside.
@@ -94,10 +94,12 @@ class Fallback:
         swims.
         """
         most_px, numbers = self._world.cost_weights.pace, stretch.pictures.astype(np.int64)
-        inside = keep_inside(self._world.bounds, numbers, stretch.way, most_px)
-        if np.array_equal(inside, stretch.way):
+        inside = keep_inside(self._world.bounds, numbers, stretch.trajectory, most_px)
+        if np.array_equal(inside, stretch.trajectory):
             return stretch
-        return replace(stretch.cut(len(inside)), way=inside, touched=False) if len(inside) else None
+        if not len(inside):
+            return None
+        return replace(stretch.cut(len(inside)), trajectory=inside, touched=False)
 
     def _stay_at_wall(self, fish: Fish, target: Target) -> Stretch:
         """Return a stretch for a fish whose next picture does not fit in beside a wall.
@@ -108,7 +110,7 @@ class Fallback:
         x, y = self._world.tank.nearest_legal_point(fish.x, fish.y)
         open_water = Target(x, y, touch_px=0.0, head_px=0.0)
         for stays in self._ways_to_stay(fish, target):
-            drifts = replace(stays, way=self._drift(fish, stays, open_water))
+            drifts = replace(stays, trajectory=self._drift(fish, stays, open_water))
             if (inside := self._part_inside_tank(drifts)) is not None:
                 return inside
         return stays
@@ -122,7 +124,7 @@ class Fallback:
             away = self._place_away_from(fish, x, y, aside_deg)
             for stays in self._ways_to_stay(fish, away):
                 drifting = self._drift(fish, stays, away)
-                yield replace(stays, way=drifting, decision=Decision(WAITING))
+                yield replace(stays, trajectory=drifting, decision=Decision(WAITING))
         # The last way to stay, with the same picture, and without a drift.
         yield replace(stays, decision=Decision(WAITING))
 
@@ -138,17 +140,17 @@ class Fallback:
         """Yield two stretches in place: turning to a target, then with the present picture."""
         stays = self.stay(fish, target)
         yield stays
-        n = len(stays.way)
+        n = len(stays.trajectory)
         poses = np.tile((fish.x, fish.y, fish.heading), (n, 1))
         rows, rots = np.full(n, fish.row), np.full(n, fish.rot)
-        yield replace(stays, way=poses, number=rows, rot=rots, new=False)
+        yield replace(stays, trajectory=poses, number=rows, rot=rots, new=False)
 
     def _drift(self, fish: Fish, stretch: Stretch, target: Target) -> Floats:
         """Return a stretch's trajectory (n, 3), x, y px, heading, drifting to a target."""
-        distances = np.arange(1, len(stretch.way) + 1) * self._drift_px
+        distances = np.arange(1, len(stretch.trajectory) + 1) * self._drift_px
         offset = np.subtract(target[:2], (fish.x, fish.y))
         direction = offset / max(float(np.hypot(*offset)), 1e-9)
-        trajectory = stretch.way.copy()
+        trajectory = stretch.trajectory.copy()
         trajectory[:, :2] = (fish.x, fish.y) + distances[:, None] * direction
         return np.asarray(trajectory)
 

@@ -59,26 +59,28 @@ def path_table(
     named = zip(animation.stretches, animation.names, strict=True)
     stretches = [stretch for stretch, name in named if name == PATH]
     empty = np.zeros((0, 3))
-    way = np.concatenate([empty, *(stretch.way for stretch in stretches)])[:ticks]
-    steer = [np.zeros((len(s.way), 2)) if s.steer is None else s.steer for s in stretches]
+    trajectory = np.concatenate([empty, *(stretch.trajectory for stretch in stretches)])[:ticks]
+    steer = [np.zeros((len(s.trajectory), 2)) if s.steer is None else s.steer for s in stretches]
     corrections = np.concatenate([empty[:, :2], *steer])[:ticks]
     route, length, along = path.asked, world.motion.body_length_px, 0.0
-    feet, due_places = np.empty((len(way), 3)), np.full((len(way), 2), np.nan)
-    for tick, (x, y, _) in enumerate(way):
+    feet, due_places = np.empty((len(trajectory), 3)), np.full((len(trajectory), 2), np.nan)
+    for tick, (x, y, _) in enumerate(trajectory):
         route_tick = tick + route.begins
         along, *_ = feet[tick] = find_foot(route, x, y, foot_search_start(route, along, route_tick))
         if route.is_timed:
             due_places[tick] = point_along(route, due_along(route, route_tick))
-    error_deg = np.full(len(way), np.nan)
-    if len(route.heading) and len(way):
+    error_deg = np.full(len(trajectory), np.nan)
+    if len(route.heading) and len(trajectory):
         cell = np.minimum((feet[:, 0] / route.step).astype(int), len(route.heading) - 1)
-        error_deg = np.asarray(wrap_deg(way[:, 2] - route.heading[cell]), float)
+        error_deg = np.asarray(wrap_deg(trajectory[:, 2] - route.heading[cell]), float)
     return pd.DataFrame({
-        "fish": 0, "mode": mode, "tick": np.arange(len(way)),
-        "time_s": np.arange(len(way)) / world.motion.rate_hz, "along_px": feet[:, 0],
-        "asked_x_px": feet[:, 1], "asked_y_px": feet[:, 2], "x_px": way[:, 0], "y_px": way[:, 1],
-        "across": np.hypot(*(feet[:, 1:] - way[:, :2]).T) / length,
-        "late": np.hypot(*(due_places - way[:, :2]).T) / length, "heading_error_deg": error_deg,
+        "fish": 0, "mode": mode, "tick": np.arange(len(trajectory)),
+        "time_s": np.arange(len(trajectory)) / world.motion.rate_hz, "along_px": feet[:, 0],
+        "asked_x_px": feet[:, 1], "asked_y_px": feet[:, 2],
+        "x_px": trajectory[:, 0], "y_px": trajectory[:, 1],
+        "across": np.hypot(*(feet[:, 1:] - trajectory[:, :2]).T) / length,
+        "late": np.hypot(*(due_places - trajectory[:, :2]).T) / length,
+        "heading_error_deg": error_deg,
         "turned_deg": corrections[:, 0], "shifted_px": corrections[:, 1],
     })  # fmt: skip
 

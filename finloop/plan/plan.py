@@ -118,7 +118,7 @@ def candidate_table(
     for stretch in animation.stretches:
         if tick < ticks and stretch.options is not None:
             parts.append(_candidate_rows(tick, stretch.options, film_rows))
-        tick += len(stretch.way)
+        tick += len(stretch.trajectory)
     empty = pd.DataFrame({name: [] for name in CONSIDERED.names[1:]})
     table = pd.concat(parts, ignore_index=True) if parts else empty
     table.insert(0, "fish", fish_number)

@@ -1,7 +1,7 @@
 """The planner of mode `matching`: takes a fish and its task, returns the next stretch.
 
-One search (`finloop.plan.search`) weighs ways: through the film where a way of it leads on, else by
-the forecast's predictions. The fish swims the first part of the best way. Where no way leads on,
+One search (`finloop.plan.search`) weighs branches: through the film where one leads on, else by the
+forecast's predictions. The fish swims the first part of the best branch. Where no branch leads on,
 `finloop.plan.fallback` decides what the fish does.
 """
 
@@ -55,7 +55,7 @@ from finloop.social.rule import SchoolRule
 
 _MOST_TRIES = 200  # tries to draw a place clear of the other fish
 _FEWER = 4  # divides the beam of a fish that wanders, or that has others near it
-_WIDER = 8  # multiplies the beam along a path where no way leads on
+_WIDER = 8  # multiplies the beam along a path where no branch leads on
 _STARTS = 300  # random rows of which the best begins a path
 
 
@@ -208,7 +208,7 @@ class Planner:
         if stretch is not planned:
             path = Progress()
         keeps_target = not isinstance(goal, Goal) and not stretch.touched
-        left = max(0, aimed.left - len(stretch.way)) if keeps_target else 0
+        left = max(0, aimed.left - len(stretch.trajectory)) if keeps_target else 0
         return stretch, aimed._replace(fish=self._fish_after(fish, stretch), left=left, path=path)
 
     def _choose_target(
@@ -276,20 +276,20 @@ class Planner:
         """
         if path.runs and _is_same_task(path.task, task):
             stretch, progress = self._swim_next_run(fish, path, objective, None)
-            if len(stretch.way):
+            if len(stretch.trajectory):
                 return stretch, progress
         plans = self._best_plans(fish, path.along, objective, rng)
         for plan in plans:
             runs = plan.first_runs(self._ticks_between_searches(objective))
             planned = Progress(path.along, task, runs, plan.state)
             stretch, progress = self._swim_next_run(fish, planned, objective, plan)
-            if len(stretch.way):
+            if len(stretch.trajectory):
                 return stretch, progress
         aim = self._point_ahead(objective, path.along)
         options = plans[0].verdicts(self.world.motion.rate_hz) if plans else None
         stretch = self._fallback.stay(fish, aim)
         goal = task if isinstance(task, Target) else ANYWHERE
-        if not goal.free and touches_target(*stretch.way[0], goal):  # it rests on its goal
+        if not goal.free and touches_target(*stretch.trajectory[0], goal):  # it rests on its goal
             stretch = replace(stretch.cut(1), touched=True)
         if options is not None:
             options = replace(options, taken=-1)
@@ -303,8 +303,8 @@ class Planner:
     ) -> list[Plan]:
         """Return the best plan by the film, and by the forecast where needed, the best first.
 
-        The forecast is needed where the film has no way on, or leaves the path. along: px along the
-        path.
+        The forecast is needed where no branch of the film leads on, or all leave the path. along:
+        px along the path.
         """
         filmed = self._best_plan(self.film, fish, along, objective, rng)
         if filmed is not None and not self._needs_prediction(filmed, fish, objective):
@@ -362,8 +362,8 @@ class Planner:
     ) -> Plan | None:
         """Return the cheapest plan from the candidates of a search; None where no row can be shown.
 
-        source: the motion source of the candidates. On a path, a search without a way on is
-        repeated with a wider beam.
+        source: the motion source of the candidates. On a path, a search in which no
+        branch leads on is repeated with a wider beam.
         """
         candidates, start = candidates_and_start
         any_place = objective.aim.free and not len(objective.route.x)
@@ -398,11 +398,11 @@ class Planner:
         if isinstance(path.task, Target):
             goal = path.task
         swim = source.swim_run(fish, run, path.along, objective, goal)
-        way, rate, options = swim.way, self.world.motion.rate_hz, None
+        trajectory, rate, options = swim.trajectory, self.world.motion.rate_hz, None
         reason = AS_PREDICTED if path.motion != FILM else JUMP if swim.jumps else PLAY
         decision = Decision(reason, seam=swim.seam)
-        if len(way) and not on_path:
-            x, y, _ = way[-1].tolist()
+        if len(trajectory) and not on_path:
+            x, y, _ = trajectory[-1].tolist()
             decision = decision._replace(quadrant=quadrant_of_displacement(x - fish.x, fish.y - y))
         if plan is not None:
             options = plan.verdicts(rate)
@@ -412,12 +412,12 @@ class Planner:
                 decision._replace(value_s=value_s, exit=NO_WAY if leaves_film else "")
             )
         stretch = Stretch(
-            source.state, way, swim.rows, swim.jumps, self._point_ahead(objective, swim.along),
-            swim.touched, decision, FRAME,
-            wrap_deg(way[:, 2] - self.world.film.heading[swim.rows]),
+            source.state, trajectory, swim.rows, swim.jumps,
+            self._point_ahead(objective, swim.along), swim.touched, decision, FRAME,
+            wrap_deg(trajectory[:, 2] - self.world.film.heading[swim.rows]),
             past=swim.past, steer=swim.used if on_path else None, options=options,
         )  # fmt: skip
-        runs = tuple(later) if len(way) == run.ticks and not swim.touched else ()
+        runs = tuple(later) if len(trajectory) == run.ticks and not swim.touched else ()
         return stretch, path._replace(along=swim.along, runs=runs)
 
     def _point_ahead(self, objective: Objective, along: float) -> Target:
@@ -469,8 +469,8 @@ class Planner:
 
     def _fish_after(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch that began with `fish`."""
-        world, ticks, last_row = self.world, len(stretch.way), int(stretch.number[-1])
-        x, y, heading = map(float, stretch.way[-1])
+        world, ticks, last_row = self.world, len(stretch.trajectory), int(stretch.number[-1])
+        x, y, heading = map(float, stretch.trajectory[-1])
         stays = stretch.decision.reason in (SPOT, WAITING)
         first_shown, last_shown = stretch.number[[0, -1]].tolist()
         forgets = fish.tick - world.settings.repeat_memory * world.motion.delta
@@ -481,14 +481,14 @@ class Planner:
             tick=fish.tick + ticks, row=last_row, rot=float(stretch.rot[-1]),
             recent=remember_rows(fish.recent, first_shown, last_shown, fish.tick, forgets),
             past=None if stretch.past is None else np.ascontiguousarray(stretch.past[ticks:][::-1]),
-            lag=world.tempo.lag_after(fish.lag, stretch.way, (fish.x, fish.y)),
+            lag=world.tempo.lag_after(fish.lag, stretch.trajectory, (fish.x, fish.y)),
         )  # fmt: skip
 
     # --- questions about stretches and pictures
 
     def is_clear(self, state: State, stretch: Stretch) -> bool:
         """Return whether a stretch is clear of other fish, even if the fish stays after it."""
-        return self._fallback.count_free_ticks(state.fish, stretch) == len(stretch.way)
+        return self._fallback.count_free_ticks(state.fish, stretch) == len(stretch.trajectory)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
         """Return the first ticks of a stretch that began in `state`, and the state after them."""

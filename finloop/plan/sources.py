@@ -36,14 +36,14 @@ from finloop.plan.world import FilmWorld
 class Passage(NamedTuple):
     """How a fish swims along a run: up to where it is done, or leaves the tank.
 
-    way (n, 3): x, y px, heading; used (n, 2): steering corrections, degrees and px; along: px along
-    the path at its end; touched: whether its last place touches the goal; rows (n,): rows that are
-    shown; jumps: whether the first does not follow the row on screen; seam: its discontinuity then,
-    natural steps; past: states of a fish that swims as predicted, the oldest first, those of the
-    run last.
+    trajectory (n, 3): x, y px, heading; used (n, 2): steering corrections, degrees and px;
+    along: px along the path at its end; touched: whether its last place touches the goal; rows
+    (n,): rows that are shown; jumps: whether the first does not follow the row on screen; seam: its
+    discontinuity then, natural steps; past: states of a fish that swims as predicted, the oldest
+    first, those of the run last.
     """
 
-    way: Floats
+    trajectory: Floats
     used: Floats
     along: float
     touched: bool
@@ -95,11 +95,13 @@ class FilmSource:
         along_px: px along the path at the start; goal: ends the run when the fish touches it.
         """
         place = np.array([fish.x, fish.y, fish.heading, fish.rot])
-        way, corrections, along_px, touches, seam = swim_film_run(
+        trajectory, corrections, along_px, touches, seam = swim_film_run(
             self.graph, place, fish.row, run, (along_px, fish.tick), (objective, goal)
         )
-        rows = np.arange(run.row, run.row + len(way))
-        return Passage(way, corrections, along_px, touches, rows, run.row != fish.row + 1, seam)
+        rows = np.arange(run.row, run.row + len(trajectory))
+        return Passage(
+            trajectory, corrections, along_px, touches, rows, run.row != fish.row + 1, seam
+        )
 
 
 class PredictionSource:
@@ -166,16 +168,18 @@ class PredictionSource:
         )
         last_row = row + len(states)
         rot = float(predicted[-1, 2] - film.rows["heading"][last_row])
-        way = extend_trajectory_by_film(
+        planned = extend_trajectory_by_film(
             self.graph, predicted, last_row, rot, self._world.steering_ticks
         )
-        speed = film.speed[row : row + len(way) - 1].copy()
+        speeds = film.speed[row : row + len(planned) - 1].copy()
         rows, jumps = row + 1 + np.arange(len(states)), row != self._row_with_similar(fish)
-        way, corrections, along_px, touches = swim_trajectory(
-            way, speed, rows, (along_px, fish.tick), (objective, goal), self.graph
+        trajectory, corrections, along_px, touches = swim_trajectory(
+            planned, speeds, rows, (along_px, fish.tick), (objective, goal), self.graph
         )
-        shown = np.concatenate([past[::-1], states[: len(way)]])
-        return Passage(way, corrections, along_px, touches, rows[: len(way)], jumps, past=shown)
+        shown = np.concatenate([past[::-1], states[: len(trajectory)]])
+        return Passage(
+            trajectory, corrections, along_px, touches, rows[: len(trajectory)], jumps, past=shown
+        )
 
     def _row_with_similar(self, fish: Fish) -> int:
         """Return the row on screen of a predicted fish, else the nearest row with similar ones."""
