@@ -147,11 +147,16 @@ def choose_examined_runs(frames: int, key_frame_distance: int = 1) -> list[tuple
     return [(int(start), int(start) + LENGTH) for start in starts]
 
 
-def _empty_tank(frames: Sequence[Picture]) -> Picture:
-    """Return the empty tank (h, w[, 3]): the median of frames, after light and shake are undone."""
-    sample = list(frames[:: math.ceil(len(frames) / _SAMPLES)])
+def _empty_tank(tally: ClipTally) -> Picture:
+    """Return the empty tank (h, w[, 3]): the median of frames, after light and shake are undone.
+
+    It is as bright as the median of all frames.
+    """
+    numbers = list(tally.samples)[:: math.ceil(len(tally.samples) / _SAMPLES)]
+    sample = [tally.samples[number] for number in numbers]
     gains = [np.nan_to_num(measure_gain(frame, sample[0]), nan=1.0) for frame in sample]
-    typical = np.median(gains, axis=0)
+    lights = np.nan_to_num(tally.lights, nan=1.0)
+    typical = np.median(gains / lights[numbers, None], axis=0) * np.median(lights)
     sample = [undo_gain(frame, gain / typical) for frame, gain in zip(sample, gains, strict=True)]
     landmarks = find_landmarks(_median_picture(sample))
     shifts = [measure_shift(frame, landmarks) for frame in sample]
@@ -190,7 +195,7 @@ def check_film(
     brightness and samples of all frames. The table has the columns `CHECK`. key_frame_distance:
     frames from one key frame to the next.
     """
-    tank_picture = _empty_tank(list(tally.samples.values()))
+    tank_picture = _empty_tank(tally)
     tank, landmarks, last = to_grey(tank_picture), find_landmarks(tank_picture), STILL
     rows: list[dict[str, float]] = []
     movers: list[tuple[float, float, float, float]] = []

@@ -2,9 +2,9 @@
 
 The background is the median of these frames. But a fish that stays in its place, or moves less than
 its length, is in the median itself: a *ghost*. The difference from such a background is the part
-that moved, now darker, now brighter, of any size. So where fish are both darker and brighter than
-the median, or nothing is found, two other backgrounds are tried: the median without ghosts, and an
-even tone. The one whose fish are most alike in size is taken, if it is clearly better.
+that moved, now darker, now brighter, of any size. So two other backgrounds are tried: the median
+without ghosts, and an even tone. The one whose fish are most alike in size is taken, if it is
+clearly better.
 """
 
 from collections.abc import Iterator, Sequence
@@ -100,9 +100,9 @@ def measure_scene_and_fish(
     """Measure the scene and a typical fish on sample frames spread over the clip.
 
     sample_frames: (h, w[, 3]); arena: (h, w) uint8, 255 inside. With background `auto`, other
-    backgrounds than the median are tried if it shows no fish, or fish both darker and brighter than
-    it: a fish that hardly moved leaves a ghost in the median. The one on which fish vary least in
-    area is taken. FinloopError if no background shows an isolated fish.
+    backgrounds than the median are tried: a fish that hardly moved leaves a ghost in the median.
+    The one on which fish clearly vary least in area is taken. FinloopError if no background shows
+    an isolated fish.
     """
     measure = partial(_measure_with_background, sample_frames, arena, settings, workers)
     if settings.background == "threshold":
@@ -125,8 +125,6 @@ def measure_scene_and_fish(
         if best := min(try_other_backgrounds(), key=area_spread, default=None):
             return best[:2]
         raise
-    if with_median.scene.polarity != "both":
-        return with_median[:2]
     best = min(try_other_backgrounds(), key=area_spread, default=with_median)
     clearly_better = best.area_spread < _BETTER * with_median.area_spread
     return (best if clearly_better else with_median)[:2]
