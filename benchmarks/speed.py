@@ -27,7 +27,7 @@ from skimage.graph import route_through_array
 from skimage.morphology import skeletonize
 
 from benchmarks.pipeline import ROOT, prepare_folder, run_stage
-from finloop.base.parallel import Processes, Threads, warm_up
+from finloop.base.parallel import Processes, Threads, start_fork_server
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film_frames
 from finloop.extract.backbone import trace_backbone
@@ -194,7 +194,7 @@ def main() -> None:
     """Time both stages and their peers; print and write the table."""
     results = []
     cv2.setNumThreads(1)
-    warm_up(WORKERS_NEED)
+    start_fork_server(WORKERS_NEED)
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
         prepare_folder(scratch, ["clip=zebrafish", "clip.parts=A"])

@@ -16,7 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import Processes, Threads, Workers, warm_up
+from finloop.base.parallel import Processes, Threads, Workers, start_fork_server
 from finloop.cluster.settings import ClusterSettings, DefaultWorkers
 from stages.settings import load_settings
 
@@ -36,7 +36,7 @@ def open_workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers
         # time to start.
         count = int(os.environ.get(PROCESSES, THREADS))
         if count > 1 and not threads:
-            warm_up(need)
+            start_fork_server(need)
         yield Threads(THREADS) if threads else Processes(count)
         return
     from finloop.cluster.workers import WorkerHome, connect_dask_workers  # loads a compiler

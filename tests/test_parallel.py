@@ -29,7 +29,7 @@ from jobs import (
 
 from finloop.base import parallel
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import Processes, Threads, ordered_map, prefetch, warm_up
+from finloop.base.parallel import Processes, Threads, ordered_map, prefetch, start_fork_server
 from finloop.io.movie import VideoWriter
 from finloop.io.video import read_frames
 
@@ -37,7 +37,7 @@ from finloop.io.video import read_frames
 @pytest.fixture(scope="module", autouse=True)
 def quick_to_start():
     """Processes are forked from one that has imported their work."""
-    warm_up(["jobs", parallel.__name__])
+    start_fork_server(["jobs", parallel.__name__])
 
 
 @pytest.fixture(autouse=True)
@@ -107,10 +107,10 @@ def test_no_more_is_worked_ahead_than_a_result_for_each_worker(workers, tmp_path
 
 EMPLOYER = """
 from pathlib import Path
-from finloop.base.parallel import Processes, ordered_map, warm_up
+from finloop.base.parallel import Processes, ordered_map, start_fork_server
 from jobs import notes_itself_and_waits
 if __name__ == "__main__":
-    warm_up(["jobs"])
+    start_fork_server(["jobs"])
     list(ordered_map(notes_itself_and_waits, [Path("a"), Path("b")], Processes(2)))
 """
 

@@ -212,7 +212,8 @@ def count_ticks_outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
     x, y = edit["x_px"].to_numpy(), edit["y_px"].to_numpy()
     column, row = np.round(x).astype(int), np.round(y).astype(int)
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-    depth = np.where(inside, tank.depth_px[row * inside, column * inside], 0.0)
+    depth = np.zeros(len(edit))  # px from each place to the nearest wall
+    depth[inside] = tank.depth_px[row[inside], column[inside]]
     pictures = edit.groupby(["kind", "source", "mirrored"]).indices
     for (kind, source, mirrored), shown in pictures.items():
         ahead, left = player.hull(str(kind), int(source)).T
@@ -247,13 +248,11 @@ def measure_film(
         motion_of_film(part, motion)
         for part in (features[features["frame"] <= half], features[features["frame"] > half])
     )
-    halves = {
-        f"{name}_halves_kinematic_distance_sd": kinematic_distance(first, second, whole)
-        for name, first, second, whole in zip(
-            ("speed", "turn_rate"), early, late, film_motion, strict=True
-        )
-        if first.size and second.size and whole.size
-    }
+    halves = {}
+    for name, *samples in zip(("speed", "turn_rate"), early, late, film_motion, strict=True):
+        if all(sample.size for sample in samples):
+            distance = kinematic_distance(*samples)
+            halves[f"{name}_halves_kinematic_distance_sd"] = distance
     return {
         **halves,
         "speed_median_body_lengths_s": float(np.median(film_motion[0])),

@@ -129,12 +129,13 @@ def find_foot(route: Route, x: float, y: float, along_px: float):  # type: ignor
     n = route.x.size
     lap = int(max(along_px, 0.0) / route.step)
     start, _, _ = _places_around(route, along_px)
+    # The nearest place: number `best_k`, `best` places ahead of `along_px`.
     best, best_k, least_px2, place = 0, start, 1e300, start
     on_path_px2 = route.step * route.step
     for i in range(n):
         beyond = route.step * (i - route.ahead - 1)
         if beyond > 0 and beyond * beyond > 4 * least_px2:
-            break
+            break  # farther ahead than twice the distance from the route
         square_px2 = (route.x[place] - x) ** 2 + (route.y[place] - y) ** 2
         if square_px2 < least_px2:
             best, best_k, least_px2 = i, place, square_px2
@@ -146,7 +147,7 @@ def find_foot(route: Route, x: float, y: float, along_px: float):  # type: ignor
                 break
             place = 0
     position, foot_x, foot_y, least_px2 = float(lap + best), route.x[best_k], route.y[best_k], 1e300
-    for before in range(2):
+    for before in range(2):  # the piece after that place, and the one before
         if before > best:
             break
         place = best_k - before

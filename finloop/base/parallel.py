@@ -31,7 +31,7 @@ TRIES = 3
 _PAUSE_S = 0.2  # before the next try after an OSError
 
 
-def warm_up(modules: Sequence[str]) -> None:
+def start_fork_server(modules: Sequence[str]) -> None:
     """Start the server that forks worker processes, on systems that have one.
 
     modules: names of modules that it imports in the background, so that workers start at once.

@@ -25,8 +25,8 @@ def draw_centred_cutout(
 ) -> NDArray[np.float32]:
     """Draw a film cut-out in the middle of a picture (size_px, size_px, channels), 0 … 1.
 
-    centre_px: x, y of its mass centre in the film; length_px: its body length there (all fish come
-    out equally long); turn_deg: turns it anticlockwise as seen.
+    The picture shows SPAN body lengths, so all fish come out equally long. centre_px: x, y of the
+    mass centre in the film; length_px: body length there; turn_deg: anticlockwise as seen.
     """
     centre = (np.asarray(centre_px, float) - (cutout.x0_px, cutout.y0_px)).tolist()
     scale = size_px / (SPAN * length_px)

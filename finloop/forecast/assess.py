@@ -75,13 +75,12 @@ def predict_ensembles(
             continue
         members = errors[similar]
         below = (members < errors[row]).sum(0) + rng.random(members.shape[1])
-        variance = (len(similar) * members.var(0) + _PRIOR * film_variance) / (
-            len(similar) + _PRIOR
-        )
+        count = len(similar)
+        variance = (count * members.var(0) + _PRIOR * film_variance) / (count + _PRIOR)
         rows.append(row)
         means.append(sampler.mean[row] + members.mean(0))
         spreads.append(np.sqrt(variance))
-        ranks.append(below / (len(similar) + 1))
+        ranks.append(below / (count + 1))
     shape = -1, len(film.scale)
     return PredictedEnsembles(
         np.array(rows, np.int64),
@@ -190,7 +189,8 @@ def posture_motion_areas(postures: Floats) -> Floats:
 
 def rank_table(ensemble: PredictedEnsembles) -> pd.DataFrame:
     """Return the table HELD_OUT: where true codes and speeds rank among the predicted members."""
-    ranks = dict(zip(HELD_OUT.names[1:], ensemble.rank[:, [0, -3, -2, -1]].T, strict=True))
+    first_code_and_speeds = ensemble.rank[:, [0, -3, -2, -1]].T
+    ranks = dict(zip(HELD_OUT.names[1:], first_code_and_speeds, strict=True))
     return pd.DataFrame({"row": ensemble.rows, **ranks})
 
 
@@ -229,10 +229,11 @@ def longest_repeat_rows(values: NDArray[np.generic]) -> int:
     numbers = np.unique(values, axis=0, return_inverse=True)[1].ravel()
     longest = 0
     for lag in range(1, len(numbers)):
-        equal = np.concatenate([[False], numbers[lag:] == numbers[:-lag], [False]])
-        if equal.any():
-            edges = np.flatnonzero(equal[1:] != equal[:-1])
-            longest = max(longest, min(lag, int((edges[1::2] - edges[::2]).max())))
+        is_repeated = np.concatenate([[False], numbers[lag:] == numbers[:-lag], [False]])
+        if is_repeated.any():
+            edges = np.flatnonzero(is_repeated[1:] != is_repeated[:-1])
+            longest_run = int((edges[1::2] - edges[::2]).max())
+            longest = max(longest, min(lag, longest_run))  # beyond `lag` rows both would overlap
     return longest
 
 

@@ -377,7 +377,7 @@ def contours_half_cycle_later(
             raise FinloopError(
                 f"two half cycles later the contour {name!r} is not what it was",
                 "orders of points that undo each other, and offsets that add up to 0",
-                f"correct the orders or offsets of {name!r} and {twin!r} in the Layout",
+                f"correct the orders or offsets of {name!r} and {twin!r} in the HalfCycleLayout",
             )
     return later
 

@@ -71,7 +71,7 @@ def appearance_log_ratios(
     """
     long_tracks = np.array([i for i in range(len(tracks)) if len(tracks[i]) >= 2 * _PARTS], np.intp)
     one_animal, two_animals = list[Floats](), list[Floats]()  # distances of such tracks
-    for fold in range(_FOLDS):
+    for fold in range(_FOLDS):  # the other tracks teach the directions, these are measured by them
         test = np.zeros(len(tracks), bool)
         test[long_tracks[fold::_FOLDS]] = True
         directions = _find_discriminant(tracks, long_tracks[~test[long_tracks]])
@@ -96,7 +96,7 @@ def appearance_log_ratios(
     if slope >= 0:  # farther apart would mean more alike: nothing was learnt
         return np.zeros(len(pairs.a))
     first, last = _mean_descriptors_at_ends(tracks, _find_discriminant(tracks, long_tracks))
-    limit = float(np.log(min(counts)))
+    limit = float(np.log(min(counts)))  # so many examples show no greater certainty
     distance = np.minimum(_descriptor_distances(last[pairs.a], first[pairs.b]), farthest)
     return np.clip(slope * distance + offset, -limit, limit)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
 
-from finloop.base.parallel import Processes, warm_up, worker_loss_error
+from finloop.base.parallel import Processes, start_fork_server, worker_loss_error
 
 
 def draw_all(modules: Sequence[str]) -> None:
@@ -14,7 +14,7 @@ def draw_all(modules: Sequence[str]) -> None:
 
     modules: names, the slowest first. FinloopError if the system kills a worker.
     """
-    warm_up(modules)
+    start_fork_server(modules)
     with report_progress("plots", len(modules), "stages") as advance:
         try:
             with Processes(THREADS).open_submitter(_run_module) as submit:

@@ -157,24 +157,24 @@ def _find_body_pixels(
     subpixels.
     """
     last = len(line) - 1
-    fine = np.linspace(0, last, max(8 * last, int(4 * np.ptp(line, axis=0).sum())))
-    nodes = np.arange(last + 1)
-    fx, fy = np.interp(fine, nodes, line[:, 0]), np.interp(fine, nodes, line[:, 1])
-    ix, iy = np.rint(fx).astype(int), np.rint(fy).astype(int)
-    seeds = np.ones((rows, columns), np.uint8)
-    seeds[iy, ix] = 0
-    distance, labels = cv2.distanceTransformWithLabels(
-        seeds, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+    # Places along the midline, in its steps, so dense that they touch each of its pixels.
+    places = np.linspace(0, last, max(8 * last, int(4 * np.ptp(line, axis=0).sum())))
+    column, row = (
+        np.rint(np.interp(places, np.arange(last + 1), line[:, axis])).astype(int)
+        for axis in range(2)
     )
-    guess = np.zeros(int(labels.max()) + 1, np.float32)
-    guess[labels[iy, ix]] = fine
+    is_off_midline = np.ones((rows, columns), np.uint8)
+    is_off_midline[row, column] = 0
+    distance, labels = cv2.distanceTransformWithLabels(
+        is_off_midline, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    place_of_label = np.zeros(int(labels.max()) + 1, np.float32)
+    place_of_label[labels[row, column]] = places
     index = np.flatnonzero(distance < reach.max())
-    midline_place = guess[labels.reshape(-1)[index]]
+    midline_place = place_of_label[labels.reshape(-1)[index]]
     in_reach = distance.reshape(-1)[index] < reach[np.rint(midline_place).astype(np.int32)]
     index, midline_place = index[in_reach], midline_place[in_reach]
-    py, px = np.divmod(index, columns)
-    px, py = px.astype(np.float32), py.astype(np.float32)
-
+    py, px = (number.astype(np.float32) for number in np.divmod(index, columns))
     # Place and tangent at each midline point; `slope` is their change from point to point.
     node = np.hstack([line, _tangents_to_head(line)]).astype(np.float32)
     length = np.float32(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())

@@ -86,6 +86,7 @@ def _paint_all_fish(seed: int, fish: int, columns: int) -> tuple[FishColours, ..
 
 def light_levels(params: CarpFilm) -> Floats:
     """Return the brightness of the light in every frame, (frames,): 1 ± `light_drift`."""
+    # The first random number chooses the colours of the fish.
     phase = _random_generators(params.seed)[4].uniform(0, 2 * np.pi, 4)[1:]
     time_s = np.arange(params.frames) / params.frame_rate_hz
     # Three slow waves whose periods, 41, 17 and 6.1 s, do not repeat together.

@@ -37,19 +37,13 @@ def dog_frames(dog: DogFilm) -> Iterator[Picture]:
     rng = np.random.default_rng(dog.seed)
     # Tufts on the meadow along the dog's whole track: x [px], y [share of its depth], size [px].
     track_end = dog.width_px + camera_offsets_px(dog)[-1]
-    count = int(track_end / 26) + 4
-    tufts = np.column_stack(
-        [
-            rng.uniform(-40, track_end + 40, count),
-            rng.uniform(0.08, 1, count),
-            rng.uniform(3, 7, count),
-        ]
-    )
+    count = int(track_end / 26) + 4  # one for 26 px
+    tuft_x, depth = rng.uniform(-40, track_end + 40, count), rng.uniform(0.08, 1, count)
+    tufts = np.column_stack([tuft_x, depth, rng.uniform(3, 7, count)])
     tufts = tufts[np.argsort(tufts[:, 1])]
-    steps = np.arange(-1, track_end / 130 + 2)
-    hills = np.column_stack(  # x, height [px]
-        [130 * steps + rng.uniform(-30, 30, len(steps)), rng.uniform(24, 60, len(steps))]
-    )
+    steps = np.arange(-1, track_end / 130 + 2)  # a hill for 130 px: x, height [px]
+    hill_x = 130 * steps + rng.uniform(-30, 30, len(steps))
+    hills = np.column_stack([hill_x, rng.uniform(24, 60, len(steps))])
     for frame in range(dog.frames):
         sharp = _paint_frame(dog, frame, tufts, hills)
         picture = cv2.GaussianBlur(sharp, (0, 0), BLUR_PX).astype(np.float32)
