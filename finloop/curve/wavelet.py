@@ -116,7 +116,7 @@ def _reconstruction_loss(bank: Floats) -> float:
         for analysis, synthesis in ((bank[0], bank[2]), (bank[1], bank[3])):
             phase_taps = np.where(np.arange(taps) % 2 == phase, synthesis, 0)
             total[:-1] += np.convolve(phase_taps, analysis)
-        total[taps - 1] -= 1
+        total[taps - 1] -= 1  # the delayed signal itself; what is left is lost
         parts.append(np.abs(total).sum())
     return max(parts)
 

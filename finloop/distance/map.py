@@ -274,7 +274,7 @@ def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
 
     rows: the feature row of each picture.
     """
-    # A long film has tens of millions of pairs: 32 bits, and what is done with is deleted.
+    # A long film has tens of millions of pairs: 32 bits, and arrays no longer needed are deleted.
     row = rows.astype(np.int32)
     parts = [(row[a], row[b], distance) for a, b, distance in pairs]
     a, b, distance = map(np.concatenate, zip(*parts, strict=True))

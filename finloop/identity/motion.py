@@ -46,8 +46,8 @@ def measure_track_ends(frames: list[Reals], places: list[Floats], velocity_steps
     arriving, leaving = [], []
     for frame, place in zip(frames, places, strict=True):
         steps = min(velocity_steps, len(frame) - 1)
-        arriving.append(_mean_velocity(frame, place, 0, steps))
-        leaving.append(_mean_velocity(frame, place, -1 - steps, -1))
+        arriving.append(_mean_velocity(frame, place, first=0, last=steps))
+        leaving.append(_mean_velocity(frame, place, first=-1 - steps, last=-1))
     return TrackEnds(
         start=np.array([frame[0] for frame in frames]),
         stop=np.array([frame[-1] for frame in frames]),

@@ -105,8 +105,8 @@ def draw_straight(source: RowSource, size_px: int, rows: NDArray[np.intp]) -> ND
     """
     reel, poses = source.load_film()
     middle = (size_px - 1) / 2
-    place = (np.array(number) for number in (middle, middle, 0.0, size_px / _WIDTH))
-    target = Pose(*place, poses.shapes.mean)
+    x, y, heading, size = map(np.array, (middle, middle, 0.0, size_px / _WIDTH))
+    target = Pose(x, y, heading, size, posture=poses.shapes.mean)
     return np.stack([
         draw_in_pose(reel.film[int(row)], poses.pose[row], target, (size_px, size_px), sharp=False)
         for row in rows

@@ -143,7 +143,7 @@ class Hybrid:
         if not legal.size:
             return None
         taken = int(legal[np.argmin(ways.far[legal])])
-        return self.loops.make_stretch(fish, starts, ways, taken, goal, ENTER)
+        return self.loops.make_stretch(fish, starts, ways, taken, goal, reason=ENTER)
 
     def rows_behind_gateways(self, fish: Fish) -> Starts | None:
         """Return the film rows that gateways lead to from the sprite on screen; None if none."""
@@ -181,7 +181,7 @@ class Hybrid:
             gateway for gateway in self.gateways.out_of[fish.row] if gateway[0] in self._cycle_place
         )
         state, place = self._cycle_place[sprite]
-        heading = float(wrap(fish.rot - turn))
+        heading = float(wrap(fish.rot - turn))  # `turn` leads from the sprite to the film's frame
         x, y = self.loops.next_place(fish._replace(heading=heading, row=-1))
         if not is_legal_point(self.network.world.tank.legal, x, y):
             x, y = fish.x, fish.y

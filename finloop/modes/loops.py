@@ -100,7 +100,7 @@ class Loops:
         """Return a fish of another mode as a fish of this mode, in the film.
 
         A frame from which the film goes on stays. Otherwise the fish shows the frame whose heading
-        and speed are nearest to its own.
+        and speed are nearest to its own. If jumps keep the heading, so does this one.
         """
         film = self.film
         if self.can_go_on(fish):

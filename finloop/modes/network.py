@@ -295,8 +295,8 @@ class Network:
         area = float(self.sprites.area[sprite]) if is_bent else 0.0
         since = ticks if fish.row >= 0 else fish.since + ticks
         return Fish(
-            x, y, float(wrap(heading)), speed, stretch.state, sprite, phase, area,
-            fish.tick + ticks, since=since,
+            x, y, float(wrap(heading)), speed, stretch.state, sprite, phase=phase, area=area,
+            tick=fish.tick + ticks, since=since,
         )  # fmt: skip
 
     def _random_near(self, middle: int, count: int, rng: np.random.Generator) -> int:

@@ -309,7 +309,7 @@ class Swimmer:
             self.turn_over = is_late  # from now on the body only straightens
 
     def _beat_tail(self, dt: float, is_late: bool) -> None:
-        """Beat the tail for `dt` seconds; rate and amplitude follow their targets with a delay."""
+        """Beat the tail for `dt` seconds; rate and amplitude reach their targets in about 0.5 s."""
         rate, amplitude = (2.2, 0.8) if is_late else (self.target_rate, self.target_amplitude)
         self.rate += (rate - self.rate) * dt / 0.18
         self.amplitude += (amplitude - self.amplitude) * dt / 0.20
