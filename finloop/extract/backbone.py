@@ -26,6 +26,11 @@ _DEPTH = 2.0  # half widths from an end to where its direction is measured
 _NOTCH = 0.5  # radius of the disc that closes notches, as a share of the largest half width
 _FORK = 3.0  # half widths from a path's tip within which it is cut off
 _SMOOTHING = 2e-6  # weight of the third-derivative penalty, s in [0, 1]; see smoothing_matrix()
+_THICK = 0.5  # share of the largest half width; parts that hold no disc of this radius are thin
+# Share of that disc's half width; a thin part that is nowhere so wide is a limb. Measured: tails
+# that taper 0.5-0.8; legs, fins on a stalk and a mouse's tail 0.1-0.4.
+_TAPER = 0.5
+_SLENDER = 0.072  # half width of a fish in body lengths (zebrafish), for which _SMOOTHING holds
 
 
 class Backbone(NamedTuple):
@@ -41,20 +46,71 @@ class Backbone(NamedTuple):
     length_px: float
 
 
-def trace_backbone(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | None:
+def trace_backbone(
+    mask: Mask, field: Picture, points: int, floor: float, limbs: bool = False
+) -> Backbone | None:
     """Return the backbone of one silhouette, or None if the silhouette is too short.
 
     mask: (h, w), the silhouette. field: (h, w), the difference from the empty tank, from which
     sides and tips are read at sub-pixel precision. points: number of backbone points. floor: grey
-    levels, lower values are noise.
+    levels, lower values are noise. limbs: whether the animal has limbs. They are cut off, and their
+    stumps do not bend the backbone: a stout body bends less sharply than a slender one. Only waves
+    longer than some body widths pass the smoothing, a sixth power, as its penalty is of third
+    derivatives.
     """
+    if limbs:
+        mask = cut_limbs(mask)[0]
+        near = cv2.dilate(mask.view(np.uint8), np.ones((3, 3), np.uint8))
+        field = field * near
     whole, filled = close_notches(mask, field)
     skeleton = skimage.morphology.skeletonize(whole)
     half_width = cv2.distanceTransform(whole.view(np.uint8), cv2.DIST_L2, 3)
     path = trim_forks(find_longest_path(skeleton, half_width), half_width)
     if len(path) < 4:
         return None
-    return Backbone(*_refine_backbone((field, filled), path, smoothing_matrix(points), floor))
+    smoothing = _SMOOTHING
+    if limbs:
+        length = np.hypot(*np.diff(path, axis=0).T).sum()
+        smoothing *= float(half_width.max() / length / _SLENDER) ** 6
+    smooth = smoothing_matrix(points, smoothing)
+    return Backbone(*_refine_backbone((field, filled), path, smooth, floor))
+
+
+def cut_limbs(mask: Mask) -> tuple[Mask, int]:
+    """Return a silhouette (h, w) without its limbs, and how many it has.
+
+    Limbs are legs, antennae, and fins on a stalk. They are thin: they vanish when the silhouette is
+    opened with a disc of half the largest half width. And they are thin from where they begin: half
+    a radius outside what remains, they are narrower than half the disc. So a tail that tapers is no
+    limb. A thin part that joins two pieces of the body is a waist, no limb. Rounded corners vanish,
+    too, but are not counted.
+    """
+    picture = mask.view(np.uint8)
+    distance = cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
+    half_width = distance - 0.5  # from the middle of a pixel to the edge of the last
+    radius = int(_THICK * half_width.max() + 0.5)
+    rim, nearby = radius + 1, _disc(1)
+    opened = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_OPEN, _disc(radius))
+    opened = opened[rim:-rim, rim:-rim]
+    apart = picture & (1 - cv2.dilate(opened, _disc(radius // 2)))
+    count, part = cv2.connectedComponents(picture & (1 - opened))
+    widest = np.zeros(count)
+    np.maximum.at(widest, part, half_width * apart)
+    is_limb = widest < _TAPER * (radius + 0.5)
+    is_limb[0] = False  # the rest of the picture
+    pieces, piece = cv2.connectedComponents(opened)
+    if pieces > 2:
+        for limb in np.flatnonzero(is_limb):
+            touched = piece[cv2.dilate((part == limb).view(np.uint8), nearby) > 0]
+            is_limb[limb] = np.unique(touched[touched > 0]).size < 2
+    _, piece, stats, _ = cv2.connectedComponentsWithStats(picture * ~is_limb[part])
+    trunk = piece == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()
+    return trunk, int((is_limb & (widest > 0)).sum())
+
+
+def _disc(radius: int) -> Picture:
+    """Return a disc as a picture of 0 and 1, 2 · radius + 1 px wide."""
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
 
 
 def close_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
@@ -68,7 +124,7 @@ def close_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
     picture = mask.view(np.uint8)
     widest = float(cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3).max())
     radius = int(_NOTCH * widest + 0.5)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    disc = _disc(radius)
     closed = _close_gaps(picture, disc)
     contour_tree = cv2.findContours(closed, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)[1]
     if contour_tree is not None and (contour_tree[0, :, 3] >= 0).any():  # a parent, so it is a hole
@@ -218,15 +274,16 @@ def _measure_paths_from(number, xs, ys, weight, start):  # type: ignore[no-untyp
 
 
 @lru_cache
-def smoothing_matrix(points: int) -> Floats:
+def smoothing_matrix(points: int, weight: float = _SMOOTHING) -> Floats:
     """Return the matrix (points, points) that smooths a line (points, 2) by multiplication.
 
+    weight: of the penalty, for an arc length that runs from 0 to 1.
     This is a Whittaker smoother with a third-difference penalty. Straight lines and parabolas pass
     unchanged, so a steady bend is not flattened.
     """
     # Third differences, scaled so that the smoothing does not depend on the number of points.
     third = np.diff(np.eye(points), n=3, axis=0) * (points - 1) ** 2.5
-    return np.linalg.inv(np.eye(points) + _SMOOTHING / points * third.T @ third)
+    return np.linalg.inv(np.eye(points) + weight / points * third.T @ third)
 
 
 @kernel

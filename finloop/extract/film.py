@@ -123,7 +123,7 @@ class Detector:
             verdict = judge_silhouette(silhouette, self.typical, settings)
             fish = None
             if verdict == "fish":
-                fish = measure_fish(silhouette, frame, scene, settings.points)
+                fish = measure_fish(silhouette, frame, scene, settings.points, self.typical.limbs)
             result.verdicts.append(verdict)
             result.spots.append(_silhouette_place(silhouette, fish, bool(settings.tracks_path)))
             result.fish.append(fish)

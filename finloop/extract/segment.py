@@ -263,14 +263,16 @@ def edge_pixels(silhouette: Silhouette) -> Edge:
 
 
 def measure_fish(
-    silhouette: Silhouette, frame: Picture, scene: Scene, points: int
+    silhouette: Silhouette, frame: Picture, scene: Scene, points: int, limbs: bool = False
 ) -> SegmentedFish | None:
     """Measure backbone, outline and cut-out of an isolated silhouette; None if it has no backbone.
 
-    frame, scene: those in which it was found; points: number of backbone points. The fins are only
-    in the cut-out (pixels with alpha), not in the outline or the area.
+    frame, scene: those in which it was found; points: number of backbone points; limbs: whether the
+    animal has limbs, which are no part of the backbone. The fins are only in the cut-out (pixels
+    with alpha), not in the outline or the area.
     """
-    backbone = trace_backbone(silhouette.mask, silhouette.field, points, scene.threshold)
+    mask, field = silhouette.mask, silhouette.field
+    backbone = trace_backbone(mask, field, points, scene.threshold, limbs)
     if backbone is None:
         return None
     alpha = soft_alpha(silhouette.mask, silhouette.field, round(scene.threshold))

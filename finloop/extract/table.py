@@ -13,7 +13,8 @@ class SceneFacts:
     """Facts about the tank and its fish, for later stages.
 
     points: the number of points of a backbone. fins: which pixels beyond silhouettes, paler than
-    these, the cut-outs show; thin: whether thin parts that are paler belong to silhouettes.
+    these, the cut-outs show; thin: whether thin parts that are paler belong to silhouettes; limbs:
+    whether animals have limbs, which are no part of their backbones.
     Contrast, noise and threshold in grey levels of the difference image.
     """
 
@@ -27,6 +28,7 @@ class SceneFacts:
     points: int
     thin: bool = False
     typical_edge_px: float = 0.0
+    limbs: bool = False
 
 
 GIVEN = Schema(

@@ -133,6 +133,7 @@ def extract_tracks(
         points=p.points,
         thin=typical.thin,
         typical_edge_px=typical.edge_px,
+        limbs=typical.limbs,
     )
     save_record(folder / SCENE_NAME, tank)
     save_picture(folder / BACKGROUND_NAME, scene.background)

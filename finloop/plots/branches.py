@@ -161,16 +161,18 @@ def thin_fish(
     edge = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, "all", typical.thin)
     for silhouette in find_silhouettes(frame, lit_scene, arena, settings.least_area_px, edge):
         if judge_silhouette(silhouette, typical, settings) == "fish":
-            yield _thin_silhouette(silhouette, frame, label, settings.points, scene.threshold)
+            yield _thin_silhouette(
+                silhouette, frame, label, settings.points, scene.threshold, typical.limbs
+            )
 
 
 def _thin_silhouette(
-    silhouette: Silhouette, frame: Picture, label: str, points: int, floor: float
+    silhouette: Silhouette, frame: Picture, label: str, points: int, floor: float, limbs: bool
 ) -> ThinnedFish:
     """Thin a silhouette of a frame together with the pale pixels around it, such as fins.
 
     label: film and frame. points: number of points of the backbone. floor: grey levels of the
-    noise.
+    noise. limbs: whether the animal has limbs, which are cut off before its backbone is traced.
     """
     pale = silhouette.fins or silhouette  # the box of the pale pixels contains the silhouette's
     left, top = pale.x0 - _MARGIN, pale.y0 - _MARGIN
@@ -188,7 +190,7 @@ def _thin_silhouette(
     whole = fish[window]
     skeleton = skimage.morphology.skeletonize(whole)
     half_width = cv2.distanceTransform(whole.astype(np.uint8), cv2.DIST_L2, 3)
-    backbone = trace_backbone(silhouette.mask, silhouette.field, points, floor)
+    backbone = trace_backbone(silhouette.mask, silhouette.field, points, floor, limbs)
     alone, _ = close_notches(silhouette.mask, silhouette.field)
     corner = np.array([silhouette.x0 - left, silhouette.y0 - top])
     y = np.clip(np.arange(whole.shape[0]) + top, 0, frame.shape[0] - 1)

@@ -79,7 +79,7 @@ class Instrument:
         """Return the film's typical fish, with which silhouettes are compared; it has no fins."""
         facts = self.facts
         fish = facts.typical_area_px, facts.typical_length_px, facts.typical_contrast_grey
-        return TypicalFish(*fish, fins="none", thin=facts.thin)
+        return TypicalFish(*fish, fins="none", thin=facts.thin, limbs=facts.limbs)
 
     def detect_fish(self, fish: Iterable[PlacedFish]) -> Iterator[Detections]:
         """Yield what extraction detects in a frame of each fish, drawn on the empty tank.

@@ -89,7 +89,7 @@ def _load_film(name: str, home: Path) -> ExtractedFilm:
     scene = Scene(background, polarity, record.noise_grey, record.threshold_grey)
     typical = TypicalFish(
         record.typical_area_px, record.typical_length_px, record.typical_contrast_grey, fins,
-        record.thin,
+        record.thin, limbs=record.limbs,
     )  # fmt: skip
     arena = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px).astype(np.uint8) * 255
     return ExtractedFilm(name, clip, facts, scene, typical, arena)
