@@ -41,7 +41,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from finloop.base.digits import round_significant
-from finloop.base.errors import FinloopError
+from finloop.base.errors import FREE_SPACE, FinloopError
 from finloop.base.finding import FINDINGS_NAME, Finding
 from finloop.base.process import die_with_parent
 from finloop.base.program import HOME, describe_program, holds_sources
@@ -171,7 +171,7 @@ def _as_user_error(error: Exception) -> FinloopError | None:
         return FinloopError(
             f"the disk is full ({error.filename or 'while writing'})",
             "room for this stage's output; incomplete files are removed",
-            "make room (`dvc gc --workspace` drops unused results), then: dvc repro",
+            f"{FREE_SPACE}, then: dvc repro",
         )
     if isinstance(error, OSError) and error.errno in (errno.EROFS, errno.EACCES, errno.EPERM):
         return FinloopError(

@@ -480,6 +480,8 @@ def test_each_lack_of_git_has_its_own_advice(tmp_path, monkeypatch):
     head = run_git("rev-parse", "HEAD").strip()
     git(tmp_path, "update-ref", f"refs/exps/{head[:2]}/{head[2:]}/old", head)
     assert find_experiments(["old"]) == {"old": head}
+    git(tmp_path, "switch", "--quiet", "--detach")  # an experiment is of a commit, not of a branch
+    assert find_experiments(["old"]) == {"old": head}
     git(tmp_path, "commit", "--quiet", "--allow-empty", "--message", "second version")
     with pytest.raises(FinloopError, match=r"old is of another version.*first version") as caught:
         find_experiments(["old", "new"])

@@ -1,5 +1,8 @@
 """The exception whose message is for the user."""
 
+FREE_SPACE = "free some space (`dvc gc --workspace --all-experiments` drops what nothing uses)"
+"""What to do where a disk is full. Without --all-experiments, results of sweeps would go, too."""
+
 
 class FinloopError(Exception):
     """An error that the user can correct: it says what came, what was wanted and what to do.

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from rich.filesize import decimal
 
-from finloop.base.errors import FinloopError
+from finloop.base.errors import FREE_SPACE, FinloopError
 
 _NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 
@@ -78,7 +78,7 @@ def _temporary_path(path: Path, name: str) -> Iterator[Path]:
         raise FinloopError(
             came=f"the disk is full: {path} could not be written, and no part of it was kept",
             wanted="room for the whole output",
-            do="free some space (old cache entries: `dvc gc -w`), then run the same command again",
+            do=f"{FREE_SPACE}, then run the same command again",
         ) from error
     finally:
         _remove_path(part)
@@ -141,5 +141,5 @@ def require_free_space(folder: Path, size_bytes: float, content: str, advice: st
             f"{content} will take about {decimal(int(size_bytes))}, "
             f"and {decimal(free)} are free in {existing}",
             "enough free space for all of it",
-            f"free some space (`dvc gc --workspace` drops unused results), or {advice}",
+            f"{FREE_SPACE}, or {advice}",
         )
