@@ -57,10 +57,7 @@ class FilmGroup:
         return self.frame < middle_frame(self.frame)
 
     def half_measures(self, first: bool) -> pd.DataFrame:
-        """Return the measures (columns of `SHOAL`) of the film's first or second half.
-
-        first: whether of the first half.
-        """
+        """Return the measures (columns of `SHOAL`) of the film's first half, or of its second."""
         return self.table[self.first_half == first]
 
     def rows_for_fit(self, first: bool, most: int) -> Ints:

@@ -136,7 +136,8 @@ class NeighbourSums:
         `zone_means`.
         """
         inner, middle, outer = (self._radii[radius] for radius in radii)
-        is_unrepelled = self._near[1][:, inner] == 0
+        _vector_sums, near_counts = self._near
+        is_unrepelled = near_counts[:, inner] == 0
         pulls = [
             -_ring_mean(self._near, None, inner),
             is_unrepelled * _ring_mean(self._heading, inner, middle),
@@ -268,11 +269,9 @@ def _possible_radii(settings: CalibrateSettings) -> list[tuple[float, float, flo
 
 
 def _weighted_zones(
-    radii: tuple[float, float, float],
-    blind_deg: float,
-    weights: Reals,
+    radii: tuple[float, float, float], blind_deg: float, weights: Reals,
     fixed: Sequence[float | None],
-) -> Zones:
+) -> Zones:  # fmt: skip
     """Return zones with fitted weights; outermost fitted zones of weight 0 are left out.
 
     blind_deg: angle behind the fish in which it sees nothing. weights: fitted; fixed: given

@@ -79,12 +79,9 @@ def _fit_own_part(vectors: Complex, references: Complex) -> float:
 
 
 def simulate_point_fish(
-    film: FilmGroup,
-    steps: SocialSteps,
-    zones: Zones,
-    settings: CalibrateSettings,
+    film: FilmGroup, steps: SocialSteps, zones: Zones, settings: CalibrateSettings,
     rng: np.random.Generator,
-) -> pd.DataFrame:
+) -> pd.DataFrame:  # fmt: skip
     """Simulate fish as points that swim by the film's steps and zones; measure them by frame.
 
     There are as many as the film typically shows in a frame. The table has `settings.steps` frames

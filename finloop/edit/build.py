@@ -196,8 +196,7 @@ def _picture_columns(
 ) -> dict[str, NDArray[Any]]:
     """Return the columns (ticks,) of an edit list that say which picture is shown, and how turned.
 
-    heading (ticks,): of the fish, degrees. A sprite is shown in the nearest orientation, and turned
-    by the rest.
+    heading (ticks,): of the fish, degrees. A sprite is the nearest orientation, turned by the rest.
     """
     count, frame, number = sources.orientations, pictures.frame, pictures.number
     sector = find_orientations(heading, count)

@@ -35,27 +35,23 @@ BendingTest = Callable[[int, int, bool, bool], bool]
 
 
 class JoinTimes(Protocol):
-    """The parameters of joins, as in `animate`.
-
-    join_time_deltas, join_least, join_most, cross_fade_deltas: Δ; join_frames: ticks; rest: a share
-    of the film's root mean square movement.
-    """
+    """The parameters of joins, as in `animate`; Δ is the time over which motion is measured."""
 
     @property
     def join_time_deltas(self) -> Literal["auto"] | float:
-        """Return the time of a join, in Δ (time over which motion is measured), or "auto"."""
+        """Return the time of a join in Δ, or "auto": as long as the film's postures last."""
 
     @property
     def join_frames(self) -> int:
-        """Return the fewest ticks of a join whose time is "auto"."""
+        """Return the shortest time of a join that is "auto", in ticks."""
 
     @property
     def join_least(self) -> float:
-        """Return the shortest time of a join that is "auto", in units of Δ."""
+        """Return the shortest time of a join that is "auto", in Δ."""
 
     @property
     def join_most(self) -> float:
-        """Return the longest time of a join that is "auto", in units of Δ."""
+        """Return the longest time of a join that is "auto", in Δ."""
 
     @property
     def rest(self) -> float:
@@ -63,7 +59,7 @@ class JoinTimes(Protocol):
 
     @property
     def cross_fade_deltas(self) -> float:
-        """Return the time of a cross-fade, in Δ (the time over which motion is measured)."""
+        """Return the time of a cross-fade, in Δ."""
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,7 @@ class Modes(NamedTuple):
         Each mode can draw the sprites of all modes, as a fish may come from another mode.
         """
         all_sources = [player.edit_inputs for player in players.values()]
+        # The mode with the most sprites has those of the others.
         richest = max(all_sources, key=lambda sources: len(sources.sprite_scale))
         return cls(players, {
             mode: replace(
@@ -279,7 +280,7 @@ class LiveFish:
         """
         self.goal = self._make_goal(*goal_px) if goal_px else None
         self.path_task, self.rule_task, self.reached = None, None, False
-        # After how many ticks the planned motion is cut.
+        # After how many ticks the planned motion is cut; a cut at once is not put off.
         self._cut_after = self._drag_ticks if drag and self._cut_after != 1 else 1
 
     def follow_path(self, route: Route) -> None:
@@ -301,7 +302,7 @@ class LiveFish:
     def switch_mode(self, mode: str) -> None:
         """Change the fish's mode from the next tick on."""
         if mode != self.mode:
-            self.mode, self._cut_after = mode, 1
+            self.mode, self._cut_after = mode, 1  # cut the planned motion after one tick
 
     def redo_last_tick(self) -> None:
         """Decide the last tick again, because the user's request has changed since.
@@ -346,7 +347,7 @@ class LiveFish:
             decided=last.tick,
             goal_x_px=goal.x_px if goal else math.nan,
             goal_y_px=goal.y_px if goal else math.nan,
-        )[:-1]  # without the pose; fmt: skip
+        )[:-1]  # without the pose
 
     def _next_target(self) -> Goal | Route | Rule | None:
         """Return the goal, path or rule of the next decision; None: the fish wanders.

@@ -51,10 +51,7 @@ class PageClient:
         return was_sent
 
     def confirm_frame(self, number: int) -> None:
-        """Note that the page has drawn a frame (its number) and those before.
-
-        A frame that was never sent is ignored.
-        """
+        """Note that the page has drawn a frame and those before; a frame never sent is ignored."""
         while number in self._unseen:
             self._unseen.popleft()
             self._changed.set()
@@ -185,4 +182,6 @@ def create_tank_server(
     """
     host, policy = TankHost(view), AccessPolicy(listens.getsockname()[1])
     sockets = [SocketRoute("/tank", host.serve_page, MOST_PAGES)]
-    return AppServer(listens, policy, {"/": page}, sockets, lambda: [host.run_tank()], started)
+    return AppServer(
+        listens, policy, {"/": page}, sockets, tasks=lambda: [host.run_tank()], started=started
+    )

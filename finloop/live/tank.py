@@ -56,7 +56,7 @@ class LiveTank:
             )
         self.players, self.mode, self.tick = players, mode, 0
         self._modes = Modes.from_players(players)
-        # The rule for fish in a group; all modes that have one have the same.
+        # The rule for fish in a group, of the first mode that has one.
         rules = (player.shoaling for player in players.values())
         self.shoaling = next((rule for rule in rules if rule), None)
         self._too_unlike, self._rng, self._created = too_unlike, np.random.default_rng(seed), 0
@@ -85,10 +85,7 @@ class LiveTank:
             fish.advance()
 
     def redo_last_tick(self, fish_index: int) -> None:
-        """Let one fish decide the last tick again, unless it is new in the tank.
-
-        fish_index: from 0.
-        """
+        """Let one fish (index from 0) decide the last tick again, unless it is new in the tank."""
         fish = self.fish[fish_index]
         if self.tick > fish.born + 1:
             fish.redo_last_tick()
@@ -169,10 +166,7 @@ class LiveTank:
             fish.follow_path(route)
 
     def let_wander(self, fish_index: int | None) -> None:
-        """Let a fish forget its goal, path or rule, and wander.
-
-        fish_index: from 0; None: all fish.
-        """
+        """Let a fish (index from 0; None: all fish) forget its goal, path or rule, and wander."""
         for fish in self._select_fish(fish_index):
             fish.send_to_goal(None)
 

@@ -237,10 +237,7 @@ class AppServer(uvicorn.Server):
             raise self._failure
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start the server; call the function `started` if it can be reached.
-
-        sockets: the bound sockets on which it listens.
-        """
+        """Start the server on bound sockets; call the function `started` if it can be reached."""
         await super().startup(sockets)
         if self.started:
             self._on_start()

@@ -171,8 +171,8 @@ def _thin_silhouette(
 ) -> ThinnedFish:
     """Thin a silhouette of a frame together with the pale pixels around it, such as fins.
 
-    label: film and frame. points: number of points of the backbone. floor: grey levels of the
-    noise. limbs: whether the animal has limbs, which are cut off before its backbone is traced.
+    label: film and frame. points: number of the backbone's points. floor: noise, grey levels.
+    limbs: whether the animal has limbs, which are cut off before its backbone is traced.
     """
     pale = silhouette.fins or silhouette  # the box of the pale pixels contains the silhouette's
     left, top = pale.x0 - _MARGIN, pale.y0 - _MARGIN

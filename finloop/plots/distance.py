@@ -18,11 +18,9 @@ def rows_of_longest_tracks(features: pd.DataFrame, most: int) -> NDArray[np.intp
 
 
 def figure9(
-    distance: NDArray[np.floating],
-    compared: NDArray[np.bool_],
-    track: NDArray[np.integer],
+    distance: NDArray[np.floating], compared: NDArray[np.bool_], track: NDArray[np.integer],
     natural_step: float,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw Fig. 9 of the fish paper: distances of all pairs of frames (a), of compared pairs (b).
 
     distance (n, n): Euclidean distances (Eq. 5). compared (n, n): the pairs that Eq. 6 compares,

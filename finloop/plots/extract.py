@@ -44,7 +44,7 @@ def draw_detections(
             colour = _COLOURS[judge_silhouette(silhouette, typical, settings)]
             cv2.drawContours(panel, [outline], -1, colour, max(1, frame.shape[1] // 600))
         place, stroke = (int(12 * scale), int(30 * scale)), max(1, round(2 * scale))
-        write_text(panel, label, place, (255, 255, 255), size=0.9 * scale, line=stroke)
+        write_text(panel, label, place, (255, 255, 255), font_scale=0.9 * scale, stroke_px=stroke)
         panels.append(panel)
     rows = join_in_rows(panels, columns=2)
     width = rows[0].shape[1]
@@ -53,5 +53,5 @@ def draw_detections(
     for number, (verdict, colour) in enumerate(_COLOURS.items()):
         place = (int((20 + 300 * number) * scale), int(36 * scale))
         stroke = max(1, round(3 * scale))
-        write_text(key, verdict, place, colour, size=1.1 * scale, line=stroke)
+        write_text(key, verdict, place, colour, font_scale=1.1 * scale, stroke_px=stroke)
     return np.vstack([key, *rows])

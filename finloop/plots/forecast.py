@@ -32,7 +32,7 @@ def draw_learning(curve: pd.DataFrame, held_out: pd.DataFrame) -> Figure:
     errors.set(xlabel="epoch", ylabel="mean square / that of persistence", ylim=(0, 1.2))
     errors.grid(alpha=0.3)
     errors.legend(frameon=False)
-    bins = np.linspace(0, 1, 11)
+    bins = np.linspace(0, 1, 11)  # a tenth of the rows is expected in each
     for name in _RANKS:
         share = 10 * np.histogram(held_out[name], bins)[0] / max(len(held_out), 1)
         ranks.plot((bins[1:] + bins[:-1]) / 2, share, "o-", ms=3, label=name.removesuffix("_rank"))

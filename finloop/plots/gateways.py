@@ -86,7 +86,7 @@ def draw_gateways(gateways: Mapping[str, Sequence[GatewayPictures]], columns: in
     bands = []
     for direction, pictures in gateways.items():
         strip = np.full((_STRIP, 4 * TILE * columns, 3), 255, np.uint8)  # 4 pictures a gateway
-        write_text(strip, _HEADLINES[direction], (4, _STRIP - 5), _INK, size=0.45)
+        write_text(strip, _HEADLINES[direction], (4, _STRIP - 5), _INK, font_scale=0.45)
         bands += [strip, *join_in_rows([_draw_gateway(gateway) for gateway in pictures], columns)]
     return np.vstack(bands)
 
@@ -97,6 +97,6 @@ def _draw_gateway(gateway: GatewayPictures) -> Picture:
     stacks = (gateway.before, gateway.natural, gateway.instead, mean)
     picture = np.hstack([lay_on_grey(255 * stack[..., :-1], stack[..., -1:]) for stack in stacks])
     for text, y in ((gateway.above, 12), (gateway.below, TILE - 5)):
-        write_text(picture, text, (4, y), _INK, size=0.36)
+        write_text(picture, text, (4, y), _INK, font_scale=0.36)
     cv2.rectangle(picture, (0, 0), (picture.shape[1] - 1, TILE - 1), (235,) * 3, thickness=2)
     return picture

@@ -152,6 +152,7 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
     draw_arrow(axes, middle - along * reach / 2, middle + along * reach / 2, color=_TRAVEL, lw=2.5)
     if loop.place == 0:
         draw_arrow(axes, middle, middle + 0.75 * length * ahead, color=_HEADING, lw=2.5, ls=_DASHED)
+        # The angle between both, as an arc with its size.
         turned = float(wrap_deg(np.array(loop.heading_deg - loop.travel_deg)))
         angles = loop.travel_deg + np.linspace(0, turned, 40)
         arc = middle + 0.35 * length * np.array([_unit_vector(angle) for angle in angles])
@@ -159,18 +160,8 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
         right, down = middle + 0.58 * length * _unit_vector(loop.travel_deg + turned / 2)
         words = f"{loop.off_deg:.0f}°"
         axes.text(right, down, words, ha="center", va="center", fontweight="bold")
-    # Show all of these points with a margin, in the panel's shape, and within the film if possible.
     shown = np.vstack([place, head, head + length / 2, head - length / 2])
-    half_size = np.ptp(shown, axis=0) / 2 + 0.3 * length
-    half_size = np.maximum(half_size, half_size[::-1] * (1 / _HIGH, _HIGH))
-    left, top = (shown.min(0) + shown.max(0)) / 2 - half_size
-    (height, width), (shown_width, shown_height) = film.shape[:2], 2 * half_size
-    left = np.clip(left, -0.5, max(width - 0.5 - shown_width, -0.5))
-    top = np.clip(top, -0.5, max(height - 0.5 - shown_height, -0.5))
-    axes.set(
-        xlim=(left, left + shown_width), ylim=(top + shown_height, top), xticks=[], yticks=[],
-        facecolor="0.75",
-    )  # fmt: skip
+    _zoom_to_points(axes, shown, 0.3 * length, film)
     keys = [
         Line2D([], [], color="white", lw=1.2, label="way of the fish, as filmed"),
         Line2D(
@@ -181,6 +172,20 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
     if loop.place == 0:
         keys.append(Line2D([], [], color=_HEADING, lw=2.5, ls=_DASHED, label="mean heading"))
     axes.legend(handles=keys, loc="best", facecolor="0.75", framealpha=0.9)
+
+
+def _zoom_to_points(axes: Axes, points: Floats, margin: float, film: Picture) -> None:
+    """Let a panel show points (n, 2) with a margin [px], within the film if possible."""
+    half_size = np.ptp(points, axis=0) / 2 + margin
+    half_size = np.maximum(half_size, half_size[::-1] * (1 / _HIGH, _HIGH))  # the panel's shape
+    left, top = (points.min(0) + points.max(0)) / 2 - half_size
+    (height, width), (shown_width, shown_height) = film.shape[:2], 2 * half_size
+    left = np.clip(left, -0.5, max(width - 0.5 - shown_width, -0.5))
+    top = np.clip(top, -0.5, max(height - 0.5 - shown_height, -0.5))
+    axes.set(
+        xlim=(left, left + shown_width), ylim=(top + shown_height, top), xticks=[], yticks=[],
+        facecolor="0.75",
+    )  # fmt: skip
 
 
 def _unit_vector(angle_deg: float) -> Floats:

@@ -33,7 +33,6 @@ def find_stretches(inside: Mask, track_id: Rows) -> list[tuple[int, int]]:
     """
     track_inside = np.where(inside, track_id, -1)
     edges = np.flatnonzero(np.diff(track_inside, prepend=-1, append=-1))
-
     return [(int(start), int(stop)) for start, stop in pairwise(edges) if inside[start]]
 
 
@@ -92,6 +91,7 @@ def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: 
     arcs_per_group = max(1, min(_PER_GROUP, _ARCS // count))
     by_group = within.groupby("track_group")
     rank_in_time = by_group["a"].min().argsort().argsort()  # of each group among all
+    # Of each colour: first the start and length of the bars, then the points of the arcs, s.
     bars: list[list[tuple[float, float]]] = [[] for _ in _IN_TURN]
     arcs: list[list[NDArray[np.float64]]] = [[] for _ in _IN_TURN]
     for group_number, group in by_group:
@@ -119,8 +119,7 @@ def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: 
 def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
     """Draw a row for each group of loops: the parts of the film that its loops cover.
 
-    Beyond `_ROWS` groups, one row holds the others. track_id (n,): the track of each row of the
-    film.
+    Beyond `_ROWS` groups, one row holds the others. track_id (n,): the track of each film row.
     """
     group_sizes = loops["group"].value_counts().sort_index()
     joins_tracks = loops["length_s"].isna()
@@ -129,8 +128,8 @@ def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
         group = loops[loops["group"] == row] if row < _ROWS else loops[loops["group"] >= row]
         covered, colour = rows_within_loops(group, track_id), _OTHER if row else _LARGEST
         parts = [(a / rate_hz, (b - a) / rate_hz) for a, b in find_stretches(covered, track_id)]
-        axes.broken_barh(parts, (row - 0.3, 0.6), color=colour, lw=0 if row == 0 else 1.5)
-        if row:
+        axes.broken_barh(parts, (row - 0.3, 0.6), color=colour, lw=1.5 if row else 0)
+        if row:  # the largest group, row 0, has too many
             joins = group[joins_tracks[group.index]][["a", "b"]].to_numpy() / rate_hz
             axes.hlines(np.full(len(joins), row), *joins.T, color=colour, lw=0.8)
         content = f"{_with_noun(len(group), 'loop')} over {covered.sum() / rate_hz:.1f} s of film"

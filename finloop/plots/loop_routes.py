@@ -40,13 +40,12 @@ class ThreeRoutes(NamedTuple):
 
 
 def find_three_routes(loops: pd.DataFrame, track_id: Rows) -> ThreeRoutes | None:
-    """Return four loops that lie as in the fish paper's Fig. 10a, with three routes; None without.
+    """Return four loops as in the fish paper's Fig. 10a, and three routes; None if there are none.
 
-    The loops belong to one track. H, G and F, the last of their eight ends in time, have loops with
-    earlier ends. So from G the film can jump at once to before F, or play on to H and jump from
-    there. The fourth loop lies between there and F, so that the route can include it. Of all such
-    loops, these have the ends that are farthest from each other in time. track_id (n,): the track
-    of each row.
+    The loops belong to one track; A … H are their eight ends in time. F, G and H jump back to
+    before F. So from G the film can jump at once, or play on to H and jump from there. The fourth
+    loop lies between there and F, so that the route can include it. Of all such loops, these have
+    the ends that are farthest from each other in time. track_id (n,): the track of each row.
     """
     within = loops[loops["length_s"].notna()]
     track = track_id[within["a"].to_numpy()]

@@ -80,14 +80,16 @@ def lay_on_grey(colour: NDArray[np.float32], alpha: NDArray[np.float32]) -> Pict
 
 
 def write_text(
-    picture: Picture, text: str, place: tuple[int, int], colour: Colour, size: float, line: int = 1
-) -> None:
+    picture: Picture, text: str, place: tuple[int, int], colour: Colour, font_scale: float,
+    stroke_px: int = 1,
+) -> None:  # fmt: skip
     """Write a text into a picture (h, w, 3), which changes.
 
-    place: x, y in px of the left end of the text's base line. colour: RGB. size: scale of OpenCV's
-    font. line: width of the strokes in px.
+    place: x, y in px of the left end of the text's base line. colour: RGB. font_scale: 1 is about
+    22 px high. stroke_px: width of the strokes.
     """
-    cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, line, cv2.LINE_AA)
+    font = cv2.FONT_HERSHEY_SIMPLEX
+    cv2.putText(picture, text, place, font, font_scale, colour, stroke_px, cv2.LINE_AA)
 
 
 def draw_message(text: str) -> Figure:

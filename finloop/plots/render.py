@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -36,12 +37,47 @@ _HALO = [withStroke(linewidth=2.5, foreground="white")]
 def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -> Figure:
     """Draw Figs. 16, 17 of the fish paper: the fish's path over the empty tank, and its goals.
 
-    The colour shows the source of the picture, or the state where all have one source; a thin grey
-    line is swimming without a goal. Each goal has the time at which it was reached. Crosses: the
-    fish stays on the spot, as every route leaves the tank (§4.2). Diamonds: gateways (A, B of Fig.
-    17).
+    The colour shows the source of the picture, or the state where all have one source. Each goal
+    has the time at which it was reached. Crosses: the fish stays on the spot, as every route leaves
+    the tank (§4.2). Diamonds: gateways (A, B of Fig. 17).
     """
     figure, axes = draw_empty_tank(background, alpha=0.45, key_inches=0.5)
+    key = _draw_paths(axes, edit)
+    reached_s = {}
+    for rows in split_by_fish(edit):
+        for name, _, stop in goal_stretches(rows):
+            if stop < len(rows):
+                reached_s[name] = rows["time_s"].iloc[stop]
+    for goal in goals:
+        reached = goal.name in reached_s
+        text = f"{goal.name}  {reached_s[goal.name]:.1f} s" if reached else goal.name
+        ring = Circle((goal.x_px, goal.y_px), goal.radius_px, fill=False, lw=1.8, zorder=4)
+        axes.add_patch(ring)
+        axes.plot(goal.x_px, goal.y_px, "+", color="black", ms=7, mew=1.4, zorder=4)
+        axes.annotate(
+            text, (goal.x_px, goal.y_px), (11, 8), textcoords="offset points", fontsize=12,
+            fontweight="bold", path_effects=_HALO, zorder=5,
+        )  # fmt: skip
+    on_the_spot = edit["reason"].ffill() == SPOT
+    at_gateway = edit["kind"] != edit.groupby("fish")["kind"].shift().fillna(edit["kind"])
+    for mask, marker, label in (
+        (on_the_spot, "x", "on the spot: no way stays in the tank"), (at_gateway, "D", "gateway"),
+    ):  # fmt: skip
+        marked = edit[mask.to_numpy(bool)]
+        if len(marked):
+            style: dict[str, Any] = {"color": "black", "ls": "", "ms": 4, "marker": marker}
+            axes.plot(marked["x_px"], marked["y_px"], zorder=4, **style)
+            key.append(Line2D([], [], label=label, **style))
+    key.append(Line2D([], [], marker="o", mfc="white", mec="black", ls="", label="start"))
+    figure.legend(handles=key, loc="outside lower center", ncols=len(key), frameon=False)
+    return figure
+
+
+def _draw_paths(axes: Axes, edit: pd.DataFrame) -> list[Line2D]:
+    """Draw the path of each fish, with its start and some headings; return the key of its colours.
+
+    A thin grey line is swimming without a goal.
+    """
     names, colours = tick_categories(edit)
     places, fish = edit[["x_px", "y_px"]].to_numpy(float), edit["fish"].to_numpy()
     later = np.flatnonzero(fish[1:] == fish[:-1]) + 1  # rows that follow one of the same fish
@@ -58,38 +94,11 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
     draw_heading_arrows(axes, about_twelve, color="black", zorder=3)
     starts = edit.groupby("fish").head(1)
     axes.plot(starts["x_px"], starts["y_px"], "o", mfc="white", mec="black", ms=7, zorder=4)
-    reached_s = {}
-    for rows in split_by_fish(edit):
-        for name, _, stop in goal_stretches(rows):
-            if stop < len(rows):
-                reached_s[name] = rows["time_s"].iloc[stop]
-    for goal in goals:
-        reached = goal.name in reached_s
-        text = f"{goal.name}  {reached_s[goal.name]:.1f} s" if reached else goal.name
-        ring = Circle((goal.x_px, goal.y_px), goal.radius_px, fill=False, lw=1.8, zorder=4)
-        axes.add_patch(ring)
-        axes.plot(goal.x_px, goal.y_px, "+", color="black", ms=7, mew=1.4, zorder=4)
-        axes.annotate(
-            text, (goal.x_px, goal.y_px), (11, 8), textcoords="offset points", fontsize=12,
-            fontweight="bold", path_effects=_HALO, zorder=5,
-        )  # fmt: skip
     present = [name for name in colours if (has_goal & (name_of_step == name)).any()]
     key = [Line2D([], [], color=colours[name], lw=2.4, label=name) for name in present]
     if not has_goal.all():
         key.append(Line2D([], [], color=_WANDERING, lw=0.7, label="wandering"))
-    on_the_spot = edit["reason"].ffill() == SPOT
-    at_gateway = edit["kind"] != edit.groupby("fish")["kind"].shift().fillna(edit["kind"])
-    for mask, marker, label in (
-        (on_the_spot, "x", "on the spot: no way stays in the tank"), (at_gateway, "D", "gateway"),
-    ):  # fmt: skip
-        marked = edit[mask.to_numpy(bool)]
-        if len(marked):
-            style: dict[str, Any] = {"color": "black", "ls": "", "ms": 4, "marker": marker}
-            axes.plot(marked["x_px"], marked["y_px"], zorder=4, **style)
-            key.append(Line2D([], [], label=label, **style))
-    key.append(Line2D([], [], marker="o", mfc="white", mec="black", ls="", label="start"))
-    figure.legend(handles=key, loc="outside lower center", ncols=len(key), frameon=False)
-    return figure
+    return key
 
 
 TICKS = 40  # on the contact sheet
@@ -159,10 +168,7 @@ def choose_sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, li
 
 
 def ticks_around_switch(tick: int, count: int) -> range:
-    """Return `BEFORE` ticks before a switch at `tick` and `AFTER` from it on, of `count` ticks.
-
-    Near an end of the animation they are moved inside.
-    """
+    """Return `BEFORE` ticks before a switch and `AFTER` from it on, moved into 0 … count − 1."""
     first = max(0, min(tick - BEFORE, count - BEFORE - AFTER))
     return range(first, min(first + BEFORE + AFTER, count))
 

@@ -54,8 +54,8 @@ def draw_backbones(
         error = float(row["apart"].iloc[0])
         text = f"{row['file_s'].iloc[0]:.2f} s"
         text += "" if np.isnan(error) else f", {100 * error:.1f} % off"
-        for colour, line in ((_HALO, 4), (_INK, 1)):
-            write_text(tile, text, (6, 16), colour, size=0.45, line=line)
+        for colour, stroke in ((_HALO, 4), (_INK, 1)):
+            write_text(tile, text, (6, 16), colour, font_scale=0.45, stroke_px=stroke)
         tiles.append(tile)
     return np.vstack(join_in_rows(tiles, _COLUMNS))
 

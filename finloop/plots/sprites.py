@@ -71,6 +71,6 @@ def _draw_tile(cutout: Cutout, row: Any, reach: int, size: int, above: str, belo
     white, grey = (255, 255, 255), (225, 225, 225)
     cv2.drawMarker(tile, (middle, middle), white, cv2.MARKER_CROSS, markerSize=5, thickness=1)
     cv2.rectangle(tile, (0, 0), (size - 1, size - 1), grey, thickness=1)
-    write_text(tile, above, (4, 12), _INK, size=0.32)
-    write_text(tile, below, (4, size - 5), _INK, size=0.32)
+    write_text(tile, above, (4, 12), _INK, font_scale=0.32)
+    write_text(tile, below, (4, size - 5), _INK, font_scale=0.32)
     return tile

@@ -32,7 +32,7 @@ def find_strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
     turn.
     """
     delta = infer_delta_frames(features)
-    if delta == 0:  # the film is too short
+    if delta == 0:  # no row lacks a displacement: Δ is unknown
         return None
     for k in range(delta, _MOST * delta + 1, delta):
         turn_deg = _clear_turn_deg(features, k, delta)

@@ -90,10 +90,7 @@ class ExampleFinder:
     measured: Mapping[str, Swimming]
 
     def _window_edit_list(self, name: str, windows: Windows, number: int) -> pd.DataFrame:
-        """Return what a window shows as rows of an edit list, with the heading at its start.
-
-        name: mode or FILM. number: index of the window.
-        """
+        """Return what a window of a mode or FILM shows as an edit list, with its first heading."""
         measured = self.measured[name]
         rows = windows.first[number] + np.arange(self.sample.window_cut.length + 1)
         edit = self.works[name][int(measured.part[rows[0]])][0].iloc[measured.tick[rows]]

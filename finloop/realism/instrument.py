@@ -103,8 +103,7 @@ class Instrument:
     def measure_fish(self, fish: Iterable[PlacedFish], cuts: Sequence[int] = ()) -> pd.DataFrame:
         """Return the feature table (FEATURES) of drawn fish, one per tick; `frame` is the tick.
 
-        cuts: ticks at which another fish begins. Where extraction follows no fish the table is
-        empty.
+        cuts: ticks at which another fish begins. The table is empty if extraction follows no fish.
         """
         pieces = link_tracks(self.detect_fish(fish), self.typical_fish, self.extract, cuts)
         fish_frames = [fish_frame for _, ready in pieces for fish_frame in ready]

@@ -167,5 +167,5 @@ def cut_windows(
 
 def join_windows(parts: Sequence[Windows]) -> Windows:
     """Return several sets of windows joined into one set, in the given order."""
-    columns = zip(*(vars(part).values() for part in parts), strict=True)
-    return Windows(*(np.concatenate(column) for column in columns))
+    by_field = zip(*(vars(part).values() for part in parts), strict=True)
+    return Windows(*(np.concatenate(arrays) for arrays in by_field))

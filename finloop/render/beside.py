@@ -46,7 +46,7 @@ def draw_side_by_side(
         frame = np.full((size + WORDS_PX, len(edits) * size, 3), 255, np.uint8)
         for number, (title, (picture, name)) in enumerate(zip(edits, panels, strict=True)):
             left = number * size
-            frame[:size, left : left + size] = picture
+            frame[:size, left : left + size] = picture  # below it a bar, 6 px high
             frame[size : size + 6, left : left + size] = rgb_from_hex(COLOURS[name])
             black, grey = (0, 0, 0), (90, 90, 90)
             write_text(frame, title, (left + 8, size + 22), black, size=15, weight=700)

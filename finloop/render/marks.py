@@ -106,8 +106,8 @@ class MarkPainter:
         """
         height, width = painter.canvas.shape[:2]
         self._painter, self._goals = painter, {goal.name: goal for goal in goals}
-        self._size = max(9, round(height / 36))
-        self._line = max(1, round(height / 450))
+        self._size = max(9, round(height / 36))  # of letters, px
+        self._line = max(1, round(height / 450))  # width of lines, px
         names, colours = tick_categories(edit)
         tick_colours = [rgb_from_hex(colours[name]) for name in names]
         faint_pen = _faint_colour(painter.floor), 1
@@ -247,7 +247,8 @@ def _find_free_corner(
     places (ticks, 2): of the fish, px; size: width and height of the plate; shape: height and width
     of the picture; gap: from plate to edge; all px.
     """
-    (width, height), reach = size, np.array(size) / 2 + 2 * size[1]
+    width, height = size
+    reach = np.array(size) / 2 + 2 * height  # near: within two heights around the plate
     fewest, best = np.inf, Box(0, 0, 0, 0)
     for top in (gap, shape[0] - gap - height):
         for left in (gap, shape[1] - gap - width):

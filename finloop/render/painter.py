@@ -370,6 +370,7 @@ def _readable_span(m, y, shape, ends):  # type: ignore[no-untyped-def]
     height and width; ends: the largest range. The range is empty if start ≥ stop.
     """
     start, stop = ends
+    # The kernel stays within the picture where 1 ≤ u < width − 2, and v alike.
     for slope, offset, most in (
         (m[0], m[1] * y + m[2], shape[1] - 2), (m[3], m[4] * y + m[5], shape[0] - 2),
     ):  # fmt: skip

@@ -117,7 +117,7 @@ def compare_experiments(
     if differing:
         runs = runs.sort_values(differing, kind="stable", key=lambda column: rank_values(column)[0])
     values = numbers.reindex(index=runs.index, columns=list(columns)).astype(float)
-    repeats = parameters.loc[runs.index].astype(str).duplicated()
+    repeats = parameters.loc[runs.index].astype(str).duplicated()  # the same seeds, too
     names = _experiment_names(runs, repeats)
     rows = runs.groupby(names, sort=False).first() if differing else runs
     means = values.groupby(names, sort=False).mean()
@@ -133,7 +133,7 @@ def compare_experiments(
 
 
 def _experiment_names(runs: pd.DataFrame, repeats: "pd.Series[bool]") -> "pd.Series[str]":
-    """Return for each run the name of its experiment; runs of one differ in their seeds alone.
+    """Return the name of each run's experiment: the runs that differ in their seeds alone.
 
     runs: parameters without seeds, a row per run. repeats: which runs have all parameters of an
     earlier run, its seeds too; each is an experiment of its own. The name is that of the

@@ -103,6 +103,7 @@ def measure_effects(parameters: pd.DataFrame, measures: pd.DataFrame) -> list[Ef
     for name in measures.columns[measures.notna().any()]:
         measure = measures[name].dropna()
         table = parameters.loc[measure.index]
+        # Runs with the same text differ in their seeds alone.
         cell = table.astype(str).agg("\t".join, axis=1)
         for parameter in table:
             effects.append(_measure_effect(str(parameter), measure, table[parameter], cell))

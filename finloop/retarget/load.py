@@ -57,10 +57,7 @@ def film_data_folder(path: Path) -> Path | None:
 
 
 def film_track_files(folder: Path) -> list[Path]:
-    """Return the four files from which a track of another film is read.
-
-    folder: data/ of that film.
-    """
+    """Return the four files in a film's folder data/ from which a track of it is read."""
     return [folder / name for name in (_SCENE, _TRACKS, _FEATURES, _FACTS)]
 
 

@@ -36,7 +36,7 @@ def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> Recorde
     """
     time = track.frame / track.rate_hz
     asked = (time >= p.start_s) & (time <= (np.inf if p.end_s is None else p.end_s))
-    frames = np.flatnonzero(track.whole & asked)
+    frames = np.flatnonzero(track.is_complete & asked)
     is_gap = np.diff(track.frame[frames]) > 1 + round(p.gap_s * track.rate_hz)
     stretches = np.split(frames, np.flatnonzero(is_gap) + 1)
     longest = max(stretches, key=lambda stretch: np.ptp(time[stretch]) if len(stretch) else -1.0)

@@ -128,24 +128,25 @@ def _find_shift_by_cells(pixels: Ints, arena: Mask, wall: Floats, cell: int) -> 
     """
     inside = _cut_into_cells(arena.astype(float), cell).min((1, 3)) > 0
     cells = pixels // cell
-    low = cells.min(0)
-    column, row = (cells - low).T
+    first_cell = cells.min(0)
+    column, row = (cells - first_cell).T
     rows, columns = row.max() + 1, column.max() + 1
     if rows > inside.shape[0] or columns > inside.shape[1]:
         return None
-    count = np.zeros((rows, columns))
-    np.add.at(count, (row, column), 1.0)
-    outside_count = scipy.signal.correlate(1.0 - inside, (count > 0).astype(float), mode="valid")
-    fits = np.rint(outside_count) == 0
+    points_in_cell = np.zeros((rows, columns))
+    np.add.at(points_in_cell, (row, column), 1.0)
+    is_used = (points_in_cell > 0).astype(float)
+    fits = np.rint(scipy.signal.correlate(1.0 - inside, is_used, mode="valid")) == 0
     if not fits.any():
         return None
-    cost = scipy.signal.correlate(_cut_into_cells(wall, cell).mean((1, 3)), count, mode="valid")
+    cell_cost = _cut_into_cells(wall, cell).mean((1, 3))
+    cost = scipy.signal.correlate(cell_cost, points_in_cell, mode="valid")
     middle = (np.array(cost.shape) - 1) / 2
     from_middle = np.hypot(*(np.indices(cost.shape) - middle[:, None, None]))
     # Of equal shifts the one nearest to the middle of the tank.
     cost = np.maximum(cost, 0) + 1e-6 * len(pixels) * from_middle
     best = np.unravel_index(np.where(fits, cost, np.inf).argmin(), cost.shape)
-    return cell * (np.array(best[::-1]) - low).astype(float)
+    return cell * (np.array(best[::-1]) - first_cell).astype(float)
 
 
 def _cut_into_cells(values: Floats, cell: int) -> Floats:

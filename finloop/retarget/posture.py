@@ -86,12 +86,9 @@ def most_likely_codes(directions: Floats, along: Floats, shapes: PoseShapes) -> 
 
 
 def align_postures(
-    postures: Floats,
-    points: Points,
-    along: Floats,
-    size_px: float,
+    postures: Floats, points: Points, along: Floats, size_px: float,
     heading_rad: Floats | None = None,
-) -> Pose:
+) -> Pose:  # fmt: skip
     """Return postures (T, d) placed and turned so that they lie nearest to points (T, m, 2) px.
 
     along (m,): where along the body the points are, 0 = head, 1 = tail, NaN = the mass centre.

@@ -40,7 +40,7 @@ class Track(NamedTuple):
     rows: Ints | None = None
 
     @property
-    def whole(self) -> Mask:
+    def is_complete(self) -> Mask:
         """Return the mask (t,) of the frames that have all points."""
         return np.asarray(np.isfinite(self.points).all((1, 2)))
 

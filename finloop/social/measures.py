@@ -136,10 +136,7 @@ def split_in_halves(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def middle_frame(frame: Ints) -> float:
-    """Return the frame number in the middle of the film's time.
-
-    frame (n,): the numbers of frames with fish.
-    """
+    """Return the frame number in the middle of the film's time; frame (n,): those with fish."""
     return (int(frame.min()) + int(frame.max()) + 1) / 2
 
 

@@ -62,7 +62,7 @@ class SocialSteps:
         return scipy.spatial.KDTree(np.concatenate([vectors, mirrored_vectors]))
 
     def _search_vectors(self, wall: Complex, last: Complex) -> Floats:
-        """Return the vectors (…, 4) in which steps are compared, from `wall` and `last`."""
+        """Return vectors (…, 4) to compare steps by: of the way from the wall and the last step."""
         wall, last = wall / self._step_scales[0], last / self._step_scales[1]
         return np.stack([wall.real, wall.imag, last.real, last.imag], axis=-1)
 
@@ -105,8 +105,7 @@ class SocialSteps:
     def from_table(cls, table: pd.DataFrame, forward: float, onward: float) -> "SocialSteps":
         """Return steps from a table with the columns of `SOCIAL_STEPS`, and two pull factors.
 
-        forward: body lengths by which a pull of 1 moves a fish; onward: what it adds to the
-        heading.
+        forward: body lengths by which a pull of 1 moves a fish; onward: what it adds to a heading.
         """
         wall, last, move, turn = (
             table[f"{name}_ahead"].to_numpy(float) + 1j * table[f"{name}_left"].to_numpy(float)
@@ -159,12 +158,9 @@ class DecidingFish(NamedTuple):
 
 
 def next_place_in_school(
-    fish: DecidingFish,
-    others: OtherFish,
-    shoaling: SchoolRule,
-    walls: Walls,
+    fish: DecidingFish, others: OtherFish, shoaling: SchoolRule, walls: Walls,
     rng: np.random.Generator,
-) -> tuple[float, float] | None:
+) -> tuple[float, float] | None:  # fmt: skip
     """Return the place x, y in px to which a fish swims next; None if no other fish pulls it.
 
     rng: source of chance. Steps of the film that began alike are drawn, and the pull of the other

@@ -101,10 +101,7 @@ class LiveAnimals:
         return [self._store_sighting(sighting, source, arrived_s) for sighting in sightings]
 
     def recent_animals(self, now_s: float) -> list[Animal]:
-        """Return all animals with a message in the last 60 s, also lost ones, sorted by id.
-
-        now_s: session time, s.
-        """
+        """Return all animals heard of in the 60 s before a session time, also lost ones, by id."""
         return [
             Animal(name, *track.place, track.heading_rad, track.speed, track.heard_s)
             for name, track in sorted(self._tracks.items())
@@ -123,8 +120,7 @@ class LiveAnimals:
         """Return where an animal was (x, y px) at a session time, interpolated between sightings.
 
         id: of the animal. None before the first sighting, more than 60 s before the last one, and
-        where the animal was lost. After its last sighting an animal stays at that place until it is
-        lost.
+        where the animal was lost. Until it is lost, an animal stays where it was last sighted.
         """
         track = self._tracks.get(id)
         return None if track is None else track.find_past_place(time_s, self.gap_s)
@@ -267,7 +263,7 @@ class _PastPlaces:
     def __init__(self) -> None:
         """Begin without a place."""
         self._rows = np.empty((2 * _SAMPLES, 3))  # t, x, y
-        self._first = self._end = 0
+        self._first = self._end = 0  # rows in use: from `_first` up to before `_end`
 
     @property
     def _valid_rows(self) -> Floats:

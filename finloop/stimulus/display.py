@@ -109,8 +109,5 @@ def load_display(path: Path) -> DisplayCalibration:
 
 
 def save_display(path: Path, display: DisplayCalibration) -> None:
-    """Write a display's calibration as JSON, completely or not at all.
-
-    FinloopError if the disk is full.
-    """
+    """Write a display's calibration as JSON, whole or not at all; FinloopError on a full disk."""
     save_bytes(path, (display.model_dump_json(indent=1) + "\n").encode())

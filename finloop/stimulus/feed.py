@@ -59,13 +59,12 @@ class Feed:
         room = MEMORY // (tank.slot_width * tank.slot_height * 4)
         self.slots = max(FEWEST, needed, min(MOST, room))
         self._slots: OrderedDict[int, int] = OrderedDict()  # picture: slot, the newest last
-        self._last: dict[int, bytes] = {}  # messages of the last ticks' states, by tick
+        self._recent_states: dict[int, bytes] = {}  # messages, by tick
 
     def opening_messages(self) -> list[bytes]:
         """Return all messages that a new page needs: hello, pictures, and the last ticks' states.
 
-        They include at least one picture: with the first one the page prepares to draw, which takes
-        a while.
+        One picture is always among them: with the first the page prepares to draw, which is slow.
         """
         if not self._slots:
             self._slots[0] = 0  # the film's first picture
@@ -76,7 +75,7 @@ class Feed:
             "slot_width": self.tank.slot_width, "slot_height": self.tank.slot_height, **self.facts,
         }  # fmt: skip
         pictures = [self._picture_message(number, slot) for number, slot in self._slots.items()]
-        return [pack_message(hello, floor.tobytes()), *pictures, *self._last.values()]
+        return [pack_message(hello, floor.tobytes()), *pictures, *self._recent_states.values()]
 
     def tick_messages(
         self, seq: int, tick: int, due_s: float, states: States, cut: bool = False
@@ -90,9 +89,11 @@ class Feed:
         pictures = self.picture_messages(states)
         facts = {"kind": "rows", "seq": seq, "tick": tick, "due": due_s, "cut": cut}
         # The last 63 ticks are kept for a page that connects now.
-        self._last = {old: sent for old, sent in self._last.items() if tick - 64 < old < tick}
-        self._last[tick] = pack_message(facts, states.tobytes())
-        return [*pictures, self._last[tick]]
+        self._recent_states = {
+            old: sent for old, sent in self._recent_states.items() if tick - 64 < old < tick
+        }
+        self._recent_states[tick] = pack_message(facts, states.tobytes())
+        return [*pictures, self._recent_states[tick]]
 
     def frame_messages(self, number: int, states: States) -> list[bytes]:
         """Return the messages of a replayed frame: pictures that the page lacks, then the states.
@@ -104,7 +105,7 @@ class Feed:
 
     def clear_message(self) -> bytes:
         """Return the message after which the page shows no fish; forget the last ticks."""
-        self._last = {}
+        self._recent_states = {}
         return pack_message({"kind": "clear"})
 
     def picture_messages(self, states: States) -> list[bytes]:

@@ -84,7 +84,7 @@ def parse_datagram(content: bytes, token: str | None) -> str | None:
 
 
 def _is_token(claim: Any, token: str) -> bool:
-    """Return whether a claim is the token, in a time from which nobody can guess the token."""
+    """Return whether a claim is the token, in constant time, which gives nothing away."""
     text = claim if isinstance(claim, str) else ""
     return hmac.compare_digest(text.encode(), token.encode())
 

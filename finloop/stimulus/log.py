@@ -132,11 +132,12 @@ class Log:
         if not sum(counts):
             return []
         facts = np.stack([facts for _, facts, _ in frames]).repeat(counts, axis=0)
+        numbers, times_s = facts[:, 0], facts[:, 2]  # of the frame in which each fish is
         drawn = np.concatenate([drawn for _, _, drawn in frames if len(drawn)])
         posture = drawn[:, len(FIELDS) :]
         list_starts = np.arange(len(drawn) + 1, dtype=np.int32) * posture.shape[1]
         return [self._build_batch(
-            len(drawn), kind="fish", time_s=facts[:, 2], number=facts[:, 0],
+            len(drawn), kind="fish", time_s=times_s, number=numbers,
             trial=[trial for trial, _, drawn in frames for _ in drawn],
             fish=np.concatenate([np.arange(count) for count in counts]),
             posture=pa.ListArray.from_arrays(list_starts, posture.ravel()),

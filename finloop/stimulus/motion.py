@@ -70,8 +70,7 @@ class TrialContext:
 class TrialSetup:
     """How one trial is shown: its condition, the number of fish, their look and their fading.
 
-    seed: of the motion; look: index of the look in `Protocol.looks`; fade_s: s, of fading in, and
-    of fading out.
+    seed: of the motion; look: index of the look in `Protocol.looks`; fade_s: fading in or out, s.
     """
 
     condition: Condition
@@ -129,7 +128,7 @@ def apply_change(states: States, change: MotionChange | None, ticks: int) -> Sta
         states = states[::-1]
     if change.speed == 1:
         return states
-    count = math.floor((len(states) - 1) / change.speed + 1e-9) + 1  # 1e-9: as above
+    count = math.floor((len(states) - 1) / change.speed + 1e-9) + 1  # against rounding errors
     return interpolate_states(states, change.speed * np.arange(count, dtype=float))[:ticks]
 
 
@@ -271,8 +270,7 @@ class ReactiveMotion:
     ) -> None:
         """Put the fish of a trial into a tank; the first tick is not planned yet.
 
-        keeps: whether all states are kept, for a trial that repeats them; else only the last tick's
-        are.
+        keeps: whether all states are kept, for a trial that repeats them, not only the last tick's.
         """
         rule = setup.condition.motion.rule
         assert rule is not None

@@ -104,7 +104,7 @@ def _predecessors(protocol: Protocol, repeats: int) -> dict[Node, Node | None]:
 
 def _draw_order(predecessors: dict[Node, Node | None], generator: PCG64) -> list[Node]:
     """Draw a random order of trials, each after its predecessor, if any; all are equally likely."""
-    children: dict[Node | None, list[Node]] = {}
+    children: dict[Node | None, list[Node]] = {}  # the trials that wait for each trial
     for node, parent in predecessors.items():
         children.setdefault(parent, []).append(node)
     parents_first = list(children.get(None, []))

@@ -37,10 +37,7 @@ class SessionRecord:
         return pq.ParquetFile(self.path)
 
     def read_rows(self, *kinds: str) -> Iterator[dict[str, Any]]:
-        """Yield the log's rows of some kinds ("trial", "tick", …) in order, without fish states.
-
-        Each is a dictionary by columns.
-        """
+        """Yield the log's rows of some kinds ("trial" …) in order, by column, without states."""
         names = [name for name in SESSION.names if name not in (*FIELDS, "posture")]
         for batch in self.open_file().iter_batches(columns=names):
             rows = batch.filter(pc.is_in(batch["kind"], pa.array(kinds)))

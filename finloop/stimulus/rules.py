@@ -25,9 +25,8 @@ def find_rule_target(
 ) -> PlacePx | None:
     """Return the place (x, y px) to which a rule sends a fish; None: the fish wanders.
 
-    fish: its x, y [px] and heading [rad]. It wanders if the animal is not present, if the animal's
-    past that it shall copy is unknown, or if it shall avoid an animal that is far away. now_s:
-    session time.
+    fish: its x, y [px] and heading [rad]; now_s: session time. It wanders if the animal is absent,
+    if it shall copy an unknown past of the animal, or avoid an animal that is far away.
     """
     present = animals.present_animals(now_s)
     candidates = [animal for animal in present if rule.animal in (NEAREST, animal.id)]
@@ -60,8 +59,10 @@ def mirror_place(place: PlacePx, axis: str, tank: TankGeometry) -> PlacePx:
     axis: "x" exchanges left and right, "y" top and bottom, "centre" both.
     """
     x, y = place
-    mirrored_x, mirrored_y = tank.width - 1 - x, tank.height - 1 - y
-    return x if axis == "y" else mirrored_x, y if axis == "x" else mirrored_y
+    return (
+        x if axis == "y" else tank.width - 1 - x,
+        y if axis == "x" else tank.height - 1 - y,
+    )  # fmt: skip
 
 
 def _side_of_animal(rule: str, fish: Pose, animal: Animal) -> Direction:

@@ -393,12 +393,10 @@ def create_session_server(
         SocketRoute("/animals", hub.serve_tracker, MOST_TRACKERS, programs=True),
     ]
     pages = {"/": build_experimenter_page(), "/show": build_display_page()}
-
-    def create_tasks() -> list[Coroutine[Any, Any, None]]:
-        """Return what runs while the server does: the session, its log and the inputs."""
-        return [session.run_trials(), save_log(), *inputs()]
-
-    return AppServer(listens, policy, pages, sockets, create_tasks, started)
+    return AppServer(
+        listens, policy, pages, sockets, started=started,
+        tasks=lambda: [session.run_trials(), save_log(), *inputs()],
+    )  # fmt: skip
 
 
 def create_display_server(
@@ -419,5 +417,7 @@ def create_display_server(
 
     sockets = [SocketRoute("/display", hub.serve_display, most=1)]
     pages = {"/": build_display_page()}
-    server = AppServer(listens, policy, pages, sockets, lambda: [run_replay_and_stop()], started)
+    server = AppServer(
+        listens, policy, pages, sockets, tasks=lambda: [run_replay_and_stop()], started=started
+    )
     return server

@@ -210,7 +210,7 @@ class Session:
             number, intended_s, _shown_s, drawn_s, last_seq, dropped, _fish, _digest = facts
             self.counts.frames += 1
             self.counts.dropped += int(dropped)
-            # Late: the next frame was due already. The time between frames is known in a row only.
+            # Late: the next frame was due. The period is known only after the frame just before.
             period_s = (intended_s - self._last_intended_s) / (dropped + 1)
             follows = number == self._last_frame + 1
             self.counts.late += int(follows and drawn_s > intended_s + period_s)
@@ -224,7 +224,7 @@ class Session:
     def add_display(self, facts: dict[str, Any]) -> None:
         """Note that a display has connected, with facts about it.
 
-        A page counts its frames from 0; the log's numbers go on, with the next even one.
+        A page counts its frames from 0, and marks even ones; so the log goes on with an even one.
         """
         self._page_first_frame = (self._last_frame // 2 + 1) * 2 if self._last_frame else 0
         self.displays, self.display = self.displays + 1, facts | {"hidden": False}
@@ -244,10 +244,7 @@ class Session:
         self.report_problem(f"the display's page is {'hidden' if on else 'seen again'}")
 
     def remaining_s(self, now: float) -> float | None:
-        """Return how long the present trial still lasts [s]; None if none runs.
-
-        now: session time, s.
-        """
+        """Return how many s the present trial lasts after a session time; None if none runs."""
         return None if self._trial_end_s is None else round(max(0.0, self._trial_end_s - now), 1)
 
     def check_wall_clock(self, wall_s: float) -> None:
@@ -282,7 +279,7 @@ class Session:
         """Prepare one trial, wait for its start if it has one, and show it."""
         self._skip, self.phase = False, "planning"
         setup = TrialSetup.from_protocol(self.protocol, trial)
-        known = await self._prepare_motion(trial, setup)
+        known = await self._prepare_motion(trial, setup)  # its states, if known beforehand
         waits = self.protocol.start != "auto" and self.waits_for_starts
         if waits and not (self._abort or self._skip):
             self.phase = "waiting"
@@ -345,30 +342,30 @@ class Session:
         known: the states (ticks, fish, F) if they are known beforehand, None if fish react.
         """
         self.phase, rate = "running", self.scene.rate_hz
-        begin = self.clock.read_time() + _FIRST_S
+        begin_s = self.clock.read_time() + _FIRST_S
         ticks = self.scene.count_ticks(setup.condition.seconds)
-        self._trial_end_s = begin + ticks / rate
-        early = self._lead_time_s(known is not None)
-        keeps = trial.condition in self._repeated
+        self._trial_end_s = begin_s + ticks / rate
+        early_s = self._lead_time_s(known is not None)
+        keeps = trial.condition in self._repeated  # the motion, for a condition that repeats it
         reaction = None
         if known is None:
             reaction = ReactiveMotion(self.scene, setup, self.animals, keeps)
         self._reaction = reaction
         for tick in range(ticks):
-            due = begin + tick / rate
-            await self.clock.wait_until(due - early)
+            due_s = begin_s + tick / rate
+            await self.clock.wait_until(due_s - early_s)
             if self._abort or self._skip:
                 break
-            now = self.clock.read_time()
+            now_s = self.clock.read_time()
             if known is not None:
-                self._send_tick(tick, due, known[tick], now)
+                self._send_tick(tick, due_s, known[tick], now_s)
             elif reaction is not None:
-                self._tick, self._due_s = tick, due
-                self._send_tick(tick, due, reaction.plan_tick(now), now)
-            if tick > rate * early:  # the first ticks are sent at once, as they are overdue
-                self.counts.tick_ms.append(1e3 * (now - (due - early)))
+                self._tick, self._due_s = tick, due_s
+                self._send_tick(tick, due_s, reaction.plan_tick(now_s), now_s)
+            if tick > rate * early_s:  # the first ticks are sent at once, as they are overdue
+                self.counts.tick_ms.append(1e3 * (now_s - (due_s - early_s)))
         else:
-            await self._wait_until(begin + ticks / rate)
+            await self._wait_until(self._trial_end_s)
         if reaction is not None and keeps and (motion := reaction.planned_states) is not None:
             self._motions[trial.condition] = motion
         self._reaction = self._trial_end_s = None

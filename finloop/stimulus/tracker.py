@@ -191,10 +191,7 @@ def fit_calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calib
 
 
 def _calibration_problems(settings: TrackerSettings, mm_per_px: float | None) -> Iterator[str]:
-    """Yield a sentence for each problem that prevents a calibration from a tracker's settings.
-
-    mm_per_px: mm of the real world per px of the tank's picture, None if unknown.
-    """
+    """Yield a sentence for each problem that prevents a calibration from a tracker's settings."""
     count = len(settings.points)
     if count == 0 and settings.unit == "mm" and mm_per_px is None:
         yield "the tracker sends mm, but neither the film's scale nor points are given"

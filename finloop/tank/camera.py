@@ -109,7 +109,8 @@ def _view_following_fish(
 ) -> CameraViews:
     """Return views from behind, above and beside a fish, smoother than its path.
 
-    fish (ticks, 3): its place, px; heading (ticks,): rad; rate_hz: ticks per second.
+    fish (ticks, 3): its place, px; heading (ticks,): rad; rate_hz: ticks per second. Angle and
+    distances are chosen for the looks.
     """
     smoothing = _SMOOTHING_S * rate_hz
     path = scipy.ndimage.gaussian_filter1d(fish, smoothing / 3, axis=0, mode="nearest")
@@ -125,7 +126,7 @@ def _view_from_edge(room: TankRoom, fish: Floats, rate_hz: float) -> CameraViews
     """
     smoothing = _SMOOTHING_S * rate_hz
     path = scipy.ndimage.gaussian_filter1d(fish, smoothing, axis=0, mode="nearest")
-    place = path + np.array([0.7, -5.2, 0.0]) * room.length
+    place = path + np.array([0.7, -5.2, 0.0]) * room.length  # chosen for the looks
     place[:, 2] = 0.7 * room.depth
     return CameraViews(place, path - (0, 0, 0.1 * room.depth))
 

@@ -272,10 +272,7 @@ def _add_shadow(glb: GlbDocument, shape: PrincipalShapes, material: int, name: s
 def _add_plain_material(
     glb: GlbDocument, name: str, colour: tuple[float, ...], texture: int | None = None
 ) -> int:
-    """Add an unlit material, visible from both sides; return its index.
-
-    colour: RGBA, 0 … 1; texture: index, None without.
-    """
+    """Add an unlit, two-sided material (colour: RGBA, 0 … 1; texture: index); return its index."""
     base: dict = {"baseColorFactor": list(colour), "metallicFactor": 0.0, "roughnessFactor": 1.0}
     if texture is not None:
         base["baseColorTexture"] = {"index": texture}

@@ -53,7 +53,7 @@ class LitFloor:
     """The floor of the tank under moving light, with the shadows of fish."""
 
     def __init__(self, background: NDArray[np.uint8], room: TankRoom, most_px: int = 960) -> None:
-        """Shrink the background to `most_px` a side, and lay a grid for the light over it.
+        """Shrink the background to at most `most_px` a side; lay a grid for the light over it.
 
         background: the film without fish, (H, W) or (H, W, 3) uint8.
         """
@@ -108,7 +108,7 @@ class LitFloor:
         """
         on_floor = fish[..., :2] - fish[..., 2:] * (SUN[:2] / SUN[2])
         pixels = (on_floor * (1, -1) * self._scale).astype(np.float32)  # of the floor's picture
-        blur = max(1.0, 0.03 * float(fish[..., 2].mean()) * self._scale)
+        blur = max(1.0, 0.03 * float(fish[..., 2].mean()) * self._scale)  # grows with the height
         rim = int(np.ceil(3 * blur)) + 1
         low = np.floor(pixels.min((0, 1))).astype(int) - rim
         high = np.ceil(pixels.max((0, 1))).astype(int) + rim + 1
@@ -144,8 +144,8 @@ class WaterSurface:
     ) -> tuple[Floats, NDArray[np.uint8]]:
         """Return the surface's points (m · n, 3), px, and their colours RGBA (m · n, 4) uint8.
 
-        The water mirrors the sky and the sun. camera (3,): its place, px; parallel: whether the
-        view is parallel, from above.
+        The water mirrors the sky and the sun; factors are chosen for the looks. camera (3,): its
+        place, px; parallel: whether the view is parallel, from above.
         """
         height, slope_x, slope_y = wave_heights_and_slopes(self.x, self.y, self._room.depth, time_s)
         points = np.stack([self.x, self.y, self._room.depth + height], -1)

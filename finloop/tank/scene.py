@@ -142,6 +142,7 @@ class TankScene:
         camera.SetParallelProjection(views.height_px is not None)
         if views.height_px is not None:
             camera.SetParallelScale(views.height_px)
+        # Distances of the nearest and the farthest that is drawn: beyond the sky.
         camera.clipping_range = 0.2 * self._room.length, 25 * self._room.width
 
     def _add_light(self) -> None:

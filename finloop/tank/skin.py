@@ -80,6 +80,7 @@ class FishSkins:
 
         weight: share of the second, `partner`, 0 … 1; mirrored: whether each is mirrored.
         """
+        # A mirrored skin has the rows, which go around the body, in reverse order.
         skin = self.skin(row)[:: -1 if mirrored[0] else 1]
         if weight > 0:
             partner_skin = self.skin(partner)[:: -1 if mirrored[1] else 1]

@@ -175,6 +175,7 @@ def _find_shown_bodies(
         row[is_sprite] = shown["row"]
         axis[is_sprite], mirrored[is_sprite] = shown["heading_deg"], shown["mirrored"]
         orientation = edit[f"{prefix}orientation"][is_sprite].to_numpy(int)
+        # From its heading in the film a sprite is turned to its orientation.
         turn[is_sprite] += (
             orientation_heading_deg(orientation, count_orientations(sprites)) - axis[is_sprite]
         )
@@ -187,7 +188,7 @@ def _place_bodies(film: FilmBodies, placement: BodyPlacement) -> tuple[Floats, F
     Return their backbones (ticks, p, 2) and half widths (ticks, p), px.
     """
     line = film.backbone[placement.row]
-    twice = 2 * np.radians(placement.axis_deg)
+    twice = 2 * np.radians(placement.axis_deg)  # of the reflection about a line at this angle
     mirror = _stack_matrices(np.cos(twice), np.sin(twice), np.sin(twice), -np.cos(twice))
     line = np.where(placement.mirrored[:, None, None], line @ mirror.swapaxes(1, 2), line)
     angle = np.radians(placement.turn_deg)
