@@ -73,6 +73,9 @@ def _read_comments(path: Path) -> dict[str, str]:
     return comments
 
 
+_PLURALS = {"any number": "numbers", "any whole number": "whole numbers", "text": "texts"}
+
+
 def range_text(hint: Any) -> str:
     """Return in words which values the type annotation `hint` allows, such as "whole, ≥ 1"."""
     if hint is None or hint is type(None):
@@ -89,7 +92,8 @@ def range_text(hint: Any) -> str:
         inside = [part for part in parts if part is not Ellipsis]
         if origin is tuple and Ellipsis not in parts:
             return "(" + ", ".join(map(range_text, inside)) + ")"
-        return f"list of {range_text(inside[0])}"
+        text = range_text(inside[0])
+        return "list of " + _PLURALS.get(text, re.sub("^list of", "lists of", text))
     if origin in (dict, Mapping):
         return "settings by name"
     plain = {bool: "true or false", str: "text", float: "any number", int: "any whole number"}

@@ -43,7 +43,7 @@ class FootageSettings:
     """
 
     source: Literal["file"]  # names this variant
-    path: str | tuple[str | dict[str, Any], ...]
+    path: Annotated[str | tuple[str | dict[str, Any], ...], "path or list of paths"]
     start_s: NotNegative
     end_s: Positive | None
     frame_rate_hz: Annotated[float, Field(gt=0, le=1e6)] | None

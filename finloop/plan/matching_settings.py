@@ -35,7 +35,7 @@ class MatchingSettings:
     lag_cost: NotNegative
     choice_noise: Positive
 
-    path: str | list[str | None] | None
+    path: Annotated[str | list[str | None] | None, "file, track, list of these, or null"]
     path_unit: Literal["tank", "px", "mm"]
     path_keep_times: bool
     path_own_frames: bool
