@@ -722,7 +722,7 @@ def test_tags_of_tiffs_say_when_they_were_shot(tmp_path):
 
 
 @pytest.mark.parametrize("order", ["grey", "one channel", "RGB", "RGB first"])
-@pytest.mark.parametrize("ending", [".npy", ".NPY", ".h5", ".nwb-like"])
+@pytest.mark.parametrize("ending", [".npy", ".NPY", ".h5", ".nwb-like", ".mat"])
 def test_an_array_is_a_film(tmp_path, order, ending):
     pages = np.array([picture(k) for k in range(12)])
     stored = {
@@ -735,8 +735,12 @@ def test_an_array_is_a_film(tmp_path, order, ending):
             np.save(file, stored)
     else:
         h5py = pytest.importorskip("h5py")
-        with h5py.File(path, "w") as file:
-            file["a/film"] = stored
+        matlab = ending == ".mat"
+        with h5py.File(path, "w", userblock_size=512 if matlab else 0) as file:
+            axes = (2, 3) if order == "RGB first" else (1, 2)  # it lists them the other way round
+            file["a/film"] = stored.swapaxes(*axes) if matlab else stored
+            if matlab:
+                file["a/film"].attrs["MATLAB_class"] = np.bytes_("uint8")
             file["a/places"] = np.zeros((12, 2))
             file["times"] = np.arange(12.0)
             file["a"].attrs["Frame_Rate"] = 50.0

@@ -12,6 +12,7 @@ from finloop.base.errors import FinloopError
 from finloop.io.poses.extra import import_extra
 
 _HDF5, _NORPIX = b"\x89HDF\r\n\x1a\n", b"\xed\xfe\0\0"  # first bytes of files
+_USER_BLOCK = 512  # bytes before the beginning of a file of MATLAB 7.3, which is HDF5
 _LEAST_SIDE = 16  # px; smaller arrays are tables
 _CHANNELS = (1, 3, 4)
 _RATES = ("fps", "framerate", "rate", "frameratehz", "ratehz")
@@ -26,7 +27,7 @@ def is_array_file(path: Path) -> bool:
     if path.suffix.lower() in (".npy", ".h5", ".hdf5", ".hdf"):
         return True
     with path.open("rb") as file:
-        begins = file.read(8)
+        begins = file.read(_USER_BLOCK + 8)
     if begins.startswith(_NORPIX):
         raise FinloopError(
             f"{path} is a recording of Norpix StreamPix (.seq), which FFmpeg does not read",
@@ -35,16 +36,16 @@ def is_array_file(path: Path) -> bool:
             "python -c \"import imageio, pims; film = pims.NorpixSeq('film.seq'); "
             "imageio.mimwrite('film.mp4', film, fps=film.frame_rate, quality=10)\"",
         )
-    return begins == _HDF5
+    return _HDF5 in (begins[:8], begins[_USER_BLOCK:])
 
 
 @contextmanager
 def open_array(path: Path) -> Iterator[tuple[Any, float | None]]:
     """Open the pictures of a NumPy or HDF5 file for a block; nothing is read yet.
 
-    Yield an array (frames, h, w), (frames, h, w, c) or (frames, c, h, w), and the frames per second
-    that an attribute states, if one does. FinloopError if the file is damaged, or holds no such
-    array or several.
+    Yield an array (frames, h, w), (frames, h, w, c) or (frames, c, h, w), of MATLAB's file with w
+    before h, and the frames per second that an attribute states, if one does. FinloopError if the
+    file is damaged, or holds no such array or several.
     """
     with ExitStack() as stack:
         try:
@@ -62,13 +63,15 @@ def open_array(path: Path) -> Iterator[tuple[Any, float | None]]:
         yield array, rate
 
 
-def to_picture(page: np.ndarray) -> Picture:
-    """Return a frame as (h, w) or (h, w, 3), from (h, w), (h, w, c) or (c, h, w)."""
-    page = np.asarray(page)
+def to_picture(array: Any, number: int) -> Picture:
+    """Return a frame of an array of `open_array` as (h, w) or (h, w, 3)."""
+    page = np.asarray(array[number])
     if page.ndim == 3 and page.shape[2] not in _CHANNELS:
         page = np.moveaxis(page, 0, -1)
     if page.ndim == 3:
         page = page[..., 0] if page.shape[2] == 1 else page[..., :3]
+    if "MATLAB_class" in getattr(array, "attrs", ()):
+        page = page.swapaxes(0, 1)
     return np.ascontiguousarray(page)
 
 

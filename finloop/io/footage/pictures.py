@@ -83,7 +83,7 @@ def _open_album(path: Path, has_rate: bool) -> Iterator[Album]:
             numbers = np.arange(len(array))
             names = [f"{path}, frame {k + 1}," for k in numbers]
             times = numbers / rate if rate and not has_rate else None
-            yield Album(names, lambda k: to_picture(array[k]), numbers, times_s=times)
+            yield Album(names, partial(to_picture, array), numbers, times_s=times)
         return
     try:
         with TiffFile(path) as stack:
