@@ -704,6 +704,12 @@ def test_tags_of_tiffs_say_when_they_were_shot(tmp_path):
     tifffile.imwrite(tmp_path / "step.ome.TIF", pages, metadata=ome)
     imagej = {"axes": "TYX", "finterval": 0.04}
     tifffile.imwrite(tmp_path / "imagej.tif", pages, imagej=True, metadata=imagej)
+    both = np.stack([pages, pages], axis=1)
+    tifffile.imwrite(tmp_path / "two.ome.tif", both, metadata={"axes": "TCYX"})
+    tifffile.imwrite(tmp_path / "two.tif", both, imagej=True, metadata={"axes": "TCYX"})
+    for name in ("two.ome.tif", "two.tif"):
+        with pytest.raises(FinloopError, match="24 pages for 12 times"):
+            open_footage(tmp_path / name, frame_rate_hz=25)
     folder = tmp_path / "folder"
     folder.mkdir()
     for k, page in enumerate(pages):

@@ -32,7 +32,7 @@ from finloop.io.footage.source import (
     thin_frame,
     too_few_error,
 )
-from finloop.io.footage.stamps import times_in_files, times_in_names, times_in_stack
+from finloop.io.footage.stamps import count_times, times_in_files, times_in_names, times_in_stack
 from finloop.io.footage.timing import estimate_frame_rate
 from finloop.io.video import THREADS
 
@@ -88,6 +88,12 @@ def _open_album(path: Path, has_rate: bool) -> Iterator[Album]:
     try:
         with TiffFile(path) as stack:
             names = [f"{path}, page {k + 1}," for k in range(len(stack.pages))]
+            if 1 < (count := count_times(stack)) < len(names):
+                raise FinloopError(
+                    f"{path} has {len(names)} pages for {count} times: channels or slices",
+                    "a page for each frame",
+                    "save one channel and one slice alone",
+                )
             times = None if has_rate else times_in_stack(stack, len(names))
             yield Album(names, partial(_load_page, stack), np.arange(len(names)), times_s=times)
     except (TiffFileError, OSError) as error:

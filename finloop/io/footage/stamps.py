@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from tifffile import TiffFile, TiffFileError, TiffPage, xml2dict
@@ -52,9 +53,7 @@ def times_in_stack(stack: TiffFile, count: int) -> Floats | None:
     facts = stack.imagej_metadata or {}
     step = float(facts.get("finterval") or 0) * _UNITS_S.get(str(facts.get("tunit", "s")), 0.0)
     step = step or (1 / float(facts["fps"]) if facts.get("fps") else 0.0)
-    if stack.ome_metadata:
-        pixels = xml2dict(stack.ome_metadata)["OME"]["Image"]
-        pixels = (pixels[0] if isinstance(pixels, list) else pixels)["Pixels"]
+    if pixels := _ome_pixels(stack):
         planes = pixels.get("Plane", [])
         planes = planes if isinstance(planes, list) else [planes]
         seconds = [
@@ -69,6 +68,21 @@ def times_in_stack(stack: TiffFile, count: int) -> Floats | None:
     if step > 0:
         return np.asarray(np.arange(count) * step)
     return _to_times([_find_tag(page) for page in stack.pages if isinstance(page, TiffPage)])
+
+
+def count_times(stack: TiffFile) -> int:
+    """Return at how many times the pages of a stack were shot, by ImageJ or OME; 0: unknown."""
+    frames = (stack.imagej_metadata or {}).get("frames") or _ome_pixels(stack).get("SizeT") or 0
+    return int(frames)
+
+
+def _ome_pixels(stack: TiffFile) -> dict[str, Any]:
+    """Return what OME says of a stack's first series of pages; {} if it says nothing."""
+    if not stack.ome_metadata:
+        return {}
+    image = xml2dict(stack.ome_metadata)["OME"]["Image"]
+    pixels: dict[str, Any] = (image[0] if isinstance(image, list) else image)["Pixels"]
+    return pixels
 
 
 Stamp = tuple[float, str]
