@@ -259,9 +259,27 @@ def test_a_sentence_says_what_a_parameter_does_beyond_the_seeds():
     }
     up = effects["animate.up"]
     cells = numbers["animate.up"].to_numpy().reshape(5, 3)
-    assert up.spread == pytest.approx(np.sqrt(cells.var(axis=1, ddof=1).mean()))
+    by_seed = cells - cells.mean(axis=0) + cells.mean()  # without what a seed changes alike
+    spread = np.sqrt(((by_seed - by_seed.mean(axis=1, keepdims=True)) ** 2).sum() / (4 * 2))
+    assert up.spread == pytest.approx(spread)
     assert up.size == pytest.approx(np.ptp(cells.mean(axis=1)) / up.spread)
     assert np.isinf(effects["animate.no_seed"].size)
+
+
+def test_values_are_compared_seed_by_seed():
+    """Whatever a seed adds to the measure of every value, also where a run is missing."""
+    parameters, numbers = sweep_with_seeds()
+    measure = "bpn.held_out_area_rmse"
+    numbers[measure] += np.tile([0.0, 50.0, -30.0], 5)
+    for kept in (numbers, numbers.iloc[1:], numbers.iloc[:-1]):
+        found = compare_experiments(parameters.loc[kept.index], kept, [measure])
+        (effect,) = found.effects
+        assert effect.verdict == "best between 0.2 and 0.5" and effect.spread < 0.02
+        assert np.ptp(effect.means) == pytest.approx(1, abs=0.05)
+    # Where each value has seeds of its own, they cannot be taken out.
+    own = parameters.assign(**{"bpn.seed": range(len(parameters))})
+    (effect,) = compare_experiments(own, numbers, [measure]).effects
+    assert effect.verdict == "no effect beyond the seeds" and effect.spread > 10
 
 
 def test_without_seeds_a_sentence_says_that_it_may_be_chance():
@@ -292,7 +310,8 @@ def test_a_parameter_has_a_panel_for_every_measure_with_its_spread():
     for point, line, effect in zip(runs, means, shown, strict=True):
         assert line.x == (0, 1, 2, 3, 4) and line.y == tuple(effect.means)
         assert set(line.error_y.array) == {effect.spread}
-        assert sorted(point.y) == sorted(numbers[effect.measure])
+        assert sorted(y for y in point.y if y == y) == sorted(numbers[effect.measure])
+        assert sum(y != y for y in point.y) == 3  # a line for each seed, and a gap after it
 
 
 def two_parameters() -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -64,6 +64,7 @@ class Comparison:
     for a single run. objectives: those OBJECTIVES that some experiment has. best (rows,): True on
     the Pareto front. effects: of every parameter on every measure. first_runs (rows,): name of the
     first run of each experiment. run_parameters, run_measures: the same tables with a row per run.
+    run_seeds: a text for each run, equal for runs with the same seeds.
     """
 
     parameters: pd.DataFrame
@@ -75,6 +76,7 @@ class Comparison:
     first_runs: Sequence[str]
     run_parameters: pd.DataFrame
     run_measures: pd.DataFrame
+    run_seeds: "pd.Series[str]"
 
 
 class Preview(NamedTuple):
@@ -124,11 +126,18 @@ def compare_experiments(
     spreads = values.groupby(names, sort=False).std()
     cost_sign = np.array([-1.0 if objective.rises else 1.0 for objective in objectives])
     best = pareto_front(means[keys].to_numpy() * cost_sign) & bool(objectives)
-    effects = measure_effects(runs[~repeats], values[~repeats]) if differing else []
+    seed_names = [name for name in parameters if str(name).endswith(".seed")]
+    seed_names = [name for name in seed_names if name not in differing]
+    seed_rows = parameters.loc[runs.index, seed_names].astype(str).to_numpy()
+    seeds = pd.Series([" ".join(row) for row in seed_rows], runs.index)
+    effects = []
+    if differing:
+        effects = measure_effects(runs[~repeats], values[~repeats], seeds[~repeats])
     first_runs = names.index[~names.duplicated()].astype(str).tolist()
     return Comparison(
         parameters=rows, measures=means, spreads=spreads, objectives=objectives, best=best,
         effects=effects, first_runs=first_runs, run_parameters=runs, run_measures=values,
+        run_seeds=seeds,
     )  # fmt: skip
 
 
@@ -188,8 +197,9 @@ def draw_parallel_axes(comparison: Comparison) -> go.Figure:
 def draw_parameter_effects(comparison: Comparison, parameter: str) -> go.Figure:
     """Draw each measure against a parameter: runs as points, means as a line with their spread.
 
-    The bars are as long as the spread over the seeds, one standard deviation to each side. Measures
-    that are the same in every run are left out.
+    A thin line joins the runs with the same seeds. The bars are as long as the spread over the
+    seeds, one standard deviation to each side. Measures that are the same in every run are left
+    out.
     """
     effects = [
         effect
@@ -206,10 +216,16 @@ def draw_parameter_effects(comparison: Comparison, parameter: str) -> go.Figure:
     places, texts = rank_values(comparison.run_parameters[parameter])
     for panel, effect in enumerate(effects):
         cell = {"row": panel // _PANELS + 1, "col": panel % _PANELS + 1}
-        values, names = comparison.run_measures[effect.measure], map(str, places.index)
+        values = comparison.run_measures[effect.measure]
         if len(values) > len(effect.means):
+            lines: list[tuple[float, float, str]] = []
+            for _, run_values in values.groupby(comparison.run_seeds):
+                runs = run_values.index.astype(str)
+                lines += zip(places[run_values.index], run_values, runs, strict=True)
+                lines.append((np.nan, np.nan, ""))  # a gap before the next seed
+            xs, ys, names = zip(*lines, strict=True)
             figure.add_scatter(
-                x=places.tolist(), y=values.tolist(), text=list(names), mode="markers",
+                x=xs, y=ys, text=names, mode="lines+markers", line={"color": _OTHER, "width": 0.5},
                 marker={"color": _OTHER, "size": 5}, showlegend=False,
                 hovertemplate="%{text}<br>%{y}<extra></extra>", **cell,
             )  # fmt: skip
@@ -327,8 +343,8 @@ def _effects_table(effects: Sequence[Effect]) -> Table:
             _measure_name(effect.measure),
             _metric_label(effect.parameter),
             effect.verdict,
-            *map(format_number, (effect.means.min(), effect.means.max())),
-            format_number(effect.spread, 2),
+            *(format_number(mean, 4) for mean in (effect.means.min(), effect.means.max())),
+            "" if np.isnan(effect.spread) else f"{effect.spread:.2g}",
             "∞" if np.isinf(effect.size) else format_number(effect.size, 2),
         ]
         for effect in effects

@@ -1,6 +1,8 @@
 """Say what a parameter does to a measure, and whether more than the choice of a seed does.
 
-Runs that differ in their seeds alone are a cell. The spread is the standard deviation within cells.
+Runs that differ in their seeds alone are a cell. All cells have the same seeds, so what a seed
+changes alike in every cell is taken out first: another seed may hold out another part of the film.
+The spread is the standard deviation within cells of what is left.
 The effect is the greatest difference between the means of a parameter's values, in spreads. Tukey's
 test says which values differ by more than the seeds do. The importance of several parameters is
 that of a random forest: how much worse it predicts a measure if a parameter's values are permuted.
@@ -40,7 +42,8 @@ class Effect(NamedTuple):
     """What a parameter does to a measure.
 
     values: those of the parameter, numbers first, in order, as texts. means: of the measure, one
-    per value. spread: standard deviation between seeds, NaN if no two runs differ in seeds alone.
+    per value. spread: standard deviation between seeds, without what a seed changes alike for all
+    values; NaN if no two runs differ in seeds alone.
     size: greatest difference of means, in spreads; infinite if the seeds change nothing. best:
     which values are no worse than the best (else the greatest) by more than the seeds explain.
     verdict: one sentence without its full stop.
@@ -94,10 +97,13 @@ def rank_values(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
     return ranks, [text for _, _, text in order]
 
 
-def measure_effects(parameters: pd.DataFrame, measures: pd.DataFrame) -> list[Effect]:
+def measure_effects(
+    parameters: pd.DataFrame, measures: pd.DataFrame, seeds: "pd.Series[str]"
+) -> list[Effect]:
     """Return the effect of every parameter on every measure that some run has.
 
-    parameters, measures: a row per run, with the same index; parameters without seeds.
+    parameters, measures, seeds: a row per run, with the same index; parameters without seeds, and
+    a text that is equal for runs with the same seeds.
     """
     effects = []
     for name in measures.columns[measures.notna().any()]:
@@ -106,26 +112,47 @@ def measure_effects(parameters: pd.DataFrame, measures: pd.DataFrame) -> list[Ef
         # Runs with the same text differ in their seeds alone.
         cell = table.astype(str).agg("\t".join, axis=1)
         for parameter in table:
-            effects.append(_measure_effect(str(parameter), measure, table[parameter], cell))
+            setting = table[parameter]
+            effects.append(_measure_effect(str(parameter), measure, setting, cell, seeds))
     return effects
 
 
+def _remove_seed_effects(
+    measure: "pd.Series[float]", cell: "pd.Series[str]", seeds: "pd.Series[str]"
+) -> "tuple[pd.Series[float], int]":
+    """Return a measure without what a seed changes alike in every cell, and degrees of freedom.
+
+    The model is measure = cell + seed, by least squares. The measure stays as it is where the runs
+    cannot distinguish the two. Arguments are those of `_measure_effect`.
+    """
+    cells = pd.get_dummies(cell, dtype=float)
+    of_seed = pd.get_dummies(seeds.loc[measure.index], dtype=float).iloc[:, 1:]
+    of_seed -= of_seed.mean()  # the mean over all runs stays
+    design = np.hstack([cells, of_seed])
+    solution, _, rank, _ = np.linalg.lstsq(design, measure)
+    if not rank == design.shape[1] < len(measure):
+        return measure, len(measure) - cells.shape[1]
+    return measure - of_seed @ solution[cells.shape[1] :], len(measure) - int(rank)
+
+
 def _measure_effect(
-    parameter: str, measure: "pd.Series[float]", setting: "pd.Series[Any]", cell: "pd.Series[str]"
-) -> Effect:
+    parameter: str, raw: "pd.Series[float]", setting: "pd.Series[Any]", cell: "pd.Series[str]",
+    seeds: "pd.Series[str]",
+) -> Effect:  # fmt: skip
     """Return the effect of a parameter on a measure, tested against that of the seeds.
 
-    measure, setting, cell: a row per run. setting: value of the parameter. cell: text that is equal
-    for runs that differ in their seeds alone.
+    raw, setting, cell, seeds: a row per run. raw: the measure. setting: value of the parameter.
+    cell: text that is equal for runs that differ in their seeds alone. seeds: text that is equal
+    for runs with the same seeds.
     """
+    measure, freedom = _remove_seed_effects(raw, cell, seeds)
     ranks, values = rank_values(setting)
     groups = measure.groupby(ranks)
     means, counts = groups.mean().to_numpy(float), groups.size().to_numpy(int)
-    near_zero = _EQUAL * float(measure.abs().max())
+    near_zero = _EQUAL * float(raw.abs().max())
     deviations = measure - measure.groupby(cell).transform("mean")
-    freedom = len(measure) - cell.nunique()  # degrees of freedom; 0: no two runs of a cell
     spread = float(np.sqrt((deviations**2).sum() / freedom)) if freedom else np.nan
-    good = good_direction(str(measure.name))
+    good = good_direction(str(raw.name))
     top = int(np.argmin(means) if good == LOWER else np.argmax(means))  # the best value
     differences, size = np.abs(means - means[top]), np.nan
     if np.ptp(means) <= near_zero:
@@ -138,10 +165,10 @@ def _measure_effect(
         best = studentized_range.sf(differences / scale, len(means), freedom) >= SIGNIFICANCE
     number_count = len({value for value in setting if not is_word(value)})
     effect = Effect(
-        parameter=parameter, measure=str(measure.name), values=values, means=means, spread=spread,
+        parameter=parameter, measure=str(raw.name), values=values, means=means, spread=spread,
         size=size, best=best, verdict="",
     )  # fmt: skip
-    same = float(np.ptp(measure)) <= near_zero
+    same = float(np.ptp(raw)) <= near_zero
     verdict = SAME if same else _describe_effect(effect, good, number_count)
     return effect._replace(verdict=verdict)
 
