@@ -65,6 +65,7 @@ _UNSTEADY = 0.04
 # frames: zebrafish, trout, carp 0, sunfish, mouse 1, flies 3; more than one is seen in 90 % of the
 # flies, and in 17 % of the mouse's and the sunfish's silhouettes.
 _LIKE_LIMBS = 1
+_COUNTED = 60  # most silhouettes whose limbs are counted
 
 
 def judge_silhouette(
@@ -209,7 +210,8 @@ def find_typical_fish(
     weight = np.cumsum([s.area_px * s.contrast for s in away_from_border])
     area = away_from_border[int(np.searchsorted(weight, 0.5 * weight[-1]))].area_px
     similar = [s for s in away_from_border if 0.7 * area <= s.area_px <= 1.4 * area][:200]
-    limbs = bool(np.median([cut_limbs(s.mask)[1] for s in similar]) > _LIKE_LIMBS)
+    to_count = similar[:: 1 + len(similar) // _COUNTED]
+    limbs = bool(np.median([cut_limbs(s.mask)[1] for s in to_count]) > _LIKE_LIMBS)
     trace = partial(trace_backbone, points=settings.points, floor=scene.threshold, limbs=limbs)
     traced = [(s, line) for s in similar if (line := trace(s.mask, s.field)) is not None]
     if not traced:
