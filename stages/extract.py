@@ -68,7 +68,17 @@ def main() -> None:
     remove_folders_except(PIECES, [])
     save_metrics(REPORT / "metrics.json", numbers)
     save_csv(EXTRACT / "films.csv", pd.DataFrame(films), decimals=3)
-    report_findings(EXTRACT, list_findings(numbers))
+    names = [film["film"] for film in films if not film["left_out_because"]]
+    prefixes = {name: f"{name}_" for name in names} if load_readable_parts(CLIP) else {"": ""}
+    findings = {
+        name: list_findings({
+            key.removeprefix(prefix): value
+            for key, value in numbers.items()
+            if key.startswith(prefix)
+        })
+        for name, prefix in prefixes.items()
+    }  # fmt: skip
+    report_findings(EXTRACT, findings)
 
 
 def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:

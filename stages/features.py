@@ -84,7 +84,7 @@ def main() -> None:
 
     metrics["frames_per_beat"] = measure_frames_per_beat(table)
     save_metrics(REPORT / "metrics.json", metrics)
-    report_findings(TABLE.parent, judge_frames_per_beat(metrics["frames_per_beat"]))
+    report_findings(TABLE.parent, {"": judge_frames_per_beat(metrics["frames_per_beat"])})
 
 
 if __name__ == "__main__":

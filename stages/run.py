@@ -251,17 +251,23 @@ def _progress_lines(stage: str, total: int | None, unit: str) -> Iterator[Callab
     write_line()
 
 
-def report_findings(folder: Path, findings: Iterable[Finding]) -> None:
-    """Write findings on the film to findings.csv in a stage's folder, and print them on stderr."""
+def report_findings(folder: Path, findings: Mapping[str, Iterable[Finding]]) -> None:
+    """Write findings on films to findings.csv in a stage's folder, and print them on stderr.
+
+    findings: by the film's name, which is "" for a single film.
+    """
     import pandas as pd
 
     from finloop.io.table import save_csv
 
     rows = []
-    for finding in findings:
-        rows.append(finding.table_row)
-        print(f"finloop: {finding.terminal_line}", file=sys.stderr)
-    table = pd.DataFrame(rows, columns=[*Finding("", True, "").table_row])
+    for film, found in findings.items():
+        for finding in found:
+            rows.append({"film": film} | finding.table_row)
+            print(f"finloop: {film and film + ': '}{finding.terminal_line}", file=sys.stderr)
+    table = pd.DataFrame(rows, columns=["film", *Finding("", True, "").table_row])
+    if set(findings) == {""}:
+        table = table.drop(columns="film")
     save_csv(folder / FINDINGS_NAME, table, 0)
 
 

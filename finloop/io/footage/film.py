@@ -134,7 +134,7 @@ class _FilmCoding(NamedTuple):
     chroma: float  # share of the pixels that have colour
     outside: float  # share of the pixels outside the limited range
     levels: tuple[float, float] | None
-    quantiser: float | None  # of H.264, mean of the samples; None for other codes
+    quantiser: float | None = None  # of H.264, mean of the samples; None for other codes
 
 
 def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
