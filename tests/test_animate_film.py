@@ -377,7 +377,7 @@ def test_the_way_that_leads_to_the_goal_is_taken(at, row):
         decision = found.decision
         assert decision.reason == ("play" if row == 20 else "jump") and decision.ways == 3
         assert np.isnan(decision.seam) if row == 20 else decision.seam == pytest.approx(0.2)
-        assert decision.value_s == found.options.value[found.options.taken]
+        assert decision.value_s == found.options.costs[found.options.taken]
         assert then.fish.tick == len(found.trajectory)
 
 
@@ -387,15 +387,15 @@ def test_what_a_way_costs_is_the_sum_of_its_terms():
     options = player.plan(
         State(seen, np.zeros(2)), Goal("A", 400.0, 120.0), np.random.default_rng(0)
     )[0].options
-    ends = np.isinf(options.value)
+    ends = np.isinf(options.costs)
     assert not ends.all()
     terms = dict(zip(TERMS, options.terms[~ends].T, strict=True))
     chance = terms.pop("chance")
-    assert sum(terms.values()) == pytest.approx(options.value[~ends])
+    assert sum(terms.values()) == pytest.approx(options.costs[~ends])
     assert (chance > 0).all() and (terms["time"] > 0).all() and (terms["path"] == 0).all()
     jumps = options.seams[~ends] > 0
     assert (terms["seam"][jumps] > 0).all()
-    assert options.value[options.taken] + chance.max() >= options.value.min()
+    assert options.costs[options.taken] + chance.max() >= options.costs.min()
 
 
 def test_a_way_that_leaves_the_tank_fails_that_test():
@@ -405,7 +405,7 @@ def test_a_way_that_leaves_the_tank_fails_that_test():
     assert list(options.rows) == [20, 170, 320]
     said = [VERDICTS[number] for number in options.verdict]
     assert said[0] == "tank" and "tank" not in said[1:]
-    assert np.isinf(options.value[0]) and options.ticks[0] < 31
+    assert np.isinf(options.costs[0]) and options.ticks[0] < 31
     assert (found.decision.ways, found.decision.ways_tank) == (3, 1)
 
 

@@ -284,7 +284,7 @@ def test_who_wanders_takes_the_film_as_it_comes(rng):
     planner = matching_of(film_world_of(choice_noise=5e-6, wander="film"))
     state = planner.begin(rng)
     stretch, _ = planner.plan(state, None, rng)
-    value = stretch.options.value[stretch.options.taken] * planner.world.motion.rate_hz
+    value = stretch.options.costs[stretch.options.taken] * planner.world.motion.rate_hz
     assert value >= planner.world.to_ticks(planner.world.settings.look_ahead_deltas)
     assert not stretch.touched
     to_come = stretch.options.terms[:, TERMS.index("to_come")]

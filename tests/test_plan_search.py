@@ -37,15 +37,15 @@ from finloop.plan.objectives import (
     target_objective,
 )
 from finloop.plan.search import (
-    BRANCH,
+    EXTENSION,
     RUN,
     Beam,
-    Branch,
     Candidates,
+    Extension,
     SearchStart,
     beam_search,
     film_candidates,
-    insert_branch,
+    insert_extension,
     tick_row_shown,
 )
 from finloop.plan.search_graph import search_graph
@@ -162,13 +162,13 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
         terms[:, CHANCE] = rng.uniform(0, 9, len(rows))
         made = candidates_of(rows, rots, terms)
         found, _ = beam_search(graph, made, start, target_objective(aim), weights, horizon)
-        assert not found.over.any()
+        assert not found.displaced.any()
         for i, row in enumerate(rows):
             value, ticks = slow_search(reel, legal, start, rots[i], row, aim, weights, horizon)
             # The angle to the goal is estimated, to 0.004° of 5° a tick.
-            assert found.value[i] - terms[i, CHANCE] == pytest.approx(value, abs=1e-3)
+            assert found.costs[i] - terms[i, CHANCE] == pytest.approx(value, abs=1e-3)
             if np.isfinite(value):
-                assert found.terms[i].sum() == pytest.approx(found.value[i])
+                assert found.terms[i].sum() == pytest.approx(found.costs[i])
                 assert found.ticks[i] == ticks
             ends["some" if np.isfinite(value) else "none"] += 1
     assert min(ends.values()) > 10
@@ -202,10 +202,10 @@ def test_more_beam_is_never_worse_and_a_narrow_one_says_what_it_gave_up():
             wanderer(reel, open_tank(), rows, rots, aim, beam, horizon=16)[0]
             for beam in (4, 100_000)
         )
-        assert (narrow.value >= wide.value - 1e-9).all() and not wide.over.any()
-        assert narrow.value.min() < np.inf
-        assert not (narrow.over & np.isfinite(narrow.value)).any()
-        given_up += narrow.over.sum()
+        assert (narrow.costs >= wide.costs - 1e-9).all() and not wide.displaced.any()
+        assert narrow.costs.min() < np.inf
+        assert not (narrow.displaced & np.isfinite(narrow.costs)).any()
+        given_up += narrow.displaced.sum()
     assert given_up
 
 
@@ -227,7 +227,7 @@ def test_turning_the_tank_turns_the_plan():
         other, there = wanderer(
             reel, room_of(turned), rows, rots + 90, spot(aim_y, 600 - aim_x), 500, (y, 600 - x)
         )
-        assert one.value == pytest.approx(other.value, abs=1e-6)
+        assert one.costs == pytest.approx(other.costs, abs=1e-6)
         assert here.tolist() == there.tolist()
 
 
@@ -251,7 +251,7 @@ def test_a_mirrored_tank_gives_the_mirrored_plan():
             flipped, room_of(arena[::-1].copy()), rows, -rots, spot(aim_x, 600 - aim_y), 500,
             (x, 600 - y),
         )  # fmt: skip
-        assert one.value == pytest.approx(other.value, abs=1e-6)
+        assert one.costs == pytest.approx(other.costs, abs=1e-6)
         assert here.tolist() == there.tolist()
 
 
@@ -296,9 +296,9 @@ def test_along_a_path_more_ways_are_followed_where_none_leads_on():
         found, _ = beam_search(
             planner.film.graph, made, start, objective, world.cost_weights, horizon
         )
-        alone += np.isinf(found.value).all()
+        alone += np.isinf(found.costs).all()
         stretch, _ = planner.plan(state, route, rng)
-        ends += stretch.options is None or np.isinf(stretch.options.value).all()
+        ends += stretch.options is None or np.isinf(stretch.options.costs).all()
     assert alone > 5 and ends < alone
 
 
@@ -328,16 +328,16 @@ def test_the_best_branches_are_kept_and_who_lost_one_is_known(most):
     rng = np.random.default_rng(most)
     totals = np.round(rng.normal(size=200), 1)  # some alike
     none, order = np.zeros(0), np.zeros(most, np.int64)
-    beam = Beam(none, none, np.zeros(most, BRANCH), order, np.zeros(most), none, none, none)
+    beam = Beam(none, none, np.zeros(most, EXTENSION), order, np.zeros(most), none, none, none)
     over, n = np.zeros(len(totals), bool), 0
     for k, total in enumerate(totals):
-        n = insert_branch(beam, n, Branch(total, k, 2 * k, k, 0.5), over)
+        n = insert_extension(beam, n, Extension(total, k, 2 * k, k, 0.5), over)
         assert n == min(k + 1, most)
-        assert (np.diff(beam.totals[:n]) >= 0).all()
-    firsts = beam.branches["first"][order]
-    assert beam.totals.tolist() == totals[firsts].tolist() == sorted(totals)[:most]
+        assert (np.diff(beam.sorted_costs[:n]) >= 0).all()
+    firsts = beam.extensions["candidate"][order]
+    assert beam.sorted_costs.tolist() == totals[firsts].tolist() == sorted(totals)[:most]
     assert sorted([*firsts, *np.flatnonzero(over)]) == list(range(len(totals)))
-    assert (beam.branches["way"][order] == 2 * firsts).all()
+    assert (beam.extensions["branch"][order] == 2 * firsts).all()
 
 
 def test_what_a_way_has_shown_is_found_in_all_of_its_runs():
@@ -372,8 +372,8 @@ def test_along_a_path_a_beam_that_loses_nothing_finds_the_cheapest_way():
     route = lay_route(EIGHT, world)
     for beam in (1, 3, 10, 100_000):
         _, found, _ = search_route(world, route, beam)
-        values.append(found.value.min())
-    assert not found.over.any() and np.isfinite(values[-1])
+        values.append(found.costs.min())
+    assert not found.displaced.any() and np.isfinite(values[-1])
     assert min(values) >= values[-1] - 1e-9 and values[0] > values[-1]
 
 

@@ -340,8 +340,8 @@ def test_what_was_weighed_is_told_with_its_costs():
             continue
         if row.kind == FRAME:
             assert choice.tick == row.decided and options.taken >= 0
-        finite, chance = np.isfinite(options.value), options.terms[:, TERMS.index("chance")]
-        assert options.value[finite] == pytest.approx((options.terms.sum(1) - chance)[finite])
+        finite, chance = np.isfinite(options.costs), options.terms[:, TERMS.index("chance")]
+        assert options.costs[finite] == pytest.approx((options.terms.sum(1) - chance)[finite])
         assert (options.terms[finite, TERMS.index("time")] > 0).all()
         if options.taken >= 0:
             seen.add(bool(options.seams[options.taken] > 0))
@@ -467,7 +467,7 @@ def test_it_swims_to_where_a_path_begins_and_then_along_it():
         tank.fish[0].decision_at(tick).stretch.options for tick in range(first + 5, tank.tick)
     ]
     weighed = [one for one in weighed if one is not None]
-    jumps = [one.terms[(one.seams > 0) & np.isfinite(one.value), 0] for one in weighed]
+    jumps = [one.terms[(one.seams > 0) & np.isfinite(one.costs), 0] for one in weighed]
     assert (np.concatenate(jumps) > 0).all()
     assert any((one.terms[:, TERMS.index("path")] > 0).any() for one in weighed)
 

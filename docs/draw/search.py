@@ -32,14 +32,14 @@ def search_picture(folder: Path) -> Picture:
     figure = Figure(figsize=SIZE, dpi=100, layout="constrained")
     axes = figure.add_subplot()
     axes.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.35)
-    good = np.isfinite(options.value)
+    good = np.isfinite(options.costs)
     shades = mpl.colormaps["viridis_r"]
-    low, high = options.value[good].min(), options.value[good].max()
+    low, high = options.costs[good].min(), options.costs[good].max()
     every = [
         _film_path(planner, state, int(row), float(rot))
         for row, rot in zip(options.rows, options.rots, strict=True)
     ]
-    for one, value in zip(every, options.value, strict=True):
+    for one, value in zip(every, options.costs, strict=True):
         x, y = one.T
         share = (value - low) / max(high - low, 1e-9)
         colour = shades(share) if np.isfinite(value) else "0.6"
@@ -75,7 +75,7 @@ def _decision(planner: Planner) -> tuple[State, Goal, CandidateVerdicts, tuple[F
         stretch, then = planner.plan(state, goal, rng)
         options = stretch.options
         if options is not None and len(options.rows) >= WAYS and options.taken >= 0:
-            good = np.isfinite(options.value).mean()
+            good = np.isfinite(options.costs).mean()
             trajectory, jumps = _swim_path(planner, state, goal)
             if 0.4 < good < 0.95 and 2 <= len(jumps) <= 6 and len(trajectory) > 60:
                 return state, goal, options, (trajectory, jumps)

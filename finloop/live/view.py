@@ -226,7 +226,7 @@ class TankView:
         """
         fish, options, player = plan.state.fish, plan.stretch.options, self.tank.players[plan.mode]
         assert options is not None and isinstance(player, Planner)
-        row, cost = int(options.rows[number]), float(options.value[number])
+        row, cost = int(options.rows[number]), float(options.costs[number])
         impossible, film = not math.isfinite(cost), player.world.film
         turn_rad = float(options.rots[number])
         path = self._path_if_played_on(film, (fish.x, fish.y), row, turn_rad)
@@ -279,6 +279,6 @@ def _rank_candidates(options: CandidateVerdicts) -> list[int]:
 
     def rank(number: int) -> tuple[bool, bool, float]:
         """Return a key by which candidates are sorted; False comes before True."""
-        return number != options.taken, options.verdict[number] > 0, options.value[number]
+        return number != options.taken, options.verdict[number] > 0, options.costs[number]
 
     return sorted(range(len(options.rows)), key=rank)

@@ -172,84 +172,87 @@ def swim_film_run(graph: SearchGraph, pose: Floats, shown_row: int, run, progres
 
 
 @leaf_kernel
-def set_way_rotation(way, rotation_deg):  # type: ignore[no-untyped-def]
-    """Set the rotation, degrees, of a way of the search (dtype `WAY`), with its cosine and sine."""
+def set_branch_rotation(branch, rotation_deg):  # type: ignore[no-untyped-def]
+    """Set the rotation of a branch (dtype `BRANCH`) in degrees, with its cosine and sine."""
     angle = np.radians(rotation_deg)
-    way.rot, way.cos, way.sin = rotation_deg, np.cos(angle), np.sin(angle)
+    branch.rot, branch.cos, branch.sin = rotation_deg, np.cos(angle), np.sin(angle)
 
 
 @leaf_kernel
-def turn_way_to_row(graph, way, row):  # type: ignore[no-untyped-def]
-    """Turn a way of the search (dtype `WAY`) so that it keeps its heading when it shows `row`."""
-    rows, target = graph.film.rows, graph.leads[row]
-    cos, sin = heading_vector(graph.leads[way.row], way)
-    way.rot += rows[way.row].heading - rows[row].heading
-    way.cos, way.sin = cos * target.cos + sin * target.sin, sin * target.cos - cos * target.sin
+def turn_branch_to_row(graph, branch, row):  # type: ignore[no-untyped-def]
+    """Turn a branch (dtype `BRANCH`) so that it keeps its heading when it shows `row` instead."""
+    rows, lead = graph.film.rows, graph.leads[row]
+    cos, sin = heading_vector(graph.leads[branch.row], branch)
+    branch.rot += rows[branch.row].heading - rows[row].heading
+    branch.cos = cos * lead.cos + sin * lead.sin
+    branch.sin = sin * lead.cos - cos * lead.sin
 
 
 @finite_leaf
-def _advance_way(graph, way, ticks, start, objective):  # type: ignore[no-untyped-def]
-    """Advance a way of the search by some ticks; return whether its new end is free.
+def _advance_branch(graph, branch, ticks, start, objective):  # type: ignore[no-untyped-def]
+    """Extend a branch by some ticks of film; return whether its new end is free.
 
-    Free is inside the tank and clear of other fish; only then the way (dtype `WAY`) is changed. On
-    a route it is steered. graph: `SearchGraph`; ticks: how many; start: `SearchStart`; objective:
-    `Objective`.
+    Free is inside the tank and clear of other fish; only then the branch (dtype `BRANCH`) is
+    changed. On a route it is steered. start: `SearchStart`.
     """
-    rows, row, route, steering = graph.film.rows, way.row, objective.route, objective.steering
-    now, then, tick = rows[row], rows[row + ticks], start.tick + way.ticks + ticks
-    turn, cost, along = 0.0, 0.0, way.along
-    speed = (now.speed + then.speed) / 2
+    row, route, steering = branch.row, objective.route, objective.steering
+    end_row, end_tick = row + ticks, start.tick + branch.ticks + ticks
+    begin, end = graph.film.rows[row], graph.film.rows[end_row]
+    turn_deg, cost, along_px = 0.0, 0.0, branch.along_px
+    speed = (begin.speed + end.speed) / 2
     if route.x.size:
         lead = graph.leads[row]
-        film_step = rotate_by_cos_sin(lead.dx, lead.dy, way.cos, way.sin)
-        most = largest_steering_turn(speed, steering)
-        turn = steering_turn(route, (way.x, way.y, along), film_step, lead.ticks, most, steering)
-        dx, dy = rotate(then.x - now.x, then.y - now.y, way.rot + turn * ticks / 2)
+        film_offset = rotate_by_cos_sin(lead.dx, lead.dy, branch.cos, branch.sin)
+        most_deg, position = largest_steering_turn(speed, steering), (branch.x, branch.y, along_px)
+        turn_deg = steering_turn(route, position, film_offset, lead.ticks, most_deg, steering)
+        # Turning evenly, the place at the end moves as if half of the turn had been made at once.
+        dx, dy = rotate(end.x - begin.x, end.y - begin.y, branch.rot + turn_deg * ticks / 2)
     else:
-        dx, dy = rotate_by_cos_sin(then.x - now.x, then.y - now.y, way.cos, way.sin)
-    x, y, turned_deg = way.x + dx, way.y + dy, way.rot + turn * ticks
-    heading = then.heading + turned_deg
+        dx, dy = rotate_by_cos_sin(end.x - begin.x, end.y - begin.y, branch.cos, branch.sin)
+    x, y, rot = branch.x + dx, branch.y + dy, branch.rot + turn_deg * ticks
+    heading = end.heading + rot
     if route.x.size:
-        x, y, along, fx, fy, _ = shift_to_route(
-            route, (x, y, along), speed, (tick, ticks), steering
+        x, y, along_px, foot_x, foot_y, _shift_px = shift_to_route(
+            route, (x, y, along_px), speed, (end_tick, ticks), steering
         )
-        cost = path_tick_cost(route, (x, y, heading), (along, fx, fy), tick, steering) * ticks
-    if not fits_in_tank(graph.bounds, row + ticks, x, y, heading):
+        pose, foot = (x, y, heading), (along_px, foot_x, foot_y)
+        cost = path_tick_cost(route, pose, foot, end_tick, steering) * ticks
+    if not fits_in_tank(graph.bounds, end_row, x, y, heading):
         return False
-    if not is_clear_in_search(start.company, row + ticks, x, y, heading, tick):
+    if not is_clear_in_search(start.company, end_row, x, y, heading, end_tick):
         return False
-    way.x, way.y, way.along = x, y, along
+    branch.x, branch.y, branch.along_px = x, y, along_px
     if route.x.size:
-        set_way_rotation(way, turned_deg)
-    way.terms[PATH] += cost
-    way.row, way.ticks = row + ticks, way.ticks + ticks
+        set_branch_rotation(branch, rot)
+    branch.terms[PATH] += cost
+    branch.row, branch.ticks = end_row, branch.ticks + ticks
     return True
 
 
 @leaf_kernel
-def advance_way_by_leg(graph, way, most_ticks, start, objective, weights):  # type: ignore[no-untyped-def]
-    """Advance a way of the search by a leg: to the first row with jumps after a stride.
+def advance_branch_by_leg(graph, branch, most_ticks, start, objective, weights):  # type: ignore[no-untyped-def]
+    """Extend a branch by a leg of film; return whether it can go on, and whether it is done.
 
-    way: of dtype `WAY`; its place, rows, ticks, and terms rarity, lag and path are changed. A
-    stride is the time between two checks of a way. most_ticks: longest leg; start: `SearchStart`;
-    objective: `Objective`; weights: `CostWeights`. Returns whether the way can go on (not where a
-    wall or a fish blocks it, or the film ends), and whether its objective is done.
+    A leg ends at the first row with jumps at least a stride (`weights.stride` ticks) farther on;
+    after every stride the branch is checked. It cannot go on where a wall or a fish blocks it, or
+    the film ends. branch (dtype `BRANCH`): its place, row, ticks, marks, and the terms rarity, lag
+    and path are changed; most_ticks: longest leg; start: `SearchStart`.
     """
-    rows, first_row, is_done = graph.film.rows, way.row, False
+    rows, first_row, is_done = graph.film.rows, branch.row, False
     ticks_left = min(graph.leg[first_row], most_ticks)
     if ticks_left == 0:
         return False, False
     while ticks_left > 0 and not is_done:
         ticks = min(weights.stride, ticks_left)
-        if not _advance_way(graph, way, ticks, start, objective):
+        if not _advance_branch(graph, branch, ticks, start, objective):
             return False, False
         ticks_left -= ticks
-        is_done = is_objective_done(graph, way, objective)
-    way.shown = mark_rows(way.shown, first_row, way.row)
-    way.terms[RARITY] += rows[way.row].rarity_sum - rows[first_row].rarity_sum
+        is_done = is_objective_done(graph, branch, objective)
+    branch.marks = mark_rows(branch.marks, first_row, branch.row)
+    branch.terms[RARITY] += rows[branch.row].rarity_sum - rows[first_row].rarity_sum
     if not objective.route.x.size:
-        way.terms[LAG] += start.lag * (rows[way.row].lag_sum - rows[first_row].lag_sum)
-    return rows[way.row].recurrent, is_done
+        branch.terms[LAG] += start.rest_cost * (rows[branch.row].lag_sum - rows[first_row].lag_sum)
+    return rows[branch.row].recurrent, is_done
 
 
 @kernel

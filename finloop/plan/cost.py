@@ -1,4 +1,4 @@
-"""The cost of a way of `matching`, in ticks: every term has its weight here."""
+"""The cost of a branch of `matching`, in ticks: every term has its weight here."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -38,7 +38,7 @@ class CostWeights(NamedTuple):
 
 
 class SearchCosts(NamedTuple):
-    """What the costs of one search depend on, besides its ways.
+    """What the costs of one search depend on, besides its branches.
 
     weights: of the costs; due_points (t, 2): x, y px due on a route with times, at each tick from
     the first one; memory: the index of the rows that were on screen before.

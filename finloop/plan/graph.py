@@ -163,6 +163,12 @@ def motion_graph(
     return graph.keep_jumps(can_lead[graph.to])
 
 
+@leaf_kernel
+def row_can_play_on(rows, row):  # type: ignore[no-untyped-def]
+    """Return whether the film can play on for ever after showing a row. rows (n,): dtype `ROW`."""
+    return rows[row].has_next and rows[row + 1].recurrent
+
+
 @kernel_part
 def jump_range(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
     """Return the numbers of the jumps that can replace a row: the first, and one past the last."""

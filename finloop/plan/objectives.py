@@ -11,6 +11,7 @@ from finloop.animate.state import Fish
 from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_leaf, kernel_part, leaf_kernel
 from finloop.plan.cost import NO_STEERING, Steering, offset_cost
+from finloop.plan.graph import row_can_play_on
 from finloop.plan.world import FilmWorld
 from finloop.social.rule import DecidingFish, next_place_in_school
 
@@ -44,45 +45,45 @@ def path_objective(route: Route, steering: Steering) -> Objective:
 
 
 @leaf_kernel
-def is_objective_done(graph, way, objective):  # type: ignore[no-untyped-def]
-    """Return whether a way of the search has reached its target and can go on, or its path's end.
+def is_objective_done(graph, branch, objective):  # type: ignore[no-untyped-def]
+    """Return whether a branch of the search is at its path's end, or touches its target.
 
-    graph: `SearchGraph`; way: of dtype `WAY`; objective: `Objective`.
+    At the target the film must be able to play on. graph: `SearchGraph`; branch: of dtype `BRANCH`.
     """
     if objective.route.x.size:
-        return is_at_path_end(objective.route, way.along)
+        return is_at_path_end(objective.route, branch.along_px)
     rows = graph.film.rows
-    row, heading = rows[way.row], rows[way.row].heading + way.rot
-    if objective.aim.free or not touches_target(way.x, way.y, heading, objective.aim):
+    heading = rows[branch.row].heading + branch.rot
+    if objective.aim.free or not touches_target(branch.x, branch.y, heading, objective.aim):
         return False
-    return row.has_next and rows[way.row + 1].recurrent
+    return row_can_play_on(rows, branch.row)
 
 
 @leaf_kernel
-def estimate_cost_to_come(lead, way, direction, objective, costs):  # type: ignore[no-untyped-def]
-    """Estimate the cost to come, in ticks, of a way of the search that plays a film row on.
+def estimate_cost_to_come(lead, branch, direction, objective, costs):  # type: ignore[no-untyped-def]
+    """Estimate the cost, in ticks, that a branch of the search will have beyond its end.
 
-    lead (dtype `LEAD`): where the film leads from the row; way: of dtype `WAY`; direction: cosine
-    and sine of the heading; objective: `Objective`; costs: `SearchCosts`.
+    lead (dtype `LEAD`): where the film leads from the row it plays on from; branch: of dtype
+    `BRANCH`; direction: cosine and sine of its heading; costs: `SearchCosts`.
     """
     if objective.route.x.size:
-        soon = costs.due_points, objective.steering
-        return estimate_path_cost(lead, way, direction, objective.route, soon)
+        due_and_steering = costs.due_points, objective.steering
+        return estimate_path_cost(lead, branch, direction, objective.route, due_and_steering)
     if objective.aim.free:
         return 0.0
-    return estimate_ticks_to_target(way.x, way.y, direction, objective.aim, costs.weights)
+    return estimate_ticks_to_target(branch.x, branch.y, direction, objective.aim, costs.weights)
 
 
 @leaf_kernel
 def estimate_ticks_to_target(x, y, direction, target, weights):  # type: ignore[no-untyped-def]
     """Estimate the ticks from x, y px to a target: distance / pace + turn / turning.
 
-    direction: cosine and sine of the heading; weights: `CostWeights`.
+    direction: cosine and sine of the heading; weights: `CostWeights`, with pace and turning.
     """
     dx, dy = target.x - x, y - target.y
-    far = np.sqrt(dx * dx + dy * dy)
-    ahead = (dx * direction[0] + dy * direction[1]) / max(far, 1e-9)
-    return far / weights.pace + estimate_angle_deg(ahead) / weights.turning
+    far_px = np.sqrt(dx * dx + dy * dy)
+    cos_turn = (dx * direction[0] + dy * direction[1]) / max(far_px, 1e-9)
+    return far_px / weights.pace + estimate_angle_deg(cos_turn) / weights.turning
 
 
 @leaf_kernel
@@ -99,18 +100,19 @@ def estimate_angle_deg(cosine: float) -> float:
 
 
 @leaf_kernel
-def cost_of_time(way, start, objective, weights):  # type: ignore[no-untyped-def]
-    """Return the cost, in ticks, of the time that a way of the search (dtype `WAY`) takes.
+def cost_of_time(branch, start, objective, weights):  # type: ignore[no-untyped-def]
+    """Return the cost, in ticks, of the time that a branch of the search (dtype `BRANCH`) takes.
 
     To a goal each tick costs one. On a path without times each tick that brings no progress costs
-    `start.lag`; on a path with times 0, as the delay has a cost of its own. start: `SearchStart`;
-    objective: `Objective`; weights: `CostWeights`.
+    `start.rest_cost`; on a path with times 0, as the delay has a cost of its own. start:
+    `SearchStart`; weights: `CostWeights`.
     """
     if not objective.route.x.size:
-        return float(way.ticks)
+        return float(branch.ticks)
     if objective.route.when.size:
         return 0.0
-    return start.lag * (way.ticks - (way.along - start.along) / weights.pace)
+    progress_ticks = (branch.along_px - start.along_px) / weights.pace
+    return start.rest_cost * (branch.ticks - progress_ticks)
 
 
 @finite_leaf
@@ -131,56 +133,60 @@ def timed_targets(route, tick, most_ticks):  # type: ignore[no-untyped-def]
     The result is (0, 2) for a route without times.
     """
     count = most_ticks + 1 if route.when.size else 0
-    targets = np.empty((count, 2))
+    points = np.empty((count, 2))
     for t in range(count):
-        targets[t, 0], targets[t, 1] = point_along(route, due_along(route, tick + t))
-    return targets
+        points[t, 0], points[t, 1] = point_along(route, due_along(route, tick + t))
+    return points
 
 
 @finite_leaf
-def heading_vector(lead, way):  # type: ignore[no-untyped-def]
-    """Return cosine and sine of the heading of a way of the search that shows a film row.
+def heading_vector(lead, branch):  # type: ignore[no-untyped-def]
+    """Return the cosine and sine of the heading of a film row, turned as a branch turns its rows.
 
-    way: of dtype `WAY`; lead: of the film row, of dtype `LEAD`.
+    lead: of the film row, of dtype `LEAD`; branch: of dtype `BRANCH`.
     """
-    return lead.cos * way.cos - lead.sin * way.sin, lead.sin * way.cos + lead.cos * way.sin
+    cos = lead.cos * branch.cos - lead.sin * branch.sin
+    sin = lead.sin * branch.cos + lead.cos * branch.sin
+    return cos, sin
 
 
 @finite_leaf
-def estimate_path_cost(lead, way, direction, route, targets_and_steering):  # type: ignore[no-untyped-def]
+def estimate_path_cost(lead, branch, direction, route, due_and_steering):  # type: ignore[no-untyped-def]
     """Estimate the cost, in ticks, of leaving the path in the next ticks if the film plays on.
 
-    The cost is integrated by Simpson's rule over the places to which the film leads (lead, dtype
-    `LEAD`), less what steering can correct until then. way: of dtype `WAY`; direction: cosine and
-    sine of its heading; route: `Route`; targets_and_steering: x, y px due at each tick, and
-    `Steering`.
+    Simpson's rule integrates the cost over the places to which the film leads (lead, dtype `LEAD`),
+    less what steering can correct until then. branch: of dtype `BRANCH`; direction: cosine and sine
+    of its heading; due_and_steering: x, y px due at each tick of the search, and `Steering`.
     """
-    half, steering = lead.ticks // 2, targets_and_steering[1]
-    half_step = lead.half_ahead, lead.half_left, lead.half_far, half
-    middle = _path_deviation(way, half_step, direction, route, targets_and_steering)
+    half_ticks, steering = lead.ticks // 2, due_and_steering[1]
+    half_step = lead.half_ahead, lead.half_left, lead.half_far, half_ticks
+    middle = _path_deviation(branch, half_step, direction, route, due_and_steering)
     whole_step = lead.ahead, lead.left, lead.far, lead.ticks
-    end = _path_deviation(way, whole_step, direction, route, targets_and_steering)
+    end = _path_deviation(branch, whole_step, direction, route, due_and_steering)
     deviation_cost = steering.late if route.when.size else steering.across
     return deviation_cost * lead.ticks * (4.0 * middle + end) / 6.0
 
 
 @finite_leaf
-def _path_deviation(way, film_step, direction, route, targets_and_steering):  # type: ignore[no-untyped-def]
-    """Return the cost, in squared body lengths, of how far off the path the film leads.
+def _path_deviation(branch, film_step, direction, route, due_and_steering):  # type: ignore[no-untyped-def]
+    """Return how far off the path the film leads a branch, in squared body lengths.
 
-    What steering can correct is taken off; beyond a body length the cost is linear. film_step: px
-    ahead, px to the left, px as the crow flies, and ticks; way: of dtype `WAY`; direction: cosine
-    and sine of its heading; targets_and_steering: x, y px due at each tick, and `Steering`.
+    What steering can correct is taken off; beyond a body length the result grows linearly.
+    film_step: px ahead, px to the left, px as the crow flies, and ticks; branch: of dtype `BRANCH`;
+    direction: cosine and sine of its heading; due_and_steering: x, y px due at each tick of the
+    search, and `Steering`.
     """
     (ahead, left, far, ticks), (cos, sin) = film_step, direction
-    targets, steering = targets_and_steering
-    x, y = way.x + ahead * cos - left * sin, way.y - ahead * sin - left * cos
+    due_points, steering = due_and_steering
+    x, y = branch.x + ahead * cos - left * sin, branch.y - ahead * sin - left * cos
     if route.when.size:
-        to_x, to_y = targets[way.ticks + ticks, 0], targets[way.ticks + ticks, 1]
+        to_x, to_y = due_points[branch.ticks + ticks, 0], due_points[branch.ticks + ticks, 1]
     else:
-        to_x, to_y = point_along(route, way.along + far)
-    off = np.sqrt((x - to_x) ** 2 + (y - to_y) ** 2) - far * np.radians(steering.turn) * ticks / 2
-    return offset_cost(max(off, 0.0) ** 2, steering.length_px**2)
+        to_x, to_y = point_along(route, branch.along_px + far)
+    offset_px = np.sqrt((x - to_x) ** 2 + (y - to_y) ** 2)
+    # An even turn moves a place ahead aside by half of its angle × the distance.
+    corrected_px = far * np.radians(steering.turn) * ticks / 2
+    return offset_cost(max(offset_px - corrected_px, 0.0) ** 2, steering.length_px**2)
 
 
 def place_by_rule(

@@ -1,4 +1,4 @@
-"""The plan that is taken of the ways that were weighed, and the runs of film that it shows."""
+"""The plan of a search: its chosen branch, the runs of film it shows, and all its candidates."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,7 +20,7 @@ class CandidateVerdicts:
     """Rows (k,) that could be shown next, and the verdict on each.
 
     rots: degrees by which each would be turned; seams: discontinuities in natural steps; terms (k,
-    t): seconds that the best branch from each costs, by `TERMS`, 0 where there is none; value:
+    t): seconds that the best branch from each costs, by `TERMS`, 0 where there is none; costs:
     their sum without the random part, infinite where there is none; ticks: how long it stays in the
     tank; verdict: index in `VERDICTS`; taken: the chosen one, −1 for none.
     """
@@ -29,7 +29,7 @@ class CandidateVerdicts:
     rots: Floats
     seams: Floats
     terms: Floats
-    value: Floats
+    costs: Floats
     ticks: Floats
     verdict: NDArray[np.int8]
     taken: int = -1
@@ -41,13 +41,13 @@ class CandidateVerdicts:
         candidates there were, and how many fail each test.
         """
         counts = np.bincount(self.verdict, minlength=len(VERDICTS)).tolist()
-        _, tank, quadrant, heading, _ = counts  # in the order of VERDICTS
-        others = self.value.copy()
+        _good, tank, quadrant, heading, _passed_over = counts  # in the order of VERDICTS
+        others = self.costs.copy()
         if self.taken >= 0:
             others[self.taken] = np.inf
         return decision._replace(
             ways=len(self.rows), ways_tank=tank, ways_quadrant=quadrant, ways_heading=heading,
-            taken_terms=self._term_costs(self.value, self.taken),
+            taken_terms=self._term_costs(self.costs, self.taken),
             other_terms=self._term_costs(others, int(others.argmin())),
         )  # fmt: skip
 
@@ -61,15 +61,15 @@ class CandidateVerdicts:
 
 
 class Plan(NamedTuple):
-    """The chosen branch of a search among (k,) candidates of one motion source.
+    """The chosen branch of a search among the candidates (k,) of one motion source.
 
-    state: of the source, FILM or FORECAST; found: the outcome of each candidate; taken: number of
-    the chosen candidate; rows, ticks (l,): first row and length of each leg.
+    state: of the source, FILM or FORECAST; outcomes: of the candidates; taken: number of the chosen
+    candidate; rows, ticks (l,): first row and duration of each leg.
     """
 
     state: int
     candidates: Candidates
-    found: Outcomes
+    outcomes: Outcomes
     taken: int
     rows: Ints
     ticks: Ints
@@ -77,27 +77,27 @@ class Plan(NamedTuple):
     @property
     def cost(self) -> float:
         """Return the plan's cost in ticks, without chance; infinite where it leads nowhere."""
-        return float(self.found.value[self.taken] - self.found.terms[self.taken, CHANCE])
+        return float(self.outcomes.costs[self.taken] - self.outcomes.terms[self.taken, CHANCE])
 
     def verdicts(self, rate_hz: float) -> CandidateVerdicts:
-        """Return the candidates of the search, their costs in seconds, the verdict on each."""
-        shown, found = self.candidates, self.found
-        value = (found.value - found.terms[:, CHANCE]) / rate_hz
+        """Return the candidates, their costs in seconds at a tick rate, and the verdict on each."""
+        candidates, outcomes = self.candidates, self.outcomes
+        costs = (outcomes.costs - outcomes.terms[:, CHANCE]) / rate_hz
         return CandidateVerdicts(
-            shown.rows, shown.rots, shown.seams, found.terms / rate_hz, value, found.ticks,
-            found.verdicts, self.taken,
+            candidates.rows, candidates.rots, candidates.seams, outcomes.terms / rate_hz, costs,
+            outcomes.ticks, outcomes.verdicts, self.taken,
         )  # fmt: skip
 
     def first_runs(self, most_ticks: int) -> tuple[Run, ...]:
-        """Return the runs of film of the plan's first ticks: about `most_ticks`, at least a leg.
+        """Return the runs of film of the plan's first legs: for `most_ticks`, but at least a leg.
 
         Legs that play the film on are one run. A plan that leads nowhere has only its first leg.
         """
         runs: list[Run] = []
-        left = most_ticks if np.isfinite(self.cost) else 0
+        ticks_left = most_ticks if np.isfinite(self.cost) else 0
         for row, ticks in zip(self.rows.tolist(), self.ticks.tolist(), strict=True):
-            left -= ticks
-            if runs and left < 0:
+            ticks_left -= ticks
+            if runs and ticks_left < 0:
                 break
             if runs and row == runs[-1].row + runs[-1].ticks:
                 runs[-1] = Run(runs[-1].row, runs[-1].ticks + ticks)
@@ -130,14 +130,14 @@ def _candidate_rows(tick: int, candidates: CandidateVerdicts, film_rows: int) ->
 
     film_rows: number of rows of the film; a candidate beyond them is a mirror image.
     """
-    is_dead_end = np.isinf(candidates.value)
+    is_dead_end = np.isinf(candidates.costs)
     terms = {
         f"{name}_s": np.where(is_dead_end, np.nan, candidates.terms[:, k])
         for k, name in enumerate(TERMS)
     }
     return pd.DataFrame({
         "tick": tick, "row": candidates.rows % film_rows, "mirrored": candidates.rows >= film_rows,
-        "seam": candidates.seams, "value_s": np.where(is_dead_end, np.nan, candidates.value),
+        "seam": candidates.seams, "value_s": np.where(is_dead_end, np.nan, candidates.costs),
         **terms, "fails": [VERDICTS[verdict] for verdict in candidates.verdict],
         "taken": np.arange(len(candidates.rows)) == candidates.taken,
     })  # fmt: skip

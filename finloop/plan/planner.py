@@ -1,4 +1,8 @@
-"""The planner of mode `matching`: takes a fish and its task, returns the next stretch.
+"""The planner of mode `matching`: takes a fish and its goal, returns the next stretch.
+
+A goal is what is asked of a fish: a place, a path (`Route`), a rule, or nothing. Its task is the
+path, or the place to touch as a `Target`, that a plan is made for. The objective of one search is
+the path, or the waypoint in sight on the way to the target.
 
 One search (`finloop.plan.search`) weighs branches: through the film where one leads on, else by the
 forecast's predictions. The fish swims the first part of the best branch. Where no branch leads on,
@@ -130,24 +134,23 @@ class Planner:
         source = self._first_source
         graph, rows = source.graph, source.graph.film.rows
         lasting = _lasting_rows(source)
-        sampled = np.sort(rng.choice(lasting, min(_STARTS, len(lasting)), replace=False))
+        n = min(_STARTS, len(lasting))
+        sampled = np.sort(rng.choice(lasting, n, replace=False))
         x, y = map(float, point_along(route, 0.0))
-        ticks = graph.leads["ticks"][sampled]
-        dx, dy = (rows[axis][sampled + ticks] - rows[axis][sampled] for axis in "xy")
-        next_point = point_along(route, self.world.motion.body_length_px)
-        direction = np.arctan2(y - next_point[1], next_point[0] - x)
-        rots = np.asarray(wrap_deg(np.degrees(direction - np.arctan2(-dy, dx))), float)
-        if not graph.film.body:
-            rots = np.zeros_like(rots)
-        n = len(sampled)
+        rots = np.zeros(n)
+        if graph.film.body:  # each row is turned so that the film leads along the route
+            rows_ahead = sampled + graph.leads["ticks"][sampled]
+            dx, dy = (rows[axis][rows_ahead] - rows[axis][sampled] for axis in "xy")
+            next_x, next_y = point_along(route, self.world.motion.body_length_px)
+            route_rad, film_rad = np.arctan2(y - next_y, next_x - x), np.arctan2(-dy, dx)
+            rots = np.asarray(wrap_deg(np.degrees(route_rad - film_rad)), float)
         candidates = Candidates(
             sampled, rots, np.zeros(n), np.zeros(n, bool), np.zeros((n, len(TERMS)))
         )
-        lag = self.world.tempo.cost_of_rest_on_path(0.0, self.world.settings.path_lag_cost)
-        start = SearchStart(x, y, route.begins - 1, np.zeros((0, 3), np.int64), lag=lag)
-        plan = self._search_plan(
-            source, (candidates, start), path_objective(route, self.world.steering)
-        )
+        rest_cost = self.world.tempo.cost_of_rest_on_path(0.0, self.world.settings.path_lag_cost)
+        start = SearchStart(x, y, route.begins - 1, np.zeros((0, 3), np.int64), rest_cost=rest_cost)
+        objective = path_objective(route, self.world.steering)
+        plan = self._search_plan(source, candidates, start, objective)
         best = plan.taken if plan else 0  # any row, if none leads on
         row, rot = int(sampled[best]), float(rots[best])
         heading = float(wrap_deg(rows["heading"][row] + rot))
@@ -199,31 +202,30 @@ class Planner:
         state = state._replace(fish=fish)
         if isinstance(goal, Route):
             return self._plan_on_route(state, goal, rng)
-        aimed, target = self._choose_target(state, goal, rng)
+        state, target = self._choose_target(state, goal, rng)
         objective = target_objective(self._next_waypoint(fish, target))
         task = ANYWHERE if target.free else target
-        stretch, path = self._plan_or_stay(fish, aimed.path, objective, task, rng)
-        planned = stretch
-        stretch = self._fallback.keep_clear(fish, stretch)
-        if stretch is not planned:
-            path = Progress()
-        keeps_target = not isinstance(goal, Goal) and not stretch.touched
-        left = max(0, aimed.left - len(stretch.trajectory)) if keeps_target else 0
-        return stretch, aimed._replace(fish=self._fish_after(fish, stretch), left=left, path=path)
+        planned, progress = self._plan_or_stay(fish, state.path, objective, task, rng)
+        stretch = self._fallback.keep_clear(fish, planned)
+        if stretch is not planned:  # where the plan does not go on
+            progress = Progress()
+        keeps_place = not isinstance(goal, Goal) and not stretch.touched
+        left = max(0, state.left - len(stretch.trajectory)) if keeps_place else 0
+        fish_after = self._fish_after(fish, stretch)
+        return stretch, state._replace(fish=fish_after, left=left, path=progress)
 
     def _choose_target(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
     ) -> tuple[State, Target]:
-        """Return where a fish without a path swims, and the state with that place."""
-        world, free = self.world, False
+        """Return the state with the place where a fish without a path swims, and it as a target."""
+        world = self.world
         if isinstance(goal, Goal):
-            x, y = goal.x_px, goal.y_px
+            x, y, free = goal.x_px, goal.y_px, False
             state = state._replace(left=0, wished=False)
         else:
-            spot, left, wished = self._choose_place(state, goal, rng)
-            x, y = map(float, spot)
-            free = not wished and world.settings.wander == "film"
-            state = state._replace(place=spot, left=left, wished=wished)
+            place, left, wished = self._choose_place(state, goal, rng)
+            (x, y), free = place, not wished and world.settings.wander == "film"
+            state = state._replace(place=place, left=left, wished=wished)
         return state, Target(float(x), float(y), world.touch_px, world.head_px, free)
 
     def _choose_place(
@@ -243,11 +245,12 @@ class Planner:
             return state.place, state.left, False
         return *random_wander_place(self.world, state.fish, rng), False
 
-    def _next_waypoint(self, fish: Fish, goal: Target) -> Target:
-        """Return the point to head for: the goal, or the farthest in sight on the way to it."""
+    def _next_waypoint(self, fish: Fish, target: Target) -> Target:
+        """Return the point to head for: the target, or the farthest in sight on the way to it."""
         tank = self.world.tank
-        aim = next_aim(tank, (fish.x, fish.y), goal, self.world.touch_px)
-        return goal if aim[:2] == tank.nearest_legal_point(goal.x, goal.y) else aim
+        waypoint = next_aim(tank, (fish.x, fish.y), target, self.world.touch_px)
+        in_sight = waypoint[:2] == tank.nearest_legal_point(target.x, target.y)
+        return target if in_sight else waypoint
 
     def _plan_on_route(
         self, state: State, route: Route, rng: np.random.Generator
@@ -259,20 +262,20 @@ class Planner:
         objective = path_objective(route, self.world.steering)
         planned, progress = self._plan_or_stay(fish, path, objective, route, rng)
         stretch = self._fallback.keep_clear(fish, planned)
-        # After a shortened stretch the next call finds the place along the path anew.
-        progress = progress if stretch is planned else Progress(state.path.along)
-        return replace(stretch, touched=False), state._replace(
-            fish=self._fish_after(fish, stretch), path=progress
-        )
+        if stretch is not planned:  # the next call finds the place along the path anew
+            progress = Progress(state.path.along)
+        state = state._replace(fish=self._fish_after(fish, stretch), path=progress)
+        return replace(stretch, touched=False), state
 
     def _plan_or_stay(
         self, fish: Fish, path: Progress, objective: Objective, task: Route | Target,
         rng: np.random.Generator,
     ) -> tuple[Stretch, Progress]:  # fmt: skip
-        """Return the next stretch of a fish, and the plan beyond it; in place if no plan leads on.
+        """Return the next stretch of a fish, and its progress with the rest of its plan.
 
-        A present plan for the same task goes on, else a search makes one. path: its progress and
-        its present plan; task: the route or target that plans are made for.
+        The present plan goes on if it is for the same task, else a search makes one. Where no plan
+        leads on, the fish stays in place. path: its progress and present plan; objective: what a
+        search is for; task: the whole route or the target that a plan is for.
         """
         if path.runs and _is_same_task(path.task, task):
             stretch, progress = self._swim_next_run(fish, path, objective, None)
@@ -285,43 +288,40 @@ class Planner:
             stretch, progress = self._swim_next_run(fish, planned, objective, plan)
             if len(stretch.trajectory):
                 return stretch, progress
-        aim = self._point_ahead(objective, path.along)
-        options = plans[0].verdicts(self.world.motion.rate_hz) if plans else None
-        stretch = self._fallback.stay(fish, aim)
-        goal = task if isinstance(task, Target) else ANYWHERE
-        if not goal.free and touches_target(*stretch.trajectory[0], goal):  # it rests on its goal
-            stretch = replace(stretch.cut(1), touched=True)
-        if options is not None:
-            options = replace(options, taken=-1)
-            stretch = replace(
-                stretch, options=options, decision=options.add_to_decision(stretch.decision)
-            )
+        stretch = self._fallback.stay(fish, self._point_ahead(objective, path.along))
+        target = task if isinstance(task, Target) else ANYWHERE
+        if not target.free and touches_target(*stretch.trajectory[0], target):
+            stretch = replace(stretch.cut(1), touched=True)  # it rests on its target
+        if plans:
+            options = replace(plans[0].verdicts(self.world.motion.rate_hz), taken=-1)
+            decision = options.add_to_decision(stretch.decision)
+            stretch = replace(stretch, options=options, decision=decision)
         return stretch, Progress(path.along)
 
     def _best_plans(
-        self, fish: Fish, along: float, objective: Objective, rng: np.random.Generator
+        self, fish: Fish, along_px: float, objective: Objective, rng: np.random.Generator
     ) -> list[Plan]:
         """Return the best plan by the film, and by the forecast where needed, the best first.
 
-        The forecast is needed where no branch of the film leads on, or all leave the path. along:
-        px along the path.
+        The forecast is needed where no branch of the film leads on, or all leave the path.
+        along_px: px along the path.
         """
-        filmed = self._best_plan(self.film, fish, along, objective, rng)
+        filmed = self._best_plan(self.film, fish, along_px, objective, rng)
         if filmed is not None and not self._needs_prediction(filmed, fish, objective):
             return [filmed]
-        predicted = self._best_plan(self.prediction, fish, along, objective, rng)
+        predicted = self._best_plan(self.prediction, fish, along_px, objective, rng)
         # Leaving the film costs as much as a seam of one natural step.
         leaving_cost = self._weights.seam
 
         def cost_then_duration(plan: Plan) -> tuple[float, float]:
             """Return the key by which plans are sorted: of equal costs the longest goes first."""
-            return plan.cost + leaving_cost * (plan.state != FILM), -plan.found.ticks.max()
+            return plan.cost + leaving_cost * (plan.state != FILM), -plan.outcomes.ticks.max()
 
         plans = [plan for plan in (filmed, predicted) if plan is not None]
         return sorted(plans, key=cost_then_duration)
 
     def _needs_prediction(self, plan: Plan, fish: Fish, objective: Objective) -> bool:
-        """Return whether predictions are needed: the plan ends, or costs like leaving the path.
+        """Return whether a plan by the film ends, or costs as much as leaving the path.
 
         Leaving the path means swimming `path_max_offset_bl` beside it.
         """
@@ -337,70 +337,67 @@ class Planner:
         return plan.cost > tick_cost * float(plan.ticks.sum())
 
     def _best_plan(
-        self, source: MotionSource | None, fish: Fish, along: float, objective: Objective,
+        self, source: MotionSource | None, fish: Fish, along_px: float, objective: Objective,
         rng: np.random.Generator,
     ) -> Plan | None:  # fmt: skip
         """Return the cheapest plan of a fish by one motion source; None where it has no candidates.
 
-        along: px along the path.
+        along_px: px along the path.
         """
         if source is None:
             return None
-        found = source.candidates(fish, self._cost_of_rest(fish, objective), along)
+        found = source.candidates(fish, self._cost_of_rest(fish, objective), along_px)
         if found is None:
             return None
+        candidates, start = found
         if not len(objective.route.x):
-            noise, candidates = self.world.settings.choice_noise * self.world.motion.delta, found[0]
-            candidates.terms[:, CHANCE] = rng.exponential(noise, len(candidates.rows))
-        return self._search_plan(source, found, objective)
+            noise_ticks = self.world.settings.choice_noise * self.world.motion.delta
+            candidates.terms[:, CHANCE] = rng.exponential(noise_ticks, len(candidates.rows))
+        return self._search_plan(source, candidates, start, objective)
 
     def _search_plan(
-        self,
-        source: MotionSource,
-        candidates_and_start: tuple[Candidates, SearchStart],
+        self, source: MotionSource, candidates: Candidates, start: SearchStart,
         objective: Objective,
-    ) -> Plan | None:
+    ) -> Plan | None:  # fmt: skip
         """Return the cheapest plan from the candidates of a search; None where no row can be shown.
 
-        source: the motion source of the candidates. On a path, a search in which no
-        branch leads on is repeated with a wider beam.
+        source: the motion source of the candidates. On a path, a search in which no branch leads on
+        is repeated with a wider beam.
         """
-        candidates, start = candidates_and_start
-        any_place = objective.aim.free and not len(objective.route.x)
-        narrow = any_place or start.company.near
-        weights = self._narrow_weights if narrow else self._weights
+        wanders = objective.aim.free and not len(objective.route.x)
+        is_narrow = wanders or start.company.near
+        weights = self._narrow_weights if is_narrow else self._weights
         horizon = self._ticks_between_searches(objective) + self.world.to_ticks(
             self.world.settings.look_ahead_deltas
         )
         outcomes, rows = beam_search(source.graph, candidates, start, objective, weights, horizon)
-        if len(objective.route.x) and np.isinf(outcomes.value).all() and outcomes.over.any():
-            # On a path the cheapest ways are much alike, and may all run into one wall.
+        if len(objective.route.x) and np.isinf(outcomes.costs).all() and outcomes.displaced.any():
+            # On a path the cheapest branches are much alike, and may all run into one wall.
             wider = weights._replace(beam=_WIDER * weights.beam)
             outcomes, rows = beam_search(source.graph, candidates, start, objective, wider, horizon)
         if not len(rows):
             return None
         taken, ticks = int((candidates.rows == rows[0]).argmax()), source.graph.leg[rows]
-        ticks[-1] -= max(ticks.sum() - horizon, 0)
+        ticks[-1] -= max(ticks.sum() - horizon, 0)  # the last leg ends at the horizon
         return Plan(source.state, candidates, outcomes, taken, rows, ticks)
 
     def _swim_next_run(
         self, fish: Fish, path: Progress, objective: Objective, plan: Plan | None
     ) -> tuple[Stretch, Progress]:
-        """Return the stretch of the next planned run of film, and the rest of the plan.
+        """Return the stretch of the next planned run of film, and progress with the later runs.
 
-        path: progress and planned runs; plan: of the search that chose the run, None if an earlier
-        search chose it.
+        The stretch has no tick where the run leaves the tank at once. path: progress and planned
+        runs; plan: of the search that chose the run, None if an earlier search chose it.
         """
-        run, *later = path.runs
+        run, *later_runs = path.runs
         source = self.film if path.motion == FILM else self.prediction
         assert source is not None
-        goal, on_path = ANYWHERE, len(objective.route.x) > 0
-        if isinstance(path.task, Target):
-            goal = path.task
-        swim = source.swim_run(fish, run, path.along, objective, goal)
-        trajectory, rate, options = swim.trajectory, self.world.motion.rate_hz, None
-        reason = AS_PREDICTED if path.motion != FILM else JUMP if swim.jumps else PLAY
-        decision = Decision(reason, seam=swim.seam)
+        target = path.task if isinstance(path.task, Target) else ANYWHERE
+        passage = source.swim_run(fish, run, path.along, objective, target)
+        on_path, trajectory = len(objective.route.x) > 0, passage.trajectory
+        rate, options = self.world.motion.rate_hz, None
+        reason = JUMP if passage.jumps else PLAY
+        decision = Decision(reason if path.motion == FILM else AS_PREDICTED, seam=passage.seam)
         if len(trajectory) and not on_path:
             x, y, _ = trajectory[-1].tolist()
             decision = decision._replace(quadrant=quadrant_of_displacement(x - fish.x, fish.y - y))
@@ -412,26 +409,28 @@ class Planner:
                 decision._replace(value_s=value_s, exit=NO_WAY if leaves_film else "")
             )
         stretch = Stretch(
-            source.state, trajectory, swim.rows, swim.jumps,
-            self._point_ahead(objective, swim.along), swim.touched, decision, FRAME,
-            wrap_deg(trajectory[:, 2] - self.world.film.heading[swim.rows]),
-            past=swim.past, steer=swim.used if on_path else None, options=options,
+            source.state, trajectory, passage.rows, passage.jumps,
+            self._point_ahead(objective, passage.along_px), passage.touched, decision, kind=FRAME,
+            rot=wrap_deg(trajectory[:, 2] - self.world.film.heading[passage.rows]),
+            past=passage.past, steer=passage.corrections if on_path else None, options=options,
         )  # fmt: skip
-        runs = tuple(later) if len(trajectory) == run.ticks and not swim.touched else ()
-        return stretch, path._replace(along=swim.along, runs=runs)
+        is_whole = len(trajectory) == run.ticks and not passage.touched
+        later = tuple(later_runs) if is_whole else ()
+        return stretch, path._replace(along=passage.along_px, runs=later)
 
-    def _point_ahead(self, objective: Objective, along: float) -> Target:
+    def _point_ahead(self, objective: Objective, along_px: float) -> Target:
         """Return the point that a fish heads for: its target, or a body length ahead on its path.
 
-        along: px along the path.
+        along_px: px along the path.
         """
         if not len(objective.route.x):
             return objective.aim
-        x, y = map(float, point_along(objective.route, along + self.world.motion.body_length_px))
+        ahead_px = along_px + self.world.motion.body_length_px
+        x, y = map(float, point_along(objective.route, ahead_px))
         return Target(x, y, self.world.touch_px, self.world.head_px)
 
     def _cost_of_rest(self, fish: Fish, objective: Objective) -> float:
-        """Return the ticks that every tick on the spot costs a fish; < 0 only where it wanders."""
+        """Return what every tick on the spot costs a fish, in ticks; < 0 only where it wanders."""
         tempo, p = self.world.tempo, self.world.settings
         if len(objective.route.x):
             return tempo.cost_of_rest_on_path(fish.lag, p.path_lag_cost)
@@ -453,12 +452,12 @@ class Planner:
     def _ticks_between_searches(self, objective: Objective) -> int:
         """Return how many ticks of a plan the fish swims before the next search."""
         p, stride = self.world.settings, self._weights.stride
-        time = p.path_commit if len(objective.route.x) else p.replan_interval_deltas
-        return int(stride * max(1, self.world.to_ticks(time) // stride))
+        time_deltas = p.path_commit if len(objective.route.x) else p.replan_interval_deltas
+        return int(stride * max(1, self.world.to_ticks(time_deltas) // stride))
 
     @cached_property
     def _fallback(self) -> Fallback:
-        """Return what decides where no plan leads on, or another fish is in the way."""
+        """Return what decides where no plan leads on, or where another fish blocks it."""
         return Fallback(self.world)
 
     def _fish_in_film(self, fish: Fish) -> Fish:
@@ -472,15 +471,17 @@ class Planner:
         world, ticks, last_row = self.world, len(stretch.trajectory), int(stretch.number[-1])
         x, y, heading = map(float, stretch.trajectory[-1])
         stays = stretch.decision.reason in (SPOT, WAITING)
-        first_shown, last_shown = stretch.number[[0, -1]].tolist()
-        forgets = fish.tick - world.settings.repeat_memory * world.motion.delta
+        forget_tick = fish.tick - world.settings.repeat_memory * world.motion.delta
+        recent = remember_rows(
+            fish.recent, int(stretch.number[0]), last_row, fish.tick, forget_tick
+        )
+        past = stretch.past  # states of the forecast, the oldest first; in `Fish` the newest first
         assert stretch.rot is not None
         return Fish(
             x, y, float(wrap(heading)), speed=0.0 if stays else float(world.film.speed[last_row]),
             state=stretch.state, sprite=-1, phase=fish.phase, area=float(world.film.area[last_row]),
             tick=fish.tick + ticks, row=last_row, rot=float(stretch.rot[-1]),
-            recent=remember_rows(fish.recent, first_shown, last_shown, fish.tick, forgets),
-            past=None if stretch.past is None else np.ascontiguousarray(stretch.past[ticks:][::-1]),
+            recent=recent, past=None if past is None else np.ascontiguousarray(past[ticks:][::-1]),
             lag=world.tempo.lag_after(fish.lag, stretch.trajectory, (fish.x, fish.y)),
         )  # fmt: skip
 

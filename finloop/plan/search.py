@@ -1,8 +1,9 @@
 """Beam search through the motion graph for an objective, compiled.
 
-Every candidate begins a way. The search follows all ways at once, leg by leg, from loop end to loop
-end, where they go on or jump. After every leg it keeps the best of all branches, as far as the
-horizon. The cost of a way is kept term by term (`finloop.edit.schema.TERMS`).
+Every candidate begins a branch, a sequence of film rows. The search extends all branches at once,
+leg by leg: from one row with jumps to a later one, where each plays on or jumps. After every leg
+it keeps the cheapest extensions, as far as the horizon. The cost of a branch is kept term by term
+(`finloop.edit.schema.TERMS`).
 """
 
 from typing import NamedTuple
@@ -22,9 +23,9 @@ from finloop.animate.memory import (
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, kernel_part, leaf_kernel
 from finloop.edit.schema import TERMS, VERDICTS
-from finloop.plan.advance import advance_way_by_leg, set_way_rotation, turn_way_to_row
+from finloop.plan.advance import advance_branch_by_leg, set_branch_rotation, turn_branch_to_row
 from finloop.plan.cost import REPEAT, SEAM, TIME, TO_COME, CostWeights, SearchCosts, repeat_cost
-from finloop.plan.graph import MotionGraph, jump_range
+from finloop.plan.graph import MotionGraph, jump_range, row_can_play_on
 from finloop.plan.objectives import (
     Objective,
     cost_of_time,
@@ -35,36 +36,36 @@ from finloop.plan.objectives import (
 from finloop.plan.search_graph import SearchGraph
 from finloop.plan.walls import fits_in_tank
 
-WAY = np.dtype(
+BRANCH = np.dtype(
     [
-        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cos", "f8"), ("sin", "f8"), ("along", "f8"),
-        ("total", "f8"), ("terms", "f8", (len(TERMS),)),
-        ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("run", "i8"), ("shown", "i8"),
-        ("leads", "?"),
+        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cos", "f8"), ("sin", "f8"), ("along_px", "f8"),
+        ("cost", "f8"), ("terms", "f8", (len(TERMS),)),
+        ("row", "i8"), ("candidate", "i8"), ("ticks", "i8"), ("last_run", "i8"), ("marks", "i8"),
+        ("leads_on", "?"),
     ],
     align=True,
 )  # fmt: skip
-"""A way that is followed: where it has come to (x, y px, px along a path, row, rot in degrees, and
-the cosine and sine of rot); its cost in ticks (total), and of that each of `TERMS`; the candidate
-that it began with (first); its ticks; its last run; marks of the rows that it has shown, from
-`mark_rows`; whether it goes on after its leg."""
+"""A branch of the search. At its end: x, y px; row, turned by rot degrees, of which cos and sin are
+the cosine and sine; along_px: px along a path. cost: in ticks, the sum of its `TERMS`; candidate:
+number of the candidate it began with; ticks: its duration; last_run: number of its last run in
+`Beam.runs`; marks: of the rows it has shown, from `mark_rows`; leads_on: whether it can go on."""
 
 RUN = np.dtype([("row", "i8"), ("tick", "i8"), ("before", "i8")])
-"""A run of film that a way shows: its first row, the tick of that, and the number of the run before
-it, −1 for none."""
+"""A run of film that a branch shows: its first row, the tick at which that is shown, and the number
+of the branch's run before it, −1 for none."""
 
-BRANCH = np.dtype([("first", "i8"), ("way", "i8"), ("jump", "i8"), ("repeat", "f8")])
-"""A `Branch`, all fields but its total."""
+EXTENSION = np.dtype([("candidate", "i8"), ("branch", "i8"), ("jump", "i8"), ("repeat", "f8")])
+"""The fields of an `Extension` without its cost."""
 
-_TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))
+_TANK, _PASSED_OVER = map(VERDICTS.index, ("tank", "passed over"))
 
 
 class SearchStart(NamedTuple):
     """Where and when a candidate would be shown, and what of the fish's past and company counts.
 
     x, y: px; recent (m, 3): stretches of film that were on screen, (first row, last row, tick of
-    the first); company: the other fish; lag: ticks that every tick on the spot costs; along: px
-    along its path.
+    the first); company: the other fish; rest_cost: ticks that every tick on the spot costs;
+    along_px: px along the fish's path.
     """
 
     x: float
@@ -72,12 +73,12 @@ class SearchStart(NamedTuple):
     tick: int
     recent: Ints
     company: Company = ALONE
-    lag: float = 0.0
-    along: float = 0.0
+    rest_cost: float = 0.0
+    along_px: float = 0.0
 
 
 class Candidates(NamedTuple):
-    """Rows (k,) that could be shown now.
+    """Rows (k,) that could be shown next.
 
     rots: degrees by which each would be turned; seams: discontinuities in natural steps; jumps:
     whether it is a jump, not the film's own next row; terms (k, t): ticks that showing each costs
@@ -94,88 +95,92 @@ class Candidates(NamedTuple):
 class Outcomes(NamedTuple):
     """What becomes of each candidate (k,) in the search.
 
-    value: cost of the best branch from it, in ticks, infinite where all leave the tank or end;
-    terms (k, t): that cost term by term; ticks: duration of the best branch, or its time in the
-    tank; over: whether better branches displaced all of its own before any reached the end.
+    costs: of the best branch from it, in ticks, infinite where none reaches the end of the search;
+    terms (k, t): that cost term by term; ticks: duration of the best branch, else of the longest;
+    displaced: whether no branch from it reached the end as cheaper ones took its place in the beam.
     """
 
-    value: Floats
+    costs: Floats
     terms: Floats
     ticks: Floats
-    over: Mask
+    displaced: Mask
 
     @property
     def verdicts(self) -> NDArray[np.int8]:
         """Return indices in `VERDICTS` (k,): good, passed over, or out of the tank."""
-        lost = np.where(np.isinf(self.value), _TANK, 0)
-        return np.where(self.over, _OVER, lost).astype(np.int8)
+        lost = np.where(np.isinf(self.costs), _TANK, 0)
+        return np.where(self.displaced, _PASSED_OVER, lost).astype(np.int8)
 
 
-class Branch(NamedTuple):
-    """One continuation of a way of the search after a leg.
+class Extension(NamedTuple):
+    """A branch of the search extended by playing on or by a jump, before its next leg.
 
-    total: cost of the way so far and to come, ticks; first: the candidate that it began with; way:
-    number of the way; jump: number of the jump that it takes, −1 for none; repeat: ticks that
-    repeating rows costs.
+    cost: so far and to come, ticks; candidate: number of the candidate that the branch began with;
+    branch: its number in the beam; jump: number of the jump in `SearchGraph.jumps`, −1 for playing
+    on; repeat: ticks that showing rows again costs.
     """
 
-    total: float
-    first: int
-    way: int
+    cost: float
+    candidate: int
+    branch: int
     jump: int
     repeat: float
 
 
 class Beam(NamedTuple):
-    """The ways that the search follows at once, of dtype `WAY`, and the legs that led to them.
+    """The branches that the search follows at once, their extensions, and the legs behind them.
 
-    ways, spare (w,): the present ones, and room for those after the next leg; branches (b,): the
-    best after it, of dtype `BRANCH`; order (b,): their numbers, the cheapest first; totals (b,):
-    their costs in that order; runs: of all ways, of dtype `RUN`; rows, parents (legs + 1, w): the
-    row with which each way began each leg, and the number of the way before it.
+    branches (w,): of dtype `BRANCH`; spare (w,): room for those of the next leg; extensions (b,):
+    the cheapest so far, of dtype `EXTENSION`; order (b,): their numbers, the cheapest first;
+    sorted_costs (b,): their costs in that order; runs: of all branches, of dtype `RUN`; rows,
+    parents (legs + 1, w): the row with which each branch began each leg, and the number that the
+    branch had in the leg before.
     """
 
-    ways: NDArray[np.void]
-    spare: NDArray[np.void]
     branches: NDArray[np.void]
+    spare: NDArray[np.void]
+    extensions: NDArray[np.void]
     order: Ints
-    totals: Floats
+    sorted_costs: Floats
     runs: NDArray[np.void]
     rows: Ints
     parents: Ints
 
 
-class BestWay(NamedTuple):
-    """The best way of the search so far that reached its end: cost in ticks, legs, its number."""
+class BestBranch(NamedTuple):
+    """The cheapest branch that reached the end of the search: cost in ticks, legs, its number.
 
-    value: float
+    legs: how many it has, 0 while there is no such branch; number: in the beam of its last leg.
+    """
+
+    cost: float
     legs: int
-    way: int
+    number: int
 
 
 @kernel
 def film_candidates(film: MotionGraph, row: int, rotation_deg: float) -> Candidates:
-    """Return the rows that can be shown next and go on for ever: `row` itself, and its jumps.
+    """Return the candidates instead of a row: itself if it can play on for ever, and its jumps.
 
     row: the film's next row; rotation_deg: by which it would be turned. The terms of their costs
-    are 0 yet.
+    are 0.
     """
     next_row = film.rows[row]
-    plays_on = np.int64(next_row.has_next and film.rows[row + 1].recurrent)
-    first, last = jump_range(film, row)
-    n = plays_on + last - first
-    shown = Candidates(
-        np.empty(n, np.int64), np.empty(n), np.zeros(n), np.empty(n, np.bool_),
-        np.zeros((n, len(TERMS))),
+    plays_on = np.int64(row_can_play_on(film.rows, row))
+    first_jump, end_jump = jump_range(film, row)
+    n = plays_on + end_jump - first_jump
+    candidates = Candidates(
+        rows=np.empty(n, np.int64), rots=np.empty(n), seams=np.zeros(n),
+        jumps=np.empty(n, np.bool_), terms=np.zeros((n, len(TERMS))),
     )  # fmt: skip
     for k in range(n):
-        jump = first + k - plays_on
-        shown.rows[k], shown.jumps[k] = row, k >= plays_on
-        if shown.jumps[k]:
-            shown.rows[k], shown.seams[k] = film.to[jump], film.seam[jump]
-        turned = next_row.heading + rotation_deg - film.rows[shown.rows[k]].heading
-        shown.rots[k] = wrap(turned) if film.body else rotation_deg
-    return shown
+        jump = first_jump + k - plays_on
+        candidates.rows[k], candidates.jumps[k] = row, k >= plays_on
+        if candidates.jumps[k]:
+            candidates.rows[k], candidates.seams[k] = film.to[jump], film.seam[jump]
+        turned = next_row.heading + rotation_deg - film.rows[candidates.rows[k]].heading
+        candidates.rots[k] = wrap(turned) if film.body else rotation_deg
+    return candidates
 
 
 @kernel
@@ -203,185 +208,188 @@ def beam_search(
     graph: SearchGraph, candidates: Candidates, start: SearchStart, objective: Objective,
     weights: CostWeights, horizon_ticks: int,
 ) -> tuple[Outcomes, Ints]:  # fmt: skip
-    """Return the outcome of every candidate (k,), and the rows of the best way, by beam search.
+    """Return the outcome of every candidate (k,), and the rows of the best branch, by beam search.
 
-    Ways, each a sequence of rows, go through the film and its jumps for `horizon_ticks`. The rows
-    (l,) are the first of each leg of the best way. Where no way leads on, they are those of the
-    cheapest of the ways that came farthest.
+    Branches go through the film and its jumps for `horizon_ticks`, at most to the last time of a
+    route. The rows (l,) are the first of each leg of the best branch. Where no branch leads on,
+    they are those of the cheapest of the branches that came farthest.
     """
     route, most_ticks = objective.route, horizon_ticks
     due_points = timed_targets(route, start.tick, horizon_ticks + objective.steering.reach)
     costs = SearchCosts(weights, due_points, index_memory(start.recent))
-    if route.when.size:  # not beyond its times
+    if route.when.size:
         most_ticks = max(min(most_ticks, route.begins + route.when.size - 1 - start.tick), 1)
-    legs = most_ticks + 1  # each has a tick at least; only legs that begin use memory
-    beam, outcomes, way_count = _start_beam(graph, candidates, start, (legs, weights.beam))
-    best, leg = BestWay(np.inf, 0, 0), np.int64(0)
-    while way_count and leg < legs:
-        state = beam, way_count, outcomes, best
-        branch_count, best = _follow_ways(graph, state, start, (leg, most_ticks), objective, costs)
+    most_legs = most_ticks + 1  # each has a tick at least; only legs that begin use memory
+    beam, outcomes, branch_count = _start_beam(graph, candidates, start, (most_legs, weights.beam))
+    best, leg = BestBranch(np.inf, 0, 0), np.int64(0)
+    while branch_count and leg < most_legs:
+        state = beam, branch_count, outcomes, best
+        extension_count, best = _follow_branches(
+            graph, state, start, (leg, most_ticks), objective, costs
+        )
         leg += 1
-        if branch_count == 0 and best.legs == 0:
-            way = np.argmin(beam.ways["total"][:way_count])
-            best = BestWay(np.inf, leg - 1, beam.parents[leg - 1, way])  # type: ignore[arg-type]
-        beam, way_count = start_next_leg(graph, beam, branch_count, leg, start.tick), branch_count  # type: ignore[arg-type]
-    for candidate in range(outcomes.over.size):
-        outcomes.over[candidate] = outcomes.over[candidate] and outcomes.value[candidate] == np.inf
+        if extension_count == 0 and best.legs == 0:
+            cheapest = np.argmin(beam.branches["cost"][:branch_count])
+            best = BestBranch(np.inf, leg - 1, beam.parents[leg - 1, cheapest])  # type: ignore[arg-type]
+        beam = start_next_leg(graph, beam, extension_count, leg, start.tick)  # type: ignore[arg-type]
+        branch_count = extension_count
+    for k in range(outcomes.displaced.size):
+        outcomes.displaced[k] = outcomes.displaced[k] and outcomes.costs[k] == np.inf
     return outcomes, backtrack_rows(beam, best)
 
 
 @kernel_part
 def _start_beam(graph, candidates, start, sizes):  # type: ignore[no-untyped-def]
-    """Return the first beam, the outcomes, and the number of ways: one a candidate that fits.
+    """Return the first beam, the outcomes, and the number of branches: one a candidate that fits.
 
     A candidate fits if its row can play on for ever, inside the tank and clear of other fish.
-    candidates: `Candidates`; sizes: most legs, most branches; start: `SearchStart`.
+    sizes: most legs, most branches.
     """
-    (most_legs, most_branches), count, way_count = sizes, candidates.rows.size, 0
+    (most_legs, most_branches), count, branch_count = sizes, candidates.rows.size, 0
     room = max(most_branches, count)
     beam = Beam(
-        np.empty(room, WAY), np.empty(room, WAY), np.empty(most_branches, BRANCH),
-        np.empty(most_branches, np.int64), np.empty(most_branches),
-        np.empty((most_legs + 1) * room, RUN), np.empty((most_legs + 1, room), np.int64),
-        np.empty((most_legs + 1, room), np.int64),
+        branches=np.empty(room, BRANCH), spare=np.empty(room, BRANCH),
+        extensions=np.empty(most_branches, EXTENSION), order=np.empty(most_branches, np.int64),
+        sorted_costs=np.empty(most_branches), runs=np.empty((most_legs + 1) * room, RUN),
+        rows=np.empty((most_legs + 1, room), np.int64),
+        parents=np.empty((most_legs + 1, room), np.int64),
     )  # fmt: skip
     outcomes = Outcomes(
-        np.full(count, np.inf), np.zeros((count, len(TERMS))), np.zeros(count),
-        np.zeros(count, np.bool_),
+        costs=np.full(count, np.inf), terms=np.zeros((count, len(TERMS))), ticks=np.zeros(count),
+        displaced=np.zeros(count, np.bool_),
     )  # fmt: skip
-    for number in range(count):
-        row, x, y, terms = candidates.rows[number], start.x, start.y, candidates.terms[number]
-        first = graph.film.rows[row]
-        heading = first.heading + candidates.rots[number]
+    for k in range(count):
+        row, x, y, terms = candidates.rows[k], start.x, start.y, candidates.terms[k]
+        film_row = graph.film.rows[row]
+        heading = film_row.heading + candidates.rots[k]
         is_free = fits_in_tank(graph.bounds, row, x, y, heading)
         is_free = is_free and is_clear_in_search(start.company, row, x, y, heading, start.tick)
-        if first.recurrent and is_free:
-            way, run = beam.ways[way_count], beam.runs[way_count]
-            way.x, way.y, way.along, way.first, way.run = x, y, start.along, number, way_count
-            way.row, way.ticks, way.shown = row, 0, 0
-            set_way_rotation(way, candidates.rots[number])
+        if film_row.recurrent and is_free:
+            branch, run = beam.branches[branch_count], beam.runs[branch_count]
+            branch.x, branch.y, branch.along_px, branch.row = x, y, start.along_px, row
+            branch.candidate, branch.last_run, branch.ticks, branch.marks = k, branch_count, 0, 0
+            set_branch_rotation(branch, candidates.rots[k])
             for t in range(terms.size):
-                way.terms[t] = terms[t]
+                branch.terms[t] = terms[t]
             run.row, run.tick, run.before = row, start.tick, -1
-            beam.rows[0, way_count] = row
-            way_count += 1
-    return beam, outcomes, way_count
+            beam.rows[0, branch_count] = row
+            branch_count += 1
+    return beam, outcomes, branch_count
 
 
 @leaf_kernel
-def _follow_ways(graph, state, start, leg_and_horizon, objective, costs):  # type: ignore[no-untyped-def]
-    """Follow all ways of the beam for a leg; return the number of branches, and the `BestWay`.
+def _follow_branches(graph, state, start, leg_and_horizon, objective, costs):  # type: ignore[no-untyped-def]
+    """Advance all branches by a leg; return the number of their extensions, and the `BestBranch`.
 
-    The beam, its ways and the outcomes are changed in place. state: the beam, its number of ways,
-    `Outcomes`, `BestWay` so far; start: `SearchStart`; leg_and_horizon: number of the leg, ticks of
-    the horizon; objective: `Objective`; costs: `SearchCosts`.
+    The beam, its branches and the outcomes are changed in place. state: the beam, its number of
+    branches, `Outcomes`, `BestBranch` so far; leg_and_horizon: number of the leg, ticks of the
+    horizon; costs: `SearchCosts`.
     """
-    (beam, way_count, outcomes, best), (leg, most_ticks) = state, leg_and_horizon
-    weights = costs.weights
-    rows, branch_count = graph.film.rows, np.int64(0)
-    for number in range(way_count):
-        way = beam.ways[number]
-        way.leads, is_done = advance_way_by_leg(
-            graph, way, most_ticks - way.ticks, start, objective, weights
+    (beam, branch_count, outcomes, best), (leg, most_ticks) = state, leg_and_horizon
+    extension_count = np.int64(0)
+    for number in range(branch_count):
+        branch = beam.branches[number]
+        candidate = branch.candidate
+        branch.leads_on, is_done = advance_branch_by_leg(
+            graph, branch, most_ticks - branch.ticks, start, objective, costs.weights
         )
-        way.terms[TIME] = cost_of_time(way, start, objective, weights)
-        way.terms[TO_COME] = 0.0
-        if way.leads and not is_done:
-            lead = graph.leads[way.row]
-            direction = heading_vector(lead, way)
-            way.terms[TO_COME] = estimate_cost_to_come(lead, way, direction, objective, costs)
-        way.total = 0.0
-        for t in range(way.terms.size):
-            way.total += way.terms[t]
-        if outcomes.value[way.first] == np.inf:
-            outcomes.ticks[way.first] = max(outcomes.ticks[way.first], way.ticks)
-        if not way.leads:
+        branch.terms[TIME] = cost_of_time(branch, start, objective, costs.weights)
+        branch.terms[TO_COME] = 0.0
+        if branch.leads_on and not is_done:
+            lead = graph.leads[branch.row]
+            direction = heading_vector(lead, branch)
+            branch.terms[TO_COME] = estimate_cost_to_come(lead, branch, direction, objective, costs)
+        branch.cost = 0.0
+        for t in range(branch.terms.size):
+            branch.cost += branch.terms[t]
+        if outcomes.costs[candidate] == np.inf:
+            outcomes.ticks[candidate] = max(outcomes.ticks[candidate], branch.ticks)
+        if not branch.leads_on:
             continue
-        if is_done or way.ticks >= most_ticks:
-            way.leads = False
-            if way.total < outcomes.value[way.first]:
-                outcomes.value[way.first], outcomes.ticks[way.first] = way.total, way.ticks
-                for t in range(way.terms.size):
-                    outcomes.terms[way.first, t] = way.terms[t]
-            if way.total < best.value:
-                best = BestWay(way.total, leg + 1, number)
-        elif rows[way.row].has_next and rows[way.row + 1].recurrent:
+        if is_done or branch.ticks >= most_ticks:  # at the end of the search
+            branch.leads_on = False
+            if branch.cost < outcomes.costs[candidate]:
+                outcomes.costs[candidate], outcomes.ticks[candidate] = branch.cost, branch.ticks
+                for t in range(branch.terms.size):
+                    outcomes.terms[candidate, t] = branch.terms[t]
+            if branch.cost < best.cost:
+                best = BestBranch(branch.cost, leg + 1, number)
+        elif row_can_play_on(graph.film.rows, branch.row):
             repeat = 0.0  # on a path it would cost more than to leave the path
             if not objective.route.x.size:
-                repeat = _repetition_cost(beam, way, way.row, start, costs)
-            branch = Branch(way.total + repeat, way.first, number, -1, repeat)
-            branch_count = insert_branch(beam, branch_count, branch, outcomes.over)
-    for number in range(way_count):  # by now most jumps cost more than the best branches
-        if beam.ways[number].leads:
-            branch_count = _insert_jumps(
-                graph, number, (beam, branch_count, outcomes), start, objective, costs
+                repeat = _repetition_cost(beam, branch, branch.row, start, costs)
+            extension = Extension(branch.cost + repeat, candidate, number, -1, repeat)
+            extension_count = insert_extension(beam, extension_count, extension, outcomes.displaced)
+    for number in range(branch_count):  # by now most jumps cost more than the best extensions
+        if beam.branches[number].leads_on:
+            extension_count = _insert_jumps(
+                graph, number, (beam, extension_count, outcomes), start, objective, costs
             )
-    return branch_count, best
+    return extension_count, best
 
 
 @leaf_kernel
-def _insert_jumps(graph, way_number, state, start, objective, costs):  # type: ignore[no-untyped-def]
-    """Add the jumps of a way after a leg to the branches, if among the best; return their number.
+def _insert_jumps(graph, branch_number, state, start, objective, costs):  # type: ignore[no-untyped-def]
+    """Add a branch's jumps to the extensions, if among the cheapest; return how many there are.
 
-    way_number: of the way in the beam; state: the beam, its number of branches, `Outcomes`; start:
-    `SearchStart`; objective: `Objective`; costs: `SearchCosts`. Candidates whose jumps are not
-    among the best are marked in `Outcomes.over`.
+    branch_number: in the beam; state: the beam, its number of extensions, `Outcomes`; costs:
+    `SearchCosts`. The candidate of a jump that is not among the cheapest is marked as displaced.
     """
-    (beam, branch_count, outcomes), film = state, graph.film
-    way = beam.ways[way_number]
-    first, last = jump_range(film, way.row)
-    if first == last:
-        return branch_count
+    (beam, extension_count, outcomes), film = state, graph.film
+    branch = beam.branches[branch_number]
+    first_jump, end_jump = jump_range(film, branch.row)
+    if first_jump == end_jump:
+        return extension_count
     # A jump changes neither the place nor, if the body can be turned, the heading: the cost to come
     # to a goal is the same after all of them.
     same_cost = film.body and not objective.route.x.size
-    direction, to_come = (1.0, 0.0), way.terms[TO_COME]
+    direction, to_come = (1.0, 0.0), branch.terms[TO_COME]
     if film.body and not same_cost:
-        direction = heading_vector(graph.leads[way.row], way)
-    past_cost, least_to_come = way.total - to_come, to_come if same_cost else 0.0
-    for number in range(first, last):
-        jump, worst = graph.jumps[number], np.inf
-        if branch_count == beam.totals.size:
-            worst = beam.totals[branch_count - 1]
-        total = past_cost + jump.cost
-        if total + least_to_come >= worst:
-            outcomes.over[way.first] = True
+        direction = heading_vector(graph.leads[branch.row], branch)
+    past_cost, least_to_come = branch.cost - to_come, to_come if same_cost else 0.0
+    for number in range(first_jump, end_jump):
+        jump, highest_cost = graph.jumps[number], np.inf
+        if extension_count == beam.sorted_costs.size:
+            highest_cost = beam.sorted_costs[extension_count - 1]
+        cost = past_cost + jump.cost
+        if cost + least_to_come >= highest_cost:
+            outcomes.displaced[branch.candidate] = True
             break  # those that follow cost as much, or more
         if not same_cost:
             lead = graph.leads[jump.to]
             if not film.body:
-                direction = heading_vector(lead, way)
-            to_come = estimate_cost_to_come(lead, way, direction, objective, costs)
-        total += to_come
-        if total >= worst:
-            outcomes.over[way.first] = True
+                direction = heading_vector(lead, branch)
+            to_come = estimate_cost_to_come(lead, branch, direction, objective, costs)
+        cost += to_come
+        if cost >= highest_cost:
+            outcomes.displaced[branch.candidate] = True
             continue
-        repeat = _repetition_cost(beam, way, jump.to, start, costs)
-        branch = Branch(total + repeat, way.first, way_number, number, repeat)
-        branch_count = insert_branch(beam, branch_count, branch, outcomes.over)
-    return branch_count
+        repeat = _repetition_cost(beam, branch, jump.to, start, costs)
+        extension = Extension(cost + repeat, branch.candidate, branch_number, number, repeat)
+        extension_count = insert_extension(beam, extension_count, extension, outcomes.displaced)
+    return extension_count
 
 
 @leaf_kernel
-def _repetition_cost(beam, way, row, start, costs):  # type: ignore[no-untyped-def]
-    """Return the cost, in ticks, of a row shown next by a way, if it was on screen not long ago.
+def _repetition_cost(beam, branch, row, start, costs):  # type: ignore[no-untyped-def]
+    """Return the cost, in ticks, of showing a row next in a branch, if it was on screen lately.
 
-    Before the search any row of its first stride counts, within the way the last row of that
-    stride. beam: `Beam`; start: `SearchStart`; costs: `SearchCosts`.
+    Of what was on screen before the search any row of the stride from `row` on counts, of what the
+    branch itself shows the last row of that stride. costs: `SearchCosts`.
     """
-    tick, last_row = start.tick + way.ticks, row + costs.weights.stride - 1
+    tick, last_row = start.tick + branch.ticks, row + costs.weights.stride - 1
     shown_tick = find_last_on_screen(start.recent, costs.memory, row, last_row)
-    if way.shown & mark_rows(0, last_row, last_row):
-        shown_tick = max(shown_tick, tick_row_shown(beam.runs, way.run, last_row, tick))
+    if branch.marks & mark_rows(0, last_row, last_row):
+        shown_tick = max(shown_tick, tick_row_shown(beam.runs, branch.last_run, last_row, tick))
     return repeat_cost(float(tick - shown_tick), costs.weights)
 
 
 @leaf_kernel
 def tick_row_shown(runs, last_run, row, tick):  # type: ignore[no-untyped-def]
-    """Return the last tick at which a way of the search showed a row; NEVER if it did not.
+    """Return the last tick at which a branch of the search showed a row; NEVER if it did not.
 
-    runs: runs of film of all ways, dtype `RUN`; last_run: number of the way's last one; tick: the
-    tick up to which the way has come.
+    runs: of all branches, dtype `RUN`; last_run: number of the branch's last one; tick: one past
+    the last tick of the branch.
     """
     while last_run >= 0:
         run = runs[last_run]
@@ -392,59 +400,59 @@ def tick_row_shown(runs, last_run, row, tick):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def insert_branch(beam: Beam, branch_count: int, branch: Branch, displaced: Mask) -> int:
-    """Insert a branch if it is among the best; return how many branches there are then.
+def insert_extension(beam: Beam, count: int, extension: Extension, displaced: Mask) -> int:
+    """Insert an extension if it is among the cheapest; return how many there are then.
 
-    beam: its branches are changed, `branch_count` of them filled; the costliest is replaced if
-    there is no room. displaced (candidates,): set where a better branch displaces one of a
-    candidate.
+    beam: its extensions are changed, of which `count` are filled; the costliest is replaced if
+    there is no room. displaced (k,): set True for the candidate of an extension that is left out.
     """
-    totals, order, place, number = beam.totals, beam.order, branch_count, branch_count
-    if branch_count == totals.size:
-        place = branch_count - 1
-        number = order[place]
-        if branch.total >= totals[place]:
-            displaced[branch.first] = True
-            return branch_count
-        displaced[beam.branches[number].first] = True
-    while place > 0 and branch.total < totals[place - 1]:
-        totals[place], order[place] = totals[place - 1], order[place - 1]
+    costs, order, place, slot = beam.sorted_costs, beam.order, count, count
+    if count == costs.size:
+        place = count - 1
+        slot = order[place]
+        if extension.cost >= costs[place]:
+            displaced[extension.candidate] = True
+            return count
+        displaced[beam.extensions[slot].candidate] = True
+    while place > 0 and extension.cost < costs[place - 1]:
+        costs[place], order[place] = costs[place - 1], order[place - 1]
         place -= 1
-    totals[place], order[place], slot = branch.total, number, beam.branches[number]
-    _, slot.first, slot.way, slot.jump, slot.repeat = branch
-    return min(branch_count + 1, totals.size)
+    costs[place], order[place], kept = extension.cost, slot, beam.extensions[slot]
+    kept.candidate, kept.branch = extension.candidate, extension.branch
+    kept.jump, kept.repeat = extension.jump, extension.repeat
+    return min(count + 1, costs.size)
 
 
 @kernel_part
-def start_next_leg(graph, beam: Beam, branch_count: int, leg: int, start_tick: int) -> Beam:  # type: ignore[no-untyped-def]
-    """Make the best branches the ways of the next leg; return the beam, its buffers swapped.
+def start_next_leg(graph, beam: Beam, extension_count: int, leg: int, start_tick: int) -> Beam:  # type: ignore[no-untyped-def]
+    """Turn the extensions into the branches of the next leg; return the beam, its buffers swapped.
 
-    branch_count: how many there are; leg: number of the leg that they begin; start_tick: at which
-    the search began.
+    extension_count: how many of the beam's extensions are filled; leg: number of the next leg;
+    start_tick: at which the search began.
     """
-    film, first_run = graph.film, leg * beam.ways.size
-    for k in range(branch_count):
-        branch, way = beam.branches[beam.order[k]], beam.spare[k]
-        beam.spare[k] = beam.ways[branch.way]
-        if branch.jump >= 0:
-            jump, run = graph.jumps[branch.jump], beam.runs[first_run + k]
+    film, first_run = graph.film, leg * beam.branches.size
+    for k in range(extension_count):
+        extension, branch = beam.extensions[beam.order[k]], beam.spare[k]
+        beam.spare[k] = beam.branches[extension.branch]
+        if extension.jump >= 0:
+            jump, run = graph.jumps[extension.jump], beam.runs[first_run + k]
             if film.body:
-                turn_way_to_row(graph, way, jump.to)
-            run.row, run.tick, run.before = jump.to, start_tick + way.ticks, way.run
-            way.row, way.run = jump.to, first_run + k
-            way.terms[SEAM] += jump.cost
-        way.terms[REPEAT] += branch.repeat
-        beam.rows[leg, k], beam.parents[leg, k] = way.row, branch.way
+                turn_branch_to_row(graph, branch, jump.to)
+            run.row, run.tick, run.before = jump.to, start_tick + branch.ticks, branch.last_run
+            branch.row, branch.last_run = jump.to, first_run + k
+            branch.terms[SEAM] += jump.cost
+        branch.terms[REPEAT] += extension.repeat
+        beam.rows[leg, k], beam.parents[leg, k] = branch.row, extension.branch
     return Beam(
-        beam.spare, beam.ways, beam.branches, beam.order, beam.totals, beam.runs, beam.rows,
-        beam.parents,
+        beam.spare, beam.branches, beam.extensions, beam.order, beam.sorted_costs, beam.runs,
+        beam.rows, beam.parents,
     )  # fmt: skip
 
 
 @kernel_part
-def backtrack_rows(beam: Beam, best: BestWay) -> Ints:
-    """Return the rows (l,) with which the best way began its legs, in the order of the legs."""
-    rows, number = np.empty(best.legs, np.int64), best.way
+def backtrack_rows(beam: Beam, best: BestBranch) -> Ints:
+    """Return the rows (l,) with which the best branch began its legs, in the order of the legs."""
+    rows, number = np.empty(best.legs, np.int64), best.number
     for leg in range(best.legs - 1, -1, -1):
         rows[leg] = beam.rows[leg, number]
         number = beam.parents[leg, number]

@@ -24,11 +24,7 @@ from finloop.plan.advance import (
 from finloop.plan.cost import RARITY, Rarity
 from finloop.plan.graph import prediction_graph
 from finloop.plan.objectives import Objective
-from finloop.plan.search import (
-    Candidates,
-    SearchStart,
-    weigh_film_candidates,
-)
+from finloop.plan.search import Candidates, SearchStart, weigh_film_candidates
 from finloop.plan.search_graph import SearchGraph, search_graph
 from finloop.plan.world import FilmWorld
 
@@ -36,16 +32,16 @@ from finloop.plan.world import FilmWorld
 class Passage(NamedTuple):
     """How a fish swims along a run: up to where it is done, or leaves the tank.
 
-    trajectory (n, 3): x, y px, heading; used (n, 2): steering corrections, degrees and px;
-    along: px along the path at its end; touched: whether its last place touches the goal; rows
-    (n,): rows that are shown; jumps: whether the first does not follow the row on screen; seam: its
+    trajectory (n, 3): x, y px, heading; corrections (n, 2): of steering, degrees and px; along_px:
+    px along the path at its end; touched: whether its last place touches the target; rows (n,):
+    rows that are shown; jumps: whether the first does not follow the row on screen; seam: its
     discontinuity then, natural steps; past: states of a fish that swims as predicted, the oldest
     first, those of the run last.
     """
 
     trajectory: Floats
-    used: Floats
-    along: float
+    corrections: Floats
+    along_px: float
     touched: bool
     rows: Ints
     jumps: bool
@@ -88,15 +84,15 @@ class FilmSource:
         return (candidates, start) if len(candidates.rows) else None
 
     def swim_run(
-        self, fish: Fish, run: Run, along_px: float, objective: Objective, goal: Target
+        self, fish: Fish, run: Run, along_px: float, objective: Objective, target: Target
     ) -> Passage:
         """Move a fish along a run of film from its next tick on, steered to its objective.
 
-        along_px: px along the path at the start; goal: ends the run when the fish touches it.
+        along_px: px along the path at the start; target: ends the run when the fish touches it.
         """
-        place = np.array([fish.x, fish.y, fish.heading, fish.rot])
+        pose = np.array([fish.x, fish.y, fish.heading, fish.rot])
         trajectory, corrections, along_px, touches, seam = swim_film_run(
-            self.graph, place, fish.row, run, (along_px, fish.tick), (objective, goal)
+            self.graph, pose, fish.row, run, (along_px, fish.tick), (objective, target)
         )
         rows = np.arange(run.row, run.row + len(trajectory))
         return Passage(
@@ -118,8 +114,8 @@ class PredictionSource:
         has_similar = np.flatnonzero(sampler.usable | (np.diff(sampler.start) > 0))
         later = np.minimum(np.searchsorted(has_similar, rows), len(has_similar) - 1)
         neighbours = has_similar[np.stack([np.maximum(later - 1, 0), later])]
-        self._codes = sampler.states[:, :-MOTION]
-        self._near = neighbours[np.abs(neighbours - rows).argmin(0), rows]
+        self._nearest = neighbours[np.abs(neighbours - rows).argmin(0), rows]
+        self._pose_codes = sampler.states[:, :-MOTION]  # the other numbers of a state
 
     @cached_property
     def graph(self) -> SearchGraph:
@@ -145,45 +141,45 @@ class PredictionSource:
         if not len(candidates.rows):
             return None
         candidates.terms[:, RARITY] = self._rarity.transition_costs(
-            candidates.rows, self._codes, row
+            candidates.rows, self._pose_codes, row
         )
         return candidates, start
 
     def swim_run(
-        self, fish: Fish, run: Run, along_px: float, objective: Objective, goal: Target
+        self, fish: Fish, run: Run, along_px: float, objective: Objective, target: Target
     ) -> Passage:
         """Move a fish along a run of predictions from its next tick on, steered to its objective.
 
         The predicted trajectory is extended by film, for steering to look ahead. along_px: px along
-        the path at the start; goal: ends the run when the fish touches it.
+        the path at the start; target: ends the run when the fish touches it.
         """
-        film, row = self.graph.film, run.row
-        past = start_at_row(self.sampler, self._row_with_similar(fish)).past
-        if fish.past is not None:
-            past = fish.past
-        states = follow_row(self.sampler, past, row, run.ticks, self.sampler.control[row])
-        states = np.ascontiguousarray(states[::-1])
-        predicted = predicted_trajectory(
-            states, np.array([fish.x, fish.y, fish.heading]), self._pace
-        )
+        film, row, shown_row = self.graph.film, run.row, self._row_with_similar(fish)
+        past = fish.past
+        if past is None:
+            past = start_at_row(self.sampler, shown_row).past
+        newest_first = follow_row(self.sampler, past, row, run.ticks, self.sampler.control[row])
+        states = np.ascontiguousarray(newest_first[::-1])
+        pose = np.array([fish.x, fish.y, fish.heading])
+        predicted = predicted_trajectory(states, pose, self._pace)
         last_row = row + len(states)
         rot = float(predicted[-1, 2] - film.rows["heading"][last_row])
         planned = extend_trajectory_by_film(
             self.graph, predicted, last_row, rot, self._world.steering_ticks
         )
         speeds = film.speed[row : row + len(planned) - 1].copy()
-        rows, jumps = row + 1 + np.arange(len(states)), row != self._row_with_similar(fish)
+        rows = row + 1 + np.arange(len(states))
         trajectory, corrections, along_px, touches = swim_trajectory(
-            planned, speeds, rows, (along_px, fish.tick), (objective, goal), self.graph
+            planned, speeds, rows, (along_px, fish.tick), (objective, target), self.graph
         )
-        shown = np.concatenate([past[::-1], states[: len(trajectory)]])
+        ticks = len(trajectory)
         return Passage(
-            trajectory, corrections, along_px, touches, rows[: len(trajectory)], jumps, past=shown
-        )
+            trajectory, corrections, along_px, touches, rows[:ticks], jumps=row != shown_row,
+            past=np.concatenate([past[::-1], states[:ticks]]),
+        )  # fmt: skip
 
     def _row_with_similar(self, fish: Fish) -> int:
         """Return the row on screen of a predicted fish, else the nearest row with similar ones."""
-        return int(self._near[fish.row]) if fish.past is None else fish.row
+        return int(self._nearest[fish.row]) if fish.past is None else fish.row
 
 
 MotionSource = FilmSource | PredictionSource
