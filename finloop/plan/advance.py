@@ -18,12 +18,12 @@ from finloop.animate.route import (
 from finloop.base.arrays import Floats, Ints
 from finloop.base.kernel import finite_leaf, kernel, leaf_kernel
 from finloop.plan.cost import LAG, PATH, RARITY, Steering, path_tick_cost
-from finloop.plan.graph import jump_range
+from finloop.plan.graph import jump_range, row_can_play_on
 from finloop.plan.objectives import heading_vector, is_objective_done
 from finloop.plan.search_graph import SearchGraph
 from finloop.plan.walls import fits_in_tank
 
-_LEAST_AHEAD = 0.1  # body lengths; least distance ahead that counts of a point to steer to
+_LEAST_AHEAD = 0.1  # body lengths; least distance ahead for which a point to steer to counts
 
 
 @finite_leaf
@@ -46,13 +46,13 @@ def steering_turn(  # type: ignore[no-untyped-def]
     is as far ahead as this offset is long; it does not turn where the film hardly moves it.
     """
     dx, dy = film_offset
-    far = np.sqrt(dx * dx + dy * dy)
-    if ticks_ahead < 1 or far < 1e-6 * steering.length_px:
+    far_px = np.sqrt(dx * dx + dy * dy)
+    if ticks_ahead < 1 or far_px < 1e-6 * steering.length_px:
         return 0.0
-    x, y = point_along(route, position[2] + far)
+    x, y = point_along(route, position[2] + far_px)
     to_x, to_y = x - position[0], y - position[1]
-    left = (dy * to_x - dx * to_y) / far
-    ahead = max((dx * to_x + dy * to_y) / far, _LEAST_AHEAD * steering.length_px)
+    left = (dy * to_x - dx * to_y) / far_px
+    ahead = max((dx * to_x + dy * to_y) / far_px, _LEAST_AHEAD * steering.length_px)
     # Turning evenly, the place ahead moves as if half of the turn had been made at once.
     wanted_deg = 2.0 * np.degrees(left / ahead) / ticks_ahead
     return min(max(wanted_deg, -most_deg), most_deg)
@@ -69,11 +69,11 @@ def shift_to_route(route: Route, position, speed_bl_s: float, timing, steering: 
     (x, y, along), (tick, ticks) = position, timing
     along, foot_x, foot_y = find_foot(route, x, y, foot_search_start(route, along, tick))
     to_x, to_y, most_px = foot_x, foot_y, steering.shift * speed_bl_s * ticks
-    part = min(ticks / steering.reach, 1.0)  # of the offset, removed now
+    share = min(ticks / steering.reach, 1.0)  # of the offset, removed now
     if route.when.size:
-        catch_up_px = min(max((due_along(route, tick) - along) * part, -most_px), most_px)
-        to_x, to_y = point_along(route, along + catch_up_px / part)
-    shift_x, shift_y = (to_x - x) * part, (to_y - y) * part
+        catch_up_px = min(max((due_along(route, tick) - along) * share, -most_px), most_px)
+        to_x, to_y = point_along(route, along + catch_up_px / share)
+    shift_x, shift_y = (to_x - x) * share, (to_y - y) * share
     shift_px = np.sqrt(shift_x * shift_x + shift_y * shift_y)
     if shift_px > most_px:
         shift_x, shift_y = shift_x * most_px / shift_px, shift_y * most_px / shift_px
@@ -85,37 +85,37 @@ def shift_to_route(route: Route, position, speed_bl_s: float, timing, steering: 
 def swim_trajectory(  # type: ignore[no-untyped-def]
     planned: Floats, speeds_bl_s: Floats, rows: Ints, progress, purpose, graph: SearchGraph
 ):
-    """Swim a planned trajectory, steered to the route, up to the goal, route's end or a wall.
+    """Swim a planned trajectory, steered to the route, up to the target, route's end or a wall.
 
     planned (m + 1, 3): x, y px, heading in degrees, from the fish's present place on, of which t ≤
     m ticks count; speeds_bl_s (m,): body lengths/s; rows (t,): film rows shown; progress: px along
-    the route, and the tick; purpose: the `Objective`, and the goal. Without a route the fish also
+    the route, and the tick; purpose: the `Objective`, and the target. Without a route the fish also
     stops at a waypoint.
 
     Returns the trajectory (n, 3), n ≤ t; its steering corrections (n, 2): degrees, px; px along the
-    route at its end; whether its last place touches the goal.
+    route at its end; whether its last place touches the target.
     """
-    objective, goal = purpose
+    objective, target = purpose
     ticks, route, steering = rows.size, objective.route, objective.steering
-    trajectory, corrections, film = np.empty((ticks, 3)), np.zeros((ticks, 2)), graph.film.rows
+    trajectory, corrections, film_rows = np.empty((ticks, 3)), np.zeros((ticks, 2)), graph.film.rows
     along, tick = progress
-    x, y, rot, end, touches = planned[0, 0], planned[0, 1], 0.0, ticks, False
+    x, y, rot, end, touches = planned[0, 0], planned[0, 1], 0.0, ticks, False  # rot: steered so far
     for t in range(ticks):
         turn, shift, row = 0.0, 0.0, rows[t]
         if route.x.size:
             reach = min(steering.reach, len(planned) - 1 - t)
-            film_step = rotate(
+            film_offset = rotate(
                 planned[t + reach, 0] - planned[t, 0], planned[t + reach, 1] - planned[t, 1], rot
             )
-            most = largest_steering_turn(speeds_bl_s[t], steering)
-            turn = steering_turn(route, (x, y, along), film_step, reach, most, steering)
+            most_deg = largest_steering_turn(speeds_bl_s[t], steering)
+            turn = steering_turn(route, (x, y, along), film_offset, reach, most_deg, steering)
         dx, dy = rotate(
             planned[t + 1, 0] - planned[t, 0], planned[t + 1, 1] - planned[t, 1], rot + turn
         )
         new_x, new_y, new_along = x + dx, y + dy, along
         heading = planned[t + 1, 2] + rot + turn
         if route.x.size:
-            new_x, new_y, new_along, _, _, shift = shift_to_route(
+            new_x, new_y, new_along, _foot_x, _foot_y, shift = shift_to_route(
                 route, (new_x, new_y, along), speeds_bl_s[t], (tick + t + 1, 1), steering
             )
         if not fits_in_tank(graph.bounds, row, new_x, new_y, heading):
@@ -127,9 +127,9 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
         if route.x.size:
             is_done = is_route_done(route, along, tick + t + 1)
         else:
-            goes_on = film[row].has_next and film[row + 1].recurrent
-            touches = not goal.free and goes_on and touches_target(x, y, heading, goal)
-            is_done = touches or (not goal.free and touches_target(x, y, heading, objective.aim))
+            plays_on = row_can_play_on(film_rows, row)
+            touches = not target.free and plays_on and touches_target(x, y, heading, target)
+            is_done = touches or (not target.free and touches_target(x, y, heading, objective.aim))
         if is_done:
             end = t + 1
             break
@@ -142,8 +142,8 @@ def swim_film_run(graph: SearchGraph, pose: Floats, shown_row: int, run, progres
 
     pose (4,): x, y px, heading, and degrees by which the row on screen, `shown_row`, is turned;
     run: first row and number of ticks; progress: px along the route, and the tick; purpose: the
-    `Objective`, and the goal. Returns the output of `swim_trajectory`, and the discontinuity of the
-    run's first row in natural steps, NaN where the film plays on.
+    `Objective`, and the target. Returns the output of `swim_trajectory`, and the discontinuity of
+    the run's first row in natural steps, NaN where the film plays on.
     """
     (row, ticks), film, rot, seam = run, graph.film, pose[3], np.nan
     first_row, next_row = film.rows[row], film.rows[shown_row + 1]
@@ -153,22 +153,24 @@ def swim_film_run(graph: SearchGraph, pose: Floats, shown_row: int, run, progres
         if film.body:  # a jump keeps the heading
             rot = wrap(next_row.heading + pose[3] - first_row.heading)
     dx, dy = rotate(film.rows[shown_row].dx, film.rows[shown_row].dy, pose[3])
-    begin = np.empty((2, 3))
-    begin[0, 0], begin[0, 1], begin[0, 2] = pose[0], pose[1], pose[2]
-    begin[1, 0], begin[1, 1], begin[1, 2] = (pose[0] + dx, pose[1] + dy, first_row.heading + rot)
+    first_step = np.empty((2, 3))
+    first_step[0, 0], first_step[0, 1], first_step[0, 2] = pose[0], pose[1], pose[2]
+    first_step[1, 0], first_step[1, 1] = pose[0] + dx, pose[1] + dy
+    first_step[1, 2] = first_row.heading + rot
+    objective, _target = purpose
     planned = extend_trajectory_by_film(
-        graph, begin, row, rot, ticks - 1 + purpose[0].steering.reach
+        graph, first_step, row, rot, ticks - 1 + objective.steering.reach
     )
     steps = len(planned) - 1
-    speed = np.empty(steps)
-    speed[0] = film.rows[shown_row].speed
+    speeds = np.empty(steps)
+    speeds[0] = film.rows[shown_row].speed
     for t in range(1, steps):
-        speed[t] = film.rows[row + t - 1].speed
+        speeds[t] = film.rows[row + t - 1].speed
     rows = np.arange(row, row + min(ticks, steps))
-    shown, corrections, along, touches = swim_trajectory(
-        planned, speed, rows, progress, purpose, graph
+    trajectory, corrections, along, touches = swim_trajectory(
+        planned, speeds, rows, progress, purpose, graph
     )
-    return shown, corrections, along, touches, seam
+    return trajectory, corrections, along, touches, seam
 
 
 @leaf_kernel

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate, chain
 from typing import NamedTuple
 
 import numpy as np
@@ -22,10 +21,10 @@ SEAM, REPEAT, RARITY, LAG, PATH, TIME, TO_COME, CHANCE = range(len(TERMS))
 class CostWeights(NamedTuple):
     """Settings of the beam search, and weights of its costs; times and costs in ticks.
 
-    pace [px/tick]: speed of a fast fish of the film; turning [°/tick]: median of the film's turns;
-    stride: ticks between two checks of a branch, at which it may jump; beam: branches followed at
-    once; seam: cost of a jump of one natural step; repeat: cost of a row just seen; memory: ticks
-    until a row on screen is forgotten.
+    pace: speed of a fast fish of the film, px/tick; turning: median of the film's turn rates,
+    degrees/tick; stride: ticks between two checks of a branch, at which it may jump; beam: branches
+    followed at once; seam: cost of a jump of one natural step; repeat: cost of a row just seen;
+    memory: ticks until a row on screen is forgotten.
     """
 
     pace: float
@@ -59,22 +58,22 @@ def repeat_cost(ticks_ago, weights):  # type: ignore[no-untyped-def]
     return weights.repeat * np.maximum(0.0, 1.0 - ticks_ago / weights.memory)
 
 
-_FADING_TICKS = 3  # in which an offset dies away fastest
+_FADING_TICKS = 3  # after a transition, in which an offset of the pose fades fastest
 
 
 @dataclass(frozen=True)
 class Rarity:
     """The cost of the steps from row to row of a film: steps that the film seldom shows cost more.
 
-    A step that the film shows once in n frames costs share × n ticks. steps (n,): Euclidean
-    distance (Eq. 5) of a row's picture from the one before, 0 where there is none; known (k,): the
-    known distances, rising; added_step: the largest step in a tick that inertialization, the fading
-    of a pose offset, adds for an offset of 1 in the pose codes.
+    A step that the film shows once in n frames costs weight × n ticks. steps (n,): Euclidean
+    distance (Eq. 5) of a row's picture from the one before, 0 where there is none; sorted_steps
+    (k,): those there are, rising; added_step: the largest step in a tick that inertialization, the
+    fading of a pose offset, adds for an offset of 1 in the pose codes.
     """
 
     steps: Floats
-    known: Floats
-    share: float
+    sorted_steps: Floats
+    weight: float
     added_step: float
 
     @classmethod
@@ -88,19 +87,19 @@ class Rarity:
         codes; goes_on (n,): whether the next row is the next frame; filmed_steps (n,): Euclidean
         distance (Eq. 5) from a row's picture to the next, NaN where unknown: the body's movement
         replaces it there; spring_response (t,): what is left of an offset of 1 after 0, 1 … ticks;
-        weight: share of n ticks that a step shown once in n frames costs.
+        weight: a step shown once in n frames costs weight × n ticks.
         """
-        pairs = goes_on[:-1]
+        pairs = goes_on[:-1]  # of a row and the next one
         moves, bends = (values[pairs] for values in movement)
-        step = filmed_steps[:-1][pairs]
-        code_step = np.linalg.norm(np.diff(codes, axis=0), axis=1)[pairs]
-        is_known = np.isfinite(step)
+        filmed = filmed_steps[:-1][pairs]
+        code_steps = np.linalg.norm(np.diff(codes, axis=0), axis=1)[pairs]
+        is_known = np.isfinite(filmed)
         # The picture's distance for a movement of one body length.
-        unit = float(step[is_known].sum()) / max(float(moves[is_known].sum()), 1e-12)
+        unit = float(filmed[is_known].sum()) / max(float(moves[is_known].sum()), 1e-12)
         steps = np.zeros(len(goes_on))
-        steps[1:][pairs] = np.where(is_known, step, unit * moves)
-        fastest = float(-np.diff(spring_response, append=0.0).min(initial=0.0))
-        added_step = fastest * unit * float(bends.sum()) / max(float(code_step.sum()), 1e-12)
+        steps[1:][pairs] = np.where(is_known, filmed, unit * moves)
+        fastest_fade = float(-np.diff(spring_response, append=0.0).min(initial=0.0))
+        added_step = fastest_fade * unit * float(bends.sum()) / max(float(code_steps.sum()), 1e-12)
         return cls(steps, np.sort(steps[1:][pairs]), weight, added_step)
 
     def step_costs(self, steps: Floats) -> Floats:
@@ -109,8 +108,9 @@ class Rarity:
         steps (…): Euclidean distances (Eq. 5) of pictures. The cost grows with the share of film
         steps that are smaller.
         """
-        larger = len(self.known) - np.searchsorted(self.known, steps)
-        return self.share * len(self.known) / np.maximum(larger, 1)
+        count = len(self.sorted_steps)
+        larger = count - np.searchsorted(self.sorted_steps, steps)
+        return self.weight * count / np.maximum(larger, 1)
 
     @property
     def cumulative_row_costs(self) -> Floats:
@@ -131,31 +131,31 @@ class Rarity:
         """
         return np.asarray(
             _transition_costs(
-                (self.steps, self._row_costs, self.known), (self.share, self.added_step),
+                (self.steps, self._row_costs, self.sorted_steps), (self.weight, self.added_step),
                 rows, codes, row,
             )
         )  # fmt: skip
 
 
 @kernel
-def _transition_costs(steps_and_costs, share_and_added_step, rows, codes, row):  # type: ignore[no-untyped-def]
+def _transition_costs(steps_and_costs, weight_and_added_step, rows, codes, row):  # type: ignore[no-untyped-def]
     """Return what `Rarity.transition_costs` does; its fields come as tuples."""
-    (steps, row_costs, known), (share, added_step) = steps_and_costs, share_and_added_step
-    costs = np.zeros(rows.size)
+    (steps, row_costs, sorted_steps), (weight, added_step) = steps_and_costs, weight_and_added_step
+    count, costs = len(sorted_steps), np.zeros(rows.size)
     for k in range(rows.size):
-        square = 0.0
+        square_offset = 0.0  # between the poses of the two rows
         for c in range(codes.shape[1]):
-            square += (codes[rows[k], c] - codes[row, c]) ** 2
+            square_offset += (codes[rows[k], c] - codes[row, c]) ** 2
         for tick in range(1, 1 + _FADING_TICKS):
             next_row = (rows[k] + tick) % len(steps)
-            step = steps[next_row] + added_step * np.sqrt(square)
-            larger = len(known) - np.searchsorted(known, step)
-            costs[k] += share * len(known) / max(larger, 1) - row_costs[next_row]
+            step = steps[next_row] + added_step * np.sqrt(square_offset)
+            larger = count - np.searchsorted(sorted_steps, step)
+            costs[k] += weight * count / max(larger, 1) - row_costs[next_row]
     return costs
 
 
-_MOST_LAGS = 3.0  # times the usual lag, beyond which the cost does not grow
-_BASE = 0.25  # of the price at the usual lag, along a path for a fish that does not lag
+_MOST_LAGS = 3.0  # times the usual lag, beyond which the cost of rest does not grow
+_BASE = 0.25  # cost of rest on a path without a lag, as a share of that at the usual lag
 
 
 class Tempo(NamedTuple):
@@ -176,11 +176,14 @@ class Tempo(NamedTuple):
         memory_ticks: ticks after which 1/e of a lag is left; least_ticks: smallest usual lag.
         """
         rows, keeps = film.rows[: film.filmed], float(np.exp(-1 / memory_ticks))
-        tracks = np.split(row_lags(rows), np.flatnonzero(~rows["has_next"]) + 1)
-        lags = [
-            accumulate(track.tolist(), lambda lag, more: keeps * lag + more) for track in tracks
-        ]
-        usual = float(np.sqrt(np.mean(np.fromiter(chain(*lags), float) ** 2)))
+        lags, lag = [], 0.0
+        for row_lag, has_next in zip(
+            row_lags(rows).tolist(), rows["has_next"].tolist(), strict=True
+        ):
+            lag = keeps * lag + row_lag
+            lags.append(lag)
+            lag = lag if has_next else 0.0  # the next row begins a track
+        usual = float(np.sqrt(np.mean(np.array(lags, float) ** 2)))
         return cls(mean_step_px(rows), keeps, max(usual, least_ticks))
 
     def lag_after(self, lag: float, trajectory: Floats, begin_px: tuple[float, float]) -> float:

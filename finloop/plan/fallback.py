@@ -1,7 +1,7 @@
-"""What a fish does without a way on, or whose way is blocked: stay, turn, make way.
+"""What a fish does whose plan leads nowhere, or is blocked: stay, turn on the spot, give way.
 
 The ladder, from the first to the last: swim the free part of a stretch; stay and turn on the spot;
-drift away from the fish in the way, or more and more aside; stay with the same picture.
+drift away from the fish that blocks it, or more and more aside; stay with the same picture.
 """
 
 from collections.abc import Iterator
@@ -16,13 +16,14 @@ from finloop.base.arrays import Floats
 from finloop.base.kernel import kernel
 from finloop.edit.schema import FILM, FORECAST, FRAME, SPOT, WAITING
 from finloop.edit.stretch import Decision, Stretch
+from finloop.plan.graph import row_can_play_on
 from finloop.plan.search import film_candidates
 from finloop.plan.walls import keep_inside
 from finloop.plan.world import FilmWorld
 
-_AWAY_BL = 3.0  # body lengths from the nearest fish to the place to make way to
+_AWAY_BL = 3.0  # body lengths from a fish to the place that it drifts to when it gives way
 _ASIDE_DEG = (0.0, 50.0, -50.0, 100.0, -100.0)  # drifts that are tried one after the other
-_DRIFT = 0.05  # body lengths in a Δ, of a fish that has no way
+_DRIFT = 0.05  # body lengths in a Δ, of a fish whose plan leads nowhere or is blocked
 
 
 class Fallback:
@@ -32,26 +33,26 @@ class Fallback:
     """
 
     def __init__(self, world: FilmWorld) -> None:
-        """Keep the world, and compute the drift of a fish without a way, px in a tick."""
+        """Keep the world, and compute how far a fish drifts in a tick, px."""
         self._world = world
-        self._drift_px = _DRIFT * world.motion.body_length_px / world.motion.delta  # in a tick
+        self._drift_px = _DRIFT * world.motion.body_length_px / world.motion.delta
 
     def stay(self, fish: Fish, target: Target) -> Stretch:
         """Return a stretch in place: the film plays on, and the fish turns towards the target.
 
-        It shows the best next row and those after it, at most a stride (ticks between two checks of
-        a way), up to where the film ends. It turns no faster than a fast fish of the film.
+        It shows the first row that can follow, and those after it, at most a stride (ticks between
+        two checks of a branch), up to where the film ends. It turns no faster than a fast fish of
+        the film.
         """
         world = self._world
         rows, trajectory = _turn_in_place(
             world.film, (fish.row, fish.rot), np.array([fish.x, fish.y, fish.heading]),
             (target.x, target.y), (world.cost_weights.stride, world.brisk.turn_deg),
         )  # fmt: skip
-        rots = trajectory[:, 2] - world.film.heading[rows]
-        state = FORECAST if fish.state == FORECAST else FILM
         return Stretch(
-            state, trajectory, rows, int(rows[0]) != fish.row + 1, target, touched=False,
-            decision=Decision(SPOT), kind=FRAME, rot=rots,
+            FORECAST if fish.state == FORECAST else FILM, trajectory, rows,
+            new=int(rows[0]) != fish.row + 1, aim=target, touched=False, decision=Decision(SPOT),
+            kind=FRAME, rot=trajectory[:, 2] - world.film.heading[rows],
         )  # fmt: skip
 
     def keep_clear(self, fish: Fish, stretch: Stretch) -> Stretch:
@@ -62,23 +63,22 @@ class Fallback:
         stays for one tick.
         """
         if stretch.decision.reason == SPOT:  # all others stop at the walls
-            stretch = self._part_inside_tank(stretch) or self._stay_at_wall(
-                fish, Target(*stretch.aim)
-            )
+            inside = self._part_inside_tank(stretch)
+            stretch = inside or self._stay_at_wall(fish, Target(*stretch.aim))
         company, others = fish.company, fish.company.places[0]
         if not len(others):
             return stretch
         ticks = self.count_free_ticks(fish, stretch)
         distances = np.hypot(others[:, 0] - fish.x, others[:, 1] - fish.y)
-        stuck = stretch.decision.reason == SPOT and distances.min() < 2 * company.discs.reach
-        if ticks and not stuck:
+        is_stuck = stretch.decision.reason == SPOT and distances.min() < 2 * company.discs.reach
+        if ticks and not is_stuck:
             return stretch.cut(ticks)
         x, y = others[distances.argmin(), :2].tolist()
-        for gives_way in self._ways_to_give_way(fish, x, y):
-            inside = self._part_inside_tank(gives_way)
+        for drifting in self._give_way_stretches(fish, x, y):
+            inside = self._part_inside_tank(drifting)
             if inside is not None and (ticks := self.count_free_ticks(fish, inside)):
                 return inside.cut(ticks)
-        return gives_way.cut(1)
+        return drifting.cut(1)
 
     def count_free_ticks(self, fish: Fish, stretch: Stretch) -> int:
         """Return how many ticks of a stretch are clear of other fish, even if the fish then stays.
@@ -109,24 +109,25 @@ class Fallback:
         """
         x, y = self._world.tank.nearest_legal_point(fish.x, fish.y)
         open_water = Target(x, y, touch_px=0.0, head_px=0.0)
-        for stays in self._ways_to_stay(fish, target):
-            drifts = replace(stays, trajectory=self._drift(fish, stays, open_water))
-            if (inside := self._part_inside_tank(drifts)) is not None:
+        for staying in self._in_place_stretches(fish, target):
+            drifting = replace(staying, trajectory=self._add_drift(fish, staying, open_water))
+            if (inside := self._part_inside_tank(drifting)) is not None:
                 return inside
-        return stays
+        return staying
 
-    def _ways_to_give_way(self, fish: Fish, x: float, y: float) -> Iterator[Stretch]:
+    def _give_way_stretches(self, fish: Fish, x: float, y: float) -> Iterator[Stretch]:
         """Yield stretches by which a fish gives way to another at x, y px, the best first.
 
-        It drifts away, or more and more aside; the last way is to stay with the present picture.
+        In them it drifts away, then more and more aside; in the last it stays with its present
+        picture.
         """
         for aside_deg in _ASIDE_DEG:
             away = self._place_away_from(fish, x, y, aside_deg)
-            for stays in self._ways_to_stay(fish, away):
-                drifting = self._drift(fish, stays, away)
-                yield replace(stays, trajectory=drifting, decision=Decision(WAITING))
-        # The last way to stay, with the same picture, and without a drift.
-        yield replace(stays, decision=Decision(WAITING))
+            for staying in self._in_place_stretches(fish, away):
+                drifting = self._add_drift(fish, staying, away)
+                yield replace(staying, trajectory=drifting, decision=Decision(WAITING))
+        # The last stretch in place shows the present picture; here it has no drift.
+        yield replace(staying, decision=Decision(WAITING))
 
     def _place_away_from(self, fish: Fish, x: float, y: float, aside_deg: float) -> Target:
         """Return a target 3 body lengths away from a fish at x, y px, turned by `aside_deg`."""
@@ -136,17 +137,17 @@ class Fallback:
         place = self._world.tank.nearest_legal_point(float(to_x), float(to_y))
         return Target(*place, touch_px=0.0, head_px=0.0)
 
-    def _ways_to_stay(self, fish: Fish, target: Target) -> Iterator[Stretch]:
+    def _in_place_stretches(self, fish: Fish, target: Target) -> Iterator[Stretch]:
         """Yield two stretches in place: turning to a target, then with the present picture."""
-        stays = self.stay(fish, target)
-        yield stays
-        n = len(stays.trajectory)
+        turning = self.stay(fish, target)
+        yield turning
+        n = len(turning.trajectory)
         poses = np.tile((fish.x, fish.y, fish.heading), (n, 1))
         rows, rots = np.full(n, fish.row), np.full(n, fish.rot)
-        yield replace(stays, trajectory=poses, number=rows, rot=rots, new=False)
+        yield replace(turning, trajectory=poses, number=rows, rot=rots, new=False)
 
-    def _drift(self, fish: Fish, stretch: Stretch, target: Target) -> Floats:
-        """Return a stretch's trajectory (n, 3), x, y px, heading, drifting to a target."""
+    def _add_drift(self, fish: Fish, stretch: Stretch, target: Target) -> Floats:
+        """Return the trajectory (n, 3) of a stretch in place, drifting slowly to a target."""
         distances = np.arange(1, len(stretch.trajectory) + 1) * self._drift_px
         offset = np.subtract(target[:2], (fish.x, fish.y))
         direction = offset / max(float(np.hypot(*offset)), 1e-9)
@@ -163,25 +164,23 @@ def _turn_in_place(film, row_and_rot, pose, aim, most_ticks_and_deg):  # type: i
     y px, heading; aim: x, y px to turn to; most_ticks_and_deg: largest n, and largest turn in a
     tick, degrees.
     """
-    (row, rot), (most_ticks, most_deg), last = row_and_rot, most_ticks_and_deg, len(film.rows) - 1
-    first = row
+    (row, rot), (most_ticks, most_deg) = row_and_rot, most_ticks_and_deg
+    first_row, last_film_row = row, len(film.rows) - 1
     if film.rows[row].has_next:
         candidates = film_candidates(film, row + 1, rot)
         if candidates.rows.size:
-            first = candidates.rows[0]
-    if film.body:
-        rot = wrap(film.rows[min(row + 1, last)].heading + rot - film.rows[first].heading)
+            first_row = candidates.rows[0]
+    if film.body:  # a jump keeps the heading
+        next_heading = film.rows[min(row + 1, last_film_row)].heading + rot
+        rot = wrap(next_heading - film.rows[first_row].heading)
     ticks = 1
-    while ticks < most_ticks:
-        next_row = min(first + ticks, last)
-        if not (film.rows[next_row].has_next and film.rows[min(next_row + 1, last)].recurrent):
-            break
+    while ticks < most_ticks and row_can_play_on(film.rows, min(first_row + ticks, last_film_row)):
         ticks += 1
     trajectory = np.empty((ticks, 3))
-    wanted_deg, heading, before = bearing(pose[0], pose[1], aim[0], aim[1]), pose[2], pose[2]
+    wanted_deg, heading, before_deg = bearing(pose[0], pose[1], aim[0], aim[1]), pose[2], pose[2]
     for k in range(ticks):
-        filmed_deg = film.rows[first + k].heading + rot
-        heading += turn_towards_aim(wrap(filmed_deg - before), wanted_deg - heading, most_deg)
+        filmed_deg = film.rows[first_row + k].heading + rot
+        heading += turn_towards_aim(wrap(filmed_deg - before_deg), wanted_deg - heading, most_deg)
         trajectory[k, 0], trajectory[k, 1], trajectory[k, 2] = pose[0], pose[1], heading
-        before = filmed_deg
-    return first + np.arange(ticks), trajectory
+        before_deg = filmed_deg
+    return first_row + np.arange(ticks), trajectory

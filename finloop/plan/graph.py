@@ -68,12 +68,13 @@ class MotionGraph(NamedTuple):
 
     def keep_jumps(self, allowed: Mask) -> "MotionGraph":
         """Return the graph with only those of its jumps (e,) that `allowed` (e,) marks."""
-        number = np.append(0, np.cumsum(allowed, dtype=np.int32)).astype(np.int32)
-        return self._replace(start=number[self.start], to=self.to[allowed], seam=self.seam[allowed])
+        new_number = np.append(0, np.cumsum(allowed, dtype=np.int32)).astype(np.int32)
+        start = new_number[self.start]
+        return self._replace(start=start, to=self.to[allowed], seam=self.seam[allowed])
 
 
 class Jumps(NamedTuple):
-    """The jumps between m rows: those of the film, or of the film and then its mirror images.
+    """The jumps between m rows: those of the film, or those and then their mirror images.
 
     jump_slot (m,): number of a row among those that jumps can replace, −1 if none can; instead of
     the row of slot k rows `to[start[k]:start[k + 1]]` can be shown; seam: their discontinuity in
@@ -134,19 +135,19 @@ def motion_graph(
     """
     n = len(features)
     scale = motion.body_length_px / typical_lengths_px(features).to_numpy(float)
-    place = places_through_water(features) * scale[:, None]
-    track = features["track_id"].to_numpy()
-    has_next = np.append(track[1:] == track[:-1], False) & ~barred & ~np.append(barred[1:], True)
+    places = places_through_water(features) * scale[:, None]
+    track_ids = features["track_id"].to_numpy()
+    has_next = np.append(track_ids[1:] == track_ids[:-1], False)
+    has_next &= ~barred & ~np.append(barred[1:], True)
     steps = np.zeros((n, 2))
-    steps[:-1] = np.diff(place, axis=0)
+    steps[:-1] = np.diff(places, axis=0)
     steps[~has_next] = 0.0
     rows = np.zeros(n, ROW)
-    rows["x"], rows["y"] = place.T
+    rows["x"], rows["y"] = places.T
     rows["dx"], rows["dy"] = steps.T
     rows["heading"], rows["area"] = features["heading_deg"], features["motion_area_rel"]
-    rows["speed"] = (
-        _speeds_over_delta(place, track, motion.delta) * motion.rate_hz / motion.body_length_px
-    )
+    speeds_px = _speeds_over_delta(places, track_ids, motion.delta)
+    rows["speed"] = speeds_px * motion.rate_hz / motion.body_length_px
     rows["scale"], rows["has_next"], rows["rarity_sum"] = scale, has_next, rarity_sum
     rows["lag_sum"][1:] = row_lags(rows).cumsum()[:-1]
     if len(jumps.jump_slot) > n:
@@ -189,14 +190,14 @@ def farthest_distances(film: MotionGraph, most_ticks: int) -> Floats:
 
     They are computed for powers of two; in between each is the distance of the next power.
     """
-    rows, far = film.rows[: film.filmed], np.zeros(most_ticks + 1)
-    run, ticks = ticks_to_film_end(rows["has_next"]), 1  # ticks: a power of two
+    rows, farthest_px = film.rows[: film.filmed], np.zeros(most_ticks + 1)
+    ticks_left, ticks = ticks_to_film_end(rows["has_next"]), 1  # ticks: a power of two
     while ticks < 2 * most_ticks:
-        first = np.flatnonzero(run >= ticks)
+        first = np.flatnonzero(ticks_left >= ticks)
         offset = (rows[axis][first + ticks] - rows[axis][first] for axis in "xy")
-        far[ticks // 2 + 1 : ticks + 1] = np.hypot(*offset).max(initial=0.0)
+        farthest_px[ticks // 2 + 1 : ticks + 1] = np.hypot(*offset).max(initial=0.0)
         ticks *= 2
-    return np.maximum.accumulate(far)
+    return np.maximum.accumulate(farthest_px)
 
 
 def row_lags(rows: NDArray[np.void]) -> Floats:
@@ -204,8 +205,8 @@ def row_lags(rows: NDArray[np.void]) -> Floats:
 
     rows (n,): of dtype `ROW`. 0 where no row is next; < 0 where the fish is faster than the mean.
     """
-    slower = 1 - np.hypot(rows["dx"], rows["dy"]) / mean_step_px(rows)
-    return np.asarray(np.where(rows["has_next"], slower, 0.0))
+    lags = 1 - np.hypot(rows["dx"], rows["dy"]) / mean_step_px(rows)
+    return np.asarray(np.where(rows["has_next"], lags, 0.0))
 
 
 def _mirror_rows(rows: NDArray[np.void]) -> NDArray[np.void]:
@@ -235,9 +236,9 @@ def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
 
 def ticks_to_film_end(has_next: Mask) -> NDArray[np.int64]:
     """Return for how many ticks (n,) the film plays on from each row, by `has_next` (n,)."""
-    stops = np.append(np.flatnonzero(~has_next[:-1]), len(has_next) - 1)
+    last_rows = np.append(np.flatnonzero(~has_next[:-1]), len(has_next) - 1)
     rows = np.arange(len(has_next))
-    return np.asarray(stops[np.searchsorted(stops, rows)] - rows)
+    return np.asarray(last_rows[np.searchsorted(last_rows, rows)] - rows)
 
 
 def _speeds_over_delta(places_px: Floats, track_ids: NDArray[np.int32], delta: int) -> Floats:
@@ -266,9 +267,8 @@ def remove_dead_ends(sampler: Sampler, has_next: Mask, at_rest: Mask) -> Sampler
     shown[:n] = sampler.usable[:n] & has_next[:m]
     part = number_connected_parts(shown, sampler.start, sampler.to)
     order = np.argsort(part, kind="stable")
-    leads = (
-        np.append(mark_leading_rows(shown, sampler.start, sampler.to, (part, order)), False) & shown
-    )
+    leads = mark_leading_rows(shown, sampler.start, sampler.to, (part, order))
+    leads = np.append(leads, False) & shown
     usable = leads[:-1] & leads[1:]
     start, to = filter_edges(leads, usable, sampler.start, sampler.to)
     rests = np.resize(at_rest, m)  # mirror images rest, too
@@ -281,30 +281,30 @@ def filter_edges(leads: Mask, usable: Mask, start: Ints, to: Similar) -> tuple[I
     leads (m + 1,), usable (m,): marks of rows; start, to: the edges of row k lead to rows
     `to[start[k]:start[k + 1]]`.
     """
-    counts = np.zeros(len(start), np.int64)
-    _filter_edges(leads, usable, (start, to), counts[1:], to[:0])  # count first
+    counts, no_room = np.zeros(len(start), np.int64), to[:0]
+    _copy_kept_edges(leads, usable, (start, to), counts[1:], no_room)  # only count them
     new_start = np.cumsum(counts)
     new_to = np.empty(new_start[-1], to.dtype)
-    _filter_edges(leads, usable, (start, to), np.empty(len(usable), np.int64), new_to)
+    _copy_kept_edges(leads, usable, (start, to), np.empty(len(usable), np.int64), new_to)
     return new_start, new_to
 
 
 @kernel
-def _filter_edges(leads, usable, graph, counts, ends):  # type: ignore[no-untyped-def]
-    """Write how many edges each row keeps into `counts`, and the rows they lead to into `ends`.
+def _copy_kept_edges(leads, usable, start_and_to, counts, new_to):  # type: ignore[no-untyped-def]
+    """Write how many edges each row keeps to `counts`, and the rows they lead to to `new_to`.
 
-    leads (m + 1,): rows whose edges count; usable (m,): rows that edges may lead to; graph: start
-    and to of the edges. Only as many ends as there is room for are written.
+    leads (m + 1,): rows whose edges count; usable (m,): rows that edges may lead to. `new_to` is
+    written as far as it has room.
     """
-    start, to = graph
+    start, to = start_and_to
     kept = 0
     for row in range(len(usable)):
         kept_before = kept
         if leads[row]:
-            for e in range(start[row], start[row + 1]):
-                if usable[to[e]]:
-                    if kept < len(ends):
-                        ends[kept] = to[e]
+            for edge in range(start[row], start[row + 1]):
+                if usable[to[edge]]:
+                    if kept < len(new_to):
+                        new_to[kept] = to[edge]
                     kept += 1
         counts[row] = kept - kept_before
 
@@ -329,9 +329,11 @@ def number_connected_parts(shown, start, to):  # type: ignore[no-untyped-def]
     part has a higher number than those that it leads to.
     """
     m = len(start) - 1
+    # Tarjan's index and lowlink of each row; −1: not visited, or in no finished part.
     order, low, part = np.full(m, -1), np.zeros(m, np.int64), np.full(m, -1)
+    # calls and edge, the next of each row, replace recursion; stack: rows in no finished part.
     edge, calls, stack = np.zeros(m, np.int64), np.empty(m, np.int64), np.empty(m, np.int64)
-    visited = depth = waiting = count = 0  # calls, edge: in place of recursion
+    visited = depth = waiting = count = 0
     for root in range(m):
         if order[root] >= 0:
             continue
@@ -364,7 +366,7 @@ def number_connected_parts(shown, start, to):  # type: ignore[no-untyped-def]
 
 @kernel
 def mark_leading_rows(shown, start, to, parts_and_order):  # type: ignore[no-untyped-def]
-    """Return which rows (m,) lead to the largest strongly connected part, its own rows included.
+    """Return which rows (m,) lead to the largest strongly connected part, or are in it.
 
     shown (m + 1,): rows that may be used; start, to: the similar rows of row k are
     `to[start[k]:start[k + 1]]`; parts_and_order: the part of each row (m,), and the rows (m,) in

@@ -1,4 +1,4 @@
-"""Parameters of mode `matching`: what is shown, what a way costs, several fish, paths."""
+"""Parameters of mode `matching`: what is shown, what a branch costs, several fish, paths."""
 
 from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal

@@ -58,7 +58,7 @@ def path_table(
     ticks = min(ticks, len(path.asked.when)) if path.asked.is_timed else ticks
     named = zip(animation.stretches, animation.names, strict=True)
     stretches = [stretch for stretch, name in named if name == PATH]
-    empty = np.zeros((0, 3))
+    empty = np.zeros((0, 3))  # for a fish that follows no path
     trajectory = np.concatenate([empty, *(stretch.trajectory for stretch in stretches)])[:ticks]
     steer = [np.zeros((len(s.trajectory), 2)) if s.steer is None else s.steer for s in stretches]
     corrections = np.concatenate([empty[:, :2], *steer])[:ticks]
@@ -66,13 +66,14 @@ def path_table(
     feet, due_places = np.empty((len(trajectory), 3)), np.full((len(trajectory), 2), np.nan)
     for tick, (x, y, _) in enumerate(trajectory):
         route_tick = tick + route.begins
-        along, *_ = feet[tick] = find_foot(route, x, y, foot_search_start(route, along, route_tick))
+        feet[tick] = find_foot(route, x, y, foot_search_start(route, along, route_tick))
+        along = feet[tick, 0]
         if route.is_timed:
             due_places[tick] = point_along(route, due_along(route, route_tick))
     error_deg = np.full(len(trajectory), np.nan)
     if len(route.heading) and len(trajectory):
-        cell = np.minimum((feet[:, 0] / route.step).astype(int), len(route.heading) - 1)
-        error_deg = np.asarray(wrap_deg(trajectory[:, 2] - route.heading[cell]), float)
+        place = np.minimum((feet[:, 0] / route.step).astype(int), len(route.heading) - 1)
+        error_deg = np.asarray(wrap_deg(trajectory[:, 2] - route.heading[place]), float)
     return pd.DataFrame({
         "fish": 0, "mode": mode, "tick": np.arange(len(trajectory)),
         "time_s": np.arange(len(trajectory)) / world.motion.rate_hz, "along_px": feet[:, 0],
@@ -98,8 +99,8 @@ def path_metrics(
     motion, across = world.motion, followed["across"].to_numpy()
     if not len(followed):
         return {}
-    turned = np.cumsum(followed["turned_deg"].to_numpy())
-    turned = turned[motion.delta :] - turned[: -motion.delta]
+    turn_sum = np.cumsum(followed["turned_deg"].to_numpy())
+    turned_in_delta = turn_sum[motion.delta :] - turn_sum[: -motion.delta]
     steps = float(np.hypot(np.diff(followed["x_px"]), np.diff(followed["y_px"])).sum())
     ticks_left = sum(
         round((end_s - begin_s) * motion.rate_hz) + 1
@@ -113,7 +114,7 @@ def path_metrics(
         "path_across_most_body_lengths": float(across.max()),
         "path_left_pct": 100 * ticks_left / len(followed),
         "path_turn_corrected_pct": 100
-        * root_mean_square(turned)
+        * root_mean_square(turned_in_delta)
         / max(world.turn_spread_deg, 1e-9),
         "path_way_corrected_pct": 100 * float(followed["shifted_px"].sum()) / max(steps, 1e-9),
     }
@@ -156,19 +157,18 @@ def find_departures(
     places far from the one due at that time count, too. Each row has the cause of the departure.
     """
     rate = world.motion.rate_hz
-    distance = followed["across"].to_numpy()
+    distance_bl = followed["across"].to_numpy()
     if path.asked.is_timed:
-        distance = np.fmax(distance, followed["late"].to_numpy())
-    edges = np.flatnonzero(
-        np.diff(distance > world.settings.path_max_offset_bl, prepend=0, append=0)
-    )
+        distance_bl = np.fmax(distance_bl, followed["late"].to_numpy())
+    is_off = distance_bl > world.settings.path_max_offset_bl
+    changes = np.flatnonzero(np.diff(is_off, prepend=0, append=0))
     rows = []
-    for first, stop in edges.reshape(-1, 2):
-        worst = followed.iloc[first + int(np.argmax(distance[first:stop]))]
+    for first, stop in changes.reshape(-1, 2):
+        worst = followed.iloc[first + int(np.argmax(distance_bl[first:stop]))]
         along = np.array([followed["along_px"].iloc[first], followed["along_px"].iloc[stop - 1]])
         rows.append((
             worst["fish"], worst["mode"], first / rate, (stop - 1) / rate, worst["along_px"],
-            worst["asked_x_px"], worst["asked_y_px"], distance[first:stop].max(),
+            worst["asked_x_px"], worst["asked_y_px"], distance_bl[first:stop].max(),
             _cause_of_departure(along, (int(first), int(stop)), path, world, limits),
         ))  # fmt: skip
     return pd.DataFrame(rows, columns=LEFT.names).astype(LEFT.kinds)
@@ -179,28 +179,29 @@ def _cause_of_departure(
 ) -> str:
     """Return why no fish can follow a part of a path: "wall", "fast", "sharp", or "" if it can.
 
-    along_px: first and last px along the path; ticks: first tick, and one past the last; limits:
-    what the film's fish can swim. A body length before and after counts, too.
+    The words are those of `LEFT`. along_px: first and last px along the path; ticks: first tick,
+    and one past the last; limits: what the film's fish can swim. A body length before and after
+    counts, too.
     """
     length, asked = world.motion.body_length_px, path.asked
     places_px = np.arange(along_px[0] - length, along_px[1] + length, 0.1 * length)
-    places_px = places_px[
-        (places_px >= 0) & (places_px <= (np.inf if asked.closed else asked.length))
-    ]
+    end_px = np.inf if asked.closed else asked.length
+    places_px = places_px[(places_px >= 0) & (places_px <= end_px)]
     if _shifts_off_walls(places_px, path).max(initial=0.0) > _AT_WALL * length:
         return "wall"
     if asked.is_timed:
+        # In so many ticks the fastest fish swims a body length.
         ticks_before = round(length / max(limits.speed * length, 1e-9) * world.motion.rate_hz)
         due_px = asked.when[max(ticks[0] - ticks_before, 0) : ticks[1] + 1]
         delta = min(world.motion.delta, max(len(due_px) - 1, 1))
-        speed = (due_px[delta:] - due_px[:-delta]) / delta * world.motion.rate_hz / length
-        if speed.max(initial=0.0) > limits.speed:
+        speeds = (due_px[delta:] - due_px[:-delta]) / delta * world.motion.rate_hz / length
+        if speeds.max(initial=0.0) > limits.speed:
             return "fast"
     return "sharp" if _mark_sharp_bends(places_px, asked, length, limits.bend).any() else ""
 
 
 def _shifts_off_walls(along_px: Floats, path: Path) -> Floats:
-    """Return how far (n,), px, the steered path is from the requested one, `along_px` (n,)."""
+    """Return by how many px (n,) the requested path was moved off walls, at `along_px` (n,)."""
     steered, asked = (_points_along(route, along_px) for route in path)
     return np.hypot(*(steered - asked).T)
 
@@ -216,11 +217,11 @@ def _mark_sharp_bends(along_px: Floats, route: Route, length_px: float, bend: fl
     along_px (n,): the places; bend: radians per body length; length_px: body length. A bend is
     measured over half a body length.
     """
-    reach = 0.25 * length_px
-    points = [_points_along(route, along_px + k * reach) for k in (-1, 0, 1)]
-    courses = [_courses_deg(after - before) for before, after in pairwise(points)]
-    turn = np.abs(np.radians(wrap_deg(courses[1] - courses[0])))
-    return np.asarray(turn * length_px / reach > bend)
+    step_px = 0.25 * length_px
+    points = [_points_along(route, along_px + k * step_px) for k in (-1, 0, 1)]
+    course, next_course = (_courses_deg(after - before) for before, after in pairwise(points))
+    turn = np.abs(np.radians(wrap_deg(next_course - course)))
+    return np.asarray(turn * length_px / step_px > bend)
 
 
 def _courses_deg(steps_px: Floats) -> Floats:
@@ -238,11 +239,12 @@ def film_bend(film: MotionGraph, delta: int, length_px: float, quantile: float) 
     first = np.flatnonzero(ticks_to_film_end(rows["has_next"]) >= 2 * delta)
     if not len(first):
         return 0.0
-    places = [np.column_stack([rows["x"], rows["y"]])[first + k * delta] for k in range(3)]
-    steps = [after - before for before, after in pairwise(places)]
-    bend = np.abs(wrap_deg(_courses_deg(steps[1]) - _courses_deg(steps[0])))
-    far = np.hypot(*steps[0].T) + np.hypot(*steps[1].T)
-    moves: Mask = far >= 0.2 * length_px  # a resting fish has no course
+    points = [np.column_stack([rows["x"], rows["y"]])[first + k * delta] for k in range(3)]
+    step, next_step = (after - before for before, after in pairwise(points))
+    turn_deg = np.abs(wrap_deg(_courses_deg(next_step) - _courses_deg(step)))
+    far_px = np.hypot(*step.T) + np.hypot(*next_step.T)
+    moves: Mask = far_px >= 0.2 * length_px  # a resting fish has no course
     if not moves.any():
         return 0.0
-    return float(np.quantile(np.radians(bend[moves]) * 2 * length_px / far[moves], quantile))
+    # The turn lies between the middles of the two steps: half of the distance.
+    return float(np.quantile(np.radians(turn_deg[moves]) * 2 * length_px / far_px[moves], quantile))

@@ -1,4 +1,4 @@
-"""The graph of a search: the motion graph, its jumps by cost, and the walls of the tank."""
+"""The motion graph as the search reads it: jumps sorted by cost, places ahead, and the walls."""
 
 from typing import NamedTuple
 
@@ -29,9 +29,9 @@ class SearchGraph(NamedTuple):
     """The motion graph that is searched, and what keeps a fish inside the tank (bounds).
 
     jumps (e,): of dtype `JUMP`, those that replace one row together, the cheapest first; run (n,):
-    ticks that the film plays on from each row; leg (n,): ticks to the first row with jumps after a
-    stride, or to where the film ends; leads (n,): where the film leads from each row, of dtype
-    `LEAD`.
+    ticks that the film plays on from each row; leg (n,): ticks to the first row with jumps at least
+    a stride farther on, or to where the film ends; leads (n,): where the film leads from each row,
+    of dtype `LEAD`.
     """
 
     film: MotionGraph
@@ -53,8 +53,10 @@ def search_graph(
     _sort_jumps(film, weights, jumps)
     rows = film.rows
     numbers, run = np.arange(len(rows)), ticks_to_film_end(rows["has_next"])
+    # The last number, beyond all rows, is for rows without jumps farther on.
     jump_rows = np.append(np.flatnonzero(rows["jump_slot"] >= 0), 2 * len(rows))
-    leg = np.minimum(run, jump_rows[np.searchsorted(jump_rows, numbers + weights.stride)] - numbers)
+    next_jump_rows = jump_rows[np.searchsorted(jump_rows, numbers + weights.stride)]
+    leg = np.minimum(run, next_jump_rows - numbers)
     leads, headings = np.zeros(len(rows), LEAD), np.radians(rows["heading"])
     leads["ticks"] = np.minimum(run, lead_ticks)
     for prefix, ticks in (("", leads["ticks"]), ("half_", leads["ticks"] // 2)):

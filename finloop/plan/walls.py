@@ -16,7 +16,7 @@ from finloop.animate.company import NO_DISCS, Discs, disc_orientation
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, leaf_kernel
 
-_CELL = 4  # log₂ of the cells' 16 px, by which it is looked up first where every picture fits
+_CELL = 4  # log₂ of the 16 px of a cell; cells are looked up first, as their table is small
 _MARGIN_PX = 1.5  # of room beyond the edge of a disc; extraction drops silhouettes at the very edge
 _PUSHES = 6  # steps in which a place is moved off the walls
 
@@ -25,7 +25,7 @@ class Bounds(NamedTuple):
     """What keeps a fish inside the tank.
 
     roomy (h, w): where every picture fits, at every heading; cells: whether all pixels of a cell of
-    16 × 16 are roomy; depth (h, w): how far the middle of each pixel is from the wall, px, < 0
+    16 × 16 px are roomy; depth (h, w): how far the middle of each pixel is from the wall, px, < 0
     outside; nearest (2, h, w): row and column of the roomy pixel nearest to each; discs: of the
     pictures; without any the fish keeps to where it is roomy.
     """
@@ -64,20 +64,20 @@ def _wall_distance(bounds, x: float, y: float) -> float:  # type: ignore[no-unty
 
 @leaf_kernel
 def _disc_nearest_to_wall(bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
-    """Return how many px a picture's tightest disc lacks to clear the wall, and its x, y px.
+    """Return how many px a picture's tightest disc is too near to the wall, and its x, y px.
 
-    picture: film row, or −1 − number of a sprite; x, y: its mass centre, px; heading: degrees.
-    Negative: there is room.
+    Negative: there is room. picture: film row, or −1 − number of a sprite; x, y: its mass centre,
+    px; heading: degrees.
     """
     number, side, cos, sin = disc_orientation(bounds.discs, (picture, heading))
-    table, most_px, worst_x, worst_y = bounds.discs.table, -np.inf, x, y
+    table, worst_px, worst_x, worst_y = bounds.discs.table, -np.inf, x, y
     for i in range(table.shape[1]):
         ahead, left = table[number, i, 0], side * table[number, i, 1]
         disc_x, disc_y = x + ahead * cos - left * sin, y - ahead * sin - left * cos
-        lacks_px = table[number, i, 2] + _MARGIN_PX - _wall_distance(bounds, disc_x, disc_y)
-        if lacks_px > most_px:
-            most_px, worst_x, worst_y = lacks_px, disc_x, disc_y
-    return most_px, worst_x, worst_y
+        too_near_px = table[number, i, 2] + _MARGIN_PX - _wall_distance(bounds, disc_x, disc_y)
+        if too_near_px > worst_px:
+            worst_px, worst_x, worst_y = too_near_px, disc_x, disc_y
+    return worst_px, worst_x, worst_y
 
 
 @leaf_kernel
@@ -91,9 +91,10 @@ def fits_in_tank(bounds: Bounds, picture: int, x: float, y: float, heading: floa
         return False
     if bounds.cells[row >> _CELL, column >> _CELL] or roomy[row, column]:
         return True
-    if bounds.discs.table.shape[0] == 0:
+    if bounds.discs.table.shape[0] == 0:  # without discs only roomy places count
         return False
-    return _disc_nearest_to_wall(bounds, picture, x, y, heading)[0] <= 0.0
+    too_near_px, _disc_x, _disc_y = _disc_nearest_to_wall(bounds, picture, x, y, heading)
+    return too_near_px <= 0.0
 
 
 @leaf_kernel
@@ -110,7 +111,7 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
         row, column = min(max(round(y), 0), height - 1), min(max(round(x), 0), width - 1)
         return float(bounds.nearest[1, row, column]), float(bounds.nearest[0, row, column]), True
     for _ in range(_PUSHES):
-        lacks_px, disc_x, disc_y = _disc_nearest_to_wall(bounds, picture, x, y, heading)
+        too_near_px, disc_x, disc_y = _disc_nearest_to_wall(bounds, picture, x, y, heading)
         inward_x = _wall_distance(bounds, disc_x + 1.0, disc_y) - _wall_distance(
             bounds, disc_x - 1.0, disc_y
         )
@@ -120,7 +121,8 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
         slope = np.hypot(inward_x, inward_y)
         if slope < 1e-6:  # as far from one wall as from another
             break
-        x, y = x + (lacks_px + 0.5) * inward_x / slope, y + (lacks_px + 0.5) * inward_y / slope
+        push_px = too_near_px + 0.5  # half a pixel more, as depths are those of whole pixels
+        x, y = x + push_px * inward_x / slope, y + push_px * inward_y / slope
         if fits_in_tank(bounds, picture, x, y, heading):
             return x, y, True
     return x, y, False
@@ -134,13 +136,13 @@ def keep_inside(bounds: Bounds, pictures: Ints, trajectory: Floats, most_px: flo
     most by which a tick may be moved, else the part ends. What follows a moved tick is moved by the
     same amount.
     """
-    out = trajectory.copy()
+    inside = trajectory.copy()
     aside_x = aside_y = 0.0
     for t in range(len(trajectory)):
         x, y = trajectory[t, 0] + aside_x, trajectory[t, 1] + aside_y
         to_x, to_y, fits = push_inside(bounds, pictures[t], x, y, trajectory[t, 2])
         if not fits or np.hypot(to_x - x, to_y - y) > most_px:
-            return out[:t]
+            return inside[:t]
         aside_x, aside_y = to_x - trajectory[t, 0], to_y - trajectory[t, 1]
-        out[t, 0], out[t, 1] = to_x, to_y
-    return out
+        inside[t, 0], inside[t, 1] = to_x, to_y
+    return inside

@@ -20,9 +20,10 @@ from finloop.social.walls import Walls
 
 
 class FastFish(NamedTuple):
-    """How fast a fast fish of the film turns, degrees in a tick, and swims, body lengths/s.
+    """How fast a fast fish of the film turns, and the highest speed of any.
 
-    turn_deg: a high quantile of the film's turns, measured over Δ; fastest: the highest speed.
+    turn_deg: a high quantile of the film's turns, degrees in a tick, measured over Δ; fastest: the
+    highest speed, body lengths/s.
     """
 
     turn_deg: float
@@ -34,8 +35,8 @@ class FilmWorld(World):
     """The world of a fish of `matching`: the tank, the film, and what the film teaches.
 
     film: motion graph of the rows; brisk: how fast a fast fish is; settings: of the modes; discs:
-    decide whether a picture is inside the tank; without any the fish keeps to where every picture
-    fits.
+    that cover the body, to test whether a picture is inside the tank; without any the fish keeps to
+    where every picture fits.
     """
 
     film: MotionGraph
@@ -117,8 +118,8 @@ class FilmWorld(World):
         return round(self.settings.seconds * self.motion.rate_hz)
 
 
-_QUICK = 0.99  # quantile of speeds and turn rates; beyond it are faults
-_FASTEST = 0.998  # quantile of speeds, taken for the highest; beyond it are faults
+_QUICK = 0.99  # quantile of speeds and turn rates; beyond it are faults of tracking
+_FASTEST = 0.998  # quantile of speeds, taken for the highest; beyond it are faults of tracking
 
 
 def learn_fast_fish(
@@ -129,18 +130,17 @@ def learn_fast_fish(
     rate_hz: frames per second; delta: Δ in frames.
     """
     tracks = kinematics_of_tracks(features, rate_hz, delta)
-    turned = [np.abs(t.heading_deg[delta:] - t.heading_deg[:-delta]) / delta for t in tracks]
+    headings = [track.heading_deg for track in tracks]
+    turn_rates = np.concatenate([np.abs(deg[delta:] - deg[:-delta]) / delta for deg in headings])
     speeds = np.concatenate([track.speed for track in tracks])
-    return FastFish(
-        fast_rate(np.concatenate(turned), settings), float(np.quantile(speeds, _FASTEST))
-    )
+    return FastFish(fast_rate(turn_rates, settings), float(np.quantile(speeds, _FASTEST)))
 
 
 def fast_rate(rates: Floats, settings: AllSettings) -> float:
     """Return the speed, or turn rate, of a fast fish among those (n,) of a film, in their unit.
 
-    It is their quantile `typical_speed_quantile`, or at least a share of a quick one, for a fish
-    that rests for most of the film.
+    It is their quantile `typical_speed_quantile`, but at least `typical_speed_least` of a very high
+    quantile: a fish may rest for most of the film.
     """
     quantile, quick = np.quantile(rates, (settings.typical_speed_quantile, _QUICK))
     return float(max(quantile, settings.typical_speed_least * quick, 1e-6))
