@@ -45,6 +45,7 @@ PARTS: dict[str, dict[str, Any]] = {
     "a beam of 24": {"beam": 24},
     "a look half as far ahead": {"look_ahead_deltas": 7.5},
     "no correction on paths": {"path_max_correction_ratio": 0.0},
+    "no cost of correction": {"path_correction_cost": 0.0},
 }
 """The parts, and the parameters and constants that remove each."""
 GOALS, SECONDS, TRIALS = 3, 60.0, 2

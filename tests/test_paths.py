@@ -189,7 +189,7 @@ def ahead(n, heading=0.0, step=3.0):
 
 def steer(way, y=300.0, swims=2.0, **changes):
     route = lay_line(Line("a", np.array([100.0, 700.0]), np.array([y, y]), PX)).route
-    usual = Steering(0.5, 0.2, 1.0, 10, LENGTH, 30.0, 10.0, 3.0)
+    usual = Steering(0.5, 0.2, 1.0, 10, LENGTH, 30.0, 10.0, 3.0, 0.1)
     speed = np.full(len(way) - 1, swims)
     begins = (100.0, 0)
     world, bounds, steering = film_world_of(), tank_bounds(open_tank()), usual._replace(**changes)

@@ -75,8 +75,7 @@ GONE = {
     "jumps": _PAPER,
     "from": "it is matching.uses now",
     **dict.fromkeys(
-        ("stay", "chance", "follow_most", "arrived", "jerk", "patience", "path_effort"),
-        "matching does without it",
+        ("stay", "chance", "follow_most", "arrived", "jerk", "patience"), "matching does without it"
     ),
     **{
         old: f"it is matching.{new} now"
@@ -102,6 +101,7 @@ GONE = {
             ("brisk_least", "typical_speed_least"),
             ("memory", "repeat_memory"),
             ("path_reach", "path_steer_ahead"),
+            ("path_effort", "path_correction_cost"),
             ("path_pace", "path_lag_cost"),
             ("path_heading", "path_heading_cost"),
             ("path_plan", "path_commit"),

@@ -214,11 +214,13 @@ def _advance_branch(graph, branch, ticks, start, objective):  # type: ignore[no-
     x, y, rot = branch.x + dx, branch.y + dy, branch.rot + turn_deg * ticks
     heading = end.heading + rot
     if route.x.size:
-        x, y, along_px, foot_x, foot_y, _shift_px = shift_to_route(
+        x, y, along_px, foot_x, foot_y, shift_px = shift_to_route(
             route, (x, y, along_px), speed, (end_tick, ticks), steering
         )
+        most_px = max(steering.shift * speed * ticks, 1e-9)
+        corrections = (turn_deg / steering.turn, shift_px / most_px)
         pose, foot = (x, y, heading), (along_px, foot_x, foot_y)
-        cost = path_tick_cost(route, pose, foot, end_tick, steering) * ticks
+        cost = path_tick_cost(route, pose, foot, corrections, end_tick, steering) * ticks
     if not fits_in_tank(graph.bounds, end_row, x, y, heading):
         return False
     if not is_clear_in_search(start.company, end_row, x, y, heading, end_tick):

@@ -231,7 +231,7 @@ class Steering(NamedTuple):
     smaller for a slower fish, none for a resting one; brisk: speed of a fast fish, body lengths/s;
     reach: ticks of film to look ahead; length_px: a body length. Costs, in ticks per tick: across,
     late: of a body length beside the path, or from the place due now; heading: of a right angle to
-    the requested heading.
+    the requested heading; effort: of the largest correction.
     """
 
     turn: float
@@ -242,20 +242,22 @@ class Steering(NamedTuple):
     across: float
     late: float
     heading: float
+    effort: float
 
 
 NO_STEERING = Steering(
     turn=0.0, shift=0.0, brisk=1.0, reach=0, length_px=1.0,
-    across=0.0, late=0.0, heading=0.0,
+    across=0.0, late=0.0, heading=0.0, effort=0.0,
 )  # fmt: skip
 
 
 @finite_leaf
-def path_tick_cost(route: Route, pose, foot, tick: int, steering: Steering) -> float:  # type: ignore[no-untyped-def]
-    """Return the cost, in ticks, of one tick on a path: offset, delay and heading.
+def path_tick_cost(route: Route, pose, foot, corrections, tick: int, steering: Steering) -> float:  # type: ignore[no-untyped-def]
+    """Return the cost, in ticks, of one tick on a path: offset, delay, heading, corrections.
 
     pose: x, y px, heading in degrees; foot: px along the route, and x, y px, of its point nearest
-    to the fish. The delay counts on a route with times, the heading on one with headings.
+    to the fish; corrections: turn and shift as shares of the largest ones possible. The delay
+    counts on a route with times, the heading on one with headings.
     """
     unit_px2 = steering.length_px * steering.length_px
     x, y, heading = pose
@@ -266,7 +268,9 @@ def path_tick_cost(route: Route, pose, foot, tick: int, steering: Steering) -> f
     if route.heading.size:
         off_rad = np.radians(heading_at(route, foot[0]) - heading)
         cost += steering.heading * (1.0 - np.cos(off_rad))
-    return cost
+    return cost + steering.effort * (
+        corrections[0] * corrections[0] + corrections[1] * corrections[1]
+    )
 
 
 @finite_leaf

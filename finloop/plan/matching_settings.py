@@ -60,6 +60,8 @@ class MatchingSettings:
     path_heading_cost: ClassVar[float] = 3.0
     """Ticks a tick, at right angles to the heading asked for: less than for being beside the path
     or late."""
+    path_correction_cost: ClassVar[float] = 0.1
+    """Ticks a tick, corrected as much as may be: of ways as near to the path the one as filmed."""
     path_lag_cost: ClassVar[float] = 1.0
     """Ticks a tick on the spot, on a path without times, for a fish that lags as far as usual: the
     tick itself, which is not counted there."""

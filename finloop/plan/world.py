@@ -104,7 +104,7 @@ class FilmWorld(World):
             brisk=self.cost_weights.pace * motion.rate_hz / motion.body_length_px,
             reach=self.steering_ticks, length_px=motion.body_length_px,
             across=p.path_offset_cost, late=p.path_late_cost,
-            heading=p.path_heading_cost,
+            heading=p.path_heading_cost, effort=p.path_correction_cost,
         )  # fmt: skip
 
     @property
