@@ -59,7 +59,7 @@ from finloop.social.rule import SchoolRule
 
 _MOST_TRIES = 200  # tries to draw a place clear of the other fish
 _FEWER = 4  # divides the beam of a fish that wanders, or that has others near it
-_WIDER = 8  # multiplies the beam along a path where no branch leads on
+_WIDER = 8  # multiplies the beam of a fish without a goal where no branch leads on
 _STARTS = 300  # random rows of which the best begins a path
 
 
@@ -361,18 +361,19 @@ class Planner:
     ) -> Plan | None:  # fmt: skip
         """Return the cheapest plan from the candidates of a search; None where no row can be shown.
 
-        source: the motion source of the candidates. On a path, a search in which no branch leads on
-        is repeated with a wider beam.
+        source: the motion source of the candidates. On a path, or where the fish wanders alone, a
+        search in which no branch leads on is repeated with a wider beam.
         """
-        wanders = objective.aim.free and not len(objective.route.x)
-        is_narrow = wanders or start.company.near
-        weights = self._narrow_weights if is_narrow else self._weights
+        on_path, is_alone = len(objective.route.x) > 0, not start.company.near
+        wanders = objective.aim.free and not on_path
+        weights = self._narrow_weights if wanders or not is_alone else self._weights
         horizon = self._ticks_between_searches(objective) + self.world.to_ticks(
             self.world.settings.look_ahead_deltas
         )
         outcomes, rows = beam_search(source.graph, candidates, start, objective, weights, horizon)
-        if len(objective.route.x) and np.isinf(outcomes.costs).all() and outcomes.displaced.any():
-            # On a path the cheapest branches are much alike, and may all run into one wall.
+        repeats = on_path or (wanders and is_alone)
+        if repeats and np.isinf(outcomes.costs).all() and outcomes.displaced.any():
+            # The cheapest branches are much alike, and may all run into one wall.
             wider = weights._replace(beam=_WIDER * weights.beam)
             outcomes, rows = beam_search(source.graph, candidates, start, objective, wider, horizon)
         if not len(rows):
