@@ -54,6 +54,7 @@ CRF = 18
 EXACT_POINTS = 256
 FIG8_PICTURES = 24
 CLEAR = 0.2  # the error of a γ from here on is given as a share of it
+_RATE_DENOMINATOR = 1001  # largest of a frame rate, so that 30000/1001 Hz is exact
 Pictures = tuple[list[NDArray[np.uint8]], NDArray[np.float64]]  # of a cycle, and their phases
 
 
@@ -144,7 +145,7 @@ def _draw_dog_film(walk: DogFilm, folder: Path) -> Pictures:
 
     Return pictures (h, w, 3) of one gait cycle, and their phases.
     """
-    rate = Fraction(walk.frame_rate_hz).limit_denominator(1001)
+    rate = Fraction(walk.frame_rate_hz).limit_denominator(_RATE_DENOMINATOR)
     path = folder / "dog_film.mp4"
     with Mp4Writer(path, (walk.height_px, walk.width_px, 3), rate, CRF) as writer:
         for picture in dog_frames(walk):
@@ -227,12 +228,13 @@ def _animate_drawing(
     """Write a drawing that a gait moves to `folder`, in all file formats of ENDINGS.
 
     name: of the files. keys: paths of the drawing's two key frames. Return metrics by name: how
-    many contours cross themselves, and how far feet slide, before and after the correction.
+    many contours cross themselves, and how far the worst foot slides on the ground, in % of the
+    drawing's width, before and after the limbs are sheared so that feet stand still.
     """
     first, second = (load_svg(Path(key)) for key in keys)
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
     result = animate_drawing(first, second, gait, frames, p.contour_points)
-    rate = Fraction(frames * gait.frequency_hz).limit_denominator(1001)
+    rate = Fraction(frames * gait.frequency_hz).limit_denominator(_RATE_DENOMINATOR)
     cycles = repeat_cycle(result.morph, max(1, round(SECONDS * gait.frequency_hz)))
     for ending in ENDINGS:  # a player of MP4 stops at its end, the others begin again
         morph = cycles if ending == ".mp4" else result.morph

@@ -407,7 +407,7 @@ def test_the_choice_says_whether_the_film_plays_on_or_jumps_where_both_pass(choi
         ways = mode.follow_starts(fish, starts, goal)
         passes = ways.ticks > 0
         plays, jumps = passes & (starts.seams == 0), passes & (starts.seams > 0)
-        taken = mode.play(fish, goal, rng)
+        taken = mode.next_stretch(fish, goal, rng)
         chosen = mode.choose_start(starts, ways, np.random.default_rng(0))
         assert passes[chosen] if passes.any() else chosen is None
         if passes.any():
@@ -467,7 +467,7 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
     fish = Fish(x, 300.0, 0.0, 2.0, IN_FILM, -1, row=row, since=100)
     ends = partners(STRAIGHT_LOOPS)
     for _ in range(20):
-        found = mode.play(fish, spot(100, 300), rng)
+        found = mode.next_stretch(fish, spot(100, 300), rng)
         assert found.decision.reason == "spot" and found.decision.ways_tank == found.decision.ways
         assert (found.trajectory == [x, 300.0, 0.0]).all() and not found.touched
         assert found.new == (found.number[0] != fish.row + 1)
@@ -510,7 +510,9 @@ def test_the_way_is_taken_that_leads_to_the_goal_s_quadrant(goal, quadrant_, row
     """No way leads back: what lies behind is of no quadrant that any loop end is in."""
     mode = loops_of(three_ways(), loop_end_choice="any")
     fish = Fish(300.0, 300.0, 0.0, 2.0, IN_FILM, -1, row=19, since=100)
-    found = [mode.play(fish, spot(*goal), np.random.default_rng(seed)) for seed in range(30)]
+    found = [
+        mode.next_stretch(fish, spot(*goal), np.random.default_rng(seed)) for seed in range(30)
+    ]
     assert {int(one.number[0]) for one in found} == (rows or {20, 170, 320})
     for one in found:
         assert one.trajectory[0] == pytest.approx((300 + STEP, 300, 0)) and one.new == (
@@ -571,7 +573,7 @@ def test_figure18_turns_towards_a_goal_beside_and_swims_straight_to_one_ahead():
         ((700.0, 300.0), "phase", np.nan), ((400.0, 100.0), "turn", 90.0),
         ((400.0, 500.0), "turn", -90.0),
     ):  # fmt: skip
-        found = mode.play(fish, spot(x, y), rng)
+        found = mode.next_stretch(fish, spot(x, y), rng)
         assert found.decision.reason == reason
         assert found.decision.turn_deg == pytest.approx(side, nan_ok=True)
         assert np.isnan(found.area) == (reason != "turn")  # only then the network is asked
@@ -596,7 +598,7 @@ def test_a_turn_asks_the_network_for_what_eq_4_says_and_shows_its_area(answer):
     fish, bent = mode.begin(rng), 0
     for _ in range(200):
         goal = spot(*open_tank().random_point(rng))
-        found = mode.play(fish, goal, rng)
+        found = mode.next_stretch(fish, goal, rng)
         if found.decision.reason != "turn":
             assert not model.asked and np.isnan(found.area)
         else:
@@ -779,7 +781,7 @@ def test_after_the_sprite_of_a_gateway_comes_the_next_one_at_any_speed(speed):
         assert list(left.number) == [3] and left.new and left.decision.exit == "no_way"
         there = mode.end_state(fish, left)
         assert (there.row, there.sprite, there.since) == (-1, 3, 1)
-        then = network.play(there, goal, rng)
+        then = network.next_stretch(there, goal, rng)
         assert then.number[0] == 4 and not then.new
 
 
@@ -788,7 +790,7 @@ def test_a_gateway_is_entered_as_soon_as_a_way_from_there_is_legal():
     fish = mode.begin(rng)
     for _ in range(400):
         goal = spot(*open_tank().random_point(rng))
-        found = mode.play(fish, goal, rng)
+        found = mode.next_stretch(fish, goal, rng)
         starts = mode.rows_behind_gateways(fish) if fish.row < 0 else None
         if starts is not None:
             ways = mode.loops.follow_starts_from(mode.loops.next_place(fish), starts, goal)

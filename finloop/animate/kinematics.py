@@ -152,13 +152,14 @@ def swim_ahead(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: 
 def swim_turn(  # type: ignore[no-untyped-def]
     legal: Mask, start: Floats, swim: Turning, goal: Target, aim: Target, fastest: float
 ):  # fmt: skip
-    """Return the trajectory of a turn to a point, whether it is possible, and the tick of touch.
+    """Return the trajectory of a turn to an aim, whether it is possible, and the tick of touch.
 
-    legal (h, w): where the fish's centre may be; start (3,): x, y px, heading. The bearing of `aim`
-    changes as the fish moves; the heading's error against it falls as `swim.share`, the part of the
-    turn that is done, rises to 1. The trajectory (n, 3) is filled up to the touch. The turn is
-    possible if it is legal and no tick turns by more than `fastest` degrees, or back: the aim would
-    be too near. The tick at which the goal is touched is n where it is not.
+    legal (h, w): where the fish's centre may be; start (3,): x, y px, heading. aim: the point to
+    head for, see `next_aim`; goal: its touch ends the turn. The aim's bearing changes as the fish
+    moves; the heading's error against it falls as `swim.share`, the part of the turn that is done,
+    rises to 1. The trajectory (n, 3) has the columns of `start` and is filled up to the touch. The
+    turn is possible if it is legal and no tick turns by more than `fastest` degrees, or back: the
+    aim would be too near. The tick at which the goal is touched is n where it is not.
     """
     n = swim.share.size
     trajectory = np.empty((n, 3))

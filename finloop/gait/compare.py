@@ -1,8 +1,10 @@
 """How much γ lowers the error: four clocks on frames held out of the fit (curve paper §4.2).
 
-The clocks of a blend between two keys, from the most to the least constrained: "linear", γ = 0;
-"gamma", one γ for each contour and subcycle; "gamma_scale", one γ for each scale too; "free", any
-monotone f for each contour and subcycle (isotonic regression), the best possible clock.
+A clock says how much of the first key frame is left at each moment between two key frames. The
+clocks, from the most to the least constrained: "linear", γ = 0; "gamma", one γ for each contour and
+subcycle; "gamma_scale", one γ for each scale too; "free", any share that only falls, for each
+contour and subcycle (isotonic regression), the best possible clock. All are fitted to the frames
+that are not held out.
 """
 
 from collections.abc import Iterator
@@ -37,10 +39,7 @@ _WHOLE = -1  # in the column scale: all scales together
 
 @dataclass(frozen=True)
 class ClockComparison:
-    """How well four clocks predict the contours of frames held out of the fit.
-
-    A clock says how much of the first key frame is left at each moment between two key frames.
-    """
+    """How well the four CLOCKS predict the contours of frames held out of the fit."""
 
     scheme: str  # what is held out at a time: "cycles" or "every other frame"
     rms: dict[str, float]  # by clock: RMS distance of contours / body length
@@ -71,10 +70,10 @@ def compare_clocks(
 ) -> ClockComparison:
     """Measure how well the four CLOCKS of a gait model predict frames that they were not fitted to.
 
-    A clock says when a contour is how far between two key frames. split: phase of key frame 2, in
-    cycles; wavelet, coarse: of the descriptor, and coefficients of its coarsest scale. Held-out
-    frames are skipped if the other frames cannot be fitted; if all are skipped, the last error is
-    raised. FinloopError, too, if the film shows less than half a cycle or its phase does not rise.
+    split: phase of key frame 2, in cycles; wavelet, coarse: of the descriptor, and coefficients of
+    its coarsest scale. Held-out frames are skipped if the other frames cannot be fitted; if all are
+    skipped, the last error is raised. FinloopError, too, if the film shows less than half a cycle
+    or its phase does not rise.
     """
     check_phases(film)
     scheme, masks = choose_held_out_frames(film)
@@ -103,12 +102,13 @@ def compare_clocks(
 def _held_out_errors(
     film: GaitContours, mask: Mask, split: float, wavelet: str, coarse: int
 ) -> Iterator[dict[str, Any]]:
-    """Yield a table row for each contour, subcycle and scale: the clocks' summed squared errors.
+    """Yield a table row for each contour, subcycle and scale: the clocks' squared errors.
 
-    mask (frames,): frames held out of the fit; split: phase of key frame 2, in cycles; wavelet,
-    coarse: of the descriptor, and coefficients of its coarsest scale. A row has the columns of
-    _KEYS, the number of `frames`, and by clock the squared error a point, in the contours' unit.
-    The scale _WHOLE stands for all scales together.
+    mask (frames,): frames held out; the clocks are fitted to all others. split: phase of key frame
+    2, in cycles; wavelet, coarse: of the descriptor, and coefficients of its coarsest scale. A row
+    has the columns of _KEYS, the number of held-out `frames`, and by clock the squared error,
+    summed over these frames and divided by the number of the contour's points, in the contours'
+    unit squared. The scale _WHOLE stands for all scales together.
     """
     least_motion = LEAST_MOTION * film.body_length
     _, subcycles = fit_key_frames(_select_frames(film, ~mask), split, wavelet, coarse)
@@ -116,11 +116,12 @@ def _held_out_errors(
     scale_gammas = fit_all_gammas(subcycles, per_scale=True, least_motion=least_motion)
     held_out = sort_into_subcycles(_select_frames(film, mask), split, wavelet, coarse)
     for (name, number), model in subcycles.items():
-        tau, coefficients = held_out[name][number].tau, held_out[name][number].coefficients
+        samples = held_out[name][number]
+        tau, coefficients = samples.tau, samples.coefficients
         if not len(tau):
             continue
-        points, letter = len(model.end), "AB"[number]
-        gammas = gamma_per_coefficient(scale_gammas[name][letter], points, coarse)
+        point_count, letter = len(model.end), "AB"[number]
+        gammas = gamma_per_coefficient(scale_gammas[name][letter], point_count, coarse)
         start_share = _fit_free_clock(model, tau)[:, None, None]
         predictions = {
             "linear": model.predict(tau, np.zeros(1)),
@@ -133,8 +134,8 @@ def _held_out_errors(
             row = dict(zip(_KEYS, (name, letter, scale), strict=True)) | {"frames": len(tau)}
             for clock, error in errors.items():
                 if scale == _WHOLE:  # distances of the contours' points, not of coefficients
-                    error = contour_from_descriptor(error, points, wavelet, coarse)
-                row[clock] = float((error[:, part] ** 2).sum()) / points
+                    error = contour_from_descriptor(error, point_count, wavelet, coarse)
+                row[clock] = float((error[:, part] ** 2).sum()) / point_count
             yield row
 
 
@@ -145,10 +146,10 @@ def _select_frames(film: GaitContours, mask: Mask) -> GaitContours:
 
 
 def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
-    """Fit a share of the first key frame that falls from 1 to 0 in a subcycle: (s,) at tau (s,).
+    """Return how much of the first key frame is left by the best possible clock: (s,) at tau (s,).
 
-    tau: shares 0-1 of the subcycle's time. The share may fall in any way (isotonic regression), so
-    this clock is the best possible. It falls evenly in a subcycle without motion or frames.
+    tau: shares 0-1 of the subcycle's time. The share left falls from 1 to 0, in the way that fits
+    `model.samples` best (isotonic regression), evenly in a subcycle without motion or samples.
     """
     change = (model.start - model.end).ravel()
     squared_change = float(change @ change)
@@ -169,8 +170,8 @@ def _errors_by_scale(
 ) -> pd.DataFrame:
     """Summarise squared errors by wavelet scale: the table `ClockComparison.by_scale`.
 
-    table: columns of _KEYS, `frames`, and by clock the squared error summed over them. subcycles:
-    those fitted to all frames, by contour id and 0 for A, 1 for B.
+    table: columns of _KEYS, `frames`, and by clock the squared error summed over them, divided by
+    the number of points. subcycles: those fitted to all frames, by contour id and 0 for A, 1 for B.
     """
     gammas, energy_shares, counts = [], [], []
     least_motion = LEAST_MOTION * film.body_length

@@ -167,10 +167,10 @@ def list_gateways(
     """List all gateways (schema `GATEWAYS`), pairs of a sprite and a film row that look alike.
 
     First come the ways from sprite to film, then those back. step_median: the film's median step. A
-    sprite leads to its `frames_per_sprite` nearest rows in each orientation. These are at least
-    `apart` Δ from each other, and have `least` Δ of their track ahead. A row leads to the
-    `sprites_per_frame` sprites of each sequence nearest to its next row. The last row of a track
-    has no way out, and a turn is entered only by its first sprite.
+    sprite leads to its `frames_per_sprite` nearest rows in each orientation. Those of one track are
+    at least `apart` Δ from each other, and all have `least` Δ of their track ahead. A row leads to
+    the `sprites_per_frame` sprites of each sequence nearest to its next row. The last row of a
+    track has no way out, and a turn is entered only by its first sprite.
     """
     most_distance = settings.distance_threshold * step_median
     ways_in = _find_ways_in(distances, features, most_distance, settings).assign(direction=IN)
@@ -192,9 +192,11 @@ def _find_ways_in(
     most_distance: float,
     settings: GatewaysSettings,
 ) -> pd.DataFrame:
-    """Return the film rows nearest to each sprite, by orientation: sprite, row, rank, distance.
+    """Return the film rows that may be drawn next after each sprite: sprite, row, rank, distance.
 
-    most_distance: of a gateway, in the unit of the distances.
+    They are the rows nearest to the sprite's next frame in the film (`distances.ahead`), of each
+    orientation, ranked anew from 1 in each. How far they are apart, and how much of the film is
+    ahead of them, see `list_gateways`. most_distance: of a gateway, in the unit of the distances.
     """
     track, frame = (features[name].to_numpy()[distances.rows] for name in ("track_id", "frame"))
     delta = infer_delta_frames(features)
@@ -203,16 +205,17 @@ def _find_ways_in(
     for number in np.unique(distances.orientation):
         rows = np.flatnonzero(has_enough_ahead & (distances.orientation == number))
         for sprite, row_distances in enumerate(distances.ahead[:, rows]):
-            left = rows[np.argsort(row_distances, kind="stable")]  # candidates, the nearest first
-            left = left[distances.ahead[sprite, left] <= most_distance]
+            candidates = rows[np.argsort(row_distances, kind="stable")]  # the nearest first
+            candidates = candidates[distances.ahead[sprite, candidates] <= most_distance]
             rank = 0
-            while len(left) and rank < settings.frames_per_sprite:
-                nearest, left = left[0], left[1:]
+            while len(candidates) and rank < settings.frames_per_sprite:
+                nearest, candidates = candidates[0], candidates[1:]
                 rank += 1
                 distance = distances.ahead[sprite, nearest]
                 ways.append((sprite, distances.rows[nearest], rank, distance))
-                is_apart = np.abs(frame[left] - frame[nearest]) >= settings.apart * delta
-                left = left[is_apart | (track[left] != track[nearest])]
+                is_apart = np.abs(frame[candidates] - frame[nearest]) >= settings.apart * delta
+                is_of_other_track = track[candidates] != track[nearest]
+                candidates = candidates[is_apart | is_of_other_track]
     kinds = {"sprite": int, "row": int, "rank": int, "distance": float}
     table = pd.DataFrame(ways, columns=list(kinds)).astype(kinds)
     return table.sort_values("sprite", kind="stable")
@@ -225,9 +228,11 @@ def _find_ways_out(
     most_distance: float,
     most_sprites: int,
 ) -> pd.DataFrame:
-    """Return the sprites nearest to each film row, by sequence: sprite, row, rank, distance.
+    """Return the sprites that may be drawn next after each row: sprite, row, rank, distance.
 
-    most_distance: of a gateway, in the unit of the distances; most_sprites: for a row.
+    They are the sprites nearest to the film's next row (`distances.own`), of each sequence, ranked
+    from 1 over all sequences. most_distance: of a gateway, in the unit of the distances;
+    most_sprites: of a sequence for a row.
     """
     # Rows whose next frame is among the measured rows, and the column of that frame.
     follows = np.append(False, _count_frames_ahead(features) > 0)[distances.rows]

@@ -54,10 +54,12 @@ def load_regions(
 ) -> Regions[T]:
     """Load the region of each limb in each frame from a folder of masks or of SVG traces.
 
-    convert_mask: turns a boolean mask (h, w) into what the caller wants of a region, such as its
-    contour. convert_trace: does so with a closed path and the width and height of its picture [px].
-    FinloopError if there is no folder or nothing in it, masks and traces are mixed, a file's name
-    has no number, two have the same, a picture cannot be read, masks are dark, or sizes differ.
+    folder: holds a folder of numbered PNG masks for each limb, or a numbered SVG for each frame, in
+    which each limb is a closed path with its id. convert_mask: turns a boolean mask (h, w) into
+    what the caller wants of a region, such as its contour. convert_trace: does so with a closed
+    path and the width and height of its picture [px]. FinloopError if there is no folder or nothing
+    in it, masks and traces are mixed, a file's name has no number, two have the same, a file cannot
+    be read, a path is open, sizes differ, or all masks of a limb are too dark but not all black.
     """
     if not folder.is_dir():
         raise FinloopError(f"{folder} is no folder", _WANTED, "give the folder of the regions")
@@ -79,7 +81,10 @@ def load_regions(
 
 
 def _load_masks(paths: Mapping[str, list[Path]], convert_mask: Callable[[Mask], T]) -> Regions[T]:
-    """Load the regions of limbs from mask pictures; paths: of each limb's pictures, by limb."""
+    """Load the regions of limbs from mask pictures, see `load_regions`.
+
+    paths: of each limb's pictures, by limb.
+    """
     numbered = {name: _paths_by_number(files) for name, files in paths.items()}
     numbers = [number for files in numbered.values() for number in files]
     first, last = min(numbers), max(numbers)
@@ -105,7 +110,7 @@ def _load_masks(paths: Mapping[str, list[Path]], convert_mask: Callable[[Mask], 
 def _load_traces(
     paths: list[Path], convert_trace: Callable[[Curve, float, float], T]
 ) -> Regions[T]:
-    """Load the regions of limbs from SVG files, one per frame; FinloopError for an open path."""
+    """Load the regions of limbs from SVG files, one per frame, see `load_regions`."""
     numbered = _paths_by_number(paths)
     first, last = min(numbered), max(numbered)
     frames: list[dict[str, T]] = [{} for _ in range(first, last + 1)]

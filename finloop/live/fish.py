@@ -337,7 +337,7 @@ class LiveFish:
         self._was_hidden = row.weight > 0 and (self._was_hidden or self._too_unlike(row))
         last = self._decisions[-1]
         if self._played == len(self._planned_rows):
-            self._end_stretch(last)
+            self._note_arrival(last)
         goal, slot = self.goal, self.last_tick % HISTORY
         self._poses[slot] = row.pose
         self._requests[slot] = Request(self.mode, self.path_task, self.rule_task, self._cut_after)
@@ -367,8 +367,8 @@ class LiveFish:
             return Rule.by_zones(present, self.rule_task.shoaling)
         return None
 
-    def _end_stretch(self, last: DecisionRecord) -> None:
-        """Note after the motion of the last decision whether a goal or a path's end is reached.
+    def _note_arrival(self, last: DecisionRecord) -> None:
+        """Note whether the motion of the last decision, now over, reached a goal or a path's end.
 
         If the goal is the beginning of a path, the fish now begins the path.
         """

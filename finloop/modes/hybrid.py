@@ -108,20 +108,20 @@ class Hybrid:
             return fish
         return self.network.take_over(fish)
 
-    def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
+    def next_stretch(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return the next stretch: by loop mode in the film, else by network mode (Fig. 19)."""
         if fish.row < 0:
-            return self.play_network(fish, goal, rng)
-        return self.play_loops(fish, goal, rng)
+            return self.next_network_stretch(fish, goal, rng)
+        return self.next_loop_stretch(fish, goal, rng)
 
-    def play_network(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
+    def next_network_stretch(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return sprites up to where a gateway leads into the film, or film if one does now.
 
         Right after the film a fish is shown by sprites for at least one tick.
         """
         if fish.since != _JUST_LEFT and (entered := self.enter_film(fish, goal)) is not None:
             return entered
-        stretch = self.network.play(fish, goal, rng)
+        stretch = self.network.next_stretch(fish, goal, rng)
         for tick in range(1, len(stretch.trajectory)):
             at_tick = self.network.end_state(fish, stretch.cut(tick))
             if self.enter_film(at_tick, goal) is not None:
@@ -156,7 +156,7 @@ class Hybrid:
         rows, turns, seams = gates
         return Starts(rows, np.asarray(wrap_deg(fish.heading + turns), float), seams)
 
-    def play_loops(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
+    def next_loop_stretch(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return the next stretch in loop mode: a legal way, else a gateway out of the film.
 
         Where no way is legal and the row shown has no gateway, the film plays on to a row that has

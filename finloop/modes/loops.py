@@ -132,7 +132,7 @@ class Loops:
             differences += np.abs(wrap_deg(film.heading[rows] - fish.heading)) / _HEADING_UNIT_DEG
         return int(rows[np.argmin(differences)])
 
-    def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
+    def next_stretch(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return film up to a loop end: by a legal way, else by any in the tank, else in place."""
         starts = self.next_rows(fish)
         ways = self.follow_starts(fish, starts, goal)

@@ -96,14 +96,14 @@ class Network:
         speed = min(max(fish.speed, self.phases.low), self.phases.high)
         return Fish(fish.x, fish.y, fish.heading, speed, SLIDE, sprite, tick=fish.tick)
 
-    def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
+    def next_stretch(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return the next stretch of sprites (Fig. 18): a turn, straight swimming, or braking."""
         approach = self._approach(fish, goal)
         if self.will_turn(approach):
             return self.turn_to_aim(approach, rng)
         if (straight := self.swim_straight(approach, rng)) is not None:
             return straight
-        # At a wall: a fish that heads for its aim, to 1°, cannot turn away.
+        # A wall is ahead. Only a fish that does not head for its aim yet, to 1°, can turn to it.
         return self.turn_to_aim(approach, rng) if abs(approach.error) > 1 else self.brake(approach)
 
     def _approach(self, fish: Fish, goal: Target) -> GoalApproach:
@@ -145,7 +145,7 @@ class Network:
         return plan_turn(self.sprites.turns[side], angle_deg, area_pct / 100, most_ticks, self.p)
 
     def swim_straight(self, approach: GoalApproach, rng: np.random.Generator) -> Stretch | None:
-        """Return a slide, an acceleration, a deceleration or plain straight; None at a wall.
+        """Return a slide, acceleration, deceleration or plain straight; None if a wall is ahead.
 
         It has duration, speeds and drift of a random phase, a stretch of straight swimming in the
         film, that begins at about the fish's speed. The heading drifts towards the aim, and beyond
@@ -174,13 +174,13 @@ class Network:
             return None
         ticks = min(touch_tick + 1, safe_ticks)
         state = int(phases.state[chosen])
-        sprite, phase, new = self._play_cycle(fish, state, speed[:ticks])
+        sprite, phase, new = self._cycle_sprites(fish, state, speed[:ticks])
         return Stretch(
             state, trajectory[:ticks], sprite, new, approach.aim, touched=touch_tick < ticks,
             decision=Decision(PHASE, film_speed=float(first)), phase=phase,
         )  # fmt: skip
 
-    def _play_cycle(self, fish: Fish, state: int, speeds: Floats) -> tuple[Ints, Floats, bool]:
+    def _cycle_sprites(self, fish: Fish, state: int, speeds: Floats) -> tuple[Ints, Floats, bool]:
         """Return the sprites of a state's cycle (n,), places in the cycle, and whether it is new.
 
         speeds (n,): body lengths/s; the faster the fish, the faster the cycle is played. A new
@@ -275,7 +275,7 @@ class Network:
         shown = min(touch_tick + 1, safe_ticks)
         if shown == 0:
             trajectory, shown, touch_tick = np.tile(approach.start, (ticks, 1)), ticks, ticks
-        sprite, phase, new = self._play_cycle(fish, DECELERATE, speed[:shown])
+        sprite, phase, new = self._cycle_sprites(fish, DECELERATE, speed[:shown])
         return Stretch(
             DECELERATE, trajectory[:shown], sprite, new, approach.aim,
             touched=touch_tick < shown, decision=Decision(WALL), phase=phase,

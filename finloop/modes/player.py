@@ -33,8 +33,8 @@ class PaperMode(Protocol):
     def take_over(self, fish: Fish) -> Fish:
         """Return a fish of another mode as a fish of this mode, at the same place."""
 
-    def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return the next stretch of a fish towards a goal."""
+    def next_stretch(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
+        """Choose and return the next stretch of a fish towards a goal."""
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch that began with `fish`."""
@@ -115,7 +115,7 @@ class PaperPlayer:
             x, y = place
         wanders = not isinstance(goal, Goal)
         target = Target(float(x), float(y), world.touch_px, world.head_px, wanders)
-        stretch = self.mode.play(fish, target, rng)
+        stretch = self.mode.next_stretch(fish, target, rng)
         if fish is not state.fish:
             stretch = replace(stretch, new=True)
         if wanders:

@@ -406,8 +406,9 @@ def nearest_in_pose(
 def _distance_in_pose(film, pair, canvas):  # type: ignore[no-untyped-def]
     """Return the Euclidean distance of two pictures, the second in the pose of the first (Eq. 5).
 
-    pair: row of either picture, and whether the second is mirrored; canvas: (s, s, c), overwritten.
-    If the second is nearer as filmed, that distance counts.
+    film: `PictureSet`; pair: numbers of the two pictures in it, and whether the second is mirrored;
+    canvas: (s, s, c), overwritten. If the second is nearer as filmed (mirrored, if so), that
+    distance counts.
     """
     pictures, postures, size_px = film
     row, other, mirrored = pair
@@ -416,19 +417,15 @@ def _distance_in_pose(film, pair, canvas):  # type: ignore[no-untyped-def]
     target_backbone = PlacedBackbone(middle, middle, 0.0, size_px, postures[row])
     other_backbone = PlacedBackbone(middle, middle, 0.0, size_px, postures[other])
     picture, partner = pictures[row], pictures[other].astype(np.float32)
-    mode = DrawingMode(1.0, mirrored, False)
+    mode = DrawingMode(1.0, mirrored, False)  # in the film's scale, sampled linearly
     canvas[:] = 0
     # No literals: numba would compile all kernels of `paint_strips` again for them.
-    paint_strips(
-        canvas,
-        partner,
-        plan_strips(partner, other_backbone, target_backbone, mode),
-        mode,
-        (np.int64(0), np.int64(0)),
-    )
+    corner = np.int64(0), np.int64(0)
+    layout = plan_strips(partner, other_backbone, target_backbone, mode)
+    paint_strips(canvas, partner, layout, mode, corner)
     posed = as_filmed = 0.0
     for y in range(side):
-        from_y = side - 1 - y if mirrored else y
+        from_y = side - 1 - y if mirrored else y  # animals head right
         for x in range(side):
             for c in range(channels):
                 target = picture[y, x, c] * unit

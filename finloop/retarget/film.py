@@ -144,7 +144,7 @@ def retarget_track(
         "ticks": len(edit),
         "duration_s": len(edit) / film.rate_hz,
         "scale": scale,
-        "way_size": placed.size,
+        "way_size": placed.path_scale,
         "with_postures": float(track.has_postures),
         "apart_median_pct": 100 * float(asked["apart"].quantile(0.5)),
         "apart_p95_pct": 100 * float(asked["apart"].quantile(0.95)),
@@ -162,8 +162,8 @@ class _PlacedTrack(NamedTuple):
     """A recorded track in this film's tank: points (T, m, 2) px along the body, poses (T).
 
     along (m,): where along the body the points are, 0 = head, 1 = tail, NaN = the middle; codes (T,
-    c): of the postures; clamped (T,): which of them were changed to ones that the film shows; size:
-    of the path, relative to its size at the track's scale.
+    c): of the postures; clamped (T,): which of them were changed to ones that the film shows;
+    path_scale: size of the path, relative to its size when the track was fitted to the fish.
     """
 
     points: Points
@@ -171,7 +171,7 @@ class _PlacedTrack(NamedTuple):
     pose: Pose
     codes: Floats
     clamped: Mask
-    size: float = 1.0
+    path_scale: float = 1.0
 
     @property
     def has_postures(self) -> bool:
@@ -179,22 +179,25 @@ class _PlacedTrack(NamedTuple):
         return len(self.along) > 2
 
     def offsets_into_tank(self, film: RetargetData, p: RetargetSettings) -> tuple[Points, float]:
-        """Return how far (T, 2) px the bodies must move to lie in the tank, and the path's size."""
+        """Return how far (T, 2) px the bodies must move to lie in the tank, and the path's factor.
+
+        The move scales the path by this factor; the bodies keep their size.
+        """
         bodies = self.pose.backbone_px()
-        shift, size = find_placement(bodies, film.arena, film.reel.length_px, p)
+        shift, factor = find_placement(bodies, film.arena, film.reel.length_px, p)
         centre = bodies.mean(1)
-        return (size - 1) * (centre - centre.mean(0)) + shift, size
+        return (factor - 1) * (centre - centre.mean(0)) + shift, factor
 
-    def shift_and_scale(self, offset: Points, factor: float) -> "_PlacedTrack":
-        """Return the track shifted by offsets (T, 2) px.
+    def shift(self, offset: Points, factor: float) -> "_PlacedTrack":
+        """Return the track shifted by offsets (T, 2) px of `offsets_into_tank`.
 
-        factor: by which the offsets changed the size of the path; multiplies `size`.
+        factor: by which the offsets changed the size of the path; only recorded, in `path_scale`.
         """
         pose, (x, y) = self.pose, offset.T
         return self._replace(
             points=self.points + offset[:, None],
             pose=pose.move_to(pose.x_px + x, pose.y_px + y, pose.heading_rad, pose.size_px),
-            size=self.size * factor,
+            path_scale=self.path_scale * factor,
         )
 
 
@@ -238,15 +241,15 @@ def _choose_rows_and_move_into_tank(
     path that has to shrink is slower, so its rows are chosen again.
     """
     if track.has_postures:
-        track = track.shift_and_scale(*track.offsets_into_tank(film, p))
+        track = track.shift(*track.offsets_into_tank(film, p))
         return _choose_rows(track, rows, film, p), track
     sources, fish = _choose_rows_without_postures(track, rows, joins, film, p)
-    offset, size = fish.offsets_into_tank(film, p)
-    if size < 1:
-        track = track.shift_and_scale(offset, size)
+    offset, factor = fish.offsets_into_tank(film, p)
+    if factor < 1:
+        track = track.shift(offset, factor)
         sources, fish = _choose_rows_without_postures(track, rows, joins, film, p)
-        offset, size = fish.offsets_into_tank(film, p)
-    return sources, fish.shift_and_scale(offset, size)
+        offset, factor = fish.offsets_into_tank(film, p)
+    return sources, fish.shift(offset, factor)
 
 
 def _choose_rows(

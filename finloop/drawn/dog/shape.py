@@ -24,7 +24,7 @@ BLUNT = 0.02  # added to that distance, so that a point on a bone follows the ot
 
 @dataclass(frozen=True)
 class LimbShape:
-    """One limb of the drawn dog at rest: joints, outline, and how it bends; lengths in trunks."""
+    """One limb of the drawn dog at rest: joints, outline, how it bends; unit: trunk length."""
 
     # (5, 2): hip or shoulder, knee or elbow, hock or wrist, foot, tip of the toes
     joints: tuple[tuple[float, float], ...]
@@ -34,7 +34,7 @@ class LimbShape:
     lean: tuple[float, float]
 
     def bone_lengths(self) -> Floats:
-        """Return the lengths (4,) of the bones, from the top to the toes, in trunks."""
+        """Return the lengths (4,) of the bones, from the top to the toes, in trunk lengths."""
         return np.asarray(np.linalg.norm(np.diff(self.joints, axis=0), axis=1))
 
 
@@ -112,9 +112,9 @@ def _skin_and_bone_weights(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
 
 
 def limb_reaches(shape: LimbShape, foot: Floats, top: Floats) -> Mask:
-    """Return a mask (…) of the places of foot and top for which a limb has the right length.
+    """Return a mask (…) of the places of foot and top that a limb reaches, bent or stretched.
 
-    foot, top (…, 2): how far both are moved from rest, in trunks.
+    foot, top (…, 2): how far both are moved from rest, in trunk lengths.
     """
     bones, ankle = shape.bone_lengths(), _ankle_and_turns(shape, foot)[0]
     distance = np.linalg.norm(ankle - (np.array(shape.joints[0]) + top), axis=-1)
@@ -122,26 +122,27 @@ def limb_reaches(shape: LimbShape, foot: Floats, top: Floats) -> Mask:
 
 
 def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
-    """Return outlines (…, n, 2) of a limb, in trunks, whose foot and top are moved from rest.
+    """Return outlines (…, n, 2) of a limb whose foot and top are moved from rest.
 
-    foot, top (…, 2): how far both are moved, in trunks; y is down. The knee follows by two-link
-    inverse kinematics. The outline is a smooth function of `foot` and `top` alone.
+    foot, top (…, 2): how far both are moved; y is down, the unit the trunk length. The knee (of a
+    fore limb: elbow) follows by two-link inverse kinematics; NaN if the limb does not reach so far
+    (`limb_reaches`). The outline is a smooth function of `foot` and `top` alone.
     """
     rest, bones = np.array(shape.joints), shape.bone_lengths()
-    ankle, pastern, paw = _ankle_and_turns(shape, foot)
+    ankle, pastern_turn, paw_turn = _ankle_and_turns(shape, foot)
     hip = rest[0] + top
     across = ankle - hip
     distance = np.linalg.norm(across, axis=-1)
     cosine = (bones[0] ** 2 + distance**2 - bones[1] ** 2) / (2 * bones[0] * distance)
-    # y is down, so a knee in front (+x) of a limb that hangs down is at a smaller angle. Upper and
-    # lower are the angles of these bones.
-    upper = np.arctan2(across[..., 1], across[..., 0]) - shape.bend * np.arccos(cosine)
-    knee = hip + bones[0] * np.stack([np.cos(upper), np.sin(upper)], axis=-1)
+    # y is down, so a knee in front (+x) of a limb that hangs down is at a smaller angle.
+    upper_angle = np.arctan2(across[..., 1], across[..., 0]) - shape.bend * np.arccos(cosine)
+    knee = hip + bones[0] * np.stack([np.cos(upper_angle), np.sin(upper_angle)], axis=-1)
     shin = ankle - knee
-    lower = np.arctan2(shin[..., 1], shin[..., 0])
+    lower_angle = np.arctan2(shin[..., 1], shin[..., 0])
     bones_at_rest = np.diff(rest, axis=0)
-    at_rest = np.arctan2(bones_at_rest[:, 1], bones_at_rest[:, 0])
-    turns = np.stack([upper - at_rest[0], lower - at_rest[1], pastern, paw], axis=-1)
+    rest_angles = np.arctan2(bones_at_rest[:, 1], bones_at_rest[:, 0])
+    upper_turn, lower_turn = upper_angle - rest_angles[0], lower_angle - rest_angles[1]
+    turns = np.stack([upper_turn, lower_turn, pastern_turn, paw_turn], axis=-1)
     heads = np.stack([hip, knee, ankle, rest[3] + foot], axis=-2)
     outline, weight = _skin_and_bone_weights(shape, n)
     # As complex numbers: the outline seen from the head of each bone (n, 4), and the heads (…, 4).
@@ -153,10 +154,13 @@ def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats
 
 
 def _ankle_and_turns(shape: LimbShape, foot: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return hock or wrist (…, 2), turns of pastern and paw (…,) [rad], for a foot so displaced."""
+    """Return the place (…, 2) of hock or wrist, and the turns (…,) of pastern and paw [rad].
+
+    foot (…, 2): how far the foot is moved from rest, in trunk lengths; y is down.
+    """
     rest = np.array(shape.joints)
-    pastern = shape.lean[0] * foot[..., 0] - shape.lean[1] * foot[..., 1]
-    paw = -0.6 * shape.lean[1] * foot[..., 1]
-    up = (rest[2] - rest[3]) @ [1, 1j] * np.exp(1j * pastern)
+    pastern_turn = shape.lean[0] * foot[..., 0] - shape.lean[1] * foot[..., 1]
+    paw_turn = -0.6 * shape.lean[1] * foot[..., 1]
+    up = (rest[2] - rest[3]) @ [1, 1j] * np.exp(1j * pastern_turn)
     ankle = rest[3] + foot + np.stack([up.real, up.imag], axis=-1)
-    return ankle, pastern, paw
+    return ankle, pastern_turn, paw_turn
