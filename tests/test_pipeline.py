@@ -152,7 +152,7 @@ def test_a_stage_has_six_places_and_a_mode_three():
 
 
 def test_files_of_a_stage_are_those_that_it_imports_by_imports_inside_functions_and_by_name():
-    assert "finloop/io/atomic.py" in code.imported_files("stages/run.py")  # inside a function
+    assert "finloop/io/table.py" in code.imported_files("stages/run.py")  # inside a function
     assert {"stages/__init__.py", "stages/run.py"} == code.module_files("stages.run")
     assert {"stages/plots/bpn.py", "finloop/plots/bpn.py"} <= files("plots-motion")  # by a string
     assert {"finloop/drawn/carp/settings.py", "finloop/edit/modes.py"} <= files("params")
