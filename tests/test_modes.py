@@ -124,7 +124,7 @@ def in_film(film, rng, room=None):
             )
         )
     )
-    rot = float(rng.uniform(-180, 180)) if film.body else 0.0
+    rot = float(rng.uniform(-180, 180)) if film.jumps_keep_heading else 0.0
     x, y = (room or open_tank()).random_point(rng)
     heading = float(wrap_deg(film.heading[row] + rot))
     return Fish(x, y, heading, 2.0, IN_FILM, -1, row=row, rot=rot, since=100)

@@ -129,7 +129,7 @@ def slow_search(reel, legal, start, rot, row, aim, weights, horizon):
         for e in range(reel.start[reel.jump_slot[row]], reel.start[reel.jump_slot[row] + 1]):
             other = reel.to[e]
             price = 6 * reel.seam[e] + repeat(other, t, shown)
-            turned = heading - reel.heading[other] if reel.body else rot
+            turned = heading - reel.heading[other] if reel.jumps_keep_heading else rot
             follow(place, turned, other, t, cost + price, shown)
 
     place = np.array([start.x, start.y])

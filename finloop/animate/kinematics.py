@@ -127,8 +127,9 @@ def swim_ahead(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: 
     """Return the trajectory of a swim ahead, how many first ticks are safe, and the tick of touch.
 
     legal (h, w): where the fish's centre may be; start (3,): x, y px, heading. The trajectory (n,
-    3) has the same columns. Ticks are safe that are legal, and from which the fish could stop on
-    legal ground. The tick at which the goal is touched is n where it is not.
+    3) has the same columns, and goes on after the touch. A tick is safe if its place is legal, and
+    so is the one at which the fish could stop from there. The tick of touch is the first at which
+    the goal is touched, n if it never is.
     """
     n = swim.forward.size
     trajectory = np.empty((n, 3))

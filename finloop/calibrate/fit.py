@@ -92,7 +92,8 @@ def _explained_share(
 ) -> float:
     """Return the share of the squared error without zones that zones remove in some rows.
 
-    with_zones, without (5,): coefficients of own direction, three zones and wall in either case.
+    with_zones, without (5,): coefficients of own direction, three zones and wall; in `without`
+    those of the zones are 0.
     """
     pulls = zone_means(film.visible_neighbours(rows), zones.radii, zones.blind_deg)
     wall, after = _wall_pull(film, rows), film.relative_headings(rows)
@@ -208,11 +209,12 @@ def _solve_regression(sums: _RegressionSums, weights: Sequence[float | None]) ->
 
 
 def _regression_columns(pulls: Complex, wall: Complex, weights: Sequence[float | None]) -> Complex:
-    """Return the five columns (n, 5) of the regression: own direction, pulls of three zones, wall.
+    """Return the columns (n, 5) by which later directions are fitted: own direction, zones, wall.
 
-    The own direction is 1, straight on, plus the pulls of zones of fixed weight; the columns of
-    these are not fitted later. pulls (n, 3): of the zones; wall (n,): away from the wall; weights
-    (3,): fixed weights, None for a zone that is fitted.
+    Directions are complex; 1 is straight on. The pull of a zone of fixed weight is already part of
+    the own direction: its own column is not to be fitted (`_solve_regression` leaves it out). pulls
+    (n, 3): of the zones; wall (n,): away from the wall; weights (3,): fixed weights, None for a
+    zone that is fitted.
     """
     own = 1.0 + weigh_zone_pulls(pulls, _replace_none_by_zero(weights))
     return np.column_stack([own, pulls, wall])
@@ -228,9 +230,10 @@ def fit_directions(
 ) -> tuple[Floats, float]:
     """Fit how strongly own direction, zones and wall predict the later directions of fish.
 
-    Return the coefficients (5,) and the remaining sum of squares. pulls (n, 3): of the zones; wall
-    (n,): vectors away from the wall; after (n,): the later directions; weights (3,): of each zone,
-    None if it is fitted. A fixed weight is relative to the own direction's.
+    Return the coefficients (5,), of own direction, zones and wall, and the sum of squared errors
+    that they leave. pulls (n, 3): of the zones; wall (n,): vectors away from the wall; after (n,):
+    the later directions; weights (3,): of each zone, None if it is fitted. A fixed weight is
+    relative to the own direction's.
     """
     sums = _sum_rows(_regression_columns(pulls, wall, weights), after)
     solution = _solve_regression(sums, weights)
@@ -274,8 +277,8 @@ def _weighted_zones(
 ) -> Zones:  # fmt: skip
     """Return zones with fitted weights; outermost fitted zones of weight 0 are left out.
 
-    blind_deg: angle behind the fish in which it sees nothing. weights: fitted; fixed: given
-    weights, None for fitted ones. radii: outer ones, body lengths.
+    radii: outer ones, body lengths; blind_deg: angle behind the fish in which it sees nothing;
+    weights (3,): fitted ones, used where `fixed` (3,), the given ones, is None.
     """
     inner, middle, outer = radii
     chosen = [

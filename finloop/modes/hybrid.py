@@ -150,7 +150,9 @@ class Hybrid:
         orientation = int(
             find_orientations(np.array(fish.heading), self.network.sprites.orientations)
         )
-        gates = self.gateways.into.get((fish.sprite, 0 if self.loops.film.body else orientation))
+        gates = self.gateways.into.get(
+            (fish.sprite, 0 if self.loops.film.jumps_keep_heading else orientation)
+        )
         if gates is None:
             return None
         rows, turns, seams = gates

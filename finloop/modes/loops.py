@@ -90,7 +90,7 @@ class Loops:
         film = self.film
         x, y = self.world.tank.random_point(rng)
         row = int(rng.choice(np.flatnonzero(film.has_next[:-1] & film.recurrent[1:])))
-        rot = float(rng.uniform(-180, 180)) if film.body else 0.0
+        rot = float(rng.uniform(-180, 180)) if film.jumps_keep_heading else 0.0
         heading = float(wrap(film.heading[row] + rot))
         return Fish(
             x, y, heading, speed=0.0, state=FILM, sprite=-1, row=row, rot=rot, since=self.stay
@@ -104,12 +104,12 @@ class Loops:
         """
         film = self.film
         if self.can_go_on(fish):
-            if film.body or not fish.rot:
+            if film.jumps_keep_heading or not fish.rot:
                 return fish
             row = fish.row
         else:
             row = self._most_similar_row(fish)
-        rot = float(wrap(fish.heading - film.heading[row])) if film.body else 0.0
+        rot = float(wrap(fish.heading - film.heading[row])) if film.jumps_keep_heading else 0.0
         heading = float(wrap(film.heading[row] + rot))
         speed, area = float(film.speed[row]), float(film.area[row])
         return Fish(
@@ -128,7 +128,7 @@ class Loops:
         film = self.film
         rows = np.flatnonzero(film.has_next[:-1] & film.recurrent[1:])
         differences = np.abs(film.speed[rows] - fish.speed)
-        if not film.body:
+        if not film.jumps_keep_heading:
             differences += np.abs(wrap_deg(film.heading[rows] - fish.heading)) / _HEADING_UNIT_DEG
         return int(rows[np.argmin(differences)])
 
@@ -157,7 +157,7 @@ class Loops:
         rows = np.append(np.full(int(plays_on), row), film.to[jumps]).astype(np.int64)
         seams = np.append(np.zeros(int(plays_on)), film.seam[jumps])
         rots = np.full(len(rows), fish.rot)
-        if film.body:
+        if film.jumps_keep_heading:
             rots = wrap_deg(film.heading[row] + fish.rot - film.heading[rows])
         return Starts(rows, np.asarray(rots, float), seams)
 

@@ -150,7 +150,7 @@ def swim_film_run(graph: SearchGraph, pose: Floats, shown_row: int, run, progres
     if row != shown_row + 1:
         first, last = jump_range(film, shown_row + 1)
         seam = film.seam[first:last][film.to[first:last] == row][0]
-        if film.body:  # a jump keeps the heading
+        if film.jumps_keep_heading:
             rot = wrap(next_row.heading + pose[3] - first_row.heading)
     dx, dy = rotate(film.rows[shown_row].dx, film.rows[shown_row].dy, pose[3])
     first_step = np.empty((2, 3))
@@ -195,7 +195,8 @@ def _advance_branch(graph, branch, ticks, start, objective):  # type: ignore[no-
     """Extend a branch by some ticks of film; return whether its new end is free.
 
     Free is inside the tank and clear of other fish; only then the branch (dtype `BRANCH`) is
-    changed. On a route it is steered. start: `SearchStart`.
+    changed. start: `SearchStart`; objective: its route, if that has points, steers the branch: it
+    turns evenly by `turn_deg` a tick, and at the end is shifted towards the route.
     """
     row, route, steering = branch.row, objective.route, objective.steering
     end_row, end_tick = row + ticks, start.tick + branch.ticks + ticks
@@ -203,7 +204,7 @@ def _advance_branch(graph, branch, ticks, start, objective):  # type: ignore[no-
     turn_deg, cost, along_px = 0.0, 0.0, branch.along_px
     speed = (begin.speed + end.speed) / 2
     if route.x.size:
-        lead = graph.leads[row]
+        lead = graph.leads[row]  # where the film leads in the next `lead.ticks`
         film_offset = rotate_by_cos_sin(lead.dx, lead.dy, branch.cos, branch.sin)
         most_deg, position = largest_steering_turn(speed, steering), (branch.x, branch.y, along_px)
         turn_deg = steering_turn(route, position, film_offset, lead.ticks, most_deg, steering)
@@ -217,7 +218,7 @@ def _advance_branch(graph, branch, ticks, start, objective):  # type: ignore[no-
         x, y, along_px, foot_x, foot_y, shift_px = shift_to_route(
             route, (x, y, along_px), speed, (end_tick, ticks), steering
         )
-        most_px = max(steering.shift * speed * ticks, 1e-9)
+        most_px = max(steering.shift * speed * ticks, 1e-9)  # not 0, as it would be at rest
         corrections = (turn_deg / steering.turn, shift_px / most_px)
         pose, foot = (x, y, heading), (along_px, foot_x, foot_y)
         cost = path_tick_cost(route, pose, foot, corrections, end_tick, steering) * ticks

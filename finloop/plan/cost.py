@@ -161,8 +161,9 @@ _BASE = 0.25  # cost of rest on a path without a lag, as a share of that at the 
 class Tempo(NamedTuple):
     """How fast the film's fish swim, and how much they usually lag behind the mean speed.
 
-    step_px: mean px that they swim in a tick; keeps: share of a lag that is left after a tick;
-    usual: root mean square of their lags, ticks.
+    A lag: ticks by which a fish is behind one that swims at the mean speed, < 0 if it is ahead.
+    What every tick adds is summed up, and fades. step_px: mean px that they swim in a tick; keeps:
+    share of a lag that is left after a tick; usual: root mean square of their lags, ticks.
     """
 
     step_px: float
@@ -173,7 +174,9 @@ class Tempo(NamedTuple):
     def from_film(cls, film: MotionGraph, memory_ticks: float, least_ticks: float) -> "Tempo":
         """Return the tempo of a film: mean step, how a lag fades, and the usual lag.
 
-        memory_ticks: ticks after which 1/e of a lag is left; least_ticks: smallest usual lag.
+        The lag at a row is what is left of the lag at the row before, plus the row's own
+        (`row_lags`). memory_ticks: ticks after which 1/e of a lag is left; least_ticks: smallest
+        usual lag.
         """
         rows, keeps = film.rows[: film.filmed], float(np.exp(-1 / memory_ticks))
         lags, lag = [], 0.0
@@ -214,8 +217,8 @@ class Tempo(NamedTuple):
 def _lag_after(step_px, keeps, lag, trajectory, begin_px):  # type: ignore[no-untyped-def]
     """Return the lag, in ticks, after a trajectory (n, 3), compiled.
 
-    step_px: mean px in a tick; keeps: share of a lag left after a tick; lag: before; begin_px: x,
-    y.
+    step_px: mean px in a tick; keeps: share of a lag left after a tick; lag, begin_px: the fish's
+    lag and x, y px before the trajectory.
     """
     x, y = begin_px
     for t in range(len(trajectory)):
@@ -256,8 +259,9 @@ def path_tick_cost(route: Route, pose, foot, corrections, tick: int, steering: S
     """Return the cost, in ticks, of one tick on a path: offset, delay, heading, corrections.
 
     pose: x, y px, heading in degrees; foot: px along the route, and x, y px, of its point nearest
-    to the fish; corrections: turn and shift as shares of the largest ones possible. The delay
-    counts on a route with times, the heading on one with headings.
+    to the fish; corrections: the turn as a share of a fast fish's largest, and the shift of the
+    largest at the fish's own speed. The delay counts on a route with times, the heading on one with
+    headings.
     """
     unit_px2 = steering.length_px * steering.length_px
     x, y, heading = pose

@@ -170,7 +170,7 @@ def _turn_in_place(film, row_and_rot, pose, aim, most_ticks_and_deg):  # type: i
         candidates = film_candidates(film, row + 1, rot)
         if candidates.rows.size:
             first_row = candidates.rows[0]
-    if film.body:  # a jump keeps the heading
+    if film.jumps_keep_heading:
         next_heading = film.rows[min(row + 1, last_film_row)].heading + rot
         rot = wrap(next_heading - film.rows[first_row].heading)
     ticks = 1

@@ -42,16 +42,17 @@ class MotionGraph(NamedTuple):
     """The rows of the film (n,), of dtype `ROW`, and the jumps between them; kernels take it whole.
 
     start, to, seam: instead of the row of jump slot k, rows `to[start[k]:start[k + 1]]` can be
-    shown, after which the film can play for ever; seam: their discontinuity in natural steps. body:
-    whether a jump keeps the heading, else the rotation. filmed: how many rows are the film's own;
-    row filmed + i is the mirror image of row i.
+    shown, after which the film can play for ever; seam: their discontinuity in natural steps.
+    jumps_keep_heading: whether a jump keeps the fish's heading, by turning the film, or else keeps
+    the film's rotation. filmed: how many rows are the film's own; row filmed + i is the mirror
+    image of row i.
     """
 
     rows: NDArray[np.void]
     start: NDArray[np.int32]
     to: NDArray[np.int32]
     seam: Floats
-    body: bool
+    jumps_keep_heading: bool
     filmed: int
 
     def __getattr__(self, name: str) -> NDArray[Any]:
@@ -231,7 +232,9 @@ def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
     rows["recurrent"] = sampler.usable[:n] | has_similar
     rows["jump_slot"] = np.where(has_similar, np.arange(n), -1)
     to = sampler.to[: start[-1]]
-    return film._replace(rows=rows, start=start, to=to, seam=np.zeros(len(to)), body=True)
+    return film._replace(
+        rows=rows, start=start, to=to, seam=np.zeros(len(to)), jumps_keep_heading=True
+    )
 
 
 def ticks_to_film_end(has_next: Mask) -> NDArray[np.int64]:

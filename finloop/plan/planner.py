@@ -125,7 +125,7 @@ class Planner:
         source = self._first_source
         x, y = self.world.tank.random_point(rng)
         row = int(rng.choice(_lasting_rows(source)))
-        rot = float(rng.uniform(-180, 180)) if source.graph.film.body else 0.0
+        rot = float(rng.uniform(-180, 180)) if source.graph.film.jumps_keep_heading else 0.0
         heading = float(wrap(source.graph.film.heading[row] + rot))
         return Fish(x, y, heading, speed=0.0, state=source.state, sprite=-1, row=row, rot=rot)
 
@@ -138,7 +138,8 @@ class Planner:
         sampled = np.sort(rng.choice(lasting, n, replace=False))
         x, y = map(float, point_along(route, 0.0))
         rots = np.zeros(n)
-        if graph.film.body:  # each row is turned so that the film leads along the route
+        if graph.film.jumps_keep_heading:
+            # Each row is turned so that the film leads along the route.
             rows_ahead = sampled + graph.leads["ticks"][sampled]
             dx, dy = (rows[axis][rows_ahead] - rows[axis][sampled] for axis in "xy")
             next_x, next_y = point_along(route, self.world.motion.body_length_px)

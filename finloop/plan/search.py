@@ -97,7 +97,8 @@ class Outcomes(NamedTuple):
 
     costs: of the best branch from it, in ticks, infinite where none reaches the end of the search;
     terms (k, t): that cost term by term; ticks: duration of the best branch, else of the longest;
-    displaced: whether no branch from it reached the end as cheaper ones took its place in the beam.
+    displaced: whether no branch from it reached the end as cheaper ones took its place in the beam;
+    during the search, whether any extension of its branches was left out for cheaper ones.
     """
 
     costs: Floats
@@ -179,7 +180,7 @@ def film_candidates(film: MotionGraph, row: int, rotation_deg: float) -> Candida
         if candidates.jumps[k]:
             candidates.rows[k], candidates.seams[k] = film.to[jump], film.seam[jump]
         turned = next_row.heading + rotation_deg - film.rows[candidates.rows[k]].heading
-        candidates.rots[k] = wrap(turned) if film.body else rotation_deg
+        candidates.rots[k] = wrap(turned) if film.jumps_keep_heading else rotation_deg
     return candidates
 
 
@@ -330,23 +331,24 @@ def _follow_branches(graph, state, start, leg_and_horizon, objective, costs):  #
 
 @leaf_kernel
 def _insert_jumps(graph, branch_number, state, start, objective, costs):  # type: ignore[no-untyped-def]
-    """Add a branch's jumps to the extensions, if among the cheapest; return how many there are.
+    """Add a branch's jumps to the beam's extensions; return the new number of extensions.
 
-    branch_number: in the beam; state: the beam, its number of extensions, `Outcomes`; costs:
-    `SearchCosts`. The candidate of a jump that is not among the cheapest is marked as displaced.
+    Only those that are among the cheapest are added; where one is not, the branch's candidate is
+    marked in `Outcomes.displaced`. branch_number: in the beam; state: the beam, its number of
+    extensions, `Outcomes`; costs: `SearchCosts`.
     """
     (beam, extension_count, outcomes), film = state, graph.film
     branch = beam.branches[branch_number]
     first_jump, end_jump = jump_range(film, branch.row)
     if first_jump == end_jump:
         return extension_count
-    # A jump changes neither the place nor, if the body can be turned, the heading: the cost to come
-    # to a goal is the same after all of them.
-    same_cost = film.body and not objective.route.x.size
+    # A jump keeps the place. Where it keeps the heading, too, and there is no route, the cost to
+    # come does not change: it is known before the jump.
+    keeps_to_come = film.jumps_keep_heading and not objective.route.x.size
     direction, to_come = (1.0, 0.0), branch.terms[TO_COME]
-    if film.body and not same_cost:
+    if film.jumps_keep_heading and not keeps_to_come:
         direction = heading_vector(graph.leads[branch.row], branch)
-    past_cost, least_to_come = branch.cost - to_come, to_come if same_cost else 0.0
+    past_cost, least_to_come = branch.cost - to_come, to_come if keeps_to_come else 0.0
     for number in range(first_jump, end_jump):
         jump, highest_cost = graph.jumps[number], np.inf
         if extension_count == beam.sorted_costs.size:
@@ -355,9 +357,9 @@ def _insert_jumps(graph, branch_number, state, start, objective, costs):  # type
         if cost + least_to_come >= highest_cost:
             outcomes.displaced[branch.candidate] = True
             break  # those that follow cost as much, or more
-        if not same_cost:
+        if not keeps_to_come:
             lead = graph.leads[jump.to]
-            if not film.body:
+            if not film.jumps_keep_heading:
                 direction = heading_vector(lead, branch)
             to_come = estimate_cost_to_come(lead, branch, direction, objective, costs)
         cost += to_come
@@ -401,7 +403,7 @@ def tick_row_shown(runs, last_run, row, tick):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def insert_extension(beam: Beam, count: int, extension: Extension, displaced: Mask) -> int:
-    """Insert an extension if it is among the cheapest; return how many there are then.
+    """Insert an extension if it is among the cheapest; return the new number of extensions.
 
     beam: its extensions are changed, of which `count` are filled; the costliest is replaced if
     there is no room. displaced (k,): set True for the candidate of an extension that is left out.
@@ -436,7 +438,7 @@ def start_next_leg(graph, beam: Beam, extension_count: int, leg: int, start_tick
         beam.spare[k] = beam.branches[extension.branch]
         if extension.jump >= 0:
             jump, run = graph.jumps[extension.jump], beam.runs[first_run + k]
-            if film.body:
+            if film.jumps_keep_heading:
                 turn_branch_to_row(graph, branch, jump.to)
             run.row, run.tick, run.before = jump.to, start_tick + branch.ticks, branch.last_run
             branch.row, branch.last_run = jump.to, first_run + k

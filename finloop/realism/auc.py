@@ -25,7 +25,7 @@ import scipy
 from finloop.base.arrays import Floats, Ints, Mask
 
 _Z = 1.959964  # normal deviate of a 95 % interval
-_INFLATION = 2.0  # of the variance, where every two blocks test each other
+_INFLATION = 2.0  # of the variance, where every two blocks test each other's classifier
 
 
 class Auc(NamedTuple):
@@ -62,10 +62,12 @@ class Scores(NamedTuple):
 
 
 def compute_auc(scores: Scores) -> Auc:
-    """Return the area under the ROC curve, with its 95 % interval; 0.5 is not distinguishable.
+    """Return the area under the ROC curve, with its 95 % interval (method: see the module's text).
 
-    The area is the mean of the blocks' areas, weighted by their pairs of windows. At least one
-    block must contain both film and animation windows.
+    An area of 0.5: film and animation are not distinguishable. It is the mean of the blocks' areas,
+    weighted by their pairs of a film and an animation window. Deviations of the windows of one
+    cluster are summed before they are squared, as they are not independent. At least one block must
+    contain both film and animation windows.
     """
     areas, pairs, deviations = [], [], []
     for part in scores.split_by_block():
@@ -85,7 +87,7 @@ def compute_auc(scores: Scores) -> Auc:
     sums = pd.concat(weighted).groupby(level=0).sum().to_numpy()
     clusters, inflation = max(len(sums), 2), _INFLATION if len(areas) > 1 else 1.0
     error = float(np.sqrt(inflation * clusters / (clusters - 1) * (sums**2).sum()))
-    if not 0.0 < value < 1.0:
+    if not 0.0 < value < 1.0:  # its logarithm of odds is infinite: no interval
         return Auc(value, value, value)
     half = _Z * error / (value * (1 - value))
     low, high = scipy.special.expit(scipy.special.logit(value) + np.array([-half, half]))

@@ -389,8 +389,9 @@ def _readable_span(m, y, shape, ends):  # type: ignore[no-untyped-def]
 def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
     """Return where pixel (x, y) lies in a picture, (u, v), and whether it can be sampled there.
 
-    m: six coefficients, u = m0 x + m1 y + m2, v = m3 x + m4 y + m5; shape: height and width of the
-    picture.
+    It can if the pixels −1, 0, 1 and 2 from (u, v) on, which the cubic kernel reads, lie in the
+    picture. m: six coefficients, u = m0 x + m1 y + m2, v = m3 x + m4 y + m5; shape: height and
+    width of the picture.
     """
     u, v = m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]
     return u, v, 1 <= u < shape[1] - 2 and 1 <= v < shape[0] - 2

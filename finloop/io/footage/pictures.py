@@ -63,7 +63,7 @@ class Album(NamedTuple):
 
 @contextmanager
 def _open_album(path: Path, has_rate: bool) -> Iterator[Album]:
-    """Open a folder of pictures, a TIFF of several pages or an array for a block.
+    """Open a folder of pictures, a TIFF of several pages or an array for a `with` block.
 
     has_rate: whether their frame rate is known; else the times in names or tags are read.
     """
@@ -304,9 +304,10 @@ def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | N
 
 
 def _read_picture_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
-    """Yield the frames of a folder or TIFF, each with its time and number.
+    """Yield the frames of a folder, TIFF or array in the range of time, with times and numbers.
 
-    It is the `reader` of their `Footage`; see `Footage.stream_numbered`.
+    It is the `reader` of their `Footage`; see `Footage.stream_numbered`. loss: the frames that the
+    numbering leaves out are counted in `loss.gaps`.
     """
     size = footage.width_px, footage.height_px
     with _open_album(footage.path, footage.renumbered) as (names, load, ticks, _, times):
@@ -326,8 +327,9 @@ def _read_picture_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
             shown = _to_uint8(picture, footage.colour, footage.levels)
             return float(times_s[number]), (number, shown)
 
+        # Two frames at least: `limit_time` refuses a range with fewer.
         numbers = [k for k in range(len(names)) if is_in_range(footage, times_s[k])]
         if times is None:
             loss.gaps = int(ticks[numbers[-1]] - ticks[numbers[0]]) + 1 - len(numbers)
-        threads = THREADS if footage.path.is_dir() else 1  # of a stack pages follow one another
+        threads = THREADS if footage.path.is_dir() else 1  # one open file is not safe for threads
         yield from ordered_map(load_frame, numbers, Threads(threads))
