@@ -38,8 +38,8 @@ def carp_frames(frames: int, rate_hz: float) -> list[np.ndarray]:
 
 @pytest.fixture(scope="module")
 def carp() -> list[np.ndarray]:
-    """Twelve seconds of a carp."""
-    return carp_frames(300, 25.0)
+    """Six seconds of a carp."""
+    return carp_frames(150, 25.0)
 
 
 def faults(folder: Path, frames: list[np.ndarray], rate: float = 25, crf: int = 0) -> set[str]:

@@ -71,7 +71,7 @@ def following_crop(count: int) -> list[np.ndarray]:
 @pytest.mark.parametrize("draw", [worm_in_its_place, dark_ground, flicker, following_crop])
 def test_a_frame_more_changes_no_other(tmp_path: Path, draw):
     rows, mended, looks = [], [], []
-    for count in range(60, 64):
+    for count in (60, 61):
         folder = tmp_path / str(count)
         clip, tracks = folder / "clip", folder / "tracks"
         clip.mkdir(parents=True)
@@ -88,7 +88,7 @@ def test_a_frame_more_changes_no_other(tmp_path: Path, draw):
         rows.append(extract_tracks(clip, settings("extract"), tracks, ALONE).lengths.total())
     assert len(set(mended)) == 1
     assert max(np.abs(look - looks[0].astype(float)).mean() for look in looks) < 1
-    assert np.ptp(np.array(rows) - np.arange(60, 64)) <= 2, rows
+    assert np.ptp(np.array(rows) - [60, 61]) <= 2, rows
     assert min(rows) >= 54
 
 
