@@ -128,6 +128,8 @@ def slow_search(reel, legal, start, rot, row, aim, weights, horizon):
             return
         for e in range(reel.start[reel.jump_slot[row]], reel.start[reel.jump_slot[row] + 1]):
             other = reel.to[e]
+            if not reel.has_next[other : other + weights.stride].all():
+                continue  # the film ends too soon
             price = 6 * reel.seam[e] + repeat(other, t, shown)
             turned = heading - reel.heading[other] if reel.jumps_keep_heading else rot
             follow(place, turned, other, t, cost + price, shown)
@@ -175,6 +177,19 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
 
 
 # --- laws
+
+
+def test_after_a_jump_the_film_plays_for_a_stride():
+    """Branches of single ticks would cost least for their leg, and crowd out all others."""
+    rng, legal = np.random.default_rng(3), np.ones((90, 90), bool)
+    bounds = tank_bounds(Tank(legal, legal, np.zeros((2, 90, 90), np.int32)))
+    for stride in (1, 3, 6):
+        table, pairs, barred = random_film(rng)
+        film = film_of(table, pairs, BODY, barred=barred)
+        graph = search_graph(film, bounds, WEIGHTS._replace(stride=stride), 5)
+        to = graph.film.to[:, None] + np.arange(stride)
+        assert film.has_next[to].all() and len(to) == len(graph.jumps)
+    assert 0 < len(to) < len(film.to)
 
 
 def test_the_angle_of_a_cosine_is_estimated_to_a_fraction_of_a_degree():

@@ -49,10 +49,13 @@ def search_graph(
 
     bounds: what keeps a fish inside the tank; lead_ticks: how many ticks ahead the places lie.
     """
-    jumps = np.zeros(len(film.to), JUMP)
-    _sort_jumps(film, weights, jumps)
     rows = film.rows
     numbers, run = np.arange(len(rows)), ticks_to_film_end(rows["has_next"])
+    # A jump leads on for a stride at least: branches of single ticks would cost least for a leg,
+    # and crowd out all others.
+    film = film.keep_jumps(run[film.to] >= weights.stride)
+    jumps = np.zeros(len(film.to), JUMP)
+    _sort_jumps(film, weights, jumps)
     # The last number, beyond all rows, is for rows without jumps farther on.
     jump_rows = np.append(np.flatnonzero(rows["jump_slot"] >= 0), 2 * len(rows))
     next_jump_rows = jump_rows[np.searchsorted(jump_rows, numbers + weights.stride)]
