@@ -115,7 +115,7 @@ def _describe_film(facts: VideoFacts, source: str, features: Mapping[str, float]
 
 
 def _list_doubts(features: dict[str, float]) -> pd.DataFrame:
-    """Return what is doubtful in the film and in the modes: columns mode, doubt (a sentence).
+    """Return what is doubtful in the film and in the modes: columns about, doubt (a sentence).
 
     features: the numbers of the stage `features`.
     """
@@ -133,8 +133,9 @@ def _list_doubts(features: dict[str, float]) -> pd.DataFrame:
             for fault in findings[findings["verdict"] != GOOD].to_dict("records"):
                 text = f"{fault['measured']} {fault['what to do']}"
                 rows.append((fault.get("film", "The film"), text))
-    film = pd.DataFrame(rows, columns=["mode", "doubt"])
-    return pd.concat([film, pd.read_csv(BESIDE / "doubts.csv")], ignore_index=True)
+    film = pd.DataFrame(rows, columns=["about", "doubt"])
+    modes = pd.read_csv(BESIDE / "doubts.csv").rename(columns={"mode": "about"})
+    return pd.concat([film, modes], ignore_index=True)
 
 
 def _describe_animation(mode: str, marks: bool) -> str:

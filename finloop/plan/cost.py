@@ -108,9 +108,7 @@ class Rarity:
         steps (…): Euclidean distances (Eq. 5) of pictures. The cost grows with the share of film
         steps that are smaller.
         """
-        count = len(self.sorted_steps)
-        larger = count - np.searchsorted(self.sorted_steps, steps)
-        return self.weight * count / np.maximum(larger, 1)
+        return np.asarray(_step_cost(steps, self.sorted_steps, self.weight))
 
     @property
     def cumulative_row_costs(self) -> Floats:
@@ -137,11 +135,22 @@ class Rarity:
         )  # fmt: skip
 
 
+@for_kernels
+def _step_cost(step, sorted_steps, weight):  # type: ignore[no-untyped-def]
+    """Return the cost, in ticks, of a step as large as, or smaller than, m of the film's n steps.
+
+    step: a number or an array, as an Euclidean distance (Eq. 5); sorted_steps (n,): those of the
+    film, rising; the cost is weight · n / m, with m at least 1.
+    """
+    count = len(sorted_steps)
+    return weight * count / np.maximum(count - np.searchsorted(sorted_steps, step), 1)
+
+
 @kernel
 def _transition_costs(steps_and_costs, weight_and_added_step, rows, codes, row):  # type: ignore[no-untyped-def]
-    """Return what `Rarity.transition_costs` does; its fields come as tuples."""
+    """Return what `Rarity.transition_costs` does, (k,) in ticks; its fields come as tuples."""
     (steps, row_costs, sorted_steps), (weight, added_step) = steps_and_costs, weight_and_added_step
-    count, costs = len(sorted_steps), np.zeros(rows.size)
+    costs = np.zeros(rows.size)
     for k in range(rows.size):
         square_offset = 0.0  # between the poses of the two rows
         for c in range(codes.shape[1]):
@@ -149,8 +158,7 @@ def _transition_costs(steps_and_costs, weight_and_added_step, rows, codes, row):
         for tick in range(1, 1 + _FADING_TICKS):
             next_row = (rows[k] + tick) % len(steps)
             step = steps[next_row] + added_step * np.sqrt(square_offset)
-            larger = count - np.searchsorted(sorted_steps, step)
-            costs[k] += weight * count / max(larger, 1) - row_costs[next_row]
+            costs[k] += _step_cost(step, sorted_steps, weight) - row_costs[next_row]
     return costs
 
 
