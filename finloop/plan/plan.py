@@ -34,18 +34,22 @@ class CandidateVerdicts:
     verdict: NDArray[np.int8]
     taken: int = -1
 
-    def add_to_decision(self, decision: Decision) -> Decision:
+    def add_to_decision(self, decision: Decision, exit_code: str = "") -> Decision:
         """Return a decision with the costs and the number of the candidates added.
 
         They are the costs of the chosen candidate and of the cheapest other one, how many
-        candidates there were, and how many fail each test.
+        candidates there were, and how many fail each test. exit_code: of `EXITS`, why the fish
+        leaves the film.
         """
         counts = np.bincount(self.verdict, minlength=len(VERDICTS)).tolist()
         _good, tank, quadrant, heading, _passed_over = counts  # in the order of VERDICTS
-        others = self.costs.copy()
+        others, value_s = self.costs.copy(), np.nan
         if self.taken >= 0:
             others[self.taken] = np.inf
+            if np.isfinite(self.costs[self.taken]):
+                value_s = float(self.costs[self.taken])
         return decision._replace(
+            exit=exit_code, value_s=value_s,
             ways=len(self.rows), ways_tank=tank, ways_quadrant=quadrant, ways_heading=heading,
             taken_terms=self._term_costs(self.costs, self.taken),
             other_terms=self._term_costs(others, int(others.argmin())),

@@ -59,7 +59,6 @@ from finloop.social.rule import SchoolRule
 
 _MOST_TRIES = 200  # tries to draw a place clear of the other fish
 _FEWER = 4  # divides the beam of a fish that wanders, or that has others near it
-_WIDER = 8  # multiplies the beam of a fish without a goal where no branch leads on
 _STARTS = 300  # random rows of which the best begins a path
 
 
@@ -362,21 +361,22 @@ class Planner:
     ) -> Plan | None:  # fmt: skip
         """Return the cheapest plan from the candidates of a search; None where no row can be shown.
 
-        source: the motion source of the candidates. On a path, or where the fish wanders alone, a
-        search in which no branch leads on is repeated with a wider beam.
+        source: the motion source of the candidates. Where a fish that wanders alone finds no branch
+        that leads on, the search is repeated with the whole beam.
         """
-        on_path, is_alone = len(objective.route.x) > 0, not start.company.near
+        is_alone, on_path = not start.company.near, len(objective.route.x) > 0
         wanders = objective.aim.free and not on_path
         weights = self._narrow_weights if wanders or not is_alone else self._weights
         horizon = self._ticks_between_searches(objective) + self.world.to_ticks(
             self.world.settings.look_ahead_deltas
         )
         outcomes, rows = beam_search(source.graph, candidates, start, objective, weights, horizon)
-        repeats = on_path or (wanders and is_alone)
-        if repeats and np.isinf(outcomes.costs).all() and outcomes.displaced.any():
+        leads_nowhere = np.isinf(outcomes.costs).all() and outcomes.displaced.any()
+        if wanders and is_alone and leads_nowhere:
             # The cheapest branches are much alike, and may all run into one wall.
-            wider = weights._replace(beam=_WIDER * weights.beam)
-            outcomes, rows = beam_search(source.graph, candidates, start, objective, wider, horizon)
+            outcomes, rows = beam_search(
+                source.graph, candidates, start, objective, self._weights, horizon
+            )
         if not len(rows):
             return None
         taken, ticks = int((candidates.rows == rows[0]).argmax()), source.graph.leg[rows]
@@ -397,19 +397,17 @@ class Planner:
         target = path.task if isinstance(path.task, Target) else ANYWHERE
         passage = source.swim_run(fish, run, path.along, objective, target)
         on_path, trajectory = len(objective.route.x) > 0, passage.trajectory
-        rate, options = self.world.motion.rate_hz, None
-        reason = JUMP if passage.jumps else PLAY
-        decision = Decision(reason if path.motion == FILM else AS_PREDICTED, seam=passage.seam)
+        reason, quadrant = JUMP if passage.jumps else PLAY, 0
         if len(trajectory) and not on_path:
             x, y, _ = trajectory[-1].tolist()
-            decision = decision._replace(quadrant=quadrant_of_displacement(x - fish.x, fish.y - y))
-        if plan is not None:
-            options = plan.verdicts(rate)
-            value_s = plan.cost / rate if np.isfinite(plan.cost) else np.nan
+            quadrant = quadrant_of_displacement(x - fish.x, fish.y - y)
+        decision = Decision(
+            reason if path.motion == FILM else AS_PREDICTED, seam=passage.seam, quadrant=quadrant
+        )
+        options = None if plan is None else plan.verdicts(self.world.motion.rate_hz)
+        if options is not None:
             leaves_film = path.motion != FILM and fish.state == FILM
-            decision = options.add_to_decision(
-                decision._replace(value_s=value_s, exit=NO_WAY if leaves_film else "")
-            )
+            decision = options.add_to_decision(decision, NO_WAY if leaves_film else "")
         stretch = Stretch(
             source.state, trajectory, passage.rows, passage.jumps,
             self._point_ahead(objective, passage.along_px), passage.touched, decision, kind=FRAME,
