@@ -26,7 +26,7 @@ from finloop.io.movie import FilmWriter, Mp4Writer, WebpWriter
 from finloop.io.video import THREADS
 from finloop.pose import compute_film_poses
 from finloop.project import Project
-from finloop.render.gallery import CutoutShelf, Gallery
+from finloop.render.gallery import CutoutSet, Gallery
 from finloop.render.marks import MarkPainter
 from finloop.render.painter import Painter, PlacedFish
 
@@ -147,8 +147,8 @@ def main() -> None:
             table, _ = measure_features(tracks, float(RATE), settings("features"))
             poses = compute_film_poses(tracks, table, settings("pose"))
             bodies = Bodies(poses, np.zeros(len(table), bool), pd.DataFrame())
-            shelf = CutoutShelf(project.cutouts, tracks[["x_px", "y_px"]].to_numpy())
-            gallery = Gallery({FRAME: shelf}, bodies)
+            cutout_set = CutoutSet(project.cutouts, tracks[["x_px", "y_px"]].to_numpy())
+            gallery = Gallery({FRAME: cutout_set}, bodies)
 
             def copies() -> None:
                 for _ in range(TICKS):

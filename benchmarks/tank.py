@@ -16,7 +16,7 @@ import pandas as pd
 
 from finloop.io.movie import Mp4Writer
 from finloop.project import Project
-from finloop.tank.camera import PRESETS, TOUR, TankRoom, camera_views
+from finloop.tank.camera import PRESETS, TOUR, TankSize, camera_views
 from finloop.tank.scene import TankScene, choose_window
 from stages.settings import load_settings
 from stages.tank import animated_fish
@@ -33,13 +33,13 @@ def main() -> None:
         animated, times = animated_fish(p, project)
         fish = animated[0]
         depth, aspect = p.water_depth_bl * fish.length_px, SIZE[0] / SIZE[1]
-        room = TankRoom(facts.width_px, facts.height_px, depth, fish.length_px, aspect)
+        tank = TankSize(facts.width_px, facts.height_px, depth, fish.length_px, aspect)
         count = min(TICKS, len(fish))
-        with TankScene(background, room, SIZE) as scene:
+        with TankScene(background, tank, SIZE) as scene:
 
             def show(camera: str, writer: Mp4Writer | None = None) -> np.ndarray:
                 view = camera_views(
-                    camera, room, fish.place, fish.poses.heading, facts.frame_rate_hz
+                    camera, tank, fish.place, fish.poses.heading, facts.frame_rate_hz
                 )
                 frame_times = []
                 for tick in range(count):

@@ -423,10 +423,10 @@ class Project:
     def whole_gallery(self) -> Gallery:
         """Return the pictures that any edit list can draw: frames and sprites, in any pose."""
         from finloop.edit.schema import FRAME, SPRITE
-        from finloop.render.gallery import Gallery, build_shelves
+        from finloop.render.gallery import Gallery, build_cutout_sets
 
         stores = {FRAME: self.cutouts, SPRITE: self.sprite_cutouts}
-        return Gallery(build_shelves(stores, self.tracks(PLACES), self.sprites), self.bodies)
+        return Gallery(build_cutout_sets(stores, self.tracks(PLACES), self.sprites), self.bodies)
 
     def gallery(self, drawn: EditSources) -> Gallery:
         """Return the pictures that one edit list draws: frames, and sprites if it needs them.
@@ -434,12 +434,12 @@ class Project:
         drawn: the edit list with its tables, from `edit_with_sources`.
         """
         from finloop.edit.schema import FRAME, SPRITE
-        from finloop.render.gallery import Gallery, build_shelves
+        from finloop.render.gallery import Gallery, build_cutout_sets
 
         stores = {FRAME: self.cutouts}
         if drawn.sprites is not None:
             stores[SPRITE] = self.sprite_cutouts
-        return Gallery(build_shelves(stores, drawn.tracks, drawn.sprites), drawn.bodies)
+        return Gallery(build_cutout_sets(stores, drawn.tracks, drawn.sprites), drawn.bodies)
 
 
 @lru_cache(1)

@@ -79,7 +79,7 @@ from finloop.modes.network import network_animator
 from finloop.plan.load_paths import load_path_lines
 from finloop.plan.matching_settings import merge_settings
 from finloop.pose.film import FilmPoses, compute_film_poses
-from finloop.render.gallery import Gallery, build_shelves, place_ticks
+from finloop.render.gallery import Gallery, build_cutout_sets, place_ticks
 from finloop.render.painter import Painter, Shadow
 from finloop.social.rule import SOCIAL_STEPS, SchoolRule, SocialSteps, require_rule
 from finloop.sprites.choice import choose_frames, swimmer_table
@@ -423,7 +423,7 @@ def write_video(
     p = settings("render", **changes)
     stores = {FRAME: reel.film} | ({} if reel.store is None else {SPRITE: reel.store})
     bodies = Bodies(poses, reel.has_next_frame, reel.sprites)
-    gallery = Gallery(build_shelves(stores, tracks.table, reel.sprites), bodies)
+    gallery = Gallery(build_cutout_sets(stores, tracks.table, reel.sprites), bodies)
     length_px = reel.length_px * float(edit["scale"].median())
     shadow = Shadow(p.shadow_darkness, p.shadow_blur * length_px)
     painter = Painter(tracks.background, shadow=shadow)

@@ -25,7 +25,7 @@ from finloop.live.web import HOST, bind_socket
 from finloop.modes.animator import Animator
 from finloop.modes.matching import NothingToUse
 from finloop.project import Project
-from finloop.render.gallery import PLACE, Gallery, build_shelves
+from finloop.render.gallery import PLACE, Gallery, build_cutout_sets
 from finloop.render.painter import Painter, Shadow
 from stages.settings import load_settings
 
@@ -71,8 +71,8 @@ def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView
         shadow = Shadow(q.shadow_darkness, q.shadow_blur * size * scene.typical_length_px)
         painter = Painter(project.background, shadow=shadow)
         stores = {FRAME: project.cutouts, SPRITE: project.sprite_cutouts}
-        shelves = build_shelves(stores, project.tracks(PLACE), project.sprites)
-        gallery = Gallery(shelves, project.bodies, PICTURES)
+        cutout_sets = build_cutout_sets(stores, project.tracks(PLACE), project.sprites)
+        gallery = Gallery(cutout_sets, project.bodies, PICTURES)
 
         def is_ghost(row: Any) -> bool:
             """Return whether a cross-fade would show two pictures too unlike, as a double image.

@@ -14,7 +14,7 @@ from finloop.io.atomic import whole_folder
 from finloop.io.movie import FilmWriter, Mp4Writer, WebpWriter
 from finloop.io.table import load_table
 from finloop.project import PLACES, Project
-from finloop.render.beside import WORDS_PX, draw_side_by_side, longest_tracks_edit_list
+from finloop.render.beside import CAPTION_PX, draw_side_by_side, longest_tracks_edit_list
 from finloop.render.gallery import Gallery, place_ticks
 from finloop.render.marks import MarkPainter
 from finloop.render.painter import Painter, Shadow
@@ -79,7 +79,7 @@ def _save_comparison(path: Path, p: RenderSettings, project: Project, ticks: int
     ticks = min(map(len, edits.values()))
     edits = {title: edit.iloc[:ticks] for title, edit in edits.items()}
     length_px, gallery = project.scene.typical_length_px, project.whole_gallery
-    shape, rate = (p.beside_px + WORDS_PX, len(edits) * p.beside_px, 3), project.facts.frame_rate
+    shape, rate = (p.beside_px + CAPTION_PX, len(edits) * p.beside_px, 3), project.facts.frame_rate
     with Mp4Writer(path, shape, rate, p.crf) as writer:
         for frame in draw_side_by_side(edits, gallery, project.background, length_px, p.beside_px):
             writer.write(frame)

@@ -16,7 +16,7 @@ from finloop.base.errors import FinloopError
 from finloop.edit.schema import FRAME
 from finloop.live.tank import rehearse_paths
 from finloop.project import Project
-from finloop.render.gallery import PLACE, Gallery, build_shelves
+from finloop.render.gallery import PLACE, Gallery, build_cutout_sets
 from finloop.stimulus.display import load_display
 from finloop.stimulus.feed import Feed, TankCanvas
 from finloop.stimulus.log import FORMAT
@@ -111,7 +111,7 @@ def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
     with Project() as project:
         animator = open_mode(project)
         reel, bodies = animator.pictures.reel, animator.pictures.bodies
-        gallery = Gallery(build_shelves({FRAME: reel.film}, project.tracks(PLACE), None), bodies)
+        gallery = Gallery(build_cutout_sets({FRAME: reel.film}, project.tracks(PLACE), None), bodies)
         film_mm, length_px = project.facts.mm_per_px, animator.world.motion.body_length_px
         # By the length of fish that the protocol wants, else by the film's scale; None: unknown.
         mm_per_px = fish_mm / length_px if fish_mm else film_mm and film_mm / reel.size

@@ -16,7 +16,7 @@ from finloop.io.picture import save_picture
 from finloop.io.viewer import save_viewer
 from finloop.project import Project
 from finloop.tank.body import arc_lengths, typical_half_widths
-from finloop.tank.camera import FOLLOW, PRESETS, TankRoom, camera_views
+from finloop.tank.camera import FOLLOW, PRESETS, TankSize, camera_views
 from finloop.tank.fish import FishSurface
 from finloop.tank.gltf import AnimatedFish, encode_tank_glb, principal_shapes, to_gltf_axes
 from finloop.tank.scene import TankScene, choose_window
@@ -80,12 +80,12 @@ def main() -> None:
         fish, time = animated_fish(p, project)
         first, ticks = fish[0], len(time)
         depth, size = p.water_depth_bl * first.length_px, (p.width_px, p.height_px)
-        room = TankRoom(facts.width_px, facts.height_px, depth, first.length_px, size[0] / size[1])
+        tank = TankSize(facts.width_px, facts.height_px, depth, first.length_px, size[0] / size[1])
         cameras = {  # those that follow follow the first fish
-            name: camera_views(name, room, first.place, first.poses.heading, rate)
+            name: camera_views(name, tank, first.place, first.poses.heading, rate)
             for name in (*PRESETS, p.camera)
         }
-        with TankScene(background, room, size, len(fish)) as scene:
+        with TankScene(background, tank, size, len(fish)) as scene:
 
             def draw_view(camera: str, tick: int) -> np.ndarray:
                 """Return the picture (h, w, 3) of the tank that a camera sees at a tick."""
@@ -110,9 +110,9 @@ def main() -> None:
             )
             for surface in fish
         ]  # fmt: skip
-        glb = encode_tank_glb(room, background, first.typical_skin(), bodies, rate)
+        glb = encode_tank_glb(tank, background, first.typical_skin(), bodies, rate)
         save_bytes(folder / "tank.glb", glb)
-        path = [to_gltf_axes((place - room.middle) / room.length) for place in first.place]
+        path = [to_gltf_axes((place - tank.middle) / tank.body_length) for place in first.place]
         save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, path, rate)
     save_picture(REPORT / "contact_sheet.png", _join_sheet(rows))
     error_px = max(body.shape.error_px for body in bodies)

@@ -44,7 +44,7 @@ from finloop.io.poses.save import save_netcdf, save_nwb
 from finloop.io.record import save_json, save_record
 from finloop.io.table import save_csv_in_blocks, save_table
 from finloop.io.video import VideoFacts, save_facts
-from finloop.render.gallery import CutoutShelf, Gallery
+from finloop.render.gallery import CutoutSet, Gallery
 from finloop.render.painter import Box, Painter, PlacedFish, TurnedPicture, pad_picture
 from finloop.sprites.orient import SPRITES
 
@@ -599,7 +599,7 @@ def test_what_cannot_be_exported_is_said_and_nothing_is_left(folder, harm, said)
 def test_a_cycle_keeps_the_mass_centre_in_the_middle():
     store = [Cutout(0, 0, 35, 25, drop()) for _ in range(12 * ORIENTATIONS)]
     own = np.array([35, 25]) + mass_centre(drop()[..., -1].astype(float))
-    gallery = Gallery({"sprite": CutoutShelf(store, own[None].repeat(12, 0), ORIENTATIONS)})
+    gallery = Gallery({"sprite": CutoutSet(store, own[None].repeat(12, 0), ORIENTATIONS)})
     steps, half = sprites_of_sequence(sprite_table(), "left", gallery)
     alone = FishOnlyPainter(2 * half + 1, 2 * half + 1, 1)
     crop = box_of_all_fish(steps, alone)

@@ -166,7 +166,7 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
 
     async def flood():
         view = view_of(fish=2)
-        view.gallery = Gallery(view.gallery.shelves, view.gallery.bodies, keep=4)
+        view.gallery = Gallery(view.gallery.cutout_sets, view.gallery.bodies, keep=4)
         host, pages, counts = TankHost(view), [PageClient() for _ in range(3)], []
         for part in range(8):
             for number, text in enumerate(hostile(1250, part)):

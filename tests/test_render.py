@@ -48,7 +48,7 @@ from finloop.plots.render import (
     ticks_around_switch,
 )  # fmt: skip
 from finloop.puppet import PlacedBackbone
-from finloop.render.gallery import CutoutShelf, Gallery, place_rows, place_ticks
+from finloop.render.gallery import CutoutSet, Gallery, place_rows, place_ticks
 from finloop.render.marks import (
     COLOURS,
     MarkPainter,
@@ -312,7 +312,7 @@ def gallery(count=3, keep=512):
     store = [Cutout(0, i, 10 + 3 * i, 20, drop(level=1 - 0.2 * i)) for i in range(count)]
     own = mass_centre(drop()[..., -1].astype(float))
     centres = own + [[10 + 3 * i, 20] for i in range(count)]
-    return Gallery({"frame": CutoutShelf(store, centres)}, keep=keep)
+    return Gallery({"frame": CutoutSet(store, centres)}, keep=keep)
 
 
 # --- several fish
@@ -470,24 +470,24 @@ def test_a_bend_moves_the_tail_and_what_is_off_the_canvas_is_cut_off():
 
 
 def test_rows_are_drawn_as_they_say():
-    shelf = gallery()
+    stored = gallery()
     edit = edit_list(
         2, source=[0, 2], rotation_deg=[0.0, 30.0], scale=[1.0, 1.5], weight=[0.0, 0.25],
         partner_kind=[None, "frame"], partner=pd.array([pd.NA, 1], dtype="Int32"),
         partner_rotation_deg=[np.nan, -20.0], partner_scale=[np.nan, 0.5],
     )  # fmt: skip
-    first, second = place_rows(edit, shelf)
-    pictures = [shelf.film_picture(i) for i in range(3)]
+    first, second = place_rows(edit, stored)
+    pictures = [stored.film_picture(i) for i in range(3)]
     assert first == (30.0, 45.0, TurnedPicture(pictures[0]), None, 0.0)
     turned = TurnedPicture(pictures[2], 30.0, 1.5), TurnedPicture(pictures[1], -20.0, 0.5)
     assert second == (90.0, 45.0, *turned, 0.25)
 
 
 def test_the_gallery_holds_no_more_than_it_may():
-    shelf = gallery(5, keep=2)
+    stored = gallery(5, keep=2)
     for number in (0, 1, 2, 3, 4, 4, 3):
-        assert isinstance(shelf.film_picture(number), PaddedPicture)
-    info = shelf.picture.cache_info()
+        assert isinstance(stored.film_picture(number), PaddedPicture)
+    info = stored.picture.cache_info()
     assert (info.currsize, info.hits, info.misses) == (2, 2, 5)
 
 
@@ -531,9 +531,9 @@ def test_what_cannot_be_drawn_is_said_at_once(harm, said):
     ],
 )
 def test_a_sprite_that_is_in_no_orientation_is_refused(harm, said):
-    shelf = CutoutShelf([Cutout(0, 0, 10, 20, drop())] * 48, np.full((2, 2), 25.0), 24)
+    stored = CutoutSet([Cutout(0, 0, 10, 20, drop())] * 48, np.full((2, 2), 25.0), 24)
     with pytest.raises(FinloopError, match=said):
-        place_rows(edit_list(3, **{"kind": "sprite"} | harm), Gallery({"sprite": shelf}))
+        place_rows(edit_list(3, **{"kind": "sprite"} | harm), Gallery({"sprite": stored}))
 
 
 def test_all_problems_are_said_together_and_none_is_none():
@@ -562,20 +562,20 @@ def test_a_step_is_the_distance_of_the_two_pictures():
 
 def test_steps_of_the_film_join_consecutive_frames_of_one_track():
     """A gap and a change of track are no steps."""
-    shelf, painter = gallery(5), Painter(BLACK)
-    places = shelf.shelves["frame"].centres_px
+    stored, painter = gallery(5), Painter(BLACK)
+    places = stored.cutout_sets["frame"].centres_px
     tracks = pd.DataFrame({
         "track_id": [2, 2, 2, 7, 7], "frame": [7, 8, 10, 11, 12],
         "x_px": places[:, 0], "y_px": places[:, 1],
     })  # fmt: skip
-    found = film_frame_changes(painter, shelf, tracks)
+    found = film_frame_changes(painter, stored, tracks)
     pictures = [
-        paint_fish(*places[i], TurnedPicture(shelf.film_picture(i))).astype(float) for i in range(5)
+        paint_fish(*places[i], TurnedPicture(stored.film_picture(i))).astype(float) for i in range(5)
     ]
     wanted = [np.linalg.norm(pictures[a] - pictures[b]) for a, b in ((0, 1), (3, 4))]
     assert found == pytest.approx(wanted)
-    assert len(film_frame_changes(painter, shelf, tracks, most=1)) == 1
-    assert len(film_frame_changes(painter, shelf, tracks.iloc[:1])) == 0
+    assert len(film_frame_changes(painter, stored, tracks, most=1)) == 1
+    assert len(film_frame_changes(painter, stored, tracks.iloc[:1])) == 0
 
 
 def test_step_numbers_are_one_where_nothing_differs():
@@ -619,11 +619,11 @@ def test_parts_and_aims():
 def test_marks_lie_below_the_fish_and_the_way_grows():
     edit = journey()
     store = [Cutout(0, 0, 0, 0, np.full((5, 5, 2), 255, np.uint8))]
-    shelf = Gallery({"frame": CutoutShelf(store, [[2, 2]])})
+    stored = Gallery({"frame": CutoutSet(store, [[2, 2]])})
     marked, clean = Painter(TANK, colour=True), Painter(TANK, colour=True)
     marks = MarkPainter(marked, edit, GOALS)
     marks_seen = []
-    for tick, one in enumerate(place_rows(edit, shelf)):
+    for tick, one in enumerate(place_rows(edit, stored)):
         clean.show(one)
         marks.show(tick, one)
         differs = (marked.frame != clean.frame).any(axis=2)

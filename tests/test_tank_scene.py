@@ -75,11 +75,11 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
     """Without perspective a pixel of the film is a pixel of the picture."""
     fish = fish_of(edit_list(2, x_px=[70.0, 140.0], y_px=[50.0, 100.0], rotation_deg=[20.0, 200.0]))
     size = (208, 156)
-    room = ROOM._replace(aspect=size[0] / size[1])
-    view = camera_views("top", room, fish.place, fish.poses.heading, 25.0)
+    tank = ROOM._replace(aspect=size[0] / size[1])
+    view = camera_views("top", tank, fish.place, fish.poses.heading, 25.0)
     floor = np.full((150, 200), 128, np.uint8)
     floor[:40, :40] = 60
-    with TankScene(floor, room, size) as scene:
+    with TankScene(floor, tank, size) as scene:
         for tick in range(2):
             shown = scene.draw_frame([fish.shape_at(tick)], view, tick, 0.0).astype(int)
             vivid = np.abs(shown[..., 0] - shown[..., 2]) > 42  # red or blue: the fish alone is
@@ -104,12 +104,12 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
 @drawing
 def test_several_fish_are_drawn_each_with_its_shadow():
     size = (208, 156)
-    room, floor = ROOM._replace(aspect=size[0] / size[1]), np.full((150, 200), 128, np.uint8)
+    tank, floor = ROOM._replace(aspect=size[0] / size[1]), np.full((150, 200), 128, np.uint8)
     one, other = (fish_of(edit_list(1, x_px=x, y_px=75.0)) for x in (60.0, 140.0))
-    view = camera_views("top", room, one.place, one.poses.heading, 25.0)
+    view = camera_views("top", tank, one.place, one.poses.heading, 25.0)
     shown = {}
     for name, fish in {"one": [one], "other": [other], "both": [one, other]}.items():
-        with TankScene(floor, room, size, len(fish)) as scene:
+        with TankScene(floor, tank, size, len(fish)) as scene:
             shown[name] = scene.draw_frame([own.shape_at(0) for own in fish], view, 0, 0.0).astype(
                 int
             )

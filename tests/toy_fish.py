@@ -7,7 +7,7 @@ import pandas as pd
 from finloop.base.cutout import Cutout
 from finloop.edit.schema import WHY
 from finloop.tank.body import typical_half_widths
-from finloop.tank.camera import TankRoom
+from finloop.tank.camera import TankSize
 from finloop.tank.fish import FishSurface
 from finloop.tank.skin import FishSkins
 from finloop.tank.swim import film_body_shapes, poses_in_tank
@@ -15,7 +15,7 @@ from finloop.tank.swim import film_body_shapes, poses_in_tank
 P, LENGTH = 33, 60.0
 S = np.linspace(0, 1, P)
 WIDTH = LENGTH * 0.1 * np.sqrt(np.abs(np.sin(np.pi * S**0.7))) * (1.05 - 0.75 * S)
-ROOM = TankRoom(200, 150, 120, LENGTH)
+ROOM = TankSize(200, 150, 120, LENGTH)
 
 
 def mass_centre(alpha):

@@ -8,7 +8,7 @@ from toy_tank import Drops, toy_players
 
 from finloop.edit.schema import FRAME
 from finloop.io.journal import save_journal
-from finloop.render.gallery import CutoutShelf, Gallery
+from finloop.render.gallery import CutoutSet, Gallery
 from finloop.stimulus.feed import Feed, TankCanvas
 from finloop.stimulus.log import FORMAT, SESSION, Log
 from finloop.stimulus.motion import TrialContext
@@ -34,8 +34,8 @@ def plan_of(conditions, **more):
 def feed_of(made, plan, slots=(64, 64), **facts):
     height, width = made.world.tank.arena.shape
     count, middle = len(made.bodies.poses.codes), (15.0, 15.0)
-    shelf = CutoutShelf(Drops(count), np.full((count, 2), middle))
-    gallery = Gallery({FRAME: shelf}, made.bodies)
+    cutout_set = CutoutSet(Drops(count), np.full((count, 2), middle))
+    gallery = Gallery({FRAME: cutout_set}, made.bodies)
     looks = [look.message for look in plan.looks]
     more = {"rate": made.rate_hz, "posture": made.posture, "looks": looks, "fish": plan.fish}
     more |= {"mm_per_px": None, "display": None, "mode": "session", "digest": False, "keys": []}

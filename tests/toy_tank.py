@@ -13,7 +13,7 @@ from finloop.edit.schema import FRAME, SPRITE
 from finloop.live.fish import ROW
 from finloop.live.tank import LiveTank
 from finloop.live.view import TankView
-from finloop.render.gallery import CutoutShelf, Gallery
+from finloop.render.gallery import CutoutSet, Gallery
 from finloop.render.painter import Painter
 
 
@@ -55,8 +55,8 @@ def view_of(mode="matching", fish=1, seed=0, colour=False):
     floor = np.full(ARENA.shape + ((3,) if colour else ()), 200, np.uint8)
     frames, sprites, middle = len(rich_film().has_next), 60, (15.0, 15.0)
     gallery = Gallery({
-        FRAME: CutoutShelf(Drops(frames), np.full((frames, 2), middle)),
-        SPRITE: CutoutShelf(Drops(24 * sprites), np.full((sprites, 2), middle), 24),
+        FRAME: CutoutSet(Drops(frames), np.full((frames, 2), middle)),
+        SPRITE: CutoutSet(Drops(24 * sprites), np.full((sprites, 2), middle), 24),
     }, bodies_of(rich_film()))  # fmt: skip
     return TankView(LiveTank(toy_players(), mode, fish, seed), Painter(floor), gallery)
 

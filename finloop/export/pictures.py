@@ -17,7 +17,7 @@ from finloop.render.gallery import Gallery
 from finloop.render.painter import Box, Painter, PlacedFish
 
 _WHITE = 255
-RIM = 3  # px of colour added under the edge of the fish, and beyond
+RIM = 3  # px around the fish that get its colour: what a codec or a filter reads beyond the edge
 _FAINT = 16  # alpha below which a pixel's own colour is too coarse
 
 _MM = ("x_mm", "y_mm", "aim_x_mm", "aim_y_mm")
@@ -63,48 +63,47 @@ class FishOnlyPainter:
         return np.concatenate([rgb, alpha], axis=2)
 
 
-def box_of_all_fish(frames: Iterable[Sequence[PlacedFish]], alone: FishOnlyPainter) -> Box:
+def box_of_all_fish(frames: Iterable[Sequence[PlacedFish]], painter: FishOnlyPainter) -> Box:
     """Return the smallest box of the canvas that holds all fish of all ticks, with a rim.
 
-    frames: the fish of every tick; alone: the painter that paints them. The box is one pixel if no
-    fish is on the canvas.
+    frames: the fish of every tick; painter: paints them. The box is one pixel if no fish is on the
+    canvas.
     """
-    boxes = [box for fish in frames if not (box := alone.show(*fish)).is_empty]
+    boxes = [box for fish in frames if not (box := painter.show(*fish)).is_empty]
     if not boxes:
         return Box(0, 0, 1, 1)
-    return Box.enclose(boxes).grow(RIM).clip_to(alone.black.canvas.shape)
+    return Box.enclose(boxes).grow(RIM).clip_to(painter.black.canvas.shape)
 
 
 def cut_out_fish(
-    frames: Iterable[Sequence[PlacedFish]], alone: FishOnlyPainter, crop: Box
+    frames: Iterable[Sequence[PlacedFish]], painter: FishOnlyPainter, crop: Box
 ) -> Iterator[Picture]:
     """Yield the fish of each tick without background: RGBA (h, w, 4) uint8 of the box `crop`.
 
     Alpha is straight, not premultiplied. The array is reused: take a copy to keep it. frames: the
-    fish of every tick; alone: the painter that paints them; `crop` is that of `box_of_all_fish`, or
-    a smaller one.
+    fish of every tick; painter: paints them; crop: that of `box_of_all_fish`, or a smaller one.
     """
     frame = np.zeros((crop.bottom - crop.top, crop.right - crop.left, 4), np.uint8)
     painted = Box(0, 0, 0, 0)  # part of the frame that is not empty
     for fish in frames:
         frame[painted.slices] = 0
-        box = alone.show(*fish).grow(RIM).intersect(crop)
+        box = painter.show(*fish).grow(RIM).intersect(crop)
         painted = Box(0, 0, 0, 0)
         if not box.is_empty:
             painted = Box(
                 box.top - crop.top, box.left - crop.left,
                 box.bottom - crop.top, box.right - crop.left,
             )  # fmt: skip
-            frame[painted.slices] = _straighten_alpha(alone.cut_box(box))
+            frame[painted.slices] = _straighten_alpha(painter.cut_box(box))
         yield frame
 
 
 def _straighten_alpha(pixels: Picture) -> Picture:
-    """Return premultiplied RGBA (h, w, 4) uint8 with straight alpha, the colour extended outwards.
+    """Return a picture with straight alpha, (h, w, 4) RGBA uint8, from a premultiplied one.
 
     The colour of a faint pixel is rounded too coarsely (at alpha 1 it is 0 or 255): it gets the
-    mean around it, as transparent pixels within `RIM` do. Else 4:2:0 and filters would bring noise,
-    or black, into the edge.
+    mean around it, as transparent pixels within `RIM` do. Else video codecs, which halve the
+    resolution of colour, and filters would bring noise, or black, into the edge.
     """
     premultiplied = pixels.astype(np.float32)
     around = cv2.boxFilter(
@@ -121,10 +120,10 @@ def _straighten_alpha(pixels: Picture) -> Picture:
 def sprites_of_sequence(
     sprites: pd.DataFrame, sequence: str, gallery: Gallery
 ) -> tuple[list[tuple[PlacedFish]], int]:
-    """Return a sequence's sprites, all headed right in the middle of a canvas, and its size `half`.
+    """Return the sprites of a sequence to draw, one fish a step, and the size `half` of a canvas.
 
-    Each step of the sequence has one fish. The mass centre is the middle pixel of a square canvas,
-    2 half + 1 px wide. sprites: schema SPRITES; sequence: name of the sequence.
+    The canvas is square, 2 half + 1 px wide, and holds them all: each is headed right, with its
+    mass centre in the middle pixel. sprites: schema SPRITES; sequence: name of the sequence.
     """
     rows = sprites[sprites["sequence"] == sequence]
     steps = [
@@ -142,11 +141,11 @@ def add_film_sources(
     edit: pd.DataFrame, tracks: pd.DataFrame, sprites: pd.DataFrame,
     mm_per_px: float | None = None, length_px: float = np.nan,
 ) -> pd.DataFrame:  # fmt: skip
-    """Add to an edit list which track and frame of the film each row shows, and lengths in mm.
+    """Return an edit list with the track and frame of the film of each row, and lengths in mm.
 
-    edit: schema EDIT; tracks: track_id and frame of every cut-out (pixels of a fish with alpha);
-    sprites: schema SPRITES; mm_per_px: None where unknown; length_px: body length of the animal as
-    drawn. The result has the columns READABLE.
+    The result has the columns READABLE. edit: schema EDIT; tracks: track_id and frame of every
+    cut-out (pixels of a fish with alpha); sprites: schema SPRITES; mm_per_px: None where unknown;
+    length_px: body length of the animal as drawn, for its speed.
     """
     source = _film_source_columns(edit, "", "source", tracks, sprites)
     partner = _film_source_columns(edit, "partner_", "partner", tracks, sprites)
@@ -160,7 +159,7 @@ def add_film_sources(
 
 
 def flatten_poses(listed: pd.DataFrame) -> pd.DataFrame:
-    """Replace the lists in `pose` of an edit list (READABLE) by columns pose_1, pose_2 … for CSV.
+    """Return an edit list (READABLE) for CSV: the lists in `pose` as columns pose_1, pose_2 and so on.
 
     A row without a pose has empty cells there. Where no scale is known, columns in mm are left out.
     """

@@ -26,7 +26,7 @@ def keypoints_of_tracks(
     tracks: pd.DataFrame, features: pd.DataFrame, frames: int, body_points: int, least_frames: int,
     most: int, animals: pd.Series | None = None,
 ) -> Poses:  # fmt: skip
-    """Return head, equidistant body points, tail and mass centre (px) of the longest tracks.
+    """Return the poses of the longest tracks: head, equidistant body points, tail, mass centre, px.
 
     The confidence of head, body and tail is `head_confidence`; that of the mass centre is 1. If all
     tracks are too short, only the longest is returned.
@@ -59,9 +59,10 @@ def keypoints_of_tracks(
 
 
 def deeplabcut_tables(poses: Poses, block: int = BLOCK) -> Iterator[pd.DataFrame]:
-    """Yield tables in DeepLabCut's layout, `block` frames each, a row per frame of the clip.
+    """Yield the poses as tables in DeepLabCut's layout, a row per frame of the clip.
 
-    Columns: x, y (px) and likelihood (0 … 1) of every keypoint of every individual.
+    Columns: x, y (px) and likelihood (0 … 1) of every keypoint of every individual. block: frames
+    of a table, so that not all are in memory at once.
     """
     columns = pd.MultiIndex.from_product(
         [[SCORER], poses.individuals, poses.keypoints, ["x", "y", "likelihood"]],

@@ -13,7 +13,7 @@ from finloop.render.gallery import Gallery, place_rows
 from finloop.render.marks import COLOURS, rgb_from_hex, write_text
 from finloop.render.painter import Painter
 
-WORDS_PX = 40
+CAPTION_PX = 40
 """Height of the text below a panel."""
 _AROUND = 1.25  # body lengths that a panel shows on every side of the fish
 
@@ -33,40 +33,41 @@ def longest_tracks_edit_list(track: Ints, places: Floats, ticks: int) -> pd.Data
 def draw_side_by_side(
     edits: Mapping[str, pd.DataFrame], gallery: Gallery, floor: Picture, length_px: float, size: int
 ) -> Iterator[Picture]:
-    """Draw edit lists of one fish side by side: yield a picture (h, w, 3) uint8 for each tick.
+    """Yield, for each tick, a picture (h, w, 3) uint8 of several edit lists side by side.
 
-    edits: by the title below each, all equally long; floor: the empty tank, (H, W) or (H, W, 3)
-    uint8; length_px: body length of the fish; size: width and height of a panel, px. A panel
-    follows the fish; below it are its title and what it shows. h is size + WORDS_PX, w is size ·
-    lists.
+    edits: each of one fish, by the title below its panel, all equally long; floor: the empty tank,
+    (H, W) or (H, W, 3) uint8; length_px: body length of the fish; size: width and height of a
+    panel, px. A panel follows the fish; below it are its title and the kind of picture that it
+    shows, such as "film". h is size + CAPTION_PX, w is size times the number of edit lists.
     """
     half_px = _AROUND * length_px
     panel_films = [_draw_panels(edit, gallery, floor, half_px, size) for edit in edits.values()]
     for panels in zip(*panel_films, strict=True):
-        frame = np.full((size + WORDS_PX, len(edits) * size, 3), 255, np.uint8)
-        for number, (title, (picture, name)) in enumerate(zip(edits, panels, strict=True)):
-            left = number * size
-            frame[:size, left : left + size] = picture  # below it a bar, 6 px high
-            frame[size : size + 6, left : left + size] = rgb_from_hex(COLOURS[name])
+        frame = np.full((size + CAPTION_PX, len(edits) * size, 3), 255, np.uint8)
+        for number, (title, (picture, kind)) in enumerate(zip(edits, panels, strict=True)):
+            x = number * size  # of the panel's left edge
+            frame[:size, x : x + size] = picture  # below it a bar, 6 px high
+            frame[size : size + 6, x : x + size] = rgb_from_hex(COLOURS[kind])
             black, grey = (0, 0, 0), (90, 90, 90)
-            write_text(frame, title, (left + 8, size + 22), black, size=15, weight=700)
-            write_text(frame, name, (left + 8, size + 36), grey, size=12)
+            write_text(frame, title, (x + 8, size + 22), black, size=15, weight=700)
+            write_text(frame, kind, (x + 8, size + 36), grey, size=12)
         yield frame
 
 
 def _draw_panels(
     edit: pd.DataFrame, gallery: Gallery, floor: Picture, half_px: float, size: int
 ) -> Iterator[tuple[Picture, str]]:
-    """Yield, for each tick, a square picture around the fish and the name of what it shows.
+    """Yield, for each tick of an edit list, a panel: a square picture and the kind of its picture.
 
-    floor: the empty tank; half_px: how far a panel shows it on each side of the fish, px of the
-    tank; size: side of a panel, px.
+    The fish is in the middle. The kind is a key of `COLOURS`, such as "film". floor: the empty
+    tank; half_px: how far a panel shows it on each side of the fish, px of the tank; size: side of
+    a panel, px.
     """
-    painter, names = Painter(floor, colour=True), picture_kinds(edit)
-    for fish, name in zip(place_rows(edit, gallery), names, strict=True):
+    painter, kinds = Painter(floor, colour=True), picture_kinds(edit)
+    middle = (size - 1) / 2
+    zoom = middle / half_px
+    for fish, kind in zip(place_rows(edit, gallery), kinds, strict=True):
         painter.show(fish)
-        middle = (size - 1) / 2
-        zoom = middle / half_px
         to_panel = np.array([  # puts the fish into the middle
             [zoom, 0, middle - zoom * fish.x_px], [0, zoom, middle - zoom * fish.y_px],
         ])  # fmt: skip
@@ -74,4 +75,4 @@ def _draw_panels(
             painter.frame, to_panel, (size, size), flags=cv2.INTER_AREA,
             borderMode=cv2.BORDER_REPLICATE,
         )  # fmt: skip
-        yield panel, str(name)
+        yield panel, str(kind)

@@ -33,8 +33,8 @@ _COLUMNS = [
 ]  # fmt: skip
 
 
-class CutoutShelf(NamedTuple):
-    """A store of fish pictures: n frames, or n sprites in each of `orientations` orientations.
+class CutoutSet(NamedTuple):
+    """All cut-outs of one kind: of n frames, or of n sprites in `orientations` orientations each.
 
     centres_px (n, 2): their mass centres in the film.
     """
@@ -45,16 +45,17 @@ class CutoutShelf(NamedTuple):
 
 
 class Gallery:
-    """The fish pictures that edit lists name; those used last stay in memory."""
+    """The fish pictures that the rows of edit lists name; those used last stay in memory."""
 
     def __init__(
-        self, shelves: Mapping[str, CutoutShelf], bodies: Bodies | None = None, keep: int = 512
+        self, cutout_sets: Mapping[str, CutoutSet], bodies: Bodies | None = None, keep: int = 512
     ) -> None:
-        """Take the stores of cut-outs by kind, FRAME or SPRITE; keep `keep` pictures in memory.
+        """Take the cut-outs by kind, FRAME or SPRITE.
 
         bodies: the film's postures, without which no frame is drawn mirrored or in another pose.
+        keep: how many pictures stay in memory.
         """
-        self.shelves, self.bodies = shelves, bodies
+        self.cutout_sets, self.bodies = cutout_sets, bodies
         self.picture = lru_cache(keep)(self._load_picture)
 
     def _load_picture(
@@ -65,9 +66,9 @@ class Gallery:
         kind: FRAME or SPRITE; source: film row, or number of the sprite; orientation: that of a
         sprite, from 1.
         """
-        shelf = self.shelves[kind]
-        cutout = shelf.store[sprite_store_row(source, orientation, shelf.orientations)]
-        x_px, y_px = shelf.centres_px[source]
+        cutout_set = self.cutout_sets[kind]
+        cutout = cutout_set.store[sprite_store_row(source, orientation, cutout_set.orientations)]
+        x_px, y_px = cutout_set.centres_px[source]
         x, y = x_px - cutout.x0_px, y_px - cutout.y0_px
         if mirrored:
             return pad_picture(cutout.pixels[:, ::-1], cutout.pixels.shape[1] - 1 - x, y)
@@ -98,27 +99,27 @@ class Gallery:
 
     def place_row(self, row: Any) -> PlacedFish:
         """Return the fish that a row (named tuple) of an edit list draws, and its cross-fade."""
-        wanted = [row_picture(row), row_partner(row)] if row.weight > 0 else [row_picture(row)]
+        has_partner = row.weight > 0
+        pictures = [row_picture(row), row_partner(row)] if has_partner else [row_picture(row)]
+        drawn: list[TurnedPicture] | list[BentPicture]
         if row.pose is None:
-            drawn: list[TurnedPicture] | list[BentPicture] = [
-                self.turn_picture(*picture) for picture in wanted
-            ]
+            drawn = [self.turn_picture(*picture) for picture in pictures]
         else:
-            drawn = self._bend_bodies(wanted, row.pose)
-        partner = drawn[1] if row.weight > 0 else None
+            drawn = self._bend_pictures(pictures, row.pose)
+        partner = drawn[1] if has_partner else None
         return PlacedFish(row.x_px, row.y_px, drawn[0], partner, row.weight)
 
-    def _bend_bodies(self, wanted: Sequence[RowPicture], codes: Floats) -> list[BentPicture]:
-        """Bend film pictures into one pose, with heading and size of the first picture.
+    def _bend_pictures(self, pictures: Sequence[RowPicture], codes: Floats) -> list[BentPicture]:
+        """Return film pictures bent into one pose, with heading and size of the first picture.
 
-        wanted: which pictures; codes (c,): the pose, by its principal-component scores.
+        codes (c,): the pose, by its principal-component scores.
         """
         assert self.bodies is not None
-        bodies = [self.bodies.body_in_edit_row(picture) for picture in wanted]
+        bodies = [self.bodies.body_in_edit_row(picture) for picture in pictures]
         poses = self.bodies.poses
         target = poses.pose_from_codes(int(bodies[0].row), codes)
         heading = math.radians(bodies[0].heading_deg)
-        size_px, bent = float(target.size_px) * wanted[0].scale, []
+        size_px, bent = float(target.size_px) * pictures[0].scale, []
         for body in bodies:
             filmed, picture = poses.pose[int(body.row)], self.film_picture(int(body.row))
             source = PlacedBackbone(
@@ -130,28 +131,28 @@ class Gallery:
         return bent
 
 
-def build_shelves(
+def build_cutout_sets(
     stores: Mapping[str, Cutouts], tracks: pd.DataFrame, sprites: pd.DataFrame | None
-) -> dict[str, CutoutShelf]:
-    """Return the stores of fish pictures with their mass centres, by kind: FRAME, perhaps SPRITE.
+) -> dict[str, CutoutSet]:
+    """Return all cut-outs with their mass centres, by kind: FRAME, and SPRITE if there are sprites.
 
-    stores: cut-outs (pixels of a fish with alpha) by kind; tracks: x_px, y_px of every frame's;
-    sprites: these and the orientations of every sprite, None without sprites. FinloopError if a
-    table belongs to another store.
+    stores: cut-outs (pixels of a fish with alpha) by kind; tracks: x_px, y_px of the fish in every
+    frame; sprites: the table of sprites, None without sprites. FinloopError if a table and its
+    store differ in their number of pictures.
     """
-    shelves = {FRAME: CutoutShelf(stores[FRAME], tracks[PLACE].to_numpy())}
+    cutout_sets = {FRAME: CutoutSet(stores[FRAME], tracks[PLACE].to_numpy())}
     if sprites is not None:
-        shelves[SPRITE] = CutoutShelf(
+        cutout_sets[SPRITE] = CutoutSet(
             stores[SPRITE], sprites[PLACE].to_numpy(), count_orientations(sprites)
         )
-    for kind, (store, centres, orientations) in shelves.items():
+    for kind, (store, centres, orientations) in cutout_sets.items():
         if len(store) != len(centres) * orientations:
             raise FinloopError(
                 f"{len(store)} pictures of kind {kind}, but {len(centres)} mass centres",
                 "a mass centre for every frame and sprite",
                 "make both again: `dvc repro --force extract sprites`",
             )
-    return shelves
+    return cutout_sets
 
 
 def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[PlacedFish]:
@@ -177,7 +178,7 @@ def place_ticks(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[PlacedFi
 
 def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
     """Raise FinloopError if an edit list cannot be drawn; list each problem with its first tick."""
-    shelves, bodies = gallery.shelves, gallery.bodies
+    cutout_sets, bodies = gallery.cutout_sets, gallery.bodies
     advice = "make the edit list again: `dvc repro --force animate`"
     if edit.empty:
         raise FinloopError("the edit list is empty", "at least one tick", advice)
@@ -191,7 +192,7 @@ def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
             others = f" (and at {len(bad) - 1} more ticks)" if len(bad) > 1 else ""
             problems.append(f"tick {tick}: {column} is {value}, wanted {wanted}{others}")
 
-    sizes = {kind: len(shelf.centres_px) for kind, shelf in shelves.items()}
+    sizes = {kind: len(cutout_set.centres_px) for kind, cutout_set in cutout_sets.items()}
     note_problem(edit["tick"] != edit.groupby("fish").cumcount(), "tick", "0, 1, 2, … of each fish")
     last = edit.groupby("fish")["tick"].transform("max")
     note_problem(last < last.max(), "fish", "as many ticks of each fish")
@@ -208,8 +209,8 @@ def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
         for name, size in sizes.items():
             is_bad = used & (kind == name) & ((source < 0) | (source >= size))
             note_problem(is_bad, source_column, f"a {name}, 0 … {size - 1}")
-        if SPRITE in shelves:
-            most, column = shelves[SPRITE].orientations, f"{prefix}orientation"
+        if SPRITE in cutout_sets:
+            most, column = cutout_sets[SPRITE].orientations, f"{prefix}orientation"
             is_bad = used & (kind == SPRITE) & ~edit[column].fillna(0).between(1, most)
             note_problem(is_bad, column, f"an orientation, 1 … {most}")
         scale = edit[f"{prefix}scale"].to_numpy(float)

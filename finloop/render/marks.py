@@ -33,7 +33,7 @@ COLOURS = {
 """Colours of what is shown (`finloop.edit.measures.SHOWN`), or where that is one thing, of the
 states."""
 _OTHERS = ("#56B4E9", "#F0E442", "#000000")
-_WAITING, _CURRENT = (255, 255, 255), (255, 190, 40)  # goals; a reached one has a dot
+_WAITING, _CURRENT = (255, 255, 255), (255, 190, 40)  # RGB of goals; a reached one has a dot
 _EDGE = (25, 25, 25)  # around bright marks, so that they are visible on a bright tank
 _FONT, _REGULAR, _BOLD = cv2.FontFace("sans"), 400, 700
 _SHIFT = 4  # cv2 takes sixteenths of a pixel
@@ -52,11 +52,22 @@ def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
     return names, {name: colours[name] for name in colours if (names == name).any()}
 
 
-def goal_stretches(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
-    """Return when a fish swims to which goal: its name ("" = wandering), first tick, tick after."""
+class GoalStretch(NamedTuple):
+    """The ticks from `start` up to before `stop`, in which a fish swims to one goal.
+
+    name: of the goal, "" = the fish wanders.
+    """
+
+    name: str
+    start: int
+    stop: int
+
+
+def goal_stretches(edit: pd.DataFrame) -> list[GoalStretch]:
+    """Return, in order, the stretches in which the only fish of an edit list swims to one goal."""
     goal = edit["goal"].to_numpy()
     edges = [0, *np.flatnonzero(goal[1:] != goal[:-1]) + 1, len(goal)]
-    return [(goal[a], int(a), int(b)) for a, b in pairwise(edges)]
+    return [GoalStretch(goal[start], int(start), int(stop)) for start, stop in pairwise(edges)]
 
 
 def ticks_with_goal(edit: pd.DataFrame) -> NDArray[np.bool_]:
@@ -84,15 +95,22 @@ def write_text(
     cv2.putText(picture, text, place, colour, _FONT, size, weight)
 
 
+class Pen(NamedTuple):
+    """How a line is drawn: its colour (red, green, blue, 0 … 255) and its width, px."""
+
+    colour: tuple[int, int, int]
+    width_px: int
+
+
 class MarkedTrack(NamedTuple):
     """The marks of one fish: its path, and the goals that it heads for.
 
-    places (ticks, 2): the path, px; pens: RGB and width (px) by tick; goals: by the tick at which
-    the goal changes, the name of the new one, "" = wandering.
+    places (ticks, 2): the path, px; pens: by tick, for the piece of path that ends there; goals: by
+    the tick at which the goal changes, the name of the new one, "" = wandering.
     """
 
     places: NDArray[np.float64]
-    pens: list[tuple[tuple[int, int, int], int]]
+    pens: list[Pen]
     goals: dict[int, str]
 
 
@@ -104,42 +122,50 @@ class MarkPainter:
 
         painter: draws in colour; edit: an edit list, of one or several fish, all equally long.
         """
-        height, width = painter.canvas.shape[:2]
+        height = painter.canvas.shape[0]
         self._painter, self._goals = painter, {goal.name: goal for goal in goals}
         self._size = max(9, round(height / 36))  # of letters, px
         self._line = max(1, round(height / 450))  # width of lines, px
         names, colours = tick_categories(edit)
         tick_colours = [rgb_from_hex(colours[name]) for name in names]
-        faint_pen = _faint_colour(painter.floor), 1
+        faint_pen = Pen(_faint_colour(painter.floor), 1)
         pens = [
-            (colour, self._line) if has_goal else faint_pen
+            Pen(colour, self._line) if has_goal else faint_pen
             for colour, has_goal in zip(tick_colours, ticks_with_goal(edit), strict=True)
         ]
         places = edit[["x_px", "y_px"]].to_numpy(float)
         self._tracks = [
             MarkedTrack(
                 places[rows], [pens[row] for row in rows],
-                {first: name for name, first, _ in goal_stretches(edit.iloc[rows])},
+                {stretch.start: stretch.name for stretch in goal_stretches(edit.iloc[rows])},
             )
             for rows in edit.groupby("fish").indices.values()
         ]  # fmt: skip
+        # Of the square beside the caption, which is there if there is one fish.
+        self._colours = tick_colours if len(self._tracks) == 1 else []
+        self._lay_out_caption(edit, places)
+        self._current_goals: list[str | None] = [None] * len(self._tracks)  # name, of each fish
+        for name in self._goals:
+            self._draw_goal(name, _WAITING)
+
+    def _lay_out_caption(self, edit: pd.DataFrame, places: NDArray[np.float64]) -> None:
+        """Set the texts of the caption at every tick, and where it and its parts are.
+
+        From left to right: a square if there is one fish, the time, the words. places (rows, 2):
+        px, of all fish, which the caption shall not cover.
+        """
         fish, ticks = len(self._tracks), len(self._tracks[0].places)
-        self._colours = tick_colours if fish == 1 else []  # of the square beside the caption
         self._times = [f"{time:.1f} s" for time in edit["time_s"][:ticks]]
         self._words = [f"{fish} fish"] * ticks if fish > 1 else [
             f"{state} → {goal}" if goal else f"{state}, wandering"
             for state, goal in zip(edit["state"], edit["goal"], strict=True)
         ]  # fmt: skip
-        # From left to right: a square if there is one fish, the time, the words.
         gap = self._size // 2
         self._time_x = gap + (self._size + gap) * bool(self._colours)
         self._words_x = self._time_x + self._text_width_px(max(self._times, key=len)) + 2 * gap
         plate_width = self._words_x + max(map(self._text_width_px, set(self._words))) + gap
-        plate_size = plate_width, 2 * self._size
-        self._plate = _find_free_corner(places, plate_size, (height, width), gap)
-        self._current: list[str | None] = [None] * fish
-        for name in self._goals:
-            self._draw_goal(name, _WAITING)
+        plate_size, shape = (plate_width, 2 * self._size), self._painter.canvas.shape[:2]
+        self._plate = _find_free_corner(places, plate_size, shape, gap)
 
     def show(self, tick: int, *fish: PlacedFish) -> None:
         """Draw the fish and all marks of a tick; ticks must come in order, since paths grow."""
@@ -150,20 +176,20 @@ class MarkPainter:
     def _draw_floor(self, tick: int) -> None:
         """Draw what a tick adds to the floor: a piece of each path, and a change of goals.
 
-        The goal before gets a dot, as it is reached; the new one gets the colour of the current.
+        The goal before gets a dot, as it is reached; the new one gets its own colour.
         """
         for fish, track in enumerate(self._tracks):
             if tick in track.goals:
-                if self._current[fish] in self._goals:
-                    self._draw_goal(str(self._current[fish]), _WAITING, reached=True)
-                self._current[fish] = name = track.goals[tick]
-                if name in self._goals:
-                    self._draw_goal(name, _CURRENT)
+                reached, new = self._current_goals[fish], track.goals[tick]
+                if reached in self._goals:
+                    self._draw_goal(str(reached), _WAITING, reached=True)
+                if new in self._goals:
+                    self._draw_goal(new, _CURRENT)
+                self._current_goals[fish] = new
             if tick:
                 start, stop = track.places[tick - 1], track.places[tick]
-                colour, width = track.pens[tick]
-                ends = _subpixel_point(start), _subpixel_point(stop)
-                cv2.line(self._painter.floor, *ends, colour, width, cv2.LINE_AA, _SHIFT)
+                pen, ends = track.pens[tick], (_subpixel_point(start), _subpixel_point(stop))
+                cv2.line(self._painter.floor, *ends, pen.colour, pen.width_px, cv2.LINE_AA, _SHIFT)
                 self._mark_floor_changed(np.stack([start, stop]), self._line + 2)
 
     def _draw_caption(self, tick: int) -> None:
@@ -183,7 +209,7 @@ class MarkPainter:
         self._painter.mark_changed(box)
 
     def _draw_goal(self, name: str, colour: tuple[int, int, int], reached: bool = False) -> None:
-        """Draw a goal on the floor: a ring with its name beside it, on a dark edge.
+        """Draw a goal on the floor: a ring with its name beside it, both with a dark edge.
 
         colour: RGB, 0 … 255; reached: whether a dot is drawn in the ring.
         """
@@ -242,10 +268,10 @@ def _subpixel_point(point: Sequence[float] | NDArray[np.float64]) -> tuple[int, 
 def _find_free_corner(
     places: NDArray[np.float64], size: tuple[int, int], shape: tuple[int, int], gap: int
 ) -> Box:
-    """Return the box in the corner of a picture where a plate is least often near the fish.
+    """Return the box in that corner of a picture where the caption is least often near the fish.
 
-    places (ticks, 2): of the fish, px; size: width and height of the plate; shape: height and width
-    of the picture; gap: from plate to edge; all px.
+    places (n, 2): of the fish, px; size: width and height of the caption; shape: height and width
+    of the picture; gap: from caption to edge; all px.
     """
     width, height = size
     reach = np.array(size) / 2 + 2 * height  # near: within two heights around the plate

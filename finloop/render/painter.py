@@ -363,29 +363,6 @@ def _sample_cubically(pixels, near, u, v):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def _readable_span(m, y, shape, ends):  # type: ignore[no-untyped-def]
-    """Return the range of x, start and stop, in which row y of a canvas shows a picture.
-
-    m: six coefficients, u = m0 x + m1 y + m2, v = m3 x + m4 y + m5 of the picture; shape: its
-    height and width; ends: the largest range. The range is empty if start ≥ stop.
-    """
-    start, stop = ends
-    # The kernel stays within the picture where 1 ≤ u < width − 2, and v alike.
-    for slope, offset, most in (
-        (m[0], m[1] * y + m[2], shape[1] - 2), (m[3], m[4] * y + m[5], shape[0] - 2),
-    ):  # fmt: skip
-        if abs(slope) < 1e-9:
-            if not 1 <= offset < most:
-                return 0, 0
-            continue
-        low, high = (1 - offset) / slope, (most - offset) / slope
-        if slope < 0:
-            low, high = high, low
-        start, stop = max(start, math.ceil(low - 1e-6)), min(stop, math.floor(high + 1e-6) + 1)
-    return start, stop
-
-
-@leaf_kernel
 def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
     """Return where pixel (x, y) lies in a picture, (u, v), and whether it can be sampled there.
 
@@ -401,38 +378,29 @@ def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
 def draw_layers(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
     """Cross-fade two pictures over the canvas, which changes: (1 − share) fish + share partner.
 
-    canvas: (H, W, 1 or 3) uint8; box: top, left, bottom, right of what is drawn; fish, partner: a
-    `PictureLayer` each, pixels and the coefficients that map the canvas to them; share: 0 … 1.
+    canvas: (H, W, 1 or 3) uint8; box: the `Box` of pixels to draw; fish, partner: a `PictureLayer`
+    each; share: 0 … 1.
     """
-    top, left, bottom, right = box
     # Unpacked here: within the loop every access to a tuple would count its references.
     pixels, near, m = fish
     other, other_near, n = partner
     shape, other_shape = near.shape, other_near.shape
     fish_share, share = np.float32(1 - share), np.float32(share)
-    for y in range(top, bottom):
-        start, stop = right, left  # empty
-        if fish_share > 0:
-            start, stop = _readable_span(m, y, shape, (left, right))
-        if share > 0:
-            first, last = _readable_span(n, y, other_shape, (left, right))
-            if first < last:
-                start, stop = min(start, first), max(stop, last)
-        for x in range(start, stop):
+    for y in range(box.top, box.bottom):
+        for x in range(box.left, box.right):
             red = green = blue = alpha = np.float32(0)
-            u, v, seen = _locate_pixel(m, x, y, shape)
-            if fish_share > 0 and seen:
+            u, v, is_inside = _locate_pixel(m, x, y, shape)
+            if fish_share > 0 and is_inside:
                 r, g, b, a = _sample_cubically(pixels, near, u, v)
                 red, green = fish_share * r, fish_share * g
                 blue, alpha = fish_share * b, fish_share * a
-            if share > 0:
-                u, v, seen = _locate_pixel(n, x, y, other_shape)
-                if seen:
-                    r, g, b, a = _sample_cubically(other, other_near, u, v)
-                    red += share * r
-                    green += share * g
-                    blue += share * b
-                    alpha += share * a
+            u, v, is_inside = _locate_pixel(n, x, y, other_shape)
+            if share > 0 and is_inside:
+                r, g, b, a = _sample_cubically(other, other_near, u, v)
+                red += share * r
+                green += share * g
+                blue += share * b
+                alpha += share * a
             if alpha > 0:
                 through = 1 - alpha / np.float32(255)
                 pixel = canvas[y, x]
@@ -442,18 +410,11 @@ def draw_layers(canvas, box, fish, partner, share):  # type: ignore[no-untyped-d
                     pixel[2] = np.uint8(blue + through * pixel[2] + np.float32(0.5))
 
 
-@kernel
-def draw_pixels(canvas, drawn):  # type: ignore[no-untyped-def]
-    """Draw a premultiplied picture (h, w, 2 or 4), 0 … 1, over a canvas of its size.
+def draw_pixels(canvas: Image, drawn: NDArray[np.float32]) -> None:
+    """Draw a picture (h, w, 2 or 4), 0 … 1, over a canvas (h, w, 1 or 3), which is changed.
 
-    canvas: (h, w, 1 or 3) uint8, which is changed.
+    drawn: premultiplied by alpha, its last channel.
     """
-    height, width, channels = drawn.shape
-    for y in range(height):
-        for x in range(width):
-            alpha = drawn[y, x, channels - 1]
-            if alpha > 0:
-                through = np.float32(1) - alpha
-                for c in range(canvas.shape[2]):
-                    level = np.float32(255) * drawn[y, x, min(c, channels - 2)]
-                    canvas[y, x, c] = np.uint8(level + through * canvas[y, x, c] + np.float32(0.5))
+    level, through = np.float32(255) * drawn[..., :-1], 1 - drawn[..., -1:]
+    # Half a level is added for rounding; an empty pixel keeps its value.
+    canvas[:] = level + through * canvas + np.float32(0.5)

@@ -68,7 +68,7 @@ class PagePictures:
     @property
     def largest_px(self) -> tuple[int, int]:
         """Return the largest height and the largest width [px] of all pictures, rounded up."""
-        index = self._gallery.shelves[FRAME].store.index
+        index = self._gallery.cutout_sets[FRAME].store.index
         height, width = (
             int(np.ceil(index[name].max() * self._shrink)) + 1  # 1: against rounding errors
             for name in ("height_px", "width_px")
@@ -77,7 +77,7 @@ class PagePictures:
 
     def measure_typical_fish(self) -> dict[str, Any]:
         """Return area and darkest colour of a typical fish of the film (`measure_typical_fish`)."""
-        count = len(self._gallery.shelves[FRAME].centres_px)
+        count = len(self._gallery.cutout_sets[FRAME].centres_px)
         sample = range(0, count, max(1, count // _SAMPLE))  # 100 to 199 pictures
         return measure_typical_fish(self(number) for number in sample)
 
@@ -87,9 +87,9 @@ class PagePictures:
 
     def __call__(self, number: int) -> PagePicture:
         """Load and shrink the picture in a row of the film; FinloopError if its file is damaged."""
-        shelf, bodies = self._gallery.shelves[FRAME], self._gallery.bodies
+        cutout_set, bodies = self._gallery.cutout_sets[FRAME], self._gallery.bodies
         assert bodies is not None
-        cutout, (x_px, y_px) = shelf.store[number], shelf.centres_px[number]
+        cutout, (x_px, y_px) = cutout_set.store[number], cutout_set.centres_px[number]
         pose = bodies.poses.pose[number]
         pixels, (x_scale, y_scale) = _shrink_picture(cutout.pixels, self._shrink)
         # The mass centre within the shrunk picture; the centre of its first pixel is 0.

@@ -7,7 +7,7 @@ camera (`camera`), the drawing (`scene`), and the same as a glTF file (`gltf`).
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "camera": ["CameraViews", "TankRoom", "camera_views"], "fish": ["FishSurface"],
+    "camera": ["CameraViews", "TankSize", "camera_views"], "fish": ["FishSurface"],
     "gltf": ["encode_tank_glb"],
     "scene": ["TankScene"], "swim": ["film_body_shapes", "poses_in_tank"],
 })  # fmt: skip

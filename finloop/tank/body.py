@@ -118,7 +118,7 @@ def fish_surfaces(
 
 
 def limit_half_widths(half_width: Floats, backbone: Floats, typical: Floats) -> Floats:
-    """Limit half widths (n, p), px, to ±20 % around the typical ones, which removes fins.
+    """Return half widths (n, p), px, limited to ±20 % around the typical ones: without fins.
 
     backbone (n, p, 2): px; typical (p,): the animal's median half widths, in body lengths.
     """

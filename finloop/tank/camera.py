@@ -33,8 +33,8 @@ class CameraViews(NamedTuple):
     height_px: float | None = None
 
 
-class TankRoom(NamedTuple):
-    """Sizes of the tank, px: width and height of the film, depth of the water, body length.
+class TankSize(NamedTuple):
+    """Sizes of the tank, px: width and height of the film, depth of the water, length of a fish.
 
     aspect: width / height of the pictures.
     """
@@ -42,7 +42,7 @@ class TankRoom(NamedTuple):
     width: float
     height: float
     depth: float
-    length: float
+    body_length: float
     aspect: float = 16 / 9
 
     @property
@@ -52,105 +52,108 @@ class TankRoom(NamedTuple):
 
 
 def camera_views(
-    camera: str, room: TankRoom, fish: Floats, heading: Floats, rate_hz: float
+    camera: str, tank: TankSize, fish: Floats, heading: Floats, rate_hz: float
 ) -> CameraViews:
     """Return the place and the aim of a camera, one of CAMERAS, at every tick.
 
-    fish (ticks, 3): its place, px; heading (ticks,): rad, without jumps of 2π; both of the
-    fish that some cameras follow. rate_hz: ticks per second.
+    fish (ticks, 3), heading (ticks,): place [px], and direction [rad] without jumps of 2π, of the
+    fish that some cameras follow. rate_hz: ticks per second. Angles are chosen for the looks.
     """
     ticks = len(fish)
     if camera == TOP:
-        half_height = max(room.height, room.width / room.aspect) / 2 * 1.04  # a little margin
-        aim = np.tile(room.middle * (1, 1, 0), (ticks, 1))
-        return CameraViews(aim + np.array([0, 0, 4 * room.width]), aim, half_height)
+        half_height = max(tank.height, tank.width / tank.aspect) / 2 * 1.04  # 4 % of margin
+        aim = np.tile(tank.middle * (1, 1, 0), (ticks, 1))
+        # In a parallel view any height will do that is above the water.
+        return CameraViews(aim + np.array([0, 0, 4 * tank.width]), aim, half_height)
     if camera == SIDE:
-        return _view_from_edge(room, fish, rate_hz)
+        return _view_from_side(tank, fish, rate_hz)
     if camera == CORNER:
-        return _view_from_outside(room, np.full(ticks, -58.0), elevation_deg=24.0)
+        return _view_from_outside(tank, np.full(ticks, -58.0), elevation_deg=24.0)
     if camera == ORBIT:
-        azimuth = -70 + 360 / _TURN_S / rate_hz * np.arange(ticks, dtype=float)
-        return _view_from_outside(room, azimuth, elevation_deg=22.0)
+        azimuth_deg = -70 + 360 / _TURN_S / rate_hz * np.arange(ticks, dtype=float)
+        return _view_from_outside(tank, azimuth_deg, elevation_deg=22.0)
     if camera == FOLLOW:
-        return _view_following_fish(room, fish, heading, rate_hz)
-    return _view_touring(room, fish, heading, rate_hz)
+        return _view_following_fish(tank, fish, heading, rate_hz)
+    return _view_touring(tank, fish, heading, rate_hz)
 
 
-def _view_from_outside(room: TankRoom, azimuth_deg: Floats, elevation_deg: float) -> CameraViews:
+def _view_from_outside(tank: TankSize, azimuth_deg: Floats, elevation_deg: float) -> CameraViews:
     """Return views from outside, as near as possible with the whole tank in the picture.
 
     azimuth_deg (ticks,), elevation_deg: direction from the tank to the camera, anticlockwise from
     x, and above the floor.
     """
+    # The camera's axes: ahead to the tank, right, and up, (ticks, 3) each.
     azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
     east, north, zero = np.cos(azimuth), np.sin(azimuth), np.zeros(len(azimuth))
     level, rise = np.cos(elevation), zero + np.sin(elevation)
-    ahead = -np.stack([east * level, north * level, rise], -1)  # from the camera to the tank
+    ahead = -np.stack([east * level, north * level, rise], -1)
     right = np.stack([-north, east, zero], -1)
     up = np.cross(right, ahead)
-    half_picture = np.tan(np.radians(VIEW_DEG / 2)) * _FILLS  # its half height at distance 1
+    # The 8 corners of the tank about its middle, along these axes: (ticks, 8) each.
     units = np.stack(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5]), -1).reshape(-1, 3)
-    corners = units * (room.width, room.height, room.depth)
-    # Each corner of the tank about its middle, as the camera sees it: (ticks, 8).
+    corners = units * (tank.width, tank.height, tank.depth)
     across, high, deep = (axis @ corners.T for axis in (right, up, ahead))
-    lift = np.zeros((len(azimuth), 1))  # of the aim above the tank's middle
-    for _ in range(4):  # nearly as much room above the tank as below after four rounds
-        # As near as each corner can be and is still in the picture; then how high it appears there.
-        needed = np.maximum(np.abs(across) / room.aspect, np.abs(high - lift)) / half_picture
+    # The distance at which all corners are in the picture, and by how much the aim is above the
+    # tank's middle: after four rounds there is nearly as much space above the tank as below it.
+    half_picture = np.tan(np.radians(VIEW_DEG / 2)) * _FILLS  # its half height at distance 1
+    lift = np.zeros((len(azimuth), 1))
+    for _ in range(4):
+        needed = np.maximum(np.abs(across) / tank.aspect, np.abs(high - lift)) / half_picture
         distance = (needed - deep).max(1, keepdims=True)
-        slope = (high - lift) / (distance + deep)
+        slope = (high - lift) / (distance + deep)  # how high a corner appears
         lift = lift + distance * (slope.max(1, keepdims=True) + slope.min(1, keepdims=True)) / 2
-    aim = room.middle + lift * up
+    aim = tank.middle + lift * up
     return CameraViews(aim - distance * ahead, aim)
 
 
 def _view_following_fish(
-    room: TankRoom, fish: Floats, heading: Floats, rate_hz: float
+    tank: TankSize, fish: Floats, heading: Floats, rate_hz: float
 ) -> CameraViews:
     """Return views from behind, above and beside a fish, smoother than its path.
 
     fish (ticks, 3): its place, px; heading (ticks,): rad; rate_hz: ticks per second. Angle and
     distances are chosen for the looks.
     """
-    smoothing = _SMOOTHING_S * rate_hz
+    smoothing = _SMOOTHING_S * rate_hz  # ticks, SD
     path = scipy.ndimage.gaussian_filter1d(fish, smoothing / 3, axis=0, mode="nearest")
-    turn = scipy.ndimage.gaussian_filter1d(heading, smoothing, mode="nearest") + np.radians(28)
-    back = np.stack([-np.cos(turn), -np.sin(turn), np.full(len(turn), 0.33)], -1)
-    return CameraViews(path + 2.5 * room.length * back, path - (0, 0, 0.33 * room.length))
+    angle = scipy.ndimage.gaussian_filter1d(heading, smoothing, mode="nearest") + np.radians(28)
+    back = np.stack([-np.cos(angle), -np.sin(angle), np.full(len(angle), 0.33)], -1)
+    return CameraViews(path + 2.5 * tank.body_length * back, path - (0, 0, 0.33 * tank.body_length))
 
 
-def _view_from_edge(room: TankRoom, fish: Floats, rate_hz: float) -> CameraViews:
-    """Return views from the side of the film's lower edge, which move along with the fish.
+def _view_from_side(tank: TankSize, fish: Floats, rate_hz: float) -> CameraViews:
+    """Return views from beyond the film's lower edge, which move along with the fish.
 
     fish (ticks, 3): its place, px; rate_hz: ticks per second.
     """
-    smoothing = _SMOOTHING_S * rate_hz
+    smoothing = _SMOOTHING_S * rate_hz  # ticks, SD
     path = scipy.ndimage.gaussian_filter1d(fish, smoothing, axis=0, mode="nearest")
-    place = path + np.array([0.7, -5.2, 0.0]) * room.length  # chosen for the looks
-    place[:, 2] = 0.7 * room.depth
-    return CameraViews(place, path - (0, 0, 0.1 * room.depth))
+    place = path + np.array([0.7, -5.2, 0.0]) * tank.body_length  # chosen for the looks
+    place[:, 2] = 0.7 * tank.depth
+    return CameraViews(place, path - (0, 0, 0.1 * tank.depth))
 
 
-def _view_touring(room: TankRoom, fish: Floats, heading: Floats, rate_hz: float) -> CameraViews:
+def _view_touring(tank: TankSize, fish: Floats, heading: Floats, rate_hz: float) -> CameraViews:
     """Return views that pass smoothly from one of `_SCENES` to the next, again and again.
 
     fish (ticks, 3), heading (ticks,): the fish's place and direction, px and rad; rate_hz: ticks/s.
     """
-    time_s = np.arange(len(fish)) / rate_hz
-    scenes = [camera_views(name, room, fish, heading, rate_hz) for name, _ in _SCENES]
-    ends_s = np.cumsum([seconds for _, seconds in _SCENES])
-    round_s = time_s % ends_s[-1]  # since the tour last began
-    number = np.searchsorted(ends_s, round_s, side="right")
-    scene_s = round_s - np.r_[0.0, ends_s][number]  # since the scene began
+    # Which scene is shown at each tick, (ticks,), and its share, (ticks, 1), as it is blended in.
+    ticks = np.arange(len(fish))
+    time_s, ends_s = ticks / rate_hz, np.cumsum([seconds for _, seconds in _SCENES])
+    tour_s = time_s % ends_s[-1]  # since the tour last began
+    scene = np.searchsorted(ends_s, tour_s, side="right")
+    scene_s = tour_s - np.r_[0.0, ends_s][scene]  # since the scene began
     share = np.clip(scene_s / _BLEND_S, 0, 1)
-    # The very first scene has none before it; all others are blended in smoothly.
-    share = np.where(time_s < ends_s[0], 1.0, share * share * (3 - 2 * share))[:, None]
+    share = share * share * (3 - 2 * share)  # smooth at both ends
+    share = np.where(time_s < ends_s[0], 1.0, share)[:, None]  # none is before the very first
+    views = [camera_views(name, tank, fish, heading, rate_hz) for name, _ in _SCENES]
 
     def mix_scenes(points: list[Floats]) -> Floats:
-        """Blend the points (ticks, 3) of every scene, a scene with the one before it."""
-        stack, ticks = np.stack(points), np.arange(len(fish))
-        present, before = stack[number, ticks], stack[number - 1, ticks]
+        """Return points (ticks, 3), of which each scene has a list, as the scenes are blended."""
+        stack = np.stack(points)
+        present, before = stack[scene, ticks], stack[scene - 1, ticks]
         return before + share * (present - before)
 
-    places, aims = [scene.place for scene in scenes], [scene.aim for scene in scenes]
-    return CameraViews(mix_scenes(places), mix_scenes(aims))
+    return CameraViews(mix_scenes([v.place for v in views]), mix_scenes([v.aim for v in views]))

@@ -61,8 +61,10 @@ class FishSurface:
     def skin(self, tick: int) -> Picture:
         """Return the skin at a tick, a picture wrapped around the body, (around, lengthwise, 3)."""
         first, second, weight = self.poses.first, self.poses.second, self.poses.weight[tick]
-        mirrored = bool(first.mirrored[tick]), bool(second.mirrored[tick])
-        return self.skins.mix_skins(int(first.row[tick]), int(second.row[tick]), weight, mirrored)
+        return self.skins.mix_skins(
+            int(first.row[tick]), bool(first.mirrored[tick]),
+            int(second.row[tick]), bool(second.mirrored[tick]), weight,
+        )  # fmt: skip
 
     def points_of_all_ticks(self) -> NDArray[np.float32]:
         """Return the surface's points at every tick, (ticks, rings · around, 3) px.

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.tank.body import AROUND, RINGS, surface_normals, surface_triangles, texture_coordinates
-from finloop.tank.camera import TankRoom
+from finloop.tank.camera import TankSize
 from finloop.tank.light import SUN, WATER
 
 Floats = NDArray[np.floating]
@@ -157,7 +157,7 @@ class AnimatedFish(NamedTuple):
 
 
 def encode_tank_glb(
-    room: TankRoom, background: NDArray[np.uint8], skin: NDArray[np.uint8],
+    tank: TankSize, background: NDArray[np.uint8], skin: NDArray[np.uint8],
     swimmers: Sequence[AnimatedFish], rate_hz: float,
 ) -> bytes:  # fmt: skip
     """Return the bytes of a .glb file that shows the tank with its moving fish.
@@ -181,18 +181,19 @@ def encode_tank_glb(
     channels: list[dict] = []
     samplers: list[dict] = []
     for swimmer, shadow, body in zip(swimmers, shadows, bodies, strict=True):
-        lift = (0, 0, _LIFT * room.length)
+        lift = (0, 0, _LIFT * tank.body_length)
         on_floor = swimmer.place - swimmer.place[:, 2:] * (SUN / SUN[2]) + lift  # of the shadow
         places = {shadow: on_floor, body: swimmer.place}
         for node, path, output in _add_motion(glb, swimmer, places):
             channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
             samplers.append({"input": time, "output": output, "interpolation": "LINEAR"})
     glb.add("animations", {"name": "swim", "channels": channels, "samplers": samplers})
-    children = [*_add_still_parts(glb, room, background), *shadows, *bodies]
+    children = [*_add_still_parts(glb, tank, background), *shadows, *bodies]
     # The rotation, a quarter turn about x, makes y the upward axis.
     root = glb.add("nodes", {
         "name": "tank", "children": children, "rotation": [-(0.5**0.5), 0.0, 0.0, 0.5**0.5],
-        "scale": [1 / room.length] * 3, "translation": to_gltf_axes(-room.middle / room.length),
+        "scale": [1 / tank.body_length] * 3,
+        "translation": to_gltf_axes(-tank.middle / tank.body_length),
     })  # fmt: skip
     return glb.encode(root)
 
@@ -286,9 +287,10 @@ def _add_plain_material(
 def _add_motion(
     glb: GlbDocument, fish: AnimatedFish, places: Mapping[int, Floats]
 ) -> Iterator[tuple[int, str, int]]:
-    """Add the motion of a fish; yield node, property, and the index of its values over time.
+    """Add the motion of a fish and its shadow: yield node, property, and index of the values.
 
-    places: the place (ticks, 3) of each node, the fish and its shadow, by the node's index.
+    The values are those of the property, such as "rotation", at every tick. places: the place
+    (ticks, 3) of each node, the fish and its shadow, by the node's index.
     """
     zero, half = np.zeros_like(fish.heading), fish.heading / 2
     quaternions = np.stack([zero, zero, np.sin(half), np.cos(half)], -1)
@@ -301,10 +303,10 @@ def _add_motion(
             yield node, path, values
 
 
-def _add_still_parts(glb: GlbDocument, room: TankRoom, background: NDArray[np.uint8]) -> list[int]:
-    """Add floor (the background picture), edges, water and glass; return their nodes as drawn."""
+def _add_still_parts(glb: GlbDocument, tank: TankSize, background: NDArray[np.uint8]) -> list[int]:
+    """Add floor (the background picture), edges, water and glass; return their nodes in order."""
     left, top = -0.5, 0.5
-    right, bottom, high = left + room.width, top - room.height, room.depth
+    right, bottom, high = left + tank.width, top - tank.height, tank.depth
     base = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
     # Four corners on the floor, at the water's surface, and at the rim of the glass above it.
     low, water, rim = (np.c_[base, np.full(4, z)] for z in (0.0, high, 1.08 * high))

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.tank.camera import TankRoom
+from finloop.tank.camera import TankSize
 
 Floats = NDArray[np.floating]
 
@@ -52,7 +52,7 @@ def wave_heights_and_slopes(
 class LitFloor:
     """The floor of the tank under moving light, with the shadows of fish."""
 
-    def __init__(self, background: NDArray[np.uint8], room: TankRoom, most_px: int = 960) -> None:
+    def __init__(self, background: NDArray[np.uint8], tank: TankSize, most_px: int = 960) -> None:
         """Shrink the background to at most `most_px` a side; lay a grid for the light over it.
 
         background: the film without fish, (H, W) or (H, W, 3) uint8.
@@ -63,10 +63,10 @@ class LitFloor:
             width, height = (max(2, round(self._scale * side)) for side in background.shape[1::-1])
             small = cv2.resize(background, (width, height), interpolation=cv2.INTER_AREA)
         self.plain = np.ascontiguousarray(small)
-        self._room = room
+        self._tank = tank
         row_count, column_count = (max(2, round(side / _CELL_PX)) for side in small.shape[:2])
-        columns = np.linspace(0, room.width, column_count, dtype=np.float32)
-        rows = np.linspace(0, -room.height, row_count, dtype=np.float32)
+        columns = np.linspace(0, tank.width, column_count, dtype=np.float32)
+        rows = np.linspace(0, -tank.height, row_count, dtype=np.float32)
         self._x, self._y = np.meshgrid(columns, rows)
 
     def draw_floor(self, fish: Sequence[Floats], time_s: float) -> NDArray[np.uint8]:
@@ -85,12 +85,12 @@ class LitFloor:
         return cv2.multiply(self.plain, light, scale=_BRIGHTEST / 255)
 
     def _light_pattern(self, time_s: float) -> NDArray[np.uint8]:
-        """Return the moving light on the floor's grid, uint8: bright lines that wander and bend.
+        """Return the light on the floor's grid at a time, uint8: bright lines that move and bend.
 
         They lie where waves of one set do not slope, and are bent by waves of another set. Factors
         are chosen for the looks.
         """
-        x, y, depth = self._x, self._y, self._room.depth
+        x, y, depth = self._x, self._y, self._tank.depth
         _, bend_x, bend_y = wave_heights_and_slopes(x, y, depth, 0.7 * time_s)
         reach = 2.2 * depth
         _, slope_x, slope_y = wave_heights_and_slopes(
@@ -101,11 +101,12 @@ class LitFloor:
         return np.rint(np.clip(255 * light, 0, 255)).astype(np.uint8)
 
     def _subtract_shadow(self, light: NDArray[np.uint8], fish: Floats) -> None:
-        """Darken the light (h, w) where the shadow of a fish falls; `light` itself is changed.
+        """Darken the light (h, w), which is changed, where the shadow of a fish falls.
 
         fish (rings, around, 3): its points, px of the tank. The higher the fish swims, the softer
         its shadow is. A shadow beside the floor changes nothing.
         """
+        # Draw the shadow into a mask, around which there is space for its blurred edge.
         on_floor = fish[..., :2] - fish[..., 2:] * (SUN[:2] / SUN[2])
         pixels = (on_floor * (1, -1) * self._scale).astype(np.float32)  # of the floor's picture
         blur = max(1.0, 0.03 * float(fish[..., 2].mean()) * self._scale)  # grows with the height
@@ -118,6 +119,7 @@ class LitFloor:
             sixteenths = np.rint(16 * hull).astype(np.int32)  # 4 bits below one pixel
             cv2.fillConvexPoly(mask, sixteenths, 255, cv2.LINE_AA, shift=4)
         mask = cv2.GaussianBlur(mask, (0, 0), blur)
+        # Darken what is both in the mask, from `low` on, and in the picture.
         first, last = np.maximum(low, 0), np.minimum(high, light.shape[::-1])
         if (first >= last).any():
             return
@@ -130,14 +132,14 @@ class LitFloor:
 class WaterSurface:
     """The surface of the water as a grid (m, n) of points over the tank."""
 
-    def __init__(self, room: TankRoom, cells: int = 44) -> None:
+    def __init__(self, tank: TankSize, cells: int = 44) -> None:
         """Lay the grid over the tank, with `cells` cells along its longer side."""
-        row_count = max(8, round(cells * room.height / max(room.width, room.height)))
-        column_count = max(8, round(cells * room.width / max(room.width, room.height)))
-        columns = np.linspace(-0.5, room.width - 0.5, column_count, dtype=np.float32)
-        rows = np.linspace(-room.height + 0.5, 0.5, row_count, dtype=np.float32)
+        row_count = max(8, round(cells * tank.height / max(tank.width, tank.height)))
+        column_count = max(8, round(cells * tank.width / max(tank.width, tank.height)))
+        columns = np.linspace(-0.5, tank.width - 0.5, column_count, dtype=np.float32)
+        rows = np.linspace(-tank.height + 0.5, 0.5, row_count, dtype=np.float32)
         self.x, self.y = np.meshgrid(columns, rows)
-        self._room = room
+        self._tank = tank
 
     def points_and_colours(
         self, time_s: float, camera: Floats, parallel: bool
@@ -147,8 +149,8 @@ class WaterSurface:
         The water mirrors the sky and the sun; factors are chosen for the looks. camera (3,): its
         place, px; parallel: whether the view is parallel, from above.
         """
-        height, slope_x, slope_y = wave_heights_and_slopes(self.x, self.y, self._room.depth, time_s)
-        points = np.stack([self.x, self.y, self._room.depth + height], -1)
+        height, slope_x, slope_y = wave_heights_and_slopes(self.x, self.y, self._tank.depth, time_s)
+        points = np.stack([self.x, self.y, self._tank.depth + height], -1)
         normal = np.stack([-slope_x, -slope_y, np.ones_like(height)], -1)
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
         view = np.array([0, 0, 1], np.float32) if parallel else camera.astype(np.float32) - points

@@ -22,7 +22,7 @@ from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 from finloop.base.errors import FinloopError
 from finloop.tank.body import AROUND as AROUND_BODY
 from finloop.tank.body import RINGS, surface_triangles, texture_coordinates
-from finloop.tank.camera import VIEW_DEG, CameraViews, TankRoom
+from finloop.tank.camera import VIEW_DEG, CameraViews, TankSize
 from finloop.tank.light import SUN, WATER, LitFloor, WaterSurface
 from finloop.tank.skin import AROUND, LENGTHWISE
 
@@ -72,19 +72,19 @@ class TankScene:
     """
 
     def __init__(
-        self, background: Picture, room: TankRoom, size: tuple[int, int], fish: int = 1
+        self, background: Picture, tank: TankSize, size: tuple[int, int], fish: int = 1
     ) -> None:
         """Open the window and add light, sky, floor, fish (how many), water and glass.
 
         background: (H, W) or (H, W, 3) uint8, the floor; size: width and height of pictures, px.
         """
-        self._size, self._room = size, room
+        self._size, self._tank = size, tank
         self._plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
         self._window = cast(Any, self._plotter.ren_win)
         self._window.SetMultiSamples(1)
         self._plotter.renderer.SetUseOIT(False)  # layers are drawn in order: no need to sort
         self._plotter.camera.view_angle = VIEW_DEG
-        self._floor, self._water = LitFloor(background, room), WaterSurface(room)
+        self._floor, self._water = LitFloor(background, tank), WaterSurface(tank)
         self._add_light()
         self._add_sky()
         self._floor_picture = self._add_floor()
@@ -143,7 +143,7 @@ class TankScene:
         if views.height_px is not None:
             camera.SetParallelScale(views.height_px)
         # Distances of the nearest and the farthest that is drawn: beyond the sky.
-        camera.clipping_range = 0.2 * self._room.length, 25 * self._room.width
+        camera.clipping_range = 0.2 * self._tank.body_length, 25 * self._tank.width
 
     def _add_light(self) -> None:
         """Add the sun and a weak light from below."""
@@ -155,10 +155,10 @@ class TankScene:
     def _add_sky(self) -> None:
         """Add the sky, a ball around everything; VTK's own gradient takes twice as long."""
         ball = pv.Sphere(
-            radius=_SKY_PX * self._room.width, center=self._room.middle.tolist(),
+            radius=_SKY_PX * self._tank.width, center=self._tank.middle.tolist(),
             theta_resolution=24, phi_resolution=33,
         )  # fmt: skip
-        elevation_sine = (ball.points[:, 2] - self._room.middle[2]) / (_SKY_PX * self._room.width)
+        elevation_sine = (ball.points[:, 2] - self._tank.middle[2]) / (_SKY_PX * self._tank.width)
         colours = np.array([pv.Color(colour).int_rgb for colour in _SKY.values()], float)
         levels = [np.interp(elevation_sine, list(_SKY), channel) for channel in colours.T]
         ball[_COLOURS] = np.rint(np.stack(levels, -1)).astype(np.uint8)
@@ -168,7 +168,7 @@ class TankScene:
         """Add the floor; return its picture, which can be replaced at every tick."""
         picture = _empty_image(self._floor.plain.shape)
         left, top = -0.5, 0.5
-        right, bottom = left + self._room.width, top - self._room.height
+        right, bottom = left + self._tank.width, top - self._tank.height
         corners = [[left, bottom, 0.0], [right, bottom, 0.0], [right, top, 0.0], [left, top, 0.0]]
         mesh = pv.PolyData(np.array(corners), np.array([4, 0, 1, 2, 3]))
         mesh.active_texture_coordinates = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
@@ -197,7 +197,7 @@ class TankScene:
         faces = np.stack(
             [np.full_like(first, 4), first, first + 1, first + columns + 1, first + columns], -1
         )
-        points, colours = self._water.points_and_colours(0.0, self._room.middle, parallel=True)
+        points, colours = self._water.points_and_colours(0.0, self._tank.middle, parallel=True)
         mesh = pv.PolyData(points, faces.ravel())
         mesh[_COLOURS] = colours
         self._plotter.add_mesh(mesh, scalars=_COLOURS, rgba=True, lighting=False)
@@ -205,15 +205,15 @@ class TankScene:
 
     def _add_glass(self) -> None:
         """Add the glass walls and their bright edges."""
-        room, top = self._room, _RIM * self._room.depth
-        x, y = np.array([-0.5, room.width - 0.5]), np.array([0.5 - room.height, 0.5])
+        tank, top = self._tank, _RIM * self._tank.depth
+        x, y = np.array([-0.5, tank.width - 0.5]), np.array([0.5 - tank.height, 0.5])
         box = pv.Box((*x, *y, 0, top))
         upright = [i for i in range(6) if np.ptp(box.get_cell(i).points[:, 2]) > 0]  # 4 of 6 sides
         walls = box.extract_cells(upright)
         self._plotter.add_mesh(walls, color=_GLASS, opacity=_GLASS_ALPHA, lighting=False)
         edges = box.extract_all_edges()
         self._plotter.add_mesh(
-            edges.tube(radius=0.0016 * room.width, n_sides=6), color=_EDGE, opacity=_EDGE_ALPHA,
+            edges.tube(radius=0.0016 * tank.width, n_sides=6), color=_EDGE, opacity=_EDGE_ALPHA,
             lighting=False,
         )  # fmt: skip
 

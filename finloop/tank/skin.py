@@ -74,16 +74,16 @@ class FishSkins:
         return skin
 
     def mix_skins(
-        self, row: int, partner: int, weight: float, mirrored: tuple[bool, bool]
+        self, row: int, mirrored: bool, partner: int, partner_mirrored: bool, weight: float
     ) -> Picture:
         """Return the cross-faded skins of two film rows, (AROUND, LENGTHWISE, 3) uint8.
 
-        weight: share of the second, `partner`, 0 … 1; mirrored: whether each is mirrored.
+        weight: share of the second row, `partner`, 0 … 1.
         """
         # A mirrored skin has the rows, which go around the body, in reverse order.
-        skin = self.skin(row)[:: -1 if mirrored[0] else 1]
+        skin = self.skin(row)[:: -1 if mirrored else 1]
         if weight > 0:
-            partner_skin = self.skin(partner)[:: -1 if mirrored[1] else 1]
+            partner_skin = self.skin(partner)[:: -1 if partner_mirrored else 1]
             skin = skin + np.float32(weight) * (partner_skin - skin)
         return np.rint(np.clip(skin, 0, 255)).astype(np.uint8)
 

@@ -25,7 +25,7 @@ from finloop.features.table import count_orientations, orientation_heading_deg
 Floats = NDArray[np.floating]
 Rows = NDArray[np.intp]
 
-_AHEAD_S = 4.1  # between the height curves of successive fish
+_SHIFT_S = 4.1  # between the height curves of successive fish
 USED = ("x_px", "y_px", "backbone_x_px", "backbone_y_px", "half_width_px")
 """The columns of a table of tracks from which bodies are made."""
 
@@ -79,7 +79,7 @@ class TankPoses:
 
 
 def film_body_shapes(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
-    """Collect the backbones and half widths of all fish of a film, about their mass centres.
+    """Return the backbones and half widths of all fish of a film, about their mass centres.
 
     Backbones are head first, y up. tracks: columns `USED`, n rows; features: columns head and
     heading_deg of the same rows.
@@ -130,17 +130,18 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
     of the filmed posture, at equal arc lengths. All are compared headed right.
     """
     body = bodies.body_in_edit_row(row_picture(row))
-    film_row, side = int(body.row), -1 if body.mirrored else 1
+    film_row, y_sign = int(body.row), -1 if body.mirrored else 1
+    line = film.backbone[film_row] @ _turn_matrix(-film.heading_deg[film_row]).T * (1, y_sign)
+    # How the points of the posture, which is coarser than the backbone, are to move.
     filmed = bodies.poses.pose[film_row]
     filmed = filmed.move_to(0, 0, 0, filmed.size_px)  # at 0, 0, headed right
     posed = bodies.poses.pose_from_codes(film_row, row.pose).move_to(0, 0, 0, filmed.size_px)
     filmed_line, posed_line = filmed.backbone_px() * (1, -1), posed.backbone_px() * (1, -1)
-    filmed_line[:, 1] *= side
-    line = film.backbone[film_row] @ _turn_matrix(-film.heading_deg[film_row]).T * (1, side)
+    filmed_line[:, 1] *= y_sign
     change = posed_line - filmed_line
+    # The backbone's points move alike.
     filmed_arc, arc = _arc_length_to_points(filmed_line), _arc_length_to_points(line)
-    offset_x, offset_y = (np.interp(arc, filmed_arc, values) for values in change.T)
-    line += np.column_stack([offset_x, offset_y])
+    line += np.column_stack([np.interp(arc, filmed_arc, values) for values in change.T])
     return row.scale * line @ _turn_matrix(float(body.heading_deg)).T
 
 
@@ -158,10 +159,10 @@ def _arc_length_to_points(line: Floats) -> Floats:
 def _find_shown_bodies(
     edit: pd.DataFrame, prefix: str, source_column: str, film: FilmBodies, sprites: pd.DataFrame
 ) -> BodyPlacement:
-    """Return which filmed body every tick's picture shows; a meaningless one without a picture.
+    """Return which filmed body the picture of every tick shows; any body where there is none.
 
-    prefix, source_column: "" and "source" for the main picture, "partner_" and "partner" for the
-    one to cross-fade with.
+    prefix, source_column: the columns of the picture in the edit list, "" and "source" for the
+    main one, "partner_" and "partner" for the one to cross-fade with.
     """
     source = edit[source_column].fillna(0).to_numpy(int)
     turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()
@@ -183,12 +184,13 @@ def _find_shown_bodies(
 
 
 def _place_bodies(film: FilmBodies, placement: BodyPlacement) -> tuple[Floats, Floats]:
-    """Mirror, turn and scale filmed bodies, one a tick, about their mass centres.
+    """Return the backbones (ticks, p, 2) and half widths (ticks, p), px, of the placed bodies.
 
-    Return their backbones (ticks, p, 2) and half widths (ticks, p), px.
+    Filmed bodies are mirrored, turned and scaled about their mass centres.
     """
     line = film.backbone[placement.row]
-    twice = 2 * np.radians(placement.axis_deg)  # of the reflection about a line at this angle
+    # A reflection about a line at the angle α has the matrix ((cos 2α, sin 2α), (sin 2α, −cos 2α)).
+    twice = 2 * np.radians(placement.axis_deg)
     mirror = _stack_matrices(np.cos(twice), np.sin(twice), np.sin(twice), -np.cos(twice))
     line = np.where(placement.mirrored[:, None, None], line @ mirror.swapaxes(1, 2), line)
     angle = np.radians(placement.turn_deg)
@@ -208,6 +210,6 @@ def swimming_heights(time_s: Floats, depth: float, fish: int = 0) -> Floats:
     The height is invented, as the film does not show it, and changes slowly. time_s (ticks,): times
     of the ticks; depth: of the water, px; fish: its number, which shifts the changes in time.
     """
-    moment = time_s + _AHEAD_S * fish
-    slow, slower = (np.sin(2 * np.pi * moment / period) for period in (7.3, 17.0))
+    shifted_s = time_s + _SHIFT_S * fish
+    slow, slower = (np.sin(2 * np.pi * shifted_s / period) for period in (7.3, 17.0))  # s
     return depth * (0.5 + 0.13 * slower + 0.05 * slow)
