@@ -111,7 +111,8 @@ def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
     with Project() as project:
         animator = open_mode(project)
         reel, bodies = animator.pictures.reel, animator.pictures.bodies
-        gallery = Gallery(build_cutout_sets({FRAME: reel.film}, project.tracks(PLACE), None), bodies)
+        cutout_sets = build_cutout_sets({FRAME: reel.film}, project.tracks(PLACE), None)
+        gallery = Gallery(cutout_sets, bodies)
         film_mm, length_px = project.facts.mm_per_px, animator.world.motion.body_length_px
         # By the length of fish that the protocol wants, else by the film's scale; None: unknown.
         mm_per_px = fish_mm / length_px if fish_mm else film_mm and film_mm / reel.size

@@ -159,7 +159,7 @@ def add_film_sources(
 
 
 def flatten_poses(listed: pd.DataFrame) -> pd.DataFrame:
-    """Return an edit list (READABLE) for CSV: the lists in `pose` as columns pose_1, pose_2 and so on.
+    """Return an edit list (READABLE) for CSV: the lists in `pose` as columns pose_1, pose_2 etc.
 
     A row without a pose has empty cells there. Where no scale is known, columns in mm are left out.
     """
