@@ -570,7 +570,8 @@ def test_steps_of_the_film_join_consecutive_frames_of_one_track():
     })  # fmt: skip
     found = film_frame_changes(painter, stored, tracks)
     pictures = [
-        paint_fish(*places[i], TurnedPicture(stored.film_picture(i))).astype(float) for i in range(5)
+        paint_fish(*places[i], TurnedPicture(stored.film_picture(i))).astype(float)
+        for i in range(5)
     ]
     wanted = [np.linalg.norm(pictures[a] - pictures[b]) for a, b in ((0, 1), (3, 4))]
     assert found == pytest.approx(wanted)
