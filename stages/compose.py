@@ -157,16 +157,13 @@ def load_experiment(name: str) -> Experiment:
     return sweep
 
 
-def _as_user_error(error: BaseException, overrides: list[str]) -> FinloopError:
-    """Return the FinloopError that Hydra has wrapped in its error, or one with Hydra's message.
+def _as_user_error(error: Exception, overrides: list[str]) -> FinloopError:
+    """Return an error of composing if it is a FinloopError; else one with the error's message.
 
     overrides: those that were composed.
     """
-    cause: BaseException | None = error
-    while cause is not None:
-        if isinstance(cause, FinloopError):
-            return cause
-        cause = cause.__cause__ or cause.__context__
+    if isinstance(error, FinloopError):
+        return error
     if missing := re.search(r"Could not find '(\w+)/(.+)'", str(error)):
         return _no_option_error(missing[1], missing[2], overrides)
     message = f"{error}\n{error.__cause__ or ''}".partition("Config search path")[0]

@@ -12,16 +12,19 @@ While `dvc exp run` or `make params` composes conf/, this registers
   the files that the parameters name.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import fields, make_dataclass
 from functools import partial
 from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
+from dvc.exceptions import DvcException
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import InterpolationResolutionError
 
+from finloop.base.errors import FinloopError
 from finloop.base.settings import CONF as SHIPPED
 from finloop.base.settings import GROUPS, variants
 from finloop.io.parameters import refusal_error
@@ -29,6 +32,13 @@ from stages.conflicts import find_conflicts
 from stages.experiment import Experiment
 from stages.settings import CONF, FILES, STAMP, STAMPS, conf_stamp, list_problems
 from stages.stamps import file_stamp
+
+
+class CompositionError(FinloopError, InterpolationResolutionError, DvcException):
+    """A refusal that reaches the user as it is, through OmegaConf and through `dvc exp run`.
+
+    Each of the two prints the text of its own errors, and words of its own around any other.
+    """
 
 
 def omegaconf_schema(option: type) -> type:
@@ -103,12 +113,26 @@ def _plain_groups(root: DictConfig, words: Iterable[str]) -> dict[str, Any]:
     return groups
 
 
+def _register_resolver(name: str, resolver: Callable[..., str | None]) -> None:
+    """Register a resolver `${name:}` of the whole config; its refusals become CompositionErrors."""
+
+    def resolve(*, _root_: DictConfig) -> str | None:
+        """Return what the resolver makes of the config; Hydra passes the config by this name."""
+        try:
+            return resolver(_root_=_root_)
+        except FinloopError as error:
+            # Without its cause, whose text DVC would print once more.
+            raise CompositionError(error.came, error.wanted, error.do) from None
+
+    OmegaConf.register_new_resolver(name, resolve, replace=True)
+
+
 for word in GROUPS:
     for name, option in variants(word).items():
         node = OmegaConf.structured(omegaconf_schema(option), flags={"struct": False})
         ConfigStore.instance().store(group=f"schema/{word}", name=name, node=node)
 sweeper = omegaconf_schema(Experiment)
 ConfigStore.instance().store(group="hydra/sweeper", name="finloop", node=sweeper)
-OmegaConf.register_new_resolver(STAMP, check_and_stamp, replace=True)
+_register_resolver(STAMP, check_and_stamp)
 for name in FILES:
-    OmegaConf.register_new_resolver(name, partial(_stamp_files, name), replace=True)
+    _register_resolver(name, partial(_stamp_files, name))

@@ -16,6 +16,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
@@ -31,6 +32,7 @@ from hydra.errors import HydraException
 from finloop.base.errors import FinloopError
 from finloop.base.program import holds_sources
 from finloop.base.settings import WORDS, check_values
+from finloop.io.numbers import load_numbers as load_stage_numbers
 from finloop.report.headlines import HEADLINES
 from stages.clones import APART, PREFIX, require_only_one
 from stages.cluster import PROCESSES
@@ -170,16 +172,35 @@ def _print_failure(name: str, cause: str) -> None:
     print(f"\n{name} failed:\n    {cause}\n", file=sys.stderr, flush=True)
 
 
+def describe_run(name: str, seconds: float, folder: Path, measures: Sequence[str]) -> str:
+    """Return the line that reports a finished run: its name, how long it took, its measures.
+
+    folder: where it ran. measures: `<stage>.<number>`; those that the run does not have are left
+    out.
+    """
+    parts = [f"{name}: {seconds:.0f} s"]
+    for measure in measures:
+        stage, _, number = measure.partition(".")
+        value = load_stage_numbers(folder / "reports" / stage).get(number)
+        if value is not None:
+            parts.append(f"{measure} {value:.4g}")
+    return ", ".join(parts)
+
+
 class RunMaker:
     """Makes runs in clones of the workspace, as many at once as there are clones.
 
     stages: to run, all if empty. jobs: runs at a time. shared: whether the runs have stages in
-    common, which the first run makes for all. As a context manager it removes its clones.
+    common, which the first run makes for all. measures: `<stage>.<number>`, to print with each
+    finished run. As a context manager it removes its clones.
     """
 
-    def __init__(self, stages: list[str], jobs: int, shared: bool = True) -> None:
+    def __init__(
+        self, stages: list[str], jobs: int, shared: bool = True, measures: Sequence[str] = ()
+    ) -> None:
         """Check that git can store experiments; FinloopError if not. Clones are made by `make`."""
         self.stages, self.jobs, self.shared = stages, max(1, jobs), shared
+        self.measures = measures
         self.existing = list_experiments()  # raises if there is no commit for them
         read_git_user()  # raises if there is none
         self._stack, self._clones = ExitStack(), list[Path]()
@@ -193,9 +214,10 @@ class RunMaker:
         self._stack.close()
 
     def make(self, runs: Mapping[str, list[str]]) -> dict[str, str]:
-        """Make runs, name → overrides; return the failed ones, name → cause, and print each.
+        """Make runs, name → overrides; return the failed ones, name → cause.
 
-        An existing experiment with the present code and the same parameters is not run again.
+        A line is printed when a run ends. An existing experiment with the present code and the same
+        parameters is not run again.
         """
         failures, todo = dict[str, str](), list[str]()
         for name, changes in runs.items():
@@ -216,9 +238,13 @@ class RunMaker:
             def make_next(clone: Path, at_once: int) -> bool:
                 """Make the next run while `at_once` runs go on; return whether it succeeds."""
                 name, processes = todo.pop(0), max(1, THREADS // at_once)
+                start_s = time.monotonic()
                 if cause := _make_run(name, runs[name], self.stages, clone, processes):
                     failures[name] = cause
                     _print_failure(name, cause)
+                else:
+                    line = describe_run(name, time.monotonic() - start_s, clone, self.measures)
+                    print(line, file=sys.stderr, flush=True)
                 advance()
                 return not cause
 
@@ -343,7 +369,7 @@ def make_sweep(
     """
     params = yaml.safe_load(compose_params(overrides))
     present = {key: params[key.partition(".")[0]]["seed"] for key in plan.list_seeds()}
-    with RunMaker(plan.stages, jobs) as maker:
+    with RunMaker(plan.stages, jobs, measures=plan.measures) as maker:
 
         def make(runs: Mapping[str, list[str]]) -> dict[str, str]:
             """Make runs, each with its own overrides after the common ones."""

@@ -22,7 +22,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.settings import check_values, settings
 from finloop.edit.modes import MODES
 from finloop.io.movie import Mp4Writer
-from finloop.io.numbers import load_numbers
+from finloop.io.numbers import load_numbers, save_numbers
 from finloop.realism.windows import HALVES
 from finloop.report.compare import (
     OBJECTIVES,
@@ -39,7 +39,7 @@ from stages.compose import compose_params
 from stages.experiment import Experiment, parse_values
 from stages.repository import find_experiments, list_experiments, read_git_user, run_git
 from stages.settings import list_overrides as overrides_of
-from stages.sweep import plan_sweep
+from stages.sweep import describe_run, plan_sweep
 from stages.trials import make_trials
 
 SWEEPS = sorted(path.stem for path in (ROOT / "conf/experiment").glob("*.yaml"))
@@ -314,6 +314,16 @@ def test_a_parameter_has_a_panel_for_every_measure_with_its_spread():
         assert sum(y != y for y in point.y) == 3  # a line for each seed, and a gap after it
 
 
+def test_long_names_of_measures_stand_in_short_lines():
+    parameters, numbers = sweep_with_seeds()
+    name = "animate.network_trials_turn_rate_kinematic_distance_sd"
+    numbers[name] = numbers.iloc[:, 0]
+    figure = draw_parallel_axes(compare_experiments(parameters, numbers, [name]))
+    lines = figure.data[0].dimensions[-1].label.split("<br>")
+    assert " ".join(lines) == "network trials turn rate kinematic distance sd"
+    assert max(map(len, lines)) < 30
+
+
 def two_parameters() -> tuple[pd.DataFrame, pd.DataFrame]:
     """Two parameters with two seeds: `error` depends on the first, `noise` on none."""
     rng = np.random.default_rng(1)
@@ -471,6 +481,13 @@ def test_optuna_needs_a_measure_with_a_good_direction():
     plan = Experiment("t", "w", "s", {"bpn.epochs": "1, 2"}, ["bpn.train_rows"])
     with pytest.raises(FinloopError, match="neither more nor less"):
         make_trials(plan, "one", {}, 2, lambda _: {}, lambda *_: None)
+
+
+def test_a_finished_run_is_one_line(tmp_path):
+    save_numbers(tmp_path / "reports/bpn", {"held_out_area_rmse": 0.123456})
+    measures = ["bpn.held_out_area_rmse", "bpn.gone", "loops.loops"]
+    line = describe_run("rate-0.1-seed0", 31.7, tmp_path, measures)
+    assert line == "rate-0.1-seed0: 32 s, bpn.held_out_area_rmse 0.1235"
 
 
 # --- git

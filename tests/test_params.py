@@ -17,6 +17,8 @@ from typing import Annotated, Any, Literal, get_type_hints
 import numpy as np
 import pytest
 import yaml
+from dvc.exceptions import DvcException
+from dvc.utils.hydra import compose_and_dump
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from pydantic import Field
 from scratch import A_FILM, write_frames
@@ -340,6 +342,14 @@ def test_an_override_is_refused_by_name_while_composing(override, named):
     assert named in refusal.value.came
     assert "raised while" not in refusal.value.came  # it is our message, not one about it
     assert "To append" not in refusal.value.came  # Hydra's advice would be refused as well
+
+
+def test_dvc_prints_a_refusal_as_it_is(tmp_path):
+    arguments = str(Path("conf").absolute()), None, "config", str(Path.cwd()), ["bpn.epochs=many"]
+    with pytest.raises(DvcException) as caught:  # any other error is unexpected to DVC
+        compose_and_dump(str(tmp_path / "params.yaml"), *arguments)
+    assert str(caught.value).startswith("a parameter is refused:\n    bpn.epochs: should be")
+    assert caught.value.__cause__ is None  # DVC would print its text, too
 
 
 # --- params.yaml against conf/

@@ -44,6 +44,7 @@ OBJECTIVES = (
 )
 """Smooth, steerable, varied: a long exact repeat means little variety."""
 _PANELS, _TITLE_LETTERS = 3, 46  # panels per row, letters in a line above one
+_AXIS_LETTERS = 26  # in a line below an axis of the parallel coordinates
 _INK, _BEST, _OTHER = "#16232b", "#0b7285", "#9aa8af"
 _BARS = [_BEST, "#e69f00", "#56b4e9", "#cc79a7", "#009e73", "#d55e00"]
 _LAYOUT: dict[str, Any] = {
@@ -177,7 +178,8 @@ def draw_parallel_axes(comparison: Comparison) -> go.Figure:
     complete = measures.notna().all(axis=1)
     axes = []
     for name, column in [*comparison.parameters[complete].items(), *measures[complete].items()]:
-        axis: dict[str, Any] = {"label": _metric_label(str(name))}
+        label = "<br>".join(wrap(_metric_label(str(name)), _AXIS_LETTERS))
+        axis: dict[str, Any] = {"label": label, "tickformat": ".4~g"}
         if any(map(is_word, column)):  # a tick for each value
             column, texts = rank_values(column)
             axis |= {"tickvals": list(range(len(texts))), "ticktext": texts}
@@ -187,11 +189,11 @@ def draw_parallel_axes(comparison: Comparison) -> go.Figure:
         axes.append(axis | {"values": column.astype(float).tolist()})
     best = comparison.best[complete.to_numpy()].astype(int).tolist()
     line = {"color": best, "colorscale": [[0, _OTHER], [1, _BEST]], "cmin": 0, "cmax": 1}
-    figure = go.Figure(go.Parcoords(dimensions=axes, line=line, labelside="top", labelangle=-12))
+    figure = go.Figure(go.Parcoords(dimensions=axes, line=line, labelside="bottom", labelangle=45))
     names = list(map(str, measures.index[complete]))
     figure.update_layout(meta=names)  # for the page's filter
-    margin = {"l": 80, "r": 170, "t": 130, "b": 40}
-    return figure.update_layout(**_LAYOUT | {"height": 430, "margin": margin})
+    margin = {"l": 80, "r": 150, "t": 40, "b": 170}
+    return figure.update_layout(**_LAYOUT | {"height": 440, "margin": margin})
 
 
 def draw_parameter_effects(comparison: Comparison, parameter: str) -> go.Figure:
