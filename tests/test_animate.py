@@ -41,9 +41,8 @@ from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.edit import measures as edit_measures
 from finloop.edit.joins import PictureSequence, cross_fade_partners
-from finloop.edit.schema import CUT, EDIT, FRAME, SLIDE, SPRITE, STATES, TURN, Goal
+from finloop.edit.schema import CUT, FRAME, SLIDE, SPRITE, STATES, TURN, Goal
 from finloop.features.table import wrap_deg
-from finloop.io.table import load_table, save_table
 from finloop.modes.phases import Phases, learn_phases, state_shares
 from finloop.modes.player import PaperPlayer
 
@@ -389,14 +388,6 @@ def test_a_film_in_which_nothing_moves_is_refused():
 # --- the edit list
 
 
-def test_an_edit_list_is_what_its_schema_says(player, tmp_path):
-    table = play_seeded(player, [Goal("A", 200.0, 200.0)], 500, 1)
-    save_table(tmp_path / "network.parquet", table, EDIT)
-    back = load_table(tmp_path / "network.parquet", EDIT)
-    assert len(back) == 500 and list(back["tick"]) == list(range(500))
-    assert back["time_s"].iloc[-1] == pytest.approx(499 / RATE)
-
-
 def test_an_edit_list_of_one_tick_begins_as_any_other(player):
     one, longer = (play_seeded(player, [], ticks, 1) for ticks in (1, 20))
     apart = ["speed"]  # there is no second place to have moved to
@@ -522,19 +513,13 @@ def picture_table(kind, source):
         ([1, 1, 1, 1], 2),
         ([1, 2, 1, 2, 1, 2], 2),
         ([5, 1, 2, 3, 4, 6, 1, 2, 3, 4, 7, 1, 2], 4),
+        ([1, 2, 3] * 8, 12),
     ],
 )
 def test_longest_exact_repeat(shown, longest):
+    """A frame is no repeat of the sprite of its number."""
     for kind in (SPRITE, FRAME):
         assert edit_measures.longest_repeat(picture_table(kind, shown)) == longest
-
-
-def test_longest_repeat_of_a_cycle_is_half_of_it_all():
-    table = picture_table(FRAME, np.tile([1, 2, 3], 8))
-    assert edit_measures.longest_repeat(table) == 12
-
-
-def test_a_frame_is_no_repeat_of_the_sprite_of_its_number():
     kinds = [SPRITE] * 4 + [FRAME] * 4
     assert edit_measures.longest_repeat(picture_table(kinds, [0, 1, 2, 3, 0, 1, 2, 3])) == 0
 

@@ -512,9 +512,6 @@ def test_film_that_plays_on_is_remembered_as_one_stretch():
     assert remember_rows(recent, 15, 19, 106, 0.0).tolist() == [[10, 14, 100], [15, 19, 106]]
 
 
-# --- a player is pure
-
-
 # --- what is written down
 
 
@@ -629,26 +626,6 @@ def test_outlines_of_frames_are_ahead_and_to_the_left():
     outline = np.array([[[100.0, 30.0], [95.0, 50.0], [100.0, 80.0]]])
     hull = frame_hulls(outline, places, np.array([2.0]))
     assert hull[:][0] == pytest.approx(np.array([[40, 0], [0, 10], [-60, 0]]), abs=1e-4)
-
-
-def test_the_outline_of_a_frame_is_where_its_pixels_were():
-    rng = np.random.default_rng(0)
-    n = 50
-    places = pd.DataFrame(
-        {
-            "x_px": rng.uniform(0, 900, n),
-            "y_px": rng.uniform(0, 900, n),
-            "heading_deg": rng.uniform(-180, 180, n),
-        }
-    )
-    outline = places[["x_px", "y_px"]].to_numpy()[:, None] + rng.normal(0, 20, (n, 12, 2))
-    hulls = frame_hulls(outline, places, np.ones(n))
-    ahead_, left = np.moveaxis(hulls[:], -1, 0)
-    assert np.array_equal(hulls[7:9], hulls[:][7:9]) and len(hulls) == n
-    angle = np.radians(places["heading_deg"].to_numpy())[:, None]
-    x = places["x_px"].to_numpy()[:, None] + ahead_ * np.cos(angle) - left * np.sin(angle)
-    y = places["y_px"].to_numpy()[:, None] - ahead_ * np.sin(angle) - left * np.cos(angle)
-    assert np.stack([x, y], -1) == pytest.approx(outline, abs=1e-3)
 
 
 def test_the_widest_frames_are_barred():

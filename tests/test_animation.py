@@ -72,15 +72,6 @@ def save_morph(tmp_path, ending, morph=None, **kinds):
     return path
 
 
-def test_frames_that_are_equal_are_painted_once(tmp_path, monkeypatch):
-    count = []
-    monkeypatch.setattr(
-        finloop.io.animation, "paint_layers", lambda *a: count.append(1) or paint_layers(*a)
-    )
-    save_morph(tmp_path, ".webp", there_and_back(a_morph()))
-    assert len(count) == FRAMES
-
-
 # --- plain JSON
 
 

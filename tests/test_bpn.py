@@ -6,6 +6,7 @@ A made-up table obeys a law that is written down in the test: the network must f
 import json
 import re
 import shutil
+from contextlib import chdir
 from dataclasses import fields, replace
 from fractions import Fraction
 
@@ -292,18 +293,6 @@ def test_the_gradient_is_that_of_autograd(rows, hidden):
         found = by_hand(*given)
         np.testing.assert_allclose(found, by_autograd(*given), rtol=1e-9, atol=1e-12)
         assert np.abs(found).max() > 0.01
-
-
-def test_the_gradient_is_that_of_finite_differences():
-    weights, x, t = problem()
-    found = by_hand(weights, x, t)
-    given = torch.from_numpy(x), torch.from_numpy(t)
-    step = 1e-6
-    for number in range(len(weights)):
-        nudge = np.zeros_like(weights)
-        nudge[number] = step
-        up, down = (energy(torch.from_numpy(w), *given) for w in (weights + nudge, weights - nudge))
-        assert found[number] == pytest.approx((up - down).item() / (2 * step), abs=1e-8)
 
 
 @pytest.mark.parametrize("size", [0, 1, 40, 1e4, 1e300])
@@ -626,8 +615,7 @@ def ran(tmp_path_factory):
     """A folder in which the stage has run."""
     folder = tmp_path_factory.mktemp("ran")
     put(folder, table([150, 90, 60]))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+    with chdir(folder):
         stages.bpn.main()
         stages.plots.bpn.main()
     return folder
@@ -709,8 +697,6 @@ def test_the_metrics_of_either_split_and_those_that_a_film_cannot_have(workspace
     ("lengths", "overrides", "message"),
     [
         ([200], ["bpn.held_out_by=tracks"], "1 track"),
-        ([4, 5, 3], [], "0 block"),
-        ([200], ["bpn.held_out_block_deltas=0.5"], "at least as long as Δ"),
         ([200], ["bpn.learning_rate=1e308"], "without bound"),
     ],
 )
@@ -745,16 +731,3 @@ def test_of_a_long_film_so_many_rows_are_learnt_from(by):
     np.testing.assert_array_equal(held, same)
     assert some.sum() == most and not (some & ~every).any()
     assert len(np.unique(rows.frame[some] // 20)) > 0.9 * len(np.unique(rows.frame[every] // 20))
-
-
-@pytest.mark.parametrize("name", ["data/clip/facts.json", "data/features/features.parquet"])
-@pytest.mark.parametrize("harm", ["missing", "cut short"])
-def test_a_damaged_file_is_one_message(workspace, name, harm):
-    before = content(workspace / "data/bpn")
-    whole = (workspace / name).read_bytes()
-    (workspace / name).unlink()
-    if harm == "cut short":
-        (workspace / name).write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(FinloopError, match="cannot be read"):
-        stages.bpn.main()
-    assert content(workspace / "data/bpn") == before

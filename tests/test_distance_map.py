@@ -305,17 +305,3 @@ def test_nothing_kept_is_told_and_is_a_table_all_the_same(workspace, capsys):
     assert len(pairs) == metrics["pairs_kept"] == 0
     assert len(steps) == metrics["frames"]
     assert "no two frames are similar enough" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "override",
-    [
-        "max_distance_steps=0",
-        "motion_area_threshold=-0.1",
-        "frame_of_reference=both",
-        "picture_size_px=4",
-    ],
-)
-def test_parameters_out_of_range_are_refused(workspace, override):
-    with pytest.raises(Exception, match=override.split("=")[0]):
-        prepare(workspace, *TINY_CARP, f"distance.{override}")

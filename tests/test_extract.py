@@ -11,6 +11,7 @@ import sys
 import tracemalloc
 import weakref
 from collections import Counter
+from contextlib import chdir
 from dataclasses import replace
 from functools import cache, partial
 
@@ -1033,7 +1034,6 @@ def extract_run(tmp_path_factory):
     prepare(folder, *FILM)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr(stages.cluster, "THREADS", 1)
         patch.setattr(CarpFilm, "light_drift", 0.0)
         stages.clip.main()
         stages.extract.main()
@@ -1047,9 +1047,7 @@ def walk_run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("walked")
     prepare(folder, *FILM)
     put_clip(folder, walk(24))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        patch.setattr(stages.cluster, "THREADS", 1)
+    with chdir(folder):
         stages.extract.main()
     return folder
 
@@ -1059,7 +1057,6 @@ def workspace(tmp_path, monkeypatch):
     """An empty folder to work in, with default parameters, and without further processes."""
     prepare(tmp_path, *FILM)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(stages.cluster, "THREADS", 1)
     return tmp_path
 
 

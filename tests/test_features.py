@@ -11,8 +11,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import TINY_CARP
-from scipy.integrate import quad
-from scipy.interpolate import BSpline
 from scratch import content, prepare
 from tiny_run import copy_of, stage_run
 
@@ -20,7 +18,6 @@ import stages.features
 import stages.plots.features
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
-from finloop.features import area as features_area
 from finloop.features.area import (
     closed_spline_points,
     control_points,
@@ -230,22 +227,6 @@ def test_blocks_are_shorter_in_a_short_film():
 
 
 # -- motion area ------------------------------------------------------------------------------------
-
-
-def test_coefficients_of_the_area_by_quadrature():
-    basis = BSpline.basis_element(np.arange(-2.0, 3), extrapolate=False)
-    slope = basis.derivative()
-
-    def value(spline, t):
-        return float(np.nan_to_num(spline(t)))
-
-    for k in range(1, 5):
-        integral = sum(
-            quad(lambda t, k=k: value(basis, t) * value(slope, t - k), a, a + 1)[0]
-            for a in range(-2, 2)
-        )
-        expected = features_area._G[k - 1] if k < 4 else 0.0
-        assert 2 * integral == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -696,25 +677,6 @@ def test_table_1_by_hand():
     assert not straight[["max_area_left", "max_area_right"]].any(axis=None)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_table_1_sums_to_100(seed):
-    rng = np.random.default_rng(seed)
-    many = pd.DataFrame(
-        {
-            "orientation": rng.integers(1, 25, 90 + seed),
-            "orientations": ORIENTATIONS,
-            "swimming_type": rng.integers(-1, 2, 90 + seed),
-            "motion_area": rng.random(90 + seed),
-        }
-    )
-    table = orientation_table(many)
-    seen = table["amount_pct"] > 0
-    shares = table.loc[seen, ["straight_pct", "right_pct", "left_pct"]].sum(axis=1)
-    assert shares.to_numpy() == pytest.approx(100)
-    assert table["amount_pct"].sum() == pytest.approx(100)
-    assert table["max_area_left"].max() == table["max_area_right"].max() == 1.0
-
-
 def test_the_summary():
     tracks = tracks_table(swim(70, 3.0), swim(20, 3.0, turn_deg=8.0, arc_deg=60))
     numbers = summarize_features(measure_features(tracks, RATE, SETTINGS)[0])
@@ -1003,23 +965,6 @@ def test_delta_follows_the_parameter_and_no_truth_gives_no_errors(workspace):
     metrics = load_numbers(workspace / "reports/features")
     assert metrics["fish_frames"] == 100
     assert not [name for name in metrics if name.startswith("truth")]
-
-
-@pytest.mark.parametrize(
-    "name", ["tracks.parquet", "cutouts.arrow", "scene.json", "background.png"]
-)
-@pytest.mark.parametrize("harm", ["missing", "cut short"])
-def test_a_damaged_file_is_one_message_and_leaves_no_half_table(workspace, name, harm):
-    before = content(workspace / "data/features")
-    path = workspace / "data/extract" / name
-    whole = path.read_bytes()
-    path.unlink()
-    if harm == "cut short":
-        path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(FinloopError, match=rf"{name} cannot be read(.|\n)*dvc repro"):
-        stages.features.main()
-        stages.plots.features.main()
-    assert content(workspace / "data/features") == before
 
 
 def test_a_ruler_gives_lengths_and_speeds_in_millimetres():

@@ -29,7 +29,6 @@ def shot(tmp_path, monkeypatch):
             pytest.skip(f"{path.name} is not at hand")
         prepare(tmp_path, "clip=file", f"clip.path={path}", *overrides)
         monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr(stages.cluster, "THREADS", 1)
         for stage in (stages.clip, stages.extract, stages.features):
             stage.main()
         numbers = {}

@@ -180,10 +180,6 @@ def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
         (("gait.contour_points=100",), "power of two"),
         (("gait.limbs=regions",), "regions_rate_hz"),
         (
-            ("gait.limbs=regions", "gait.regions=none", "gait.regions_rate_hz=24"),
-            "none is no folder",
-        ),
-        (
             ("gait.walker_drawings=[data/drawings/dog_1.svg,data/drawings/fish_2.svg]",),
             "do not match",
         ),

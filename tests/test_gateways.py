@@ -19,7 +19,6 @@ from scratch import content, prepare, put_clip
 import stages.gateways
 import stages.plots.gateways
 from finloop.base.cutout import Cutout
-from finloop.base.errors import FinloopError
 from finloop.distance.map import STEPS, MapFacts
 from finloop.distance.picture import BODY, FILM, draw_centred_cutout, successive_distances
 from finloop.distance.reel import Reel
@@ -518,18 +517,3 @@ def test_stage_says_that_no_track_is_long_enough(work, capsys, monkeypatch):
     monkeypatch.setattr(GatewaysSettings, "least", 100)
     stages.gateways.main()
     assert "no gateway into the film; no track lasts 100 Δ" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "asked",
-    [
-        "distance_threshold=0.0",
-        "distance_threshold=.inf",
-        "frames_per_sprite=0",
-        "sprites_per_frame=0.5",
-    ],
-)
-def test_bad_parameters_are_refused(work, asked):
-    with pytest.raises(FinloopError, match=asked.split("=")[0]):
-        prepare(work, *TINY_CARP, f"gateways.{asked}")
-        stages.gateways.main()

@@ -7,6 +7,7 @@ are written by it, or by the program's own library; those tests need the extra `
 import json
 import pickle
 import shutil
+from contextlib import chdir
 from dataclasses import replace
 from fractions import Fraction
 from importlib.util import find_spec
@@ -87,8 +88,7 @@ def film(tmp_path_factory):
     """A folder with the clip of drawn carp; and the truth as poses."""
     folder = tmp_path_factory.mktemp("film")
     prepare(folder, *CARP)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+    with chdir(folder):
         stages.clip.main()
     return folder, truth_as_poses(load_table(folder / "data/clip/truth.parquet", TRUTH))
 
@@ -116,8 +116,7 @@ def tracks_run(film, tmp_path_factory):
     (folder / "data/clip").symlink_to(source / "data/clip")
     path = trex(folder / "trex", poses)
     prepare(folder, *CARP, f"extract.tracks_path={path}")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+    with chdir(folder):
         stages.extract.main()
         stages.features.main()
     return folder

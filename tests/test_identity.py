@@ -268,7 +268,6 @@ def test_fish_that_cross_keep_their_identities(tmp_path, monkeypatch):
     frames, truth = crossing()
     prepare(tmp_path, "extract.min_track_frames=5")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(stages.cluster, "THREADS", 1)
     put_clip(tmp_path, frames)
     for stage in (stages.extract, stages.features, stages.identity, stages.plots.identity):
         stage.main()

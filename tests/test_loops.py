@@ -887,17 +887,3 @@ def test_stage_on_one_track_of_ten_frames(tmp_path, monkeypatch, capsys):
     stages.plots.loops.main()
     assert len(list((tmp_path / "reports/motion/loops").glob("*.png"))) == 6
     assert load_table(tmp_path / "data/loops/loops.parquet", LOOPS).empty
-
-
-@pytest.mark.parametrize(
-    "asked",
-    [
-        "loops.distance_threshold=-1.0", "loops.distance_threshold=.inf", "loops.distance_threshold=.nan", "loops.min_length_deltas=0.0",
-        "loops.improper_angle_deg=200.0", "loops.compared_neighbour_frames=-1",
-    ],
-)  # fmt: skip
-def test_bad_parameters_are_refused(tmp_path, monkeypatch, asked):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises((FinloopError, ValueError), match=asked.split("=")[0]):
-        prepare(tmp_path, *TINY_CARP, asked)
-        stages.loops.main()

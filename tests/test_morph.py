@@ -251,7 +251,6 @@ def test_the_command_from_end_to_end(tmp_path):
         ('<path id="box" d="M5 5L1e999 5"/>', "curve box"),
         ('<path id="box" d="M9 9L60 60V9L9 60z"/>', "contour 'box'"),
         ('<path id="box" d="M9 9L60 60V9"/>', "'box' open in the first"),
-        ('<path id="other" d="M9 9L60 60V9z"/>', "'other' only in the first"),
     ],
 )
 def test_the_command_tells_what_is_wrong_and_leaves_nothing(tmp_path, body, says, capsys):

@@ -79,9 +79,7 @@ def test_numbers_tell_what_was_made(folder, monkeypatch):
     [
         ("morph.contour_points=100", "power of two"),
         ("morph.wavelet=db2", "H"),
-        ("morph.first_drawing=data/drawings/none.svg", "none.svg"),
         ("morph.last_drawing=data/drawings/hoop.svg", "hoop"),
-        ("morph.method=fold", "morph.method"),
     ],
 )
 @pytest.mark.usefixtures("no_drawing")

@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from contextlib import chdir
 from dataclasses import dataclass, fields, is_dataclass
 from fractions import Fraction
 from functools import cache
@@ -320,18 +321,12 @@ def test_the_whole_must_be_there_and_nothing_else():
     [
         ("clip=typo", "clip/typo"),
         ("clpi=carp", "clpi"),
-        ("clip.nosuch=1", "clip.nosuch: unknown"),
         ("+clip.nosuch=1", "clip.nosuch: unknown"),
-        ("animate.sprites=paper", "animate.sprites: unknown; the modes network, loops and hybrid"),
-        ("animate.path=way.csv", "animate.path: unknown; it is matching.path now"),
-        ("render.mode=nn", "got 'nn', which is network now"),
         ("+experiment=paper", "experiment/paper"),
         ("+new.key=1", "new: unknown"),
         ("~extract", "extract."),
         ("clip=file", "clip.path: has no value"),
         ("clip=carp clip.seed=abc", "clip.seed"),
-        ("clip=carp clip.seed=1.5", "clip.seed"),
-        ("clip=carp clip.frame_rate_hz=nan", "clip.frame_rate_hz: should be"),
         ("clip=carp clip.frame_rate_hz=-1e9", "clip.frame_rate_hz: should be"),
         ("clip=[", "clip=[ is no `key=value`"),
     ],
@@ -477,8 +472,7 @@ def test_a_path_that_has_changed_has_another_stamp(elsewhere):
     assert None not in seen and len({*seen}) == 2
     for none in (None, "track:8", str(elsewhere / "none.svg")):
         assert path_stamp({"path": none}) is None
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
+    with chdir(ROOT):
         whole = yaml.safe_load(compose_params(["~local", f"matching.path={file}"]))
     assert whole["path_stamp"] == seen[-1]
 

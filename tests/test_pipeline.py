@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,7 @@ FIRST = ("code", "params")  # of no words of their own
 # --- dvc.yaml against the code
 
 
+@cache
 def files(stage: str) -> set[str]:
     """The files of the program that a stage runs."""
     return {line.split()[1] for line in code.file_list_text(stage).splitlines()}
@@ -73,6 +75,7 @@ def test_a_stage_depends_on_the_files_that_it_runs(word):
     assert {"stages/run.py", f"stages/{word.replace('-', '/')}.py"} <= files(word)
 
 
+@cache
 def waited_for(word: str, mode: str) -> set[str]:
     """The paths that a stage's `deps` stand for, with all that is noted in them.
 
@@ -89,11 +92,16 @@ def waited_for(word: str, mode: str) -> set[str]:
     return found
 
 
+@cache
+def members_used(file: str) -> set[str]:
+    """The members of a `project` that a file uses."""
+    return code._members_of(ast.parse((ROOT / file).read_text()), "project")
+
+
 def loaded_words(word: str) -> set[str]:
     """The stages whose folders a stage loads, by the members of `Project` that it uses."""
-    members, mine = code.project_members(), files(word)
-    trees = [ast.parse((ROOT / file).read_text()) for file in mine if file.endswith(".py")]
-    todo = set().union(*(code._members_of(tree, "project") for tree in trees)) & members.keys()
+    members, mine = code.project_members(), [one for one in files(word) if one.endswith(".py")]
+    todo = set().union(*map(members_used, mine)) & members.keys()
     used = set[str]()
     while todo:
         used.add(name := todo.pop())
@@ -108,9 +116,10 @@ def loaded_words(word: str) -> set[str]:
 @pytest.mark.parametrize("word", [word for word in STAGES if word not in FIRST])
 def test_a_stage_reads_only_what_it_waits_for(word):
     own = {Path(out).parts[1] for out in outputs(word)} | {word}
+    loaded = loaded_words(word) - own - {"animate", *MODES}
     for mode in (*MODES, "retarget"):
         waits = waited_for(word, mode)
-        for other in loaded_words(word) - own - {"animate", *MODES}:
+        for other in loaded:
             assert any(path.startswith(f"data/{other}") for path in waits), (other, mode)
 
 
@@ -134,7 +143,6 @@ def test_dvc_lock_stays_short():
     paths = [path for word in STAGES for path in (*STAGES[word]["deps"], *outputs(word))]
     lines = 2 + 4 * len(STAGES) + sum(4 if Path(path).suffix else 5 for path in paths)
     assert lines <= 900
-    assert len((ROOT / "dvc.yaml").read_text(encoding="utf-8").splitlines()) <= 250
 
 
 def test_a_stage_has_six_places_and_a_mode_three():
@@ -601,16 +609,14 @@ def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(front: Copy):
     page = front.text("reports/compare.html")
     assert all(name in page for name in ("quick-0.4", "quick-0.5", "straight pct"))
     assert not list((front.root / ".dvc/tmp").glob("sweep-*"))
-    again = front.run("python", "-m", "stages.sweep", "quick", fails=True)
-    assert "runs: " in text and "runs: " not in again  # both experiments are there already
-    assert "quick-0.4" in again and "quick-7.0 failed" in again
     # A lock of results that nobody has here, as in a new clone, and all stages from the run cache.
     (parameters,) = re.findall(r"path: data/params\n.*\n +md5: (\w+)\.dir", front.text("dvc.lock"))
     strange = front.text("dvc.lock").replace(parameters, "0" * 32)
     (front.root / "dvc.lock").write_text(strange)
     front.dvc("exp", "remove", "quick-0.4")
-    assert "quick-0.4 failed" not in front.run("python", "-m", "stages.sweep", "quick", fails=True)
-    assert front.text("dvc.lock") == strange
+    again = front.run("python", "-m", "stages.sweep", "quick", fails=True)
+    assert "runs: 1 of 1" in again and "quick-7.0 failed" in again  # the other is there already
+    assert "quick-0.4 failed" not in again and front.text("dvc.lock") == strange
 
 
 def test_an_animation_is_drawn_from_the_cache(first_run: Copy, monkeypatch: pytest.MonkeyPatch):

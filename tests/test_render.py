@@ -4,6 +4,7 @@ A toy fish is a soft drop of known mass centre, drawn here. What a film shows is
 or Pillow.
 """
 
+from contextlib import chdir
 from fractions import Fraction
 from pathlib import Path
 
@@ -32,7 +33,7 @@ from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie import Mp4Writer, WebpWriter
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
-from finloop.io.record import load_records, save_json, save_records
+from finloop.io.record import save_json, save_records
 from finloop.io.table import save_table
 from finloop.io.video import read_frames
 from finloop.plots.render import (
@@ -60,7 +61,6 @@ from finloop.render.marks import (
 from finloop.render.painter import (
     BentPicture,
     Box,
-    PaddedPicture,
     Painter,
     PlacedFish,
     Shadow,
@@ -483,14 +483,6 @@ def test_rows_are_drawn_as_they_say():
     assert second == (90.0, 45.0, *turned, 0.25)
 
 
-def test_the_gallery_holds_no_more_than_it_may():
-    stored = gallery(5, keep=2)
-    for number in (0, 1, 2, 3, 4, 4, 3):
-        assert isinstance(stored.film_picture(number), PaddedPicture)
-    info = stored.picture.cache_info()
-    assert (info.currsize, info.hits, info.misses) == (2, 2, 5)
-
-
 FADE = {"weight": 0.5, "partner_kind": "frame", "partner_rotation_deg": 0.0, "partner_scale": 1.0}
 
 
@@ -790,18 +782,6 @@ def test_an_unfinished_film_leaves_what_was_there(tmp_path, make):
     assert path.read_bytes() == b"before" and len(list(tmp_path.iterdir())) == 1
 
 
-def test_goals_come_back(tmp_path):
-    goals = [Goal("A", 1.5, 2.0), Goal("Füttern", 3.0, 4.25)]
-    save_records(tmp_path / "goals.json", goals)
-    assert load_records(tmp_path / "goals.json", Goal, "animate") == goals
-    for text in ("", "[1]", '[{"name": "A"}]', '{"a": 1}'):
-        (tmp_path / "goals.json").write_text(text)
-        with pytest.raises(FinloopError, match="cannot be read"):
-            load_records(tmp_path / "goals.json", Goal, "animate")
-    with pytest.raises(FinloopError, match="cannot be read"):
-        load_records(tmp_path / "none.json", Goal, "animate")
-
-
 # --- the stage -----------------------------------------------------------------------------------
 
 
@@ -809,9 +789,7 @@ def test_goals_come_back(tmp_path):
 def replay_folder(tmp_path_factory):
     """A folder with the drawn carp, extracted, and an edit list that replays its first track."""
     folder = tmp_path_factory.mktemp("render")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        patch.setattr(stages.cluster, "THREADS", 1)
+    with chdir(folder):
         prepare(folder, *NETWORK, "clip.frames=90", "clip.colour=true", "clip.height_px=241")
         stages.clip.main()
         stages.extract.main()
@@ -956,15 +934,6 @@ def test_masses_and_pictures_that_do_not_match_are_said(folder):
     pq.write_table(table.slice(0, table.num_rows - 1), path)
     with pytest.raises(FinloopError, match="mass centres"):
         stages.render.main()
-
-
-@pytest.mark.parametrize(
-    "bad",
-    ["render.crf=60", "render.mode=dance", "render.webp_seconds=-1.0", "render.webp_width_px=5"],
-)
-def test_bad_parameters_are_refused(tmp_path, bad):
-    with pytest.raises(FinloopError, match=bad.partition("=")[0]):
-        prepare(tmp_path, bad)
 
 
 # --- the sheet of switches -----------------------------------------------------------------------

@@ -11,7 +11,6 @@ from conftest import TINY_CARP
 from scratch import content, prepare
 
 import stages.clip
-import stages.cluster
 import stages.extract
 from finloop.base.errors import FinloopError
 from finloop.drawn.carp.settings import CarpFilm
@@ -70,7 +69,6 @@ def film_run(tmp_path_factory):
     prepare(folder, *FILM)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr(stages.cluster, "THREADS", 1)
         patch.setattr(film, "_STRETCH", SHORT)
         patch.setattr(CarpFilm, "light_drift", 0.0)
         stages.clip.main()
@@ -84,7 +82,6 @@ def workspace(film_run, tmp_path, monkeypatch):
     prepare(tmp_path, *FILM)
     shutil.copytree(film_run / "data/clip", tmp_path / "data/clip")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(stages.cluster, "THREADS", 1)
     monkeypatch.setattr(film, "_STRETCH", SHORT)
     return tmp_path
 

@@ -1,6 +1,7 @@
 """Motion of one animal, looks of another: laws, ground truth of drawn carp, bad input."""
 
 import shutil
+from contextlib import chdir
 from dataclasses import replace
 from importlib.util import find_spec
 
@@ -56,8 +57,7 @@ folder = stage_run("distance", "jumps")
 @pytest.fixture(scope="module")
 def mirrored_material(folder):
     """The same as `Material`, with mirror images."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+    with chdir(folder):
         with Project() as project:
             whole = stages.retarget.load_retarget_data(project)
             look = whole.look[: len(whole.reel)]
@@ -69,8 +69,7 @@ def carp(tmp_path_factory):
     """The true midlines (frames, 65, 2) of another drawn carp, smaller, of another skin."""
     path = tmp_path_factory.mktemp("carp")
     prepare(path, *TINY_CARP, "clip.seed=9", "clip.body_length_px=50", "clip.frames=60")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(path)
+    with chdir(path):
         stages.clip.main()
     truth = load_table(path / "data/clip/truth.parquet", TRUTH)
     return lists_to_points(truth, "backbone").astype(float)

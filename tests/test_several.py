@@ -193,7 +193,6 @@ def joined_run(tmp_path_factory):
 def run(home, patch):
     prepare(home, "clip=file", "clip.path=films", *FEW)
     patch.chdir(home)
-    patch.setattr(stages.cluster, "THREADS", 1)
     stages.clip.main()
     stages.extract.main()
 

@@ -1,7 +1,7 @@
 """Several fish planned together: they keep clear, swim as each would alone, and are read by all."""
 
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, chdir
 from dataclasses import replace
 from functools import cache
 from itertools import combinations
@@ -422,8 +422,7 @@ def folder(tmp_path_factory, tiny_run):
         "realism.seconds=1", "render.mode=matching", "export.mode=matching",
     ]  # fmt: skip
     prepare(path, *TINY_CARP, *own)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(path)
+    with chdir(path):
         stages.modes.matching.main()
         stages.animate.main()
     return path

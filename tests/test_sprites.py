@@ -898,17 +898,6 @@ def test_stage_that_fails_leaves_nothing_behind(work):
     assert not (work / "data/sprites").exists() and not (work / "reports/sprites").exists()
 
 
-@pytest.mark.parametrize(
-    ("asked", "message"),
-    [
-        ("sprites.max_tail_swing_bl=0.05", "min_tail_swing_bl is more than max_tail_swing_bl"),
-        ("sprites.page_px=100", "page_px"),
-        ("sprites.min_turn_deg=-1.0", "min_turn_deg"),
-        ("sprites.alone=2.0", "it is sprites.min_neighbour_distance_bl now"),
-        ("sprites.soft=0.5", "it is a constant now, SpritesSettings.soft"),
-    ],
-)
-def test_bad_parameters_are_refused(work, asked, message):
-    with pytest.raises((FinloopError, ValueError), match=message):
-        prepare(work, *TINY_CARP, asked)
-        stages.sprites.main()
+def test_a_least_swing_above_the_most_is_refused():
+    with pytest.raises(FinloopError, match="min_tail_swing_bl is more than max_tail_swing_bl"):
+        settings("sprites", max_tail_swing_bl=0.05)

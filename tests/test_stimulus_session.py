@@ -349,15 +349,6 @@ def test_frames_that_are_drawn_after_the_next_is_due_are_late(tmp_path):
     assert (session.counts.frames, session.counts.late) == (5, 2)
 
 
-def test_motions_are_kept_only_where_they_are_shown_again(tmp_path):
-    session, _ = session_of(tmp_path, plan_of(ALL), DryClock())
-    session.waits_for_starts = False
-    session.start()
-    asyncio.run(session.run_trials())
-    session.log.close()
-    assert set(session._motions) == {"live"}
-
-
 def test_a_session_that_is_stopped_while_a_trial_waits_ends_without_it(tmp_path):
     plan = plan_of({"a": {"seconds": 1.0} | GOALS}, start={"key": "space"}, repeats=2)
     session, _ = session_of(tmp_path, plan, DryClock())

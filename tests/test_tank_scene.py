@@ -332,9 +332,3 @@ def test_what_is_wrong_is_said_and_what_was_there_stays(folder, monkeypatch):
     with pytest.raises(FinloopError, match="no-such-package"):
         stages.tank.main()
     assert set(content(Path("data/tank"))) == {"still.png"} and not Path("reports/tank").exists()
-
-
-@pytest.mark.parametrize("bad", ["tank.camera=moon", "tank.seconds=0.0", "tank.width_px=161"])
-def test_bad_parameters_are_refused(tmp_path, bad):
-    with pytest.raises(FinloopError, match=bad.partition("=")[0]):
-        prepare(tmp_path, bad)
