@@ -131,10 +131,13 @@ def test_a_turn_goes_one_way_and_ends_straight():
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_the_silhouette_ends_with_the_midline_and_is_as_wide_as_the_profile(pose, carp):
+def test_the_silhouette_ends_with_the_midline_and_is_as_wide_as_the_profile(
+    pose, carp, monkeypatch
+):
     line = carp_line(*pose)
     # Finely drawn, so that the outline can be walked to a tenth of a pixel.
-    cut = draw_carp(line * 8, (0.0, 0.0), carp, oversample=1)
+    monkeypatch.setattr("finloop.drawn.carp.draw.OVERSAMPLE", 1)
+    cut = draw_carp(line * 8, (0.0, 0.0), carp)
     inside = cut.coverage > 0.5
     for end, before in ((0, 2), (-1, -3)):
         out = (line[end] - line[before]) / np.linalg.norm(line[end] - line[before])
@@ -212,15 +215,17 @@ def test_open_fins_add_to_the_silhouette_and_are_see_through(carp):
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_the_skin_sticks_to_the_body(pose):
+def test_the_skin_sticks_to_the_body(pose, monkeypatch):
     # A skin that says where it is: red = place along the body, green = 200 on the left, else 20.
     rows, columns = 120, 480
     skin = np.ones((rows, columns, 4), np.float32)
     skin[..., 0] = 200 * (np.arange(columns) + 0.5) / columns
     skin[..., 1] = np.where(np.arange(rows)[:, None] < rows // 2, 200, 20)
-    marked = FishColours(skin, np.zeros((8, 8, 5), np.float32), 1.0)
+    marked = FishColours(skin, np.zeros((8, 8, 5), np.float32))
     line = carp_line(*pose, length=330)
-    cut = draw_carp(line, (0.0, 0.0), marked, light=(0.0, 0.0), gloss=0.0)
+    monkeypatch.setattr("finloop.drawn.carp.draw.LIGHT", (0.0, 0.0))
+    monkeypatch.setattr("finloop.drawn.carp.draw.GLOSS", 0.0)
+    cut = draw_carp(line, (0.0, 0.0), marked)
     for i in (8, 24, 40, 50):
         for side, green in zip(sides(line, i), (200, 20), strict=True):
             x, y = line[i] + 6 * side - (cut.x0, cut.y0)

@@ -75,8 +75,6 @@ def test_the_closed_form_solves_the_equation(density, c, k, a, v, q):
 def test_the_three_damping_cases(c, case):
     """ρ = 1, k = 4: a e^{r₁t} + b e^{r₂t}, or (a + b t) e^{rt} where the roots are one."""
     of = Oscillators(1.0, np.array([c]), np.array([4.0]))
-    assert of.count_root_kinds()[case] == 1
-    assert sum(of.count_root_kinds().values()) == 1
     t = np.linspace(0, 3, 20)
     places, _ = oscillator_motion(of, np.array([[1.0]]), np.array([[0.5]]), t, np.zeros((1, 1)))
     r1, r2 = np.roots([1, c, 4]).astype(complex)
@@ -96,21 +94,15 @@ def test_near_the_double_root_nothing_jumps_and_stiff_ones_do_not_overflow():
     for c in (3.999, 4.0001, 4.001):  # not the double root's either
         wanted = expm(np.array([[0, 1], [-4, -c]]))[0]
         one = oscillator_response(Oscillators(1.0, np.array([c]), np.array([4.0])), np.array([1.0]))
-        assert np.allclose([one.place[0, 0], one.speed[0, 0]], wanted, rtol=0, atol=1e-13)
+        assert np.allclose([one.of_place[0, 0], one.of_speed[0, 0]], wanted, rtol=0, atol=1e-13)
     stiff = oscillator_response(
         Oscillators(1.0, np.array([1e9, 1e9]), np.array([1e12, 0])), np.array([0, 5.0])
     )
     assert all(np.isfinite(part).all() for part in stiff)
-    assert stiff.place[1, 0] == pytest.approx(0, abs=1e-300)
-    assert stiff.pushed[1, 1] == pytest.approx(5e-9, rel=1e-6)
+    assert stiff.of_place[1, 0] == pytest.approx(0, abs=1e-300)
+    assert stiff.of_force[1, 1] == pytest.approx(5e-9, rel=1e-6)
     free = oscillator_response(Oscillators(2.0, np.zeros(1), np.zeros(1)), np.array([3.0]))
-    assert free.pushed[0, 0] == pytest.approx(9 / 4)  # ½ q t² / ρ
-
-
-def test_a_force_too_wild_is_refused():
-    p = problem(force=lambda t, x: np.sign(np.sin(1e7 * t * t)) * np.ones_like(x), n=2)
-    with pytest.raises(FinloopError, match="too fast"):
-        solve_motion(p)
+    assert free.of_force[0, 0] == pytest.approx(9 / 4)  # ½ q t² / ρ
 
 
 # --- the exact solution
@@ -174,7 +166,7 @@ def test_momentum(method):
     """
     q = np.array([0.3, -1.0])
     material = Material(2.0, 3.0, 0.8, 0.002)
-    for force in (None, q, lambda t, x: np.broadcast_to(q, x.shape)):
+    for force in (None, q, np.broadcast_to(q, (64, 2))):
         p = problem(material, velocity=wobble(64, 2) + (1, 2), force=force)
         start = 2 * p.velocity.mean(axis=0)
         pushed = np.zeros(2) if force is None else q
@@ -231,25 +223,20 @@ def test_an_open_curve_has_free_ends_and_stays_its_own_mirror_image():
 # --- every method against the exact one
 
 
-@pytest.mark.parametrize("force", ["none", "constant", "field"])
+@pytest.mark.parametrize("force", [None, np.array([0.0, 9.81])])
 @pytest.mark.parametrize("method", METHODS)
 def test_error_against_the_exact_solution(method, force):
-    given = {
-        "none": None,
-        "constant": np.array([0.0, 9.81]),
-        "field": lambda t, x: -2 * x + np.array([np.sin(9 * t), 0.3]),
-    }[force]
-    p = for_method(method, force=given)
+    p = for_method(method, force=force)
     motion = solve_motion(p, method, TIGHT)
     exact = solve_motion(p).displacement
     off = np.abs(motion.displacement - exact).max() / np.abs(exact).max()
     if method != "modal":
         assert motion.error == pytest.approx(off)
-    limit = {"modal": 1e-8, "runge-kutta": 1e-6, "decoupled": 3.0}.get(method, 2e-2)
+    limit = {"modal": 0, "runge-kutta": 1e-6, "decoupled": 3.0}.get(method, 2e-2)
     assert motion.error <= limit
     assert motion.displacement.shape == motion.velocity.shape == (11, 64, 2)
     assert np.allclose(motion.displacement[0], p.displacement)
-    if force == "none" and method not in ("modal", "decoupled"):
+    if force is None and method not in ("modal", "decoupled"):
         course = total_energy(p, motion)
         assert (np.diff(course) <= 1e-7 * course[0]).all()
     # A velocity is the change of place.
@@ -296,27 +283,9 @@ def test_decoupling_is_no_small_error():
             p = problem(material, 128, times, displacement=u, wavelet=wavelet)
             motion = solve_motion(p, "decoupled", SolverOptions(levels=levels))
             assert motion.error > 0.37
-            assert motion.facts["complex_roots"] == 128
     # It is exact without elasticity: each coefficient fades alone.
     p = problem(Material(1, 0, 0.7, 0), velocity=wobble(64, 1), force=np.array([1.0, 2]))
     assert solve_motion(p, "decoupled").error < 1e-12
-
-
-@pytest.mark.parametrize("material", [LIGHT, MASSLESS])
-def test_a_field_that_is_the_same_everywhere_is_a_constant_force(material):
-    q = np.array([0.3, -1.0])
-    field, constant = (
-        solve_motion(problem(material, velocity=wobble(64, 1), force=force))
-        for force in (lambda t, x: q, q)
-    )
-    assert np.allclose(field.displacement, constant.displacement, atol=1e-8)
-    assert np.allclose(field.velocity, constant.velocity, atol=1e-5)
-    assert 0 < field.error <= 1e-9 and constant.error == 0
-
-
-def test_a_force_is_of_place_and_time():
-    p = problem(force=lambda t, x: t * x)
-    assert np.allclose(p.force_at(2.0, p.displacement), 2 * (p.rest + p.displacement))
 
 
 # --- what is refused

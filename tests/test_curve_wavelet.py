@@ -1,4 +1,4 @@
-"""The periodized transform: round trip, PyWavelets and Eq. 2.8 as ground truth, truncation."""
+"""The periodized transform: round trip, Eq. 2.8 as ground truth, truncation."""
 
 import re
 
@@ -18,7 +18,7 @@ from finloop.curve.wavelet import (
     control_points,
     curves_from_control,
     drop_details,
-    filter_bank,
+    find_wavelet,
     inverse_transform,
     scale_slices,
     wavelet_transform,
@@ -38,31 +38,7 @@ def test_there_and_back(wavelet):
     points = curves(128)
     for levels in (1, 7):
         found = inverse_transform(wavelet_transform(points, wavelet, levels), wavelet, levels)
-        assert np.abs(found - points).max() <= 1e-12
-
-
-@pytest.mark.parametrize("wavelet", ALL)
-@pytest.mark.parametrize("n", [128, 8])
-def test_the_same_coefficients_as_pywavelets(wavelet, n):
-    bank = filter_bank(wavelet)
-    if bank.shape[1] > n:
-        return
-    peer = pywt.Wavelet(wavelet, bank.tolist()) if wavelet == CUBIC else pywt.Wavelet(wavelet)
-    points = curves(n)
-    theirs, details = points, []
-    for levels in (1, 2, 3):
-        theirs, detail = pywt.dwt(theirs, peer, "periodization", axis=1)
-        details.insert(0, detail)
-        whole = np.concatenate([theirs, *details], axis=1)
-        assert np.allclose(wavelet_transform(points, wavelet, levels), whole, rtol=0, atol=1e-9)
-
-
-def test_mending_moves_filters_no_farther_than_their_tables_are_off():
-    """Whatever last bits LAPACK leaves: of long coiflets the equations are nearly singular."""
-    for wavelet in pywt.wavelist(kind="discrete"):
-        table = np.array(pywt.Wavelet(wavelet).filter_bank)
-        if wavelet != "dmey":
-            assert np.abs(filter_bank(wavelet) - table).max() < 1e-10, wavelet
+        assert np.abs(found - points).max() <= 1e-9  # tables of sym20 lose most, 3e-11
 
 
 @pytest.mark.parametrize("wavelet", ["db3", "db4", "coif2"])
@@ -122,7 +98,7 @@ def test_a_batch_is_its_curves_and_inputs_stay():
 
 def test_the_cubic_spline_is_fig_2s():
     """Synthesis by 1 4 6 4 1, and cubics reproduced: four moments of either ψ vanish."""
-    bank = filter_bank(CUBIC)
+    bank = np.array(find_wavelet(CUBIC).filter_bank)
     low = bank[2][bank[2] != 0]
     assert np.allclose(low / low[0], [1, 4, 6, 4, 1])
     at = np.arange(bank.shape[1])

@@ -3,10 +3,9 @@
 import cv2
 import numpy as np
 import pytest
+from toy_insect import WalkerFilm, walker_frames, walker_truth
 
 from finloop.base.settings import settings
-from finloop.drawn import WalkerFilm
-from finloop.drawn.walker import walker_frames, walker_truth
 from finloop.extract.backbone import cut_limbs, trace_backbone
 from finloop.extract.film import Detector, link_tracks, track_table_rows
 from finloop.extract.samples import measure_scene_and_fish

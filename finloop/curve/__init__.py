@@ -9,5 +9,5 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "dynamics": ["Material", "Problem", "Trajectory", "total_energy", "solve_motion"],
     "stiffness": ["connection_coefficients"],
-    "wavelet": ["drop_details", "filter_bank", "inverse_transform", "wavelet_transform"],
+    "wavelet": ["drop_details", "find_wavelet", "inverse_transform", "wavelet_transform"],
 })  # fmt: skip

@@ -1,7 +1,7 @@
 """Deformation of a curve by its stiffness (curve paper §3.1, §3.3): M q̈ + C q̇ + K q = Q (Eq. 3.3).
 
 Glossary: *rest* u₀ (n, d) the natural shape; *displacement* u from it; ρ *density*, e₀ *elastic*,
-s₁ *mass_damping*, s₂ *stiffness_damping*; Q a force per length, at every point.
+s₁ *mass_damping*, s₂ *stiffness_damping*; Q a constant force per length, such as gravity.
 
 `solve_motion` is the entry. In the φ basis K is circulant, and an FFT decouples it exactly. This is
 the method "modal", the reference for the errors of all other methods. The parameter of a curve runs
@@ -12,7 +12,8 @@ K preserves that symmetry, and the ends are free.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from math import factorial
 from typing import NamedTuple
@@ -32,10 +33,6 @@ METHODS = ("modal", "runge-kutta", "explicit-euler", "implicit-euler", "decouple
 SCHULZ_ITERATIONS = 100
 """Largest number of Schulz iterations; every matrix that float64 can invert needs fewer."""
 
-_MOST_EVALUATIONS = 50_000  # of a force that depends on place and time
-
-ForceField = Callable[[float, Floats], Floats]
-"""The force Q (n, d) as a function of time and the points' places (n, d)."""
 Numbers = NDArray[np.inexact]
 
 
@@ -58,8 +55,8 @@ class Problem:
     """A curve of n points, a power of two, that is bent and released at times[0].
 
     rest (n, d): its shape without force; displacement (n, d) from it at times[0], and velocity (n,
-    d), None = 0. times (t,): ascending, at which the motion is wanted. force: (n, d); (d,) for the
-    same force at every point; a function of time and places; or None.
+    d), None = 0. times (t,): ascending, at which the motion is wanted. force: constant, (n, d), or
+    (d,) for the same force at every point; None = 0.
     """
 
     rest: Floats
@@ -67,29 +64,26 @@ class Problem:
     material: Material
     times: Floats
     velocity: Floats | None = None
-    force: Floats | ForceField | None = None
+    force: Floats | None = None
     wavelet: str = "coif2"
 
     def state_at_start(self) -> Floats:
         """Return displacement and velocity of the points at times[0], (2, n, d)."""
-        u = np.asarray(self.displacement, np.float64)
-        return np.stack([u, np.zeros_like(u) if self.velocity is None else self.velocity])
+        u, v = self.displacement, self.velocity
+        return np.stack([u, np.zeros_like(u) if v is None else v])
 
-    def force_at(self, time: float, displacement: Floats) -> Floats:
-        """Return the force Q (n, d) on points displaced by (n, d) from rest, at a time."""
-        if callable(self.force):
-            return np.broadcast_to(self.force(time, self.rest + displacement), displacement.shape)
-        return np.zeros_like(displacement) + (0 if self.force is None else self.force)
+    def force_on_points(self) -> Floats:
+        """Return the force Q (n, d) on every point."""
+        return np.zeros_like(self.displacement) + (0 if self.force is None else self.force)
 
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """Settings of the methods of `curve.dynamics.solve_motion`.
+    """Settings of the methods of `curve.dynamics.solve_motion`; "modal" needs none.
 
-    All methods but "modal" use `levels` of the wavelet basis. "runge-kutta" uses the relative
-    tolerance `rtol` and scipy's `integrator`. Euler takes `substeps` between two times and inverts
-    the damping matrix C by "sparse" factors or "schulz". "modal" and "decoupled" use `tolerance` if
-    the force depends on place and time.
+    levels: of the wavelet basis. "runge-kutta" uses the relative tolerance `rtol` and scipy's
+    `integrator`. Euler takes `substeps` between two times and inverts the damping matrix C by
+    "sparse" factors or "schulz".
     """
 
     levels: int = 3
@@ -97,7 +91,6 @@ class SolverOptions:
     integrator: str = "RK45"
     substeps: int = 10
     inverse: str = "sparse"
-    tolerance: float = 1e-9
 
 
 @dataclass(frozen=True)
@@ -105,23 +98,14 @@ class Trajectory:
     """Motion of a curve: displacements from rest and velocities, each (t, n, d), and their error.
 
     `error` is the largest deviation from the exact displacement, relative to the largest exact
-    displacement; "modal" estimates it itself, 0 for a closed form. `facts` holds steps, residuals
-    and other counts of the method.
+    displacement. `facts` holds steps, residuals and other counts of the method, by name.
     """
 
     times: Floats
     displacement: Floats
     velocity: Floats
-    error: float
+    error: float = 0.0
     facts: dict[str, float] = field(default_factory=dict)
-
-
-class Solution(NamedTuple):
-    """Result of one method: displacements and velocities, each (t, n, d), and counts by name."""
-
-    displacement: Floats
-    velocity: Floats
-    facts: dict[str, float]
 
 
 def solve_motion(
@@ -136,51 +120,47 @@ def solve_motion(
     them.
     """
     options = options or SolverOptions()
-    problem = _check_problem(problem, method)
-    exact = _solve_modal(problem, options)
+    problem = _convert_problem(problem, method)
+    exact = _solve_modal(problem)
     if method == "modal":
-        error = exact.facts["estimate"]
-        return Trajectory(problem.times, exact.displacement, exact.velocity, error, exact.facts)
+        return exact
     if method == "decoupled":
-        solution = _solve_decoupled(problem, options)
+        motion = _solve_decoupled(problem, options)
     elif method == "runge-kutta":
-        solution = solve_by_runge_kutta(problem, options)
+        motion = solve_by_runge_kutta(problem, options)
     else:
-        solution = solve_by_euler(problem, options, implicit=method == "implicit-euler")
-    deviation = np.abs(solution.displacement - exact.displacement).max()
-    largest = np.abs(exact.displacement).max()
-    error = float(deviation / largest) if largest else float(deviation)
-    return Trajectory(
-        problem.times, solution.displacement, solution.velocity, error, solution.facts
+        motion = solve_by_euler(problem, options, implicit=method == "implicit-euler")
+    deviation = float(np.abs(motion.displacement - exact.displacement).max())
+    largest = float(np.abs(exact.displacement).max())
+    return replace(motion, error=deviation / (largest or 1.0))
+
+
+def _convert_problem(problem: Problem, method: str) -> Problem:
+    """Return a problem with its fields as arrays; FinloopError if the method cannot solve it."""
+    material = problem.material
+    rest, u, times = (
+        np.asarray(field, np.float64)
+        for field in (problem.rest, problem.displacement, problem.times)
     )
-
-
-def _check_problem(problem: Problem, method: str) -> Problem:
-    """Convert a problem's fields to arrays; FinloopError if the method cannot solve it."""
-    material, force = problem.material, problem.force
-    times, rest = np.asarray(problem.times, np.float64), np.asarray(problem.rest, np.float64)
-    u = np.asarray(problem.displacement, np.float64)
     v = np.zeros_like(u) if problem.velocity is None else np.asarray(problem.velocity, np.float64)
-    values = [rest, u, v, times, np.array(list(vars(material).values()), np.float64)]
-    negative = bool((values[-1] < 0).any())
-    if force is not None and not callable(force):
-        force = np.asarray(force, np.float64)
-        values.append(force)
+    force = None if problem.force is None else np.asarray(problem.force, np.float64)
+    constants = np.array(list(vars(material).values()), np.float64)
+    arrays = [rest, u, v, times, constants, np.zeros(0) if force is None else force]
     massless = material.density == 0
     refusals = (  # (whether it applies, what came, what is needed)
         (method not in METHODS, f"the method {method!r}", f"one of {', '.join(METHODS)}"),
-        (not all(np.isfinite(array).all() for array in values),
+        (not all(np.isfinite(array).all() for array in arrays),
          "numbers that are not finite in a curve, a material, the times or a force",
          "finite numbers"),
         (not (u.ndim == 2 and u.shape == v.shape == rest.shape),
          f"a rest shape of shape {rest.shape}, displacements {u.shape}, velocities {v.shape}",
          "the same shape (n, d)"),
-        (isinstance(force, np.ndarray) and force.shape not in (u.shape, u.shape[1:]),
-         f"a force of shape {getattr(force, 'shape', ())}",
+        (force is not None and force.shape not in (u.shape, u.shape[1:]),
+         f"a force of shape {() if force is None else force.shape}",
          f"{u.shape}, or {u.shape[1:]} for the same force at every point"),
         (times.ndim != 1 or len(times) < 1 or bool((np.diff(times) <= 0).any()),
          "times that do not increase", "increasing times, the first at the start"),
-        (negative, f"a material with a negative number: {material}",
+        (bool((constants < 0).any()), f"a material with a negative number: {material}",
          "density, elastic and both dampings of 0 or more"),
         (massless and material.mass_damping == 0,
          "a curve without mass (density 0) and without mass_damping",
@@ -209,70 +189,61 @@ class Oscillators:
     damping: Floats
     stiffness: Floats
 
-    def count_root_kinds(self) -> dict[str, int]:
-        """Count the oscillators by the roots of ρr² + c r + k = 0: "real", "double", "complex".
-
-        Real roots creep, complex roots swing. If ρ = 0 every oscillator has one root, and counts as
-        real or, with c = 0, as double.
-        """
-        discriminant = self.damping**2 - 4 * self.density * self.stiffness
-        signs = {"real": discriminant > 0, "double": discriminant == 0, "complex": discriminant < 0}
-        return {kind: int(is_kind.sum()) for kind, is_kind in signs.items()}
-
 
 class Response(NamedTuple):
     """Factors (t, m) from which places and speeds of m oscillators at t times are computed.
 
-    With a₀, v₀ the first place and speed and Q the constant force, the place is place · a₀ + speed
-    · v₀ + pushed · Q. The three `_rate` fields give the speed in the same way.
+    The place is of_place · a₀ + of_speed · v₀ + of_force · Q, with a₀, v₀ the first place and speed
+    and Q the constant force. The three `_rate` fields give the speed in the same way.
     """
 
-    place: Floats
-    speed: Floats
-    pushed: Floats
-    place_rate: Floats
-    speed_rate: Floats
-    pushed_rate: Floats
+    of_place: Floats
+    of_speed: Floats
+    of_force: Floats
+    of_place_rate: Floats
+    of_speed_rate: Floats
+    of_force_rate: Floats
 
 
 def oscillator_response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Response:
-    """Return the factors that solve Eq. 3.16 for independent oscillators, at times (t,).
+    """Return the factors (t, m) that solve Eq. 3.16 for m independent oscillators at times (t,).
 
-    The factors are (t, m). forced: False sets the factor `pushed` of the force to 0, and saves half
-    of the time. The formulas neither cancel nor overflow near double roots, where swinging becomes
-    creeping.
+    forced: False leaves out the factor of the force (it is 0) and saves half of the time. The
+    formulas neither cancel nor overflow near double roots, where swinging becomes creeping.
     """
     t = np.asarray(times, np.float64)[:, None]
     k = oscillators.stiffness
-    if oscillators.density == 0:
+    if oscillators.density == 0:  # one root, −k / c: the place creeps, and the first speed is lost
         rate = k / oscillators.damping
-        place = np.exp(-rate * t)
-        zeros = np.zeros_like(place)
-        pushed = t * _mean_of_decay(rate * t) / oscillators.damping
-        return Response(place, zeros, pushed, -rate * place, zeros, place / oscillators.damping)
+        decay = np.exp(-rate * t)
+        zeros = np.zeros_like(decay)
+        of_force = t * _mean_of_decay(rate * t) / oscillators.damping
+        return Response(decay, zeros, of_force, -rate * decay, zeros, decay / oscillators.damping)
     # The roots are r = −γ ± √(γ² − k / ρ). Real ones creep; `slow` is the one nearer to 0, as
     # (k / ρ) / (γ + √…), which does not cancel. Complex ones decay by γ and swing.
     gamma, square = oscillators.damping / (2 * oscillators.density), k / oscillators.density
     discriminant = gamma**2 - square
     root, creeps = np.sqrt(np.abs(discriminant)), discriminant >= 0
     slow = np.where(creeps, square / np.where(creeps & (gamma + root > 0), gamma + root, 1), gamma)
-    decay = np.exp(-slow * t)  # becomes the factor of the place where γ is 0
-    speed = decay * t
+    # `cosine` is e^(−γt) cos ωt and `of_speed` e^(−γt) sin(ωt) / ω with ω = `root`; of real roots,
+    # cosh and sinh.
+    cosine = np.exp(-slow * t)
+    of_speed = cosine * t
     root_distance, angle = 2 * root[creeps] * t, root[~creeps] * t
-    decay[:, creeps] *= (1 + np.exp(-root_distance)) / 2
-    speed[:, creeps] *= _mean_of_decay(root_distance)
-    decay[:, ~creeps] *= np.cos(angle)
-    speed[:, ~creeps] *= np.sin(angle) / np.where(angle > 0, angle, 1) + (angle == 0)
-    place = decay + gamma * speed
-    pushed = np.zeros_like(place)
+    cosine[:, creeps] *= (1 + np.exp(-root_distance)) / 2
+    of_speed[:, creeps] *= _mean_of_decay(root_distance)
+    cosine[:, ~creeps] *= np.cos(angle)
+    of_speed[:, ~creeps] *= np.sin(angle) / np.where(angle > 0, angle, 1) + (angle == 0)
+    of_place = cosine + gamma * of_speed
+    of_force = np.zeros_like(of_place)
     if forced:
-        moved = _force_response(2 * gamma * t, square * t**2, slow * t, place)
-        pushed = t**2 * moved / oscillators.density
+        unscaled = _force_response(2 * gamma * t, square * t**2, slow * t, of_place)
+        of_force = t**2 * unscaled / oscillators.density
     return Response(
-        place, speed, pushed,
-        place_rate=-square * speed,
-        speed_rate=decay - gamma * speed,
-        pushed_rate=speed / oscillators.density,
+        of_place, of_speed, of_force,
+        of_place_rate=-square * of_speed,
+        of_speed_rate=cosine - gamma * of_speed,
+        of_force_rate=of_speed / oscillators.density,
     )  # fmt: skip
 
 
@@ -281,24 +252,24 @@ def _mean_of_decay(x: Floats) -> Floats:
     return np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1)
 
 
-def _force_response(total: Floats, product: Floats, slow: Floats, place: Floats) -> Floats:
-    """Return how far a constant force of 1 moves oscillators: (1 − place) / product.
+def _force_response(total: Floats, product: Floats, slow: Floats, of_place: Floats) -> Floats:
+    """Return how far a constant force of 1 moves oscillators, (1 − of_place) / product, per t²/ρ.
 
-    −x, −y are the roots in steps of t, `total` = x + y, `product` = xy, `slow` the x nearer 0. With
-    D = `_mean_of_decay` the value is (D(x) − D(y)) / (y − x), or a power series if both are small.
+    −x, −y are the roots times t: `total` = x + y, `product` = xy, `slow` the x nearer 0. Where the
+    formula cancels, it is a power series (both small) or, with D = `_mean_of_decay`,
+    (D(x) − D(y)) / (y − x) (x much smaller than y). All arguments and the result are (t, m).
     """
     # Each formula is evaluated everywhere, on harmless numbers where it does not hold.
-    term, last_term = np.ones_like(product), np.zeros_like(product)
-    series = np.zeros_like(product)
+    are_small, are_unequal = (total < 0.5) & (product < 0.25), product < 0.01 * total**2
     small_total, small_product = np.minimum(total, 0.5), np.minimum(product, 0.25)
+    series, term, last_term = np.zeros_like(product), np.ones_like(product), np.zeros_like(product)
     for n in range(1, 16):
         series += (-1) ** (n + 1) * term / factorial(n + 1)
         term, last_term = small_total * term - small_product * last_term, term
-    unequal = product < 0.01 * total**2  # x is much nearer 0 than y
-    x, y = np.where(unequal, slow, 0), np.where(unequal, total - slow, 1)
+    x, y = np.where(are_unequal, slow, 0), np.where(are_unequal, total - slow, 1)
     by_roots = (_mean_of_decay(x) - _mean_of_decay(y)) / (y - x)
-    by_place = (1 - place) / np.where(product > 0, product, 1)
-    return np.where((total < 0.5) & (product < 0.25), series, np.where(unequal, by_roots, by_place))
+    by_place = (1 - of_place) / np.where(product > 0, product, 1)
+    return np.where(are_small, series, np.where(are_unequal, by_roots, by_place))
 
 
 def oscillator_motion(
@@ -310,11 +281,11 @@ def oscillator_motion(
     start; force (m, d), or None for none.
     """
     response = oscillator_response(oscillators, times, forced=force is not None)
-    factors = Response(*(field[..., None] for field in response))
-    places = factors.place * a + factors.speed * v
-    speeds = factors.place_rate * a + factors.speed_rate * v
+    factors = Response(*(factor[..., None] for factor in response))
+    places = factors.of_place * a + factors.of_speed * v
+    speeds = factors.of_place_rate * a + factors.of_speed_rate * v
     if force is not None:
-        places, speeds = places + factors.pushed * force, speeds + factors.pushed_rate * force
+        places, speeds = places + factors.of_force * force, speeds + factors.of_force_rate * force
     return places, speeds
 
 
@@ -333,7 +304,7 @@ class Basis(NamedTuple):
     k: Floats
 
 
-def _solve_modal(problem: Problem, options: SolverOptions) -> Solution:
+def _solve_modal(problem: Problem) -> Trajectory:
     """Return the exact motion, by a Fourier transform, which makes the circulant K diagonal."""
     n = len(problem.rest)
     basis = Basis(
@@ -341,10 +312,10 @@ def _solve_modal(problem: Problem, options: SolverOptions) -> Solution:
         inverse=lambda modes: np.fft.irfft(modes, n, axis=-2),
         k=stiffness_eigenvalues(problem.wavelet, n, problem.material.elastic),
     )
-    return _solve_in_basis(basis, problem, options)
+    return _solve_in_basis(basis, problem)
 
 
-def _solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
+def _solve_decoupled(problem: Problem, options: SolverOptions) -> Trajectory:
     """Return the motion by Eq. 3.16, which keeps only the diagonal of K in the wavelet basis."""
     n, wavelet, levels = len(problem.rest), problem.wavelet, options.levels
     basis = Basis(
@@ -352,102 +323,38 @@ def _solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
         inverse=lambda q: inverse_transform(np.asarray(q, float), wavelet, levels),
         k=stiffness_matrix(wavelet, n, levels, problem.material.elastic).diagonal(),
     )
-    return _solve_in_basis(basis, problem, options)
+    return _solve_in_basis(basis, problem)
 
 
-def _solve_in_basis(basis: Basis, problem: Problem, options: SolverOptions) -> Solution:
-    """Return the motion of a curve: one independent oscillator for each coefficient of a basis.
-
-    Under a constant force the motion is exact; any other force is integrated.
-    """
+def _solve_in_basis(basis: Basis, problem: Problem) -> Trajectory:
+    """Return the motion of a curve: one independent oscillator for each coefficient of a basis."""
     material, (u, v) = problem.material, problem.state_at_start()
     mass = material.density or 1.0  # as `Material` says
     damping = material.mass_damping * mass + material.stiffness_damping * basis.k
-    modes = Oscillators(material.density, damping, basis.k)
-    facts = {f"{kind}_roots": float(count) for kind, count in modes.count_root_kinds().items()}
-    if callable(problem.force):
-        return _integrate_changing_force(basis, modes, problem, facts, options.tolerance)
-    force = None if problem.force is None else basis.transform(problem.force_at(0.0, u))
+    oscillators = Oscillators(material.density, damping, basis.k)
+    force = None if problem.force is None else basis.transform(problem.force_on_points())
+    elapsed = problem.times - problem.times[0]
     places, speeds = oscillator_motion(
-        modes, basis.transform(u), basis.transform(v), problem.times - problem.times[0], force
+        oscillators, basis.transform(u), basis.transform(v), elapsed, force
     )
-    return Solution(basis.inverse(places), basis.inverse(speeds), {**facts, "estimate": 0.0})
-
-
-def _integrate_changing_force(
-    basis: Basis, modes: Oscillators, problem: Problem, facts: dict[str, float], tolerance: float
-) -> Solution:
-    """Return the motion under a force that depends on place and time, by scipy's integrators.
-
-    modes: the oscillators; facts: counts to add to the result. The integrator's tolerance is
-    lowered until the places change by at most `tolerance`, relative to the farthest place: the
-    estimate of the error. FinloopError if the force changes too fast.
-    """
-    too_fast = FinloopError(
-        f"the force changes too fast for {_MOST_EVALUATIONS} evaluations",
-        f"a smooth force, with places accurate to {tolerance:g}",
-        "smooth or weaken the force, or pass times that lie closer together",
-    )
-    shape, density = problem.displacement.shape, modes.density
-    k, c = modes.stiffness[:, None], modes.damping[:, None]
-    evaluations = 0
-
-    def slope(time: float, state: Floats) -> Floats:
-        """Return the rate of change of a state, displacements and speeds, as one flat array."""
-        nonlocal evaluations
-        evaluations += 1
-        if evaluations > _MOST_EVALUATIONS:
-            raise too_fast
-        u, v = state.reshape(2, *shape)
-        force = basis.transform(problem.force_at(time, u)) - k * basis.transform(u)
-        if density == 0:
-            return np.stack([basis.inverse(force / c), np.zeros(shape)]).ravel()
-        return np.stack([v, basis.inverse(force - c * basis.transform(v)) / density]).ravel()
-
-    start = problem.state_at_start().ravel()
-    formula = "DOP853" if density else "LSODA"  # without mass the equations are stiff
-    span, last_u = (problem.times[0], problem.times[-1]), None
-    for rtol in tolerance * np.array([0.1, 0.01, 1e-3, 1e-4]):
-        atol = rtol * (np.abs(start).max() or 1.0)
-        result = scipy.integrate.solve_ivp(
-            slope, span, start, method=formula, t_eval=problem.times,
-            rtol=max(rtol, 3e-14), atol=atol,  # scipy refuses less
-        )  # fmt: skip
-        if not result.success:
-            raise too_fast
-        u, v = np.moveaxis(result.y.T.reshape(-1, 2, *shape), 1, 0)
-        if last_u is not None:
-            largest = np.abs(u).max()
-            change = float(np.abs(u - last_u).max() / largest) if largest else 0.0
-            if change <= tolerance:
-                break
-        last_u = u
-    else:
-        raise too_fast
-    if density == 0:
-        # Without mass the speed is no part of the state: it follows from the places.
-        rates = [
-            slope(time, state)[: u[0].size]
-            for time, state in zip(result.t, result.y.T, strict=True)
-        ]
-        v = np.reshape(rates, u.shape)
-    return Solution(u, v, {**facts, "estimate": change})
+    return Trajectory(problem.times, basis.inverse(places), basis.inverse(speeds))
 
 
 # --- the paper's integrators (§3.3), in the wavelet basis, where K is sparse
 
 
 class WaveletSystem(NamedTuple):
-    """The equation of motion (Eq. 3.3) in the wavelet basis.
+    """The equation of motion (Eq. 3.3) of n points in the wavelet basis.
 
-    It holds damping C and stiffness K (n, n), the transform of points, and the force.
+    c, k (n, n): damping C and stiffness K; force (n, d): coefficients of Q; transform: from points
+    (…, n, d) to coefficients (…, n, d); inverse: its inverse.
     """
 
     c: csr_array
     k: csr_array
-    transform: Callable[[Floats], Floats]  # from points (…, n, d) to coefficients (…, n, d)
-    inverse: Callable[[Floats], Floats]  # its inverse
-    force: Callable[[float, Floats], Floats]  # the force Q at a time and coefficients (n, d)
+    force: Floats
+    transform: Callable[[Floats], Floats]
+    inverse: Callable[[Floats], Floats]
 
 
 def _wavelet_system(problem: Problem, options: SolverOptions) -> WaveletSystem:
@@ -456,27 +363,12 @@ def _wavelet_system(problem: Problem, options: SolverOptions) -> WaveletSystem:
     k = stiffness_matrix(problem.wavelet, n, options.levels, material.elastic)
     m = (material.density or 1.0) * eye_array(n)  # M = ρI: the basis functions are orthonormal
     c = csr_array(material.mass_damping * m + material.stiffness_damping * k)
-
-    def transform(points: Floats) -> Floats:
-        """Return the wavelet coefficients of points (…, n, d)."""
-        return wavelet_transform(points, problem.wavelet, options.levels)
-
-    def inverse(coefficients: Floats) -> Floats:
-        """Return the points of wavelet coefficients (…, n, d)."""
-        return inverse_transform(coefficients, problem.wavelet, options.levels)
-
-    constant = None
-    if not callable(problem.force):
-        constant = transform(problem.force_at(0.0, problem.displacement))
-
-    def force(time: float, q: Floats) -> Floats:
-        """Return the coefficients (n, d) of the force at a time and coefficients q (n, d)."""
-        return transform(problem.force_at(time, inverse(q))) if constant is None else constant
-
-    return WaveletSystem(c, k, transform, inverse, force)
+    transform = partial(wavelet_transform, wavelet=problem.wavelet, levels=options.levels)
+    inverse = partial(inverse_transform, wavelet=problem.wavelet, levels=options.levels)
+    return WaveletSystem(c, k, transform(problem.force_on_points()), transform, inverse)
 
 
-def solve_by_runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
+def solve_by_runge_kutta(problem: Problem, options: SolverOptions) -> Trajectory:
     """Return the motion by an adaptive Runge–Kutta formula of scipy (Eq. 3.15).
 
     The density must not be 0. FinloopError if the formula fails.
@@ -489,7 +381,7 @@ def solve_by_runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
         """Return the rate of change of a state, coefficients and their rates, as one flat array."""
         q, rate = state.reshape(2, *shape)
         resistance = system.k @ q + system.c @ rate
-        acceleration = (system.force(time, q) - resistance) / density
+        acceleration = (system.force - resistance) / density
         return np.concatenate([rate.ravel(), acceleration.ravel()])
 
     scale = float(np.abs(start).max()) or 1.0
@@ -515,31 +407,32 @@ def solve_by_runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
         evaluations += result.nfev
         states.append(state)
     q, rate = np.moveaxis(np.reshape(states, (-1, 2, *shape)), 1, 0)
-    return Solution(system.inverse(q), system.inverse(rate), {"evaluations": float(evaluations)})
+    displacement, velocity = system.inverse(q), system.inverse(rate)
+    facts = {"evaluations": float(evaluations)}
+    return Trajectory(problem.times, displacement, velocity, facts=facts)
 
 
-def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> Solution:
+def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> Trajectory:
     """Return the motion of a curve without mass, C q̇ + K q = Q, by Euler's steps (§3.3).
 
     Explicit, q(t + Δt) = q + Δt C⁻¹(Q − K q): FinloopError if Δt is too long for stable steps.
-    Implicit, q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q), with Q at time t: stable at any Δt.
-    FinloopError if the times are not even.
+    Implicit, q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q): stable at any Δt. FinloopError if the times are
+    not evenly spaced.
     """
-    times, substeps = problem.times, options.substeps
-    intervals = np.diff(times)
+    substeps, intervals = options.substeps, np.diff(problem.times)
     if (
         substeps < 1
         or not len(intervals)
         or not np.allclose(intervals, intervals[0], rtol=1e-9, atol=0)
     ):
         raise FinloopError(
-            f"{len(times)} times, perhaps unevenly spaced, and {substeps} substeps",
+            f"{len(problem.times)} times, perhaps unevenly spaced, and {substeps} substeps",
             "two or more evenly spaced times and at least 1 substep, for Euler's method",
             "correct the times or options.substeps, or use the method modal",
         )
     step = float(intervals.mean()) / substeps
     system = _wavelet_system(problem, options)
-    c, k = system.c, system.k
+    c, k, force = system.c, system.k, system.force
     if not implicit:
         stiffest = float(np.abs(k).sum(axis=1).max())  # no eigenvalue is larger
         material = problem.material
@@ -555,15 +448,14 @@ def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> 
     solve_c = _build_solver(c, "sparse")[0] if implicit else solve
     q = system.transform(problem.displacement)
     states = [q]
-    for first in times[:-1]:
-        for time in first + step * np.arange(substeps):
-            force = system.force(time, q)
+    for _ in intervals:
+        for _ in range(substeps):
             q = solve(c @ q + step * force) if implicit else q + step * solve(force - k @ q)
         states.append(q)
-    rates = [solve_c(system.force(time, q) - k @ q) for time, q in zip(times, states, strict=True)]
+    rates = [solve_c(force - k @ q) for q in states]
     facts["steps"] = float(substeps * len(intervals))
-    displacement, velocity = (system.inverse(np.stack(q)) for q in (states, rates))
-    return Solution(displacement, velocity, facts)
+    displacement, velocity = system.inverse(np.stack(states)), system.inverse(np.stack(rates))
+    return Trajectory(problem.times, displacement, velocity, facts=facts)
 
 
 def _build_solver(

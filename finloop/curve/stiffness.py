@@ -18,10 +18,10 @@ from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.curve.wavelet import (
     count_halvings,
-    filter_bank,
-    filters_for_transform,
+    find_wavelet,
     inverse_transform,
     scale_slices,
+    wavelet_for_transform,
     wavelet_transform,
 )
 
@@ -51,9 +51,10 @@ def connection_coefficients(wavelet: str) -> ConnectionCoefficients:
     wavelet is not orthogonal, or the derivative of φ is not square integrable (φ is not in H¹):
     then μ is infinite, though (3.11) may have a solution.
     """
-    analysis_low, _analysis_high, low, _high = filter_bank(wavelet)
+    filters = find_wavelet(wavelet)
+    low = np.array(filters.rec_lo)  # h of Eq. 2.1
     taps = len(low)
-    if not np.allclose(analysis_low, low[::-1], rtol=0, atol=1e-10):
+    if not filters.orthogonal:
         raise FinloopError(
             f"the wavelet {wavelet} is not orthogonal",
             "an orthogonal wavelet: only then is M = ρI",
@@ -146,7 +147,7 @@ def stiffness_matrix(wavelet: str, n: int, levels: int, elastic: float = 1.0) ->
     gives all its rows. FinloopError if n cannot be halved `levels` times, the wavelet is longer
     than the curve, or its stiffness is not finite.
     """
-    filters_for_transform(n, wavelet, levels)  # only to check the arguments
+    wavelet_for_transform(wavelet, n, levels)  # only to check the arguments
     stiffness_row = first_stiffness_row(wavelet, n, elastic)
     slices = scale_slices(n, levels)
     units = np.zeros((n, len(slices)))

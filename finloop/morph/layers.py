@@ -79,7 +79,7 @@ def morph_drawings(
     morph_pair: dict[str, Callable[[Curve, Curve], Points]] = {
         "linear": lambda a, b: linear_morph(a, b, frames, points, *scales),
         "physical": lambda a, b: physical_morph(a, b, frames, points, *physics),
-        "simple": lambda a, b: morph_without_folds(a, b, frames, points).frames,
+        "simple": lambda a, b: morph_without_folds(a, b, frames, points),
     }
     layers = {
         name: _morph_contour(name, curve, b.curves[name], side, morph_pair[method])

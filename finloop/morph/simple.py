@@ -22,8 +22,6 @@ move straight, and a step counts only if it is proved free of contact (`morph.fo
   Shorter and shorter parts about the middle end at a line without bends.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy
 
@@ -41,37 +39,23 @@ from finloop.morph.match import match_curves, misfit_by_start
 
 GROWTH = 1.3  # factor of the time step, from one pose to the next
 STEP = 0.1  # longest time step, in areas of the curve
-ROUND = 0.97  # 4π area / length² at which a curve is plain; a circle has 1
+ROUND = 0.97  # 4π area / length² at which a polygon counts as round; a circle has 1
 HALVINGS = 40  # halvings of a time step before giving up
-MOST = 200  # poses
+MOST_POSES = 200  # from a polygon to a round one
 SHRINK = 0.9  # factor of an open curve's length, from one part to the next
 SLOWEST = 0.999  # largest such factor, where the curve meets itself
-JOIN = 64  # poses from one plain end to the other
+JOIN = 64  # poses from one round or straight shape to another
 PARTS = 16  # steps of a straight motion: small boxes, few pairs to compare
 SMOOTHING = (1 / 6, 1 / 12, 1 / 18, 1 / 25, 1 / 40)  # widths in time, as shares of it, widest first
 REACH = 10  # edges: width of the mean along a curve
 NUDGE = 0.1  # edges: how far a proof may stray from the straight motion between two frames
 
 
-@dataclass(frozen=True)
-class FoldFreeMorph:
-    """Frames of a morph that never meet themselves, and whether that is proved between them too."""
+def morph_without_folds(a: Curve, b: Curve, frames: int, points: int) -> Points:
+    """Return the frames (frames, points, 2) of a morph of curve a into b; none meets itself.
 
-    frames: Points  # (f, n, 2), the first and last being the ends
-    method: str  # "linear"; "plain" through simplified poses; "joined" through the last of them
-    # whether a motion from each frame to the next is proved simple at every moment: the straight
-    # motion; a motion that strays from it by at most NUDGE of the mean edge length; or, with few
-    # frames, the path through the poses. The frames themselves are always tested exactly
-    proved: bool
-
-
-def morph_without_folds(a: Curve, b: Curve, frames: int, points: int) -> FoldFreeMorph:
-    """Morph curve a into b so that no frame meets itself.
-
-    Return the frames, the method, and whether it is proved that the curve does not meet itself
-    between two frames either. frames: their number, a and b included; points: of every frame.
-    FinloopError if one curve is open and the other closed, if a curve, resampled, meets itself, or
-    if its parts are too near each other.
+    The ends are a and b, resampled. FinloopError if one curve is open and the other closed, if a
+    curve, resampled, meets itself, or if its parts are too near each other.
     """
     first, second = match_curves(a, b, points)
     closed = a.closed
@@ -86,17 +70,15 @@ def morph_without_folds(a: Curve, b: Curve, frames: int, points: int) -> FoldFre
     tau = np.linspace(0, 1, frames)[:, None, None]
     linear = (1 - tau) * first + tau * second
     if not count_polygon_folds(linear, closed).any() and _has_simple_motion(linear, closed):
-        return FoldFreeMorph(linear, "linear", proved=True)
-    poses, method = _find_simple_path(first, second, closed)
-    stack, on_path = _frames_along_path(poses, frames, closed)
+        return linear
+    stack = _frames_along_path(_find_simple_path(first, second, closed), frames, closed)
     if count_polygon_folds(stack, closed).any():
         raise FinloopError(
             "a morph with frames too narrow to be distinguished from folded frames",
             "curves with some room between their parts",
             "set fewer points (morph.contour_points), or morph.method=linear",
         )
-    proved = stays_simple(stack, closed) or (on_path and stays_simple(poses, closed))
-    return FoldFreeMorph(stack, method, proved=proved)
+    return stack
 
 
 def path_lengths(poses: Points) -> Points:
@@ -105,25 +87,23 @@ def path_lengths(poses: Points) -> Points:
     return np.r_[0.0, np.cumsum(steps)]
 
 
-def _find_simple_path(first: Points, second: Points, closed: bool) -> tuple[Points, str]:
-    """Find poses (k, n, 2) between two curves (n, 2) without folds; also name the method.
+def _find_simple_path(first: Points, second: Points, closed: bool) -> Points:
+    """Return poses (k, n, 2) between two curves (n, 2); moving straight between them never folds.
 
-    The method is "plain" where poses on the way to a round or straight shape can be joined, else
-    "joined": through the last, simplest poses of both curves.
+    Both curves are simplified step by step, and the path is the shortest one that joins two of
+    their poses. If no two can be joined, it leads through the last, simplest ones.
     """
     a, b = _simplify_curve(first, closed), _simplify_curve(second, closed)
     shortest_length: float = np.inf
     shortest_path: Points | None = None
     for start in _candidate_starts(a, b) if closed else [0]:
-        renumbered = np.roll(b, -start, axis=1)
-        path = _find_shortest_path(a, renumbered, closed, shortest_length)
-        if path:
-            shortest_length, i, j = path
-            shortest_path = np.concatenate([a[: i + 1], renumbered[j::-1]])
+        found = _find_shortest_path(a, np.roll(b, -start, axis=1), closed, shortest_length)
+        if found is not None:
+            shortest_length, shortest_path = found
     if shortest_path is not None:
-        return shortest_path, "plain"
+        return shortest_path
     between = join_simplified_poses(a[-1], b[-1], closed)[1:-1]
-    return np.concatenate([a, between, b[::-1]]), "joined"
+    return np.concatenate([a, between, b[::-1]])
 
 
 def _candidate_starts(a: Points, b: Points) -> list[int]:
@@ -132,12 +112,13 @@ def _candidate_starts(a: Points, b: Points) -> list[int]:
     a, b (k, n, 2): poses of both, simplified step by step. Only local minima of the misfit count.
     """
     n, starts = a.shape[1], [0]
-    for share in (0.0, 0.5, 1.0):
+    for share in (0.0, 0.5, 1.0):  # the curves themselves, half simplified, and simplified
         first, second = (poses[int(share * (len(poses) - 1))] for poses in (a, b))
         misfit = misfit_by_start(first, second)
         is_minimum = (misfit <= np.roll(misfit, 1)) & (misfit < np.roll(misfit, -1))
         minima = np.flatnonzero(is_minimum)
-        starts += minima[np.argsort(misfit[minima], kind="stable")][:2].tolist()
+        two_best = minima[np.argsort(misfit[minima], kind="stable")][:2]
+        starts += two_best.tolist()
     different: list[int] = []
     for start in starts:
         # At least 1/32 of the polygon apart: nearer ones give nearly the same path.
@@ -148,8 +129,8 @@ def _candidate_starts(a: Points, b: Points) -> list[int]:
 
 def _find_shortest_path(
     a: Points, b: Points, closed: bool, limit: float
-) -> tuple[float, int, int] | None:
-    """Return length, i, j of the shortest path a → a_i → b_j → b without folds.
+) -> tuple[float, Points] | None:
+    """Return length and poses (m, n, 2) of the shortest path a → a_i → b_j → b without folds.
 
     a, b (k, n, 2): poses of both curves, simplified step by step. None if no path is shorter than
     `limit`. If two poses cannot be joined, all pairs of less simplified poses are skipped too.
@@ -172,19 +153,20 @@ def _find_shortest_path(
     for flat_index in np.argsort(length, axis=None):
         i, j = divmod(int(flat_index), len(b))
         if possible[i, j] and try_to_join(i, j):
+            shortest_length = float(length[i, j])
             # One pose simpler if that is free too: the shortest free path almost folds.
-            if (
-                i + 1 < len(a)
-                and j + 1 < len(b)
-                and _straight_motion_is_simple(a[i + 1], b[j + 1], closed)
-            ):
-                return float(length[i, j]), i + 1, j + 1
-            return float(length[i, j]), i, j
+            is_inside = i + 1 < len(a) and j + 1 < len(b)
+            if is_inside and _straight_motion_is_simple(a[i + 1], b[j + 1], closed):
+                i, j = i + 1, j + 1
+            return shortest_length, np.concatenate([a[: i + 1], b[j::-1]])
     return None
 
 
 def _simplify_curve(points: Points, closed: bool) -> Points:
-    """Simplify a curve (n, 2) step by step to a round shape, a triangle or a line: (k, n, 2)."""
+    """Return poses (k, n, 2) from a curve (n, 2) to a round shape, a triangle or a line.
+
+    FinloopError if its parts are too near each other to be kept apart.
+    """
     if not closed:
         poses, is_done = straighten_curve(points)
     else:
@@ -214,7 +196,10 @@ def _pose_distances(a: Points, b: Points) -> Points:
 
 @kernel
 def _straight_motion_is_simple(first: Points, second: Points, closed: bool) -> bool:
-    """Return whether a polygon that moves straight to another (n, 2) never meets itself."""
+    """Return whether a polygon (n, 2) that moves straight to another is proved not to meet itself.
+
+    The motion is tested in PARTS steps.
+    """
     path = np.empty((PARTS + 1, len(first), 2))
     for k in range(PARTS + 1):
         share = k / PARTS
@@ -227,47 +212,41 @@ def _straight_motion_is_simple(first: Points, second: Points, closed: bool) -> b
     return stays_simple_unchecked(path, closed)
 
 
-def _frames_along_path(poses: Points, frames: int, closed: bool) -> tuple[Points, bool]:
-    """Return frames (frames, n, 2) at constant speed along poses, smoothed in time if possible.
+def _frames_along_path(poses: Points, frames: int, closed: bool) -> Points:
+    """Return frames (frames, n, 2) at constant speed along poses (k, n, 2), smoothed in time.
 
-    poses (k, n, 2). Smoothing is left out if it would make folds. Also return whether it was left
-    out: then each frame lies, up to its size, on the path through the poses.
+    The smoothing is as wide as it can be without folds, at most; frames of closed curves keep to
+    the areas of the ends.
     """
     along = path_lengths(poses)
     marks = np.linspace(0, along[-1], frames)
     k = np.clip(np.searchsorted(along, marks, side="right") - 1, 0, len(along) - 2)
     share = ((marks - along[k]) / (along[k + 1] - along[k]))[:, None, None]
-    stack, on_path = (1 - share) * poses[k] + share * poses[k + 1], True
+    stack = (1 - share) * poses[k] + share * poses[k + 1]
     stack[0], stack[-1] = poses[0], poses[-1]
     for width in SMOOTHING:
         smooth = _smooth_in_time(stack, width * frames)
         smooth[0], smooth[-1] = poses[0], poses[-1]
         if stays_simple(smooth, closed):
-            stack, on_path = smooth, False
+            stack = smooth
             break
-    return (_limit_areas(stack) if closed else stack), on_path
+    return _limit_areas(stack) if closed else stack
 
 
 def _smooth_in_time(stack: Points, width: float) -> Points:
-    """Smooth the frames (f, n, 2) of a motion by a Gaussian in time; both ends stay.
+    """Return the frames (f, n, 2) of a motion smoothed by a Gaussian in time; both ends stay.
 
     width: its standard deviation in frames. The motion is mirrored beyond its ends.
     """
-    frames = len(stack)
-    reach = min(int(3 * width) + 1, frames - 1)
-    extended = np.concatenate(
-        [2 * stack[0] - stack[reach:0:-1], stack, 2 * stack[-1] - stack[-2 : -reach - 2 : -1]]
-    )
-    weight = np.exp(-((np.arange(-reach, reach + 1) / width) ** 2) / 2)
-    weight /= weight.sum()
-    rows = np.zeros((frames, len(extended)))
-    for row in range(frames):
-        rows[row, row : row + len(weight)] = weight
-    return (rows @ extended.reshape(len(extended), -1)).reshape(stack.shape)
+    reach = min(int(3 * width) + 1, len(stack) - 1)
+    beyond = ((reach, reach), (0, 0), (0, 0))
+    extended = np.pad(stack, beyond, mode="reflect", reflect_type="odd")
+    smooth: Points = scipy.ndimage.gaussian_filter1d(extended, width, axis=0, radius=reach)
+    return smooth[reach:-reach]
 
 
 def _limit_areas(stack: Points) -> Points:
-    """Scale frames (f, n, 2) so that their areas lie between those of the first and the last."""
+    """Return frames (f, n, 2), scaled so that their areas lie between those of the ends."""
     areas = [signed_area(Curve(pose, closed=True)) for pose in stack]
     goals = np.clip(areas, min(areas[0], areas[-1]), max(areas[0], areas[-1]))
     resized = [
@@ -302,13 +281,14 @@ def _has_simple_motion(stack: Points, closed: bool) -> bool:
 
 
 def _smooth_contour(points: Points, closed: bool) -> Points:
-    """Smooth a polygon (n, 2): replace each edge by a mean of the edges near it."""
+    """Return a polygon (n, 2) whose edges are means of the edges near them, about REACH of them."""
     doubled = np.r_[points, points[:1]] if closed else np.r_[points, points[-2::-1]]
     edges = np.diff(doubled, axis=0)
     if not closed:
         edges[len(points) - 1 :] *= -1  # the second half mirrors the first
     angle = np.pi * np.arange(len(edges)) / len(edges)
-    weight = 1 / (1 + 4 * REACH**2 * np.sin(angle) ** 2)  # of frequencies: a mean that falls off
+    # Of frequencies: weights of the edges near one that fall off by e over REACH edges.
+    weight = 1 / (1 + 4 * REACH**2 * np.sin(angle) ** 2)
     mean_edges = np.fft.ifft(np.fft.fft(edges @ [1, 1j]) * weight)[: len(points) - 1]
     z = np.r_[0, np.cumsum(mean_edges)]
     smooth = np.stack([z.real, z.imag], axis=1)
@@ -319,7 +299,7 @@ def _smooth_contour(points: Points, closed: bool) -> Points:
 
 
 def _resize_polygon(points: Points, goal: float) -> Points:
-    """Scale a polygon (n, 2) about the mean of its vertices to the signed area `goal`."""
+    """Return a polygon (n, 2) scaled about the mean of its vertices to the signed area `goal`."""
     middle = points.mean(axis=0)
     return middle + (points - middle) * np.sqrt(goal / signed_area(Curve(points, closed=True)))
 
@@ -328,7 +308,7 @@ def round_off_polygon(points: Points) -> tuple[Points, bool]:
     """Return poses (k, n, 2) from a simple polygon (n, 2) to a round one, and whether it is round.
 
     The steps are curve shortening; all poses have the same area, and no step makes a fold. The last
-    pose is not round if HALVINGS halvings of a step, or MOST poses, do not suffice.
+    pose is not round if HALVINGS halvings of a step, or MOST_POSES poses, do not suffice.
     """
     poses = [np.ascontiguousarray(points, np.float64)]
     edges = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
@@ -342,7 +322,7 @@ def round_off_polygon(points: Points) -> tuple[Points, bool]:
             step, halvings = min(step * GROWTH, STEP * abs(goal)), 0
         elif halvings < HALVINGS:
             step, halvings = step / 2, halvings + 1
-        if halvings == HALVINGS or len(poses) == MOST:
+        if halvings == HALVINGS or len(poses) == MOST_POSES:
             return np.stack(poses), False
     return np.stack(poses), True
 

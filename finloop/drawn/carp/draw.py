@@ -1,4 +1,4 @@
-"""Drawing one carp in one pose: exact coverage, colours, shadow. Pure functions over arrays."""
+"""A picture of one carp in one pose: colours, opacity, and the exact coverage of every pixel."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,14 +10,30 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats
 from finloop.drawn.carp.skin import FIN_HALF, SKIN_HALF, FishColours, Image, half_width, width_table
 
-OVERSAMPLE = 3
-BLUR_PX = 0.6  # blur of the lens
+OVERSAMPLE = 3  # subpixels per pixel in each direction
+BLUR_PX = 0.6  # SD of the lens's blur
 GLOSS = 20.0  # grey levels that the wet back reflects
+LIGHT = (-0.6, -0.8)  # unit vector on the screen towards the light: from the upper left
 
-# Root of a fin (s, share of the half width), length and breadth (body lengths), angle to the tail's
-# direction when closed and when open (radians).
-PECTORAL = (0.235, 0.78, 0.195, 1.05, 0.10, 1.12)
-PELVIC = (0.50, 0.70, 0.095, 0.90, 0.05, 0.72)
+
+class FinShape(NamedTuple):
+    """A pair of fins: where they begin, how large they are, and how far they open.
+
+    s: place of the root along the body, 0 = snout, 1 = tail end; root_share: its distance from the
+    midline, as a share of the half width; length: body lengths; breadth: fin lengths; closed_rad,
+    open_rad: angle between fin and tail when closed and when open.
+    """
+
+    s: float
+    root_share: float
+    length: float
+    breadth: float
+    closed_rad: float
+    open_rad: float
+
+
+PECTORAL = FinShape(0.235, 0.78, 0.195, 1.05, 0.10, 1.12)
+PELVIC = FinShape(0.50, 0.70, 0.095, 0.90, 0.05, 0.72)
 
 
 @dataclass(frozen=True)
@@ -53,110 +69,98 @@ def _tangents_to_head(line: Floats) -> Floats:
     return tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
 
 
-def draw_carp(
-    line: Floats,
-    fins: tuple[float, float],
-    look: FishColours,
-    light: tuple[float, float] = (-0.6, -0.8),
-    oversample: int = OVERSAMPLE,
-    gloss: float = GLOSS,
-) -> CarpPicture:
+def draw_carp(line: Floats, fins: tuple[float, float], colours: FishColours) -> CarpPicture:
     """Draw a carp along its midline; return its picture with opacity and coverage.
 
     line (65, 2): px, head to tail, equal arc length; fins: how far the left and right pectoral fins
-    are open, 0-1; look: colours of the fish; light: unit vector on the screen towards the light,
-    which shades the flanks; oversample: subpixels per pixel in each direction; gloss: grey levels
-    that the wet back reflects.
+    are open, 0-1; colours: of the fish.
     """
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     margin = 0.30 * length if max(fins) > 0.02 else 0.13 * length  # open fins reach farther
     x0, y0 = np.floor(line.min(axis=0) - margin - 2).astype(int)
     x1, y1 = np.ceil(line.max(axis=0) + margin + 3).astype(int)
-    rows, columns = (y1 - y0) * oversample, (x1 - x0) * oversample
-    # Subpixel i of pixel p lies at p + (i + 0.5) / oversample - 0.5.
-    fine_line = (line - (x0, y0) + 0.5) * oversample - 0.5
-    unit = length * oversample  # body length in subpixels
+    rows, columns = (y1 - y0) * OVERSAMPLE, (x1 - x0) * OVERSAMPLE
+    # Subpixel i of pixel p lies at p + (i + 0.5) / OVERSAMPLE - 0.5.
+    fine_line = (line - (x0, y0) + 0.5) * OVERSAMPLE - 0.5
+    length_subpx = length * OVERSAMPLE
     picture = np.zeros((rows, columns, 4), np.float32)
-    cover = np.zeros((rows, columns), np.float32)
-    _draw_fins(picture, cover, fine_line, unit, fins, look)
-    # The distance transform is a few per cent off, so reach a little farther than the outline.
-    reach = 1.08 * half_width(np.linspace(0, 1, len(line))) * look.girth * unit + 2 * oversample
-    body = _find_body_pixels(fine_line, rows, columns, reach.astype(np.float32), look.girth, unit)
-    colour = _shade_body(body, look, light, gloss)
-    body_opacity = colour[:, 3] * body.part
-    pixels, pixel_cover = picture.reshape(-1, 4), cover.reshape(-1)
-    painted = pixels[body.flat] * (1 - body_opacity)[:, None]
-    painted[:, :3] += colour[:, :3] * body_opacity[:, None]
+    coverage = np.zeros((rows, columns), np.float32)
+    _draw_fins(picture, coverage, fine_line, length_subpx, fins, colours.fin)
+    # The body covers the roots of the fins.
+    body = _find_body_pixels(fine_line, rows, columns, length_subpx)
+    shaded = _shade_body(body, colours.skin)
+    body_opacity = shaded[:, 3] * body.coverage
+    pixels, pixel_coverage = picture.reshape(-1, 4), coverage.reshape(-1)  # views
+    painted = pixels[body.flat_index] * (1 - body_opacity)[:, None]
+    painted[:, :3] += shaded[:, :3] * body_opacity[:, None]
     painted[:, 3] += body_opacity
-    pixels[body.flat] = painted
-    pixel_cover[body.flat] = np.maximum(pixel_cover[body.flat], body.part)
+    pixels[body.flat_index] = painted
+    pixel_coverage[body.flat_index] = np.maximum(pixel_coverage[body.flat_index], body.coverage)
     size = (int(x1 - x0), int(y1 - y0))
     picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.float32)
-    cover = np.asarray(cv2.resize(cover, size, interpolation=cv2.INTER_AREA), np.float32)
-    colour, opacity = picture[..., :3], picture[..., 3]
-    return CarpPicture(int(x0), int(y0), colour=colour, opacity=opacity, coverage=cover)
+    coverage = np.asarray(cv2.resize(coverage, size, interpolation=cv2.INTER_AREA), np.float32)
+    return CarpPicture(
+        int(x0), int(y0), colour=picture[..., :3], opacity=picture[..., 3], coverage=coverage
+    )
 
 
 def _draw_fins(
-    picture: Image,
-    cover: Image,
-    line: Floats,
-    unit: float,
-    fins: tuple[float, float],
-    look: FishColours,
-) -> None:
+    picture: Image, coverage: Image, line: Floats, length_subpx: float, fins: tuple[float, float],
+    fin_picture: Image,
+) -> None:  # fmt: skip
     """Draw the paired fins into a picture (h, w, 4) and its coverage (h, w), which are changed.
 
-    line (65, 2): midline in subpixels; unit: body length in subpixels; fins: how far the left and
-    right ones are open, 0-1; look: colours of the fish.
+    line (65, 2): midline in subpixels; length_subpx: of the body; fins: how far the left and right
+    ones are open, 0-1; fin_picture: as in `FishColours.fin`.
     """
     tangent = _tangents_to_head(line)
-    for root, root_share, size, breadth, closed_angle, open_angle in (PECTORAL, PELVIC):
-        place = root * (len(line) - 1)  # on the midline, in its steps
+    for shape in (PECTORAL, PELVIC):
+        place = shape.s * (len(line) - 1)  # on the midline, in its steps
         i = int(place)
         node = line[i] + (place - i) * (line[i + 1] - line[i])
         forward = tangent[i]
-        width = float(half_width(np.array([root]))[0]) * look.girth
+        root_offset = float(half_width(np.array([shape.s]))[0]) * shape.root_share * length_subpx
         for sign, opening in ((1, fins[0]), (-1, fins[1])):  # the left fin, the right one
             if opening > 0.02:  # a closed fin is hidden under the body
                 outwards = sign * np.array([forward[1], -forward[0]])
-                angle = closed_angle + (open_angle - closed_angle) * opening
+                angle = shape.closed_rad + (shape.open_rad - shape.closed_rad) * opening
                 along = -forward * np.cos(angle) + outwards * np.sin(angle)
                 towards_edge = forward * np.sin(angle) + outwards * np.cos(angle)
+                spread = 0.45 + 0.55 * opening  # a fin that closes folds like a fan
+                fin_length = shape.length * length_subpx
                 _paint_fin(
-                    picture, cover, look.fin,
-                    root=node + outwards * width * root_share * unit,
-                    along=along * size * unit,
-                    lead=towards_edge * size * breadth * (0.45 + 0.55 * opening) * unit,
+                    picture, coverage, fin_picture,
+                    root=node + outwards * root_offset,
+                    along=along * fin_length,
+                    half_breadth=towards_edge * fin_length * shape.breadth * spread,
                 )  # fmt: skip
 
 
 class _BodyPixels(NamedTuple):
     """The n subpixels of a picture that the body covers, (n,) each.
 
-    flat: index in the flattened picture; s, v: body coordinates; left_x: x of the unit vector to
-    the fish's left; part: covered share of the subpixel; width2: squared half width at s.
+    flat_index: in the flattened picture; s, v: body coordinates; left_x: x of the unit vector to
+    the fish's left; coverage: covered share of the subpixel; squared_width: of the half width at s.
     """
 
-    flat: NDArray[np.intp]
+    flat_index: NDArray[np.intp]
     s: Image
     v: Image
     left_x: Image
-    part: Image
-    width2: Image
+    coverage: Image
+    squared_width: Image
 
 
-def _find_body_pixels(
-    line: Floats, rows: int, columns: int, reach: Image, girth: float, unit: float
-) -> _BodyPixels:
+def _find_body_pixels(line: Floats, rows: int, columns: int, length_subpx: float) -> _BodyPixels:
     """Find the subpixels of a picture (rows, columns) that the body about a midline covers.
 
     A distance transform gives the nearest midline pixel; three fixed-point steps turn it into the
-    foot of the perpendicular. line (k, 2): midline in subpixels; reach (k,): farthest subpixels
-    from it that are tried; girth: width relative to the standard fish; unit: body length in
-    subpixels.
+    foot of the perpendicular. line (k, 2): midline in subpixels; length_subpx: of the body.
     """
     last = len(line) - 1
+    # The distance transform is a few per cent off, so reach a little farther than the outline.
+    reach = 1.08 * half_width(np.linspace(0, 1, len(line))) * length_subpx + 2 * OVERSAMPLE
+    reach = reach.astype(np.float32)
     # Places along the midline, in its steps, so dense that they touch each of its pixels.
     places = np.linspace(0, last, max(8 * last, int(4 * np.ptp(line, axis=0).sum())))
     column, row = (
@@ -181,83 +185,84 @@ def _find_body_pixels(
     slope = np.diff(node, axis=0)
     for _ in range(3):
         i = np.clip(midline_place.astype(np.int32), 0, last - 1)
-        part = midline_place - i
+        share = midline_place - i
         start, change = node[i], slope[i]
-        inner = np.clip(part, 0, 1)
+        inner = np.clip(share, 0, 1)
         tx, ty = start[:, 2] + inner * change[:, 2], start[:, 3] + inner * change[:, 3]
-        dx = px - start[:, 0] - part * change[:, 0]
-        dy = py - start[:, 1] - part * change[:, 1]
+        dx = px - start[:, 0] - share * change[:, 0]
+        dy = py - start[:, 1] - share * change[:, 1]
         midline_place = np.clip(midline_place - (dx * tx + dy * ty) / length, -3, last + 3)
     v = dx * ty - dy * tx  # the left of the tangent (tx, ty) is (ty, -tx), as y points down
-    s, v = midline_place / np.float32(last), v / np.float32(unit)
+    s, v = midline_place / np.float32(last), v / np.float32(length_subpx)
     grid, squared, squared_slope = width_table()
-    w2 = np.interp(s, grid, squared).astype(np.float32) * girth**2
-    dw2 = np.interp(s, grid, squared_slope).astype(np.float32) * girth**2
-    # Signed distance to the outline w(s)^2 - v^2 = 0, to first order.
-    edge_distance = (w2 - v * v) / np.sqrt(dw2 * dw2 + 4 * v * v + 1e-12)
-    part = np.clip(edge_distance * np.float32(unit) + 0.5, 0, 1)
-    keep = part > 0
+    squared_width = np.interp(s, grid, squared).astype(np.float32)
+    slope_there = np.interp(s, grid, squared_slope).astype(np.float32)
+    # Distance to the outline w² - v² = 0, + inside, to first order: the value over its gradient.
+    gradient = np.sqrt(slope_there * slope_there + 4 * v * v + 1e-12)
+    edge_distance = (squared_width - v * v) / gradient
+    coverage = np.clip(edge_distance * np.float32(length_subpx) + 0.5, 0, 1)
+    keep = coverage > 0
     return _BodyPixels(
-        index[keep], s[keep], v[keep], left_x=ty[keep], part=part[keep], width2=w2[keep]
-    )
+        index[keep], s[keep], v[keep], left_x=ty[keep], coverage=coverage[keep],
+        squared_width=squared_width[keep],
+    )  # fmt: skip
 
 
-def _shade_body(
-    body: _BodyPixels, look: FishColours, light: tuple[float, float], gloss: float
-) -> Image:
-    """Return the colours of the body's subpixels in the light, (n, 4).
+def _shade_body(body: _BodyPixels, skin: Image) -> Image:
+    """Return RGB and opacity (n, 4) of the body's n subpixels in the light.
 
-    look: colours of the fish; light: unit vector on the screen towards the light; gloss: grey
-    levels that the wet back reflects. The colours are RGB and opacity.
+    skin: as in `FishColours.skin`.
     """
-    rows, columns = look.skin.shape[:2]
+    rows, columns = skin.shape[:2]
     row_length = 128  # cv2.remap takes a picture with sides up to 32767
     missing = -len(body.s) % row_length
     x = np.pad(body.s * columns - 0.5, (0, missing)).reshape(-1, row_length).astype(np.float32)
-    y = (0.5 - body.v / np.float32(look.girth) / (2 * SKIN_HALF)) * rows - 0.5
+    y = (0.5 - body.v / (2 * SKIN_HALF)) * rows - 0.5
     y = np.pad(y, (0, missing)).reshape(-1, row_length).astype(np.float32)
-    colour = cv2.remap(look.skin, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    colour = cv2.remap(skin, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     colour = np.asarray(colour.reshape(-1, 4)[: len(body.s)])
-    across = body.v / np.sqrt(np.maximum(body.width2, 1e-6))
+    across = body.v / np.sqrt(np.maximum(body.squared_width, 1e-6))  # ±1 at the edges
     left_x = body.left_x
-    lit = light[0] * left_x + light[1] * -np.sqrt(np.clip(1 - left_x**2, 0, 1))
+    # How much the fish's left faces the light, whose y part never changes sign: from above.
+    lit = LIGHT[0] * left_x + LIGHT[1] * -np.sqrt(np.clip(1 - left_x**2, 0, 1))
     colour[:, :3] *= (1 + 0.20 * np.clip(across, -1, 1) * lit)[:, None]
     # The wet back shines where it faces the light, most where the body is thick.
-    shine = np.exp(-(((across - 0.38 * lit) / 0.20) ** 2)) * np.clip(body.width2 / 0.0081, 0, 1)
-    colour[:, :3] += (gloss * shine)[:, None]
+    thickness = np.clip(body.squared_width / 0.0081, 0, 1)  # 0.09²: the widest part
+    shine = np.exp(-(((across - 0.38 * lit) / 0.20) ** 2)) * thickness
+    colour[:, :3] += (GLOSS * shine)[:, None]
     return colour
 
 
 def _paint_fin(
-    picture: Image, cover: Image, fin: Image, root: Floats, along: Floats, lead: Floats
+    picture: Image, coverage: Image, fin: Image, root: Floats, along: Floats, half_breadth: Floats
 ) -> None:
     """Paint a fin into a picture (h, w, 4) and its coverage (h, w), which are changed.
 
-    fin: premultiplied picture and coverage; root (2,): where it begins, subpixels; along, lead
-    (2,): its length and half its breadth as vectors.
+    fin: premultiplied picture and coverage; root (2,): where it begins, subpixels; along,
+    half_breadth (2,): vectors from the root to its tip and from its middle to its leading edge.
     """
     side = fin.shape[0]
-    # Fin picture (column, row) -> drawing: root + along * c + lead * -(2 r - 1) * FIN_HALF.
-    linear = np.column_stack([along / side, -2 * FIN_HALF * lead / side])
-    shift = root + lead * FIN_HALF + linear @ np.array([0.5, 0.5])
+    # Column c, row r (0-1) of the fin -> root + along * c - half_breadth * (2 r - 1) * FIN_HALF.
+    linear = np.column_stack([along / side, -2 * FIN_HALF * half_breadth / side])
+    shift = root + half_breadth * FIN_HALF + linear @ np.array([0.5, 0.5])
     corners = np.array([[0, 0], [side, 0], [0, side], [side, side]]) @ linear.T + shift
     low = np.maximum(np.floor(corners.min(axis=0)).astype(int), 0)
-    high = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + 1, cover.shape[::-1])
+    high = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + 1, coverage.shape[::-1])
     matrix = np.column_stack([linear, shift - low])
     size = (int(high[0] - low[0]), int(high[1] - low[1]))
     window = np.s_[low[1] : high[1], low[0] : high[0]]
     painted = cv2.warpAffine(np.ascontiguousarray(fin[..., :4]), matrix, size)
     picture[window] = painted + picture[window] * (1 - painted[..., 3:4])
-    fin_cover = cv2.warpAffine(np.ascontiguousarray(fin[..., 4]), matrix, size)
-    cover[window] = np.maximum(cover[window], fin_cover)
+    fin_coverage = cv2.warpAffine(np.ascontiguousarray(fin[..., 4]), matrix, size)
+    coverage[window] = np.maximum(coverage[window], fin_coverage)
 
 
-def blur_drawing(drawing: CarpPicture, sigma_px: float = BLUR_PX) -> tuple[Image, Image]:
-    """Blur a fish as the lens does: return colour (rows, columns, 3) and opacity (rows, columns).
+def blur_drawing(drawing: CarpPicture) -> tuple[Image, Image]:
+    """Return colour (rows, columns, 3) and opacity (rows, columns) of a fish, blurred by a lens.
 
-    The colour is premultiplied RGB; sigma_px: SD of the blur.
+    The colour is premultiplied RGB.
     """
     return (
-        np.asarray(cv2.GaussianBlur(drawing.colour, (0, 0), sigma_px), np.float32),
-        np.asarray(cv2.GaussianBlur(drawing.opacity, (0, 0), sigma_px), np.float32),
+        np.asarray(cv2.GaussianBlur(drawing.colour, (0, 0), BLUR_PX), np.float32),
+        np.asarray(cv2.GaussianBlur(drawing.opacity, (0, 0), BLUR_PX), np.float32),
     )

@@ -58,13 +58,12 @@ def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Floats, Float
 
 @dataclass(frozen=True)
 class FishColours:
-    """Pictures of one carp's skin and fin, and its girth; colours are grey levels 0-255."""
+    """Pictures of one carp's skin and fin; colours are grey levels 0-255."""
 
     # (rows, columns, 4) RGB and opacity 0-1; columns are s, rows v from left to right side
     skin: Image
     # (rows, columns, 5) a paired fin, root at column 0: premultiplied RGB, opacity, coverage
     fin: Image
-    girth: float  # width of the fish relative to the standard one
 
 
 def _clouds(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Generator) -> Image:
@@ -106,9 +105,10 @@ _COATS = (
 
 
 def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
-    """Paint one carp, with random spots; return the pictures of its skin and fin.
+    """Return the painted skin and fin of one carp, with random spots.
 
-    columns: width of the skin picture, px; coat: number of the colouring, from 0, in turn.
+    columns: width of the skin picture, px; coat: number of the colouring in _COATS, from 0; after
+    the last one they begin again. rng: source of chance.
     """
     back, flank, dark, patch = _COATS[coat % len(_COATS)]
     length_px = SKIN_PER_LENGTH
@@ -118,6 +118,7 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     width = np.maximum(half_width(s[0].astype(np.float64)), 0.004).astype(np.float32)[None, :]
     r = v / width  # place across the body, ±1 at its edges
     shape = r.shape
+    # The numbers below are drawn by eye after photographs: places in body lengths, shares of light.
     # Back and flanks, with sharp koi-like patches, fewer on the head.
     skin = np.empty((*shape, 3), np.float32)
     skin[:] = back
@@ -179,14 +180,14 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
         interpolation=cv2.INTER_AREA if columns < length_px else cv2.INTER_LINEAR,
     )
     fin = _paint_fin_picture(rng, max(24, round(columns * 0.25)), back, flank, dark)
-    return FishColours(np.ascontiguousarray(scaled_down, np.float32), fin, girth=1.0)
+    return FishColours(np.ascontiguousarray(scaled_down, np.float32), fin)
 
 
 def _paint_fin_picture(
     rng: np.random.Generator, columns: int, back: tuple[float, ...], flank: tuple[float, ...],
     dark: tuple[float, ...],
 ) -> Image:  # fmt: skip
-    """Paint a spread paired fin: a fan of rays in a clear membrane, root at the left edge.
+    """Return a painted paired fin, spread, as in `FishColours.fin`: rays in a clear membrane.
 
     columns: its width, px; back, flank, dark: RGB colours of the fish, 0-255.
     """
@@ -214,7 +215,7 @@ def _paint_fin_picture(
 
 
 def paint_floor(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
-    """Paint the empty tank, (height, width, 3) RGB: sand, pebbles, pools of light, walls."""
+    """Return the painted empty tank, (height, width, 3) RGB: sand, pebbles, light and walls."""
     shape = (height_px, width_px)
     grey = 172 + 5.5 * _clouds(shape, (0.7, 1.3), rng) + 2.6 * _clouds(shape, (5, 9), rng)
     grey += 4.0 * _clouds(shape, (60, 130), rng)
