@@ -39,7 +39,7 @@ from finloop.stimulus.log import SESSION, Log
 from finloop.stimulus.order import order_trials
 from finloop.stimulus.protocol import Protocol, RuleSpec
 from finloop.stimulus.protocol_file import parse_protocol
-from finloop.stimulus.recorded import DryClock
+from finloop.stimulus.recorded import DryClock, TimedMessage
 from finloop.stimulus.replay import (
     SessionRecord,
     open_session_record,
@@ -357,7 +357,7 @@ def run_random_session(
         x, y = place * (scene.scene.tank.width, scene.scene.tank.height)
         text = json.dumps({"t": number / 50, "id": 1, "x": float(x), "y": float(y)})
         if rng.random() > 0.2:
-            messages.append((number / 50 + rng.uniform(0, 0.05), text))
+            messages.append(TimedMessage(number / 50 + rng.uniform(0, 0.05), text))
     order, path = order_trials(plan), folder / f"{seed}.journal"
     log, clock = Log(path, scene.header(plan, order, display=None)), DryClock(sorted(messages))
     session = Session(scene.scene, plan, order, scene.feed([], plan.fish), log, clock)

@@ -32,7 +32,14 @@ from finloop.stimulus.order import order_trials
 from finloop.stimulus.page import build_standalone_page
 from finloop.stimulus.protocol import Protocol
 from finloop.stimulus.protocol_file import load_protocol, parse_protocol
-from finloop.stimulus.recorded import ConnectionFaults, DryClock, imitate_tracker, repeat_messages
+from finloop.stimulus.recorded import (
+    NAME,
+    ConnectionFaults,
+    DryClock,
+    TimedMessage,
+    imitate_tracker,
+    repeat_messages,
+)
 from finloop.stimulus.replay import open_session_record, read_displayed_frames, replan_session
 from finloop.stimulus.serve import (
     CalibrationHub,
@@ -216,7 +223,7 @@ def _write_session_file(journal: Path, path: Path, recovered: bool = False) -> N
 
 def _animal_messages(
     options: argparse.Namespace, film: FilmedScene, protocol: Protocol
-) -> list[tuple[float, str]]:
+) -> list[TimedMessage]:
     """Return the messages, (time [s], text), that a recorded track sends for a live animal.
 
     The list is empty without --animal. FinloopError if the protocol has no live animals.
@@ -237,11 +244,11 @@ def _animal_messages(
 
 def _make_inputs(
     options: argparse.Namespace, policy: AccessPolicy, session: Session,
-    messages: list[tuple[float, str]],
+    messages: list[TimedMessage],
 ) -> Callable[[], list[Coroutine[Any, Any, None]]]:  # fmt: skip
     """Return a function that makes the tasks which receive messages during a session.
 
-    They listen at the ports --udp and --osc. messages: (time [s], text), of a recorded track.
+    They listen at the ports --udp and --osc. messages: of a recorded track.
     """
 
     async def listen(kind: str, port: int) -> None:
@@ -253,7 +260,7 @@ def _make_inputs(
         """Send the messages of the recorded track when they are due."""
         for due, text in repeat_messages(messages):
             await session.clock.wait_until(due)
-            session.receive_message(text, "recorded")
+            session.receive_message(text, NAME)
 
     def make_tasks() -> list[Coroutine[Any, Any, None]]:
         """Return a task for each port in use, and one for the recorded messages."""

@@ -16,7 +16,7 @@ from finloop.stimulus.display import DisplayCalibration
 from finloop.stimulus.drawn import POSTURE
 from finloop.stimulus.log import parse_frame_records
 from finloop.stimulus.page import DRAWING, build_display_page, build_standalone_page, join_scripts
-from finloop.stimulus.pictures import PagePicture, measure_typical_fish
+from finloop.stimulus.pictures import PagePicture, PicturePlacement, measure_typical_fish
 
 STEPS, LENGTH = 24, 80.0
 HEIGHT, WIDTH = 240, 320
@@ -77,7 +77,7 @@ def fish_of(seed=0, bend=0.5, colour=False, level=90.0):
     pixels = np.dstack(layers).astype(np.uint8)
     left, top, width, height = cv2.boundingRect(pixels[..., -1])
     cut = np.ascontiguousarray(pixels[top : top + height, left : left + width])
-    return PagePicture(cut, (middle - left, middle - top, 0.0, LENGTH), posture)
+    return PagePicture(cut, PicturePlacement(middle - left, middle - top, 0.0, LENGTH), posture)
 
 
 def state_of(posture, x=160.25, y=120.5, heading=0.7, size=LENGTH, number=10, partner=-1, weight=0.0,

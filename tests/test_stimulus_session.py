@@ -15,7 +15,7 @@ from finloop.io.journal import read_journal, save_journal
 from finloop.live.page import pack_message
 from finloop.stimulus.animals import LiveAnimals
 from finloop.stimulus.drawn import ALPHA, PARTNER, PICTURE, X, Y
-from finloop.stimulus.log import FRAME_FIELDS, SESSION, Log, parse_frame_records
+from finloop.stimulus.log import SESSION, FrameFacts, Log, parse_frame_records
 from finloop.stimulus.motion import ReactiveMotion, TrialSetup, plan_motion
 from finloop.stimulus.recorded import DryClock
 from finloop.stimulus.replay import open_session_record, read_displayed_frames, replan_session
@@ -146,7 +146,7 @@ def test_all_that_was_kept_survives_a_cut_anywhere(tmp_path):
     sizes = []
     for number in range(6):
         log.add_event(float(number), "mark", number=number)
-        log.add_frame(np.arange(FRAME_FIELDS) + number, np.full((2, 20), number, np.float32))
+        log.add_frame(FrameFacts(*range(number, number + 8)), np.full((2, 20), number, np.float32))
         log.write_entries()
         sizes.append((tmp_path / "a.journal").stat().st_size)
     whole = (tmp_path / "a.journal").read_bytes()  # never closed, as after a power failure
@@ -201,7 +201,7 @@ def test_displayed_frames_come_back_bit_for_bit(tmp_path):
     for number in range(500):
         count = int(rng.integers(0, 4))
         states = rng.normal(size=(count, width)).astype(np.float32)
-        log.add_frame(np.array([number, 0.1, number / 60, 0, 0, 0, count, number * 3.0]), states)
+        log.add_frame(FrameFacts(number, 0.1, number / 60, 0, 0, 0, count, number * 3.0), states)
         told.append((number, number / 60, number * 3, states.tobytes()))
         if rng.random() < 0.05:
             log.write_entries()

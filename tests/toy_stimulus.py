@@ -15,7 +15,7 @@ from finloop.stimulus.motion import TrialContext
 from finloop.stimulus.order import order_trials
 from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.protocol_file import parse_protocol
-from finloop.stimulus.recorded import DryClock
+from finloop.stimulus.recorded import DryClock, TimedMessage
 from finloop.stimulus.replay import open_session_record
 from finloop.stimulus.session import Session
 
@@ -62,7 +62,7 @@ def session_of(folder, plan, clock, made=None, name="toy", **more):
 
 def run_dry(folder, plan, messages=(), made=None, name="toy"):
     """The record of a session without display; messages: (time, text) of a tracker."""
-    clock = DryClock(iter(messages))
+    clock = DryClock(iter([TimedMessage(*message) for message in messages]))
     session, sent = session_of(folder, plan, clock, made, name)
     clock.receive, session.waits_for_starts = session.receive_message, False
     session._repeated.update(plan.conditions)  # all motions are looked at afterwards

@@ -11,13 +11,11 @@ as a tracker's clock may run a little faster or slower than the session's.
 """
 
 import math
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
-import numpy as np
-
-from finloop.base.arrays import Floats
 from finloop.stimulus.protocol import MOST_DELAY_S, AnimalSettings
 from finloop.stimulus.tracker import MOST_AT_ONCE, Sighting, fit_calibration, parse_sightings
 
@@ -203,20 +201,12 @@ class _AnimalTrack:
         name. Return None if the sighting is late: t is not after the last one, and the clock is the
         same. Another source has another clock; earlier sightings are kept.
         """
-        offset = arrived_s - t
-        change = offset - self._clock_offset_s
-        known, new_source = bool(self._least_offsets), source != self.source
-        # A later t with a larger offset is no jump: the message was held up. If the clock was
-        # put back, the least offset of the last bins shows it in a few seconds.
-        put_forward = known and t > self._last_t and change < -_JUMP_S
-        may_be_back = known and t < self._last_t and change > _JUMP_S
-        # One sighting may only be late; a second one, in order, shows that the clock was put back.
-        put_back = may_be_back and self._refused_t is not None and t > self._refused_t
-        if known and not new_source and t <= self._last_t and not put_back:
-            self._refused_t = t if may_be_back else self._refused_t
+        offset, is_first, is_other = arrived_s - t, not self._least_offsets, source != self.source
+        jumped = not is_first and self._detect_jump(t, offset - self._clock_offset_s)
+        if jumped is None and not is_other:
             return None
-        jumped, self._refused_t = put_forward or put_back, None
-        if new_source or jumped or not known:
+        self._refused_t = None
+        if is_first or is_other or jumped:
             self._past.change_clock(self._clock_offset_s - offset, t)
             self._least_offsets.clear()
             self.source, self._unbroken_since = source, t
@@ -225,7 +215,24 @@ class _AnimalTrack:
             offset = min(offset, self._least_offsets.pop()[1])
         self._least_offsets.append((bin_number, offset))
         self._clock_offset_s = min(least for _, least in self._least_offsets)
-        return jumped
+        return bool(jumped)
+
+    def _detect_jump(self, t: float, change_s: float) -> bool | None:
+        """Return whether the tracker's clock jumped before its time t; None: no, t is only late.
+
+        change_s: how much larger the offset between the clocks has become.
+        """
+        if t > self._last_t:
+            # A larger offset is no jump: the message was held up. If the clock was put back, the
+            # least offset of the last bins shows it in a few seconds.
+            return change_s < -_JUMP_S
+        if t == self._last_t or change_s <= _JUMP_S:
+            return None
+        # One sighting may only be late; a second one, in order, shows that the clock was put back.
+        if self._refused_t is not None and t > self._refused_t:
+            return True
+        self._refused_t = t
+        return None
 
     def add_sighting(
         self, t: float, place: PlacePx, heading_rad: float | None, arrived_s: float, was_lost: bool
@@ -262,56 +269,44 @@ class _PastPlaces:
 
     def __init__(self) -> None:
         """Begin without a place."""
-        self._rows = np.empty((2 * _SAMPLES, 3))  # t, x, y
-        self._first = self._end = 0  # rows in use: from `_first` up to before `_end`
-
-    @property
-    def _valid_rows(self) -> Floats:
-        """Return the stored places as rows (n, 3) of time, x and y."""
-        return self._rows[self._first : self._end]
+        self._times: list[float] = []  # on the tracker's clock, s, ascending
+        self._places: list[PlacePx] = []
 
     def add_place(self, t: float, place: PlacePx) -> None:
         """Add a place [px] later than all; replace the last one if both are too close in time.
 
-        t: time on the tracker's clock, s. The rows are moved to the front when the array is full.
+        t: time on the tracker's clock, s. The oldest place is forgotten if there are too many.
         """
-        rows = self._valid_rows
         # A place is replaced if the last two and the new one have less than the mean time between.
-        if len(rows) > 1 and t - rows[-2, 0] < 2 * _SPACE_S:
-            self._end -= 1
-        elif self._end == len(self._rows):
-            self._rows[: _SAMPLES - 1] = rows[1 - _SAMPLES :]
-            self._first, self._end = 0, _SAMPLES - 1
-        self._rows[self._end] = t, *place
-        self._end += 1
-        self._first = max(self._first, self._end - _SAMPLES)
+        if len(self._times) > 1 and t - self._times[-2] < 2 * _SPACE_S:
+            del self._times[-1], self._places[-1]
+        self._times.append(t)
+        self._places.append(place)
+        del self._times[:-_SAMPLES], self._places[:-_SAMPLES]
 
     def change_clock(self, ahead_s: float, end_s: float) -> None:
         """Convert all times to a clock that is `ahead_s` ahead; forget the places from `end_s` on.
 
         end_s: a time of the new clock.
         """
-        rows = self._valid_rows
-        rows[:, 0] += ahead_s
-        self._end = self._first + int(np.searchsorted(rows[:, 0], end_s))
+        self._times = [t + ahead_s for t in self._times]
+        end = bisect_left(self._times, end_s)
+        del self._times[end:], self._places[end:]
 
     def interpolate_place(self, t: float, gap_s: float) -> PlacePx | None:
         """Return the place (x, y px) at a time t; None outside the stored times and in gaps.
 
         t: on the tracker's clock, s. gap_s: longest gap across which places are interpolated.
         """
-        rows = self._valid_rows
-        after = int(np.searchsorted(rows[:, 0], t - _ALIKE_S))
-        if after == len(rows):
+        after = bisect_left(self._times, t - _ALIKE_S)
+        if after == len(self._times):
             return None
-        t1, x1, y1 = rows[after].tolist()
+        t1, (x1, y1) = self._times[after], self._places[after]
         if t1 - t <= _ALIKE_S:
             return x1, y1
-        if after == 0:
+        if after == 0 or t1 - self._times[after - 1] > gap_s:
             return None
-        t0, x0, y0 = rows[after - 1].tolist()
-        if t1 - t0 > gap_s:
-            return None
+        t0, (x0, y0) = self._times[after - 1], self._places[after - 1]
         share = (t - t0) / (t1 - t0)
         return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
 
@@ -322,10 +317,10 @@ class _PastPlaces:
         began; earlier places are not used. Both are times of the tracker's clock. 0 if a single
         place is left.
         """
-        rows = self._valid_rows
-        first, first_unbroken = np.searchsorted(rows[:, 0], [since - _ALIKE_S, begin]).tolist()
-        first = max(min(first, len(rows) - 2), first_unbroken)
-        if first >= len(rows) - 1:
+        last = len(self._times) - 1
+        first = min(bisect_left(self._times, since - _ALIKE_S), last - 1)
+        first = max(first, bisect_left(self._times, begin))
+        duration_s = self._times[-1] - self._times[min(first, last)]
+        if duration_s <= 0:
             return 0.0
-        t, x, y = (rows[-1] - rows[first]).tolist()
-        return math.hypot(x, y) / t if t > 0 else 0.0
+        return math.dist(self._places[first], self._places[-1]) / duration_s

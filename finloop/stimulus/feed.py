@@ -130,7 +130,7 @@ class Feed:
         height, width = picture.pixels.shape[:2]
         facts = {
             "kind": "picture", "picture": number, "slot": slot, "width": width, "height": height,
-            "line": [float(part) for part in picture.placement],
+            "line": [float(value) for value in picture.placement],
         }  # fmt: skip
         payload = picture.posture.astype("<f4").tobytes() + picture.pixels.tobytes()
         return pack_message(facts, payload)

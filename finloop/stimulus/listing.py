@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from finloop.stimulus.order import Trial, find_source_trial
-from finloop.stimulus.protocol import Condition, Protocol
+from finloop.stimulus.protocol import Condition, Motion, Protocol
 
 _ORDERS = {"given": "in the order given", "shuffled": "shuffled", "blocks": "in blocks"}
 _KEYS = {" ": "space bar", "Enter": "enter key"}
@@ -61,26 +61,7 @@ def _condition_lines(protocol: Protocol) -> Iterator[str]:
 
 def _describe_condition(condition: Condition) -> tuple[str, str, str]:
     """Return a condition's motion, look and change in words."""
-    motion, look, change = condition.motion, condition.look, condition.change
-    match motion.kind:
-        case "goal" | "goals":
-            places = motion.goals or [motion.goal or ()]
-            first = ["(" + ", ".join(f"{part:g}" for part in place) + ")" for place in places[:3]]
-            more = f" and {len(places) - 3} more" if len(places) > 3 else ""
-            motion_words = "to " + ", ".join(first) + more
-        case "path":
-            motion_words = f"along {motion.path}"
-        case "again":
-            motion_words = f"that of {motion.again} again"
-        case "company":
-            motion_words = "in a group"
-        case "wander":
-            motion_words = "wanders"
-        case _:
-            assert motion.rule is not None
-            values = motion.rule.model_dump(mode="json", exclude_defaults=True)
-            details = [f"{key} {value}" for key, value in values.items() if key != "rule"]
-            motion_words = ", ".join([str(motion.rule.rule), *details])
+    look, change = condition.look, condition.change
     looks = [
         look.shape,
         "" if look.contrast == 1 else f"contrast {look.contrast:g}",
@@ -92,7 +73,30 @@ def _describe_condition(condition: Condition) -> tuple[str, str, str]:
         "reversed" if change.reversed else "",
         "" if change.speed == 1 else f"{change.speed:g} times as fast",
     ]  # fmt: skip
-    return motion_words, ", ".join(filter(None, looks)), ", ".join(filter(None, changes)) or "none"
+    look_words, change_words = (", ".join(filter(None, words)) for words in (looks, changes))
+    return _describe_motion(condition.motion), look_words, change_words or "none"
+
+
+def _describe_motion(motion: Motion) -> str:
+    """Return a motion in words, such as "along wall.csv" or "in a group"."""
+    match motion.kind:
+        case "goal" | "goals":
+            places = motion.goals or [motion.goal or ()]
+            first = ["(" + ", ".join(f"{part:g}" for part in place) + ")" for place in places[:3]]
+            more = f" and {len(places) - 3} more" if len(places) > 3 else ""
+            return "to " + ", ".join(first) + more
+        case "path":
+            return f"along {motion.path}"
+        case "again":
+            return f"that of {motion.again} again"
+        case "company":
+            return "in a group"
+        case "wander":
+            return "wanders"
+    assert motion.rule is not None
+    values = motion.rule.model_dump(mode="json", exclude_defaults=True)
+    details = [f"{key} {value}" for key, value in values.items() if key != "rule"]
+    return ", ".join([str(motion.rule.rule), *details])
 
 
 def _trial_lines(protocol: Protocol, trials: tuple[Trial, ...]) -> Iterator[str]:

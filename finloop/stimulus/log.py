@@ -18,12 +18,11 @@ import hashlib
 import json
 import threading
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 
-from finloop.base.arrays import Floats
 from finloop.base.schema import ANY, Column, Schema, columns
 from finloop.io.journal import Journal
 from finloop.stimulus.drawn import FIELDS, States
@@ -32,7 +31,7 @@ from finloop.stimulus.tracker import LONGEST
 FORMAT = 1
 """Version of the log; this program reads no other."""
 
-FRAME_FIELDS = 8  # values of a record of a displayed frame, float64
+MOST_SHOWN = 64  # fish in a frame
 SESSION = Schema(
     Column("kind", "string", "1"),
     Column("time_s", "float64", "s"),
@@ -50,6 +49,33 @@ SESSION = Schema(
 )
 
 
+class FrameFacts(NamedTuple):
+    """What a display's page tells of a displayed frame: eight numbers.
+
+    number: of the frame. intended_s, time_s, drawn_s: session times when it was due, when the
+    browser showed it, and when it was drawn. seq: number of the last message with states that the
+    page had. dropped: frames missed before it. fish_count: how many fish it shows. digest: of its
+    pixels, 0 if they were not read.
+    """
+
+    number: float
+    intended_s: float
+    time_s: float
+    drawn_s: float
+    seq: float
+    dropped: float
+    fish_count: float
+    digest: float
+
+
+class _LoggedFrame(NamedTuple):
+    """A displayed frame: number of its trial, if any, its facts, and the states (fish, F)."""
+
+    trial: int | None
+    facts: FrameFacts
+    states: States
+
+
 class Log:
     """Log of a session: it collects entries and writes them to a journal; any thread may add them.
 
@@ -60,7 +86,7 @@ class Log:
         """Create the journal's file, with a header of JSON values; FinloopError if it exists."""
         self._journal = Journal(path, SESSION, json.dumps(header))
         self._entries: list[dict[str, Any]] = []
-        self._frames: list[tuple[int | None, Floats, States]] = []
+        self._frames: list[_LoggedFrame] = []
         self._lock, self._writing = threading.Lock(), threading.Lock()
         self.trial: int | None = None
 
@@ -80,14 +106,10 @@ class Log:
         """Add a tracker's message: its arrival (session time [s]), sender, text and verdict."""
         self.add_entry("input", time_s, source=source, text=text[:LONGEST], verdict=verdict)
 
-    def add_frame(self, facts: Floats, drawn: States) -> None:
-        """Add a displayed frame: eight numbers about it, and the states (fish, F) of its fish.
-
-        facts (8,): number of the frame, times when it was due, shown and drawn (s), number of the
-        last message it had, frames dropped before it, count of fish, digest of its pixels.
-        """
+    def add_frame(self, facts: FrameFacts, states: States) -> None:
+        """Add a displayed frame, and the states (fish, F) of its fish."""
         with self._lock:
-            self._frames.append((self.trial, facts, drawn))
+            self._frames.append(_LoggedFrame(self.trial, facts, states))
 
     def write_entries(self) -> None:
         """Write all new entries to the disk; call it in a thread, as a disk may be slow."""
@@ -109,39 +131,31 @@ class Log:
         self.write_entries()
         self._journal.close()
 
-    def _frame_rows(self, frames: list[tuple[int | None, Floats, States]]) -> pa.RecordBatch:
-        """Return the log's rows of displayed frames as a record batch.
+    def _frame_rows(self, frames: list[_LoggedFrame]) -> pa.RecordBatch:
+        """Return the log's rows of displayed frames, one each, as a record batch."""
+        facts = np.array([frame.facts for frame in frames]).T
+        values = dict(zip(FrameFacts._fields, facts, strict=True))
+        del values["fish_count"]
+        trials = [frame.trial for frame in frames]
+        return self._build_batch(len(frames), kind="frame", trial=trials, **values)
 
-        frames: of each, its trial's number, and the arguments of `add_frame`.
-        """
-        number, intended, shown, drawn, seq, dropped, _fish, digest = np.stack(
-            [facts for _, facts, _ in frames]
-        ).T
-        return self._build_batch(
-            len(frames), kind="frame", trial=[trial for trial, _, _ in frames], time_s=shown,
-            number=number, intended_s=intended, drawn_s=drawn, seq=seq, dropped=dropped,
-            digest=digest,
-        )  # fmt: skip
-
-    def _fish_rows(self, frames: list[tuple[int | None, Floats, States]]) -> list[pa.RecordBatch]:
-        """Return the log's rows of the fish in displayed frames: one record batch, or none.
-
-        frames: of each, its trial's number, its numbers (8,) and the states (fish, F) of its fish.
-        """
-        counts = [len(drawn) for _, _, drawn in frames]
-        if not sum(counts):
+    def _fish_rows(self, frames: list[_LoggedFrame]) -> list[pa.RecordBatch]:
+        """Return the log's rows of the fish in displayed frames: one record batch, or none."""
+        frames = [frame for frame in frames if len(frame.states)]
+        if not frames:
             return []
-        facts = np.stack([facts for _, facts, _ in frames]).repeat(counts, axis=0)
-        numbers, times_s = facts[:, 0], facts[:, 2]  # of the frame in which each fish is
-        drawn = np.concatenate([drawn for _, _, drawn in frames if len(drawn)])
-        posture = drawn[:, len(FIELDS) :]
-        list_starts = np.arange(len(drawn) + 1, dtype=np.int32) * posture.shape[1]
+        counts = [len(frame.states) for frame in frames]
+        states = np.concatenate([frame.states for frame in frames])
+        posture = states[:, len(FIELDS) :]
+        list_starts = np.arange(len(states) + 1, dtype=np.int32) * posture.shape[1]
         return [self._build_batch(
-            len(drawn), kind="fish", time_s=times_s, number=numbers,
-            trial=[trial for trial, _, drawn in frames for _ in drawn],
+            len(states), kind="fish",
+            time_s=np.repeat([frame.facts.time_s for frame in frames], counts),
+            number=np.repeat([frame.facts.number for frame in frames], counts),
+            trial=[frame.trial for frame in frames for _ in frame.states],
             fish=np.concatenate([np.arange(count) for count in counts]),
             posture=pa.ListArray.from_arrays(list_starts, posture.ravel()),
-            **dict(zip(FIELDS, drawn.T, strict=False)),  # the posture is left over
+            **dict(zip(FIELDS, states.T, strict=False)),  # the posture is left over
         )]  # fmt: skip
 
     def _build_batch(self, rows: int, kind: str, **values: Any) -> pa.RecordBatch:
@@ -163,25 +177,25 @@ class Log:
         return pa.RecordBatch.from_arrays(arrays, schema=schema)
 
 
-def parse_frame_records(message: bytes, width: int) -> list[tuple[Floats, States]]:
-    """Return the displayed frames in a page's message: numbers (8,) and states (fish, width) each.
+def parse_frame_records(message: bytes, width: int) -> list[tuple[FrameFacts, States]]:
+    """Return the displayed frames in a page's message: facts, and the states (fish, width) of fish.
 
-    The numbers are those of `Log.add_frame`. width: how many values the state of a fish has.
-    ValueError if the message holds no such records.
+    width: how many values the state of a fish has. ValueError if the message holds no such records.
     """
     frames, offset = [], 0
     while offset < len(message):
-        facts = np.frombuffer(message, "<f8", FRAME_FIELDS, offset)
-        offset += facts.nbytes
-        fish = facts[6]
-        if not (0 <= fish <= 64 and fish == int(fish) and np.isfinite(facts).all()):
+        numbers = np.frombuffer(message, "<f8", len(FrameFacts._fields), offset)
+        offset += numbers.nbytes
+        facts = FrameFacts(*numbers.tolist())
+        is_count = facts.fish_count in range(MOST_SHOWN + 1)
+        if not (is_count and np.isfinite(numbers).all()):
             raise ValueError("no record of a frame")
-        drawn = np.frombuffer(message, "<f4", int(fish) * width, offset)
-        drawn = drawn.reshape(int(fish), width)
-        if not np.isfinite(drawn).all():
+        fish = int(facts.fish_count)
+        states = np.frombuffer(message, "<f4", fish * width, offset).reshape(fish, width)
+        if not np.isfinite(states).all():
             raise ValueError("no state of a fish")
-        offset += -(-drawn.nbytes // 8) * 8  # the next record begins at a multiple of 8 bytes
-        frames.append((facts, drawn))
+        offset += -(-states.nbytes // 8) * 8  # the next record begins at a multiple of 8 bytes
+        frames.append((facts, states))
     return frames
 
 

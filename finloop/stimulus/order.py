@@ -10,17 +10,24 @@ orders, s: the sizes of all its subtrees (Knuth, TAOCP 3, 5.1.4, ex. 20). So the
 of those that wait for none, each with a probability in proportion to the size of its subtree.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterator
+from itertools import accumulate
 from typing import NamedTuple
 
 from numpy.random import PCG64
 
 from finloop.stimulus.protocol import Protocol, Trigger, derive_motion_seed
 
-Node = tuple[str, int]
-"""A condition, and the number of its repeat from 0."""
 _RAW_VALUES = 2**64
 """How many different numbers the generator gives: 0 … 2^64 − 1."""
+
+
+class ConditionRepeat(NamedTuple):
+    """One showing of a condition: the condition's name, and the number of the repeat from 0."""
+
+    condition: str
+    repeat: int
 
 
 class Trial(NamedTuple):
@@ -43,8 +50,8 @@ def order_trials(protocol: Protocol) -> tuple[Trial, ...]:
     if protocol.order == "given":
         order = names * protocol.repeats
     elif protocol.order == "shuffled":
-        predecessors = _predecessors(protocol, protocol.repeats)
-        order = [name for name, _ in _draw_order(predecessors, generator)]
+        predecessors = _find_predecessors(protocol, protocol.repeats)
+        order = [trial.condition for trial in _draw_order(predecessors, generator)]
     else:
         order = list(_shuffle_blocks(protocol, generator))
     block_size = len(order) if protocol.order == "shuffled" else len(names)
@@ -87,41 +94,44 @@ def _draw_below(generator: PCG64, limit: int) -> int:
     return drawn % limit
 
 
-def _predecessors(protocol: Protocol, repeats: int) -> dict[Node, Node | None]:
-    """Return for every trial (condition, repeat) the trial that must come before it, or None.
+def _find_predecessors(
+    protocol: Protocol, repeats: int
+) -> dict[ConditionRepeat, ConditionRepeat | None]:
+    """Return for every trial the trial that must come before it, or None.
 
     repeats: how often each condition is shown. A first trial that repeats another condition's
     motion comes after that condition's first; other trials after their condition's previous one.
     """
-    predecessors: dict[Node, Node | None] = {}
+    predecessors: dict[ConditionRepeat, ConditionRepeat | None] = {}
     for name, condition in protocol.conditions.items():
         source = condition.motion.again
-        predecessors[name, 0] = (source, 0) if source else None
+        predecessors[ConditionRepeat(name, 0)] = ConditionRepeat(source, 0) if source else None
         for repeat in range(1, repeats):
-            predecessors[name, repeat] = name, repeat - 1
+            predecessors[ConditionRepeat(name, repeat)] = ConditionRepeat(name, repeat - 1)
     return predecessors
 
 
-def _draw_order(predecessors: dict[Node, Node | None], generator: PCG64) -> list[Node]:
+def _draw_order(
+    predecessors: dict[ConditionRepeat, ConditionRepeat | None], generator: PCG64
+) -> list[ConditionRepeat]:
     """Draw a random order of trials, each after its predecessor, if any; all are equally likely."""
-    children: dict[Node | None, list[Node]] = {}  # the trials that wait for each trial
-    for node, parent in predecessors.items():
-        children.setdefault(parent, []).append(node)
+    # The trials that wait for each trial, and how many there are in its subtree (itself included).
+    children: dict[ConditionRepeat | None, list[ConditionRepeat]] = {}
+    for trial, predecessor in predecessors.items():
+        children.setdefault(predecessor, []).append(trial)
     parents_first = list(children.get(None, []))
-    for node in parents_first:  # the list grows while it is read
-        parents_first += children.get(node, [])
-    tree_sizes: dict[Node, int] = {}
-    for node in reversed(parents_first):
-        tree_sizes[node] = 1 + sum(tree_sizes[child] for child in children.get(node, []))
-    next_ones, order = list(children.get(None, [])), list[Node]()  # those that can come next
-    while next_ones:
-        # Draw the next trial with a probability in proportion to its tree's size (Knuth).
-        index, drawn = 0, _draw_below(generator, sum(tree_sizes[node] for node in next_ones))
-        while drawn >= tree_sizes[next_ones[index]]:
-            drawn -= tree_sizes[next_ones[index]]
-            index += 1
-        order.append(next_ones.pop(index))
-        next_ones += children.get(order[-1], [])
+    for trial in parents_first:  # the list grows while it is read
+        parents_first += children.get(trial, [])
+    tree_sizes: dict[ConditionRepeat, int] = {}
+    for trial in reversed(parents_first):
+        tree_sizes[trial] = 1 + sum(tree_sizes[child] for child in children.get(trial, []))
+    # Draw the next trial with a probability in proportion to the size of its subtree (Knuth).
+    candidates, order = list(children.get(None, [])), list[ConditionRepeat]()
+    while candidates:
+        sums = list(accumulate(tree_sizes[trial] for trial in candidates))
+        index = bisect_right(sums, _draw_below(generator, sums[-1]))
+        order.append(candidates.pop(index))
+        candidates += children.get(order[-1], [])
     return order
 
 
@@ -131,7 +141,8 @@ def _shuffle_blocks(protocol: Protocol, generator: PCG64) -> Iterator[str]:
     In the first block a condition that repeats another's motion comes after it. A block does not
     begin with the condition that ended the block before, unless there is only one condition.
     """
-    block = [name for name, _ in _draw_order(_predecessors(protocol, 1), generator)]
+    predecessors = _find_predecessors(protocol, repeats=1)
+    block = [trial.condition for trial in _draw_order(predecessors, generator)]
     yield from block
     for _ in range(protocol.repeats - 1):
         remaining, last = list(protocol.conditions), block[-1]

@@ -75,7 +75,7 @@ def build_standalone_page(
             {
                 "picture": number, "width": picture.pixels.shape[1],
                 "height": picture.pixels.shape[0],
-                "line": [float(part) for part in picture.placement],
+                "line": [float(value) for value in picture.placement],
             }
             for number, picture in pictures.items()
         ],

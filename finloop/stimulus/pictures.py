@@ -16,16 +16,24 @@ _LIGHT = np.array([0.2126, 0.7152, 0.0722])  # of red, green, blue (ITU-R BT.709
 _SMALLER = 0.75  # below this drawn size a picture is shrunk beforehand: else it would flicker
 
 
+class PicturePlacement(NamedTuple):
+    """Where an animal is in a picture: its mass centre x, y [px], its heading and its size."""
+
+    x: float
+    y: float
+    heading_rad: float
+    size_px: float
+
+
 class PagePicture(NamedTuple):
     """A picture of a fish with alpha, and where the animal is in it.
 
-    pixels: (h, w, 2) grey or (h, w, 4) RGB, uint8, premultiplied by alpha. placement: x, y of the
-    mass centre (px of the picture), heading (rad), size (px). posture: the shape of its backbone,
-    as `finloop.puppet.pose` describes it.
+    pixels: (h, w, 2) grey or (h, w, 4) RGB, uint8, premultiplied by alpha. posture: the shape of
+    its backbone, as `finloop.puppet.pose` describes it.
     """
 
     pixels: Picture
-    placement: tuple[float, float, float, float]
+    placement: PicturePlacement
     posture: Floats
 
 
@@ -45,8 +53,7 @@ def measure_typical_fish(pictures: Iterable[PagePicture]) -> dict[str, Any]:
     areas, colours = [], []
     for picture in pictures:
         alpha = picture.pixels[..., -1].astype(float)
-        size_px = picture.placement[3]
-        areas.append(alpha.sum() / 255 / size_px**2)
+        areas.append(alpha.sum() / 255 / picture.placement.size_px**2)
         solid = picture.pixels[alpha > 127].astype(float)
         solid = solid[:, :-1] * 255 / solid[:, -1:]  # without the premultiplication by alpha
         brightness = solid @ _LIGHT if solid.shape[1] == 3 else solid[:, 0]
@@ -96,7 +103,8 @@ class PagePictures:
         x = (x_px - cutout.x0_px + 0.5) * x_scale - 0.5
         y = (y_px - cutout.y0_px + 0.5) * y_scale - 0.5
         size_px = float(pose.size_px) * float(np.sqrt(x_scale * y_scale))
-        return PagePicture(pixels, (x, y, float(pose.heading_rad), size_px), pose.posture)
+        placement = PicturePlacement(x, y, float(pose.heading_rad), size_px)
+        return PagePicture(pixels, placement, pose.posture)
 
 
 def _shrink_picture(pixels: Picture, scale: float) -> tuple[Picture, tuple[float, float]]:

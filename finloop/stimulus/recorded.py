@@ -18,7 +18,7 @@ from finloop.stimulus.animals import TankGeometry
 from finloop.stimulus.tracker import PX, Calibration
 
 NAME = "recorded"
-"""The id of the animal."""
+"""The id of the animal, and the name of the sender."""
 
 
 class ConnectionFaults(NamedTuple):
@@ -36,6 +36,13 @@ class ConnectionFaults(NamedTuple):
     every_s: float = 10.0
 
 
+class TimedMessage(NamedTuple):
+    """A tracker's message, JSON text, and when it arrives: s from the track's beginning."""
+
+    due_s: float
+    text: str
+
+
 NO_FAULTS = ConnectionFaults()
 
 
@@ -43,13 +50,13 @@ def imitate_tracker(
     line: Line, rate_hz: float | None, tank: TankGeometry,
     faults: ConnectionFaults = NO_FAULTS, calibration: Calibration = PX,
     mm_per_px: float | None = None,
-) -> Iterator[tuple[float, str]]:  # fmt: skip
+) -> Iterator[TimedMessage]:  # fmt: skip
     """Yield the messages that a tracker would send about a recorded track, in order of arrival.
 
-    Each is (arrival in s from the track's beginning, JSON text). line: places with times. rate_hz:
-    messages per second, None: one at each time of the line. faults: of the connection. calibration:
-    from the imitated tracker's places to the tank. mm_per_px: for a line in mm. FinloopError if the
-    line has no times, or is in mm and the film's scale is not known.
+    line: places with times. rate_hz: messages per second, None: one at each time of the line.
+    faults: of the connection. calibration: from the imitated tracker's places to the tank.
+    mm_per_px: for a line in mm. FinloopError if the line has no times, or is in mm and the film's
+    scale is not known.
     """
     time_s, track = _sample_track(line, rate_hz, _unit_px(line, tank, mm_per_px))
     rng = np.random.default_rng(faults.seed)
@@ -61,10 +68,10 @@ def imitate_tracker(
             continue
         x, y, heading = track[number].tolist()
         place = calibration.map_to_tracker(x, y, math.radians(heading))
-        facts = {"t": float(time_s[number]), "id": NAME}
-        facts |= dict(zip(("x", "y", "heading"), place, strict=True))
-        known = {name: fact for name, fact in facts.items() if fact == fact}  # NaN is not itself
-        yield float(due_s[number]), json.dumps(known)
+        facts = {"t": float(time_s[number]), "id": NAME, **place._asdict()}
+        if math.isnan(place.heading):
+            del facts["heading"]
+        yield TimedMessage(float(due_s[number]), json.dumps(facts))
 
 
 def _unit_px(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[float, float]:
@@ -112,38 +119,38 @@ def _sample_track(
     return ticks, np.column_stack([np.interp(ticks, time_s, column) for column in track.T])
 
 
-def repeat_messages(messages: list[tuple[float, str]]) -> Iterator[tuple[float, str]]:
-    """Yield a track's messages (arrival in s, JSON text) again and again, one second in between."""
-    begin = 0.0
+def repeat_messages(messages: list[TimedMessage]) -> Iterator[TimedMessage]:
+    """Yield a track's messages again and again, with a pause of one second after the last."""
+    begin_s = 0.0
     while messages:
-        for due, text in messages:
+        for due_s, text in messages:
             message = json.loads(text)
-            yield begin + due, json.dumps(message | {"t": begin + message["t"]})
-        begin += messages[-1][0] + 1.0
+            again = json.dumps(message | {"t": begin_s + message["t"]})
+            yield TimedMessage(begin_s + due_s, again)
+        begin_s += messages[-1].due_s + 1.0
 
 
 class DryClock:
-    """The clock of a session without a display: a wait ends at once, at the time waited for.
+    """The clock of a session without a display: a wait ends at once, and sets the clock to its end.
 
     receive: called with the text and the sender of each message, at its time.
     """
 
-    def __init__(self, messages: Iterable[tuple[float, str]] = ()) -> None:
-        """Begin at time 0; messages: of trackers, each with its session time [s], in order."""
-        self._now, self._messages = 0.0, iter(messages)
+    def __init__(self, messages: Iterable[TimedMessage] = ()) -> None:
+        """Begin at time 0; messages: of trackers, in order, their times being session times."""
+        self._now_s, self._messages = 0.0, iter(messages)
         self._next = next(self._messages, None)
         self.receive: Callable[[str, str], Any] = lambda text, source: None
 
     def read_time(self) -> float:
         """Return the present session time, s."""
-        return self._now
+        return self._now_s
 
     async def wait_until(self, time_s: float) -> None:
         """Set the clock to a session time [s], and pass on the messages that are due until then."""
-        while self._next is not None and self._next[0] <= time_s:
-            due, text = self._next
-            self._next = next(self._messages, None)
-            self._now = max(self._now, due)
-            self.receive(text, "recorded")
-        self._now = max(self._now, time_s)
+        while self._next is not None and self._next.due_s <= time_s:
+            message, self._next = self._next, next(self._messages, None)
+            self._now_s = max(self._now_s, message.due_s)
+            self.receive(message.text, NAME)
+        self._now_s = max(self._now_s, time_s)
         await asyncio.sleep(0)  # lets other tasks run

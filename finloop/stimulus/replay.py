@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -84,20 +83,25 @@ class DisplayedFrame(NamedTuple):
 def read_displayed_frames(record: SessionRecord) -> Iterator[DisplayedFrame]:
     """Yield every displayed frame of a session, with the states of its fish."""
     columns = ["kind", "time_s", "number", "digest", "fish", *FIELDS, "posture"]
-    frames: list[tuple[int, float, int]] = []  # number, time and digest of the last batch's frames
     states_of_frame: dict[int, list[States]] = {}
-    # The fish of a frame are in its own batch or in the next one, which after the last is None.
-    for batch in chain(record.open_file().iter_batches(columns=columns), [None]):
-        if batch is not None:
-            for number, state in _fish_states(batch):
-                states_of_frame.setdefault(number, []).append(state)
+
+    def complete_frame(number: int, shown_s: float, digest: int) -> DisplayedFrame:
+        """Return a frame with the states of its fish, all of which have been read."""
+        states = states_of_frame.pop(number, [])
+        return DisplayedFrame(number, shown_s, digest, np.stack(states) if states else _NO_FISH)
+
+    # The fish of a frame are in its own batch of rows or in the next one.
+    frames: list[tuple[int, float, int]] = []  # number, time and digest of the last batch's frames
+    for batch in record.open_file().iter_batches(columns=columns):
+        for number, state in _fish_states(batch):
+            states_of_frame.setdefault(number, []).append(state)
         for frame in frames:
-            states = states_of_frame.pop(frame[0], [])
-            yield DisplayedFrame(*frame, np.stack(states) if states else _NO_FISH)
-        if batch is not None:
-            rows = batch.filter(pc.equal(batch["kind"], "frame"))
-            values = [rows[name].to_pylist() for name in ("number", "time_s", "digest")]
-            frames = list(zip(*values, strict=True))
+            yield complete_frame(*frame)
+        rows = batch.filter(pc.equal(batch["kind"], "frame"))
+        values = [rows[name].to_pylist() for name in ("number", "time_s", "digest")]
+        frames = list(zip(*values, strict=True))
+    for frame in frames:
+        yield complete_frame(*frame)
 
 
 def _fish_states(batch: pa.RecordBatch) -> Iterator[tuple[int, States]]:
@@ -126,40 +130,64 @@ def replan_session(record: SessionRecord, scene: TrialContext, protocol: Protoco
 
     scene: of the same film and parameters; protocol: the one in the session's header.
     """
-    animals = LiveAnimals(protocol.animals, scene.tank, scene.mm_per_px)
-    motions: dict[str, States] = {}
-    reaction: ReactiveMotion | None = None
-    known: States | None = None  # states of a motion that is known beforehand
-    replanned: States | None = None  # the last tick, planned again as an animal had moved
+    planner = _SessionPlanner(scene, protocol)
     ticks = different = 0
     for row in record.read_rows("trial", "tick", "input"):
-        if row["kind"] == "trial":
-            facts = json.loads(row["text"])
-            if facts["what"] == "start":
-                trial = Trial(**{key: facts[key] for key in Trial._fields})
-                setup = TrialSetup.from_protocol(protocol, trial)
-                reaction = known = None
-                if setup.condition.motion.rule is not None:
-                    reaction = ReactiveMotion(scene, setup, animals)
-                else:
-                    motion = motions[trial.condition] = plan_motion(scene, setup, motions)
-                    known = setup.apply_look_and_fade(motion, scene.rate_hz)
-            elif reaction is not None:
-                if (planned := reaction.planned_states) is not None:
-                    motions[facts["condition"]] = planned
-                reaction = None
-        elif row["kind"] == "input":
-            if row["verdict"] != "malformed":
-                verdicts = animals.receive_message(row["text"], row["source"], row["time_s"])
-                if reaction is not None and not set(TAKEN).isdisjoint(verdicts):
-                    replanned = reaction.replan_tick(row["time_s"])
-        else:  # a tick
-            if known is not None:
-                states: States | None = known[row["number"]]
-            elif row["verdict"] == "anew":
-                states, replanned = replanned, None
-            else:
-                states = None if reaction is None else reaction.plan_tick(row["time_s"])
-            ticks += 1
-            different += states is None or digest_states(states) != row["digest"]
+        match row["kind"]:
+            case "trial":
+                planner.handle_trial(json.loads(row["text"]))
+            case "input":
+                planner.handle_input(row)
+            case _:
+                states = planner.plan_tick(row)
+                ticks += 1
+                different += states is None or digest_states(states) != row["digest"]
     return ReplanResult(ticks, different)
+
+
+class _SessionPlanner:
+    """Planner of a logged session: it is given the log's rows in order, and plans the ticks."""
+
+    def __init__(self, scene: TrialContext, protocol: Protocol) -> None:
+        """Begin before the first trial."""
+        self._scene, self._protocol = scene, protocol
+        self._animals = LiveAnimals(protocol.animals, scene.tank, scene.mm_per_px)
+        self._motions: dict[str, States] = {}  # of the latest trial of each condition
+        # Of the present trial: its states if they are known beforehand, or the fish that react.
+        self._known: States | None = None
+        self._reaction: ReactiveMotion | None = None
+        self._replanned: States | None = None  # the last tick, planned again as an animal had moved
+
+    def handle_trial(self, facts: dict[str, Any]) -> None:
+        """Begin or end a trial; facts: content of the log's row about it."""
+        if facts["what"] == "start":
+            trial = Trial(**{key: facts[key] for key in Trial._fields})
+            setup = TrialSetup.from_protocol(self._protocol, trial)
+            self._reaction = self._known = None
+            if setup.condition.motion.rule is not None:
+                self._reaction = ReactiveMotion(self._scene, setup, self._animals)
+                return
+            motion = plan_motion(self._scene, setup, self._motions)
+            self._motions[trial.condition] = motion
+            self._known = setup.apply_look_and_fade(motion, self._scene.rate_hz)
+        elif self._reaction is not None:
+            if (states := self._reaction.planned_states) is not None:
+                self._motions[facts["condition"]] = states
+            self._reaction = None
+
+    def handle_input(self, row: dict[str, Any]) -> None:
+        """Handle a tracker's message, a row of the log; if fish react, plan the last tick again."""
+        if row["verdict"] == "malformed":
+            return
+        verdicts = self._animals.receive_message(row["text"], row["source"], row["time_s"])
+        if self._reaction is not None and not set(TAKEN).isdisjoint(verdicts):
+            self._replanned = self._reaction.replan_tick(row["time_s"])
+
+    def plan_tick(self, row: dict[str, Any]) -> States | None:
+        """Return the states (fish, F) of the tick in a row of the log; None if there are none."""
+        if self._known is not None:
+            return self._known[row["number"]]
+        if row["verdict"] == "anew":
+            states, self._replanned = self._replanned, None
+            return states
+        return None if self._reaction is None else self._reaction.plan_tick(row["time_s"])

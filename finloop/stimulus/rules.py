@@ -13,9 +13,9 @@ Pose = tuple[float, float, float]
 """The fish itself: x, y px, heading_rad."""
 Direction = tuple[float, float]
 """A direction, of length 1, x to the right and y down."""
-_REACH = 1.5  # times the distance to keep: length of the ways of escape that are compared
-_TURNS = [sign * math.radians(step) for step in range(0, 121, 15) for sign in (1, -1)]
-"""Ways of escape that are compared: angles from straight away, either way round."""
+_REACH = 1.5  # times the distance to keep: how far away the compared places of escape are
+_ESCAPE_TURNS = [sign * math.radians(step) for step in range(0, 121, 15) for sign in (1, -1)]
+"""Directions of escape that are compared: angles from straight away, to the left and right."""
 _TURN_COST = 0.05  # of a turn by half a circle, as a share of the animal's distance: settles ties
 _LEAST_PX = 1e-6  # between two places; nearer ones have no direction
 
@@ -100,12 +100,12 @@ def _escape_place(
     if animal_distance_px >= distance_px:
         return None
     away_x, away_y = _direction_to_fish(animal, fish)
-    scored = []
-    for angle in _TURNS:
+    reach_px, scored = _REACH * distance_px, []
+    for angle in _ESCAPE_TURNS:
         cos, sin = math.cos(angle), math.sin(angle)
         escape_x, escape_y = away_x * cos - away_y * sin, away_x * sin + away_y * cos
-        reach_px = _REACH * distance_px
         place = tank.nearest_place(x + reach_px * escape_x, y + reach_px * escape_y)
+        # The fish's turn into this direction, from 0 to 1 half turn, settles ties.
         cos_turn = escape_x * math.cos(heading_rad) - escape_y * math.sin(heading_rad)
         half_turns = math.acos(max(-1.0, min(1.0, cos_turn))) / math.pi
         gain_px = math.dist(place, animal) + math.dist(place, (x, y))

@@ -35,7 +35,7 @@ from finloop.stimulus.desk import serve_experimenter
 from finloop.stimulus.display import DisplayCalibration, PixelRatio, Pixels, save_display
 from finloop.stimulus.drawn import POSTURE
 from finloop.stimulus.feed import Feed
-from finloop.stimulus.log import FRAME_FIELDS, parse_frame_records
+from finloop.stimulus.log import parse_frame_records
 from finloop.stimulus.page import build_display_page, build_experimenter_page
 from finloop.stimulus.replay import DisplayedFrame
 from finloop.stimulus.session import RealClock, Session
@@ -142,7 +142,7 @@ class DisplayHub:
         self._background: set[asyncio.Task[None]] = set()
 
     def run_in_background(self, work: Coroutine[Any, Any, None]) -> None:
-        """Run a coroutine without waiting for it; ignore the errors of a client that has left."""
+        """Start a coroutine and return at once; ignore the errors of a client that has left."""
 
         async def suppress_gone() -> None:
             """Run the coroutine and ignore that the client has left."""
@@ -323,15 +323,15 @@ class ReplayHub(DisplayHub):
         """
         with contextlib.suppress(ValueError):
             for facts, states in parse_frame_records(content, POSTURE + self.feed.facts["posture"]):
-                number, digest = int(facts[0]), int(facts[FRAME_FIELDS - 1])
+                number, digest = int(facts.number), int(facts.digest)
                 frame = self._waiting.pop(number, None)
                 if frame is None:
                     continue
                 has_digests = bool(frame.digest and digest)
                 self.shown += 1
                 self.compared += has_digests
-                changed = frame.states.tobytes() != states.tobytes()
-                if changed or (has_digests and frame.digest != digest):
+                is_changed = frame.states.tobytes() != states.tobytes()
+                if is_changed or (has_digests and frame.digest != digest):
                     self.different.append(number)
             self._drawn.set()
 
@@ -339,16 +339,17 @@ class ReplayHub(DisplayHub):
         """Send all frames once a display is ready; return when all are drawn, or 10 s later."""
         await self._connected.wait()
         async for frame in self._pace_frames():
-            await self._wait_until_drawn(fewer_than=_AHEAD if self._quick else None)
+            if self._quick:
+                await self._wait_until_drawn(fewer_than=_AHEAD)
             self._waiting[frame.number] = frame
             for content in self.feed.frame_messages(frame.number, frame.states):
                 self.send(content)
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._wait_until_drawn(fewer_than=1), 10)
 
-    async def _wait_until_drawn(self, fewer_than: int | None) -> None:
-        """Wait until fewer than a number of sent frames are still undrawn; None: do not wait."""
-        while fewer_than is not None and len(self._waiting) >= fewer_than:
+    async def _wait_until_drawn(self, fewer_than: int) -> None:
+        """Wait until fewer than a number of sent frames are still undrawn."""
+        while len(self._waiting) >= fewer_than:
             self._drawn.clear()
             await self._drawn.wait()
 

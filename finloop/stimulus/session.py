@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from finloop.stimulus.animals import TAKEN, LiveAnimals
 from finloop.stimulus.drawn import States
@@ -70,6 +70,17 @@ class SessionCounts:
     verdicts: Counter[str] = field(default_factory=Counter)
 
 
+class _UndrawnReaction(NamedTuple):
+    """A tick that was planned again and not drawn yet: session times, s.
+
+    arrived_s: of the tracker's message to which fish react; tick_before_s: when the tick before is
+    due, after which a frame shows the reaction.
+    """
+
+    arrived_s: float
+    tick_before_s: float
+
+
 class Session:
     """A session: it plans, sends and logs the ticks of all trials, and handles all inputs."""
 
@@ -97,8 +108,7 @@ class Session:
         self._reaction: ReactiveMotion | None = None
         # Of the tick sent last: number of its message, when it is due, and its number in the trial.
         self._seq, self._due_s, self._tick = 0, 0.0, -1
-        # By message: when the input arrived to which it reacts, and the time that its tick follows.
-        self._undrawn_reactions: dict[int, tuple[float, float]] = {}
+        self._undrawn_reactions: dict[int, _UndrawnReaction] = {}  # by number of the message
         self._trial_end_s: float | None = None
         self._page_first_frame = self._last_frame = 0  # the log's numbers
         self._last_intended_s = 0.0  # when the last frame was due
@@ -186,8 +196,8 @@ class Session:
         if states is not None:
             now = self.clock.read_time()
             self._send_tick(self._tick, self._due_s, states, now, cut=True)
-            previous_due_s = self._due_s - 1 / self.scene.rate_hz
-            self._undrawn_reactions[self._seq] = arrived, previous_due_s
+            tick_before_s = self._due_s - 1 / self.scene.rate_hz
+            self._undrawn_reactions[self._seq] = _UndrawnReaction(arrived, tick_before_s)
             self.counts.planned_ms.append(1e3 * (now - arrived))
 
     # --- display
@@ -203,22 +213,21 @@ class Session:
         except ValueError:
             self.counts.bad += 1
             return
-        for page_facts, drawn in frames:
-            facts = page_facts.copy()
-            facts[0] += self._page_first_frame  # the page counts its frames from 0
-            self.log.add_frame(facts, drawn)
-            number, intended_s, _shown_s, drawn_s, last_seq, dropped, _fish, _digest = facts
-            self.counts.frames += 1
-            self.counts.dropped += int(dropped)
+        for page_facts, states in frames:
+            number = page_facts.number + self._page_first_frame  # the page counts from 0
+            facts = page_facts._replace(number=number)
+            self.log.add_frame(facts, states)
+            self.shown = states
             # Late: the next frame was due. The period is known only after the frame just before.
-            period_s = (intended_s - self._last_intended_s) / (dropped + 1)
+            period_s = (facts.intended_s - self._last_intended_s) / (facts.dropped + 1)
             follows = number == self._last_frame + 1
-            self.counts.late += int(follows and drawn_s > intended_s + period_s)
-            self._last_frame, self._last_intended_s = int(number), float(intended_s)
-            self.shown = drawn
-            for seq, (arrived_s, previous_due_s) in list(self._undrawn_reactions.items()):
-                if seq <= last_seq and intended_s > previous_due_s:
-                    self.counts.drawn_ms.append(1e3 * (drawn_s - arrived_s))
+            self.counts.frames += 1
+            self.counts.dropped += int(facts.dropped)
+            self.counts.late += int(follows and facts.drawn_s > facts.intended_s + period_s)
+            self._last_frame, self._last_intended_s = int(number), facts.intended_s
+            for seq, reaction in list(self._undrawn_reactions.items()):
+                if seq <= facts.seq and facts.intended_s > reaction.tick_before_s:
+                    self.counts.drawn_ms.append(1e3 * (facts.drawn_s - reaction.arrived_s))
                     del self._undrawn_reactions[seq]
 
     def add_display(self, facts: dict[str, Any]) -> None:

@@ -42,10 +42,10 @@ def measure_tick_errors_ms(table: pd.DataFrame) -> Floats:
 
 
 def measure_reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
-    """Return how many ms pass from a tracker's message to the reaction of the fish.
+    """Return how many ms pass from a tracker's message to the planned and to the drawn reaction.
 
-    Two arrays: until the tick is planned again (n,), and until a frame that shows it is drawn (m,).
-    m ≤ n, as some are never shown. table: the session's log; rate_hz: ticks per second.
+    The first array (n,) ends when the tick is planned again, the second (m,) when a frame that
+    shows it is drawn; m ≤ n, as some are never shown. table: the session's log; rate_hz: ticks/s.
     """
     last_input_s = table["time_s"].where(table["kind"] == "input").ffill()
     is_replanned = (table["kind"] == "tick") & (table["verdict"] == "anew")
@@ -135,13 +135,16 @@ def _display_lines(table: pd.DataFrame) -> Iterator[str]:
         calibration = display.get("calibration") or {}
         size = f"{display['width']} × {display['height']} px"
         yield f"- {display['name']}: {size}, {display['renderer']}"
-        yield "  " + (
-            f"calibrated: {calibration.get('px_per_mm') or '?'} px per mm, "
-            f"{calibration.get('refresh_hz', 0):.2f} Hz, "
-            f"gamma {'table' if calibration.get('gamma') else 'as it is'}, corners "
-            f"{'warped' if calibration.get('corners') else 'as they are'}"
-            if display["calibrated"] else "**not calibrated**"
-        )  # fmt: skip
+        if not display["calibrated"]:
+            yield "  **not calibrated**"
+            continue
+        px_per_mm = calibration.get("px_per_mm") or "?"
+        gamma = "table" if calibration.get("gamma") else "as it is"
+        corners = "warped" if calibration.get("corners") else "as they are"
+        yield (
+            f"  calibrated: {px_per_mm} px per mm, {calibration.get('refresh_hz', 0):.2f} Hz, "
+            f"gamma {gamma}, corners {corners}"
+        )
 
 
 def _timing_lines(table: pd.DataFrame, rate_hz: float) -> Iterator[str]:

@@ -113,6 +113,15 @@ class TrackerSettings(StrictModel):
 
 
 Row3 = tuple[float, float, float]
+"""A row of a matrix (3, 3)."""
+
+
+class TrackerPlace(NamedTuple):
+    """Where an animal is, as its tracker sends it: x, y in its unit, heading in degrees."""
+
+    x: float
+    y: float
+    heading: float
 
 
 class Calibration(NamedTuple):
@@ -128,33 +137,35 @@ class Calibration(NamedTuple):
     error_px: float = 0.0
 
     def map_place(self, x: float, y: float) -> tuple[float, float]:
-        """Convert a tracker's place x, y to px of the tank's picture, by a projection.
+        """Return a tracker's place x, y in px of the tank's picture: (x', y') / w.
 
-        A place behind the horizon of an oblique view is very far away.
+        (x', y', w) = matrix · (x, y, 1). A place behind the horizon of an oblique view, where w
+        would be negative, is very far away.
         """
         (a, b, c), (d, e, f), (g, h, i) = self.matrix
         weight = max(g * x + h * y + i, _HORIZON)
         return (a * x + b * y + c) / weight, (d * x + e * y + f) / weight
 
     def map_heading_rad(self, x: float, y: float, heading_deg: float) -> float:
-        """Convert a tracker's heading [degrees] at its place x, y to one in the tank [rad]."""
+        """Return a tracker's heading [degrees] at its place x, y as a heading in the tank [rad]."""
         angle = math.radians(heading_deg)
         y_part = math.sin(angle) * (1 if self.up else -1)
         right, down = self._map_direction(x, y, math.cos(angle), y_part)
         return math.atan2(-down, right)
 
-    def map_to_tracker(self, x_px: float, y_px: float, heading_rad: float) -> Row3:
-        """Convert a place [px] and heading [rad] in the tank to the tracker's x, y and degrees."""
+    def map_to_tracker(self, x_px: float, y_px: float, heading_rad: float) -> TrackerPlace:
+        """Return a place [px] and heading [rad] in the tank as the tracker would send them."""
         inverse = Calibration(_to_rows(np.linalg.inv(np.array(self.matrix))))
         x, y = inverse.map_place(x_px, y_px)
         direction = math.cos(heading_rad), -math.sin(heading_rad)
         x_part, y_part = inverse._map_direction(x_px, y_px, *direction)
-        return x, y, math.degrees(math.atan2(y_part if self.up else -y_part, x_part))
+        heading_rad = math.atan2(y_part if self.up else -y_part, x_part)
+        return TrackerPlace(x, y, math.degrees(heading_rad))
 
     def _map_direction(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
-        """Convert a direction dx, dy at a place x, y to one in the tank, of any length.
+        """Return a direction dx, dy at a tracker's place x, y as one in the tank, of any length.
 
-        This is the derivative of `map_place`, times the place's weight.
+        This is the derivative of `map_place` along the direction, times the weight w > 0.
         """
         (a, b, _), (d, e, _), (g, h, _) = self.matrix
         tank_x, tank_y = self.map_place(x, y)
