@@ -18,7 +18,7 @@ Software = Literal[
 
 @dataclass(frozen=True)
 class Poses:
-    """Named points of animals as a tracking program gives them, a row per animal per frame.
+    """Named points of animals as a tracking program gives them, a row per animal and frame.
 
     Rows are sorted by frame, then by animal.
     """
@@ -63,18 +63,18 @@ def poses_from_arrays(
     px, infinite or NaN where missing. confidence (times, individuals, keypoints): 0 … 1, None =
     unknown.
     """
-    order = np.argsort(frame, kind="stable")
-    seen: Mask = np.all(np.isfinite(places), axis=-1)
-    if confidence is None:
-        confidence = np.full(seen.shape, np.nan)
-    place_in_order, individual = np.nonzero(seen[order].any(-1))
-    time = order[place_in_order]
+    by_frame = np.argsort(frame, kind="stable")
+    frame, places = np.asarray(frame, np.int64)[by_frame], places[by_frame]
+    is_known: Mask = np.all(np.isfinite(places), axis=-1)
+    time, individual = np.nonzero(is_known.any(-1))
     return Poses(
         individuals,
         keypoints,
         frames=int(frame.max()) + 1 if len(frame) else 0,
         individual=individual.astype(np.int64),
-        frame=np.asarray(frame, np.int64)[time],
-        places=np.where(seen[time, individual][..., None], places[time, individual], np.nan),
-        confidence=confidence[time, individual].astype(float),
+        frame=frame[time],
+        places=np.where(is_known[time, individual][..., None], places[time, individual], np.nan),
+        confidence=np.full(is_known[time, individual].shape, np.nan)
+        if confidence is None
+        else confidence[by_frame][time, individual].astype(float),
     )

@@ -72,14 +72,14 @@ def _save_plain(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: 
     """Write a morph as plain JSON: the points of every contour in every frame.
 
     The content is `{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`; tau is the share of the
-    morph, 0 … 1. Rate and side are not used.
+    morph, 0 … 1. frame_rate and longer_side_px are not used: JSON has neither.
     """
-    layers = {name: frames.tolist() for name, frames in morph.layers.items()}
-    records = []
-    for frame, tau in enumerate(morph.tau):
-        points = {name: frames[frame] for name, frames in layers.items()}
-        records.append({"tau": float(tau), "layers": points})
-    _save_json(path, {"frames": records})
+    _save_json(path, {"frames": [
+        {"tau": float(tau), "layers": {
+            name: points[frame].tolist() for name, points in morph.layers.items()
+        }}
+        for frame, tau in enumerate(morph.tau)
+    ]})  # fmt: skip
 
 
 def _save_json(path: Path, content: Json) -> None:
@@ -94,11 +94,12 @@ def _save_json(path: Path, content: Json) -> None:
 def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> None:
     """Write a morph as an SVG that plays by itself, with one animated path for every shape.
 
-    Points are whole numbers on the morph's grid, each after the first relative to the previous one.
-    That is exact, and half as long as decimals.
+    Points are whole numbers of the last decimal that coordinates have, each after the first
+    relative to the previous one. That is exact, and half as long as decimals. frame_rate: frames
+    per second. longer_side_px is not used: the picture is scalable.
     """
-    grid = 10.0**morph.decimals
-    seconds = len(morph.tau) / frame_rate  # every frame for one tick, as in a film
+    grid = 10.0**morph.decimals  # units of a path in a px
+    seconds = len(morph.tau) / frame_rate
     # The frame shown after the last: itself, or the first if the morph goes there and back.
     end_frame = 0 if morph.tau[-1] < morph.tau.max() else -1
     width, height = f"{morph.width:.10g}", f"{morph.height:.10g}"
@@ -109,14 +110,15 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: in
         ' fill-rule="evenodd">',
     ]
     for shape in _painted_shapes(morph):
-        parts = [np.round(morph.layers[name] * grid).astype(np.int64) for name in shape.layers]
-        frames = [
-            "".join(map(_svg_path_data, frame, shape.closed)) for frame in zip(*parts, strict=True)
+        contours = [np.round(morph.layers[name] * grid).astype(np.int64) for name in shape.layers]
+        paths = [
+            "".join(map(_svg_path_data, frame_contours, shape.closed))
+            for frame_contours in zip(*contours, strict=True)
         ]
         lines.append(
             f"<path id={quoteattr(shape.name)} {_svg_paint_attributes(shape.paint, grid)}"
-            f' d={quoteattr(frames[0])}><animate attributeName="d" dur="{float(seconds):.6g}s"'
-            f' repeatCount="indefinite" values="{";".join([*frames, frames[end_frame]])}"/></path>'
+            f' d={quoteattr(paths[0])}><animate attributeName="d" dur="{float(seconds):.6g}s"'
+            f' repeatCount="indefinite" values="{";".join([*paths, paths[end_frame]])}"/></path>'
         )
     save_bytes(path, "\n".join([*lines, "</g>", "</svg>", ""]).encode())
 
@@ -153,8 +155,8 @@ def _svg_paint_attributes(paint: Paint, grid: float) -> str:
 def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> None:
     """Write a morph as Lottie JSON, with a layer for each shape and a keyframe for each frame.
 
-    The topmost shape is first. Players interpolate linearly between keyframes. The longer side is
-    not used.
+    The topmost shape is first. Players interpolate linearly between keyframes. frame_rate: frames
+    per second. longer_side_px is not used: the picture is scalable.
     """
     layers = [
         _lottie_layer(morph, shape, k) for k, shape in enumerate(_painted_shapes(morph)[::-1], 1)
@@ -199,7 +201,7 @@ def _lottie_path(morph: Morph, name: str, closed: bool) -> Json:
 
 
 def _lottie_paints(paint: Paint) -> list[Json]:
-    """Return the Lottie items that paint a shape: stroke before fill, as the first lies on top."""
+    """Return the Lottie items that paint a shape: its stroke before its fill, which lies below."""
 
     def paint_item(kind: str, colour: Colour, opacity: float) -> Json:
         """Return one Lottie stroke ("st") or fill ("fl"); opacity: 0 … 1."""
@@ -224,7 +226,10 @@ def _lottie_constant(value: object) -> Json:
 
 
 def _save_film(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> None:
-    """Write a morph as a film: MP4 if the ending of `path` is .mp4, else animated WebP."""
+    """Write a morph as a film: MP4 if the ending of `path` is .mp4, else animated WebP.
+
+    frame_rate: frames per second. longer_side_px: longer side of the pictures.
+    """
     scale = longer_side_px / max(morph.width, morph.height)
     # Both formats need even sides.
     height, width = (2 * max(1, round(side * scale / 2)) for side in (morph.height, morph.width))
@@ -251,7 +256,7 @@ def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterato
 
     points = np.hstack([frames.reshape(len(frames), -1) for frames in morph.layers.values()])
     _, first, group = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    first_equals = first[group.ravel()]  # of each frame, the first that is equal
+    first_equals = first[group.ravel()]  # for each frame, the first frame that equals it
     repeated = {*first_equals[first_equals != np.arange(len(first_equals))].tolist()}
     new_pictures = ordered_map(paint_frame, np.sort(first).tolist(), Threads(THREADS))
     packed = dict[int, bytes]()  # pictures to be shown again; flat colours compress well

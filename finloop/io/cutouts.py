@@ -47,9 +47,8 @@ _FILM, _SPRITES = (
     for index in (_INDEX, _INDEX | _KEY)
 )
 _BATCH = 256  # cut-outs per record batch
-_LOT = 4096  # rows of the table of tracks in memory
+_TABLE_BATCH = 4096  # rows of the table of tracks in memory
 _CODEC = pa.Codec("zstd", compression_level=1)
-Keys = NDArray[np.integer[Any]]
 Rows = NDArray[np.intp]
 Write = Callable[[pd.DataFrame, Iterable[Cutout]], None]
 
@@ -80,31 +79,34 @@ class CutoutWriter:
         key = cutout[5:] if self._schema is _SPRITES else ()
         self._append((*cutout[:4], *pixels.shape, *key, packed))
 
-    def copy_cutouts(self, store: "CutoutStore", rows: Rows, keys: Keys | None = None) -> None:
+    def copy_cutouts(
+        self, store: "CutoutStore", rows: Rows, track_frames: NDArray[np.integer] | None = None
+    ) -> None:
         """Append cut-outs of another store, without decompressing their pixels.
 
-        rows (k,): which cut-outs of `store`. keys (k, 2): their new track_id and frame; None keeps
-        the old.
+        rows (k,): which cut-outs of `store`. track_frames (k, 2): their new track_id and frame;
+        None keeps the old.
         """
         index = store.index.to_numpy()[rows]
-        if keys is not None:
-            index[:, :2] = keys
-        for row, place in zip(rows.tolist(), index.tolist(), strict=True):
-            self._append((*place, store.pixel_buffer(row).to_pybytes()))
+        if track_frames is not None:
+            index[:, :2] = track_frames
+        for row, entry in zip(rows.tolist(), index.tolist(), strict=True):
+            self._append((*entry, store.pixel_buffer(row).to_pybytes()))
 
     def _append(self, row: tuple[Any, ...]) -> None:
-        """Add one cut-out's place and compressed pixels to the rows that wait to be written."""
+        """Let a row of the store wait to be written: its index columns, and compressed pixels."""
         self._rows.append(row)
         if len(self._rows) >= _BATCH:
             self._flush()
 
     def _flush(self, error: Any = None, *_: Any) -> None:
-        """Write the waiting cut-outs as one batch, unless the `with` block has failed."""
+        """Write the waiting cut-outs as one batch, unless the `with` block has failed.
+
+        error: what ended the block; None if it goes on, or has succeeded.
+        """
         if self._rows and error is None:
-            columns = zip(*self._rows, strict=True)
-            fields = zip(columns, self._schema, strict=True)
-            arrays = [pa.array(column, field.type) for column, field in fields]
-            self._file.write_batch(pa.record_batch(arrays, schema=self._schema))
+            columns = list(zip(*self._rows, strict=True))
+            self._file.write_batch(pa.record_batch(columns, schema=self._schema))
             self._rows = []
 
     def __exit__(self, *error: Any) -> bool | None:
@@ -184,48 +186,48 @@ def tracks_writer(folder: Path, schema: Schema) -> Iterator[Write]:
     cutouts.arrow. schema: of the table of tracks. A track's rows must come in the order of their
     frames. Only a few thousand rows are in memory at a time.
     """
-    table, store = folder / "unsorted-tracks.arrow", folder / f"unsorted-{CUTOUTS_NAME}"
-    tracks: list[NDArray[np.int32]] = []
-    with pa.ipc.new_file(str(table), arrow_schema(schema)) as rows, CutoutWriter(store) as cutouts:
+    unsorted_table = folder / "unsorted-tracks.arrow"
+    unsorted_store = folder / f"unsorted-{CUTOUTS_NAME}"
+    arrow, track_ids = arrow_schema(schema), [np.empty(0, np.int32)]
+    with (
+        pa.ipc.new_file(str(unsorted_table), arrow) as table,
+        CutoutWriter(unsorted_store) as store,
+    ):
 
-        def write(table_rows: pd.DataFrame, pictures: Iterable[Cutout]) -> None:
+        def write(rows: pd.DataFrame, cutouts: Iterable[Cutout]) -> None:
             """Append rows of the table of tracks, and one cut-out for each of them."""
-            rows.write_table(arrow_table(table_rows, schema, TRACKS_NAME))
-            tracks.append(table_rows["track_id"].to_numpy(np.int32))
-            for cutout in pictures:
-                cutouts.write(cutout)
+            table.write_table(arrow_table(rows, schema, TRACKS_NAME))
+            track_ids.append(rows["track_id"].to_numpy(np.int32))
+            for cutout in cutouts:
+                store.write(cutout)
 
         yield write
-    order = np.argsort(np.concatenate([np.empty(0, np.int32), *tracks]), kind="stable")
-    with (
-        pa.memory_map(str(table)) as source,
-        pq.ParquetWriter(
-            folder / TRACKS_NAME, arrow_schema(schema), **parquet_coding(schema)
-        ) as to,
-    ):
-        for lot in _reorder(source, order, _LOT):
-            to.write_table(lot)
-    with (
-        pa.memory_map(str(store)) as source,
-        pa.ipc.new_file(str(folder / CUTOUTS_NAME), pa.ipc.open_file(source).schema) as to,
-    ):
-        for lot in _reorder(source, order, _BATCH):
-            to.write_table(lot.combine_chunks())
-    table.unlink()
-    store.unlink()
+    order = np.argsort(np.concatenate(track_ids), kind="stable")
+    with pq.ParquetWriter(folder / TRACKS_NAME, arrow, **parquet_coding(schema)) as sorted_table:
+        for rows in _read_in_order(unsorted_table, order, _TABLE_BATCH):
+            sorted_table.write_table(rows)
+    with pa.ipc.new_file(str(folder / CUTOUTS_NAME), _FILM) as sorted_store:
+        for rows in _read_in_order(unsorted_store, order, _BATCH):
+            sorted_store.write_table(rows.combine_chunks())
+    unsorted_table.unlink()
+    unsorted_store.unlink()
 
 
-def _reorder(source: pa.MemoryMappedFile, order: Rows, lot: int) -> Iterator[pa.Table]:
-    """Yield the rows of an Arrow file in a given order, as tables of at most `lot` rows.
+def _read_in_order(path: Path, order: Rows, most_rows: int) -> Iterator[pa.Table]:
+    """Yield the rows of an Arrow file in a given order, as tables of at most `most_rows` rows.
 
     order: row numbers of the file, in the wanted order.
     """
-    file = pa.ipc.open_file(source)
-    batches = [file.get_batch(k) for k in range(file.num_record_batches)]
-    start = np.cumsum([0, *(batch.num_rows for batch in batches)])
-    for rows in np.split(order, range(lot, len(order), lot)) if len(order) else ():
-        batch = np.searchsorted(start, rows, side="right") - 1  # the batch that holds each row
-        parts = [batches[k].take(pa.array(rows[batch == k] - start[k])) for k in np.unique(batch)]
-        # Parts are sorted by batch; this inverse permutation restores the wanted order.
-        restore = np.argsort(np.argsort(batch, kind="stable"))
-        yield pa.Table.from_batches(parts).take(restore)
+    with pa.memory_map(str(path)) as source:
+        file = pa.ipc.open_file(source)
+        batches = [file.get_batch(k) for k in range(file.num_record_batches)]
+        start = np.cumsum([0, *(batch.num_rows for batch in batches)])
+        for first in range(0, len(order), most_rows):
+            rows = order[first : first + most_rows]
+            holder = np.searchsorted(start, rows, side="right") - 1  # the batch that holds each row
+            taken = [
+                batches[k].take(pa.array(rows[holder == k] - start[k])) for k in np.unique(holder)
+            ]
+            # Taken rows are sorted by batch; this inverse permutation restores the wanted order.
+            restore = np.argsort(np.argsort(holder, kind="stable"))
+            yield pa.Table.from_batches(taken).take(restore)

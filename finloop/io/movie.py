@@ -63,10 +63,10 @@ class FilmWriter(ABC):
     ) -> Any:
         """Open the film file and return its video stream, which has no size or pixel format yet.
 
-        kind: FFmpeg's name of the file format. container, options: FFmpeg's options of file and
-        coder. coder: FFmpeg's name of the coder.
+        kind: FFmpeg's name of the file format. container: FFmpeg's options of the file. coder:
+        FFmpeg's name of the coder. options: of the coder.
         """
-        with ExitStack() as stack:
+        with ExitStack() as stack:  # what is open is closed if a line below fails
             part = stack.enter_context(whole_file(self.path))
             self._file = stack.enter_context(
                 av.open(str(part), "w", format=kind, options=container)
@@ -76,13 +76,14 @@ class FilmWriter(ABC):
             self._stream.codec_context.time_base = 1 / self._rate
             self._coder = stack.enter_context(ThreadPoolExecutor(1, "film"))
             stack.push(self._finish)
-            self._stack = stack.pop_all()
+            self._stack = stack.pop_all()  # from now on `__exit__` closes it
         return self._stream
 
     def _set_half_chroma(self, stream: Any, pixels: str, matrix: Colorspace) -> None:
-        """Set a stream to even sides, limited range (16 … 235), colours at half the resolution.
+        """Set up a stream for even sides, limited range (16 … 235), colours at half the resolution.
 
-        pixels: FFmpeg's name of the pixel format. matrix: how RGB becomes brightness and colours.
+        stream: changes. pixels: FFmpeg's name of its pixel format. matrix: how RGB becomes
+        brightness and colours.
         """
         height, width = self._shape[:2]
         self._odd = height % 2, width % 2
@@ -124,7 +125,10 @@ class FilmWriter(ABC):
         return self._bytes / self.frames
 
     def _encode(self, frame: Picture, number: int) -> None:
-        """Code one frame and write it to the file; number: of the frame, from 0."""
+        """Code one frame and write it to the file; do nothing if an earlier frame has failed.
+
+        number: of the frame, from 0.
+        """
         if self._broken:  # writing after an error crashes the library
             return
         self._broken = True  # until this frame has succeeded
@@ -136,7 +140,7 @@ class FilmWriter(ABC):
         self._broken = False
 
     def _wait_until_fewer(self, most: int) -> None:
-        """Wait until fewer than `most` frames are waiting to be coded."""
+        """Wait until fewer than `most` frames are waiting to be coded; raise their errors."""
         while len(self._waiting) >= most:
             self._waiting.popleft().result()
 
@@ -165,7 +169,7 @@ def _subsample_chroma(
     if frame.ndim == 2:  # swscale gives grey a tint that varies
         if size is not None:
             frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
-        planes = np.full((height * 3 // 2, width), 128, np.uint8)
+        planes = np.full((height * 3 // 2, width), 128, np.uint8)  # 128: no colour
         cv2.LUT(frame, _LIMITED, dst=planes[:height])
         return VideoFrame.from_ndarray(planes, format="yuv420p")
     # In place, and by one thread: half the processor time of a copy and two threads.
@@ -352,7 +356,7 @@ def load_film_below_size(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
 def _recode_narrower(path: Path, shape: tuple[int, ...], width: int) -> bytes:
     """Return the bytes of an MP4 film coded again, at most `width` px wide.
 
-    path: of the film. shape: height and width of its frames first [px].
+    path: of the film. shape: of its frames, height and width [px] first.
     """
     width = min(width, shape[1])
     size = width, max(2, round(shape[0] * width / shape[1]))

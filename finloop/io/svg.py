@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -49,6 +49,15 @@ _MISREAD = ArithmeticError, AttributeError, LookupError, RecursionError, TypeErr
 _GRADIENT = "#808080"  # stands for gradients and patterns
 
 
+class _Contour(NamedTuple):
+    """A contour that a drawing shows."""
+
+    name: str
+    is_id: bool  # whether the name is its XML id, which must not change
+    curve: Curve
+    style: str  # SVG style text; "" if nothing paints it
+
+
 def load_svg(path: Path) -> Drawing:
     """Load the contours of an SVG file as polylines by id, in drawing order, in px of its viewport.
 
@@ -79,11 +88,9 @@ def load_svg(path: Path) -> Drawing:
             f"at most {MOST_CONTOURS}",
             "save only the contours to be morphed",
         )
-    names = _unique_names(path, [name for name, _, _ in contours])
-    curves = {
-        name: clean_curve(curve, name) for name, (_, curve, _) in zip(names, contours, strict=True)
-    }
-    styles = {name: style for name, (_, _, style) in zip(names, contours, strict=True) if style}
+    by_name = dict(zip(_unique_names(path, contours), contours, strict=True))
+    curves = {name: clean_curve(contour.curve, name) for name, contour in by_name.items()}
+    styles = {name: contour.style for name, contour in by_name.items() if contour.style}
     width, height = picture.width, picture.height
     if not {"viewBox", "width", "height"} & tree.attrib.keys():  # the file states no size
         corner = np.maximum.reduce([curve.points.max(axis=0) for curve in curves.values()])
@@ -94,13 +101,12 @@ def load_svg(path: Path) -> Drawing:
 # --- names
 
 
-def _unique_names(path: Path, names: list[tuple[str, bool]]) -> list[str]:
+def _unique_names(path: Path, contours: list[_Contour]) -> list[str]:
     """Return a unique name for each contour; names that are XML ids do not change.
 
-    path: of the file, for messages. names: each contour's name, and whether it is its XML id.
-    FinloopError if two contours have one id.
+    path: of the file, for messages. FinloopError if two contours have one id.
     """
-    ids = Counter(name for name, is_id in names if is_id)
+    ids = Counter(contour.name for contour in contours if contour.is_id)
     if repeated := [name for name, count in ids.items() if count > 1]:
         raise FinloopError(
             f"{path} uses the id {repeated[0]!r} {ids[repeated[0]]} times",
@@ -108,11 +114,11 @@ def _unique_names(path: Path, names: list[tuple[str, bool]]) -> list[str]:
             "rename them: ids define which contours of two drawings belong together",
         )
     unique_names, used = [], set(ids)
-    for name, is_id in names:
-        number, unique = 1, name
-        while not is_id and unique in used:
+    for contour in contours:
+        number, unique = 1, contour.name
+        while not contour.is_id and unique in used:
             number += 1
-            unique = f"{name}-{number}"
+            unique = f"{contour.name}-{number}"
         used.add(unique)
         unique_names.append(unique)
     return unique_names
@@ -123,37 +129,37 @@ def _named_shapes(group: Any, default_name: str) -> Iterator[tuple[str, bool, An
 
     default_name: given to shapes that neither have an id nor lie in a group with one.
     """
-    for part in group:
-        part_id = part.id or ""
-        if isinstance(part, svg.Use):  # it shows shapes whose ids stand elsewhere in the file
-            for name, _, shape in _named_shapes(part, part_id or default_name):
-                yield part_id or name, False, shape
-        elif isinstance(part, list) and not isinstance(part, svg.Shape):
-            yield from _named_shapes(part, part_id or default_name)
-        elif isinstance(part, svg.Shape):
-            yield part_id or default_name, bool(part_id), part
+    for child in group:
+        child_id = child.id or ""
+        if isinstance(child, svg.Use):  # it shows shapes whose ids stand elsewhere in the file
+            for name, _, shape in _named_shapes(child, child_id or default_name):
+                yield child_id or name, False, shape
+        elif isinstance(child, svg.Shape):
+            yield child_id or default_name, bool(child_id), child
+        elif isinstance(child, list):  # a group
+            yield from _named_shapes(child, child_id or default_name)
 
 
 # --- contours
 
 
-def _shown_contours(picture: Any) -> Iterator[tuple[tuple[str, bool], Curve, str]]:
-    """Yield (name, whether it is an id), contour and style of everything that a drawing shows.
+def _shown_contours(picture: Any) -> Iterator[_Contour]:
+    """Yield every contour that a drawing shows; picture: the drawing as svgelements reads it.
 
-    picture: the drawing as svgelements reads it.
+    Further contours of a shape, such as the hole of a letter, are named `d#2`, `d#3` ….
     """
-    flat = FLATNESS * max(float(picture.width), float(picture.height))
+    tolerance_px = FLATNESS * max(float(picture.width), float(picture.height))
     for name, is_id, shape in _named_shapes(picture, "contour"):
         if shape.values.get("visibility") in ("hidden", "collapse"):
             continue
         style = _paint_style(shape)
-        for number, curve in enumerate(_shape_contours(shape, flat), 1):
-            part = f"{name}{PART}{number}" if number > 1 else name
-            yield (part, is_id), curve, style
+        for number, curve in enumerate(_shape_contours(shape, tolerance_px), 1):
+            contour_name = f"{name}{PART}{number}" if number > 1 else name
+            yield _Contour(contour_name, is_id, curve, style)
 
 
-def _shape_contours(shape: Any, flat: float) -> Iterator[Curve]:
-    """Yield a shape's contours as polylines; flat: largest distance from the exact curve [px].
+def _shape_contours(shape: Any, tolerance_px: float) -> Iterator[Curve]:
+    """Yield a shape's contours as polylines; tolerance_px: largest distance from the exact curve.
 
     A contour is closed if the shape says so, or if it ends where it began.
     """
@@ -171,7 +177,7 @@ def _shape_contours(shape: Any, flat: float) -> Iterator[Curve]:
             yield Curve(np.concatenate(pieces), closed=True)
             pieces = []
         elif not isinstance(segment, svg.Move | svg.Close):
-            pieces.append(_polyline(segment, flat))
+            pieces.append(_polyline(segment, tolerance_px))
 
 
 def _correct_smooth_control(previous: Any, segment: Any) -> None:
@@ -189,19 +195,13 @@ def _correct_smooth_control(previous: Any, segment: Any) -> None:
         segment.control = 2 * segment.start - previous.control if alike else segment.start
 
 
-def _polyline(segment: Any, flat: float) -> Points:
-    """Return points (n, 2) along a curved segment, both ends exact.
+def _polyline(segment: Any, tolerance_px: float) -> Points:
+    """Return points (n, 2) px along a segment of an SVG path, both ends exact.
 
-    flat: largest distance of the polyline from the curve [px].
+    tolerance_px: largest distance of the polyline from the curve.
     """
     if isinstance(segment, svg.Arc):
-        radius, sweep = max(segment.rx, segment.ry), abs(float(segment.sweep))
-        # The angle of a chord that is `flat` away from its arc.
-        chord_angle = 2 * np.arccos(np.clip(1 - flat / max(radius, flat), -1, 1))
-        shares = np.linspace(0, 1, _piece_count(sweep / chord_angle) + 1)
-        points = np.asarray(segment.npoint(shares), np.float64)
-        points[[0, -1]] = _to_points(segment.start, segment.end)
-        return points
+        return _arc_polyline(segment, tolerance_px)
     control = [segment.start, segment.end]
     if isinstance(segment, svg.CubicBezier):
         control[1:1] = [segment.control1, segment.control2]
@@ -213,11 +213,25 @@ def _polyline(segment: Any, flat: float) -> Points:
         return nodes
     # A chord of a curve b(t) over a step h is at most h² max|b″| / 8 from it.
     second = degree * (degree - 1) * np.abs(np.diff(nodes, 2, axis=0)).sum(axis=1).max()
-    t = np.linspace(0, 1, _piece_count(np.sqrt(second / (8 * flat))) + 1)[:, None]
+    t = np.linspace(0, 1, _piece_count(np.sqrt(second / (8 * tolerance_px))) + 1)[:, None]
     points_by_t: list[Points] = list(nodes)
     while len(points_by_t) > 1:  # de Casteljau's algorithm, for all t at once
         points_by_t = [(1 - t) * a + t * b for a, b in pairwise(points_by_t)]
     return points_by_t[0]
+
+
+def _arc_polyline(arc: Any, tolerance_px: float) -> Points:
+    """Return points (n, 2) px along an elliptical arc, both ends exact.
+
+    tolerance_px: largest distance of the polyline from the arc.
+    """
+    radius, sweep = max(arc.rx, arc.ry), abs(float(arc.sweep))
+    # In a circle of radius r, a chord over the angle 2 arccos(1 − d / r) is d away from its arc.
+    chord_angle = 2 * np.arccos(np.clip(1 - tolerance_px / max(radius, tolerance_px), -1, 1))
+    shares = np.linspace(0, 1, _piece_count(sweep / chord_angle) + 1)
+    points = np.asarray(arc.npoint(shares), np.float64)
+    points[[0, -1]] = _to_points(arc.start, arc.end)
+    return points
 
 
 def _piece_count(count: float) -> int:
@@ -238,25 +252,23 @@ def _to_points(*points: Any) -> Points:
 
 def _paint_style(shape: Any) -> str:
     """Return the SVG style that paints a shape (fill, stroke, width, opacity); "" if none."""
-    values = shape.values
-    shape_opacity = _parse_opacity(values.get("opacity"))
-    style = {
-        kind: _css_colour(getattr(shape, kind), values.get(kind)) for kind in ("fill", "stroke")
-    }
+    shape_opacity = _parse_opacity(shape.values.get("opacity"))
+    colours = {"fill": shape.fill, "stroke": shape.stroke}
+    style = {key: _css_colour(colour, shape.values.get(key)) for key, colour in colours.items()}
     if set(style.values()) == {"none"}:
         return ""
-    for kind, colour in (("fill", shape.fill), ("stroke", shape.stroke)):
-        if style[kind] != "none" and (opacity := shape_opacity * float(colour.opacity)) < 1:
-            style[f"{kind}-opacity"] = f"{opacity:.4g}"
+    for key, colour in colours.items():
+        if style[key] != "none" and (opacity := shape_opacity * float(colour.opacity)) < 1:
+            style[f"{key}-opacity"] = f"{opacity:.4g}"
     if style["stroke"] != "none":
         style["stroke-width"] = f"{shape.implicit_stroke_width:.6g}"
     return ";".join(f"{key}:{value}" for key, value in style.items())
 
 
 def _css_colour(colour: Any, text: object) -> str:
-    """Return a colour as #rrggbb, or "none".
+    """Return a colour as #rrggbb, or "none"; for a gradient or pattern, a grey.
 
-    text: as the file writes the colour, to recognise gradients.
+    text: the colour as the file writes it; svgelements drops gradients.
     """
     if str(text).startswith("url("):
         return _GRADIENT
@@ -358,9 +370,9 @@ def _keep_contours(root: ElementTree.Element) -> None:
 
 
 def _use_target(path: Path, element: ElementTree.Element) -> str | None:
-    """Return the id of the shape that a `use` element shows; None if it is no `use`, or empty.
+    """Return the id of the shape that an XML element shows; None unless it is a `use` with one.
 
-    FinloopError if the shape is in another file.
+    path: of the SVG, for messages. FinloopError if the shape is in another file.
     """
     if _tag(element) != "use":
         return None

@@ -97,29 +97,34 @@ def _picture_streams(container: InputContainer) -> list[VideoStream]:
 def _read_time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.ndarray, int]:
     """Return the frames' time stamps [s], ascending, and how many frames the film promises.
 
-    Nothing is decoded. A complete index suffices: its decoding times may be early by some frames,
-    but have the same gaps. Without an index, or if an edit list leaves out frames, which do not
-    follow one another there, all packets are read. A raw stream (.h264, .hevc) has
-    no stamps at all: the result is empty, and the promised frames are its packets.
+    Nothing is decoded. A complete index of the file suffices: it holds the times at which frames
+    are decoded, perhaps some frames early, but with the same gaps. Without an index, or if the file
+    marks frames that a player shall not show, all packets are read.
     """
-    ticks: list[int] = []
-    packets = discarded = 0
     index = stream.index_entries
     if 0 < stream.frames == len(index) and not any(entry.is_discard for entry in index):
-        ticks = [entry.timestamp for entry in index]
-        promised = len(ticks)
-    if not ticks:
-        try:
-            for packet in container.demux(stream):
-                stamp = packet.dts if packet.pts is None else packet.pts
-                packets += packet.size > 0
-                discarded += packet.is_discard
-                if packet.size and stamp is not None and not packet.is_discard:
-                    ticks.append(stamp)
-        except _BROKEN_OFF:
-            pass  # `_read_film_frames` counts what is missing
-        promised = max(len(ticks), stream.frames - discarded) if ticks else packets
-    return np.sort(np.array(ticks, np.float64)) * float(stream.time_base or 1), promised
+        stamps, promised = [entry.timestamp for entry in index], len(index)
+    else:
+        stamps, promised = _read_packet_stamps(container, stream)
+    return np.sort(np.array(stamps, np.float64)) * float(stream.time_base or 1), promised
+
+
+def _read_packet_stamps(container: InputContainer, stream: VideoStream) -> tuple[list[int], int]:
+    """Read all packets of a film; return their time stamps, and how many frames the film promises.
+
+    A stamp counts in the stream's time base. Frames that a player shall not show are left out. A
+    raw stream (.h264, .hevc) has no stamps: each packet then counts as a promised frame.
+    """
+    stamps: list[int] = []
+    packets = discarded = 0
+    with suppress(*_BROKEN_OFF):  # `_read_film_frames` counts what is missing
+        for packet in container.demux(stream):
+            stamp = packet.dts if packet.pts is None else packet.pts
+            packets += packet.size > 0
+            discarded += packet.is_discard
+            if packet.size and stamp is not None and not packet.is_discard:
+                stamps.append(stamp)
+    return stamps, max(len(stamps), stream.frames - discarded) if stamps else packets
 
 
 class _FilmCoding(NamedTuple):
@@ -143,30 +148,23 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
     stamps: of its frames [s], ascending. FinloopError if no frame can be decoded.
     """
     chroma, outside, deep, quantisers = [], [], [], []
-    low, high = OUTSIDE_LEVELS
     first: VideoFrame | None = None
     for frame in _sample_frames(path, stamps):
         first = first or frame
         if (frame.width, frame.height) != (first.width, first.height):
             continue  # `_read_film_frames` reports it
-        chroma.append(
-            measure_chroma_fraction([thin_frame(_convert_to_rgb(frame, full_range=False))])
-        )
-        raw = thin_frame(_convert_to_grey(frame, full_range=True, levels=None))
-        outside.append(float(((raw < low) | (raw > high)).mean()))
-        quantisers += [
-            float(np.mean(side.qp_map()))
-            for side in frame.side_data
-            if isinstance(side, VideoEncParams) and side.codec_type == VideoEncParamsType.H264
-        ]
+        rgb = thin_frame(_convert_to_rgb(frame, full_range=False))
+        chroma.append(measure_chroma_fraction([rgb]))
+        outside.append(_measure_outside_fraction(frame))
+        quantisers += _measure_quantisers(frame)
         first_component, *others = frame.format.components
         if first_component.bits > 8 and not others:  # it does not state how many are used
             deep.append(thin_frame(frame.to_ndarray(format="gray16le")))
     if first is None:
         raise too_few_error(path, 0)
     turn, exact = nearest_turn(_read_display_matrix(first))
-    stated = first.color_range in (ColorRange.MPEG, ColorRange.JPEG)
-    yuv = first.format.name.startswith(_YUV)
+    states_range = first.color_range in (ColorRange.MPEG, ColorRange.JPEG)
+    may_be_limited = first.format.name.startswith(_YUV) and not states_range
     return _FilmCoding(
         width=first.width,
         height=first.height,
@@ -175,10 +173,29 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
         turn_exact=exact,
         interlaced=first.interlaced_frame,
         chroma=float(np.mean(chroma)),
-        outside=0.0 if stated or not yuv else float(np.mean(outside)),
+        outside=float(np.mean(outside)) if may_be_limited else 0.0,
         levels=choose_deep_levels(deep) if deep else None,
         quantiser=float(np.mean(quantisers)) if quantisers else None,
     )
+
+
+def _measure_outside_fraction(frame: VideoFrame) -> float:
+    """Return the share of a frame's pixels whose grey levels lie outside `OUTSIDE_LEVELS`."""
+    low, high = OUTSIDE_LEVELS
+    grey = thin_frame(_convert_to_grey(frame, full_range=True, levels=None))
+    return float(((grey < low) | (grey > high)).mean())
+
+
+def _measure_quantisers(frame: VideoFrame) -> list[float]:
+    """Return the mean quantiser of a frame in H.264, as a list; [] for other codes.
+
+    The quantiser says how coarsely the frame is coded: 0 is without loss, 51 is worst.
+    """
+    return [
+        float(np.mean(side.qp_map()))
+        for side in frame.side_data
+        if isinstance(side, VideoEncParams) and side.codec_type == VideoEncParamsType.H264
+    ]
 
 
 def _sample_frames(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
@@ -186,34 +203,38 @@ def _sample_frames(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
 
     stamps: times of all frames [s], ascending.
     """
-
-    def take_good(count: int) -> Iterator[VideoFrame]:
-        """Yield the next undamaged frames, at most `count`."""
-        frames = _decode_film(container, stream, LostFrames())
-        return islice((frame for frame in frames if frame is not None), count)
-
     with open_stream(path) as (container, stream):
         stream.codec_context.options = {"export_side_data": "venc_params"}
-        yield from take_good(1)
+        yield from _next_good_frames(container, stream, 1)
         for stamp in np.linspace(stamps[0], stamps[-1], SAMPLES)[1:]:
             try:
                 container.seek(int(stamp / float(stream.time_base or 1)), stream=stream)
             except (av.error.FFmpegError, OSError):
-                yield from take_good(SAMPLES)
+                yield from _next_good_frames(container, stream, SAMPLES)
                 return
-            yield from take_good(1)
+            yield from _next_good_frames(container, stream, 1)
+
+
+def _next_good_frames(
+    container: InputContainer, stream: VideoStream, count: int
+) -> Iterator[VideoFrame]:
+    """Return the next undamaged frames from a film's present position on, at most `count`."""
+    frames = _decode_film(container, stream, LostFrames())
+    return islice((frame for frame in frames if frame is not None), count)
 
 
 def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[Footage, np.ndarray]:
     """Inspect a film; return its facts and the times of its frames [s], from 0.
 
-    rate: frames per second; colour: whether frames will be RGB; None = as the film is.
+    rate: frames per second that replace the film's; None = those of the film. colour: whether
+    frames will be RGB; None = where the film has colours.
     """
     with open_stream(path) as (container, stream):
         stamps, promised = _read_time_stamps(container, stream)
         stated = [r for r in (stream.average_rate, stream.guessed_rate, stream.base_rate) if r]
         aspect = stream.sample_aspect_ratio or Fraction(1)
         streams = len(_picture_streams(container))
+    # A raw stream has no stamps: its frames follow one another at the given rate.
     has_stamps = stamps.size > 0
     if not has_stamps and promised > 1:
         if rate is None:
@@ -222,17 +243,17 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     if stamps.size < 2:
         raise too_few_error(path, stamps.size)
     coding = _measure_coding(path, stamps if has_stamps else stamps[:1])
-    own_rate = estimate_frame_rate(stamps, stated)
+    film_rate = estimate_frame_rate(stamps, stated)
     if rate is None:
-        times, last_s = stamps - stamps[0], (promised - stamps.size) / float(own_rate)
+        times, last_s = stamps - stamps[0], (promised - stamps.size) / float(film_rate)
         last_s += float(times[-1])
     else:
         times, last_s = np.arange(stamps.size) / float(rate), (promised - 1) / float(rate)
     full_range = coding.outside > OUTSIDE_FRACTION
     square = square_size(coding.width, coding.height, aspect)
-    notes = {
-        f"the file says {float(own_rate):g} frames/s; its frames are taken as shot at "
-        f"{float(rate or 0):g}": rate not in (None, own_rate),
+    applies_by_note = {
+        f"the file says {float(film_rate):g} frames/s; its frames are taken as shot at "
+        f"{float(rate or 0):g}": rate not in (None, film_rate),
         f"the file says that pixels are {aspect} times as wide as high: pictures of "
         f"{coding.width}×{coding.height} px are made square, {square[0]}×{square[1]} px": (
             square != (coding.width, coding.height)
@@ -247,7 +268,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         path=path,
         width_px=square[1] if coding.turn.b else square[0],
         height_px=square[0] if coding.turn.b else square[1],
-        frame_rate=rate or own_rate,
+        frame_rate=rate or film_rate,
         colour=coding.chroma > CHROMA_FRACTION if colour is None else colour,
         frames_expected=stamps.size,
         reader=_read_film_frames,
@@ -256,7 +277,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         levels=coding.levels,
         pixel_aspect=aspect,
         coded_size=(coding.width, coding.height),
-        notes=tuple(note for note, applies in notes.items() if applies),
+        notes=tuple(note for note, applies in applies_by_note.items() if applies),
         coding_quantiser=coding.quantiser,
         full_range=full_range,
         renumbered=rate is not None,
@@ -271,7 +292,7 @@ def _decode_film(
 ) -> Iterator[VideoFrame | None]:
     """Yield a film's frames from its present position on, with None for each damaged one.
 
-    `loss` counts the damaged ones.
+    loss: its count of damaged frames grows.
     """
     packets = container.demux(stream)
     while True:
@@ -292,11 +313,12 @@ def _decode_film(
 
 
 def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
-    """Yield the frames of a film, upright, each with its time and number.
+    """Yield (time [s], (number, picture)) for each frame of a film in its range of time, upright.
 
-    It is the `reader` of a film's `Footage`; see `Footage.stream_numbered`.
+    It is the `reader` of a film's `Footage`; see `Footage.stream_numbered`. loss: counts the frames
+    that cannot be read; it changes.
     """
-    step = 1 / float(footage.frame_rate)
+    step_s = 1 / float(footage.frame_rate)
     size = footage.coded_size
     square = square_size(*size, footage.pixel_aspect)
     convert = (
@@ -304,23 +326,24 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
     )
     with open_stream(footage.path) as (container, stream):
         stamps = _seek_range(container, stream, footage)
-        time_s, damaged = -step, 0
-        shot = _decode_film(container, stream, loss)
+        time_s = -step_s
+        damaged_before_last = 0  # damaged frames before the last good one
+        frames = _decode_film(container, stream, loss)
         if footage.fields:
-            shot = _deinterlace(shot, stream, footage.fields)
-        for number, frame in enumerate(shot):
+            frames = _deinterlace(frames, stream, footage.fields)
+        for number, frame in enumerate(frames):
             if frame is None:
                 continue
-            damaged = loss.damaged  # up to the last good frame
+            damaged_before_last = loss.damaged
             if footage.renumbered:
-                time_s = number * step
+                time_s = number * step_s
             elif frame.pts is None:
-                time_s += step
+                time_s += step_s
             else:
                 time_s = float(frame.pts * (stream.time_base or 1)) - footage.stamp_s
             if (frame.width, frame.height) != size:
-                what = f"{footage.path}: the frame at {time_s:.3f} s"
-                raise other_size_error(what, (frame.width, frame.height), size)
+                name = f"{footage.path}: the frame at {time_s:.3f} s"
+                raise other_size_error(name, (frame.width, frame.height), size)
             if is_in_range(footage, time_s):
                 if stamps.size and frame.pts is not None:
                     number = int(np.searchsorted(stamps, frame.pts))
@@ -330,9 +353,11 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
                 yield time_s, (number, footage.turn(picture))
             elif time_s >= footage.start_s:
                 return
-        promised_s = min(footage.last_s, footage.end_s - step)
-        missing = round((promised_s - time_s) / step) - (loss.damaged - damaged)
-        loss.missing_at_end = max(0, missing)
+        # The film has ended before its range of time. Of the frames that it lacks, those after the
+        # last good one that are damaged are counted already.
+        promised_s = min(footage.last_s, footage.end_s - step_s)
+        lacking = round((promised_s - time_s) / step_s)
+        loss.missing_at_end = max(0, lacking - (loss.damaged - damaged_before_last))
 
 
 def _seek_range(
@@ -340,30 +365,30 @@ def _seek_range(
 ) -> NDArray[np.float64]:
     """Move a film to shortly before its range of time; return the time stamps of its frames.
 
-    The stamps [ticks] are those up to the end of the range, and number the frames. There are none
-    if the film cannot be sought, or is renumbered: then it is decoded and counted from its first
-    frame.
+    The stamps, in the stream's time base, are those up to the end of the range, ascending: a
+    frame's place among them is its number. The result is empty if the film cannot be sought, or is
+    renumbered: then it is decoded and counted from its first frame.
     """
-    target_s, none = footage.start_s - SEEK_MARGIN_S, np.empty(0)
+    target_s = footage.start_s - SEEK_MARGIN_S
     if footage.renumbered or target_s <= 0:
-        return none
-    tick_s = float(stream.time_base or 1)
+        return np.empty(0)
+    time_base_s = float(stream.time_base or 1)
     try:
-        container.seek(int((target_s + footage.stamp_s) / tick_s), stream=stream)
-    except (av.error.FFmpegError, OSError):  # then from the first frame as well
-        return none
-    return _read_picture_stamps(footage.path, (footage.end_s + footage.stamp_s) / tick_s)
+        container.seek(int((target_s + footage.stamp_s) / time_base_s), stream=stream)
+    except (av.error.FFmpegError, OSError):
+        return np.empty(0)
+    return _read_picture_stamps(footage.path, (footage.end_s + footage.stamp_s) / time_base_s)
 
 
-def _read_picture_stamps(path: Path, last: float) -> NDArray[np.float64]:
-    """Return the time stamps of a film's frames before the stamp `last`, ascending, in ticks.
+def _read_picture_stamps(path: Path, end: float) -> NDArray[np.float64]:
+    """Return the time stamps before `end` of a film's frames, ascending, in its time base.
 
     Packets are read, not decoded: an index only has decoding times.
     """
     stamps = []
     with open_stream(path) as (container, stream), suppress(*_BROKEN_OFF):
         for packet in container.demux(stream):
-            if packet.dts is not None and packet.dts >= last:
+            if packet.dts is not None and packet.dts >= end:
                 break
             if packet.size and packet.pts is not None and not packet.is_discard:
                 stamps.append(packet.pts)
@@ -390,9 +415,9 @@ def _convert_to_grey(
 ) -> np.ndarray:
     """Convert a decoded frame to grey (h, w) uint8, 0 = black, 255 = white.
 
-    full_range: whether 0 … 255 of the file is all used, even if the frame does not say so; else
-    limited range is expanded. levels: of a frame of more than 8 bits, those that become 0 and 255;
-    None for 8 bits.
+    full_range: take the file's levels as they are, 0 … 255, even if the frame states none; else
+    the limited range, 16 … 235, is expanded unless the frame says that it is full. levels: of a
+    frame of more than 8 bits, the two that become 0 and 255; None for 8 bits.
     """
     if levels:
         return stretch_levels(frame.to_ndarray(format="gray16le"), *levels)
@@ -412,7 +437,8 @@ def _convert_to_grey(
 def _convert_to_rgb(frame: VideoFrame, full_range: bool) -> np.ndarray:
     """Convert a decoded frame to RGB (h, w, 3) uint8, by the range and matrix that it states.
 
-    full_range: whether to read it as full range even if it does not say so.
+    Without a matrix it is BT.709 from 720 rows on, else BT.601, as players do. full_range: take its
+    levels as 0 … 255 even if it does not say so.
     """
     matrix = frame.colorspace
     if matrix not in list(Colorspace):
@@ -434,11 +460,8 @@ def _deinterlace(
     order: which field is earlier. FFmpeg's filter bwdif does it. A damaged frame, None, stays None.
     """
     graph = Graph()
-    source = graph.add_buffer(template=stream)
-    weave = graph.add("bwdif", f"mode=send_frame:parity={order}:deint=all")
-    sink = graph.add("buffersink")
-    source.link_to(weave)
-    weave.link_to(sink)
+    deinterlacer = graph.add("bwdif", f"mode=send_frame:parity={order}:deint=all")
+    graph.link_nodes(graph.add_buffer(template=stream), deinterlacer, graph.add("buffersink"))
     graph.configure()
     for frame in frames:
         if frame is None:

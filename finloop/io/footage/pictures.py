@@ -37,54 +37,64 @@ from finloop.io.footage.timing import estimate_frame_rate
 from finloop.io.video import THREADS
 
 TIFF = {".tif", ".tiff"}
-SUFFIXES = {*TIFF, ".png", ".jpg", ".jpeg", ".bmp", ".webp", ".jp2"}
-SUFFIXES |= {".pgm", ".ppm", ".pnm"}
+SUFFIXES = TIFF | {
+    ".png", ".jpg", ".jpeg", ".bmp", ".webp", ".jp2", ".pgm", ".ppm", ".pnm",
+}  # fmt: skip
 _FEW = 0.05  # of a folder's pictures; so few with another name are left out
 
 
-Load = Callable[[int], np.ndarray]
-"""Loads a picture by its number, as stored: (h, w) grey or (h, w, 3) RGB."""
-
-
 class Album(NamedTuple):
-    """Pictures of a folder, or pages of a TIFF, in their order.
+    """Pictures of a folder, or pages of a TIFF, in their order."""
 
-    names: for messages; load: loads one by its number, from 0; ticks (n,): when each was shot, in
-    frames after the first, by the numbers in the names; notes: sentences for the user; times_s
-    (n,): when each was shot, by the times in names or tags; None if there are none.
-    """
-
-    names: list[str]
-    load: Load
-    ticks: Ints
-    notes: tuple[str, ...] = ()
-    times_s: Floats | None = None
+    names: list[str]  # for messages
+    load: Callable[[int], np.ndarray]  # a picture by its number, from 0: (h, w) or (h, w, 3) RGB
+    frame_offsets: Ints  # (n,) frames from the first picture to each, by the numbers in the names
+    notes: tuple[str, ...] = ()  # sentences for the user
+    times_s: Floats | None = None  # (n,) when each was shot, by its name or tags; None: unknown
 
 
 @contextmanager
 def _open_album(path: Path, has_rate: bool) -> Iterator[Album]:
-    """Open a folder of pictures, a TIFF of several pages or an array for a `with` block.
+    """Open a folder of pictures, a TIFF or an array for a `with` block; yield its pictures.
 
     has_rate: whether their frame rate is known; else the times in names or tags are read.
     """
     if path.is_dir():
-        files, ticks, notes = find_series(path)
-        times = None if has_rate else times_in_names([file.stem for file in files])
-        if times is None and not has_rate and files[0].suffix.lower() in TIFF:
-            times = times_in_files(files)
-        if times is not None:
-            order = np.argsort(times)
-            files, times, notes = [files[k] for k in order], times[order], ()
-        load = partial(_load_file, files)
-        yield Album([str(file) for file in files], load, ticks, notes, times)
-        return
-    if path.suffix.lower() not in TIFF:
+        yield _list_folder(path, has_rate)
+    elif path.suffix.lower() in TIFF:
+        with _open_stack(path, has_rate) as album:
+            yield album
+    else:
         with open_array(path) as (array, rate):
             numbers = np.arange(len(array))
             names = [f"{path}, frame {k + 1}," for k in numbers]
             times = numbers / rate if rate and not has_rate else None
             yield Album(names, partial(to_picture, array), numbers, times_s=times)
-        return
+
+
+def _list_folder(folder: Path, has_rate: bool) -> Album:
+    """Return the pictures of a folder in the order of their times, else of their numbers.
+
+    has_rate: whether their frame rate is known; else the times in names or tags are read.
+    """
+    files, offsets, notes = find_series(folder)
+    times = None if has_rate else times_in_names([file.stem for file in files])
+    if times is None and not has_rate and files[0].suffix.lower() in TIFF:
+        times = times_in_files(files)
+    if times is not None:
+        order = np.argsort(times)
+        files, times, notes = [files[k] for k in order], times[order], ()
+    load = partial(_load_file, files)
+    return Album([str(file) for file in files], load, offsets, notes, times)
+
+
+@contextmanager
+def _open_stack(path: Path, has_rate: bool) -> Iterator[Album]:
+    """Open a TIFF for a `with` block; yield its pages.
+
+    has_rate: whether their frame rate is known; else their times are read. FinloopError if the file
+    is damaged, or has several pages for each time.
+    """
     try:
         with TiffFile(path) as stack:
             names = [f"{path}, page {k + 1}," for k in range(len(stack.pages))]
@@ -114,24 +124,23 @@ def open_pictures(
     two pictures.
     """
     has_rate = rate is not None
-    with _open_album(path, has_rate) as (names, load, ticks, notes, times):
+    with _open_album(path, has_rate) as (names, load, offsets, notes, times):
         if len(names) < 2:
             raise too_few_error(path, len(names))
         if times is not None:
             rate = estimate_frame_rate(times, [])
-            notes = (
-                *notes,
-                f"names or tags say when the pictures were shot: {float(rate):.4g} frames/s",
-            )
+            note = f"names or tags say when the pictures were shot: {float(rate):.4g} frames/s"
+            notes = (*notes, note)
         if rate is None:
             raise no_rate_error(path, f"{len(names)} pictures")
+        if times is None:
+            times = offsets / float(rate)
         first = load(0)
         numbers = np.unique(np.linspace(0, len(names) - 1, SAMPLES).astype(int))
         samples = [thin_frame(load(int(k))) for k in numbers]
-        times = ticks / float(rate) if times is None else times
     levels = None if first.dtype == np.uint8 else choose_deep_levels(samples)
     if colour is None:
-        rgb = (_to_uint8(sample, True, levels) for sample in samples)
+        rgb = (_to_uint8(sample, colour=True, levels=levels) for sample in samples)
         colour = measure_chroma_fraction(rgb) > CHROMA_FRACTION
     footage = Footage(
         path=path,
@@ -153,9 +162,9 @@ def open_pictures(
 def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
     """Find the pictures of one film in a folder, by the numbers in their names.
 
-    Returns the pictures in their order, when each was shot in frames after the first (n,), and
-    notes on gaps in the numbers and on pictures left out. Pictures belong to a series if their
-    names differ only in numbers. FinloopError if there are no pictures, or several series.
+    Returns the pictures in their order; how many frames after the first each was shot (n,); and
+    notes on gaps in the numbers and on pictures left out. FinloopError if there are no pictures, or
+    several series.
     """
     files = [
         file
@@ -168,30 +177,35 @@ def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
             wanted=f"the frames of one film, all of one kind: {' '.join(sorted(SUFFIXES))}",
             do="name that folder, or the film itself",
         )
-    series = defaultdict[str, list[Path]](list)
-    for file in files:
-        series[re.sub(r"\d+", "#", file.stem) + file.suffix.lower()].append(file)
+    # Pictures of a series have names that differ only in numbers, else only the same ending.
+    series = _group_files(files, lambda file: re.sub(r"\d+", "#", file.stem) + file.suffix.lower())
     large = [name for name in series if len(series[name]) > max(2, _FEW * len(files))]
-    if not large:  # names without numbers
-        series.clear()
-        for file in files:
-            series[file.suffix.lower()].append(file)
+    if not large:
+        series = _group_files(files, lambda file: file.suffix.lower())
         large = list(series)
     if len(large) > 1:
         raise _several_series_error(folder, {name: len(series[name]) for name in large})
     pictures = sorted(series[large[0]], key=natural_sort_key)
     notes = []
-    if strangers := sorted(file.name for file in set(files) - set(pictures)):
-        few = ", ".join(strangers[:5]) + (", …" if len(strangers) > 5 else "")
-        notes.append(f"{len(strangers)} pictures are not named {large[0]} and left out: {few}")
-    ticks = _find_ticks(folder, pictures)
-    if gaps := int(ticks[-1]) + 1 - len(ticks):
-        k = int(np.diff(ticks).argmax())
+    if others := sorted(file.name for file in set(files) - set(pictures)):
+        listed = ", ".join(others[:5]) + (", …" if len(others) > 5 else "")
+        notes.append(f"{len(others)} pictures are not named {large[0]} and left out: {listed}")
+    offsets = _find_frame_offsets(folder, pictures)
+    if gaps := int(offsets[-1]) + 1 - len(offsets):
+        before_gap = pictures[int(np.diff(offsets).argmax())].name
         notes.append(
             f"{gaps} pictures are missing by the numbers in the names, most after "
-            f"{pictures[k].name}; their time is kept"
+            f"{before_gap}; their time is kept"
         )
-    return pictures, ticks, tuple(notes)
+    return pictures, offsets, tuple(notes)
+
+
+def _group_files(files: list[Path], name_of: Callable[[Path], str]) -> dict[str, list[Path]]:
+    """Return files grouped by the name that `name_of` gives each."""
+    groups = defaultdict[str, list[Path]](list)
+    for file in files:
+        groups[name_of(file)].append(file)
+    return groups
 
 
 def _several_series_error(folder: Path, sizes: dict[str, int]) -> FinloopError:
@@ -204,44 +218,47 @@ def _several_series_error(folder: Path, sizes: dict[str, int]) -> FinloopError:
     )
 
 
-def _find_ticks(folder: Path, pictures: list[Path]) -> Ints:
-    """Return when each picture was shot, in frames after the first, by the number in its name.
+def _find_frame_offsets(folder: Path, pictures: list[Path]) -> Ints:
+    """Return how many frames after the first each picture was shot (n,), by the number in its name.
 
-    pictures: of one series, in order. Where names have not equally many numbers, several of these
-    differ, or they are not evenly spaced, pictures count as consecutive. FinloopError for the
-    pictures of two cameras.
+    pictures: of one series, in order. They count as consecutive unless their names differ in one
+    number, whose steps are whole multiples of the usual one. FinloopError for the pictures of two
+    cameras.
     """
-    parts = [re.findall(r"\d+", file.stem) for file in pictures]
+    numbers_of = [re.findall(r"\d+", file.stem) for file in pictures]
     consecutive = np.arange(len(pictures))
-    if not parts[0] or len({len(part) for part in parts}) > 1:
+    if not numbers_of[0] or len({len(numbers) for numbers in numbers_of}) > 1:
         return consecutive
-    numbers = np.array(parts, float)
-    differ = np.flatnonzero(np.ptp(numbers, axis=0))
+    columns = np.array(numbers_of, float)
+    differ = np.flatnonzero(np.ptp(columns, axis=0))
     if len(differ) == 2:
-        _refuse_two_cameras(folder, pictures, *numbers[:, differ].T)
+        _refuse_two_cameras(folder, pictures, *columns[:, differ].T)
     if len(differ) != 1:
         return consecutive
-    column = numbers[:, differ[0]]
-    steps = np.diff(column)
+    number = columns[:, differ[0]]
+    steps = np.diff(number)
     step = np.median(steps)
-    ticks = np.rint((column - column[0]) / step) if step > 0 else consecutive
-    if (steps <= 0).any() or np.abs(steps / step - np.rint(steps / step)).max() > 0:
+    if (steps <= 0).any() or (steps % step).any():
         return consecutive
-    return ticks.astype(np.int64)
+    return np.rint((number - number[0]) / step).astype(np.int64)
 
 
 def _refuse_two_cameras(folder: Path, pictures: list[Path], camera: Floats, number: Floats) -> None:
-    """Raise FinloopError if pictures such as cam1_0, cam1_1, …, cam2_0, cam2_1, … are in a folder.
+    """Raise FinloopError if a folder holds pictures such as cam1_0, cam1_1, …, cam2_0, cam2_1, ….
 
-    camera, number (n,): the first and the second number in the name of each picture. Times of day,
-    such as 59_960, 60_000, also have two numbers; the second one does not count by ones.
+    camera, number (n,): the first and the second number in the name of each picture. They are of
+    several cameras if nearly all second numbers occur with every first one, and count by ones.
+    Times of day, such as 59_960, 60_000, also have two numbers, but do not count so.
     """
-    first_of = {value: int(np.argmax(camera == value)) for value in np.unique(camera)}
-    counted = {value: set(number[camera == value]) for value in first_of}
-    shared = sorted(set.intersection(*counted.values()))
-    most = max(map(len, counted.values()))
+    cameras = np.unique(camera)
+    numbers_of = {value: set(number[camera == value]) for value in cameras}
+    shared = sorted(set.intersection(*numbers_of.values()))
+    most = max(map(len, numbers_of.values()))
     if len(shared) > max(1, (1 - _FEW) * most) and np.diff(shared).min() == 1:
-        sizes = {f"like {pictures[k].name}": len(counted[value]) for value, k in first_of.items()}
+        sizes = dict[str, int]()
+        for value in cameras:
+            example = pictures[int(np.argmax(camera == value))].name
+            sizes[f"like {example}"] = len(numbers_of[value])
         raise _several_series_error(folder, sizes)
 
 
@@ -304,14 +321,14 @@ def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | N
 
 
 def _read_picture_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
-    """Yield the frames of a folder, TIFF or array in the range of time, with times and numbers.
+    """Yield (time [s], (number, picture)) for each picture in the range of time.
 
-    It is the `reader` of their `Footage`; see `Footage.stream_numbered`. loss: the frames that the
-    numbering leaves out are counted in `loss.gaps`.
+    It is the `reader` of the `Footage` of a folder, TIFF or array; see `Footage.stream_numbered`.
+    loss: the frames that the numbering leaves out are counted in `loss.gaps`.
     """
     size = footage.width_px, footage.height_px
-    with _open_album(footage.path, footage.renumbered) as (names, load, ticks, _, times):
-        times_s = ticks / float(footage.frame_rate) if times is None else times
+    with _open_album(footage.path, footage.renumbered) as (names, load, offsets, _, times):
+        times_s = offsets / float(footage.frame_rate) if times is None else times
 
         def load_frame(number: int) -> tuple[float, tuple[int, np.ndarray]]:
             """Load one picture and check its size and depth; return (time, (number, picture))."""
@@ -330,6 +347,6 @@ def _read_picture_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
         # Two frames at least: `limit_time` refuses a range with fewer.
         numbers = [k for k in range(len(names)) if is_in_range(footage, times_s[k])]
         if times is None:
-            loss.gaps = int(ticks[numbers[-1]] - ticks[numbers[0]]) + 1 - len(numbers)
+            loss.gaps = int(offsets[numbers[-1]] - offsets[numbers[0]]) + 1 - len(numbers)
         threads = THREADS if footage.path.is_dir() else 1  # one open file is not safe for threads
         yield from ordered_map(load_frame, numbers, Threads(threads))

@@ -184,7 +184,10 @@ def square_size(width: int, height: int, aspect: Fraction) -> tuple[int, int]:
 
 
 def no_rate_error(path: Path, what: str) -> FinloopError:
-    """Return the error for footage that does not state its frame rate; what: it consists of."""
+    """Return the error for footage that does not state its frame rate.
+
+    what: a phrase on what it consists of, such as "40 pictures".
+    """
     return FinloopError(
         came=f"{path}: {what}, which do not state how fast they were shot",
         wanted="their frame rate",
@@ -225,31 +228,25 @@ def nearest_turn(matrix: Sequence[int] | np.ndarray) -> tuple[Turn, bool]:
 
     matrix: a, b, _, c, d, …; a pixel goes to x′ = a x + c y, y′ = b x + d y, to be upright.
     """
-
-    def sign(value: float) -> int:
-        """Return −1 for a negative number, else 1."""
-        return -1 if value < 0 else 1
-
     a, b, _, c, d = (float(value) for value in matrix[:5])
-    upright = abs(a) + abs(d) >= abs(b) + abs(c)
-    exact = max(abs(b), abs(c)) == 0 if upright else max(abs(a), abs(d)) == 0
-    if upright:
-        return Turn(a=sign(a), d=sign(d)), exact
-    return Turn(a=0, b=sign(b), c=sign(c), d=0), exact
+    sign_a, sign_b, sign_c, sign_d = (-1 if value < 0 else 1 for value in (a, b, c, d))
+    if abs(a) + abs(d) >= abs(b) + abs(c):
+        return Turn(a=sign_a, d=sign_d), b == c == 0
+    return Turn(a=0, b=sign_b, c=sign_c, d=0), a == d == 0
 
 
 def measure_chroma_fraction(frames: Iterable[np.ndarray]) -> float:
-    """Return the share of pixels that are coloured, over RGB frames (h, w, 3).
+    """Return the share of pixels, 0 … 1, that are coloured, over RGB frames (h, w, 3).
 
     A pixel is coloured if it differs clearly from its frame's tint. An even tint, as of an infrared
     camera, does not count.
     """
-    parts = []
+    shares = []
     for frame in frames:
         chroma = cv2.cvtColor(frame, cv2.COLOR_RGB2YCrCb)[..., 1:].astype(np.float32)
         chroma -= np.median(chroma, axis=(0, 1))
-        parts.append(float((np.hypot(chroma[..., 0], chroma[..., 1]) > CHROMA_LEVELS).mean()))
-    return float(np.mean(parts)) if parts else 0.0
+        shares.append(float((np.hypot(chroma[..., 0], chroma[..., 1]) > CHROMA_LEVELS).mean()))
+    return float(np.mean(shares)) if shares else 0.0
 
 
 def choose_deep_levels(frames: Iterable[np.ndarray]) -> tuple[float, float]:

@@ -141,25 +141,26 @@ def _read_by_movement(path: Path, software: Software, rate_hz: float) -> Poses:
     rate_hz: frames per second, for a file that has times and no rate.
     """
     files = sorted(path.glob("*.nwb")) if path.is_dir() else [path]
-    sets = [_load_dataset(file, software) for file in files]
-    if len({tuple(dataset.keypoints.values) for dataset in sets}) > 1:
+    datasets = [_load_dataset(file, software) for file in files]
+    if len({tuple(dataset.keypoints.values) for dataset in datasets}) > 1:
         raise unreadable_error(path, software, "its animals have different keypoints")
-    names = [str(name) for dataset in sets for name in dataset.individuals.values]
+    names = [str(name) for dataset in datasets for name in dataset.individuals.values]
     if len(set(names)) < len(names):
         raise unreadable_error(path, software, f"animals of one name: {', '.join(names)}")
-    frames_of_sets = [_frame_numbers(dataset, rate_hz) for dataset in sets]
-    frames = np.unique(np.concatenate(frames_of_sets))
-    keypoints = tuple(str(name) for name in sets[0].keypoints.values)
+    frames_of_datasets = [_frame_numbers(dataset, rate_hz) for dataset in datasets]
+    frames = np.unique(np.concatenate(frames_of_datasets))
+    keypoints = tuple(str(name) for name in datasets[0].keypoints.values)
     places = np.full((len(frames), len(names), len(keypoints), 2), np.nan)
     confidence = np.full(places.shape[:-1], np.nan)
-    first = 0  # number of the dataset's first animal
-    for dataset, set_frames in zip(sets, frames_of_sets, strict=True):
-        rows, stop = np.searchsorted(frames, set_frames), first + dataset.sizes["individuals"]
-        order = ("time", "individuals", "keypoints")
-        places[rows, first:stop] = dataset.position.transpose(*order, "space").values
+    axes = ("time", "individuals", "keypoints")
+    first_animal = 0  # number of the dataset's first animal among all
+    for dataset, frame in zip(datasets, frames_of_datasets, strict=True):
+        rows = np.searchsorted(frames, frame)
+        animals = slice(first_animal, first_animal + dataset.sizes["individuals"])
+        places[rows, animals] = dataset.position.transpose(*axes, "space").values
         if "confidence" in dataset:
-            confidence[rows, first:stop] = dataset.confidence.transpose(*order).values
-        first = stop
+            confidence[rows, animals] = dataset.confidence.transpose(*axes).values
+        first_animal = animals.stop
     return poses_from_arrays(tuple(names), keypoints, frames, places, confidence)
 
 

@@ -6,8 +6,7 @@ They hold the centre of every animal in every frame of the film, x and y in px, 
 import io
 import json
 import pickle
-import re
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
@@ -17,6 +16,7 @@ import pyarrow.parquet as pq
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses, poses_from_arrays
 from finloop.io.poses.extra import import_extra, unreadable_error
+from finloop.io.poses.pickled import load_harmless_pickle, unwrap_array
 from finloop.io.poses.text import read_plain_csv
 
 SOFTWARE, CENTRE = "idtracker.ai", "centre"
@@ -27,8 +27,6 @@ _NAMES = (
 )  # fmt: skip
 # HDF5 needs an optional package: it is read only where there is nothing else.
 _ENDINGS = (".npy", ".pickle", "_csv", "_tidy.csv", ".parquet", ".h5", ".hdf5")
-_PLAIN_KINDS = re.compile(r"[<>|=]?(?:[biufc][1248]?|[biufc]16|[SU]\d{1,4}|O8?)")
-"""Kinds of numbers and words of which arrays are built: none has fields, and none an address."""
 
 
 def read_idtracker(path: Path) -> Poses:
@@ -81,13 +79,13 @@ def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
     match path.suffix.lower():
         case ".npy":
             with path.open("rb") as file:
-                version, read_header = (
-                    np.lib.format.read_magic(file),
-                    np.lib.format.read_array_header_1_0,
+                npy = np.lib.format
+                is_first_version = npy.read_magic(file) == (1, 0)
+                shape, _, dtype = (
+                    npy.read_array_header_1_0(file)
+                    if is_first_version
+                    else npy.read_array_header_2_0(file)
                 )
-                if version != (1, 0):
-                    read_header = np.lib.format.read_array_header_2_0
-                shape, _, dtype = read_header(file)
                 if dtype.hasobject and shape == ():  # a pickled dictionary follows
                     return _unpickle(file)
             return np.load(path, allow_pickle=False), {}
@@ -114,98 +112,12 @@ def _load_facts(path: Path) -> dict[str, Any]:
     return json.loads(path.read_text("utf-8")) if path.exists() else {}
 
 
-class _PickledKind:
-    """A kind of numbers or words, as a pickle names it; UnpicklingError for any other.
-
-    numpy itself would take kinds whose arrays point to any place in memory.
-    """
-
-    def __init__(self, name: str, *_: object) -> None:
-        """Keep the name of a plain kind, such as "f8"."""
-        if not (isinstance(name, str) and _PLAIN_KINDS.fullmatch(name)):
-            raise pickle.UnpicklingError(f"it holds an array of {name!r}")
-        self.name, self.order = name, "="
-
-    def __setstate__(self, state: tuple[Any, ...]) -> None:
-        """Take the byte order of the kind; refuse fields and other additions."""
-        if any(part is not None for part in state[2:5]):
-            raise pickle.UnpicklingError("it holds an array with fields")
-        self.order = "=" if state[1] == "|" else str(state[1])
-
-    def to_array(self, data: bytes) -> np.ndarray:
-        """Return the numbers or words that bytes hold; ValueError for words of Python."""
-        kind = np.dtype(self.name)
-        return np.frombuffer(data, kind.newbyteorder(">") if self.order == ">" else kind)
-
-
-class _PickledArray:
-    """An array as a pickle holds it: `value` is a numpy array, or a list of Python's things."""
-
-    value: Any = None
-
-    def __setstate__(self, state: tuple[Any, ...]) -> None:
-        """Build the array from version, shape, kind, order of the axes, and data."""
-        _, shape, kind, is_fortran, data = state
-        if kind.name.lstrip("<>|=").startswith("O"):
-            self.value = list(data)
-        else:
-            order = "F" if is_fortran else "C"
-            self.value = kind.to_array(bytes(data)).reshape(shape, order=order)
-
-
-def _encode_latin1(text: str, _: str = "latin1") -> bytes:
-    """Return the bytes that a pickle of protocol 2 writes as text."""
-    return text.encode("latin1")
-
-
-def _array_from_buffer(
-    data: Any, kind: _PickledKind, shape: tuple[int, ...], order: str
-) -> np.ndarray:
-    """Return the array that a pickle of protocol 5 holds; order: of its axes, "C" or "F"."""
-    return kind.to_array(bytes(data)).reshape(shape, order="F" if order == "F" else "C")
-
-
-def _scalar(kind: _PickledKind, data: bytes) -> Any:
-    """Return the number or word that a pickle holds as a scalar of numpy."""
-    return kind.to_array(data)[0]
-
-
-_BUILDERS: dict[tuple[str, str], Any] = {
-    ("_codecs", "encode"): _encode_latin1, ("builtins", "set"): set,
-    ("collections", "OrderedDict"): dict,
-    ("numpy", "dtype"): _PickledKind, ("numpy", "ndarray"): _PickledArray,
-    **{(f"numpy.{core}.{module}", name): builder for core in ("core", "_core")
-       for module, name, builder in (
-           ("multiarray", "_reconstruct", lambda *_: _PickledArray()),
-           ("multiarray", "scalar", _scalar), ("numeric", "_frombuffer", _array_from_buffer),
-       )},
-}  # fmt: skip
-"""What is called in place of what a pickle names: none of it runs a program."""
-
-
-class _HarmlessUnpickler(pickle.Unpickler):
-    """Reader of pickles that hold only arrays, numbers and words; others could run any program."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        """Return what stands for the class or function that a pickle names; refuse all others."""
-        if module.split(".")[0] == "pathlib":
-            return PurePosixPath
-        if (module, name) not in _BUILDERS:
-            raise pickle.UnpicklingError(f"it would run {module}.{name}")
-        return _BUILDERS[module, name]
-
-
 def _unpickle(file: IO[bytes]) -> tuple[Any, dict[str, Any]]:
-    """Return the places in an open pickle file, and all facts stored with them."""
-    record = _unwrap(_HarmlessUnpickler(file).load())
+    """Return the places in an open pickle file, and all facts stored with them by name."""
+    record = load_harmless_pickle(file)
     record = record[0] if isinstance(record, list) else record
-    facts = {name: _unwrap(value) for name, value in record.items()}
+    facts = {name: unwrap_array(value) for name, value in record.items()}
     return facts["trajectories"], facts
-
-
-def _unwrap(value: Any) -> Any:
-    """Return the value of an array that was read from a pickle; anything else as it is."""
-    return value.value if isinstance(value, _PickledArray) else value
 
 
 def _to_places(table: pd.DataFrame) -> np.ndarray:

@@ -17,6 +17,7 @@ import pandas as pd
 from finloop.base.arrays import Floats, Ints
 from finloop.base.poses import Poses, poses_from_arrays
 from finloop.io.poses.extra import import_extra, unreadable_error
+from finloop.io.poses.pickled import load_harmless_pickle
 from finloop.io.poses.text import read_plain_csv
 
 _COORDS = ("x", "y", "likelihood")
@@ -38,29 +39,29 @@ def read_deeplabcut(path: Path, software: str = "DeepLabCut") -> Poses:
         AttributeError, LookupError, OSError, TypeError, ValueError, pickle.UnpicklingError,
     ) as error:  # fmt: skip
         raise unreadable_error(path, software, error) from error
-    animal_names = [label[1] if len(label) == 4 else software for label in labels]
-    keypoints = {
-        animal: tuple(dict.fromkeys(
-            label[-2] for label, owner in zip(labels, animal_names, strict=True) if owner == animal
-        ))
-        for animal in dict.fromkeys(animal_names)
-    }  # fmt: skip
-    kinds = list(keypoints.values())
-    usual = max(kinds, key=kinds.count)
-    if len(keypoints) > 1 and (unique := [n for n in keypoints if keypoints[n] != usual]):
+    # The last two parts of a label are keypoint and coordinate; of a single animal it has no name.
+    animal_of_column = [label[1] if len(label) == 4 else software for label in labels]
+    keypoints: dict[str, list[str]] = {animal: [] for animal in animal_of_column}
+    for (*_, keypoint, _), animal in zip(labels, animal_of_column, strict=True):
+        if keypoint not in keypoints[animal]:
+            keypoints[animal].append(keypoint)
+    keypoint_lists = list(keypoints.values())
+    usual = max(keypoint_lists, key=keypoint_lists.count)
+    if others := [name for name in keypoints if keypoints[name] != usual]:
         print(
-            f"finloop: {path.name}: {', '.join(unique)} has other keypoints than the animals "
-            f"({', '.join(keypoints[unique[0]])}): left out",
+            f"finloop: {path.name}: {', '.join(others)} has other keypoints than the animals "
+            f"({', '.join(keypoints[others[0]])}): left out",
             file=sys.stderr,
         )
     animals = [name for name in keypoints if keypoints[name] == usual]
     cells = np.full((len(frame), len(animals), len(usual), len(_COORDS)), np.nan)
-    for column, (label, animal) in enumerate(zip(labels, animal_names, strict=True)):
-        if animal in animals and label[-1] in _COORDS:
-            cells[:, animals.index(animal), usual.index(label[-2]), _COORDS.index(label[-1])] = (
-                values[:, column]
-            )
-    return poses_from_arrays(tuple(animals), usual, frame, cells[..., :2], cells[..., 2])
+    for (*_, keypoint, coord), animal, column in zip(
+        labels, animal_of_column, values.T, strict=True
+    ):
+        if animal in animals and coord in _COORDS:
+            place = animals.index(animal), usual.index(keypoint), _COORDS.index(coord)
+            cells[:, *place] = column
+    return poses_from_arrays(tuple(animals), tuple(usual), frame, cells[..., :2], cells[..., 2])
 
 
 def _read_csv(path: Path) -> tuple[Labels, Ints, Floats]:
@@ -73,25 +74,25 @@ def _read_csv(path: Path) -> tuple[Labels, Ints, Floats]:
         keep_default_na=False,
     )
     head = [str(name).strip() for name in table.index[:4]]
-    lines = head.index("coords") + 1
-    if head[0] != "scorer" or head[lines - 2] != "bodyparts":
+    head_rows = head.index("coords") + 1
+    if head[0] != "scorer" or head[head_rows - 2] != "bodyparts":
         raise ValueError(f"its first column begins with {', '.join(head)}")
-    labels = list(zip(*table.iloc[:lines].to_numpy(), strict=True))
-    rows = table.iloc[lines:]
-    numbers = [k for k, label in enumerate(labels) if label[-1] in _COORDS]
-    if not numbers:
+    labels = list(zip(*table.iloc[:head_rows].to_numpy(), strict=True))
+    rows = table.iloc[head_rows:]
+    number_columns = [k for k, label in enumerate(labels) if label[-1] in _COORDS]
+    if not number_columns:
         raise ValueError("it has no columns x and y")
-    values = rows.iloc[:, numbers].apply(pd.to_numeric, errors="coerce").to_numpy(float)
-    index = pd.to_numeric(pd.Series(rows.index), errors="coerce")
-    if index.isna().any():  # labelled pictures are named, not numbered
+    values = rows.iloc[:, number_columns].apply(pd.to_numeric, errors="coerce").to_numpy(float)
+    frame = pd.to_numeric(pd.Series(rows.index), errors="coerce")
+    if frame.isna().any():  # labelled pictures are named, not numbered
         raise ValueError(f"its rows are named, such as {rows.index[0]!r}, and not numbered")
-    return [labels[k] for k in numbers], index.to_numpy(np.int64), values
+    return [labels[k] for k in number_columns], frame.to_numpy(np.int64), values
 
 
 def _read_hdf5(path: Path) -> tuple[Labels, Ints, Floats]:
     """Return the labels of the columns, the frames (n,) and the numbers (n, columns) of an HDF5.
 
-    pandas keeps the labels as a pickle: only words, numbers, lists and tuples in it are read.
+    pandas writes a table in one of two ways; in the first, its labels are a pickle.
     """
     h5py = import_extra("h5py", path)
     with h5py.File(path) as file:
@@ -100,26 +101,14 @@ def _read_hdf5(path: Path) -> tuple[Labels, Ints, Floats]:
             rows = group["table"][()]
             blocks = [name for name in rows.dtype.names if name != "index"]
             values = np.concatenate([rows[name].reshape(len(rows), -1) for name in blocks], axis=1)
-            axes: Any = load_plain_pickle(bytes(group.attrs["non_index_axes"]))
+            axes: Any = load_harmless_pickle(io.BytesIO(group.attrs["non_index_axes"]))
             return [tuple(map(str, label)) for label in axes[0][1]], rows["index"], values
+        # Fixed format: for each row of the head, its different words, and each column's word.
         levels = [
             group[f"axis0_level{k}"][()].astype(str)[group[f"axis0_label{k}"][()]]
             for k in range(int(group.attrs["axis0_nlevels"]))
         ]
         return list(zip(*levels, strict=True)), group["axis1"][()], group["block0_values"][()]
-
-
-class _PlainUnpickler(pickle.Unpickler):
-    """Reader of pickles that hold only words, numbers, lists, tuples and dictionaries."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        """Refuse whatever a pickle names: it could run any program."""
-        raise pickle.UnpicklingError(f"it would run {module}.{name}")
-
-
-def load_plain_pickle(data: bytes) -> Any:
-    """Return the words, numbers, lists and tuples in a pickle; UnpicklingError for all else."""
-    return _PlainUnpickler(io.BytesIO(data)).load()
 
 
 def read_sleap_csv(path: Path) -> Poses:

@@ -26,20 +26,20 @@ def read_trex(path: Path) -> Poses:
 
     FinloopError if nothing there can be read.
     """
-    tracks = {file: _load_fields(file) for file in _list_files(path)}
-    tracks = {file: fields for file, fields in tracks.items() if "frame" in fields}
+    fields_of_files = {file: _load_fields(file) for file in _list_files(path)}
+    tracks = {file: fields for file, fields in fields_of_files.items() if "frame" in fields}
     if not tracks:
         raise unreadable_error(path, SOFTWARE, "no file of it has `frame` and places")
     try:
-        animals = [_to_points(fields) for fields in tracks.values()]
+        frames_and_points = [_to_points(fields) for fields in tracks.values()]
     except (KeyError, ValueError) as error:
         raise unreadable_error(
             path, SOFTWARE, f"{error} is missing or of another length"
         ) from error
-    frames = np.unique(np.concatenate([frame for frame, _ in animals]))
-    places = np.full((len(frames), len(animals), 2, 2), np.nan)
-    for number, (frame, points) in enumerate(animals):
-        places[np.searchsorted(frames, frame), number] = points
+    frames = np.unique(np.concatenate([frame for frame, _ in frames_and_points]))
+    places = np.full((len(frames), len(tracks), 2, 2), np.nan)
+    for animal, (frame, points) in enumerate(frames_and_points):
+        places[np.searchsorted(frames, frame), animal] = points
     # An animal's name is the part after the film's, such as `id3`.
     names = [file.stem.rsplit("_", 1)[-1] for file in tracks]
     if len(set(names)) < len(names):
@@ -102,15 +102,17 @@ def _to_points(fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     frame = fields["frame"].ravel().astype(int)
     cm_per_px = float(np.ravel(fields.get("cm_per_pixel", [1.0]))[0])
     present = ~fields.get("missing", np.zeros(len(frame))).ravel().astype(bool)
-    centre = next((suffix for suffix in _CENTRES if f"X{suffix}" in fields), None)
-    nowhere = np.full(len(frame), np.nan)
-    pairs = []
-    for suffix, known in (("", centre is None or "X" in fields), (centre, centre is not None)):
-        axes = [
-            fields[f"{axis}{suffix}"].ravel() / cm_per_px if known else nowhere for axis in "XY"
-        ]
-        pairs.append(axes)
-    points = np.stack([np.stack(axes, axis=-1) for axes in pairs], axis=1).astype(float)
+    centre_suffix = next((suffix for suffix in _CENTRES if f"X{suffix}" in fields), None)
+    points = np.full((len(frame), 2, 2), np.nan)
+    if centre_suffix is None or "X" in fields:
+        points[:, 0] = _read_places(fields, "") / cm_per_px
+    if centre_suffix is not None:
+        points[:, 1] = _read_places(fields, centre_suffix) / cm_per_px
     if np.array_equal(points[:, 0], points[:, 1], equal_nan=True):  # TRex found no posture
         points[:, 0] = np.nan
     return frame[present], points[present]
+
+
+def _read_places(fields: dict[str, np.ndarray], suffix: str) -> np.ndarray:
+    """Return the places (n, 2) in the fields X and Y with a suffix; KeyError if one is missing."""
+    return np.stack([fields[f"{axis}{suffix}"].ravel() for axis in "XY"], axis=-1)
