@@ -26,7 +26,7 @@ from scratch import A_FILM, write_frames
 
 import stages.stamps
 from finloop.base.errors import FinloopError
-from finloop.base.parameter_help import find_comment_problems, list_parameters
+from finloop.base.parameter_help import list_parameters
 from finloop.base.settings import GONE, GROUPS, check_values, read_conf_values, settings, variants
 from finloop.edit.modes import MODES
 from finloop.io.movie import VideoWriter
@@ -236,7 +236,11 @@ def test_a_group_is_flat_and_its_values_stand_in_conf_alone(word, option):
 
 
 def test_every_value_in_conf_has_its_meaning_and_range_above_it():
-    assert "\n".join(find_comment_problems()) == ""
+    for entry in list_parameters():
+        name = f"conf/{entry.word}/{entry.option}.yaml: {entry.name}"
+        assert entry.meaning, f"{name} has no meaning; write a sentence above it"
+        wanted = f"[unit, {entry.range}]"
+        assert entry.brackets.endswith(entry.range), f"{name} should end with {wanted}"
 
 
 def test_parameters_are_few():

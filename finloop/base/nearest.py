@@ -25,8 +25,8 @@ _ROUNDS = 4  # of k-means; ten rounds find less than 1 % more neighbours in as m
 _MORE = 4  # factor on the number of examined vectors where they are not enough
 Vectors = NDArray[np.float32]
 Choice = Callable[[Ints, Ints], tuple[tuple[NDArray[Any], ...], Mask]]
-"""A function of the numbers of queries (k,) and of their nearest vectors (k, l), −1 for none. It
-returns arrays (k, …) of chosen values, and a mask (k,): True where the l vectors were enough."""
+"""A function of the numbers of queries (j,) and of the vectors nearest to each (j, l), −1 for none.
+It returns arrays (j, …) of chosen values, and a mask (j,): True where the l vectors were enough."""
 
 
 @dataclass(frozen=True)
@@ -57,16 +57,14 @@ class Nearest:
         index.cp.max_points_per_centroid, index.cp.niter = _PER_CELL, _ROUNDS
         index.train(vectors)
         index.add(vectors)
+        # Raise nprobe, the number of cells that a search examines, until the recall suffices.
         sample = vectors[spread_rows(np.arange(m), _SAMPLE)]
-        true = faiss.knn(sample, vectors, _NEAREST + 1)[1]
-        recall, index.nprobe = 0.0, 4  # nprobe: number of cells that a search examines
+        true = faiss.knn(sample, vectors, _NEAREST + 1)[1][:, 1:]  # the first neighbour is itself
+        recall, index.nprobe = 0.0, 4
         while recall < RECALL and index.nprobe < cells:
             index.nprobe = min(3 * index.nprobe // 2, cells)
             found = index.search(sample, _NEAREST + 1)[1]
-            # Each vector's first neighbour is itself.
-            shares = [
-                np.isin(exact[1:], hits).mean() for exact, hits in zip(true, found, strict=True)
-            ]
+            shares = [np.isin(*lists).mean() for lists in zip(true, found, strict=True)]
             recall = float(np.mean(shares))
         return cls(index, recall)
 
@@ -88,9 +86,9 @@ class Nearest:
     ) -> tuple[NDArray[Any], ...]:
         """Return the arrays (k, …) that a rule chooses from the nearest vectors of queries (k, d).
 
-        choice(numbers of queries (j,), their `count` nearest vectors) returns arrays (j, …), and a
-        mask (j,): True where so many vectors were enough. Other queries get four times as many,
-        again and again, up to `most` (None: all vectors of the searched cells).
+        choice: the rule, see `Choice`; it is first given the `count` nearest vectors of each query.
+        A query for which they are not enough gets four times as many, again and again, up to `most`
+        (None: all vectors of the searched cells).
         """
         limit = min(self.index.ntotal, self.index.ntotal if most is None else most)
         count = min(count, limit)
@@ -116,7 +114,7 @@ def _may_have_more(near: Ints) -> Mask:
 
 
 def assign_parts(n: int, stretch: int, most: int = MOST) -> Ints:
-    """Divide a film of n rows into parts of about `most` rows; return each row's part (n,), from 0.
+    """Divide a film of n rows into parts of about `most` rows; return each row's part number (n,).
 
     Stretches of `stretch` rows go to the parts in turn, so each part is spread over the film. In a
     film of hours a row's nearest rows are so near that all continue alike; within a part they

@@ -122,15 +122,3 @@ def _limit_text(base: Any, marks: tuple[Any, ...]) -> str:
 def list_parameters() -> list[ParameterHelp]:
     """Return the explanations of the parameters of all groups, in the order of conf/config.yaml."""
     return [entry for word in GROUPS for entry in parameter_help(word)]
-
-
-def find_comment_problems() -> list[str]:
-    """Return a sentence for each parameter whose comment in conf/ lacks meaning or range."""
-    problems = []
-    for entry in list_parameters():
-        name = f"conf/{entry.word}/{entry.option}.yaml: {entry.name}"
-        if not entry.meaning:
-            problems.append(f"{name} has no meaning; write a sentence above it")
-        if not entry.brackets.endswith(entry.range):
-            problems.append(f"{name} should end with [unit, {entry.range}], has [{entry.brackets}]")
-    return problems

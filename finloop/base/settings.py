@@ -20,7 +20,7 @@ from functools import cache
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any, get_args, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import yaml
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
@@ -180,6 +180,15 @@ def read_conf_values(word: str, option: str, conf: Path = CONF) -> dict[str, Any
     return {key: value for key, value in values.items() if key != "defaults"}
 
 
+class _Group(NamedTuple):
+    """A group of parameters, and the values that were given for it."""
+
+    word: str  # its name
+    variants: Mapping[str, type]  # its settings dataclasses by variant
+    declared: type  # the one of them that the values are for
+    values: Mapping[str, Any]  # by name of the parameter
+
+
 def check_values(
     word: str, options: Mapping[str, type], values: Any
 ) -> tuple[Any, list[str]] | tuple[None, list[str]]:
@@ -191,110 +200,103 @@ def check_values(
     if not isinstance(values, Mapping):
         return None, [f"{word}: should be a group of parameters, got {values!r}"]
     values = {key: value for key, value in values.items() if value != "???"}  # not given (Hydra)
-    option, *others = options.values()
+    declared, *others = options.values()
     if others:
         name = values.get("source")
         if name not in options:
             return None, [f"{word}.source: should be one of {', '.join(options)}, got {name!r}"]
-        option = options[name]
-    try:  # as JSON, where strict still lets a list be a tuple and a name an Enum
-        group = _strict_check(option).validate_json(json.dumps(values, default=str))
-    except ValidationError as error:
-        details_of_parameter = dict[Any, list[dict[str, Any]]]()
-        for detail in error.errors():
-            details_of_parameter.setdefault(detail["loc"][:1], []).append(dict(detail))
-        sentences = list[str]()
-        for details in details_of_parameter.values():
-            sentences += _describe_problems(word, options, option, values, details)
-        return None, sentences
+        declared = options[name]
+    group = _Group(word, options, declared, values)
+    problems = dict[Any, list[dict[str, Any]]]()  # by parameter
+    for problem in _find_problems(group):
+        problems.setdefault(problem["loc"][:1], []).append(problem)
+    if problems:
+        return None, [text for found in problems.values() for text in _describe_all(group, found)]
+    valid = _strict_check(declared).validate_json(json.dumps(values, default=str))
     # The dataclass itself, not pydantic's copy of the class, which cannot be pickled.
-    return option(**{field.name: getattr(group, field.name) for field in fields(option)}), []
+    return declared(**{field.name: getattr(valid, field.name) for field in fields(declared)}), []
+
+
+def _find_problems(group: _Group) -> list[dict[str, Any]]:
+    """Return the problems that pydantic finds in the values of a group; [] if they are valid."""
+    try:  # as JSON, where strict still lets a list be a tuple and a name an Enum
+        _strict_check(group.declared).validate_json(json.dumps(group.values, default=str))
+    except ValidationError as error:
+        return [dict(problem) for problem in error.errors()]
+    return []
 
 
 @cache
-def _strict_check(option: type) -> TypeAdapter[Any]:
+def _strict_check(declared: type) -> TypeAdapter[Any]:
     """Return pydantic's check of a settings dataclass, for unknown names, wrong types and NaN."""
     strict = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-    return TypeAdapter(checked(option, frozen=True, config=strict))
+    return TypeAdapter(checked(declared, frozen=True, config=strict))
 
 
-def _describe_problems(
-    word: str,
-    options: Mapping[str, type],
-    option: type,
-    values: Mapping[str, Any],
-    details: list[dict[str, Any]],
-) -> list[str]:
+def _describe_all(group: _Group, problems: list[dict[str, Any]]) -> list[str]:
     """Return sentences on what pydantic found in one parameter, with what to type instead.
 
-    word: name of the group. options: its settings dataclasses by variant. option: the one that was
-    checked. values: by name. details: pydantic's problems of one parameter, or of the whole group.
+    problems: pydantic's reports on one parameter, or on the group as a whole.
     """
     from finloop.base.parameter_help import range_text  # which imports this module
 
-    key = str(details[0]["loc"][0]) if details[0]["loc"] else ""
-    hint = get_type_hints(option, include_extras=True).get(key)
+    key = str(problems[0]["loc"][0]) if problems[0]["loc"] else ""
+    hint = get_type_hints(group.declared, include_extras=True).get(key)
     # A value may have one of several types; keep the problems of the type it comes nearest to.
-    depth = max(len(detail["loc"]) for detail in details)
-    deepest = [detail for detail in details if len(detail["loc"]) == depth]
+    depth = max(len(problem["loc"]) for problem in problems)
+    deepest = [problem for problem in problems if len(problem["loc"]) == depth]
     if hint is None or (len(deepest) > 1 and depth > 2):
-        return [_describe_problem(word, options, option, detail) for detail in deepest]
+        return [_describe_problem(group, problem) for problem in deepest]
     if len(deepest) == 1:
-        text = _describe_problem(word, options, option, deepest[0])
+        text = _describe_problem(group, deepest[0])
     else:
-        text = f"{word}.{key}: should be {range_text(hint)}, got {values[key]!r}"
-    if key not in values:  # missing
+        text = f"{group.word}.{key}: should be {range_text(hint)}, got {group.values[key]!r}"
+    if key not in group.values:  # missing
         return [text]
 
     def accepts(value: Any) -> bool:
         """Return whether the parameter allows a value."""
-        try:
-            _strict_check(option).validate_json(json.dumps({**values, key: value}, default=str))
-        except ValidationError as error:
-            return all(detail["loc"][:1] != (key,) for detail in error.errors())
-        return True
+        changed = group._replace(values={**group.values, key: value})
+        return all(problem["loc"][:1] != (key,) for problem in _find_problems(changed))
 
     choices = re.findall(r"[a-z]+", f"{range_text(hint)} {text}")
-    return [text + suggest_override(f"{word}.{key}", values[key], choices, accepts)]
+    return [text + suggest_override(f"{group.word}.{key}", group.values[key], choices, accepts)]
 
 
-def _describe_problem(
-    word: str, options: Mapping[str, type], option: type, detail: dict[str, Any]
-) -> str:
-    """Return a sentence on one problem that pydantic found in a group's values.
-
-    word: name of the group. options: its settings dataclasses by variant. option: the one that was
-    checked. detail: the problem, as pydantic reports it.
-    """
-    name = ".".join(map(str, (word, *detail["loc"])))
-    if detail["type"] == "missing":
+def _describe_problem(group: _Group, problem: dict[str, Any]) -> str:
+    """Return a sentence on one problem in a group's values; problem: as pydantic reports it."""
+    name = ".".join(map(str, (group.word, *problem["loc"])))
+    if problem["type"] == "missing":
         return f"{name}: has no value"
-    if detail["type"] == "unexpected_keyword_argument":
-        key = str(detail["loc"][0])
+    if problem["type"] == "unexpected_keyword_argument":
+        key = str(problem["loc"][0])
         variants_with_key = [
             variant
-            for variant, declared in options.items()
+            for variant, declared in group.variants.items()
             if key in [field.name for field in fields(declared)]
         ]
         if variants_with_key:
-            line = f"{word}={variants_with_key[0]} {quote_override(name, detail['input'])}"
+            line = f"{group.word}={variants_with_key[0]} {quote_override(name, problem['input'])}"
             names = " and ".join(variants_with_key)
-            return f"{name}: unknown; {names} of {word} have it; type {line}"
-        return f"{name}: unknown; {_suggest_name(word, option, key)}"
-    message = detail["msg"].removeprefix("Value error, ").removeprefix("Input ")
-    got = f", got {detail['input']!r}" if detail["loc"] else ""
-    if detail["type"] == "literal_error" and (renamed := RENAMED.get(str(detail["input"]))):
+            return f"{name}: unknown; {names} of {group.word} have it; type {line}"
+        return f"{name}: unknown; {_suggest_name(group.word, group.declared, key)}"
+    message = problem["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    got = f", got {problem['input']!r}" if problem["loc"] else ""
+    if problem["type"] == "literal_error" and (renamed := RENAMED.get(str(problem["input"]))):
         got += f", which is {renamed} now"
     return f"{name}: {message}{got}"
 
 
-def _suggest_name(word: str, option: type, key: str) -> str:
-    """Return a phrase with the new name or place of an unknown parameter, or with similar names."""
-    names = [field.name for field in fields(option)]
-    key = getattr(option, "RENAMED", {}).get(key, key)
+def _suggest_name(word: str, declared: type, key: str) -> str:
+    """Return a phrase with the new name or place of an unknown parameter, or with similar names.
+
+    word: name of the group. declared: its settings dataclass. key: the unknown name.
+    """
+    names = [field.name for field in fields(declared)]
+    key = getattr(declared, "RENAMED", {}).get(key, key)
     if key in names:
         return f"it is {word}.{key} now"
-    for base in option.__mro__:
+    for base in declared.__mro__:
         if key in vars(base).get("__annotations__", {}):
             return f"it is a constant now, {base.__name__}.{key}"
     if word in OF_MODES:

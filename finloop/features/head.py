@@ -27,14 +27,16 @@ _WANDER = 0.15  # body lengths that an end moves between frames, standard deviat
 _MOST_ODDS = 700.0  # log odds whose exponential is still finite
 _CERTAIN = 1e6  # log odds; more than all evidence about a track
 _MEMORY_S = 0.4  # nearer frames repeat the same evidence
-_AGAINST_BLUNT = 3.0  # sum of products of both cues' log odds against a blunt head that is believed
+# The thin end leads in a film where the products of both cues' log odds sum to less than minus
+# this. A frame that repeats no other adds at most 2 · 2.
+_AGAINST_BLUNT = 3.0
 
 
 class HeadCues(NamedTuple):
-    """What tells the head: width 1 = the blunt end, −1 = the thin end, 0 = unused; the travel."""
+    """What shows which end of an animal is its head."""
 
-    width: int = 1
-    travel: bool = True
+    width: int = 1  # 1: the head is the blunt end; −1: the thin end; 0: the width is not used
+    travel: bool = True  # whether animals are taken to move head first
 
 
 FISH_CUES = HeadCues()
@@ -49,14 +51,16 @@ def choose_head_cues(
     backbone: (rows, n, 2) px; half_width: (rows, n) px; tracks: the rows of each track; rate_hz:
     frames per second. Where little moves, the blunt end is the head, as of a fish.
     """
+    if rule == "travel":
+        return HeadCues(width=0)
     if rule != "auto":
-        return {"blunt": HeadCues(1, False), "thin": HeadCues(-1, False)}.get(rule, HeadCues(0))
-    agreement = 0.0
+        return HeadCues(width=1 if rule == "blunt" else -1, travel=False)
+    agreement = 0.0  # of both cues; negative if the thin end leads
     for rows in tracks:
         travel = _travel_evidence(backbone[rows], _median_length(backbone[rows]))
         agreement += float((travel * _width_evidence(half_width[rows])).sum())
-    is_thin = agreement / max(1.0, _MEMORY_S * rate_hz) < -_AGAINST_BLUNT
-    return HeadCues(-1 if is_thin else 1)
+    thin_end_leads = agreement / max(1.0, _MEMORY_S * rate_hz) < -_AGAINST_BLUNT
+    return HeadCues(width=-1 if thin_end_leads else 1)
 
 
 def begins_at_tail(lines: Reals, features: pd.DataFrame) -> Mask:
@@ -101,10 +105,10 @@ def decide_head_end(
     unknown; it decides where it is known. cues: what tells the head in this film.
     """
     length = _median_length(backbone)
-    evidence = cues.width * _width_evidence(half_width)
+    evidence = cues.width * _width_evidence(half_width)  # log odds that the first point is the head
     if cues.travel:
         evidence = evidence + _travel_evidence(backbone, length)
-    evidence /= max(1.0, _MEMORY_S * rate_hz)
+    evidence /= max(1.0, _MEMORY_S * rate_hz)  # frames that repeat one another count as one
     stay_odds = _stay_odds(backbone, length).tolist()
     all_evidence = evidence if given_head is None else evidence + 2 * _CERTAIN * given_head
     head_first = _most_probable_states(all_evidence.tolist(), stay_odds)
@@ -120,10 +124,11 @@ def _median_length(backbone: Reals) -> float:
 def _width_evidence(half_width: Reals) -> Floats:
     """Return log odds (frames,) that the first point is the head: the head is the wider end.
 
-    half_width: (frames, n) px, along the backbone. Each end's 3/8 of the body are compared.
+    half_width: (frames, n) px, along the backbone. Each end's 3/8 of the body are compared, without
+    their last points.
     """
-    part = half_width.shape[1] * 3 // 8
-    first, last = half_width[:, 1:part].mean(1), half_width[:, -part:-1].mean(1)
+    points = half_width.shape[1] * 3 // 8
+    first, last = half_width[:, 1:points].mean(1), half_width[:, -points:-1].mean(1)
     difference = (first - last) / np.maximum(first + last, 1e-9)
     return np.clip(difference / _BLUNT, -_MOST, _MOST)
 
@@ -145,8 +150,9 @@ def _travel_evidence(backbone: Reals, length_px: float) -> Floats:
 def _stay_odds(backbone: Reals, length_px: float) -> Floats:
     """Return log odds (frames − 1,) that first and last point do not swap from frame to frame.
 
-    The ends of the body move little in a frame, so small moves speak for it. backbone: (frames, n,
-    2) px; length_px: body length.
+    An end moves little in a frame: its move is Gaussian with the standard deviation `_WANDER`, and
+    the result is the difference of both cases' log probabilities. backbone: (frames, n, 2) px;
+    length_px: body length.
     """
     ends = backbone[:, [0, -1]]
     square_if_same = ((ends[1:] - ends[:-1]) ** 2).sum((1, 2))
@@ -160,16 +166,18 @@ def _most_probable_states(evidence: list[float], stay_odds: list[float]) -> Mask
     evidence: (frames,) log odds of each frame by itself; stay_odds: (frames − 1,) log odds that the
     ends do not swap in a step. Plain numbers are twenty times as fast here as arrays of two states.
     """
-    # For each step, whether the first point was the head before it, if it is the head after it,
-    # and if it is not.
-    first_before = []
+    # Forwards: `odds` are those of the best sequence that ends with the first point as the head, to
+    # the best that ends otherwise: max(odds + stay, 0) − max(odds, stay), and the frame's own.
+    before_head, before_tail = [], []  # whether it was the head a frame ago, if it is now; if not
     odds = evidence[0]
     for frame_odds, stay in zip(evidence[1:], stay_odds, strict=True):
-        first_before.append((odds + stay >= 0, odds - stay >= 0))
+        before_head.append(odds + stay >= 0)
+        before_tail.append(odds - stay >= 0)
         odds = frame_odds + 0.5 * (abs(odds + stay) - abs(odds - stay))
+    # Backwards: from the better last state, follow what was best before it.
     states = [odds >= 0]
-    for before_first, before_last in reversed(first_before):
-        states.append(before_first if states[-1] else before_last)
+    for if_head, if_tail in zip(reversed(before_head), reversed(before_tail), strict=True):
+        states.append(if_head if states[-1] else if_tail)
     return np.array(states[::-1])
 
 
@@ -179,7 +187,7 @@ def _state_probabilities(evidence: list[float], stay_odds: list[float]) -> Float
     This is the forward-backward algorithm. evidence: (frames,) log odds of each frame by itself;
     stay_odds: (frames − 1,) log odds that the ends do not swap in a step.
     """
-    from_past, from_future = evidence[:1], [0.0]  # log odds, the frame's own in the first
+    from_past, from_future = evidence[:1], [0.0]  # log odds; a frame's own count in `from_past`
     for frame_odds, stay in zip(evidence[1:], stay_odds, strict=True):
         from_past.append(frame_odds + _odds_from_neighbour(from_past[-1], stay))
     for frame_odds, stay in zip(evidence[:0:-1], reversed(stay_odds), strict=True):

@@ -28,13 +28,16 @@ def measure_memory_frames(postures: Reals, track: Ints) -> float:
     values = np.asarray(postures, float)
     longest = int(np.bincount(np.unique(track, return_inverse=True)[1]).max())
     half_square = _HALF * 2 * float(values.var(0).sum())  # two values differ by 2 variances
-    previous = 0.0
-    for lag in range(1, longest if half_square > 0 else 1):
+    if not half_square:
+        return float(longest)
+    previous_square = 0.0
+    for lag in range(1, longest):
         same_track = track[lag:] == track[:-lag]
         square = float(((values[lag:] - values[:-lag]) ** 2).sum(1)[same_track].mean())
         if square >= half_square:
-            return lag - 1 + (half_square - previous) / max(square - previous, 1e-12)
-        previous = square
+            share = (half_square - previous_square) / max(square - previous_square, 1e-12)
+            return lag - 1 + share
+        previous_square = square
     return float(longest)
 
 

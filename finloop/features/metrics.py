@@ -18,6 +18,7 @@ from finloop.features.table import (
 )  # fmt: skip
 
 _MOVING = 0.1  # body lengths in Δ from which a fish has a direction of travel
+_LONG_FRAMES = 60  # frames of a track that counts as a long one
 FEW_FRAMES = 5.0  # frames of a beat; no rhythm is found in fewer
 
 
@@ -29,21 +30,19 @@ def orientation_table(features: pd.DataFrame) -> pd.DataFrame:
     the film's; `amount_pct`: percent of all frames. The amounts sum to 100 (the paper's own do not:
     99.87). An orientation without frames has the amount 0 and else NaN.
     """
+    film_areas = features.groupby("swimming_type")["motion_area"].max()
     rows = []
     for number in range(1, count_orientations(features) + 1):
-        members = features[features["orientation"] == number]
+        frames = features[features["orientation"] == number]
         row: dict[str, float] = {"orientation": number}
         for word, swimming_type in (("straight", STRAIGHT), ("right", RIGHT), ("left", LEFT)):
-            in_type = members["swimming_type"] == swimming_type
-            row[f"{word}_pct"] = 100 * in_type.mean() if len(members) else np.nan
+            frames_of_type = frames[frames["swimming_type"] == swimming_type]
+            share = len(frames_of_type) / len(frames) if len(frames) else np.nan
+            row[f"{word}_pct"] = 100 * share
             if swimming_type != STRAIGHT:
-                in_film = features["swimming_type"] == swimming_type
-                film_area = features.loc[in_film, "motion_area"].max()
-                area = members.loc[in_type, "motion_area"].max() / film_area
-                if len(members) and np.isnan(area):  # it has no such turn
-                    area = 0.0
-                row[f"max_area_{word}"] = area
-        row["amount_pct"] = 100 * len(members) / len(features)
+                area = frames_of_type["motion_area"].max() / film_areas.get(swimming_type, np.nan)
+                row[f"max_area_{word}"] = 0.0 if share == 0 else area
+        row["amount_pct"] = 100 * len(frames) / len(features)
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -53,23 +52,20 @@ def rows_of_longest_track(features: pd.DataFrame) -> pd.DataFrame:
     return features[features["track_id"] == features["track_id"].mode()[0]]
 
 
-def summarize_features(features: pd.DataFrame, long_frames: int = 60) -> dict[str, float]:
-    """Return counts, medians and shares of a feature table by name, for metrics.json.
-
-    long_frames: least length of a track that counts as a long one, in frames.
-    """
-    lengths = features.groupby("track_id").size()
-    kinds = features["swimming_type"]
+def summarize_features(features: pd.DataFrame) -> dict[str, float]:
+    """Return counts, medians and shares of a feature table by name, for metrics.json."""
+    track_frames = features.groupby("track_id").size()
+    swimming_type = features["swimming_type"]
     return {
         "fish_frames": len(features),
-        "tracks": len(lengths),
-        f"fish_frames_in_tracks_of_{long_frames}_frames": int(
-            lengths[lengths >= long_frames].sum()
+        "tracks": len(track_frames),
+        f"fish_frames_in_tracks_of_{_LONG_FRAMES}_frames": int(
+            track_frames[track_frames >= _LONG_FRAMES].sum()
         ),
         "body_length_median_px": float(features["body_length_px"].median()),
-        "straight_pct": float(100 * (kinds == STRAIGHT).mean()),
-        "left_pct": float(100 * (kinds == LEFT).mean()),
-        "right_pct": float(100 * (kinds == RIGHT).mean()),
+        "straight_pct": float(100 * (swimming_type == STRAIGHT).mean()),
+        "left_pct": float(100 * (swimming_type == LEFT).mean()),
+        "right_pct": float(100 * (swimming_type == RIGHT).mean()),
         "orientations_seen": int(features["orientation"].nunique()),
         "motion_area_max_body_lengths_2": float(features["motion_area"].max()),
         "displacement_median_body_lengths": float(features["displacement"].median()),
@@ -83,8 +79,8 @@ def measure_frames_per_beat(features: pd.DataFrame) -> float:
     """Return how many frames a tail beat has, by how much the bend changes from frame to frame.
 
     A sine of n frames a period differs from the mean of its neighbours by the share
-    1 − cos(2π / n) of itself; of all frames with both neighbours, this share is fitted. Bends
-    without any order give 4. NaN without such frames, or if nothing bends.
+    1 − cos(2π / n) of itself; this share is fitted to all frames with both neighbours, by least
+    squares. Bends without any order give 4. NaN without such frames, or if nothing bends.
     """
     track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     bend = features["bend"].to_numpy(float)
@@ -135,15 +131,16 @@ def measure_heading_agreement(features: pd.DataFrame) -> dict[str, float]:
     fish swim against a current, there is only the number, 0.
     """
     delta = infer_delta_frames(features)
-    start = np.flatnonzero(features["displacement"] > _MOVING)
-    if start.size == 0 or features["current"].any():
+    moving = np.flatnonzero(features["displacement"] > _MOVING)  # rows at the beginning of Δ
+    if moving.size == 0 or features["current"].any():
         return {"moving_fish_frames": 0}
-    x, y = features["x_px"].to_numpy(), features["y_px"].to_numpy()
-    travel_deg = np.degrees(np.arctan2(-(y[start + delta] - y[start]), x[start + delta] - x[start]))
-    heading_deg = features["heading_deg"].to_numpy()[start + delta // 2]
+    place = features[["x_px", "y_px"]].to_numpy()
+    dx, dy = (place[moving + delta] - place[moving]).T
+    travel_deg = np.degrees(np.arctan2(-dy, dx))
+    heading_deg = features["heading_deg"].to_numpy()[moving + delta // 2]
     difference_deg = np.abs(wrap_deg(heading_deg - travel_deg))
     return {
-        "moving_fish_frames": int(start.size),
+        "moving_fish_frames": int(moving.size),
         "headed_along_travel_pct": float(100 * (difference_deg <= 90).mean()),
         "heading_off_travel_median_deg": float(np.median(difference_deg)),
     }
@@ -162,11 +159,12 @@ def compare_with_truth(
     fish_rows, true_rows = _pair_with_truth(features, truth)
     fish, true = features.iloc[fish_rows], truth.iloc[true_rows]
     length = true["body_length_px"].to_numpy(float)
-    lines = lists_to_points(true, "backbone")
-    lines = interpolate_lines(lines, np.linspace(0, lines.shape[1] - 1, backbones.shape[1]))
-    measured = backbones[fish_rows]
-    distance = _mean_line_distance(measured, lines)
-    swapped_distance = _mean_line_distance(measured[:, ::-1], lines)
+    true_lines = lists_to_points(true, "backbone")
+    shares = np.linspace(0, true_lines.shape[1] - 1, backbones.shape[1])
+    true_lines = interpolate_lines(true_lines, shares)
+    lines = backbones[fish_rows]
+    distance = _mean_line_distance(lines, true_lines)
+    swapped_distance = _mean_line_distance(lines[:, ::-1], true_lines)
     swapped = distance > swapped_distance
     backbone_error = np.minimum(distance, swapped_distance) / length
     fish, true = fish.reset_index(drop=True), true.reset_index(drop=True)
@@ -175,7 +173,7 @@ def compare_with_truth(
     fish_length = fish["body_length_px"].to_numpy(float)
     agree = fish["swimming_type"] == true["swimming_type"]
     same_track = np.diff(fish["track_id"]) == 0
-    area = fish["motion_area"].rank()
+    area_rank = fish["motion_area"].rank()
     return {
         "truth_fish_frames": len(truth),
         "truth_found_pct": float(100 * len(fish) / len(truth)),
@@ -196,7 +194,7 @@ def compare_with_truth(
         },
         **{
             f"truth_motion_area_{word}_rank_correlation": float(
-                np.corrcoef(area, true[column].abs().rank())[0, 1]
+                np.corrcoef(area_rank, true[column].abs().rank())[0, 1]
             )
             for word, column in (("bend", "bend"), ("curvature", "curvature_deg"))
         },

@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Reals
+from finloop.base.axes import to_body_axes
 from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
 from finloop.features.area import interpolate_lines, measure_bend
@@ -153,11 +154,10 @@ def measure_features(
         )
     current = settings.water_current_bl_s
     if current == "auto":
-        dx, dy = (backbone[:, -1] - backbone[:, 0]).T
-        axis = np.radians(heading)
-        tail = (-dx * np.sin(axis) - dy * np.cos(axis)) / length  # its offset from the axis
-        places_bl = place / length[:, None]
-        current = measure_current(places_bl, heading, tail, bend, rows_of_tracks, rate_hz)
+        tail_px = to_body_axes(backbone[:, -1] - backbone[:, 0], np.radians(heading))[:, 1]
+        current = measure_current(
+            place / length[:, None], heading, tail_px / length, bend, rows_of_tracks, rate_hz
+        )
     area = np.abs(bend)
     table = pd.DataFrame(
         {
@@ -214,8 +214,8 @@ def choose_turn_thresholds(
 ) -> TurnThresholds:
     """Return the thresholds of a turn: those of the settings, or, for `auto`, measured in the film.
 
-    heading_deg, bend (n,): of all rows; tracks: the rows of each track; delta_frames: time Δ over
-    which headings change.
+    heading_deg (n,), bend (n,), signed body length²: of all rows; tracks: the rows of each track;
+    delta_frames: time Δ over which headings change.
     """
     headings, bends = [heading_deg[rows] for rows in tracks], [bend[rows] for rows in tracks]
     limits = measure_turn_thresholds(headings, bends, delta_frames)
@@ -259,7 +259,11 @@ def orient_backbones(
 
 
 def learn_head_cues(tracks: pd.DataFrame, rate_hz: float, rule: HeadRule) -> HeadCues:
-    """Return what tells the head in a film, from its tracks; the columns `USED`, in their order."""
+    """Return what shows which end is the head in a film.
+
+    tracks: the columns `USED`, sorted by track and frame; rate_hz: frames per second; rule: of the
+    settings.
+    """
     backbone = lists_to_points(tracks, "backbone").astype(float)
     width = lists_to_array(tracks["half_width_px"])
     return choose_head_cues(rule, backbone, width, track_slices(tracks), rate_hz)

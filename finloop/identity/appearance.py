@@ -66,39 +66,52 @@ def appearance_log_ratios(
     """Return for each pair of tracks log(probability of one animal / of two) by their looks, (e,).
 
     tracks: the descriptors (k, d) of each track's pictures, in the order of time; at_once: pairs of
-    tracks with a frame in common, certainly two animals; pairs: those to rate. All zeros if the
-    film has too few pairs to learn from.
+    tracks with a frame in common, certainly two animals; pairs: those to rate. The ratio is that of
+    a logistic regression of the distance between two descriptors, learnt from the film. All zeros
+    if the film has too few pairs to learn from.
     """
     long_tracks = np.array([i for i in range(len(tracks)) if len(tracks[i]) >= 2 * _PARTS], np.intp)
-    one_animal, two_animals = list[Floats](), list[Floats]()  # distances of such tracks
-    for fold in range(_FOLDS):  # the other tracks teach the directions, these are measured by them
-        test = np.zeros(len(tracks), bool)
-        test[long_tracks[fold::_FOLDS]] = True
-        directions = _find_discriminant(tracks, long_tracks[~test[long_tracks]])
-        first, last = _mean_descriptors_at_ends(tracks, directions)
-        one_animal.append(_descriptor_distances(first[test], last[test]))
-        in_test = test[at_once.a] & test[at_once.b]
-        two_animals.append(
-            _descriptor_distances(first[at_once.a[in_test]], last[at_once.b[in_test]])
-        )
-    distances = [np.concatenate(one_animal), np.concatenate(two_animals)]
-    counts = [len(listed) for listed in distances]
-    if min(counts) < _LEAST:
+    one_animal, two_animals = _example_distances(tracks, long_tracks, at_once)
+    fewest = min(len(one_animal), len(two_animals))
+    if fewest < _LEAST:
         return np.zeros(len(pairs.a))
     # A track of two animals that touch is far from itself; a single one would flatten the curve.
-    farthest = float(np.median(distances[1]))
+    farthest = float(np.median(two_animals))
     from sklearn.linear_model import LogisticRegression
 
     regression = LogisticRegression(class_weight="balanced").fit(
-        np.minimum(np.concatenate(distances), farthest)[:, None], np.repeat([1, 0], counts)
+        np.minimum(np.concatenate([one_animal, two_animals]), farthest)[:, None],
+        np.repeat([1, 0], [len(one_animal), len(two_animals)]),
     )
     slope, offset = float(regression.coef_[0, 0]), float(regression.intercept_[0])
     if slope >= 0:  # farther apart would mean more alike: nothing was learnt
         return np.zeros(len(pairs.a))
     first, last = _mean_descriptors_at_ends(tracks, _find_discriminant(tracks, long_tracks))
-    limit = float(np.log(min(counts)))  # so many examples show no greater certainty
+    limit = float(np.log(fewest))  # so many examples show no greater certainty
     distance = np.minimum(_descriptor_distances(last[pairs.a], first[pairs.b]), farthest)
     return np.clip(slope * distance + offset, -limit, limit)
+
+
+def _example_distances(
+    tracks: Sequence[Floats], long_tracks: Tracks, at_once: TrackPairs
+) -> tuple[Floats, Floats]:
+    """Return distances of descriptors of certainly one animal (k,), and of two animals (l,).
+
+    One animal: the first and the last part of each long track. Two: such parts of tracks `at_once`.
+    tracks: descriptors (k, d) of each; long_tracks: numbers of those with enough pictures. They are
+    measured along discriminant directions that were learnt from other tracks.
+    """
+    one_animal, two_animals = list[Floats](), list[Floats]()
+    for fold in range(_FOLDS):
+        test = np.zeros(len(tracks), bool)
+        test[long_tracks[fold::_FOLDS]] = True
+        directions = _find_discriminant(tracks, long_tracks[~test[long_tracks]])
+        first, last = _mean_descriptors_at_ends(tracks, directions)
+        one_animal.append(_descriptor_distances(first[test], last[test]))
+        both_in_test = test[at_once.a] & test[at_once.b]
+        a, b = at_once.a[both_in_test], at_once.b[both_in_test]
+        two_animals.append(_descriptor_distances(first[a], last[b]))
+    return np.concatenate(one_animal), np.concatenate(two_animals)
 
 
 def _find_discriminant(

@@ -72,18 +72,17 @@ def collect_evidence(
 def identify_animals(evidence: IdentityEvidence) -> pd.DataFrame:
     """Return the animal of each track (schema IDENTITIES); animal 0 has the most frames."""
     features = evidence.reel.features
-    rows = np.arange(len(features))
-    parts = [rows[span] for span in track_slices(features)]
-    joins = _join_tracks(evidence, parts)
-    frame, track = features["frame"].to_numpy(), features["track_id"].to_numpy()
-    first = np.array([rows[0] for rows in parts])
-    last = np.array([rows[-1] for rows in parts])
+    slices = track_slices(features)
+    first = np.array([rows.start for rows in slices])
+    last = np.array([rows.stop - 1 for rows in slices])
+    joins = _join_tracks(evidence, [np.arange(rows.start, rows.stop) for rows in slices])
+    frame, track_id = features["frame"].to_numpy(), features["track_id"].to_numpy()
     has_predecessor = joins.before >= 0
     return pd.DataFrame(
         {
-            "track_id": track[first],
-            "identity": _number_animals(joins, [len(rows) for rows in parts]),
-            "after_track": np.where(has_predecessor, track[last[joins.before]], -1),
+            "track_id": track_id[first],
+            "identity": _number_animals(joins, (last - first + 1).tolist()),
+            "after_track": np.where(has_predecessor, track_id[last[joins.before]], -1),
             "gap_frames": np.where(has_predecessor, frame[first] - frame[last[joins.before]], 0),
             "probability": joins.probability,
         }
@@ -116,33 +115,36 @@ def measure_trial_gaps(
 ) -> Floats:
     """Return the shares of artificial gaps that are joined right and wrong, (2,); NaN without gaps.
 
-    Every track that is long enough is cut: as many frames are removed from its middle as one of the
-    film's own gaps `gap_frames` (k,), drawn at random, has; 1 if there are none. Then all tracks
-    are joined anew. A gap that stays open counts as neither.
+    Every track that is long enough is cut in two: as many frames are removed from its middle as a
+    gap of the film has. Then all tracks are joined anew. A gap that stays open counts as neither.
+    gap_frames (k,): the gaps of the film, from which one is drawn for each track; 1 if there are
+    none.
     """
-    parts, halves = list[NDArray[np.intp]](), list[int]()  # halves: part before each trial gap
+    # The rows of each piece, a whole track or half of one; and the number of each first half.
+    pieces, first_halves = list[NDArray[np.intp]](), list[int]()
     frame = evidence.reel.features["frame"].to_numpy()
-    for span in track_slices(evidence.reel.features):
-        start, stop = span.start, span.stop
+    for rows in track_slices(evidence.reel.features):
+        start, stop = rows.start, rows.stop
         gap = int(rng.choice(gap_frames)) if len(gap_frames) else 1
         middle_frame = (frame[start] + frame[stop - 1] - gap) // 2
         gap_start = start + int(np.searchsorted(frame[start:stop], middle_frame))
         gap_stop = start + int(np.searchsorted(frame[start:stop], frame[gap_start - 1] + gap))
         if gap_start - start >= _LEAST_HALF and stop - gap_stop >= _LEAST_HALF:
-            halves.append(len(parts))
-            parts += [np.arange(start, gap_start), np.arange(gap_stop, stop)]
+            first_halves.append(len(pieces))
+            pieces += [np.arange(start, gap_start), np.arange(gap_stop, stop)]
         else:
-            parts.append(np.arange(start, stop))
-    before = _join_tracks(evidence, parts).before
-    before_half = before[np.array(halves, int) + 1]
-    if not len(before_half):
+            pieces.append(np.arange(start, stop))
+    if not first_halves:
         return np.full(2, np.nan)
-    is_right = before_half == halves
-    return np.array([is_right.mean(), (~is_right & (before_half >= 0)).mean()])
+    before = _join_tracks(evidence, pieces).before
+    before_second_half = before[np.array(first_halves) + 1]
+    is_right = before_second_half == first_halves
+    is_open = before_second_half < 0
+    return np.array([is_right.mean(), (~is_right & ~is_open).mean()])
 
 
-def _join_tracks(evidence: IdentityEvidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
-    """Return which track continues which, by motion and appearance; parts: each track's rows."""
+def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]]) -> TrackJoins:
+    """Return which track continues which, by motion and appearance; track_rows: of each track."""
     reel, p = evidence.reel, evidence.settings
     features = reel.features
     frame = features["frame"].to_numpy()
@@ -151,10 +153,10 @@ def _join_tracks(evidence: IdentityEvidence, parts: list[NDArray[np.intp]]) -> T
         features[["track_id", "frame"]].assign(x=place[:, 0], y=place[:, 1])
     )
     ends = motion.measure_track_ends(
-        [frame[rows] for rows in parts], [place[rows] for rows in parts], drift.before
+        [frame[rows] for rows in track_rows], [place[rows] for rows in track_rows], drift.before
     )
-    segment = np.array([evidence.segment[rows[0]] for rows in parts])
-    samples = [spread_rows(rows, p.looked_at) for rows in parts]
+    segment = np.array([evidence.segment[rows[0]] for rows in track_rows])
+    samples = [spread_rows(rows, p.pictures_per_track) for rows in track_rows]
     sampled_rows = np.concatenate(samples)
     descriptors = appearance.appearance_descriptors(
         evidence.measures[sampled_rows],
@@ -178,16 +180,17 @@ def _join_tracks(evidence: IdentityEvidence, parts: list[NDArray[np.intp]]) -> T
         find_best_joins, stranger_probability=p.new_animal_probability,
         least_probability=p.min_join_probability, rng=np.random.default_rng(p.seed),
     )  # fmt: skip
-    return join_in_passes(len(parts), score_pairs, p.sure, find_joins)
+    return join_in_passes(len(track_rows), score_pairs, p.sure_probability, find_joins)
 
 
-def _number_animals(joins: TrackJoins, track_rows: list[int]) -> NDArray[np.intp]:
-    """Return the number of each track's animal; animal 0 has the most rows."""
-    root = np.arange(len(track_rows))  # becomes the first track of each track's animal
+def _number_animals(joins: TrackJoins, row_counts: list[int]) -> NDArray[np.intp]:
+    """Return the number of each track's animal; animal 0 has the most rows.
+
+    row_counts: of each track.
+    """
+    root = np.arange(len(row_counts))  # becomes the first track of each track's animal
     while (has_before := joins.before[root] >= 0).any():
         root = np.where(has_before, joins.before[root], root)
-    rows = np.bincount(root, weights=track_rows, minlength=len(track_rows))
-    order = np.argsort(-rows, kind="stable")
-    number = np.empty(len(track_rows), np.intp)
-    number[order] = np.arange(len(track_rows))
-    return number[root]
+    animal_rows = np.bincount(root, weights=row_counts, minlength=len(row_counts))
+    by_size = np.argsort(-animal_rows, kind="stable")
+    return np.argsort(by_size)[root]  # the rank of each animal

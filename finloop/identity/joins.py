@@ -66,10 +66,10 @@ def simultaneous_pairs(start: Reals, stop: Reals) -> TrackPairs:
 
 def _pair_with_ranges(order: Tracks, low: Tracks, high: Tracks) -> TrackPairs:
     """Return pairs of every track k with each of the tracks order[low[k]:high[k]]; all are (n,)."""
-    count = np.maximum(high - low, 0)
-    offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    partners = [order[first:stop] for first, stop in zip(low, high, strict=True)]
+    counts = [len(tracks) for tracks in partners]
     return TrackPairs(
-        np.repeat(np.arange(len(order)), count), order[np.repeat(low, count) + offset]
+        np.repeat(np.arange(len(order)), counts), np.concatenate([order[:0], *partners])
     )
 
 
@@ -90,13 +90,12 @@ def find_best_joins(
     search = _JoinSearch(pairs, tracks)
     no_join = np.full((2, tracks), np.log(stranger_probability))
     before = search.find_best(log_ratio, no_join)
-    hits = np.zeros(tracks)
+    draws_with_join = np.zeros(tracks)
     for _ in range(_DRAWS):
         noise = rng.gumbel(size=(2, len(log_ratio))).mean(0)
-        hits += before == search.find_best(
-            log_ratio + noise, no_join + rng.gumbel(size=no_join.shape)
-        )
-    probability = np.where(before >= 0, hits / _DRAWS, 1.0)
+        drawn = search.find_best(log_ratio + noise, no_join + rng.gumbel(size=no_join.shape))
+        draws_with_join += before == drawn
+    probability = np.where(before >= 0, draws_with_join / _DRAWS, 1.0)
     is_kept = probability >= least_probability
     return TrackJoins(np.where(is_kept, before, -1), np.where(is_kept, probability, 1.0))
 
@@ -107,12 +106,13 @@ def join_in_passes(
     sure_probability: float,
     find_joins: Callable[[int, TrackPairs, Floats], TrackJoins],
 ) -> TrackJoins:
-    """Join tracks in several passes, the most certain joins first.
+    """Join tracks in several passes, the most certain joins first; return each track's join.
 
     tracks: their number. Tracks that a join of at least `sure_probability` connects are one chain
-    in the next pass, which shows more of an animal and has fewer open ends; without such a join all
-    are accepted. score_pairs: returns pairs of chains and the log ratio of each; find_joins:
-    returns the best joins of a number of chains, from these pairs and ratios.
+    in the next pass: a chain shows more of an animal, and fewer ends stay open. The pass that finds
+    no such join is the last; all its joins are accepted. score_pairs: returns pairs of chains and
+    the log ratio of each; find_joins: returns the best joins of a number of chains, from these
+    pairs and ratios.
     """
     before, probability = np.full(tracks, -1), np.ones(tracks)
     chains: Chains = [[track] for track in range(tracks)]
@@ -142,46 +142,48 @@ def _chain_tracks(before: Tracks) -> Chains:
 
 
 class _Component(NamedTuple):
-    """A group of tracks (m,) that pairs connect, and its assignment problem as a sparse matrix.
+    """Tracks that pairs connect, and their assignment problem as a sparse matrix (m, 2m).
 
-    Rows and columns of the matrix (m, 2m): column k is the start of track k, column m + k stands
-    for an end without a join. edges: numbers of the pairs; column, start: of the sparse matrix.
+    A row is the end of a track. Column k is the start of track k; column m + k stands for the end
+    of track k without a join.
     """
 
-    tracks: Tracks
-    edges: slice
-    column: Tracks
-    start: Tracks
+    tracks: Tracks  # (m,) their numbers in the film
+    entries: slice  # of the matrix, among those of all components
+    columns: Tracks  # of the entries, row by row: the `indices` of a CSR matrix
+    row_starts: Tracks  # (m + 1,) first entry of each row: its `indptr`
 
 
 class _JoinSearch:
     """Finds the set of joins with the highest score, by one assignment problem per component.
 
-    That is faster than one assignment of all tracks at once.
+    A component is a group of tracks that pairs connect. That is faster than one assignment of all
+    tracks at once.
     """
 
     def __init__(self, pairs: TrackPairs, tracks: int) -> None:
-        """Divide the pairs into components that are not connected; tracks: number of tracks."""
+        """Prepare the assignment problem of each component; tracks: number of tracks."""
         self._starts, self._tracks = pairs.b, tracks
         links = coo_array((np.ones(len(pairs.a)), pairs), (tracks, tracks))
-        part = connected_components(links, directed=False)[1]
-        in_order = np.argsort(part, kind="stable")
-        size = np.bincount(part)
+        component = connected_components(links, directed=False)[1]  # of each track
+        by_component = np.argsort(component, kind="stable")
+        size = np.bincount(component)
         first = np.cumsum(size) - size
-        place = np.empty(tracks, np.intp)  # number of a track within its part
-        place[in_order] = np.arange(tracks) - np.repeat(first, size)
-        # Entries of the matrices: a join of each pair, and for each track an end without a join.
+        place = np.empty(tracks, np.intp)  # number of a track within its component
+        place[by_component] = np.arange(tracks) - np.repeat(first, size)
+        # Entries of the matrices: a join of each pair, and for each track an end without a join;
+        # sorted by component, row and column.
         end = np.append(pairs.a, np.arange(tracks))
-        column = np.append(place[pairs.b], size[part] + place)
-        self._order = np.lexsort((column, place[end], part[end]))
+        column = np.append(place[pairs.b], size[component] + place)
+        self._order = np.lexsort((column, place[end], component[end]))
         end, column = end[self._order], column[self._order]
-        edge = np.searchsorted(part[end], np.arange(len(size) + 1))
-        self._parts = [
+        bounds = np.searchsorted(component[end], np.arange(len(size) + 1))
+        self._components = [
             _Component(
-                in_order[a : a + m], slice(low, high), column[low:high],
+                by_component[start : start + m], slice(low, high), column[low:high],
                 np.searchsorted(place[end[low:high]], np.arange(m + 1)),
             )
-            for a, m, low, high in zip(first, size, edge[:-1], edge[1:], strict=True)
+            for start, m, low, high in zip(first, size, bounds[:-1], bounds[1:], strict=True)
             if m > 1
         ]  # fmt: skip
 
@@ -191,13 +193,14 @@ class _JoinSearch:
         score (e,): of the pairs; alone (2, n): score of each track's end, and of its start, without
         a join.
         """
+        # A join saves the score of a start that is alone; so only ends need columns without a join.
         weight = np.append(score - alone[1, self._starts], alone[0])[self._order]
-        # Every end has one edge: a constant changes no assignment, and no edge may cost 0.
+        # The solver wants costs above 0. Every end has one entry: a constant changes no assignment.
         cost = weight.max() + 1 - weight
         before = np.full(self._tracks, -1)
-        for tracks, edges, column, start in self._parts:
+        for tracks, entries, columns, row_starts in self._components:
             m = len(tracks)
-            graph = csr_array((cost[edges], column, start), (m, 2 * m))
+            graph = csr_array((cost[entries], columns, row_starts), (m, 2 * m))
             ends, starts = min_weight_full_bipartite_matching(graph)
             is_join = starts < m
             before[tracks[starts[is_join]]] = tracks[ends[is_join]]

@@ -71,7 +71,10 @@ def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
 
 
 def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floats:
-    """Return the mean velocity (2,) between two rows of a track; 0 for a track of one row."""
+    """Return the mean velocity (2,) from row `first` to row `last` of a track; 0 if it has one row.
+
+    frames (k,), places (k, 2): of the track's rows; the unit is that of places per frame.
+    """
     if len(frames) < 2:
         return np.zeros(2)
     return (places[last] - places[first]) / max(frames[last] - frames[first], 1)
@@ -111,6 +114,7 @@ def measure_drift(tracks: pd.DataFrame) -> GapDrift:
     one frame on, while enough tracks are that long. The velocity is measured over the number of
     frames that gives the least error: over less than a tail beat it may point aside.
     """
+    # The tank's area, of all places but the outermost hundredths, and the radius of such a circle.
     spread = tracks[["x", "y"]].quantile(0.99) - tracks[["x", "y"]].quantile(0.01)
     tank = float(np.maximum(spread, 1.0).prod())
     anywhere = float(np.sqrt(tank / np.pi))
@@ -123,6 +127,7 @@ def measure_drift(tracks: pd.DataFrame) -> GapDrift:
         return GapDrift(
             np.ones(1), np.full(1, anywhere), share=np.zeros(1), tank=tank, before=_BEFORE[0]
         )
+    # The best has the least geometric mean of errors, over the gaps that all have.
     common = min(map(len, errors.values()))
     best = min(errors, key=lambda before: np.log(np.add(errors[before][:common], 1e-6)).sum())
     # After a gap so long that the error, which grows with its root, spans the tank, it may be
@@ -145,23 +150,26 @@ def _measure_errors(tracks: pd.DataFrame, velocity_frames: int) -> tuple[list[fl
     which a velocity is measured. Both lists end where the film has too few gaps so long.
     """
     place, key = tracks[["x", "y"]].to_numpy(float), tracks[["track_id", "frame"]].to_numpy()
-    error, shares = list[float](), list[float]()
+    errors, shares = list[float](), list[float]()
     gap = 1
     while True:
-        ahead = 2 * velocity_frames + gap  # rows and frames in the same track
-        first = np.flatnonzero((key[ahead:] - key[:-ahead] == (0, ahead)).all(1))
+        # First rows of trial gaps with both velocities, in one track and without a lost frame.
+        span = 2 * velocity_frames + gap
+        first = np.flatnonzero((key[span:] - key[:-span] == (0, span)).all(1))
         if len(first) < _LEAST:
-            return error, shares
-        end = first + velocity_frames
-        leaving = (place[end] - place[first]) / velocity_frames
-        arriving = (place[end + gap + velocity_frames] - place[end + gap]) / velocity_frames
-        travel = place[end + gap] - place[end]
-        share = float(
-            np.clip((leaving * travel).sum() / max(gap * (leaving**2).sum(), 1e-12), 0, 1)
-        )
+            return errors, shares
+        start = first + velocity_frames  # of the gap
+        stop = start + gap
+        leaving = (place[start] - place[first]) / velocity_frames
+        arriving = (place[stop + velocity_frames] - place[stop]) / velocity_frames
+        travel = place[stop] - place[start]
+        # Least squares of travel = share · gap · leaving.
+        fit = (leaving * travel).sum() / max(gap * (leaving**2).sum(), 1e-12)
+        share = float(np.clip(fit, 0, 1))
         shares.append(share)
+        # Half way, the prediction from before the gap differs from that from after it by this.
         difference = travel - 0.5 * share * gap * (leaving + arriving)
-        error.append(float(np.median(np.hypot(*difference.T))))
+        errors.append(float(np.median(np.hypot(*difference.T))))
         gap *= 2
 
 

@@ -14,12 +14,12 @@ class IdentitySettings:
     new_animal_probability: Share
 
     seed: ClassVar[int] = 0  # of the noise that probabilities are estimated by: 500 draws suffice
-    looked_at: ClassVar[int] = 60  # pictures of a track for its descriptors
-    size_px: ClassVar[int] = 24  # px, sides of these pictures: looks, no details
+    pictures_per_track: ClassVar[int] = 60  # for its descriptors, at most
+    size_px: ClassVar[int] = 24  # px, sides of these pictures: colours and shape, no details
     components: ClassVar[int] = 32  # principal components of the pictures, at most
-    # probability; joins at least as probable are made before the others are looked at again. With
-    # 0.8 to 0.99 the tracks of eight zebrafish become 8 animals, without 9
-    sure: ClassVar[float] = 0.9
+    # Joins at least as probable are made before the others are judged again. With 0.8 to 0.99 the
+    # tracks of eight zebrafish become 8 animals; without this, 9.
+    sure_probability: ClassVar[float] = 0.9
 
     RENAMED: ClassVar[dict[str, str]] = {
         "least_probability": "min_join_probability",
