@@ -22,7 +22,7 @@ import pandas as pd
 
 from benchmarks.matching import MODE, matching_data, replace_settings, settings_without_path
 from finloop.calibrate.film import FilmGroup, build_film_group
-from finloop.calibrate.rule import measure_own_steps, simulate_point_fish
+from finloop.calibrate.rule import measure_steps_without_others, simulate_point_fish
 from finloop.features.table import infer_delta_frames
 from finloop.modes.matching import matching_animator
 from finloop.project import Project
@@ -41,7 +41,7 @@ def simulated_points(film: FilmGroup, fitted: Zones) -> Iterator[tuple[str, pd.D
     """Yield the tables of simulated points that swim by zones."""
     p = load_settings("calibrate")
     for name, zones in (("zones", fitted), ("couzin", COUZIN), ("alone", NO_ZONES)):
-        steps = measure_own_steps(film, film.rows_with_whole_steps(p.rows), zones)
+        steps = measure_steps_without_others(film, film.rows_with_whole_steps(p.rows), zones)
         for seed in range(POINT_SEEDS):
             rng = np.random.default_rng(seed)
             yield f"points_{name}", simulate_point_fish(film, steps, zones, p, rng)

@@ -330,7 +330,8 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> SchoolRule
     rule = require_rule(fit_film_rule(group, p)[0])
     steps = rule.steps
     table = apply_schema(steps.to_table(), SOCIAL_STEPS)
-    return replace(rule, steps=SocialSteps.from_table(table, steps.forward, steps.onward))
+    again = SocialSteps.from_table(table, steps.move_per_pull, steps.turn_per_pull)
+    return replace(rule, steps=again)
 
 
 def steer(  # noqa: PLR0913  (a result of every verb)

@@ -13,7 +13,7 @@ from finloop.calibrate.film import FilmGroup, build_film_group
 from finloop.calibrate.rule import (
     describe_shortage,
     fit_film_rule,
-    measure_own_steps,
+    measure_steps_without_others,
     simulate_point_fish,
 )
 from finloop.calibrate.settings import CalibrateSettings
@@ -47,7 +47,7 @@ def _simulate(film: FilmGroup, zones: Zones, p: CalibrateSettings) -> dict[str, 
     """
     rows, tables = film.rows_with_whole_steps(p.rows), {}
     for name, group_zones in (("zones", zones), ("alone", NO_ZONES)):
-        steps = measure_own_steps(film, rows, group_zones)
+        steps = measure_steps_without_others(film, rows, group_zones)
         rng = np.random.default_rng(p.seed)
         tables[name] = simulate_point_fish(film, steps, group_zones, p, rng)
     return tables
@@ -62,7 +62,7 @@ def _save_rule(folder: Path, rule: SchoolRule) -> None:
     steps = rule.steps
     save_json(folder / "zones.json", {
         "zones": asdict(rule.zones), "horizon_frames": rule.horizon, "alike": rule.alike,
-        "forward": steps.forward, "onward": steps.onward,
+        "forward": steps.move_per_pull, "onward": steps.turn_per_pull,
     })  # fmt: skip
     save_table(folder / "steps.parquet", steps.to_table(), SOCIAL_STEPS)
 
@@ -85,7 +85,7 @@ def main() -> None:
     else:
         numbers["explained_pct"] = 100 * fit.explained
         numbers["explained_held_out_pct"] = 100 * fit.explained_held_out
-        numbers["own_direction"] = fit.own
+        numbers["own_direction"] = fit.direction_weight
     with whole_folder(OUT) as folder:
         _save_rule(folder, rule)
         save_table(folder / "film.parquet", film.table, SHOAL)

@@ -26,7 +26,7 @@ from finloop.calibrate.fit import (
 from finloop.calibrate.rule import (
     describe_shortage,
     fit_film_rule,
-    measure_own_steps,
+    measure_steps_without_others,
     simulate_point_fish,
 )
 from finloop.calibrate.settings import CalibrateSettings
@@ -242,7 +242,7 @@ def test_fish_that_are_points_shoal_as_the_film_does():
     half, other = FILM.half_measures(True), FILM.half_measures(False)
     rows, far = FILM.rows_with_whole_steps(p.rows), {}
     for name, zones in (("zones", TRUE), ("alone", NO_ZONES)):
-        steps = measure_own_steps(FILM, rows, zones)
+        steps = measure_steps_without_others(FILM, rows, zones)
         animation = simulate_point_fish(FILM, steps, zones, p, np.random.default_rng(0))
         far[name] = wasserstein_distances(FILM.table, animation)["neighbour_distance"]
         assert animation["wall_distance"].min() > 0
@@ -251,10 +251,10 @@ def test_fish_that_are_points_shoal_as_the_film_does():
 
 
 def test_own_steps_leave_nothing_to_the_company():
-    steps = measure_own_steps(FILM, FILM.rows_with_whole_steps(3000), TRUE)
-    assert steps.onward == pytest.approx(OWN, rel=0.15)
+    steps = measure_steps_without_others(FILM, FILM.rows_with_whole_steps(3000), TRUE)
+    assert steps.turn_per_pull == pytest.approx(OWN, rel=0.15)
     pulls = pull_of_others(FILM.visible_neighbours(FILM.rows_with_whole_steps(3000)), TRUE)
-    whole = measure_own_steps(FILM, FILM.rows_with_whole_steps(3000), NO_ZONES)
+    whole = measure_steps_without_others(FILM, FILM.rows_with_whole_steps(3000), NO_ZONES)
     left, before = (float((one.turn * pulls.conj()).real.mean()) for one in (steps, whole))
     assert before > 0.1 and abs(left) < 0.3 * before
 
@@ -356,7 +356,10 @@ def test_the_verb_returns_the_rule_of_the_stage(tmp_path, monkeypatch):
     rule, stored = finloop.find_zones(table, film), Project().school_rule
     assert (rule.zones, rule.horizon, rule.alike) == (stored.zones, stored.horizon, stored.alike)
     assert rule.steps.move.tolist() == stored.steps.move.tolist()
-    assert (rule.steps.forward, rule.steps.onward) == (stored.steps.forward, stored.steps.onward)
+    assert (rule.steps.move_per_pull, rule.steps.turn_per_pull) == (
+        stored.steps.move_per_pull,
+        stored.steps.turn_per_pull,
+    )
     with pytest.warns(UserWarning, match="Couzin"):
         assert finloop.find_zones(swim(NO_ZONES, fish=1, frames=50), film).zones == COUZIN
     monkeypatch.setattr(CalibrateSettings, "horizon", "auto")

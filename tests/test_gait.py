@@ -16,11 +16,11 @@ from finloop.gait.model import (
     four_key_frames,
     gait_to_record,
     interpolate_contours,
-    key_1_share,
     locate_in_subcycle,
     mirror_contours,
     opposite_limb,
     reversed_order,
+    start_share,
     wavelet_descriptor,
 )
 from finloop.gait.tool import load_gait
@@ -43,7 +43,7 @@ SWIM = Gait("swim", "mirror", 4.0, GAMMA, split=0.2, wavelet="db4")
 @pytest.mark.parametrize("gamma", [-1.0, -0.4, 0.0, 0.8, 1.0])
 def test_clock_goes_from_one_to_zero_and_bends_by_gamma(gamma):
     tau = np.linspace(0, 1, 101)
-    f = key_1_share(tau, gamma)
+    f = start_share(tau, gamma)
     assert (f[0], f[-1]) == (1, 0)
     assert (np.diff(f) <= 1e-15).all()
     np.testing.assert_allclose(f - (1 - tau), -gamma * tau * (1 - tau), atol=1e-15)
@@ -95,7 +95,7 @@ def test_gamma_bends_between_the_keys_and_each_scale_by_its_own():
     source, to = ONE["body"], TWO["body"]
     tau = np.array([0.25, 0.5])
     one = interpolate_contours(source, to, tau, (0.7,), "db4", 4)
-    np.testing.assert_allclose(one, to + key_1_share(tau, 0.7)[:, None, None] * (source - to))
+    np.testing.assert_allclose(one, to + start_share(tau, 0.7)[:, None, None] * (source - to))
     np.testing.assert_allclose(
         interpolate_contours(source, to, tau, (0.7, 0.7), "db4", 4), one, atol=1e-12
     )
@@ -105,7 +105,7 @@ def test_gamma_bends_between_the_keys_and_each_scale_by_its_own():
     )
     way = wavelet_descriptor(source - to, "db4", 4)
     for m, where in enumerate(descriptor_slices(32, 4)):
-        f = key_1_share(tau, gammas[min(m, 2)])  # scales beyond those named go by the last
+        f = start_share(tau, gammas[min(m, 2)])  # scales beyond those named go by the last
         np.testing.assert_allclose(moved[:, where], f[:, None, None] * way[where], atol=1e-12)
 
 

@@ -16,8 +16,8 @@ from finloop.gait.model import (
     contours_at_phases,
     gamma_fraction,
     gamma_from_fractions,
-    key_1_share,
     mirror_contours,
+    start_share,
 )
 
 LIMBS = ("fore_left", "fore_right", "hind_left", "hind_right")
@@ -58,14 +58,14 @@ def test_closed_form_finds_what_made_the_frames_and_is_a_minimum(gamma):
     rng = np.random.default_rng(6)
     source, to = rng.normal(size=(2, 9))
     tau = rng.uniform(size=12)
-    frames = to + key_1_share(tau, gamma)[:, None] * (source - to)
+    frames = to + start_share(tau, gamma)[:, None] * (source - to)
     assert gamma_from_fractions([gamma_fraction(tau, frames, source, to)]) == pytest.approx(
         gamma, abs=1e-12
     )
     noisy = frames + 0.1 * rng.normal(size=frames.shape)
     best = gamma_from_fractions([gamma_fraction(tau, noisy, source, to)])
     error = [
-        float(((noisy - to - key_1_share(tau, g)[:, None] * (source - to)) ** 2).sum())
+        float(((noisy - to - start_share(tau, g)[:, None] * (source - to)) ** 2).sum())
         for g in (best - 1e-3, best, best + 1e-3)
     ]
     assert error[1] < min(error[0], error[2])

@@ -46,7 +46,7 @@ def pull_of(*others, zones=ZONES):
     places = np.array([place for place, _ in others], complex)
     headings = np.exp(1j * np.radians([heading for _, heading in others]))
     return complex(
-        pull_of_others(neighbours_among(np.array(0j), np.array(1 + 0j), (places, headings)), zones)
+        pull_of_others(neighbours_among(np.array(0j), np.array(1 + 0j), places, headings), zones)
     )
 
 
@@ -187,7 +187,7 @@ def test_steps_that_are_alike_are_drawn():
     assert mirrored == pytest.approx(own.move[[3], None].conj())
     many, _ = own.draw_similar_steps(own.wall[[3]], own.last[[3]], 1000, rng)
     assert many.shape == (1, 80)  # no more than there are, and their mirror images
-    again = SocialSteps.from_table(own.to_table(), own.forward, own.onward)
+    again = SocialSteps.from_table(own.to_table(), own.move_per_pull, own.turn_per_pull)
     assert np.array_equal(again.turn, own.turn) and np.array_equal(again.wall, own.wall)
 
 

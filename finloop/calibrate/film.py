@@ -9,7 +9,7 @@ import pandas as pd
 from finloop.base.arrays import Complex, Ints, Mask
 from finloop.base.errors import FinloopError
 from finloop.features.memory import measure_memory_frames
-from finloop.social.measures import frame_slots, measure_group, middle_frame, spread_to_slots
+from finloop.social.measures import FrameSlots, frame_slots, measure_group, middle_frame
 from finloop.social.neighbours import Neighbours, complex_vectors, neighbours_among
 from finloop.social.walls import Walls
 
@@ -23,9 +23,8 @@ class FilmGroup:
 
     Vectors are complex, in body lengths, as in `finloop.social.neighbours`. place, heading, frame
     (n,): of each row. later, earlier (n,): row of the same track `horizon` frames later and
-    earlier, or −1. index (n,): number of the row's frame among the frames with fish. slot (n,):
-    number of the fish in that frame. places, headings (frames, m): NaN for absent fish. table:
-    `measure_group`.
+    earlier, or −1. slots: where each row stands in places, headings (frames, m), which are NaN for
+    absent fish. table: `measure_group`.
     """
 
     place: Complex
@@ -33,8 +32,7 @@ class FilmGroup:
     frame: Ints
     later: Ints
     earlier: Ints
-    index: Ints
-    slot: Ints
+    slots: FrameSlots
     places: Complex
     headings: Complex
     horizon: int
@@ -67,7 +65,7 @@ class FilmGroup:
         the same half. They are evenly spread.
         """
         in_half = self.first_half == first
-        has_others = self.visible_counts[self.index] > 1
+        has_others = self.visible_counts[self.slots.row] > 1
         has_later = (self.later >= 0) & in_half[self.later]
         return _thin_rows(np.flatnonzero(in_half & has_others & has_later), most)
 
@@ -82,11 +80,12 @@ class FilmGroup:
 
     def visible_neighbours(self, rows: Ints) -> Neighbours:
         """Return distances, bearings and headings (k, m) of the fish around k fish (rows)."""
-        frames = self.index[rows]
+        frames = self.slots.row[rows]
         places = self.places[frames]
-        places[np.arange(len(rows)), self.slot[rows]] = np.nan  # no fish is its own neighbour
-        others = places, self.headings[frames]
-        return neighbours_among(self.place[rows, None], self.heading[rows, None], others)
+        places[np.arange(len(rows)), self.slots.fish[rows]] = np.nan  # no fish is its own neighbour
+        return neighbours_among(
+            self.place[rows, None], self.heading[rows, None], places, self.headings[frames]
+        )
 
     def relative_headings(self, rows: Ints) -> Complex:
         """Return how k fish (rows) turn in the time `horizon`: complex unit vectors (k,).
@@ -110,7 +109,7 @@ def build_film_group(
     places_px = features[["x_px", "y_px"]].to_numpy(float)
     headings_deg = features["heading_deg"].to_numpy(float)
     place, heading = complex_vectors(places_px, headings_deg, walls.length)
-    index, slot, shape = frame_slots(frame)
+    slots = frame_slots(frame)
     if horizon == "auto":
         ticks = measure_horizon_frames(heading, track, delta)
     else:
@@ -124,9 +123,8 @@ def build_film_group(
             "take a shorter one, auto, or a film with longer tracks",
         )
     return FilmGroup(
-        place=place, heading=heading, frame=frame, later=later, earlier=earlier, index=index,
-        slot=slot, places=spread_to_slots(place, index, slot, shape),
-        headings=spread_to_slots(heading, index, slot, shape), horizon=ticks, walls=walls,
+        place=place, heading=heading, frame=frame, later=later, earlier=earlier, slots=slots,
+        places=slots.spread(place), headings=slots.spread(heading), horizon=ticks, walls=walls,
         table=measure_group(frame, places_px, headings_deg, walls),
     )  # fmt: skip
 

@@ -18,7 +18,7 @@ are seldom taken. A zone whose weight would be negative is left out.
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -31,22 +31,31 @@ from finloop.social.zones import COUZIN, Zones, weigh_zone_pulls, zone_means
 
 _EQUAL = 1e-12  # share of the residual: of equally good zones the smaller ones are taken
 _ZONES = (1, 2, 3)  # columns of a regression
-_LEAST_OWN = 0.05  # least weight of the own direction after H: weights are divided by it
+_LEAST_DIRECTION = 0.05  # least weight of a fish's own direction: the zones' are divided by it
 
 
 @dataclass(frozen=True)
 class ZoneFit:
     """The zones fitted to a film, and how well they predict the directions of its fish.
 
-    own: weight of a fish's present direction in the regression. explained, explained_held_out:
-    share (at most 1) of the squared error without zones that the zones remove, in the first and in
-    the second half of the film.
+    direction_weight: of a fish's present direction in the regression. explained,
+    explained_held_out: share (at most 1) of the squared error without zones that the zones remove,
+    in the first and in the second half of the film.
     """
 
     zones: Zones
-    own: float
+    direction_weight: float
     explained: float
     explained_held_out: float
+
+
+class _ZoneChoice(NamedTuple):
+    """Radii and blind angle that were tried, their error on held-out data, their pulls (n, 3)."""
+
+    error: float
+    radii: tuple[float, float, float]
+    blind_deg: float
+    pulls: Complex
 
 
 def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
@@ -66,25 +75,23 @@ def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
     blind_angles = [settings.blind_angle_deg]
     if settings.blind_angle_deg == "auto":
         blind_angles = sorted(settings.blind_angles_deg)
-    # The least error so far, and the radii, the blind angle and the pulls that give it.
-    best: tuple[float, tuple[float, float, float], float, Complex] | None = None
+    best: _ZoneChoice | None = None
     for angle in map(float, blind_angles):
         sums = NeighbourSums(seen, all_radii, angle)
         for radii in choices:
             pulls = sums.zone_pulls(radii)
             error = cross_validate(pulls, wall, after, fixed, parts)
-            if best is None or error < best[0] * (1 - _EQUAL):
-                best = error, radii, angle, pulls
+            if best is None or error < best.error * (1 - _EQUAL):
+                best = _ZoneChoice(error, radii, angle, pulls)
     assert best is not None
-    _, radii, blind_deg, pulls = best
-    with_zones, _ = fit_directions(pulls, wall, after, fixed)
-    own = max(float(with_zones[0]), _LEAST_OWN)
-    zones = _weighted_zones(radii, blind_deg, with_zones[1:4] / own, fixed)
+    with_zones, _ = fit_directions(best.pulls, wall, after, fixed)
+    direction_weight = max(float(with_zones[0]), _LEAST_DIRECTION)
+    zones = _weighted_zones(best.radii, best.blind_deg, with_zones[1:4] / direction_weight, fixed)
     without, _ = fit_directions(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
     explained, explained_held_out = (
         _explained_share(film, half, zones, with_zones, without) for half in (rows, held_out)
     )
-    return ZoneFit(zones, own, explained, explained_held_out)
+    return ZoneFit(zones, direction_weight, explained, explained_held_out)
 
 
 def _explained_share(
@@ -112,6 +119,28 @@ def _wall_pull(film: FilmGroup, rows: Ints) -> Complex:
     return film.walls.vectors_from_wall(film.place[rows], film.heading[rows])
 
 
+class _SumsWithin(NamedTuple):
+    """Sums (n, k) of the neighbours' vectors within each of k radii of n fish, and their counts."""
+
+    vectors: Complex
+    counts: Ints
+
+    def ring_mean(self, inner: int | None, outer: int) -> Complex:
+        """Return the mean vector (n,) of the neighbours between two radii; 0 where there is none.
+
+        inner, outer: numbers of the radii; inner None: from the fish itself.
+        """
+        total, count = self.vectors[:, outer], self.counts[:, outer]
+        if inner is not None:
+            total, count = total - self.vectors[:, inner], count - self.counts[:, inner]
+        return np.where(count > 0, total / np.maximum(count, 1), 0)
+
+
+def _sum_within(vectors: Complex, within: Mask) -> _SumsWithin:
+    """Return the sums of vectors (n, m) over k masks of neighbours (n, m, k)."""
+    return _SumsWithin((vectors[..., None] * within).sum(axis=1), within.sum(axis=1))
+
+
 class NeighbourSums:
     """Sums over the neighbours of n fish, from which the pulls of many zones are computed quickly.
 
@@ -123,12 +152,13 @@ class NeighbourSums:
 
         radii: ascending, body lengths; blind_deg: blind angle behind the fish, in degrees.
         """
-        self._radii = {radius: number for number, radius in enumerate(radii)}
+        self._number_of = {radius: number for number, radius in enumerate(radii)}
         sees = seen.bearing.real >= -np.cos(np.radians(blind_deg) / 2)
         within = np.stack([seen.distance < radius for radius in radii], axis=-1)
-        self._near = _sum_within(seen.bearing, within)
-        self._heading = _sum_within(seen.heading, within & sees[..., None])
-        self._bearing = _sum_within(seen.bearing, within & sees[..., None])
+        visible = within & sees[..., None]
+        self._all_bearings = _sum_within(seen.bearing, within)
+        self._headings = _sum_within(seen.heading, visible)
+        self._bearings = _sum_within(seen.bearing, visible)
 
     def zone_pulls(self, radii: tuple[float, float, float]) -> Complex:
         """Return how strongly the neighbours in each of three zones pull, without weights: (n, 3).
@@ -136,32 +166,14 @@ class NeighbourSums:
         radii: outer ones, in body lengths, each one of the listed radii. The pulls equal those of
         `zone_means`.
         """
-        inner, middle, outer = (self._radii[radius] for radius in radii)
-        _vector_sums, near_counts = self._near
-        is_unrepelled = near_counts[:, inner] == 0
+        inner, middle, outer = (self._number_of[radius] for radius in radii)
+        is_unrepelled = self._all_bearings.counts[:, inner] == 0
         pulls = [
-            -_ring_mean(self._near, None, inner),
-            is_unrepelled * _ring_mean(self._heading, inner, middle),
-            is_unrepelled * _ring_mean(self._bearing, middle, outer),
+            -self._all_bearings.ring_mean(None, inner),
+            is_unrepelled * self._headings.ring_mean(inner, middle),
+            is_unrepelled * self._bearings.ring_mean(middle, outer),
         ]
         return np.stack(pulls, axis=-1)
-
-
-def _sum_within(vectors: Complex, within: Any) -> tuple[Complex, Ints]:
-    """Return sums (n, k) of vectors (n, m) over k masks of neighbours (n, m, k), and counts."""
-    return (vectors[..., None] * within).sum(axis=1), within.sum(axis=1)
-
-
-def _ring_mean(sums: tuple[Complex, Ints], inner: int | None, outer: int) -> Complex:
-    """Return the mean vector (n,) of the neighbours between two radii; 0 where there is none.
-
-    sums: sums and counts within each radius. inner, outer: indices of the radii; inner None: from
-    the fish itself.
-    """
-    total, count = (part[:, outer] for part in sums)
-    if inner is not None:
-        total, count = total - sums[0][:, inner], count - sums[1][:, inner]
-    return np.where(count > 0, total / np.maximum(count, 1), 0)
 
 
 class _RegressionSums(NamedTuple):

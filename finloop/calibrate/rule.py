@@ -1,4 +1,4 @@
-"""The rule of a film's fish: zones and own steps; and simulated point fish that swim by it.
+"""The rule by which a film's fish swim together, and simulated point fish that swim by it.
 
 Speeds, turns and chance come from the film, and so does the behaviour near a wall. The zones add
 the response to other fish. A step that leaves the tank is not taken.
@@ -29,7 +29,7 @@ def fit_film_rule(
     """
     fit = None if describe_shortage(film) else fit_zones(film, settings)
     zones = fit.zones if fit else default_zones(settings)
-    steps = measure_own_steps(film, film.rows_with_whole_steps(settings.rows), zones)
+    steps = measure_steps_without_others(film, film.rows_with_whole_steps(settings.rows), zones)
     return SchoolRule(zones, steps, film.horizon, settings.alike), fit
 
 
@@ -49,25 +49,28 @@ def describe_shortage(film: FilmGroup) -> str:
     return f"{lack}; no track has three consecutive frames, so no fish can swim by them"
 
 
-def measure_own_steps(film: FilmGroup, rows: Ints, zones: Zones) -> SocialSteps:
-    """Return the steps of a film's fish without the effect of other fish.
+def measure_steps_without_others(film: FilmGroup, rows: Ints, zones: Zones) -> SocialSteps:
+    """Return the steps of a film's fish in some rows (k,), without the effect of other fish.
 
-    rows (k,): with a row before and one after (`rows_with_whole_steps`). A least-squares fit gives
-    how much a pull of 1 moves and turns a fish: as much as its own direction does.
+    Each row has one of its track `horizon` frames before and after (`rows_with_whole_steps`). A
+    least-squares fit gives how much a pull of 1 moves and turns a fish: as much as its own
+    direction does.
     """
     pulls, heading = pull_of_others(film.visible_neighbours(rows), zones), film.heading[rows]
     move = (film.place[film.later[rows]] - film.place[rows]) * heading.conj()
     before = (film.place[rows] - film.place[film.earlier[rows]]) * heading.conj()
     turn = film.relative_headings(rows)
-    whole_pulls = 1 + pulls  # 1: the own direction, straight on
-    forward, onward = _fit_own_part(move, whole_pulls), _fit_own_part(turn, whole_pulls)
+    whole_pulls = 1 + pulls  # 1: the fish's own direction, straight on
+    move_per_pull = _fit_factor(move, whole_pulls)
+    turn_per_pull = _fit_factor(turn, whole_pulls)
     return SocialSteps(
         wall=film.walls.vectors_from_wall(film.place[rows], heading), last=before,
-        move=move - forward * pulls, turn=turn - onward * pulls, forward=forward, onward=onward,
+        move=move - move_per_pull * pulls, turn=turn - turn_per_pull * pulls,
+        move_per_pull=move_per_pull, turn_per_pull=turn_per_pull,
     )  # fmt: skip
 
 
-def _fit_own_part(vectors: Complex, references: Complex) -> float:
+def _fit_factor(vectors: Complex, references: Complex) -> float:
     """Return the factor a ≥ 0 for which vectors ≈ a · references, (n,) each, by least squares.
 
     It is 0 if all references are 0, or there are none.
@@ -97,7 +100,7 @@ def simulate_point_fish(
         moves, turns = steps.draw_similar_steps(
             walls.vectors_from_wall(place, heading), last * heading.conj(), settings.alike, rng
         )
-        offsets = heading * (moves.T + steps.forward * pulls)
+        offsets = heading * (moves.T + steps.move_per_pull * pulls)
         inside = walls.is_inside(place + offsets)
         chosen = inside.argmax(axis=0)  # the first move inside the tank; without one a fish stays
         target = np.where(inside.any(axis=0), place + offsets[chosen, every_fish], place)

@@ -68,7 +68,9 @@ def choose_held_out_frames(film: GaitContours) -> tuple[str, list[Mask]]:
 def compare_clocks(
     film: GaitContours, *, split: float = 0.25, wavelet: str = "coif2", coarse: int = 4
 ) -> ClockComparison:
-    """Measure how well the four CLOCKS of a gait model predict frames that they were not fitted to.
+    """Return how well a gait predicts frames that it was not fitted to, by each of four CLOCKS.
+
+    A clock says how much of the first key frame is left at each moment between two key frames.
 
     split: phase of key frame 2, in cycles; wavelet, coarse: of the descriptor, and coefficients of
     its coarsest scale. Held-out frames are skipped if the other frames cannot be fitted; if all are
@@ -146,10 +148,10 @@ def _select_frames(film: GaitContours, mask: Mask) -> GaitContours:
 
 
 def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
-    """Return how much of the first key frame is left by the best possible clock: (s,) at tau (s,).
+    """Return the weights (s,) of the first key frame at tau (s,) that fit a film best.
 
-    tau: shares 0-1 of the subcycle's time. The share left falls from 1 to 0, in the way that fits
-    `model.samples` best (isotonic regression), evenly in a subcycle without motion or samples.
+    tau: shares 0-1 of the subcycle's time. The weight may fall from 1 to 0 in any way (isotonic
+    regression of `model.samples`); it falls evenly in a subcycle without motion or samples.
     """
     change = (model.start - model.end).ravel()
     squared_change = float(change @ change)
@@ -168,7 +170,7 @@ def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
 def _errors_by_scale(
     film: GaitContours, table: pd.DataFrame, subcycles: dict[tuple[str, int], Subcycle]
 ) -> pd.DataFrame:
-    """Summarise squared errors by wavelet scale: the table `ClockComparison.by_scale`.
+    """Return the table `ClockComparison.by_scale`: errors with and without γ by wavelet scale.
 
     table: columns of _KEYS, `frames`, and by clock the squared error summed over them, divided by
     the number of points. subcycles: those fitted to all frames, by contour id and 0 for A, 1 for B.

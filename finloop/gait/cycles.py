@@ -24,7 +24,7 @@ from finloop.gait.period import Period, fill_gaps, find_period, require_periodic
 OUTLINE = "outline"
 FOOT = 16  # the lowest 1/FOOT of a limb's contour is its foot
 REACH = 0.06  # cycles: half width of the search for key 1
-STEPS = 61
+STEPS = 61  # of that search, 0.002 cycles apart
 
 
 def swimmer_gait_contours(swim: TrackContours) -> GaitContours:
@@ -99,7 +99,7 @@ def foot_positions(limbs: Mapping[str, Floats]) -> Floats:
 
 
 def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
-    """Shift and stretch the phase (frames,) so that the feet turn round at the key frames.
+    """Return the phase (frames,), shifted and stretched so that feet turn round at key frames.
 
     phase: in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key frame 2.
     Least squares over the shift, at most about REACH, and the stretch. Frames with NaN are not
@@ -117,7 +117,7 @@ def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
         changed = fitted_phase - shift + stretch * (fitted_phase - middle)
         return _parabola_fit_error(changed, centred_x, split)
 
-    shifts = np.linspace(-REACH, REACH, STEPS)  # 0.002 cycles apart
+    shifts = np.linspace(-REACH, REACH, STEPS)
     errors = [squared_error(np.array([shift, 0.0])) for shift in shifts]
     best_shift = float(shifts[np.argmin(errors)])
     shift, stretch = scipy.optimize.minimize(

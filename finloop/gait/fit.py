@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from finloop.base.arrays import Ints, Points
+from finloop.base.arrays import Ints, Mask, Points
 from finloop.base.errors import FinloopError
 from finloop.gait.model import (
     POOLED,
@@ -24,15 +24,16 @@ from finloop.gait.model import (
     descriptor_slices,
     gamma_fraction,
     gamma_from_fractions,
-    key_1_share,
     locate_in_subcycle,
     opposite_limb,
+    start_share,
     wavelet_descriptor,
 )
 
 WIDEST = 0.125
 """Cycles: largest distance in phase of a frame that stands in for a key, or one frame if longer."""
 Gammas = dict[str, dict[str, tuple[float, ...]]]
+"""Gait parameters γ by contour id, then by "A" and "B": one per wavelet scale, or one for all."""
 LEAST = 2  # fewest frames between the keys of a subcycle
 ROUNDS = 3
 """Rounds of `fit_key_frames`. They bring γ of the drawn dog within 6 % at any frame rate, from
@@ -133,12 +134,10 @@ def partner_offsets(film: GaitContours) -> dict[str, Points]:
 
 
 def interpolate_key_frames(film: GaitContours, split: float) -> KeyFrames:
-    """Interpolate the gait's key frames 1, 2 and 1' from the film's frames nearest in phase.
+    """Return the gait's key frames 1, 2 and 1', interpolated from the frames nearest in phase.
 
-    split: phase of key 2, in cycles. All cycles and both halves count. A frame's weight falls
-    linearly to 0 at one frame's step of phase from the key. Where frames are missing, the distance
-    at which it is 0 doubles, up to WIDEST cycles. FinloopError if a contour is missing in every
-    frame near a key; the message names all such contours.
+    split: phase of key 2, in cycles. All cycles and both halves count. FinloopError if a contour is
+    missing in every frame near a key; the message names all such contours.
     """
     later = film.contours_half_cycle_later(film.contours)
     step = float(np.median(np.diff(film.phase)))
@@ -151,12 +150,8 @@ def interpolate_key_frames(film: GaitContours, split: float) -> KeyFrames:
         key = dict[str, Points]()
         for name, points in film.contours.items():
             poses = np.where(in_first_half, points, later[name])
-            shown = np.isfinite(poses).all(axis=(1, 2))
-            width = step
-            weight = np.clip(1 - distance / width, 0, None) * shown
-            while not weight.any() and width < WIDEST:
-                width = min(2 * width, WIDEST)
-                weight = np.clip(1 - distance / width, 0, None) * shown
+            shown = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
+            weight = _weights_near_key(distance, shown, step)
             if weight.any():
                 key[name] = np.tensordot(weight[shown] / weight.sum(), poses[shown], axes=1)
             else:
@@ -169,6 +164,18 @@ def interpolate_key_frames(film: GaitContours, split: float) -> KeyFrames:
             "use more cycles, or omit the contours that the film does not show",
         )
     return KeyFrames(keys[0], keys[1], film.contours_half_cycle_later(keys[0]))
+
+
+def _weights_near_key(distance: Points, shown: Mask, width: float) -> Points:
+    """Return the weights (frames,) of frames in a key: 1 at the key, linearly to 0 at `width`.
+
+    distance (frames,): from the key, in cycles, as `width` is; shown: which frames count. Where all
+    weights are 0 the width doubles, up to WIDEST.
+    """
+    weight = np.clip(1 - distance / width, 0, None) * shown
+    if weight.any() or width >= WIDEST:
+        return weight
+    return _weights_near_key(distance, shown, min(2 * width, WIDEST))
 
 
 @dataclass(frozen=True)
@@ -245,7 +252,7 @@ class Subcycle:
 
         gamma: (n,), one for each coefficient, or (1,) for all.
         """
-        return self.end + key_1_share(tau[:, None], gamma)[..., None] * (self.start - self.end)
+        return self.end + start_share(tau[:, None], gamma)[..., None] * (self.start - self.end)
 
 
 def build_subcycles(
@@ -358,7 +365,7 @@ def _fit_smooth_contours(
 
 
 def _evaluate_two_cubics(tau: Points) -> Points:
-    """Evaluate two cubics that are 0 at τ = 0 and 1: return their values (s, 2) at tau (s,)."""
+    """Return the values (s, 2), at tau (s,), of two cubics that are 0 at τ = 0 and 1."""
     bow = tau * (1 - tau)
     return np.column_stack([bow, bow * (1 - 2 * tau)])
 

@@ -26,8 +26,20 @@ FLAT = 0.01  # least height of a limb, as a share of its greatest height
 SOLE = 0.03  # share of a limb's height that touches the ground
 
 Support = Mapping[str, tuple[tuple[float, float], ...]]
-Paths = dict[str, list[tuple[Ints, Points]]]
-"""By id: for each support its frames, and the foot's displacement at each frame."""
+
+
+class FootPath(NamedTuple):
+    """How a foot moves during one time on the ground.
+
+    frames (k,): numbers of the frames; displacement (k,): of the foot in x, drawing units.
+    """
+
+    frames: Ints
+    displacement: Points
+
+
+Paths = dict[str, list[FootPath]]
+"""By id of a limb: a path for each of its times on the ground in a cycle."""
 
 
 class Ground(NamedTuple):
@@ -65,7 +77,7 @@ def measure_ground(limbs: Mapping[str, Points], support: Support) -> Ground:
 
 
 def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Points]:
-    """Shear limbs so that feet on the ground do not slide on it, and no foot is below it.
+    """Return limbs, sheared so that feet on the ground do not slide on it, and none is below it.
 
     limbs: contours (frames, n, 2) of one cycle by id; support: spans of phase on the ground by id.
     While a foot is lifted, the correction changes smoothly from one span to the next. Ids outside
@@ -115,7 +127,9 @@ def _foot_paths(limbs: Mapping[str, Points], support: Support) -> Paths:
     paths: Paths = {}
     for name, stack in limbs.items():
         if runs := support_frames(support.get(name, ()), len(stack)):
-            paths[name] = [(run, foot_displacement(stack[run % len(stack)])) for run in runs]
+            paths[name] = [
+                FootPath(run, foot_displacement(stack[run % len(stack)])) for run in runs
+            ]
     return paths
 
 
@@ -125,27 +139,24 @@ def _fit_ground(paths: Paths) -> Ground:
     The speed is the common slope of straight lines through the paths (least squares); 0 without.
     """
     time_squares, products = [], []
-    for supports in paths.values():
-        for frames, displacement in supports:
-            time = frames - frames.mean()
+    for paths_of_foot in paths.values():
+        for path in paths_of_foot:
+            time = path.frames - path.frames.mean()
             time_squares.append(float(time @ time))
-            products.append(float(time @ (displacement - displacement.mean())))
+            products.append(float(time @ (path.displacement - path.displacement.mean())))
     speed = sum(products) / sum(time_squares) if any(time_squares) else 0.0
-    slide = {}
-    for name, supports in paths.items():
-        slides = [float(np.ptp(moved - speed * frames)) for frames, moved in supports]
-        slide[name] = max(slides)
+    slide = {
+        name: max(float(np.ptp(path.displacement - speed * path.frames)) for path in paths_of_foot)
+        for name, paths_of_foot in paths.items()
+    }
     return Ground(speed, slide)
 
 
-def _shear_limb(
-    name: str, contours: Points, foot_paths: list[tuple[Ints, Points]], speed: float
-) -> Points:
+def _shear_limb(name: str, contours: Points, foot_paths: list[FootPath], speed: float) -> Points:
     """Return a limb's contours (frames, n, 2), sheared so that its foot moves with the ground.
 
-    name: of the limb, for messages; foot_paths: the frames of each span on the ground and the
-    foot's displacement in them; speed: of the ground, drawing units a frame. FinloopError if the
-    limb has no height.
+    name: of the limb, for messages; foot_paths: of each time on the ground; speed: of the ground,
+    drawing units a frame. FinloopError if the limb has no height.
     """
     frames = len(contours)
     top, low = contours[..., 1].min(axis=1), contours[..., 1].max(axis=1)
@@ -153,12 +164,12 @@ def _shear_limb(
         raise FinloopError(
             f"the limb {name!r} has no height", "a limb that stands on its foot", "draw it upright"
         )
-    standing = np.concatenate([run for run, _ in foot_paths]) % frames
+    standing = np.concatenate([path.frames for path in foot_paths]) % frames
     ground_y = float(np.median(low[standing]))
     foot_shift = np.full((frames, 2), np.nan)
-    for run, displacement in foot_paths:
-        frame, slid = run % frames, displacement - speed * run
-        foot_shift[frame] = np.stack([slid.mean() - slid, ground_y - low[frame]], axis=1)
+    for path in foot_paths:
+        frame, slide = path.frames % frames, path.displacement - speed * path.frames
+        foot_shift[frame] = np.stack([slide.mean() - slide, ground_y - low[frame]], axis=1)
     foot_shift = _fill_shifts(foot_shift)
     foot_shift[:, 1] = np.minimum(foot_shift[:, 1], ground_y - low)  # never below the ground
     # 0 at the top of the limb, 1 in the whole foot, which keeps its shape
@@ -167,7 +178,7 @@ def _shear_limb(
 
 
 def _fill_shifts(shift: Points) -> Points:
-    """Replace the missing shifts (NaN) of a repeating cycle (frames, 2) by a smooth transition."""
+    """Return the shifts of a repeating cycle (frames, 2), smooth where they were missing (NaN)."""
     frames, known = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
     filled = shift.copy()
     following = np.append(known[1:], known[0] + frames)  # the first one again, a cycle later

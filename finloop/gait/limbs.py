@@ -133,10 +133,10 @@ def limb_contours(
 
 
 def match_contours(regions: Sequence[Region], n: int) -> Floats:
-    """Renumber the contours of all frames so that point i is the same place of the limb in each.
+    """Return a limb's contours (frames, n, 2), px; point i is the same place of the limb in each.
 
-    Return (frames, n, 2), px; NaN where a frame has no contour. Points lie at equal distances along
-    a contour. Each contour starts where, turned and moved, it fits the mean shape best: the
+    regions: one for each frame; NaN where a frame has no contour. Points lie at equal distances
+    along a contour. Each contour starts where, turned and moved, it fits the mean shape best: the
     greatest |Σ a̅ b| of centred contours a, b as complex numbers x + iy, by FFT. The start may lie
     between two points. Point 0 is the uppermost of the mean shape: the hip or the shoulder.
     """
@@ -167,7 +167,7 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
 
 
 def smooth_track(track: Floats, window: float | None) -> Floats:
-    """Smooth a track (frames, k) by the mean over `window` frames; None = a straight line.
+    """Return a track (frames, k), smoothed by the mean over `window` frames; None = a line.
 
     Within half a window of the ends, the means continue in a straight line. A track shorter than
     two windows becomes one straight line.
@@ -216,17 +216,9 @@ def _check_missing_regions(regions: Mapping[str, Sequence[Region]], first: int) 
         if sum(isinstance(region, Curve) for region in frames) >= LEAST_SHARE * len(frames)
     }
     for name, frames in regions.items():
-        gaps = []
-        for why in (MISSING, EMPTY, BORDER):
-            numbers = [
-                number
-                for number, region in enumerate(frames, first)
-                if isinstance(region, str) and region == why
-            ]
-            if numbers:
-                gaps.append(f"{_format_frame_numbers(numbers)}: {why}")
+        gaps = _describe_gaps(frames, first)
         if name not in usual_names:
-            wrong.append(f"{name!r} in frames {'; '.join(gaps)}")
+            wrong.append(f"{name!r} in frames {gaps}")
             hints += difflib.get_close_matches(name, sorted(usual_names), n=1, cutoff=0.8)
             continue
         if name != BODY and "left" not in name and "right" not in name:
@@ -235,7 +227,7 @@ def _check_missing_regions(regions: Mapping[str, Sequence[Region]], first: int) 
                 " the cycle"
             )
         if gaps:
-            notes.append(f"{name} is left out of frames {'; '.join(gaps)}")
+            notes.append(f"{name} is left out of frames {gaps}")
         area = np.abs(
             [signed_area(region) if isinstance(region, Curve) else np.nan for region in frames]
         )
@@ -254,6 +246,23 @@ def _check_missing_regions(regions: Mapping[str, Sequence[Region]], first: int) 
             " other frames, or omit it in all",
         )
     return tuple(notes)
+
+
+def _describe_gaps(regions: Sequence[Region], first: int) -> str:
+    """Return which frames have no contour, and why: "3-7: empty; 9: not there".
+
+    regions: of one limb, one for each frame; first: number of the first frame.
+    """
+    gaps = []
+    for why in (MISSING, EMPTY, BORDER):
+        numbers = [
+            number
+            for number, region in enumerate(regions, first)
+            if isinstance(region, str) and region == why
+        ]
+        if numbers:
+            gaps.append(f"{_format_frame_numbers(numbers)}: {why}")
+    return "; ".join(gaps)
 
 
 def _format_frame_numbers(numbers: Sequence[int]) -> str:

@@ -1,4 +1,4 @@
-"""A gait: two key frames and a clock give the whole cycle (curve paper §4.2, Figs. 9, 12–14).
+"""A gait: two key frames, and how unevenly time passes, give a cycle (curve paper §4.2, Fig. 9).
 
 Glossary: *phase* 0…1 of a cycle; *keys* 1, 2, 1', 2' at phases 0, s, ½, ½ + s with s the *split*;
 *subcycles* A 1→2, B 2→1', C 1'→2', D 2'→1; *tau* 0…1 evenly within one; γ bends the clock f;
@@ -16,7 +16,7 @@ It is linear in γ, so least squares over frames y has a closed form:
 
 The second half repeats the first by symmetry. "swap", an animal from the side: 1' is 1 with the
 left and right limbs exchanged. "mirror", a fish from above: 1' is 1 reflected in the axis of the
-body, left and right parts exchanged too. So C is the partner's A, D is the partner's B, and γ
+body, with left and right parts exchanged, too. So C is the partner's A, D is the partner's B, and γ
 belongs to A and B alone.
 """
 
@@ -44,7 +44,8 @@ Symmetry = Literal["swap", "mirror"]
 SYMMETRIES: tuple[Symmetry, ...] = ("swap", "mirror")
 SUBCYCLES = ("A", "B", "C", "D")
 POOLED = "*"  # the id whose γ holds for contours that a gait does not name
-DECIMALS = 6  # of a gait's record
+DECIMALS = 6  # of a gait's record: far below what a film shows
+# For errors about a gait's record: what is wanted, and what to do.
 WANTED = "a gait as the stage `gait` writes it"
 DO = "correct it by the examples in data/gaits/, or fit a gait: dvc repro gait"
 
@@ -134,19 +135,19 @@ def _round_floats(content: Any) -> Any:
         return {key: _round_floats(item) for key, item in content.items()}
     if isinstance(content, list | tuple):
         return [_round_floats(item) for item in content]
-    # + 0.0 makes -0.0 to 0.0
+    # + 0.0 turns -0.0 into 0.0
     return round(float(content), DECIMALS) + 0.0 if isinstance(content, float) else content
 
 
 # --- the clock of a subcycle (Fig. 11)
 
 
-def key_1_share(tau: Points, gamma: float | Points) -> Points:
-    """Return the share of a subcycle's first key frame at tau (§4.2): f(τ) = 1 − (1 + γ)τ + γτ².
+def start_share(tau: Points, gamma: float | Points) -> Points:
+    """Return the weight of a subcycle's first key frame at tau (§4.2): f(τ) = 1 − (1 + γ)τ + γτ².
 
-    The second key frame has the rest. tau: shares 0-1 of the subcycle's time. f falls from 1 at
-    τ = 0 to 0 at τ = 1, evenly if γ = 0. It is monotone if |γ| ≤ 1: slow at its start for γ = −1,
-    at its end for γ = 1.
+    The second key frame has the rest. tau: shares 0-1 of the subcycle's time; gamma: the gait
+    parameter γ. f falls from 1 at τ = 0 to 0 at τ = 1, evenly if γ = 0. It is monotone if |γ| ≤ 1:
+    slow at its start for γ = −1, at its end for γ = 1.
     """
     return 1 - (1 + gamma) * tau + gamma * tau**2
 
@@ -158,7 +159,7 @@ def gamma_fraction(tau: Points, frames: Points, start: Points, end: Points) -> t
     coordinates of the key frames at both ends. Formula: see the top of `gait.model`.
     """
     change = start - end
-    bow = tau * (1 - tau)
+    bow = tau * (1 - tau)  # the part of f(τ) that γ scales
     off_linear = (frames - end) @ change - (1 - tau) * float(change @ change)
     return -float(bow @ off_linear), float(bow @ bow) * float(change @ change)
 
@@ -182,8 +183,7 @@ def _count_halvings(n: int, coarse: int, closed: bool) -> int:
     n: points of the contour, counted after mirroring if it is open (not closed); then 2 `coarse`
     are left.
     """
-    # `count_halvings` refuses a single point, so 2 `coarse` are halved once more.
-    halvings = count_halvings(n) - (count_halvings(2 * coarse) - 1)
+    halvings = count_halvings(n) - (coarse.bit_length() - 1)  # log₂ n − log₂ coarse
     return max(0, halvings if closed else halvings - 1)
 
 
@@ -243,21 +243,21 @@ def interpolate_contours(
     """Return the contours (frames, n, 2) between two key frames (n, 2) of a subcycle.
 
     tau (frames,): 0 at `start`, 1 at `end`. A contour is end + f(τ) (start − end), f =
-    `key_1_share`. gamma: one γ per wavelet scale, coarse to fine, or a single one; wavelet: of the
+    `start_share`. gamma: one γ per wavelet scale, coarse to fine, or a single one; wavelet: of the
     descriptor; coarse: coefficients of its coarsest scale; closed: whether the contours are closed.
     """
     if len(gamma) == 1:  # All coefficients, and so all points, move alike: no transform is needed.
-        return end + key_1_share(tau, gamma[0])[:, None, None] * (start - end)
+        return end + start_share(tau, gamma[0])[:, None, None] * (start - end)
     difference = wavelet_descriptor(start - end, wavelet, coarse, closed)
     gammas = gamma_per_coefficient(gamma, len(difference), coarse, closed)
-    shares = key_1_share(tau[:, None], gammas)[..., None]
+    shares = start_share(tau[:, None], gammas)[..., None]
     return end + contour_from_descriptor(shares * difference, len(end), wavelet, coarse, closed)
 
 
 def _reduce_control_points(
     points: Points, control: int, wavelet: str, closed: bool = True
 ) -> Points:
-    """Rebuild contours (…, n, 2) from only `control` control points each (Fig. 14).
+    """Return contours (…, n, 2) rebuilt from only `control` control points each (Fig. 14).
 
     wavelet: of the transform; closed: whether the contours are closed. FinloopError if `control` is
     no power of two, or exceeds the number of points.
@@ -266,8 +266,7 @@ def _reduce_control_points(
         raise FinloopError(
             f"{control} control points", "a power of two", "set 4, 16 or 64 control points"
         )
-    # `count_halvings` refuses a single point, so 2 `control` are halved once more.
-    level = count_halvings(points.shape[-2]) - (count_halvings(2 * control) - 1)
+    level = count_halvings(points.shape[-2]) - (control.bit_length() - 1)
     if level < 0:
         raise FinloopError(
             f"{control} control points for contours of {points.shape[-2]} points",
@@ -459,8 +458,8 @@ def contours_at_phases(
         if control is not None:
             poses = _reduce_control_points(poses, control, gait.wavelet, is_closed)
         first_half[name] = poses
-    # C and D are images of A and B, not computed again: reversed numbering changes the descriptor
-    # a little.
+    # C and D are the symmetric images of A and B. Computed anew they would differ a little, as the
+    # descriptor depends on where a contour begins.
     later = contours_half_cycle_later(first_half, gait.symmetry, layout)
     in_first_half = (phases < 0.5)[:, None, None]
     return {name: np.where(in_first_half, poses, later[name]) for name, poses in first_half.items()}

@@ -10,6 +10,7 @@ Glossary: *share* the part of the variance in a window that its sinusoid explain
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -52,16 +53,14 @@ def find_period(
     signal: Floats,
     frame_rate_hz: float,
     extreme: Floats | None = None,
-    slowest_hz: float = 0.0,
-    fastest_hz: float = np.inf,
 ) -> Period:
     """Find the frequency and phase of a motion that repeats, from coordinates (frames, k).
 
     signal: NaN where missing. extreme (frames,): phase 0 is where its main wave is greatest; by
-    default the strongest mode, signed so that its largest coordinate is positive. slowest_hz,
-    fastest_hz: bounds of the search, limited to one cycle in the film and to 0.4 of the frame rate.
-    FinloopError if the signal is not (frames, k), has no complete row, or the rate is not positive.
-    A motion that does not repeat is no error: see `Period.why` and `require_periodic`.
+    default the strongest mode, signed so that its largest coordinate is positive. The search goes
+    from one cycle in the film to _FASTEST. FinloopError if the signal is not (frames, k), has no
+    complete row, or the rate is not positive. A motion that does not repeat is no error: see
+    `Period.why` and `require_periodic`.
     """
     signal = np.asarray(signal, np.float64)
     if signal.ndim != 2 or not np.isfinite(signal).all(axis=1).any():
@@ -82,16 +81,10 @@ def find_period(
     modes = _principal_modes(fill_gaps(np.where(complete_rows[:, None], signal, np.nan)))
     if not modes.size:
         return _no_period(frames, "nothing moves")
-    low = max(frame_rate_hz / frames, slowest_hz)
-    high = min(_FASTEST * frame_rate_hz, fastest_hz)
-    if high <= low:
-        share_of_cycle = frames * high / frame_rate_hz
-        return _no_period(
-            frames, f"{frames} frames hold {share_of_cycle:.1g} of a cycle of at most {high:.3g} Hz"
-        )
-    count = max(3, int(np.ceil(np.log(high / low) / np.log(_STEP))))
-    grid = np.geomspace(low, high, count) / frame_rate_hz  # cycles a frame
-    shares = np.stack([_fit_sinusoids(modes, frequency)[0] for frequency in grid])
+    slowest_hz, fastest_hz = frame_rate_hz / frames, _FASTEST * frame_rate_hz
+    count = max(3, int(np.ceil(np.log(fastest_hz / slowest_hz) / np.log(_STEP))))
+    grid = np.geomspace(slowest_hz, fastest_hz, count) / frame_rate_hz  # cycles a frame
+    shares = np.stack([_fit_sinusoids(modes, frequency).share for frequency in grid])
     path = _best_frequency_path(shares, grid)
     phase = _phase_of_frequency_path(modes, shares, path, grid)
     explained_share = shares[path, np.arange(frames)]
@@ -127,9 +120,9 @@ def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: 
 
 
 def set_phase_zero(period: Period, extreme: Floats) -> Period:
-    """Shift the phase so that it is 0 where the main wave of a signal (frames,) is greatest.
+    """Return a period with its phase shifted: 0 is where a signal's main wave is greatest.
 
-    period: whose phase is shifted; extreme (frames,): the signal.
+    extreme (frames,): the signal.
     """
     frames = period.steady & np.isfinite(extreme)
     terms = _harmonic_terms(period.phase[frames], 1)
@@ -139,7 +132,7 @@ def set_phase_zero(period: Period, extreme: Floats) -> Period:
 
 
 def require_periodic(beat: Period, name: str) -> Period:
-    """Return the period unchanged; FinloopError if the motion does not repeat.
+    """Return a period (`beat`) unchanged; FinloopError if the motion does not repeat.
 
     name: what moves, for the message.
     """
@@ -160,19 +153,19 @@ def _no_period(frames: int, why: str) -> Period:
 
 
 def fill_gaps(signal: Floats) -> Floats:
-    """Replace NaN in a signal (frames, k) by linear interpolation in each column.
+    """Return a signal (frames, k) with NaN replaced by linear interpolation in each column.
 
     FinloopError if a column is all NaN.
     """
-    time, out = np.arange(len(signal)), signal.copy()
-    for column in out.T:
+    time, filled = np.arange(len(signal)), signal.copy()
+    for column in filled.T:  # views
         finite = np.isfinite(column)
         if not finite.any():
             raise FinloopError(
                 "a limb that no frame shows", "each limb in half of the frames", "omit the limb"
             )
         column[:] = np.interp(time, time[finite], column[finite])
-    return out
+    return filled
 
 
 def _principal_modes(signal: Floats) -> Floats:
@@ -204,13 +197,13 @@ def _find_steady_runs(good: Mask, phase: Floats) -> Mask:
 
 
 def remove_beat(values: Floats, phase: Floats) -> Floats:
-    """Remove from values (frames, k) what repeats with the tail beat; keep turns and drift.
+    """Return values (frames, k) without what repeats with the tail beat; turns and drift stay.
 
     phase (frames,): of the beat, in cycles. At every frame a straight line plus a sinusoid of the
     beat is fitted over the cycle and a half about it (at both ends over the first or last such
     window), and the line's value is kept.
     """
-    out = np.empty_like(values)
+    smooth = np.empty_like(values)
     span = 2 * _HALF_WINDOW
     low, high = phase.min(), phase.max()
     for t, moment in enumerate(phase):
@@ -218,8 +211,8 @@ def remove_beat(values: Floats, phase: Floats) -> Floats:
         near = np.flatnonzero((phase >= start) & (phase <= start + span))
         turn = 2 * np.pi * phase[near]
         terms = np.stack([np.ones(len(near)), near - t, np.cos(turn), np.sin(turn)], axis=1)
-        out[t] = np.linalg.lstsq(terms, values[near], rcond=None)[0][0]
-    return out
+        smooth[t] = np.linalg.lstsq(terms, values[near], rcond=None)[0][0]
+    return smooth
 
 
 def _harmonic_terms(phase: Floats, count: int) -> Floats:
@@ -268,13 +261,24 @@ def _explain_missing_period(modes: Floats, share: Floats, why: str) -> str:
 # --- the frequency and phase of every frame
 
 
-def _fit_sinusoids(modes: Floats, frequency: float) -> tuple[Floats, Complex, Floats]:
+class _SinusoidFit(NamedTuple):
+    """A sinusoid of one frequency, fitted to a window of the modes about every frame.
+
+    share (frames,): of the variance that it explains, 0-1; amplitude (frames, modes): complex, in
+    the middle of the window; offset (frames,): of the frame from that middle, in frames.
+    """
+
+    share: Floats
+    amplitude: Complex
+    offset: Floats
+
+
+def _fit_sinusoids(modes: Floats, frequency: float) -> _SinusoidFit:
     """Fit a sinusoid of `frequency` (cycles a frame) to the modes in a window about every frame.
 
-    Least squares with a sine-shaped weight, together with a straight line (a turn, a drift). The
-    first and last frames share the first and last whole window. Return the explained
-    share (frames,), the amplitude in the middle of the window (frames, modes), and the distance of
-    the frame from that middle (frames,).
+    modes (frames, m): scores of the principal modes. Least squares with a sine-shaped weight,
+    together with a straight line (a turn, a drift). The first and last frames share the first and
+    last whole window.
     """
     frames = len(modes)
     n = min(frames, max(LEAST_FRAMES, round(_CYCLES / frequency)))
@@ -299,7 +303,7 @@ def _fit_sinusoids(modes: Floats, frequency: float) -> tuple[Floats, Complex, Fl
     start = np.clip(np.arange(frames) - n // 2, 0, frames - n)
     offset = (np.arange(frames) - start - (n - 1) / 2).astype(np.float64)
     share: Floats = (np.maximum(without_noise, 0) / (total + least_variance))[start]
-    return share, (cos - 1j * sin)[start], offset
+    return _SinusoidFit(share, (cos - 1j * sin)[start], offset)
 
 
 def _best_frequency_path(share: Floats, grid: Floats) -> NDArray[np.intp]:
@@ -347,9 +351,9 @@ def _phase_of_frequency_path(
     amplitudes = np.empty(modes.shape, np.complex128)
     for index in np.unique(path):
         frames_there = path == index
-        _, amplitude, frame_offset = _fit_sinusoids(modes, grid[index])
-        turn = np.exp(2j * np.pi * frequency[frames_there] * frame_offset[frames_there])
-        amplitudes[frames_there] = amplitude[frames_there] * turn[:, None]
+        fit = _fit_sinusoids(modes, grid[index])
+        turn = np.exp(2j * np.pi * frequency[frames_there] * fit.offset[frames_there])
+        amplitudes[frames_there] = fit.amplitude[frames_there] * turn[:, None]
     pattern = np.linalg.svd(amplitudes, full_matrices=False)[2][0]
     angle = np.angle(amplitudes @ pattern.conj()) / (2 * np.pi)
     # Unwrapped about the phase that the frequencies predict, so that every step has the right sign.

@@ -32,7 +32,7 @@ from finloop.gait.model import (
 )
 from finloop.morph.layers import build_morph, check_pairs, check_sizes, fit_drawing
 
-UPRIGHT = 0.02
+UPRIGHT = 0.02  # weight of the likeness without a turn
 FINE = 8  # start points tried between two points of a contour
 LEAST_FRAMES = 4  # one per key
 LIFT = 0.02  # least height of a lifted foot, as a share of the limb's height
@@ -180,7 +180,7 @@ def _ground_in_widths(limbs: dict[str, Points], support: Support, width: float) 
 def match_key_poses(
     key1: Drawing, key2: Drawing, symmetry: Symmetry, points: int
 ) -> tuple[dict[str, Points], dict[str, Points]]:
-    """Resample both key poses so that equal rows are the same place: contours (points, 2) by id.
+    """Return both key poses as contours (points, 2) by id; equal rows are the same place.
 
     If the symmetry is "swap", the rows of left and right limbs correspond too: the first limb of
     the pair in the drawing numbers all four contours. points: of every contour. FinloopError if a
@@ -196,19 +196,19 @@ def match_key_poses(
                 "contours that are closed in every pose, left and right, or open in every pose",
                 "close all of them, or none",
             )
-        model = first.get(twin, resample_curve(orient_clockwise(curve), points).points)
-        first[name] = renumber_curve(model, curve) if twin in first else model
-        second[name] = renumber_curve(model, key2.curves[name])
+        reference = first.get(twin, resample_curve(orient_clockwise(curve), points).points)
+        first[name] = renumber_curve(reference, curve) if twin in first else reference
+        second[name] = renumber_curve(reference, key2.curves[name])
     return first, second
 
 
-def renumber_curve(model: Points, curve: Curve) -> Points:
-    """Resample a curve to n points (n, 2), numbered so that they match `model` (n, 2) best.
+def renumber_curve(reference: Points, curve: Curve) -> Points:
+    """Return a curve as n points (n, 2), numbered so that they match `reference` (n, 2) best.
 
     A closed curve may start between two points (FINE starts are tried a step): an error of half a
     step would make feet slide. An open curve may be reversed.
     """
-    a, n = _centred_complex_points(model), len(model)
+    a, n = _centred_complex_points(reference), len(reference)
     if not curve.closed:
         points = resample_curve(curve, n).points
         forwards, backwards = (
@@ -218,7 +218,7 @@ def renumber_curve(model: Points, curve: Curve) -> Points:
         return points if forwards >= backwards else points[::-1]
     points = resample_curve(orient_clockwise(curve), n * FINE).points
     numberings = [points[start::FINE] for start in range(FINE)]
-    # Entry s is Σ a_(i+s) conj(b_i): point 0 of the curve goes to point s of the model.
+    # Entry s is Σ a_(i+s) conj(b_i): point 0 of the curve goes to point s of the reference.
     b = np.stack([_centred_complex_points(numbered) for numbered in numberings])
     likeness = _contour_likeness(np.fft.ifft(np.fft.fft(a) * np.fft.fft(b).conj()))
     start, shift = np.unravel_index(int(likeness.argmax()), likeness.shape)

@@ -13,7 +13,7 @@ from finloop.base.parallel import Workers, ordered_map
 from finloop.distance.picture import SPAN, paired_distances
 from finloop.jumps.signature import Pictures, RowSource, split_into_blocks
 from finloop.puppet import draw_in_pose
-from finloop.puppet.lay import PictureSet, distances_in_pose, nearest_in_pose
+from finloop.puppet.lay import CandidatePairs, PictureSet, distances_in_pose, nearest_in_pose
 
 _LOT = 1000  # pictures at a time
 
@@ -74,7 +74,7 @@ class VisibleDistance:
         rows, to = (neighbours[name].to_numpy(np.int64) for name in ("row", "to"))
         mirrored, far = neighbours["mirrored"].to_numpy(bool), neighbours["far"].to_numpy(float)
         film = PictureSet(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
-        steps = nearest_in_pose(film, rows, (to, mirrored, far), self.natural, count)
+        steps = nearest_in_pose(film, CandidatePairs(rows, to, mirrored, far), self.natural, count)
         return np.where(steps < 0, np.inf, steps / self.natural)
 
 

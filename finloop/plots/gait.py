@@ -16,7 +16,7 @@ from finloop.gait.model import (
     HalfCycleLayout,
     contours_at_phases,
     four_key_frames,
-    key_1_share,
+    start_share,
 )
 
 INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -182,7 +182,7 @@ def _figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
             remaining = (samples.coefficients - subcycle.end).reshape(len(samples.tau), -1)
             share = remaining @ change / max(float(change @ change), 1e-300)  # not 0 / 0 at rest
             gamma = subcycle.fit_gammas(per_scale=False, least_motion=0.0)[0]
-            ax.plot(tau, key_1_share(tau, np.array(gamma)), color=ink, lw=1.2)
+            ax.plot(tau, start_share(tau, np.array(gamma)), color=ink, lw=1.2)
             ax.plot(
                 samples.tau, share, mark, color=ink, ms=4.5, mfc="none",
                 label=f"{letter}: γ = {gamma:+.2f}",

@@ -1,4 +1,7 @@
-"""Kernels that lay a strip of film along another backbone, and compare the pictures (Eq. 5)."""
+"""Kernels that draw a strip of film along another backbone, and compare the pictures (Eq. 5).
+
+A *section* is a cross-section of the animal; a *step* is the part between one section and the next.
+"""
 
 import math
 from typing import NamedTuple
@@ -22,7 +25,7 @@ from finloop.puppet.strip import (
 _RIM = 1.5  # px that a soft edge reaches beyond the last pixel with alpha
 _SEAM = 1e-9  # px by which steps overlap, so that rounding leaves no hole
 _STRIDE = 2.0  # px between the places where alpha is sampled
-_UNIT, _ONE, _ZERO = np.float32(1 / 255), np.float32(1), np.float32(0)
+_UNIT, _ONE, _ZERO = np.float32(1 / 255), np.float32(1), np.float32(0)  # else numba takes float64
 
 
 class DrawingMode(NamedTuple):
@@ -37,14 +40,27 @@ class DrawingMode(NamedTuple):
     sharp: bool
 
 
+class Section(NamedTuple):
+    """One cross-section of a strip: a point x, y [px] on the backbone, and how far it reaches.
+
+    nx, ny: unit vector to the animal's left; left, right: lengths on both sides, px.
+    """
+
+    x: float
+    y: float
+    nx: float
+    ny: float
+    left: float
+    right: float
+
+
 class StripLayout(NamedTuple):
     """Which strip of a film's picture is drawn where in a new picture.
 
     film_strip, new_strip: strips along the backbone in the film and in the new picture, of m
-    cross-sections;
-    reach: (m - 1, 2) px beside each step of the new one, left and right, 0 where nothing is
-    visible. box: rows and columns of the new picture that the animal may cover, half open: top,
-    left, bottom, right.
+    cross-sections. reach: (m - 1, 2) px beside each step of the new one, left and right, 0 where
+    nothing is visible. box: rows and columns of the new picture that the animal may cover, half
+    open: top, left, bottom, right.
     """
 
     film_strip: Strip
@@ -66,10 +82,9 @@ def plan_strips(
     low_x = low_y = HIDDEN
     high_x = high_y = -HIDDEN
     for i in range(len(reach)):
-        if (
-            min(_shortest_section(new_strip.limits, i), _shortest_section(film_strip.limits, i))
-            <= 2 * LEAST
-        ):
+        shortest_new = _shortest_section(new_strip.limits, i)
+        shortest_film = _shortest_section(film_strip.limits, i)
+        if min(shortest_new, shortest_film) <= 2 * LEAST:
             reach[i, 0] = reach[i, 1] = 0
             continue
         if mode.mirrored:
@@ -77,21 +92,24 @@ def plan_strips(
         for side in range(2):
             longest = max(new_strip.limits[i, side], new_strip.limits[i + 1, side])
             reach[i, side] = min(reach[i, side], longest)
-            sign = 1 - 2 * side
+            sign = 1 - 2 * side  # 1 to the left, −1 to the right
             for k in range(i, i + 2):
                 x = new_strip.points[k, 0] + sign * reach[i, side] * new_strip.normals[k, 0]
                 y = new_strip.points[k, 1] + sign * reach[i, side] * new_strip.normals[k, 1]
                 low_x, high_x = min(low_x, x), max(high_x, x)
                 low_y, high_y = min(low_y, y), max(high_y, y)
-    if low_x > high_x:
-        return StripLayout(film_strip, new_strip, reach, (0, 0, 0, 0))
-    box = math.floor(low_y), math.floor(low_x), math.ceil(high_y) + 1, math.ceil(high_x) + 1
+    box = 0, 0, 0, 0
+    if low_x <= high_x:  # something is visible
+        box = math.floor(low_y), math.floor(low_x), math.ceil(high_y) + 1, math.ceil(high_x) + 1
     return StripLayout(film_strip, new_strip, reach, box)
 
 
 @finite_leaf
 def _shortest_section(limits, i):  # type: ignore[no-untyped-def]
-    """Return the shorter length of the two cross-sections that bound step i of a backbone."""
+    """Return the least length [px], left or right, of the two sections that bound step i.
+
+    limits: (m, 2) px, as in `Strip`.
+    """
     return min(limits[i, 0], limits[i, 1], limits[i + 1, 0], limits[i + 1, 1])
 
 
@@ -108,14 +126,7 @@ def paint_strips(
     """
     for i in range(len(layout.reach)):
         if layout.reach[i, 0] + layout.reach[i, 1] > 0:
-            _paint_step(
-                canvas,
-                film,
-                (layout.film_strip, layout.new_strip),
-                (i, layout.reach[i, 0], layout.reach[i, 1]),
-                mode,
-                corner,
-            )
+            _paint_step(canvas, film, layout, i, mode, corner)
 
 
 @finite_kernel
@@ -139,15 +150,13 @@ def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
                 offset = min(offset, max((height - 1 - y) / ny, -y / ny))
             while offset > 0:
                 column, row = int(x + offset * nx + 0.5), int(y + offset * ny + 0.5)
-                if (
-                    0 <= column < width
-                    and 0 <= row < height
-                    and film[row, column, channels - 1] > 0
-                ):
+                in_picture = 0 <= column < width and 0 <= row < height
+                if in_picture and film[row, column, channels - 1] > 0:
                     break
                 offset -= _STRIDE
             offset = max(offset, 0.0) + _STRIDE + _RIM
             rays[i, side] = unsqueeze_offset(offset, limit) if offset < limit else 2 * limit
+    # A step reaches as far as its two sections and the ones next to them.
     reach = np.empty((m - 1, 2))
     for i in range(m - 1):
         for side in range(2):
@@ -158,71 +167,84 @@ def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _section_numbers(strip, i):  # type: ignore[no-untyped-def]
-    """Return cross-section i of a strip: point, unit normal, and lengths to the left and right."""
-    return (
-        (strip.points[i, 0], strip.points[i, 1]),
-        (strip.normals[i, 0], strip.normals[i, 1]),
-        (strip.limits[i, 0], strip.limits[i, 1]),
+def _section_at(strip, i):  # type: ignore[no-untyped-def]
+    """Return cross-section i of a `Strip` as a `Section`."""
+    return Section(
+        strip.points[i, 0],
+        strip.points[i, 1],
+        strip.normals[i, 0],
+        strip.normals[i, 1],
+        strip.limits[i, 0],
+        strip.limits[i, 1],
     )
 
 
 @finite_leaf
 def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
-    """Return from where to where, in x, a row of pixels lies between two cross-sections.
+    """Return from where to where, in x [px], row y of pixels lies between two sections.
 
-    y: the row; front, rear: the cross-sections that bound a step, each as point, normal, lengths.
-    Bounds are ±HIDDEN where a section is parallel to the row.
+    front, rear: the sections that bound a step, the front one nearer to the head. Bounds are
+    ±HIDDEN where a section is parallel to the row.
     """
-    (fx, fy), (fnx, fny), _ = front
-    (rx, ry), (rnx, rny), _ = rear
     start, stop = -HIDDEN, HIDDEN
-    if abs(fny) > 1e-9:
-        x_of_section = fx + (y - fy) * fnx / fny
-        start, stop = (x_of_section, stop) if fny > 0 else (start, x_of_section)
-    if abs(rny) > 1e-9:
-        x_of_section = rx + (y - ry) * rnx / rny
-        start, stop = (
-            (start, min(stop, x_of_section)) if rny > 0 else (max(start, x_of_section), stop)
-        )
-    return start - 1e-3, stop + 1e-3
+    if abs(front.ny) > 1e-9:
+        x_of_section = front.x + (y - front.y) * front.nx / front.ny
+        start, stop = (x_of_section, stop) if front.ny > 0 else (start, x_of_section)
+    if abs(rear.ny) > 1e-9:
+        x_of_section = rear.x + (y - rear.y) * rear.nx / rear.ny
+        if rear.ny > 0:
+            stop = min(stop, x_of_section)
+        else:
+            start = max(start, x_of_section)
+    return start - 1e-3, stop + 1e-3  # rounding leaves no pixel out
 
 
 @finite_leaf
-def _paint_step(canvas, film, strips, part, mode, corner):  # type: ignore[no-untyped-def]
-    """Draw the part of the animal along one step of its backbone into the canvas.
+def _paint_step(canvas, film, layout, i, mode, corner):  # type: ignore[no-untyped-def]
+    """Draw the part of the animal along step i of its backbone into the canvas, changing it.
 
-    strips: in the film and in the new picture; part: number of the step, its reach [px] to the left
-    and to the right; corner: row and column of the canvas's first pixel.
+    canvas, film, layout, mode, corner: as in `paint_strips`.
     """
     height, width, channels = canvas.shape
-    (film_strip, new_strip), (i, left, right) = strips, part
-    front, rear = _section_numbers(new_strip, i), _section_numbers(new_strip, i + 1)
-    (fx, fy), (fnx, fny), _ = front
-    (rx, ry), (rnx, rny), _ = rear
-    film_front, film_rear = _section_numbers(film_strip, i), _section_numbers(film_strip, i + 1)
-    xs = (fx + left * fnx, fx - right * fnx, rx + left * rnx, rx - right * rnx)
-    ys = (fy + left * fny, fy - right * fny, ry + left * rny, ry - right * rny)
-    top, left_px = corner
+    front, rear = _section_at(layout.new_strip, i), _section_at(layout.new_strip, i + 1)
+    film_front, film_rear = _section_at(layout.film_strip, i), _section_at(layout.film_strip, i + 1)
+    left, right = layout.reach[i, 0], layout.reach[i, 1]
+    # The four corners of the part, and the rows and columns of the canvas that they span.
+    xs = (
+        front.x + left * front.nx,
+        front.x - right * front.nx,
+        rear.x + left * rear.nx,
+        rear.x - right * rear.nx,
+    )
+    ys = (
+        front.y + left * front.ny,
+        front.y - right * front.ny,
+        rear.y + left * rear.ny,
+        rear.y - right * rear.ny,
+    )
+    top_px, left_px = corner
     low, high = max(min(xs), left_px), min(max(xs), left_px + width - 1.0)
-    first, last = max(min(ys), top), min(max(ys), top + height - 1.0)
+    first, last = max(min(ys), top_px), min(max(ys), top_px + height - 1.0)
     for y in range(math.ceil(first), math.floor(last) + 1):
         start, stop = _row_span(y, front, rear)
         for x in range(math.ceil(max(start, low)), math.floor(min(stop, high)) + 1):
-            before = (x - fx) * fny - (y - fy) * fnx
-            after = (rx - x) * rny - (ry - y) * rnx
-            if min(before, after) < -_SEAM or before + after < _SEAM:
+            # Distances from both sections: the pixel is between them if none is negative.
+            from_front = (x - front.x) * front.ny - (y - front.y) * front.nx
+            from_rear = (rear.x - x) * rear.ny - (rear.y - y) * rear.nx
+            if min(from_front, from_rear) < -_SEAM or from_front + from_rear < _SEAM:
                 continue
-            share = before / (before + after)
-            t, along = _strip_place(x, y, front, rear, share)
-            place = t * mode.across, along * mode.across, share
-            u, v = _film_place(place, film_front, film_rear, mode.mirrored)
+            share = from_front / (from_front + from_rear)
+            beside, along = _strip_place(x, y, front, rear, share)
+            beside, along = beside * mode.across, along * mode.across
+            if mode.mirrored:
+                beside = -beside
+            u, v = _film_place(beside, along, share, film_front, film_rear)
             if u >= HIDDEN:
                 continue
             red, green, blue, alpha = (
                 _sample_cubically(film, u, v) if mode.sharp else _sample_linearly(film, u, v)
             )
-            pixel = canvas[y - top, x - left_px]
+            pixel = canvas[y - top_px, x - left_px]
             if alpha > pixel[channels - 1]:
                 pixel[0] = red
                 if channels == 4:
@@ -233,43 +255,37 @@ def _paint_step(canvas, film, strips, part, mode, corner):  # type: ignore[no-un
 
 @finite_kernel
 def _strip_place(x, y, front, rear, share):  # type: ignore[no-untyped-def]
-    """Return how far a pixel (x, y) lies beside the backbone and along it, in px, + = left.
+    """Return how far a pixel (x, y) lies beside the backbone (+ = left) and along it, in px.
 
-    Along counts from the cross-section at `share` (0-1) between `front` and `rear`.
+    Beside is measured as if the backbone were straight (`unsqueeze_offset`). Along counts from the
+    section at `share` (0-1) between the sections `front` and `rear`.
     """
-    (fx, fy), (fnx, fny), (fleft, fright) = front
-    (rx, ry), (rnx, rny), (rleft, rright) = rear
-    nx, ny = fnx + share * (rnx - fnx), fny + share * (rny - fny)
-    dx, dy = x - fx - share * (rx - fx), y - fy - share * (ry - fy)
+    nx, ny = front.nx + share * (rear.nx - front.nx), front.ny + share * (rear.ny - front.ny)
+    dx = x - front.x - share * (rear.x - front.x)
+    dy = y - front.y - share * (rear.y - front.y)
     norm = 1 / (nx * nx + ny * ny)
-    o, along = (dx * nx + dy * ny) * norm, (dx * ny - dy * nx) * norm
-    if o >= 0:
-        return unsqueeze_offset(o, fleft + share * (rleft - fleft)), along
-    return -unsqueeze_offset(-o, fright + share * (rright - fright)), along
+    offset, along = (dx * nx + dy * ny) * norm, (dx * ny - dy * nx) * norm
+    if offset >= 0:
+        return unsqueeze_offset(offset, front.left + share * (rear.left - front.left)), along
+    return -unsqueeze_offset(-offset, front.right + share * (rear.right - front.right)), along
 
 
 @finite_leaf
-def _film_place(place, front, rear, mirrored):  # type: ignore[no-untyped-def]
-    """Return the place (u, v) [px] in the film that a place beside the backbone shows.
+def _film_place(beside, along, share, front, rear):  # type: ignore[no-untyped-def]
+    """Return the place (u, v) [px] in the film of a place beside the backbone.
 
-    This undoes `_strip_place`. place: how far beside the backbone (+ = left) and along it, px of
-    the film, and the share from the section `front` to `rear`; mirrored: whether left and right are
-    exchanged. (HIDDEN, HIDDEN) where the film's pose does not show it.
+    This undoes `_strip_place`, with the film's sections `front` and `rear`. (HIDDEN, HIDDEN) where
+    the film's pose does not show the place.
     """
-    (fx, fy), (fnx, fny), (fleft, fright) = front
-    (rx, ry), (rnx, rny), (rleft, rright) = rear
-    unbent, along, share = place
-    if mirrored:
-        unbent = -unbent
-    if unbent >= 0:
-        offset = squeeze_offset(unbent, fleft + share * (rleft - fleft))
+    if beside >= 0:
+        offset = squeeze_offset(beside, front.left + share * (rear.left - front.left))
     else:
-        offset = -squeeze_offset(-unbent, fright + share * (rright - fright))
+        offset = -squeeze_offset(-beside, front.right + share * (rear.right - front.right))
     if abs(offset) >= HIDDEN:
         return HIDDEN, HIDDEN
-    nx, ny = fnx + share * (rnx - fnx), fny + share * (rny - fny)
-    u = fx + share * (rx - fx) + offset * nx + along * ny
-    v = fy + share * (ry - fy) + offset * ny - along * nx
+    nx, ny = front.nx + share * (rear.nx - front.nx), front.ny + share * (rear.ny - front.ny)
+    u = front.x + share * (rear.x - front.x) + offset * nx + along * ny
+    v = front.y + share * (rear.y - front.y) + offset * ny - along * nx
     return u, v
 
 
@@ -301,10 +317,10 @@ def _sample_cubically(film, u, v):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _sum_pixels(film, left, top, across, down):  # type: ignore[no-untyped-def]
-    """Return the weighted mean of some pixels in a square: red (or grey), green, blue, alpha.
+    """Return the weighted sum of the pixels of a square: red (or grey), green, blue, alpha.
 
     left, top: column and row of its first pixel; across, down: weights of columns and rows. Outside
-    its borders the film is transparent. Loops are written out for each number of channels: speed.
+    its borders the film is transparent. Separate loops for 2 and 4 channels are faster.
     """
     height, width, channels = film.shape
     red = green = blue = alpha = _ZERO
@@ -340,6 +356,18 @@ def _sum_pixels(film, left, top, across, down):  # type: ignore[no-untyped-def]
 # --- Eq. 5 for pairs of pictures, the second drawn in the pose of the first
 
 
+class CandidatePairs(NamedTuple):
+    """Pairs (k,) of pictures, sorted by their first and then by what they cost at least.
+
+    first, second: numbers of the pictures; mirrored: whether the second is mirrored.
+    """
+
+    first: Ints
+    second: Ints
+    mirrored: Mask
+    least_cost: Floats
+
+
 class PictureSet(NamedTuple):
     """Pictures (n, s, s, c), premultiplied, 0 … 255, and their postures (n, d), headed right.
 
@@ -362,35 +390,29 @@ def distances_in_pose(film: PictureSet, rows: Ints, others: Ints, mirrored: Mask
     distances = np.empty(len(rows))
     canvas = np.empty(film.pictures.shape[1:], np.float32)
     for k in range(len(rows)):
-        pair = rows[k], others[k], mirrored[k]
-        distances[k] = _distance_in_pose(film, pair, canvas)
+        distances[k] = _distance_in_pose(film, rows[k], others[k], mirrored[k], canvas)
     return distances
 
 
 @finite_kernel
-def nearest_in_pose(
-    film: PictureSet, rows: Ints, pairs: tuple[Ints, Mask, Floats], unit: float, count: int
-) -> Floats:
-    """Measure how unlike pairs of pictures look in one pose, for each row's best pairs only.
+def nearest_in_pose(film: PictureSet, pairs: CandidatePairs, unit: float, count: int) -> Floats:
+    """Return how different pairs of pictures look in one pose (k,), for each picture's best pairs.
 
-    Return distances (k,) (Eq. 5), −1 for pairs that cannot be among the `count` cheapest of their
-    row. A pair costs its least cost plus the square of (distance / unit). rows: (k,), the first
-    pictures, ascending. pairs: the second pictures, whether they are mirrored, and the least costs,
-    ascending within each row; (k,) each.
+    The distance is that of `distances_in_pose`. It is −1 for pairs that cannot be among the `count`
+    cheapest of their first picture. A pair costs its least cost plus (distance / unit)².
     """
-    partner, mirrored, least_cost = pairs
-    distances = np.full(len(rows), -1.0)
+    distances = np.full(len(pairs.first), -1.0)
     canvas = np.empty(film.pictures.shape[1:], np.float32)
-    best = np.empty(count)
+    best = np.empty(count)  # the least costs so far of one first picture, ascending
     filled = 0
-    for k in range(len(rows)):
-        if k == 0 or rows[k] != rows[k - 1]:
+    for k in range(len(pairs.first)):
+        row = pairs.first[k]
+        if k == 0 or row != pairs.first[k - 1]:
             filled = 0
-        if filled == count and least_cost[k] > best[-1]:
+        if filled == count and pairs.least_cost[k] > best[-1]:
             continue
-        pair = rows[k], partner[k], mirrored[k]
-        distances[k] = _distance_in_pose(film, pair, canvas)
-        cost = least_cost[k] + (distances[k] / unit) ** 2
+        distances[k] = _distance_in_pose(film, row, pairs.second[k], pairs.mirrored[k], canvas)
+        cost = pairs.least_cost[k] + (distances[k] / unit) ** 2
         if filled == count and cost >= best[-1]:
             continue
         filled = min(filled + 1, count)
@@ -403,15 +425,14 @@ def nearest_in_pose(
 
 
 @finite_kernel
-def _distance_in_pose(film, pair, canvas):  # type: ignore[no-untyped-def]
+def _distance_in_pose(film, row, other, mirrored, canvas):  # type: ignore[no-untyped-def]
     """Return the Euclidean distance of two pictures, the second in the pose of the first (Eq. 5).
 
-    film: `PictureSet`; pair: numbers of the two pictures in it, and whether the second is mirrored;
-    canvas: (s, s, c), overwritten. If the second is nearer as filmed (mirrored, if so), that
-    distance counts.
+    film: `PictureSet`; row, other: numbers of the two pictures in it; mirrored: whether the second
+    is mirrored; canvas: (s, s, c), overwritten. If the second is nearer as filmed (mirrored, if
+    so), that distance counts.
     """
     pictures, postures, size_px = film
-    row, other, mirrored = pair
     side, channels = pictures.shape[1], pictures.shape[3]
     middle, unit = (side - 1) / 2, np.float32(1 / 255)
     target_backbone = PlacedBackbone(middle, middle, 0.0, size_px, postures[row])

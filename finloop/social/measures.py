@@ -7,6 +7,7 @@ nearest neighbour; *inter-fish angle* the bearing of the nearest neighbour, 0 = 
 """
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -27,7 +28,7 @@ SHOAL = Schema(
 """A row per fish per frame. Columns that need a second fish are null where there is none."""
 MEASURES = tuple(SHOAL.names[2:])
 
-_PAIRS = 1 << 18  # of fish at a time, about 90 bytes each
+_PAIRS = 1 << 18  # of fish that are compared at a time: 24 MB, about 90 bytes each
 
 
 def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -> pd.DataFrame:
@@ -36,10 +37,9 @@ def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls)
     frame (n,): of each fish; places (n, 2): px, y down; headings_deg (n,): anticlockwise; walls: of
     the tank. Rows keep their order; the fish of a frame are numbered in that order.
     """
-    index, fish, shape = frame_slots(frame)
+    slots = frame_slots(frame)
     row_place, row_heading = complex_vectors(places, headings_deg, walls.length)
-    place = spread_to_slots(row_place, index, fish, shape)
-    heading = spread_to_slots(row_heading, index, fish, shape)
+    place, heading = slots.spread(row_place), slots.spread(row_heading)
     distance, alignment, bearing = _measure_nearest_neighbours(place, heading)
     present = np.isfinite(heading)
     count = present.sum(axis=1)
@@ -47,12 +47,12 @@ def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls)
     polarisation[count < 2] = np.nan
     return pd.DataFrame({
         "frame": np.asarray(frame),
-        "fish": fish,
-        "neighbour_distance": distance[index, fish],
-        "alignment_deg": alignment[index, fish],
-        "inter_fish_deg": bearing[index, fish],
+        "fish": slots.fish,
+        "neighbour_distance": distance[slots.row, slots.fish],
+        "alignment_deg": alignment[slots.row, slots.fish],
+        "inter_fish_deg": bearing[slots.row, slots.fish],
         "wall_distance": walls.wall_distance(row_place),
-        "polarisation": polarisation[index],
+        "polarisation": polarisation[slots.row],
     }).astype(SHOAL.kinds)[SHOAL.names]  # fmt: skip
 
 
@@ -68,33 +68,39 @@ def _measure_nearest_neighbours(place: Complex, heading: Complex) -> tuple[Float
         block = slice(first, first + block_frames)
         seen = all_neighbours(place[block], heading[block])
         which = seen.distance.argmin(axis=-1)[..., None]
-        nearest, towards, along = (np.take_along_axis(part, which, -1)[..., 0] for part in seen)
-        has_other = np.isfinite(nearest)
-        distances[block] = np.where(has_other, nearest, np.nan)
-        for angles, vector in ((alignments, along), (bearings, towards)):
+        distance, bearing, other_heading = (
+            np.take_along_axis(part, which, -1)[..., 0] for part in seen
+        )
+        has_other = np.isfinite(distance)
+        distances[block] = np.where(has_other, distance, np.nan)
+        for angles, vector in ((alignments, other_heading), (bearings, bearing)):
             angles[block] = np.where(has_other, np.degrees(np.abs(np.angle(vector))), np.nan)
     return distances, alignments, bearings
 
 
-def frame_slots(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:
-    """Return where each fish of a table stands in an array (frames, m): index, slot and shape.
+class FrameSlots(NamedTuple):
+    """Where each of n fish of a table stands in an array with a row per frame that shows fish.
 
-    frame (n,): frame number of each fish. index (n,): the frame, counting only frames with fish;
-    slot (n,): the fish within its frame, from 0; m: the most fish in a frame.
+    row (n,): of its frame in the array; fish (n,): number of the fish in its frame, from 0; shape:
+    of the array, its rows and the most fish in a frame.
     """
-    frames, index = np.unique(frame, return_inverse=True)
-    fish = pd.Series(index).groupby(index).cumcount().to_numpy()
-    return index, fish, (len(frames), int(fish.max()) + 1 if len(fish) else 0)
+
+    row: Ints
+    fish: Ints
+    shape: tuple[int, int]
+
+    def spread(self, values: Complex) -> Complex:
+        """Return the values (n,) of the table as such an array; NaN where a fish is absent."""
+        array = np.full(self.shape, np.nan, complex)
+        array[self.row, self.fish] = values
+        return array
 
 
-def spread_to_slots(values: Complex, index: Ints, slot: Ints, shape: tuple[int, int]) -> Complex:
-    """Spread the values (n,) of a table over an array (frames, m); NaN where a fish is absent.
-
-    index, slot (n,): row and column of each value in the array, of this `shape` (`frame_slots`).
-    """
-    slots = np.full(shape, np.nan, complex)
-    slots[index, slot] = values
-    return slots
+def frame_slots(frame: Ints) -> FrameSlots:
+    """Return where each fish of a table stands in an array by frames; frame (n,): of each fish."""
+    frames, row = np.unique(frame, return_inverse=True)
+    fish = pd.Series(row).groupby(row).cumcount().to_numpy()
+    return FrameSlots(row, fish, (len(frames), int(fish.max()) + 1 if len(fish) else 0))
 
 
 def wasserstein_distances(first: pd.DataFrame, second: pd.DataFrame) -> dict[str, float]:

@@ -41,24 +41,26 @@ def all_neighbours(place: Complex, heading: Complex) -> Neighbours:
     counts as absent for itself.
     """
     itself = np.eye(place.shape[-1], dtype=bool)
-    others = np.where(itself, np.nan, place[..., None, :]), heading[..., None, :]
-    return neighbours_among(place[..., :, None], heading[..., :, None], others)
+    others = np.where(itself, np.nan, place[..., None, :])
+    return neighbours_among(
+        place[..., :, None], heading[..., :, None], others, heading[..., None, :]
+    )
 
 
 def neighbours_among(
-    place: Complex, heading: Complex, others: tuple[Complex, Complex]
+    place: Complex, heading: Complex, other_place: Complex, other_heading: Complex
 ) -> Neighbours:
     """Return distance, bearing and heading of other fish, as seen from each fish's own body.
 
-    place, heading: complex, body lengths and unit vectors; others: places and headings of the other
-    fish, NaN where absent. All four are broadcast against each other.
+    Places are complex in body lengths, headings complex unit vectors, of other fish NaN where
+    absent. All four arrays are broadcast against each other.
     """
-    offset = (others[0] - place) * heading.conj()
+    offset = (other_place - place) * heading.conj()
     distance = np.abs(offset)
     present = np.isfinite(distance)
     bearing = np.where(present, offset, 0j) / np.where(present & (distance > 0), distance, 1)
     return Neighbours(
         np.where(present, distance, np.inf),
         np.asarray(bearing, complex),
-        np.where(present, others[1] * heading.conj(), 0j),
+        np.where(present, other_heading * heading.conj(), 0j),
     )

@@ -1,6 +1,6 @@
 """How a fish swims in a school: a step of the film's fish, plus the pull of the others' zones.
 
-The pull of other fish (`zones.pull`) is one part of where a fish goes. The rest, its own step, is
+The pull of other fish (`social.zones`) is one part of where a fish goes. The rest of its step is
 speed, turns and chance. A steered fish takes one of the film's own steps, from a fish equally near
 to a wall that moved alike, and adds the pull of the fish around it. The same arguments and
 generator state give the same place.
@@ -27,8 +27,8 @@ SOCIAL_STEPS = Schema(
     *columns("float32", "1", "turn_ahead", "turn_left"),
 )
 """A row per step. wall: from `Walls.vectors_from_wall`; last: displacement in the step before;
-move: own displacement; turn: own part of the unit vector of the heading afterwards. Vectors of the
-body."""
+move: displacement without the pull of others; turn: unit vector of the heading afterwards, without
+that pull. Vectors are relative to the body: ahead and left."""
 
 
 @dataclass(frozen=True)
@@ -37,16 +37,16 @@ class SocialSteps:
 
     All are complex (n,). wall: away from the wall, longer if nearer; last: displacement in the step
     before, move: in this step, body lengths; turn: what remains of the heading afterwards, a unit
-    vector, without the pull. forward: body lengths by which a pull of 1 moves a fish; onward: what
-    a pull of 1 adds to the unit vector of its heading.
+    vector, without the pull. move_per_pull: body lengths by which a pull of 1 moves a fish;
+    turn_per_pull: what a pull of 1 adds to the unit vector of its heading.
     """
 
     wall: Complex
     last: Complex
     move: Complex
     turn: Complex
-    forward: float
-    onward: float
+    move_per_pull: float
+    turn_per_pull: float
 
     @cached_property
     def _step_scales(self) -> tuple[float, float]:
@@ -62,7 +62,7 @@ class SocialSteps:
         return scipy.spatial.KDTree(np.concatenate([vectors, mirrored_vectors]))
 
     def _search_vectors(self, wall: Complex, last: Complex) -> Floats:
-        """Return vectors (…, 4) to compare steps by: of the way from the wall and the last step."""
+        """Return vectors (…, 4) in which steps are compared: away from the wall, and last step."""
         wall, last = wall / self._step_scales[0], last / self._step_scales[1]
         return np.stack([wall.real, wall.imag, last.real, last.imag], axis=-1)
 
@@ -75,7 +75,7 @@ class SocialSteps:
         alike), complex; fewer if the film has fewer steps. wall, last (m,): vector from the wall,
         and last step, of the fish.
         """
-        count = min(alike, 2 * len(self.move))
+        count = min(alike, 2 * len(self.move))  # steps and their mirror images
         ranks = [*range(1, count + 1)]  # a list, so that even one step has an axis of its own
         _distances, which = self._tree.query(self._search_vectors(wall, last), k=ranks)
         which = rng.permuted(which, axis=-1)
@@ -83,12 +83,12 @@ class SocialSteps:
         return move[which], turn[which]
 
     def add_pulls(self, turns: Complex, pulls: Complex) -> Complex:
-        """Return new headings as unit vectors: own turns plus the weighted pulls of other fish.
+        """Return new headings as unit vectors: turns plus the weighted pulls of other fish.
 
-        All are complex, of any one shape, relative to the body before the step. `onward` is the
-        weight of pulls. The fish goes straight on (1) where turn and pull cancel.
+        All are complex, of any one shape, relative to the body before the step. A fish goes
+        straight on (1) where its turn and the pull cancel.
         """
-        direction = turns + self.onward * pulls
+        direction = turns + self.turn_per_pull * pulls
         length = np.abs(direction)
         return np.where(length > 0, direction / np.where(length > 0, length, 1), 1)
 
@@ -102,16 +102,18 @@ class SocialSteps:
         })  # fmt: skip
 
     @classmethod
-    def from_table(cls, table: pd.DataFrame, forward: float, onward: float) -> "SocialSteps":
+    def from_table(
+        cls, table: pd.DataFrame, move_per_pull: float, turn_per_pull: float
+    ) -> "SocialSteps":
         """Return steps from a table with the columns of `SOCIAL_STEPS`, and two pull factors.
 
-        forward: body lengths by which a pull of 1 moves a fish; onward: what it adds to a heading.
+        move_per_pull, turn_per_pull: as in `SocialSteps`.
         """
         wall, last, move, turn = (
             table[f"{name}_ahead"].to_numpy(float) + 1j * table[f"{name}_left"].to_numpy(float)
             for name in ("wall", "last", "move", "turn")
         )
-        return cls(wall, last, move, turn, forward, onward)
+        return cls(wall, last, move, turn, move_per_pull, turn_per_pull)
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,7 @@ def next_place_in_school(
     )
     group = complex_vectors(others.places, others.headings_deg, walls.length)
     pulls = pull_of_others(
-        neighbours_among(place[:, None], heading[:, None], group), shoaling.zones
+        neighbours_among(place[:, None], heading[:, None], *group), shoaling.zones
     )
     if pulls[0] == 0:
         return None
@@ -180,7 +182,7 @@ def next_place_in_school(
     moves, _ = steps.draw_similar_steps(
         walls.vectors_from_wall(place, heading), last, shoaling.alike, rng
     )
-    ends = place + heading * (moves[0] + steps.forward * pulls)
+    ends = place + heading * (moves[0] + steps.move_per_pull * pulls)
     inside = walls.is_inside(ends)
     end_px = ends[int(inside.argmax()) if inside.any() else -1] * walls.length
     return float(end_px.real), float(-end_px.imag)

@@ -12,11 +12,10 @@ many that agree, and neighbours that disagree pull less. The fish's own directio
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 
-from finloop.base.arrays import Complex, Floats
+from finloop.base.arrays import Complex, Floats, Mask
 from finloop.base.errors import FinloopError
 from finloop.social.neighbours import Neighbours
 
@@ -98,7 +97,7 @@ def zone_means(seen: Neighbours, radii: tuple[float, float, float], blind_deg: f
     return np.stack(pulls, axis=-1)
 
 
-def _masked_mean(vectors: Complex, mask: Any) -> Complex:
+def _masked_mean(vectors: Complex, mask: Mask) -> Complex:
     """Return the mean (…) of vectors (…, n) that a mask (…, n) selects; 0 if it selects none."""
     return np.where(mask, vectors, 0).sum(axis=-1) / np.maximum(mask.sum(axis=-1), 1)
 
