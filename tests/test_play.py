@@ -576,22 +576,24 @@ def test_rewinding_shows_the_frame_again_and_a_goal_returns_to_now():
 def test_ways_are_drawn_as_they_would_have_been_swum():
     """The path of the way that was taken is the way that the fish then swam.
 
-    The ways stay while the fish swims on what it planned.
+    The candidates stay while the fish swims on what it planned.
     """
     view, plan, checked, kept = view_of("matching"), {}, 0, 0
     for _ in range(130):
         view.advance()
         state = view.describe_tick(view.shown_tick)
         decision = state["decision"]
-        taken = next((way for way in decision["ways"] if way["taken"]), None)
+        taken = next((one for one in decision["candidates"] if one["taken"]), None)
         if decision["planned"] < decision["tick"]:
-            assert decision["ways"] == plan["ways"] and decision["planned"] == plan["tick"]
+            assert (
+                decision["candidates"] == plan["candidates"] and decision["planned"] == plan["tick"]
+            )
             kept += 1
         else:
             plan = decision
         if taken is None or state["tick"] != decision["planned"]:
             continue
-        assert decision["ways"][0]["taken"]
+        assert decision["candidates"][0]["taken"]
         begin = view.tank.fish[0].row_at(state["tick"])
         x, y = decision["x"], decision["y"]
         path = np.array(taken["path"]) - [x, y] + [begin.x_px, begin.y_px]

@@ -501,8 +501,8 @@ def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
         page.click('[data-mode="hybrid"]')
         wait("state.mode === 'hybrid' && state.decision.mode === 'hybrid'")
         page.keyboard.press("m")  # the next one
-        # The table of ways stays while the fish swims what it planned.
-        rows = "[...document.querySelectorAll('#ways tr')]"
+        # The table of candidates stays while the fish swims what it planned.
+        rows = "[...document.querySelectorAll('#candidates tr')]"
         whole = "row => row.cells.length === 12 || row.cells[0].colSpan === 12"
         wait(f"{rows}.length > 1 && {rows}.every({whole})")
         said = "document.getElementById('why').textContent.includes('It follows a plan made')"

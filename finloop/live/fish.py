@@ -34,20 +34,25 @@ _DRAG_S = 0.08  # the shortest stretch while a goal is dragged
 
 
 class Modes(NamedTuple):
-    """The ways in which live fish can move: by mode a player, and what its edit lists need."""
+    """The modes in which live fish can move: the planner of each, and what its edit lists need.
+
+    players: plan a fish's motion, by the mode's name.
+    """
 
     players: Mapping[str, AnyPlayer]
-    sources: Mapping[str, EditInputs]
+    edit_inputs: Mapping[str, EditInputs]
 
     @classmethod
     def from_players(cls, players: Mapping[str, AnyPlayer]) -> "Modes":
-        """Build the modes from players, which plan a fish's motion, by the mode's name.
+        """Return the modes of some players, so that each can draw the sprites of all modes.
 
-        Each mode can draw the sprites of all modes, as a fish may come from another mode.
+        A fish that changes its mode may still show a sprite of the mode before.
         """
-        all_sources = [player.edit_inputs for player in players.values()]
         # The mode with the most sprites has those of the others.
-        richest = max(all_sources, key=lambda sources: len(sources.sprite_scale))
+        richest = max(
+            (player.edit_inputs for player in players.values()),
+            key=lambda inputs: len(inputs.sprite_scale),
+        )
         return cls(players, {
             mode: replace(
                 player.edit_inputs, sprite_scale=richest.sprite_scale,
@@ -95,9 +100,9 @@ class Request(NamedTuple):
 class DecisionRecord:
     """A decision of a fish, with all that it was made from.
 
-    tick: the first one of the stretch of motion; state, rng_state: of the fish and of the random
-    generator before the decision; goal: a goal, path or rule, None where the fish wandered;
-    stretch: the motion that was decided on.
+    tick: the first one of the motion that was decided on, `stretch`; state, rng_state: of the fish
+    and of the random generator before the decision; goal: a goal, path or rule, None where the fish
+    wandered.
     """
 
     tick: int
@@ -111,10 +116,13 @@ class DecisionRecord:
     def follows_plan(self) -> bool:
         """Return whether the motion carries on the plan of an earlier decision.
 
-        Then part of a plan is left, no candidates were compared, and the fish swam on as planned.
+        Then part of a plan was left, no candidates were compared, and the fish swam on as planned.
         """
-        is_planned = self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
-        return bool(self.state.path.runs) and self.stretch.options is None and is_planned
+        had_plan, compared_none = bool(self.state.path.runs), self.stretch.options is None
+        return (
+            had_plan and compared_none
+            and self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
+        )  # fmt: skip
 
     @property
     def target_name(self) -> str:
@@ -248,7 +256,7 @@ class LiveFish:
         return request
 
     def past_places(self, ticks: range) -> Floats:
-        """Return where the fish was (n, 2) [px] at those of some ticks that it remembers."""
+        """Return where the fish was (n, 2) [px] at some ticks, without those that it forgot."""
         wanted = np.arange(ticks.start, ticks.stop, ticks.step)
         slots = wanted[wanted >= self._oldest_tick] % HISTORY
         return np.column_stack([self._rows["x_px"][slots], self._rows["y_px"][slots]])
@@ -307,8 +315,7 @@ class LiveFish:
     def redo_last_tick(self) -> None:
         """Decide the last tick again, because the user's request has changed since.
 
-        The tick before keeps its picture. The old decision stays if every new motion would meet
-        other fish.
+        Earlier ticks stay. The old decision stays, too, if every new motion would meet other fish.
         """
         self._was_hidden = self._hidden_before
         self._cut_after, self._played = 0, self._played - 1
@@ -317,10 +324,10 @@ class LiveFish:
 
     def advance(self) -> None:
         """Advance the fish by one tick; plan again where a request cuts the motion, or it ends."""
-        self._hidden_before = self._was_hidden
-        if self._cut_after and self._played >= min(self._cut_after, len(self._planned_rows)):
+        self._hidden_before, planned = self._was_hidden, len(self._planned_rows)
+        if self._cut_after and self._played >= min(self._cut_after, planned):
             self._cut_after = 0
-            if self._played < len(self._planned_rows):
+            if self._played < planned:
                 self._replan_stretch()
         if self._played == len(self._planned_rows):
             self._plan_stretch(self._next_target())
@@ -390,11 +397,13 @@ class LiveFish:
         row, decision = self.row_at(tick), self.decision_at(tick)
         if row is None or decision is None:
             return
+        # Make the decision again that moved the fish at the tick; forget it and all later ones.
         while self._decisions.pop().tick > decision.tick:
             pass
         self.mode, self._state = decision.mode, decision.state
         self._rng.bit_generator.state = decision.rng_state
         self._plan_stretch(decision.goal, decision.state.fish.company)
+        # Of its motion the ticks up to this one have been played, with the requests of then.
         self._played = tick - decision.tick + 1
         self._was_hidden = self._planned_rows["weight"][self._played - 1] > 0 and row.weight == 0
         self.goal, self.reached = None, row.reached
@@ -407,6 +416,7 @@ class LiveFish:
 
         The old plan stays if the new one would meet other fish, which rely on the old one.
         """
+        # Set the fish back to the end of what was played of the last motion.
         last = self._decisions.pop()
         old_plan = self._state, self._planned_rows, self._planned_poses, self._played
         rng_state = self._rng.bit_generator.state
@@ -418,7 +428,7 @@ class LiveFish:
             self._state, self._rng.bit_generator.state = last.state, last.rng_state
         self._plan_stretch(self._next_target())
         new = self._decisions[-1]
-        if not self._player.is_clear(new.state, new.stretch):
+        if not self._player.is_clear(new.state, new.stretch):  # return to the old plan
             while self._decisions and self._decisions[-1].tick >= last.tick:
                 self._decisions.pop()
             self._decisions.append(last)
@@ -455,6 +465,7 @@ class LiveFish:
         Earlier motions count as long as their inertialization (the soft end of a jump) has not died
         away; it goes on only at ticks at which the film moves.
         """
+        # The decisions whose motions count, the last one included, and all their ticks.
         ticks, moving_ticks, recent = 0, 0, deque[DecisionRecord]()
         joins, last = self._player.joins, self._decisions[-1]
         for decision in reversed(self._decisions):
@@ -465,9 +476,10 @@ class LiveFish:
                 moving_ticks += joins.count_moving(stretch.kind, stretch.number)
             if moving_ticks > joins.reach:
                 break
+        # How all these motions are drawn; the rows of the last one are wanted.
         stretches = [decision.stretch for decision in recent]
         names = [decision.target_name for decision in recent]
-        columns = edit_columns(stretches, names, ticks, self._modes.sources[self.mode])
+        columns = edit_columns(stretches, names, ticks, self._modes.edit_inputs[self.mode])
         first = ticks - len(last.stretch.trajectory)
         rows = np.zeros(ticks - first, ROW)
         for column in _EDIT_COLUMNS:

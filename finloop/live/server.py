@@ -28,8 +28,8 @@ MOST_PAGES = 8
 _FRAMES_HZ = 60.0  # the highest frame rate
 _MOST_TICKS = 16  # the most ticks to catch up with at once; time beyond them is lost
 _MOST_STEPS = 32  # the most single steps kept until the next frame
-BEHIND = 2  # frames that a page may be behind
-_OF_FISH = ("goal", "path", "rule", "drop")  # requests for one fish, or for all
+BEHIND = 2  # frames that were sent to a page and not drawn yet, at most
+_FOR_FISH = ("goal", "path", "rule", "drop")  # requests for one fish, or for all
 
 
 class PageClient:
@@ -93,7 +93,7 @@ class TankHost:
         if isinstance(request, AdvanceTick):
             self._steps = min(self._steps + 1, _MOST_STEPS)
         else:
-            fish = getattr(request, "fish", None) if request.do in _OF_FISH else None
+            fish = getattr(request, "fish", None) if request.do in _FOR_FISH else None
             old = self.requests.pop((type(request), fish), None)
             if isinstance(old, SetGoal) and isinstance(request, SetGoal) and not old.drag:
                 # The goal before was not dragged: it counts at once, and so must this one.
@@ -105,6 +105,7 @@ class TankHost:
         """Advance the tank in time and offer each frame to all pages, until cancelled."""
         last, due_ticks = time.perf_counter(), 0.0
         while True:
+            # Without a page, or while the tank is paused, wait for a page or a request.
             if not self.pages or not (self.view.is_running or self._changed.is_set()):
                 await self._changed.wait()
                 last, due_ticks = time.perf_counter(), 0.0
@@ -112,6 +113,7 @@ class TankHost:
                     self._changed.clear()
                     continue
             self._changed.clear()
+            # Make a frame of the ticks that have become due, or because of requests.
             now = time.perf_counter()
             rate = self.view.tank.world.motion.rate_hz * self.view.speed
             due_ticks = min(due_ticks + (now - last) * rate, float(_MOST_TICKS))

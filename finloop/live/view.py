@@ -186,22 +186,27 @@ class TankView:
             "heading": round(row.heading_deg, 1), "speed": round(row.speed, 2),
             "mode": row.mode, "state": row.state,
             "goal": None if math.isnan(x) else [round(x, 1), round(y, 1), reached],
-            "path": _describe_path(path_task), "rule": self._leader_number(rule_task),
+            "path": _describe_path(path_task), "rule": self._leader_index(rule_task),
             "done": reached, "trail": np.rint(fish.past_places(trail)).astype(int).tolist(),
         }  # fmt: skip
 
-    def _leader_number(self, rule_task: RuleTask | None) -> int | None:
-        """Return the index of the fish that a rule follows, −1 for a group; None without a rule."""
-        if rule_task is None or rule_task.leader is None:
-            return None if rule_task is None else -1
+    def _leader_index(self, rule_task: RuleTask | None) -> int | None:
+        """Return the index of the leader in a fish's rule; None without a rule or a leader.
+
+        A rule for a group has −1.
+        """
+        if rule_task is None:
+            return None
+        if rule_task.leader is None:
+            return -1
         names = [fish.name for fish in self.tank.fish]
         return names.index(rule_task.leader) if rule_task.leader in names else None
 
     def _describe_decision(self, decision: DecisionRecord) -> dict[str, Any]:
         """Return what the page shows of a decision of the explained fish, as values for JSON.
 
-        ways: the candidates, film rows that could be shown next, of the decision that made the
-        plan; more: how many are left out; aim: where the fish heads, x, y [px].
+        candidates: film rows that could be shown next, of the decision that made the plan; more:
+        how many are left out; aim: where the fish heads, x, y [px].
         """
         plan = self.tank.fish[self.explained].planning_decision(decision)
         fish, stretch, options = plan.state.fish, decision.stretch, plan.stretch.options
@@ -213,7 +218,7 @@ class TankView:
             "aim": [round(coordinate, 1) for coordinate in stretch.aim[:2]],
             "planned": plan.tick,
             "more": max(0, len(ranked) - _MOST_CANDIDATES),
-            "ways": [
+            "candidates": [
                 self._describe_candidate(plan, number) for number in ranked[:_MOST_CANDIDATES]
             ],
         }  # fmt: skip
@@ -229,7 +234,7 @@ class TankView:
         row, cost = int(options.rows[number]), float(options.costs[number])
         impossible, film = not math.isfinite(cost), player.world.film
         turn_rad = float(options.rots[number])
-        path = self._path_if_played_on(film, (fish.x, fish.y), row, turn_rad)
+        path = self._path_along_film(film, (fish.x, fish.y), row, turn_rad)
         return {
             # The mirror image of a row has the row's number plus `filmed`.
             "row": row % film.filmed, "seam": round(float(options.seams[number]), 2),
@@ -241,13 +246,13 @@ class TankView:
             "taken": number == options.taken, "path": path,
         }  # fmt: skip
 
-    def _path_if_played_on(
+    def _path_along_film(
         self, film: MotionGraph, start: tuple[float, float], row: int, turn_rad: float
     ) -> list[list[int]]:
-        """Return the path [px] of a fish that plays the film on from a row, every second place.
+        """Return the path (n, 2) [px] of a fish that plays the film on from a row.
 
-        It ends after 1.5 s, or where the film shows no next frame. start: where it begins [px].
-        turn_rad: by how much the film's motion is turned.
+        It ends after 1.5 s, or where the film shows no next frame; every second place is listed.
+        start: where it begins, x, y [px]. turn_rad: by how much the film's motion is turned.
         """
         end = row + round(_PATH_S * self.tank.world.motion.rate_hz)
         stops = np.flatnonzero(~film.has_next[row:end])

@@ -47,9 +47,9 @@ class AccessPolicy:
     token: str | None = None
 
     def _is_addressed(self, connection: HTTPConnection) -> bool:
-        """Return whether a request names the server's own address, or shows the token if required.
+        """Return whether a request may come in: it names this server's address, or shows the token.
 
-        With a token, the request may name any one address.
+        Where a token is required, the request may name any one address.
         """
         hosts = connection.headers.getlist("host")
         if self.token is None:
