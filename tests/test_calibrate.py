@@ -290,13 +290,22 @@ def run(tmp_path, monkeypatch, table, *overrides, parts=(), steps=50):
     return load_numbers(tmp_path / "reports/calibrate")
 
 
-def test_the_stage_says_how_the_fish_of_a_film_act_on_each_other(tmp_path, monkeypatch):
-    numbers = run(tmp_path, monkeypatch, swim(TRUE, frames=400))
+@pytest.fixture(scope="module")
+def zones_run(tmp_path_factory):
+    """A folder in which the stage has run on fish that swim by zones, and its numbers."""
+    folder = tmp_path_factory.mktemp("zones")
+    with pytest.MonkeyPatch.context() as patch:
+        return folder, run(folder, patch, swim(TRUE, frames=400))
+
+
+def test_the_stage_says_how_the_fish_of_a_film_act_on_each_other(zones_run, monkeypatch):
+    folder, numbers = zones_run
+    monkeypatch.chdir(folder)
     assert numbers["fitted"] == 1 and numbers["fish"] == 6
-    table = pd.read_csv(tmp_path / "data/calibrate/company.csv")
+    table = pd.read_csv(folder / "data/calibrate/company.csv")
     assert set(table["shoal"]) == {"first_half", "zones", "alone"}
     assert set(table["beside"]) == {"film", "second_half"}
-    film = load_table(tmp_path / "data/calibrate/film.parquet", SHOAL)
+    film = load_table(folder / "data/calibrate/film.parquet", SHOAL)
     assert len(film) == 6 * 400 and len(measure_values(film, "polarisation")) == 400
     assert Project().school_rule.horizon == 1
     assert Project().school_rule.zones.attraction == numbers["attraction"]
@@ -336,9 +345,8 @@ def test_a_film_of_one_fish_says_so_and_the_pipeline_goes_on(tmp_path, monkeypat
     )  # by these it swims, in company of its own kind
 
 
-def test_of_several_films_the_first_alone_teaches(tmp_path, monkeypatch):
+def test_of_several_films_the_first_alone_teaches(zones_run, tmp_path, monkeypatch):
     first, second = swim(TRUE, frames=400), swim(NO_ZONES, frames=600, seed=1)
-    alone = run(tmp_path / "one", monkeypatch, first)
     later = second.assign(frame=second["frame"] + 400, track_id=second["track_id"] + 6)
     both = pd.concat([first, later], ignore_index=True).astype(FEATURES.kinds)
     parts = [
@@ -346,14 +354,14 @@ def test_of_several_films_the_first_alone_teaches(tmp_path, monkeypatch):
         FilmPart("a", "a.mp4", 0, 400),
         FilmPart("b", "b.mp4", 400, 1000),
     ]
-    assert run(tmp_path / "two", monkeypatch, both, parts=parts) == alone
+    assert run(tmp_path, monkeypatch, both, parts=parts) == zones_run[1]
 
 
-def test_the_verb_returns_the_rule_of_the_stage(tmp_path, monkeypatch):
-    table = swim(TRUE, frames=400)
-    run(tmp_path, monkeypatch, table)
+def test_the_verb_returns_the_rule_of_the_stage(zones_run, monkeypatch):
+    monkeypatch.chdir(zones_run[0])
+    monkeypatch.setattr(CalibrateSettings, "horizon", 1.0)
     film = SimpleNamespace(arena=ARENA)
-    rule, stored = finloop.find_zones(table, film), Project().school_rule
+    rule, stored = finloop.find_zones(swim(TRUE, frames=400), film), Project().school_rule
     assert (rule.zones, rule.horizon, rule.alike) == (stored.zones, stored.horizon, stored.alike)
     assert rule.steps.move.tolist() == stored.steps.move.tolist()
     assert (rule.steps.move_per_pull, rule.steps.turn_per_pull) == (

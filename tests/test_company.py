@@ -279,17 +279,6 @@ def test_along_one_path_they_follow_each_other():
     assert on_it > 300
 
 
-def test_together_they_swim_on_from_the_past_as_they_did():
-    tank = LiveTank({MODE: crowd_player()}, MODE, 4, 2)
-    for _ in range(150):
-        tank.advance()
-    was = [[fish.row_at(tick).x_px for tick in range(151)] for fish in tank.fish]
-    tank.go_back_to(60)
-    while tank.tick < 150:
-        tank.advance()
-    assert [[fish.row_at(tick).x_px for tick in range(151)] for fish in tank.fish] == was
-
-
 def kept_plan(tank, monkeypatch, wish) -> int:
     """The tick at which a wish is refused, as others rely on the plan; three ticks of it are left."""
     while len(tank.fish[0].planned_path_from(tank.tick)) < 4:

@@ -15,6 +15,7 @@ from conftest import TINY_CARP
 from constants import with_constants
 from scipy.spatial.distance import cdist
 from scratch import content, prepare, put_clip
+from toy_fish import mass_centre
 
 import stages.gateways
 import stages.plots.gateways
@@ -65,11 +66,6 @@ def fish(heading, bend):
     return np.dstack([np.minimum(alpha, 60 + light // 2), alpha])
 
 
-def centre(alpha):
-    y, x = np.mgrid[: alpha.shape[0], : alpha.shape[1]]
-    return (alpha * x).sum() / alpha.sum(), (alpha * y).sum() / alpha.sum()
-
-
 def poses():
     """track, heading, bend of every frame; no two poses of a track are alike."""
     t = np.arange(FRAMES)
@@ -84,7 +80,7 @@ def feature_table():
     rows, cutouts = [], []
     for track, frame, heading, bend in poses():
         pixels = fish(heading, bend)
-        x, y = centre(pixels[..., 1].astype(float))
+        x, y = mass_centre(pixels[..., 1].astype(float))
         cutouts.append(Cutout(track, frame, 10 + frame, 20, pixels))
         rows.append((track, frame, 10 + frame + x, 20 + y, heading))
     table = pd.DataFrame(rows, columns=["track_id", "frame", "x_px", "y_px", "heading_deg"])

@@ -5,7 +5,6 @@ import gc
 import json
 import shutil
 import socket
-import threading
 from contextlib import contextmanager
 from http.client import HTTPConnection
 from types import SimpleNamespace
@@ -17,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from playwright.sync_api import sync_playwright
 from pydantic import BaseModel
+from serving import serving
 from toy_film import shoaling
 from toy_tank import read, toy_players, view_of
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -67,26 +67,13 @@ def tank(view=None, ends_with=None, **how):
 
     ends_with: the error that ends it.
     """
-    view, found = view or view_of(**how), []
-    with bind_socket(0) as listens:
-        up = threading.Event()
-        server = create_tank_server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
+    view, page = view or view_of(**how), PAGE.read_text(encoding="utf-8")
 
-        def serve():
-            try:
-                server.serve_until_stopped()
-            except Exception as error:
-                found.append(type(error))
+    def make_server(listens, _port, started):
+        return create_tank_server(view, page, listens, started)
 
-        runs = threading.Thread(target=serve)
-        runs.start()
-        assert up.wait(10)
-        try:
-            yield f"127.0.0.1:{listens.getsockname()[1]}", view
-        finally:
-            server.should_exit = ends_with is None
-            runs.join(10)
-            assert not runs.is_alive() and found == [ends_with] * (ends_with is not None)
+    with serving(make_server, ends_with) as (address, _):
+        yield address, view
 
 
 def look_in(address, origin=True, **how):

@@ -17,6 +17,7 @@ import pytest
 from conftest import TINY_CARP
 from PIL import Image
 from scratch import content, prepare, put_clip
+from toy_fish import mass_centre
 
 import stages.plots.sprites
 import stages.sprites
@@ -146,8 +147,8 @@ def draw(line, contrast=0.5):
     to_head = np.hypot(x + low[0] - line[0, 0], y + low[1] - line[0, 1])
     colour = alpha * (contrast + 0.4 * np.exp(-to_head / 12))
     mass = alpha.astype(float)
-    centre = np.array([(mass * x).sum(), (mass * y).sum()]) / mass.sum() + low
-    return low, centre, np.dstack([colour.round().astype(np.uint8), alpha]), mass.sum() / 255
+    pixels = np.dstack([colour.round().astype(np.uint8), alpha])
+    return low, mass_centre(mass) + low, pixels, mass.sum() / 255
 
 
 def film(plan=PLAN, heading=20.0, mirrored=False, speed=2.5, start=0, track=3):
@@ -233,9 +234,7 @@ def shape(colour=None):
 
 
 def centre(one):
-    mass = one.pixels[..., -1].astype(float)
-    y, x = np.mgrid[: mass.shape[0], : mass.shape[1]]
-    return np.array([(mass * x).sum(), (mass * y).sum()]) / mass.sum() + [one.x0_px, one.y0_px]
+    return mass_centre(one.pixels[..., -1].astype(float)) + [one.x0_px, one.y0_px]
 
 
 def canvas(one, size=120):

@@ -3,19 +3,19 @@
 import asyncio
 import gc
 import json
-import threading
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
 from browser import chromium
 from conftest import wait_for
+from serving import serving
 from toy_stimulus import feed_of, plan_of, session_of
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from finloop.io.journal import save_journal
-from finloop.live.web import AccessPolicy, bind_socket
+from finloop.live.web import AccessPolicy
 from finloop.stimulus.desk import handle_request, session_status
 from finloop.stimulus.log import SESSION
 from finloop.stimulus.replay import open_session_record, read_displayed_frames, replan_session
@@ -37,31 +37,6 @@ CONDITIONS = {
     },
 }
 READY = {"do": "ready", "width": 1280, "height": 720, "ratio": 1, "renderer": "r", "agent": "a"}
-
-
-@contextmanager
-def serving(make_server):
-    """A server in a thread, made for a socket and an event; yields its address, and the server."""
-    with bind_socket(0) as listens:
-        up, found = threading.Event(), []
-        port = listens.getsockname()[1]
-        server = make_server(listens, port, up.set)
-
-        def serve():
-            try:
-                server.serve_until_stopped()
-            except Exception as error:
-                found.append(error)
-
-        runs = threading.Thread(target=serve)
-        runs.start()
-        assert up.wait(10)
-        try:
-            yield f"127.0.0.1:{port}", server
-        finally:
-            server.should_exit = True
-            runs.join(10)
-            assert not runs.is_alive() and not found, found
 
 
 @contextmanager
