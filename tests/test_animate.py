@@ -25,8 +25,8 @@ from toy_film import (
 from finloop.animate import arena, measures
 from finloop.animate import kinematics as step
 from finloop.animate.arena import (
+    FilmHulls,
     choose_fish_area,
-    is_area_complete,
     is_floor_alike_beyond,
     make_tank,
     place_goals,
@@ -90,17 +90,20 @@ def test_without_an_arena_the_fish_is_where_animals_were_filmed():
 def test_a_film_that_shows_the_tank_piece_by_piece_is_too_short_to_tell_where_it_ends():
     whole, wide = np.ones((160, 200), bool), disc(66.0)
     order = np.argsort(wide[:, 0, 0])  # from left to right: each half of the film shows a half
-    assert is_area_complete(wide) and not is_area_complete(wide[order])
+    assert FilmHulls.from_outlines(wide).are_complete
+    assert not FilmHulls.from_outlines(wide[order]).are_complete
     floor = np.random.default_rng(0).integers(140, 160, (160, 200)).astype(np.uint8)
     assert tank_area(whole, wide[order], "auto", floor).all()
     there = tank_area(whole, wide, "auto", floor)
     assert np.array_equal(tank_area(whole, wide[order], "filmed", floor), there) and not there.all()
     assert np.array_equal(tank_area(whole, wide[order], "auto"), there)  # the floor is not known
     both = np.concatenate([wide[order], wide[order][::-1]])  # and back again
-    assert is_area_complete(both) and np.array_equal(tank_area(whole, both, "auto", floor), there)
+    assert FilmHulls.from_outlines(both).are_complete
+    assert np.array_equal(tank_area(whole, both, "auto", floor), there)
     rests = np.concatenate([wide, wide[order][:20].repeat(2, 0)])
-    assert is_area_complete(rests)  # a half that adds little shows that there is little to add
-    assert not is_area_complete(wide[:1])
+    # A half that adds little shows that there is little to add.
+    assert FilmHulls.from_outlines(rests).are_complete
+    assert not FilmHulls.from_outlines(wide[:1]).are_complete
 
 
 @pytest.mark.parametrize(("beyond", "same"), [(0, True), (10, True), (60, False), (-60, False)])

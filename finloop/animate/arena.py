@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -149,28 +150,42 @@ def _depth_px(arena: Mask) -> NDArray[np.float32]:
     return np.asarray(depth[1:-1, 1:-1], np.float32)
 
 
-def filmed_area(arena: Mask, outlines_px: Reals) -> Mask:
-    """Return the part (h, w) of an arena where animals were filmed: the hull of their outlines.
+def filmed_area(arena: Mask, hull: NDArray[np.int32]) -> Mask:
+    """Return the part (h, w) of an arena inside a hull: the corners of a polygon, whole px."""
+    inside = np.zeros(arena.shape, np.uint8)
+    cv2.fillConvexPoly(inside, hull, 1)
+    return arena & inside.astype(bool)
 
-    outlines_px (n, k, 2): x, y as filmed of all outlines.
+
+class FilmHulls(NamedTuple):
+    """Convex hulls, as corners in whole px, of all outlines of a film and of those of its halves.
+
+    halves: of the first and the last half of the outlines; none for a single outline.
     """
-    hull = np.zeros(arena.shape, np.uint8)
-    cv2.fillConvexPoly(hull, _convex_hull(outlines_px), 1)
-    return arena & hull.astype(bool)
 
+    whole: NDArray[np.int32]
+    halves: list[NDArray[np.int32]]
 
-def is_area_complete(outlines_px: Reals) -> bool:
-    """Return whether half of a film's outlines (n, k, 2) fill nearly as much area as all of them.
+    @classmethod
+    def from_outlines(cls, outlines_px: Reals) -> "FilmHulls":
+        """Return the hulls of outlines (n, k, 2): x, y as filmed."""
+        half = len(outlines_px) // 2
+        if half == 0:
+            return cls(_convex_hull(outlines_px), [])
+        halves = [_convex_hull(part) for part in (outlines_px[:half], outlines_px[half:])]
+        return cls(np.asarray(cv2.convexHull(np.concatenate(halves)), np.int32), halves)
 
-    An area is that of the convex hull; the mean of the first and the last half is compared. If
-    False, the animals have not been everywhere that they can be: a longer film would show more.
-    """
-    half = len(outlines_px) // 2
-    if half == 0:
-        return False
-    parts = (outlines_px, outlines_px[:half], outlines_px[half:])
-    whole_area, *half_areas = (cv2.contourArea(_convex_hull(part)) for part in parts)
-    return sum(half_areas) / 2 >= _COMPLETE * whole_area
+    @property
+    def are_complete(self) -> bool:
+        """Return whether half of the film fills nearly as much area as all of it.
+
+        The mean of the first and the last half is compared. If False, the animals have not been
+        everywhere that they can be: a longer film would show more.
+        """
+        half_areas = [cv2.contourArea(hull) for hull in self.halves]
+        return len(half_areas) > 0 and bool(
+            np.mean(half_areas) >= _COMPLETE * cv2.contourArea(self.whole)
+        )
 
 
 def is_floor_alike_beyond(floor: Picture, filmed_area: Mask) -> bool:
@@ -191,24 +206,28 @@ def is_floor_alike_beyond(floor: Picture, filmed_area: Mask) -> bool:
 
 def _convex_hull(outlines_px: Reals) -> NDArray[np.int32]:
     """Return the corners of the convex hull of all outlines (n, k, 2), whole px."""
-    corners = []
-    for first in range(0, len(outlines_px), _LOT):
-        points = np.round(np.asarray(outlines_px[first : first + _LOT]).reshape(-1, 2))
-        corners.append(_row_ends(points, int(points[:, 1].min()), int(points[:, 1].max())))
+    corners = [
+        _row_ends(np.asarray(outlines_px[first : first + _LOT]).reshape(-1, 2))
+        for first in range(0, len(outlines_px), _LOT)
+    ]
     return np.asarray(cv2.convexHull(np.concatenate(corners)), np.int32)
 
 
 @kernel
-def _row_ends(points: Reals, first_row: int, last_row: int) -> NDArray[np.int32]:
-    """Return the leftmost and rightmost (k, 2) of whole points (n, 2) in each row of pixels.
+def _row_ends(points: Reals) -> NDArray[np.int32]:
+    """Return the leftmost and rightmost (k, 2) of points (n, 2) in each row of pixels.
 
-    points: x, y, whole px, in rows `first_row` … `last_row`. Only such points can be corners of the
-    convex hull of all points, which alone would take 15 s for a million outlines.
+    points: x, y px, which are rounded to whole px. Only such points can be corners of the convex
+    hull of all points, which alone would take 15 s for a million outlines.
     """
-    ends = np.empty((last_row - first_row + 1, 2))
+    first_row, last_row = np.inf, -np.inf
+    for i in range(len(points)):
+        first_row, last_row = min(first_row, points[i, 1]), max(last_row, points[i, 1])
+    first_row = np.rint(first_row)
+    ends = np.empty((int(np.rint(last_row) - first_row) + 1, 2))
     ends[:, 0], ends[:, 1] = np.inf, -np.inf
     for i in range(len(points)):
-        x, row = points[i, 0], int(points[i, 1]) - first_row
+        x, row = np.rint(points[i, 0]), int(np.rint(points[i, 1]) - first_row)
         ends[row, 0], ends[row, 1] = min(ends[row, 0], x), max(ends[row, 1], x)
     filled = np.flatnonzero(ends[:, 0] <= ends[:, 1])
     corners = np.empty((2 * len(filled), 2), np.int32)
@@ -228,16 +247,15 @@ def tank_area(
     empty tank, None if unknown. `auto` takes the filmed area if the arena is the whole picture, so
     none was given, and the animals filled at least a quarter of it: elsewhere there may be no
     floor. A fish that keeps to less, as in a current, may swim anywhere. So may a fish whose film
-    is too short to show the tank (`is_area_complete`), if the `floor` goes on.
+    is too short to show the tank (`FilmHulls.are_complete`), if the `floor` goes on.
     """
     if tank_setting == "arena" or (tank_setting == "auto" and not arena.all()):
         return arena
-    filmed = filmed_area(arena, outlines_px)
+    hulls = FilmHulls.from_outlines(outlines_px)
+    filmed = filmed_area(arena, hulls.whole)
     if tank_setting == "filmed":
         return filmed
-    known = (
-        is_area_complete(outlines_px) or floor is None or not is_floor_alike_beyond(floor, filmed)
-    )
+    known = hulls.are_complete or floor is None or not is_floor_alike_beyond(floor, filmed)
     return filmed if known and filmed.mean() >= _LEAST_FILMED else arena
 
 
