@@ -17,7 +17,7 @@ from finloop.report.effects import (
     SAME,
     SIGNIFICANCE,
     Effect,
-    is_word,
+    is_category,
     measure_effects,
     rank_importance,
     rank_values,
@@ -108,29 +108,33 @@ def compare_experiments(
     measures: columns of `numbers` to show beside OBJECTIVES. Runs that differ in their seeds alone
     become one experiment. Rows are sorted by the differing parameters.
     """
+    # Runs: sorted by the parameters that differ. Seeds are what is averaged over, unless nothing
+    # else differs.
     differing = [name for name in parameters if parameters[name].astype(str).nunique() > 1]
-    # Seeds are what is averaged over, unless nothing else differs.
     differing = [name for name in differing if not str(name).endswith(".seed")] or differing
+    runs = parameters[differing]
+    if differing:
+        runs = runs.sort_values(differing, kind="stable", key=lambda column: rank_values(column)[0])
+    repeats = parameters.loc[runs.index].astype(str).duplicated()  # the same seeds, too
+    seed_names = [name for name in parameters if str(name).endswith(".seed")]
+    seed_names = [name for name in seed_names if name not in differing]
+    seed_rows = parameters.loc[runs.index, seed_names].astype(str).to_numpy()
+    seeds = pd.Series([" ".join(row) for row in seed_rows], runs.index)
+
+    # The measures of all runs: the objectives first.
     available = numbers.columns[numbers.notna().any()]
     objectives = [objective for objective in OBJECTIVES if objective.key in available]
     keys = [objective.key for objective in objectives]
     columns = dict.fromkeys([*keys, *(name for name in measures if name in numbers)])
-
-    runs = parameters[differing]
-    if differing:
-        runs = runs.sort_values(differing, kind="stable", key=lambda column: rank_values(column)[0])
     values = numbers.reindex(index=runs.index, columns=list(columns)).astype(float)
-    repeats = parameters.loc[runs.index].astype(str).duplicated()  # the same seeds, too
+
+    # Experiments: means and spreads over the runs that differ in their seeds alone.
     names = _experiment_names(runs, repeats)
     rows = runs.groupby(names, sort=False).first() if differing else runs
     means = values.groupby(names, sort=False).mean()
     spreads = values.groupby(names, sort=False).std()
     cost_sign = np.array([-1.0 if objective.rises else 1.0 for objective in objectives])
     best = pareto_front(means[keys].to_numpy() * cost_sign) & bool(objectives)
-    seed_names = [name for name in parameters if str(name).endswith(".seed")]
-    seed_names = [name for name in seed_names if name not in differing]
-    seed_rows = parameters.loc[runs.index, seed_names].astype(str).to_numpy()
-    seeds = pd.Series([" ".join(row) for row in seed_rows], runs.index)
     effects = []
     if differing:
         effects = measure_effects(runs[~repeats], values[~repeats], seeds[~repeats])
@@ -143,11 +147,11 @@ def compare_experiments(
 
 
 def _experiment_names(runs: pd.DataFrame, repeats: "pd.Series[bool]") -> "pd.Series[str]":
-    """Return the name of each run's experiment: the runs that differ in their seeds alone.
+    """Return the name of each run's experiment; runs that differ in their seeds alone are one.
 
+    The name is that of the experiment's first run, without its seed if there are several runs.
     runs: parameters without seeds, a row per run. repeats: which runs have all parameters of an
-    earlier run, its seeds too; each is an experiment of its own. The name is that of the
-    experiment's first run, without its seed if there are several runs.
+    earlier run, its seeds too; each of these is another experiment.
     """
     if runs.columns.empty:
         return pd.Series(runs.index.astype(str), runs.index)
@@ -180,7 +184,7 @@ def draw_parallel_axes(comparison: Comparison) -> go.Figure:
     for name, column in [*comparison.parameters[complete].items(), *measures[complete].items()]:
         label = "<br>".join(wrap(_metric_label(str(name)), _AXIS_LETTERS))
         axis: dict[str, Any] = {"label": label, "tickformat": ".4~g"}
-        if any(map(is_word, column)):  # a tick for each value
+        if any(map(is_category, column)):  # a tick for each value
             column, texts = rank_values(column)
             axis |= {"tickvals": list(range(len(texts))), "ticktext": texts}
         low, high = float(column.min()), float(column.max())
@@ -209,28 +213,14 @@ def draw_parameter_effects(comparison: Comparison, parameter: str) -> go.Figure:
         if effect.parameter == parameter and effect.verdict != SAME
     ]
     rows = -(-len(effects) // _PANELS)  # rounded up
-    titles = []
-    for effect in effects:
-        name_lines = wrap(_measure_name(effect.measure), _TITLE_LETTERS)
-        verdict_lines = wrap(effect.verdict, _TITLE_LETTERS)
-        titles.append("<br>".join([*(f"<b>{line}</b>" for line in name_lines), *verdict_lines]))
+    titles = [_effect_title(effect) for effect in effects]
     figure = make_subplots(rows, _PANELS, subplot_titles=titles, vertical_spacing=0.4 / rows)
     places, texts = rank_values(comparison.run_parameters[parameter])
     for panel, effect in enumerate(effects):
         cell = {"row": panel // _PANELS + 1, "col": panel % _PANELS + 1}
         values = comparison.run_measures[effect.measure]
         if len(values) > len(effect.means):
-            lines: list[tuple[float, float, str]] = []
-            for _, run_values in values.groupby(comparison.run_seeds):
-                runs = run_values.index.astype(str)
-                lines += zip(places[run_values.index], run_values, runs, strict=True)
-                lines.append((np.nan, np.nan, ""))  # a gap before the next seed
-            xs, ys, names = zip(*lines, strict=True)
-            figure.add_scatter(
-                x=xs, y=ys, text=names, mode="lines+markers", line={"color": _OTHER, "width": 0.5},
-                marker={"color": _OTHER, "size": 5}, showlegend=False,
-                hovertemplate="%{text}<br>%{y}<extra></extra>", **cell,
-            )  # fmt: skip
+            _add_seed_lines(figure, cell, places, values, comparison.run_seeds)
         bars = None if np.isnan(effect.spread) else [effect.spread] * len(effect.means)
         places_with_mean = sorted({places[run] for run in values.dropna().index})
         figure.add_scatter(
@@ -245,6 +235,35 @@ def draw_parameter_effects(comparison: Comparison, parameter: str) -> go.Figure:
     figure.update_annotations(font_size=12)
     layout = _LAYOUT | {"margin": _LAYOUT["margin"] | {"t": 80}}
     return figure.update_layout(**layout, height=100 + 250 * rows)
+
+
+def _effect_title(effect: Effect) -> str:
+    """Return the title of an effect's panel as HTML: the measure in bold, then the verdict."""
+    name_lines = wrap(_measure_name(effect.measure), _TITLE_LETTERS)
+    verdict_lines = wrap(effect.verdict, _TITLE_LETTERS)
+    return "<br>".join([*(f"<b>{line}</b>" for line in name_lines), *verdict_lines])
+
+
+def _add_seed_lines(
+    figure: go.Figure, cell: dict[str, int], places: "pd.Series[int]",
+    values: "pd.Series[float]", seeds: "pd.Series[str]",
+) -> None:  # fmt: skip
+    """Add a point for each run to a panel, and a thin line through the runs with the same seeds.
+
+    cell: row and col of the panel. places, values, seeds: of the runs, with the same index: x, y,
+    and a text that is equal for runs with the same seeds.
+    """
+    points: list[tuple[float, float, str]] = []
+    for _, seed_values in values.groupby(seeds):
+        runs = seed_values.index.astype(str)
+        points += zip(places[seed_values.index], seed_values, runs, strict=True)
+        points.append((np.nan, np.nan, ""))  # a gap before the next seed
+    xs, ys, names = zip(*points, strict=True)
+    figure.add_scatter(
+        x=xs, y=ys, text=names, mode="lines+markers", line={"color": _OTHER, "width": 0.5},
+        marker={"color": _OTHER, "size": 5}, showlegend=False,
+        hovertemplate="%{text}<br>%{y}<extra></extra>", **cell,
+    )  # fmt: skip
 
 
 def _draw_scatter(comparison: Comparison, x: ReportMetric, y: ReportMetric) -> go.Figure:
@@ -300,10 +319,10 @@ def _draw_importance(comparison: Comparison) -> go.Figure | None:
     return figure.update_layout(**layout, barmode="stack", height=height, legend=legend)
 
 
-class _Row(NamedTuple):
-    """An experiment on the page: its name, its cells with texts and values, whether it is best.
+class _ExperimentRow(NamedTuple):
+    """An experiment in the page's table: its name, the texts of its cells, whether it is best.
 
-    commit: short name of its commit. values: of the cells, "" for none; the page sorts by them.
+    commit: short name of its commit. values: of the cells, by which the page sorts, "" for none.
     """
 
     name: str
@@ -313,7 +332,7 @@ class _Row(NamedTuple):
     best: bool
 
 
-def _list_rows(comparison: Comparison, commits: Mapping[str, str]) -> list[_Row]:
+def _list_rows(comparison: Comparison, commits: Mapping[str, str]) -> list[_ExperimentRow]:
     """Return a row for each experiment: its parameters, then its measures with their spread.
 
     commits: run → its commit, of which a row has the short name.
@@ -331,7 +350,9 @@ def _list_rows(comparison: Comparison, commits: Mapping[str, str]) -> list[_Row]
         values = ["" if value != value else value for value in (*parameters, *means)]
         commit = commits.get(comparison.first_runs[number], "")[:8]
         best = bool(comparison.best[number])
-        rows.append(_Row(str(name), commit, [*map(str, parameters), *texts], values, best))
+        rows.append(
+            _ExperimentRow(str(name), commit, [*map(str, parameters), *texts], values, best)
+        )
     return rows
 
 

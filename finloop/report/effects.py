@@ -81,15 +81,15 @@ def good_direction(measure: str) -> str:
     return _GOOD.get(ending.removeprefix("trials_"), "")
 
 
-def is_word(value: object) -> bool:
-    """Return whether a value has no place on an axis of numbers: text, a truth value or NaN."""
+def is_category(value: object) -> bool:
+    """Return whether a parameter's value is no number but text, a truth value or NaN."""
     return not isinstance(value, Real) or isinstance(value, bool) or value != value
 
 
 def rank_values(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
-    """Return the rank of each value from 0, numbers before words, and the text of each rank."""
+    """Return the rank of each value from 0, numbers before others, and the text of each rank."""
     sort_keys = [
-        (1, 0.0, str(value)) if is_word(value) else (0, float(value), f"{value:g}")
+        (1, 0.0, str(value)) if is_category(value) else (0, float(value), f"{value:g}")
         for value in column
     ]
     order = sorted(set(sort_keys))
@@ -123,16 +123,18 @@ def _remove_seed_effects(
     """Return a measure without what a seed changes alike in every cell, and degrees of freedom.
 
     The model is measure = cell + seed, by least squares. The measure stays as it is where the runs
-    cannot distinguish the two. Arguments are those of `_measure_effect`.
+    cannot distinguish the two. measure, cell, seeds: a row per run; runs with the same cell differ
+    in their seeds alone, and those with the same text in `seeds` have the same seeds.
     """
-    cells = pd.get_dummies(cell, dtype=float)
-    of_seed = pd.get_dummies(seeds.loc[measure.index], dtype=float).iloc[:, 1:]
-    of_seed -= of_seed.mean()  # the mean over all runs stays
-    design = np.hstack([cells, of_seed])
+    cell_columns = pd.get_dummies(cell, dtype=float)
+    seed_columns = pd.get_dummies(seeds.loc[measure.index], dtype=float).iloc[:, 1:]
+    seed_columns -= seed_columns.mean()  # the mean over all runs stays
+    design, cells = np.hstack([cell_columns, seed_columns]), cell_columns.shape[1]
     solution, _, rank, _ = np.linalg.lstsq(design, measure)
-    if not rank == design.shape[1] < len(measure):
-        return measure, len(measure) - cells.shape[1]
-    return measure - of_seed @ solution[cells.shape[1] :], len(measure) - int(rank)
+    is_determined = rank == design.shape[1] < len(measure)
+    if not is_determined:
+        return measure, len(measure) - cells
+    return measure - seed_columns @ solution[cells:], len(measure) - int(rank)
 
 
 def _measure_effect(
@@ -145,6 +147,7 @@ def _measure_effect(
     cell: text that is equal for runs that differ in their seeds alone. seeds: text that is equal
     for runs with the same seeds.
     """
+    # The means of the parameter's values, and the spread between seeds.
     measure, freedom = _remove_seed_effects(raw, cell, seeds)
     ranks, values = rank_values(setting)
     groups = measure.groupby(ranks)
@@ -152,6 +155,7 @@ def _measure_effect(
     near_zero = _EQUAL * float(raw.abs().max())
     deviations = measure - measure.groupby(cell).transform("mean")
     spread = float(np.sqrt((deviations**2).sum() / freedom)) if freedom else np.nan
+    # Which values are no worse than the best by more than the seeds explain.
     good = good_direction(str(raw.name))
     top = int(np.argmin(means) if good == LOWER else np.argmax(means))  # the best value
     differences, size = np.abs(means - means[top]), np.nan
@@ -163,7 +167,7 @@ def _measure_effect(
         size = float(np.ptp(means)) / spread
         scale = spread * np.sqrt((1 / counts + 1 / counts[top]) / 2)
         best = studentized_range.sf(differences / scale, len(means), freedom) >= SIGNIFICANCE
-    number_count = len({value for value in setting if not is_word(value)})
+    number_count = len({value for value in setting if not is_category(value)})
     effect = Effect(
         parameter=parameter, measure=str(raw.name), values=values, means=means, spread=spread,
         size=size, best=best, verdict="",
