@@ -35,12 +35,12 @@ def make_repository(folder: Path) -> Path:
     folder = folder.expanduser().absolute()
     try:
         _require_free_place(folder)
-        with whole_folder(folder) as part:
-            _copy_shipped_files(part)
-            _fill_template(part, folder.name)
-            _run([sys.executable, "-m", "stages.compose"], part)
-            _run(["git", "init", "--quiet"], part)
-            _run(["git", "add", "--all"], part)
+        with whole_folder(folder) as unfinished:
+            _copy_shipped_files(unfinished)
+            _fill_template(unfinished, folder.name)
+            _run([sys.executable, "-m", "stages.compose"], unfinished)
+            _run(["git", "init", "--quiet"], unfinished)
+            _run(["git", "add", "--all"], unfinished)
     except OSError as error:
         raise FinloopError(
             f"{folder} cannot be made ({error.strerror})", "a place that you may write to",
@@ -50,7 +50,7 @@ def make_repository(folder: Path) -> Path:
 
 
 def _require_free_place(folder: Path) -> None:
-    """Raise FinloopError unless git is there and `folder` is new or empty, in no repository."""
+    """Raise FinloopError without git, or unless `folder` is new or empty and in no repository."""
     if shutil.which("git") is None:
         raise FinloopError(
             "git is missing", "git, which keeps your settings and results", "install git"
@@ -86,7 +86,7 @@ def list_shipped_files() -> Iterator[str]:
 
 
 def _copy_shipped_files(folder: Path) -> None:
-    """Copy the shipped files to a folder; in dvc.yaml, do not watch finloop's sources."""
+    """Copy the shipped files to a folder; its dvc.yaml does not watch finloop's sources."""
     for name in list_shipped_files():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(shipped_folder() / name, folder / name)
@@ -97,7 +97,7 @@ def _copy_shipped_files(folder: Path) -> None:
 
 
 def _fill_template(folder: Path, name: str) -> None:
-    """Write the lab's own files to a folder, from templates; name: of the lab, for headings."""
+    """Write the lab's own files to a folder, from templates; name: the lab's, for headings."""
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
     for source, place in PLACES.items():
         text = (TEMPLATE / source).read_text(encoding="utf-8")

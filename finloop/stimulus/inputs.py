@@ -23,7 +23,7 @@ ADDRESS = b"/finloop/animal\0"  # 16 bytes: OSC requires a multiple of 4
 _FIELDS = ("t", "id", "x", "y", "heading")
 _TAGS = frozenset(b"ifdhs")  # types of arguments; the library logs others that it does not know
 _BUNDLE = b"#bundle\0"
-_HEAD = len(_BUNDLE) + 8  # bytes of a bundle before its parts: the mark, a time
+_BUNDLE_HEAD = len(_BUNDLE) + 8  # bytes of a bundle before its messages: the mark, a time
 
 Receive = Callable[[str | None, str], None]
 """Takes a text, None if it is invalid, and its sender."""
@@ -106,7 +106,7 @@ def _split_bundle(bundle: bytes) -> Iterator[bytes]:
 
     The OSC library would log each part that it does not know, and open bundles within bundles.
     """
-    end = _HEAD
+    end = _BUNDLE_HEAD
     while end < len(bundle):
         begin = end + 4  # bytes of the length
         end = begin + int.from_bytes(bundle[end:begin])

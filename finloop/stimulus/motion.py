@@ -42,7 +42,7 @@ MODE = "matching"
 
 
 class TrialContext:
-    """What all trials of a session share: the tank, its fish in the film, and the tick rate.
+    """What all trials of a session share: the tank, the film's fish, and the tick rate.
 
     player: animates the fish in mode `matching`; bodies: the film's postures; mm_per_px: mm of the
     display per px of the tank's picture, if known. world: what all fish swim in; rate_hz: ticks per
@@ -194,7 +194,7 @@ def plan_motion(
         tank.swim_in_group(None)
     elif motion.goal is not None:
         goals = (motion.goal,)
-    goals_given = [0] * len(tank.fish)  # to each fish; after its last goal it wanders
+    goals_given = [0] * len(tank.fish)  # how many each fish has got; after its last one it wanders
     planned = [_current_states(tank, scene)]
     for _ in range(count_planned_ticks(condition.change, ticks) - 1):
         for number, fish in enumerate(tank.fish):
@@ -231,7 +231,7 @@ def plan_all_trials(scene: TrialContext, protocol: Protocol, trials: Sequence[Tr
 
 
 def rehearse_stimulus(scene: TrialContext) -> None:
-    """Let a fish swim unseen for 200 ticks, so that no trial waits for compiling or caching."""
+    """Let a fish swim unseen for 200 ticks, so that no trial waits for functions to be compiled."""
     tank, rng = LiveTank({MODE: scene.player}, MODE, fish=1, seed=0), np.random.default_rng(0)
     for _ in range(_REHEARSED):
         tank.advance()
@@ -318,7 +318,8 @@ class ReactiveMotion:
         """Send each fish where the rule wants it; return the numbers of the fish with a new target.
 
         A target is new if it has moved by more than `rule.renew` body lengths, or if the fish has
-        reached it and left it. now_s: session time. A fish without a target wanders.
+        reached it and left it by a body length more. A fish without a target wanders. now_s:
+        session time.
         """
         renewed, length_px = [], self._scene.length_px
         renew_px = self._rule.renew * length_px

@@ -286,9 +286,10 @@ def _type_problem(detail: dict[str, Any]) -> Problem:
     message = _WORDS.get(detail["type"], message)
     came = json.dumps(detail["input"], ensure_ascii=False)
     came = came if len(came) <= 60 else came[:57] + "..."
-    # There is no value, or it is a group of keys and the complaint itself names the wrong one.
-    is_plain = detail["type"] == "missing" or (detail["type"] == "value_error" and came[:1] == "{")
-    return place, message if is_plain else f"{message}, got {came}"
+    # Without what came, if that is nothing, or a group of which the message names the wrong key.
+    is_group = detail["type"] == "value_error" and came.startswith("{")
+    says_enough = detail["type"] == "missing" or is_group
+    return place, message if says_enough else f"{message}, got {came}"
 
 
 def _enclosing_model(place: Place) -> type[BaseModel]:
@@ -357,7 +358,7 @@ def _motion_problems(protocol: Protocol, condition: Condition) -> Iterator[Probl
 
 
 def _is_file(path: Path) -> bool:
-    """Return whether a file exists; a name that is too long for the disk names none."""
+    """Return whether a file exists; False if its name is too long for the disk."""
     try:
         return path.is_file()
     except OSError:

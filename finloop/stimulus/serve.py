@@ -41,8 +41,8 @@ from finloop.stimulus.replay import DisplayedFrame
 from finloop.stimulus.session import RealClock, Session
 
 MOST_PAGES, MOST_TRACKERS = 8, 64
-_WAITING = 4096  # messages that wait for a page before it is disconnected
-_AHEAD = 8  # frames of a replay that are sent before the page has drawn them
+_MOST_WAITING = 4096  # messages that wait for a page before it is disconnected
+_MOST_UNDRAWN = 8  # frames of a quick replay that are sent before the page has drawn them
 _SAVE_S = 0.5  # time between two writings of the log
 
 
@@ -111,7 +111,7 @@ class DisplayPage:
     def __init__(self, connection: WebSocket) -> None:
         """Begin with an empty queue; the page is not ready yet."""
         self.connection, self.ready = connection, False
-        self.waiting: asyncio.Queue[bytes] = asyncio.Queue(_WAITING)
+        self.waiting: asyncio.Queue[bytes] = asyncio.Queue(_MOST_WAITING)
 
     def send(self, content: bytes) -> bool:
         """Queue a message to the page; return whether there was room for it."""
@@ -336,11 +336,11 @@ class ReplayHub(DisplayHub):
             self._drawn.set()
 
     async def run_replay(self) -> None:
-        """Send all frames once a display is ready; return when all are drawn, or 10 s later."""
+        """Send all frames once a display is ready; return when all are drawn, or 10 s after."""
         await self._connected.wait()
         async for frame in self._pace_frames():
             if self._quick:
-                await self._wait_until_drawn(fewer_than=_AHEAD)
+                await self._wait_until_drawn(fewer_than=_MOST_UNDRAWN)
             self._waiting[frame.number] = frame
             for content in self.feed.frame_messages(frame.number, frame.states):
                 self.send(content)

@@ -26,7 +26,8 @@ from finloop.stimulus.protocol import Protocol
 from finloop.stimulus.recorded import DryClock
 from finloop.stimulus.tracker import parse_trigger
 
-# How long before the page needs it a tick is planned: the shorter of these two times.
+# How long before the page needs it a tick is planned: the shorter of these two times. Planning
+# takes a few ms; an earlier tick would not know the latest messages of trackers.
 _MOST_LEAD_S, _LEAD_TICKS = 0.008, 0.25
 _FIRST_S = 0.3  # from the beginning of a trial to its first tick: time to send its pictures
 _JUMP_S = 0.5  # a larger change of wall clock against session clock is a jump
@@ -88,7 +89,11 @@ class Session:
         self, scene: TrialContext, protocol: Protocol, trials: tuple[Trial, ...], feed: Feed,
         log: Log, clock: RealClock | DryClock,
     ) -> None:  # fmt: skip
-        """Prepare a session; it begins with `start` and `run_trials`."""
+        """Prepare a session; `run_trials` runs it as soon as `start` is called.
+
+        trials: in order; feed: makes the messages to display pages; clock: a `DryClock` for a
+        session without a display.
+        """
         self.scene, self.protocol, self.trials = scene, protocol, trials
         self.feed, self.log, self.clock = feed, log, clock
         self.animals = LiveAnimals(protocol.animals, scene.tank, scene.mm_per_px)
@@ -137,19 +142,19 @@ class Session:
         self._may_start.set()
 
     def stop(self) -> None:
-        """End the session after the present trial."""
+        """End the session after the present trial, and log that."""
         self.stopping = True
         self.log_event("stop")
         self.start()
 
     def abort(self) -> None:
-        """End the session at once."""
+        """End the session at once, and log that."""
         self.stopping = self._abort = True
         self.log_event("abort")
         self.start()
 
     def skip(self) -> None:
-        """Skip the rest of the present trial."""
+        """Skip the rest of the present trial, and log that."""
         self._skip = True
         self.log_event("skip")
         self._may_start.set()
@@ -179,26 +184,26 @@ class Session:
         When this returns, the last tick is planned again if fish react to the message. source: the
         sender's name.
         """
-        arrived = self.clock.read_time()
+        arrived_s = self.clock.read_time()
         name = parse_trigger(text)
         if name is not None:
             self.log_event("trigger", name=name, source=source)
             if self.phase == "waiting" and name == self.protocol.start_message:
                 self._may_start.set()
             return
-        verdicts = self.animals.receive_message(text, source, arrived)
+        verdicts = self.animals.receive_message(text, source, arrived_s)
         self.counts.verdicts.update(verdicts)
         logged = text.decode(errors="replace") if isinstance(text, bytes) else text or ""
-        self.log.add_input(arrived, source, logged, " ".join(verdicts))
+        self.log.add_input(arrived_s, source, logged, " ".join(verdicts))
         if self._reaction is None or set(TAKEN).isdisjoint(verdicts):
             return
-        states = self._reaction.replan_tick(arrived)
+        states = self._reaction.replan_tick(arrived_s)
         if states is not None:
-            now = self.clock.read_time()
-            self._send_tick(self._tick, self._due_s, states, now, cut=True)
+            now_s = self.clock.read_time()
+            self._send_tick(self._tick, self._due_s, states, now_s, cut=True)
             tick_before_s = self._due_s - 1 / self.scene.rate_hz
-            self._undrawn_reactions[self._seq] = _UndrawnReaction(arrived, tick_before_s)
-            self.counts.planned_ms.append(1e3 * (now - arrived))
+            self._undrawn_reactions[self._seq] = _UndrawnReaction(arrived_s, tick_before_s)
+            self.counts.planned_ms.append(1e3 * (now_s - arrived_s))
 
     # --- display
 
@@ -233,7 +238,8 @@ class Session:
     def add_display(self, facts: dict[str, Any]) -> None:
         """Note that a display has connected, with facts about it.
 
-        A page counts its frames from 0, and marks even ones; so the log goes on with an even one.
+        A page counts its frames from 0, and marks even ones with the photodiode's square. So the
+        log's numbers go on with an even one.
         """
         self._page_first_frame = (self._last_frame // 2 + 1) * 2 if self._last_frame else 0
         self.displays, self.display = self.displays + 1, facts | {"hidden": False}
@@ -247,13 +253,13 @@ class Session:
             self.report_problem("the display has gone", trial=self.trials[self.trial_index].number)
 
     def set_hidden(self, on: bool) -> None:
-        """Note that the display's page is hidden behind another one, or visible again."""
+        """Note that the display's page is hidden behind another one (`on`), or visible again."""
         if self.display is not None:
             self.display["hidden"] = on
         self.report_problem(f"the display's page is {'hidden' if on else 'seen again'}")
 
     def remaining_s(self, now: float) -> float | None:
-        """Return how many s the present trial lasts after a session time; None if none runs."""
+        """Return how many s of the present trial are left at a session time; None if none runs."""
         return None if self._trial_end_s is None else round(max(0.0, self._trial_end_s - now), 1)
 
     def check_wall_clock(self, wall_s: float) -> None:
@@ -350,6 +356,7 @@ class Session:
 
         known: the states (ticks, fish, F) if they are known beforehand, None if fish react.
         """
+        # When the trial begins and ends, and who plans its ticks.
         self.phase, rate = "running", self.scene.rate_hz
         begin_s = self.clock.read_time() + _FIRST_S
         ticks = self.scene.count_ticks(setup.condition.seconds)
@@ -360,6 +367,7 @@ class Session:
         if known is None:
             reaction = ReactiveMotion(self.scene, setup, self.animals, keeps)
         self._reaction = reaction
+        # Plan and send each tick, some time before it is due.
         for tick in range(ticks):
             due_s = begin_s + tick / rate
             await self.clock.wait_until(due_s - early_s)
@@ -375,6 +383,7 @@ class Session:
                 self.counts.tick_ms.append(1e3 * (now_s - (due_s - early_s)))
         else:
             await self._wait_until(self._trial_end_s)
+        # Clean up, but keep a motion that another condition repeats.
         if reaction is not None and keeps and (motion := reaction.planned_states) is not None:
             self._motions[trial.condition] = motion
         self._reaction = self._trial_end_s = None
@@ -383,7 +392,7 @@ class Session:
         return "abort" if self._abort else "skip" if self._skip else "end"
 
     def _lead_time_s(self, known: bool) -> float:
-        """Return how many s before it is due a tick is planned, or sent if known beforehand."""
+        """Return how long [s] before it is due a tick is sent; known: whether it is beforehand."""
         tick_s = 1 / self.scene.rate_hz  # the page interpolates from the tick before
         return EARLY_S if known else tick_s + min(_MOST_LEAD_S, _LEAD_TICKS * tick_s)
 
@@ -393,17 +402,17 @@ class Session:
             await self.clock.wait_until(min(time_s, self.clock.read_time() + 0.1))
 
     def _send_tick(
-        self, tick: int, due: float, states: States, now: float, cut: bool = False
+        self, tick: int, due_s: float, states: States, planned_s: float, cut: bool = False
     ) -> None:
         """Send a tick's states (fish, F) to the displays, and log their digest.
 
-        tick: number within the trial. due, now: session times at which to show it, and at which it
+        tick: number within the trial. due_s, planned_s: session times when to show it, and when it
         was planned. cut: whether it was planned again, so that what was sent before is void.
         """
         self._seq += 1
-        for message in self.feed.tick_messages(self._seq, tick, due, states, cut):
+        for message in self.feed.tick_messages(self._seq, tick, due_s, states, cut):
             self._send(message)
         self.log.add_entry(
-            "tick", now, number=tick, intended_s=due, seq=self._seq, digest=digest_states(states),
-            verdict="anew" if cut else None,
+            "tick", planned_s, number=tick, intended_s=due_s, seq=self._seq,
+            digest=digest_states(states), verdict="anew" if cut else None,
         )  # fmt: skip
