@@ -77,8 +77,8 @@ def _draw_figures(fit: GaitFit, folder: Path, pictures: Pictures | None) -> None
     pictures: of a cycle, for Fig. 8; None = it shows the contours.
     """
     film, gait, keys, _ = fit
-    samples = sort_into_subcycles(film, gait.split, gait.wavelet, gait.coarse)
-    subcycles = build_subcycles(keys, samples, gait.wavelet, gait.coarse)
+    samples = sort_into_subcycles(film, gait.split, gait.descriptor)
+    subcycles = build_subcycles(keys, samples, gait.descriptor)
     for name, figure in draw_gait_figures(film, gait, keys, subcycles, pictures):
         save_figure(folder / f"{name}.png", figure)
 

@@ -8,11 +8,11 @@ import pytest
 
 from finloop.base.errors import FinloopError
 from finloop.gait.model import (
+    Descriptor,
     Gait,
     HalfCycleLayout,
     contours_at_phases,
     contours_of_cycle,
-    descriptor_slices,
     four_key_frames,
     gait_to_record,
     interpolate_contours,
@@ -21,11 +21,11 @@ from finloop.gait.model import (
     opposite_limb,
     reversed_order,
     start_share,
-    wavelet_descriptor,
 )
 from finloop.gait.tool import load_gait
 from finloop.io.record import save_json
 
+DESCRIPTOR = Descriptor("db4", 4)
 LIMBS = ("fore_left", "fore_right", "hind_left", "hind_right", "body")
 ONE, TWO = (
     dict(zip(LIMBS, np.random.default_rng(seed).normal(size=(len(LIMBS), 32, 2)), strict=True))
@@ -94,17 +94,15 @@ def test_the_cycle_goes_through_its_keys_and_its_second_half_repeats_the_first(g
 def test_gamma_bends_between_the_keys_and_each_scale_by_its_own():
     source, to = ONE["body"], TWO["body"]
     tau = np.array([0.25, 0.5])
-    one = interpolate_contours(source, to, tau, (0.7,), "db4", 4)
+    one = interpolate_contours(source, to, tau, (0.7,), DESCRIPTOR)
     np.testing.assert_allclose(one, to + start_share(tau, 0.7)[:, None, None] * (source - to))
     np.testing.assert_allclose(
-        interpolate_contours(source, to, tau, (0.7, 0.7), "db4", 4), one, atol=1e-12
+        interpolate_contours(source, to, tau, (0.7, 0.7), DESCRIPTOR), one, atol=1e-12
     )
     gammas = (-0.5, 0.0, 0.9)
-    moved = wavelet_descriptor(
-        interpolate_contours(source, to, tau, gammas, "db4", 4) - to, "db4", 4
-    )
-    way = wavelet_descriptor(source - to, "db4", 4)
-    for m, where in enumerate(descriptor_slices(32, 4)):
+    moved = DESCRIPTOR.coefficients(interpolate_contours(source, to, tau, gammas, DESCRIPTOR) - to)
+    way = DESCRIPTOR.coefficients(source - to)
+    for m, where in enumerate(DESCRIPTOR.scales(32)):
         f = start_share(tau, gammas[min(m, 2)])  # scales beyond those named go by the last
         np.testing.assert_allclose(moved[:, where], f[:, None, None] * way[where], atol=1e-12)
 
@@ -115,7 +113,7 @@ def test_few_control_points_make_smoother_contours_and_all_change_nothing():
         contours_of_cycle(ONE, TWO, WALK, 8, control=32)["body"], full, atol=1e-12
     )
     few = contours_of_cycle(ONE, TWO, WALK, 8, control=4)["body"]
-    assert np.abs(wavelet_descriptor(few, "db4", 4)[:, 4:]).max() < 1e-12
+    assert np.abs(DESCRIPTOR.coefficients(few)[:, 4:]).max() < 1e-12
     np.testing.assert_allclose(few.mean(axis=1), full.mean(axis=1), atol=1e-12)
     open_ones = contours_of_cycle(ONE, TWO, WALK, 8, control=4, closed={"body": False})["body"]
     assert np.abs(open_ones[:, 0] - open_ones[:, -1]).max() > 0.1  # its ends do not meet

@@ -98,7 +98,7 @@ class FilmGroup:
 def build_film_group(
     features: pd.DataFrame, arena: Mask, delta: int, horizon: float | Literal["auto"]
 ) -> FilmGroup:
-    """Build the group of all fish of a film, with their neighbours, from the feature table.
+    """Return the group of all fish of a film, with their neighbours, from the feature table.
 
     arena (h, w): True inside. delta: frames over which motion is measured (Δ). horizon: time
     between seeing and responding, in units of Δ, or "auto" to measure it. FinloopError if it is
@@ -159,5 +159,5 @@ def _link_rows(frame: Ints, track: Ints, ticks: int) -> tuple[Ints, Ints]:
 
 
 def _thin_rows(rows: Ints, most: int) -> Ints:
-    """Choose at most `most` of the given row numbers, evenly spread over them."""
+    """Return at most `most` of the given row numbers, evenly spread over them."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int))]

@@ -59,7 +59,7 @@ class _ZoneChoice(NamedTuple):
 
 
 def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
-    """Fit the zones of repulsion, alignment and attraction to the first half of a film.
+    """Return the zones of repulsion, alignment and attraction that fit the first half of a film.
 
     The best zones predict the later headings of the fish. Parameters that are not "auto" stay
     fixed; listed radii and blind angles are tried for the others. The second half tests them.
@@ -125,10 +125,10 @@ class _SumsWithin(NamedTuple):
     vectors: Complex
     counts: Ints
 
-    def ring_mean(self, inner: int | None, outer: int) -> Complex:
+    def ring_mean(self, outer: int, inner: int | None = None) -> Complex:
         """Return the mean vector (n,) of the neighbours between two radii; 0 where there is none.
 
-        inner, outer: numbers of the radii; inner None: from the fish itself.
+        outer, inner: numbers of the radii; without an inner one the ring is a disc.
         """
         total, count = self.vectors[:, outer], self.counts[:, outer]
         if inner is not None:
@@ -169,9 +169,9 @@ class NeighbourSums:
         inner, middle, outer = (self._number_of[radius] for radius in radii)
         is_unrepelled = self._all_bearings.counts[:, inner] == 0
         pulls = [
-            -self._all_bearings.ring_mean(None, inner),
-            is_unrepelled * self._headings.ring_mean(inner, middle),
-            is_unrepelled * self._bearings.ring_mean(middle, outer),
+            -self._all_bearings.ring_mean(inner),
+            is_unrepelled * self._headings.ring_mean(middle, inner),
+            is_unrepelled * self._bearings.ring_mean(outer, middle),
         ]
         return np.stack(pulls, axis=-1)
 
@@ -201,7 +201,7 @@ def _sum_rows(columns: Complex, after: Complex) -> _RegressionSums:
 
 
 def _solve_regression(sums: _RegressionSums, weights: Sequence[float | None]) -> Floats:
-    """Solve a regression on own direction, three zones and wall: return the coefficients (5,).
+    """Return the coefficients (5,) of a regression on own direction, three zones and wall.
 
     Those of the zones are 0 or more: the most negative one is left out, and the rest solved again.
     weights (3,): None for a zone that is fitted. A zone with a fixed weight has coefficient 0,
@@ -240,12 +240,12 @@ def _replace_none_by_zero(weights: Sequence[float | None]) -> Floats:
 def fit_directions(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None]
 ) -> tuple[Floats, float]:
-    """Fit how strongly own direction, zones and wall predict the later directions of fish.
+    """Return how strongly own direction, zones and wall predict the later directions of fish.
 
-    Return the coefficients (5,), of own direction, zones and wall, and the sum of squared errors
-    that they leave. pulls (n, 3): of the zones; wall (n,): vectors away from the wall; after (n,):
-    the later directions; weights (3,): of each zone, None if it is fitted. A fixed weight is
-    relative to the own direction's.
+    The results are the coefficients (5,), and the sum of squared errors that they leave. pulls (n,
+    3): of the zones; wall (n,): vectors away from the wall; after (n,): the later directions;
+    weights (3,): of each zone, None if it is fitted. A fixed weight is relative to the own
+    direction's.
     """
     sums = _sum_rows(_regression_columns(pulls, wall, weights), after)
     solution = _solve_regression(sums, weights)

@@ -85,7 +85,7 @@ def simulate_point_fish(
     film: FilmGroup, steps: SocialSteps, zones: Zones, settings: CalibrateSettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:  # fmt: skip
-    """Simulate fish as points that swim by the film's steps and zones; measure them by frame.
+    """Return measures, by frame, of simulated point fish that swim by the film's steps and zones.
 
     There are as many as the film typically shows in a frame. The table has `settings.steps` frames
     and the columns of `SHOAL`, after a time in which the fish forget their random start.

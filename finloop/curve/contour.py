@@ -41,7 +41,7 @@ def orient_clockwise(curve: Curve) -> Curve:
 
 
 def resample_curve(curve: Curve, n: int) -> Curve:
-    """Resample a curve to n points at equal distances along its polyline (t(l) = l / L, §2.2).
+    """Return a curve as n points at equal distances along its polyline (t(l) = l / L, §2.2).
 
     A closed curve keeps its first point, an open curve both ends. The new polygon cuts corners, so
     it is never longer than the curve. FinloopError if n is below 3 (closed curve) or 2 (open).

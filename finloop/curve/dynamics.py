@@ -358,7 +358,7 @@ class WaveletSystem(NamedTuple):
 
 
 def _wavelet_system(problem: Problem, options: SolverOptions) -> WaveletSystem:
-    """Build the equation of motion (Eq. 3.3) of a problem in the wavelet basis."""
+    """Return the equation of motion (Eq. 3.3) of a problem in the wavelet basis."""
     n, material = len(problem.rest), problem.material
     k = stiffness_matrix(problem.wavelet, n, options.levels, material.elastic)
     m = (material.density or 1.0) * eye_array(n)  # M = ρI: the basis functions are orthonormal
@@ -478,9 +478,9 @@ def _build_solver(
 
 
 def invert_by_schulz(matrix: Floats, tolerance: float = 1e-10) -> tuple[Floats, int, float]:
-    """Invert a matrix C (n, n) by Schulz iteration, X ← 2X − XCX from Cᵀ / ‖CᵀC‖.
+    """Return the inverse of a matrix C by Schulz iteration, X ← 2X − XCX from Cᵀ / ‖CᵀC‖.
 
-    Return the inverse (n, n), the number of iterations, and the largest entry of |I − XC|, at most
+    Also return the number of iterations, and the largest entry of |I − XC|, at most
     `tolerance`. The paper names no norm; this one is the largest row sum, which bounds every
     eigenvalue, so the iteration converges. FinloopError if the matrix is singular, or nearly.
     """

@@ -26,7 +26,7 @@ from finloop.gait.fit import (
     fit_key_frames,
     sort_into_subcycles,
 )
-from finloop.gait.model import contour_from_descriptor, gamma_per_coefficient
+from finloop.gait.model import Descriptor
 
 CLOCKS = ("linear", "gamma", "gamma_scale", "free")
 LEAST_GAIN = 0.02
@@ -52,7 +52,7 @@ class ClockComparison:
 
 
 def choose_held_out_frames(film: GaitContours) -> tuple[str, list[Mask]]:
-    """Choose which frames of a film are held out of each fit: name of the scheme, masks (frames,).
+    """Return which frames of a film are held out of each fit: the scheme's name, masks (frames,).
 
     A film of two gait cycles or more holds out one cycle at a time; an incomplete last cycle has a
     mask of its own. A shorter film holds out every other frame.
@@ -72,23 +72,23 @@ def compare_clocks(
 
     A clock says how much of the first key frame is left at each moment between two key frames.
 
-    split: phase of key frame 2, in cycles; wavelet, coarse: of the descriptor, and coefficients of
-    its coarsest scale. Held-out frames are skipped if the other frames cannot be fitted; if all are
-    skipped, the last error is raised. FinloopError, too, if the film shows less than half a cycle
-    or its phase does not rise.
+    split: phase of key frame 2, in cycles; wavelet, coarse: of the `Descriptor`. Held-out frames
+    are skipped if the other frames cannot be fitted; if all are skipped, the last error is raised.
+    FinloopError, too, if the film shows less than half a cycle or its phase does not rise.
     """
     check_phases(film)
+    descriptor = Descriptor(wavelet, coarse)
     scheme, masks = choose_held_out_frames(film)
     rows: list[dict[str, Any]] = []
     problem: FinloopError | None = None
     for mask in masks:
         try:
-            rows += list(_held_out_errors(film, mask, split, wavelet, coarse))
+            rows += list(_held_out_errors(film, mask, split, descriptor))
         except FinloopError as error:
             problem = error
     if problem is not None and not rows:
         raise problem
-    _, subcycles = fit_key_frames(film, split, wavelet, coarse)
+    _, subcycles = fit_key_frames(film, split, descriptor)
     table = pd.DataFrame(rows).groupby(_KEYS, sort=False).sum().reset_index()
     contours = table[table["scale"] == _WHOLE].drop(columns="scale").reset_index(drop=True)
     total = contours["frames"].sum()
@@ -102,28 +102,28 @@ def compare_clocks(
 
 
 def _held_out_errors(
-    film: GaitContours, mask: Mask, split: float, wavelet: str, coarse: int
+    film: GaitContours, mask: Mask, split: float, descriptor: Descriptor
 ) -> Iterator[dict[str, Any]]:
     """Yield a table row for each contour, subcycle and scale: the clocks' squared errors.
 
     mask (frames,): frames held out; the clocks are fitted to all others. split: phase of key frame
-    2, in cycles; wavelet, coarse: of the descriptor, and coefficients of its coarsest scale. A row
-    has the columns of _KEYS, the number of held-out `frames`, and by clock the squared error,
-    summed over these frames and divided by the number of the contour's points, in the contours'
-    unit squared. The scale _WHOLE stands for all scales together.
+    2, in cycles; descriptor: how contours become coefficients. A row has the columns of _KEYS, the
+    number of held-out `frames`, and by clock the squared error, summed over these frames and
+    divided by the number of the contour's points, in the contours' unit squared. The scale _WHOLE
+    stands for all scales together.
     """
     least_motion = LEAST_MOTION * film.body_length
-    _, subcycles = fit_key_frames(_select_frames(film, ~mask), split, wavelet, coarse)
+    _, subcycles = fit_key_frames(_select_frames(film, ~mask), split, descriptor)
     one_gamma = fit_all_gammas(subcycles, per_scale=False, least_motion=least_motion)
     scale_gammas = fit_all_gammas(subcycles, per_scale=True, least_motion=least_motion)
-    held_out = sort_into_subcycles(_select_frames(film, mask), split, wavelet, coarse)
+    held_out = sort_into_subcycles(_select_frames(film, mask), split, descriptor)
     for (name, number), model in subcycles.items():
         samples = held_out[name][number]
         tau, coefficients = samples.tau, samples.coefficients
         if not len(tau):
             continue
         point_count, letter = len(model.end), "AB"[number]
-        gammas = gamma_per_coefficient(scale_gammas[name][letter], point_count, coarse)
+        gammas = descriptor.spread_gammas(scale_gammas[name][letter], point_count)
         start_share = _fit_free_clock(model, tau)[:, None, None]
         predictions = {
             "linear": model.predict(tau, np.zeros(1)),
@@ -136,7 +136,7 @@ def _held_out_errors(
             row = dict(zip(_KEYS, (name, letter, scale), strict=True)) | {"frames": len(tau)}
             for clock, error in errors.items():
                 if scale == _WHOLE:  # distances of the contours' points, not of coefficients
-                    error = contour_from_descriptor(error, point_count, wavelet, coarse)
+                    error = descriptor.contours(error, point_count)
                 row[clock] = float((error[:, part] ** 2).sum()) / point_count
             yield row
 

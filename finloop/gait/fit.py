@@ -15,19 +15,17 @@ from finloop.base.arrays import Ints, Mask, Points
 from finloop.base.errors import FinloopError
 from finloop.gait.model import (
     POOLED,
+    Descriptor,
     Gait,
     HalfCycleLayout,
     Symmetry,
-    contour_from_descriptor,
     contours_half_cycle_later,
     contours_of_cycle,
-    descriptor_slices,
     gamma_fraction,
     gamma_from_fractions,
     locate_in_subcycle,
     opposite_limb,
     start_share,
-    wavelet_descriptor,
 )
 
 WIDEST = 0.125
@@ -192,12 +190,13 @@ class SubcycleFrames:
 
 
 def sort_into_subcycles(
-    film: GaitContours, split: float, wavelet: str, coarse: int
+    film: GaitContours, split: float, descriptor: Descriptor
 ) -> dict[str, list[SubcycleFrames]]:
-    """Sort a film's frames into subcycles, between key frames: by contour id, those in A and in B.
+    """Return a film's frames by contour id: those in subcycle A, and those in B.
 
-    Frames of C and D count as frames of A and B of the symmetric pose. split: phase of key 2, in
-    cycles; wavelet: of the descriptor; coarse: coefficients of its coarsest scale.
+    A lies between keys 1 and 2, B between 2 and 1'. Frames of the second half of the cycle, in C
+    and D, count as frames of A and B of the symmetric pose. split: phase of key 2, in cycles;
+    descriptor: how contours become coefficients.
     """
     later = film.contours_half_cycle_later(film.contours)
     in_second_half = (np.mod(film.phase, 1.0) >= 0.5)[:, None, None]
@@ -209,7 +208,7 @@ def sort_into_subcycles(
         frames_by_contour[name] = []
         for number in range(2):
             frame = np.flatnonzero(shown & (subcycle == number))
-            coefficients = wavelet_descriptor(poses[frame], wavelet, coarse)
+            coefficients = descriptor.coefficients(poses[frame])
             frames_by_contour[name].append(SubcycleFrames(tau[frame], coefficients, frame))
     return frames_by_contour
 
@@ -236,7 +235,7 @@ class Subcycle:
         )
 
     def fit_gammas(self, per_scale: bool, least_motion: float) -> tuple[float, ...]:
-        """Fit the gait parameter γ: return one per scale, coarse to fine, or one for all scales.
+        """Return the fitted gait parameters γ: one per scale, coarse to fine, or one for all.
 
         least_motion: γ is 0 where points move less than this (RMS), in the unit of the contours.
         """
@@ -248,28 +247,29 @@ class Subcycle:
         return tuple(gammas)
 
     def predict(self, tau: Points, gamma: Points) -> Points:
-        """Predict wavelet coefficients (s, n, 2) at tau (s,), shares 0-1 of the subcycle.
+        """Return the wavelet coefficients (s, n, 2) that γ predicts at tau (s,).
 
-        gamma: (n,), one for each coefficient, or (1,) for all.
+        tau: shares 0-1 of the subcycle's time; gamma: one for each coefficient, (n,), or (1,) for
+        all.
         """
         return self.end + start_share(tau[:, None], gamma)[..., None] * (self.start - self.end)
 
 
 def build_subcycles(
-    keys: KeyFrames, samples: Mapping[str, list[SubcycleFrames]], wavelet: str, coarse: int
+    keys: KeyFrames, samples: Mapping[str, list[SubcycleFrames]], descriptor: Descriptor
 ) -> dict[tuple[str, int], Subcycle]:
     """Return the subcycles A and B of each contour, by contour id and number (0 for A, 1 for B).
 
-    samples: by contour id, the film's frames in A and those in B; wavelet: of the descriptor;
-    coarse: coefficients of its coarsest scale.
+    samples: by contour id, the film's frames in A and those in B; descriptor: how contours become
+    coefficients.
     """
     subcycles = {}
     for name, (frames_a, frames_b) in samples.items():
         key_1, key_2, key_1_later = (
-            wavelet_descriptor(key[name], wavelet, coarse)
+            descriptor.coefficients(key[name])
             for key in (keys.first, keys.second, keys.first_later)
         )
-        scales = descriptor_slices(len(key_1), coarse)
+        scales = descriptor.scales(len(key_1))
         subcycles[name, 0] = Subcycle(frames_a, start=key_1, end=key_2, scales=scales)
         subcycles[name, 1] = Subcycle(frames_b, start=key_2, end=key_1_later, scales=scales)
     return subcycles
@@ -278,7 +278,7 @@ def build_subcycles(
 def fit_all_gammas(
     subcycles: Mapping[tuple[str, int], Subcycle], per_scale: bool, least_motion: float
 ) -> Gammas:
-    """Fit gait parameters γ: return by id, then by "A" and "B", one per scale or one for all.
+    """Return the fitted gait parameters γ by id, then by "A" and "B": one per scale or one for all.
 
     least_motion: γ is 0 where points move less than this (RMS), in the unit of the contours.
     """
@@ -289,18 +289,18 @@ def fit_all_gammas(
 
 
 def fit_key_frames(
-    film: GaitContours, split: float, wavelet: str, coarse: int
+    film: GaitContours, split: float, descriptor: Descriptor
 ) -> tuple[KeyFrames, dict[tuple[str, int], Subcycle]]:
     """Return a film's key frames, and the subcycles between them by (id, 0 for A or 1 for B).
 
     Linear interpolation (`interpolate_key_frames`) flattens the curved motion between film frames.
     A smooth model of the film, a cubic for each coefficient of each subcycle, shows by how much.
     This error is subtracted, in ROUNDS rounds. A frame exactly at a key's phase stays that key.
-    split: phase of key 2, in cycles; wavelet, coarse: of the descriptor, and coefficients of its
-    coarsest scale. FinloopError if no frame near a key shows a contour, or fewer than LEAST frames
-    between the keys of a subcycle do.
+    split: phase of key 2, in cycles; descriptor: how contours become coefficients. FinloopError if
+    no frame near a key shows a contour, or fewer than LEAST frames between the keys of a subcycle
+    do.
     """
-    samples = sort_into_subcycles(film, split, wavelet, coarse)
+    samples = sort_into_subcycles(film, split, descriptor)
     few = []
     for name, frames_of_a_and_b in samples.items():
         for letter, frames in zip("AB", frames_of_a_and_b, strict=True):
@@ -313,9 +313,9 @@ def fit_key_frames(
             "use more cycles or a higher frame rate, or omit these contours",
         )
     linear = keys = interpolate_key_frames(film, split)
-    subcycles = build_subcycles(keys, samples, wavelet, coarse)
+    subcycles = build_subcycles(keys, samples, descriptor)
     for _ in range(ROUNDS):
-        smooth = _fit_smooth_contours(film, subcycles, split, wavelet, coarse)
+        smooth = _fit_smooth_contours(film, subcycles, split, descriptor)
         # The key frames are exact in the model, so its interpolation differs by the error alone.
         flattened = interpolate_key_frames(replace(film, contours=smooth), split)
         first, second = dict[str, Points](), dict[str, Points]()
@@ -323,7 +323,7 @@ def fit_key_frames(
             first[name] = keys.first[name] + linear.first[name] - flattened.first[name]
             second[name] = keys.second[name] + linear.second[name] - flattened.second[name]
         keys = KeyFrames(first, second, film.contours_half_cycle_later(first))
-        subcycles = build_subcycles(keys, samples, wavelet, coarse)
+        subcycles = build_subcycles(keys, samples, descriptor)
     return keys, subcycles
 
 
@@ -331,13 +331,12 @@ def _fit_smooth_contours(
     film: GaitContours,
     subcycles: Mapping[tuple[str, int], Subcycle],
     split: float,
-    wavelet: str,
-    coarse: int,
+    descriptor: Descriptor,
 ) -> dict[str, Points]:
     """Return the film's contours smoothed in time, each coefficient a cubic between the key frames.
 
-    The cubics go through the key frames. NaN stays NaN. split: phase of key 2, in cycles; wavelet,
-    coarse: of the descriptor, and coefficients of its coarsest scale.
+    The cubics go through the key frames. NaN stays NaN. subcycles: by contour id, and 0 for A, 1
+    for B; split: phase of key 2, in cycles; descriptor: how contours become coefficients.
     """
     linear = np.zeros(1)  # γ: evenly from key to key
     subcycle, tau = locate_in_subcycle(np.mod(film.phase, 0.5), split)
@@ -347,14 +346,13 @@ def _fit_smooth_contours(
         for number in range(2):
             frames, model = subcycle == number, subcycles[name, number]
             samples = model.samples
+            # The cubic is the straight motion between the keys plus a part that is 0 at both.
             deviation = samples.coefficients - model.predict(samples.tau, linear)
             flat = deviation.reshape(len(deviation), -1)
             factors = np.linalg.lstsq(_evaluate_two_cubics(samples.tau), flat, rcond=None)[0]
-            bow = (_evaluate_two_cubics(tau[frames]) @ factors).reshape(-1, *model.end.shape)
-            coefficients = model.predict(tau[frames], linear) + bow
-            first_half[name][frames] = contour_from_descriptor(
-                coefficients, points.shape[1], wavelet, coarse
-            )
+            curved = (_evaluate_two_cubics(tau[frames]) @ factors).reshape(-1, *model.end.shape)
+            coefficients = model.predict(tau[frames], linear) + curved
+            first_half[name][frames] = descriptor.contours(coefficients, points.shape[1])
     later = film.contours_half_cycle_later(first_half)
     in_second_half = (np.mod(film.phase, 1.0) >= 0.5)[:, None, None]
     smooth = dict[str, Points]()
@@ -380,16 +378,16 @@ def fit_gait(
     coarse: int = 4,
     per_scale: bool = False,
 ) -> tuple[Gait, KeyFrames]:
-    """Fit a gait to the contours of a film; return the gait and its key frames.
+    """Return the gait that fits the contours of a film, and its key frames.
 
-    name: of the gait; split: phase of key 2, in cycles; wavelet: of the descriptor; coarse:
-    coefficients of its coarsest scale; per_scale: fit one γ for each scale instead of one for all.
+    name: of the gait; split: phase of key 2, in cycles; wavelet, coarse: of the `Descriptor`;
+    per_scale: fit one γ for each scale instead of one for all.
     The caller fills in the gait's `source`, `confidence` and `residuals`. The γ of POOLED belongs
     to all contours together. FinloopError if the film shows less than half a cycle, its phase does
     not rise, or it shows a contour in too few frames.
     """
     check_phases(film)
-    keys, subcycles = fit_key_frames(film, split, wavelet, coarse)
+    keys, subcycles = fit_key_frames(film, split, Descriptor(wavelet, coarse))
     gamma = fit_all_gammas(subcycles, per_scale, LEAST_MOTION * film.body_length)
     gamma[POOLED] = {}
     for number, letter in enumerate("AB"):

@@ -58,7 +58,7 @@ def support_frames(spans: tuple[tuple[float, float], ...], frames: int) -> list[
     spans: (from, to) in cycles, both ends included; frames: number of frames of a cycle. A returned
     number may exceed it. A span in which no frame lies gives no entry.
     """
-    rounding = 1e-9
+    rounding = 1e-9  # cycles: a span that ends at a frame includes it
     runs = []
     for start, end in spans:
         first = int(np.ceil((start - rounding) * frames))

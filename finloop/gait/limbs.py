@@ -188,7 +188,7 @@ def smooth_track(track: Floats, window: float | None) -> Floats:
 
 
 def _evaluate_fitted_line(time: Floats, values: Floats, wanted_time: Floats) -> Floats:
-    """Fit a straight line to values (m, k) at `time` (m,); return its values at `wanted_time`."""
+    """Return, at `wanted_time`, the straight line that fits values (m, k) at `time` (m,)."""
     basis, wanted = (np.column_stack([np.ones(len(x)), x]) for x in (time, wanted_time))
     return np.asarray(wanted @ np.linalg.lstsq(basis, values, rcond=None)[0])
 

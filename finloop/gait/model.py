@@ -23,7 +23,7 @@ belongs to A and B alone.
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import AfterValidator, Field
@@ -104,6 +104,11 @@ class Gait:
     # by clock: RMS distance of contours / body length, on frames held out of the fit
     residuals: Mapping[str, Number] = field(default_factory=dict)
 
+    @property
+    def descriptor(self) -> "Descriptor":
+        """How the gait's contours become wavelet coefficients."""
+        return Descriptor(self.wavelet, self.coarse)
+
 
 def gait_to_record(gait: Gait) -> dict[str, Any]:
     """Return a gait as plain values to write as JSON, rounded to DECIMALS.
@@ -177,81 +182,67 @@ def gamma_from_fractions(fractions: Iterable[tuple[float, float]]) -> float:
 # --- contours as wavelet descriptors
 
 
-def _count_halvings(n: int, coarse: int, closed: bool) -> int:
-    """Return how many halvings reduce a contour to `coarse` control points; 0 if it has fewer.
+class Descriptor(NamedTuple):
+    """How contours become wavelet coefficients (§2.2): the wavelet, and how many the coarsest has.
 
-    n: points of the contour, counted after mirroring if it is open (not closed); then 2 `coarse`
-    are left.
+    wavelet: its name; coarse: number of coefficients of the coarsest scale, a power of two. Of an
+    open contour (not closed) n counts both halves: it is mirrored, and has 2 `coarse`.
     """
-    halvings = count_halvings(n) - (coarse.bit_length() - 1)  # log₂ n − log₂ coarse
-    return max(0, halvings if closed else halvings - 1)
 
+    wavelet: str = "coif2"
+    coarse: int = 4
 
-def wavelet_descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -> Points:
-    """Return the wavelet coefficients of contours (…, n, 2): closed (…, n, 2), open (…, 2n, 2).
+    def count_levels(self, n: int, closed: bool = True) -> int:
+        """Return how many halvings reduce n points to the coarsest scale; 0 if there are fewer."""
+        levels = count_halvings(n) - (self.coarse.bit_length() - 1)  # log₂ n − log₂ coarse
+        return max(0, levels if closed else levels - 1)
 
-    coarse: number of coefficients of the coarsest scale, a power of two. closed: whether the
-    contours are closed.
-    """
-    points = points if closed else close_by_mirroring(points)
-    return wavelet_transform(points, wavelet, _count_halvings(points.shape[-2], coarse, closed))
+    def coefficients(self, points: Points, closed: bool = True) -> Points:
+        """Return the wavelet coefficients of contours (…, n, 2): closed (…, n, 2), open twice n."""
+        points = points if closed else close_by_mirroring(points)
+        levels = self.count_levels(points.shape[-2], closed)
+        return wavelet_transform(points, self.wavelet, levels)
 
+    def contours(self, coefficients: Points, n: int, closed: bool = True) -> Points:
+        """Return the contours of n points (…, n, 2) that have given coefficients."""
+        levels = self.count_levels(coefficients.shape[-2], closed)
+        return inverse_transform(coefficients, self.wavelet, levels)[..., :n, :]
 
-def contour_from_descriptor(
-    coefficients: Points, n: int, wavelet: str, coarse: int, closed: bool = True
-) -> Points:
-    """Return contours of n points (…, n, 2) from the coefficients that `wavelet_descriptor` gives.
+    def scales(self, n: int, closed: bool = True) -> list[slice]:
+        """Return which of n coefficients belong to each scale, from coarse to fine."""
+        return scale_slices(n, self.count_levels(n, closed))
 
-    coefficients: (…, n, 2), or (…, 2n, 2) of open contours (not closed); coarse: coefficients of
-    the coarsest scale.
-    """
-    levels = _count_halvings(coefficients.shape[-2], coarse, closed)
-    return inverse_transform(coefficients, wavelet, levels)[..., :n, :]
+    def spread_gammas(self, gammas: tuple[float, ...], n: int, closed: bool = True) -> Points:
+        """Return the gait parameter γ of each of n coefficients, (n,), from one per scale.
 
-
-def descriptor_slices(n: int, coarse: int, closed: bool = True) -> list[slice]:
-    """Return which of n wavelet coefficients belong to each scale: slices, coarse to fine.
-
-    n: for an open contour, twice its points; coarse: coefficients of the coarsest scale.
-    """
-    return scale_slices(n, _count_halvings(n, coarse, closed))
-
-
-def gamma_per_coefficient(
-    gamma: tuple[float, ...], n: int, coarse: int, closed: bool = True
-) -> Points:
-    """Spread gait parameters γ, one per wavelet scale, over n coefficients: (n,).
-
-    gamma: from coarse to fine, the last for all finer scales; n: for an open contour (not closed),
-    twice its points; coarse: coefficients of the coarsest scale.
-    """
-    spread = np.empty(n)
-    for number, scale in enumerate(descriptor_slices(n, coarse, closed)):
-        spread[scale] = gamma[min(number, len(gamma) - 1)]
-    return spread
+        gammas: from coarse to fine; the last holds for all finer scales.
+        """
+        spread = np.empty(n)
+        for number, scale in enumerate(self.scales(n, closed)):
+            spread[scale] = gammas[min(number, len(gammas) - 1)]
+        return spread
 
 
 def interpolate_contours(
     start: Points,
     end: Points,
     tau: Points,
-    gamma: tuple[float, ...],
-    wavelet: str,
-    coarse: int,
+    gammas: tuple[float, ...],
+    descriptor: Descriptor,
     closed: bool = True,
 ) -> Points:
     """Return the contours (frames, n, 2) between two key frames (n, 2) of a subcycle.
 
     tau (frames,): 0 at `start`, 1 at `end`. A contour is end + f(τ) (start − end), f =
-    `start_share`. gamma: one γ per wavelet scale, coarse to fine, or a single one; wavelet: of the
-    descriptor; coarse: coefficients of its coarsest scale; closed: whether the contours are closed.
+    `start_share`. gammas: one γ per wavelet scale, coarse to fine, or a single one; descriptor: how
+    contours become coefficients; closed: whether they are closed.
     """
-    if len(gamma) == 1:  # All coefficients, and so all points, move alike: no transform is needed.
-        return end + start_share(tau, gamma[0])[:, None, None] * (start - end)
-    difference = wavelet_descriptor(start - end, wavelet, coarse, closed)
-    gammas = gamma_per_coefficient(gamma, len(difference), coarse, closed)
-    shares = start_share(tau[:, None], gammas)[..., None]
-    return end + contour_from_descriptor(shares * difference, len(end), wavelet, coarse, closed)
+    if len(gammas) == 1:  # All coefficients, and so all points, move alike: no transform is needed.
+        return end + start_share(tau, gammas[0])[:, None, None] * (start - end)
+    difference = descriptor.coefficients(start - end, closed)
+    gamma = descriptor.spread_gammas(gammas, len(difference), closed)
+    shares = start_share(tau[:, None], gamma)[..., None]
+    return end + descriptor.contours(shares * difference, len(end), closed)
 
 
 def _reduce_control_points(
@@ -453,7 +444,7 @@ def contours_at_phases(
             frames, gamma = subcycle == number, gammas.get(letter, (0.0,))
             start, end = keys[number][name], keys[number + 1][name]
             poses[frames] = interpolate_contours(
-                start, end, tau[frames], gamma, gait.wavelet, gait.coarse, is_closed
+                start, end, tau[frames], gamma, gait.descriptor, is_closed
             )
         if control is not None:
             poses = _reduce_control_points(poses, control, gait.wavelet, is_closed)

@@ -93,7 +93,7 @@ def swim_contours(
 
 
 def join_steady_frames(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
-    """Join the frames with a steady tail beat of all tracks: contours (f, n, 2) and phases (f,).
+    """Return the frames with a steady tail beat of all tracks: contours (f, n, 2), phases (f,).
 
     Phases are in cycles, ascending. Each stretch of steady frames begins a new cycle, so the phase
     counts the cycles of the result. FinloopError if no track is periodic; the message counts the
@@ -162,7 +162,7 @@ def body_centres_and_directions(points: Floats, backbone: Floats) -> tuple[Float
 
 
 def move_to_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
-    """Move and turn contours (frames, n, 2) so that the body is at 0 and heads for +x.
+    """Return contours (frames, n, 2), moved and turned so that the body is at 0 and heads for +x.
 
     centre (frames, 2): place of the body; angle (frames,): its direction, radians from x towards y.
     """

@@ -54,7 +54,7 @@ def find_period(
     frame_rate_hz: float,
     extreme: Floats | None = None,
 ) -> Period:
-    """Find the frequency and phase of a motion that repeats, from coordinates (frames, k).
+    """Return the frequency and phase of a motion that repeats, from coordinates (frames, k).
 
     signal: NaN where missing. extreme (frames,): phase 0 is where its main wave is greatest; by
     default the strongest mode, signed so that its largest coordinate is positive. The search goes
@@ -274,7 +274,7 @@ class _SinusoidFit(NamedTuple):
 
 
 def _fit_sinusoids(modes: Floats, frequency: float) -> _SinusoidFit:
-    """Fit a sinusoid of `frequency` (cycles a frame) to the modes in a window about every frame.
+    """Return how a sinusoid of `frequency` (cycles a frame) fits the modes about every frame.
 
     modes (frames, m): scores of the principal modes. Least squares with a sine-shaped weight,
     together with a straight line (a turn, a drift). The first and last frames share the first and

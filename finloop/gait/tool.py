@@ -51,7 +51,7 @@ def _write_cycle(options: argparse.Namespace) -> str:
 
 
 def load_gait(path: Path) -> Gait:
-    """Read a gait from a JSON file; FinloopError if the file is missing, no JSON, or no gait."""
+    """Return the gait of a JSON file; FinloopError if the file is missing, no JSON, or no gait."""
     return load_json(path, gait_from_record, WANTED, DO, MOST_BYTES)
 
 

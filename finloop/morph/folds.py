@@ -27,7 +27,7 @@ _SPLIT = 134217729.0  # 2^27 + 1
 
 
 def count_polygon_folds(stack: Reals, closed: bool = True) -> Ints:
-    """Count exactly how many pairs of edges meet in each polygon, (f,); 0: it never meets itself.
+    """Return the exact number (f,) of pairs of edges that meet in each polygon; 0: none does.
 
     Neighbours count if they overlap in more than their vertex, an edge of length 0 counts as one
     more. stack: polygons (f, n, 2), or one (n, 2); n ≥ 3 (open: 2); the first vertex is not
@@ -197,7 +197,7 @@ def _boxes_overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
 
 @kernel
 def count_folds_unchecked(points: Floats, closed: bool, first_only: bool) -> int:
-    """Count the pairs of edges that meet in one polygon (n, 2), without checking its shape.
+    """Return the number of pairs of edges that meet in a polygon (n, 2); its shape is not checked.
 
     Neighbours count if they overlap in more than their vertex, an edge of length 0 counts as one
     more. first_only: stop at the first pair; the result then says only whether there is one.

@@ -59,7 +59,7 @@ def morph_drawings(
     scales: LinearOptions = LinearOptions(),  # noqa: B008  (immutable)
     physics: PhysicalOptions = PhysicalOptions(),  # noqa: B008  (immutable)
 ) -> Morph:
-    """Morph drawing `a` into drawing `b`, which is fitted into the picture of `a`.
+    """Return the morph of drawing `a` into `b`, which is fitted into the picture of `a`.
 
     a, b: with the same ids, each contour closed in both or open in both. method: one of METHODS;
     `simple` keeps every contour free of folds. frames: their number, at least 2, both ends
@@ -97,7 +97,7 @@ def build_morph(
     digits: Sequence[int],
     repeats: bool = False,
 ) -> Morph:
-    """Build a morph from the frames of all contours: round the coordinates, then count the folds.
+    """Return the morph of given frames of all contours: coordinates rounded, folds counted.
 
     a, b: the drawings; `a` gives the size of the picture, both give styles. tau, layers: share of
     the way to `b` (f,) of every frame, and its contours (f, n, 2) by id. digits: significant digits
@@ -200,7 +200,7 @@ def physical_morph(
 
 
 def there_and_back(morph: Morph) -> Morph:
-    """Append the morph's frames in reverse, so that it repeats without a jump.
+    """Return a morph with its frames appended in reverse, so that it repeats without a jump.
 
     The frames at both ends are not repeated: f frames become 2 f − 2.
     """
@@ -209,7 +209,7 @@ def there_and_back(morph: Morph) -> Morph:
 
 
 def fit_drawing(drawing: Drawing, width: float, height: float) -> Drawing:
-    """Scale a drawing to fit a picture and centre it there, as SVG fits a viewBox.
+    """Return a drawing scaled to fit a picture and centred there, as SVG fits a viewBox.
 
     width, height: of the picture, in the unit of its coordinates.
     """

@@ -15,7 +15,7 @@ from finloop.morph.folds import is_simple
 
 
 def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
-    """Resample two curves to n points at equal distances, (n, 2) each, so that rows correspond.
+    """Return two curves as n points at equal distances, (n, 2) each; rows correspond.
 
     The order of a is kept. b is renumbered, and perhaps reversed, so that the points lie nearest to
     those of a. FinloopError if one is closed and the other open.

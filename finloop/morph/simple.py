@@ -207,7 +207,7 @@ def _straight_motion_is_simple(first: Points, second: Points, closed: bool) -> b
             for axis in range(2):
                 path[k, v, axis] = (1 - share) * first[v, axis] + share * second[v, axis]
     for k in (8, 4, 12, 2, 14):  # most motions that fold do so here: a quick first test
-        if count_folds_unchecked(path[k], closed, True):
+        if count_folds_unchecked(path[k], closed, first_only=True):
             return False
     return stays_simple_unchecked(path, closed)
 

@@ -23,7 +23,7 @@ def draw_in_pose(
     mirrored: bool = False,
     sharp: bool = True,
 ) -> Premultiplied:
-    """Draw a cut-out in another pose: a picture (height, width, c), premultiplied, 0 … 1.
+    """Return a cut-out drawn in another pose: (height, width, c), premultiplied, 0 … 1.
 
     pose: of the cut-out (pixels with alpha), px of the film; target: px of the new picture; size:
     its height and width, px; mirrored: whether the animal's left is drawn as its right (`target` is
@@ -62,7 +62,7 @@ class PosedPicture:
         self.box: tuple[int, int, int, int] = self._plan.box
 
     def draw_part(self, box: tuple[int, int, int, int]) -> Premultiplied:
-        """Draw a part of the new picture: (bottom - top, right - left, c), premultiplied, 0 … 1.
+        """Return a part of the new picture: (bottom - top, right - left, c), premultiplied, 0 … 1.
 
         box: its rows and columns [px], half open: top, left, bottom, right.
         """
@@ -73,7 +73,7 @@ class PosedPicture:
 
 
 def mix_pictures(first: Premultiplied, second: Premultiplied, weight: float) -> Premultiplied:
-    """Cross-fade two pictures (h, w, c) of one pose; `weight` is the share of the second."""
+    """Return the cross-fade of two pictures (h, w, c); `weight` is the share of the second, 0-1."""
     return cv2.addWeighted(first, 1 - weight, second, weight, 0)
 
 

@@ -73,7 +73,7 @@ class StripLayout(NamedTuple):
 def plan_strips(
     film: NDArray[np.float32], source: PlacedBackbone, target: PlacedBackbone, mode: DrawingMode
 ) -> StripLayout:
-    """Plan how to draw a film's picture along another backbone: from where, to where, how wide.
+    """Return how a film's picture is drawn along another backbone: from where, to where, how wide.
 
     film: (h, w, c) 0 … 255, alpha last; source, target: the backbone in it and in the new picture.
     """

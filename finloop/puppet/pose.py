@@ -102,11 +102,11 @@ def backbone_steps(posture: Floats) -> Floats:
 
 
 def mirror_posture(posture: Floats) -> Floats:
-    """Exchange left and right in postures (…, 2 + 2 n)."""
-    copy = posture.copy()
-    copy[..., _LEFT] *= -1
-    backbone_bends(copy)[...] *= -1
-    return copy
+    """Return postures (…, 2 + 2 n) with left and right exchanged, as a copy."""
+    mirrored = posture.copy()
+    mirrored[..., _LEFT] *= -1
+    backbone_bends(mirrored)[...] *= -1  # a view
+    return mirrored
 
 
 def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:

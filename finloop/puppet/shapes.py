@@ -48,7 +48,7 @@ class PoseShapes:
 
     @classmethod
     def fit(cls, postures: Floats, share: float, gap_quantile: float = 0.99) -> "PoseShapes":
-        """Compute the principal shapes that explain a share (0 … 1) of the postures' variance.
+        """Return the principal shapes that explain a share (0 … 1) of the postures' variance.
 
         postures (k, d): of a film. gap_quantile: quantile of the distance from a posture to its
         nearest other one, which becomes the gap. FinloopError if there are fewer than two postures,
@@ -123,10 +123,9 @@ class PoseShapes:
         return np.asarray(self._tree.query(codes)[0] > (1 - _EXACT) * self.gap - _EXACT)
 
     def nearest_codes(self, codes: Floats) -> NearestCodes:
-        """Move pose codes (…, c) that are far from all filmed ones towards the nearest filmed one.
+        """Return pose codes (…, c), moved to within `gap` of the nearest filmed ones.
 
-        They stop where they are `gap` away from it; nearer ones are not moved. Mirror images count
-        as filmed.
+        Codes that are nearer already stay. Mirror images count as filmed.
         """
         moved, limit = np.array(codes, float), self.gap + _EXACT
         clamped = np.asarray(np.isinf(self._tree.query(moved, distance_upper_bound=limit)[0]))
@@ -139,7 +138,7 @@ class PoseShapes:
 
 
 def _fix_signs(shapes: Floats) -> Floats:
-    """Flip each shape (c, d) so that its component of greatest size is positive."""
+    """Return shapes (c, d), each flipped so that its component of greatest size is positive."""
     size = np.abs(shapes)
     greatest = (size > (1 - _ROUNDING) * size.max(axis=1, keepdims=True)).argmax(axis=1)
     return shapes * np.sign(np.take_along_axis(shapes, greatest[:, None], axis=1))

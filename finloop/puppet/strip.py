@@ -50,13 +50,17 @@ class Strip(NamedTuple):
 
 @finite_kernel
 def cross_sections(line: PlacedBackbone) -> Strip:
-    """Return the cross-sections of a body, along its backbone and straight on beyond its ends."""
+    """Return the cross-sections of a body, along its backbone and straight on beyond its ends.
+
+    line: the backbone of one animal in a picture.
+    """
     n = len(line.posture) // 2 - 1
     bends, steps = line.posture[2 : 2 + n], line.posture[2 + n :]
     m = n + 1 + 2 * BEYOND
     points, normals = np.empty((m, 2)), np.empty((m, 2))
     ahead, left = line.posture[0] * line.size_px, line.posture[1] * line.size_px
     cos, sin = math.cos(line.heading_rad), math.sin(line.heading_rad)
+    # The head, from the mass centre; y is down.
     x, y = line.x_px + cos * ahead - sin * left, line.y_px - sin * ahead - cos * left
     for i in range(BEYOND + 1):
         cos, sin = math.cos(line.heading_rad + bends[0]), math.sin(line.heading_rad + bends[0])

@@ -46,7 +46,7 @@ def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> 
 def align_body_and_tail(
     tracks: pd.DataFrame, backbones: Reals, parameters: TailParameters
 ) -> Points:
-    """Resample backbones (k, n, 2) px: a point is the same place of body or tail in all rows.
+    """Return backbones (k, n, 2) px on which a point is the same place of the animal in all rows.
 
     The first points, from the head, divide the body, the others the whole tail; where no tail is
     visible, the line continues straight. tracks: backbone_x_px, backbone_y_px, half_width_px of k
@@ -93,24 +93,22 @@ def _find_body_ends(widths: Floats, thin: float) -> Floats:
     widths (k, n): along the backbones, px; thin: the body ends where its width falls to this share
     of its largest. Ends lie between points, by linear interpolation.
     """
-    points = np.arange(widths.shape[1])
-    greatest = widths.max(1, keepdims=True)
-    is_tail = (widths < thin * greatest) & (points > widths.argmax(1)[:, None])
-    first = np.where(is_tail.any(1), is_tail.argmax(1), points[-1])
-    rows = np.arange(len(widths))
+    points, rows = np.arange(widths.shape[1]), np.arange(len(widths))
+    limit = thin * widths.max(1)
+    is_tail = (widths < limit[:, None]) & (points > widths.argmax(1)[:, None])
+    has_tail = is_tail.any(1)
+    first = np.where(has_tail, is_tail.argmax(1), points[-1])  # the first point of the tail
     width_before, width_after = widths[rows, first - 1], widths[rows, first]
     drop = np.maximum(width_before - width_after, 1e-9)
-    share = np.where(
-        is_tail.any(1), np.clip((width_before - thin * greatest[:, 0]) / drop, 0, 1), 1
-    )
+    share = np.where(has_tail, np.clip((width_before - limit) / drop, 0, 1), 1)
     return first - 1 + share
 
 
 def _smooth_line(line: Floats, width: Floats, smoothing: float) -> Floats:
-    """Smooth bends of a backbone (n, 2) that are shorter than the body is wide; its ends stay.
+    """Return a backbone (n, 2) without the bends that are shorter than the body is wide.
 
     width (n,): half widths, px; smoothing: standard deviation, in half widths. The line is mirrored
-    beyond its ends, and divided evenly afterwards.
+    beyond its ends, which stay, and divided evenly afterwards.
     """
     count = len(line)
     step = max(np.hypot(*np.diff(line, axis=0).T).mean(), 1e-6)

@@ -116,7 +116,7 @@ def track_from_film_rows(film: RetargetData, rows: Ints, name: str) -> Track:
 def retarget_track(
     track: Track, film: RetargetData, p: RetargetSettings, others: JoinParameters
 ) -> Retargeted:
-    """Let the film's fish follow a recorded track; return the edit list and metrics.
+    """Return the edit list and metrics of the film's fish that follows a recorded track.
 
     film: the film whose frames are drawn; p: the group `retarget` of the parameters; others: of
     other stages. FinloopError if the track is too short, swims tail first, has no body length, or
@@ -235,7 +235,7 @@ def _fit_track_to_fish(
 def _choose_rows_and_move_into_tank(
     track: _PlacedTrack, rows: FilmRows, joins: JoinRules, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _PlacedTrack]:
-    """Return film rows that swim as a track does, and the track moved into the tank.
+    """Return the film's rows that show a track best, and the track, moved into the tank.
 
     A track without postures gets those of its rows, so it is moved only after these are chosen. A
     path that has to shrink is slower, so its rows are chosen again.

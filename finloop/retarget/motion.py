@@ -35,8 +35,8 @@ def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> Recorde
     the stretch is too short, or the animal swims tail first.
     """
     time = track.frame / track.rate_hz
-    asked = (time >= p.start_s) & (time <= (np.inf if p.end_s is None else p.end_s))
-    frames = np.flatnonzero(track.is_complete & asked)
+    wanted = (time >= p.start_s) & (time <= (np.inf if p.end_s is None else p.end_s))
+    frames = np.flatnonzero(track.is_complete & wanted)
     is_gap = np.diff(track.frame[frames]) > 1 + round(p.gap_s * track.rate_hz)
     stretches = np.split(frames, np.flatnonzero(is_gap) + 1)
     longest = max(stretches, key=lambda stretch: np.ptp(time[stretch]) if len(stretch) else -1.0)
@@ -45,7 +45,7 @@ def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> Recorde
     if ticks < _LEAST_TICKS or len(longest) < 2:
         raise FinloopError(
             f"the longest stretch of {track.name} without a gap has {len(longest)} frames, "
-            f"{duration_s:.2f} s, of {int(asked.sum())} requested frames",
+            f"{duration_s:.2f} s, of {int(wanted.sum())} requested frames",
             f"at least {_LEAST_TICKS / rate_hz:.2g} s, {_LEAST_TICKS} frames of this film",
             "take a track with shorter gaps, another animal (retarget.animal), or another part of "
             "the track (retarget.start_s, end_s)",
@@ -69,13 +69,13 @@ def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> Recorde
             "retarget.allow_backwards=true",
         )
     first, last = track.frame[longest[[0, -1]]]
-    asked_frames = int(asked.sum())
-    used_frames = int((asked & (track.frame >= first) & (track.frame <= last)).sum())
+    wanted_frames = int(wanted.sum())
+    used_frames = int((wanted & (track.frame >= first) & (track.frame <= last)).sum())
     return RecordedMotion(tick_times, points, codes, {
-        "file_frames": asked_frames,
-        "file_frames_used_pct": 100 * used_frames / asked_frames,
+        "file_frames": wanted_frames,
+        "file_frames_used_pct": 100 * used_frames / wanted_frames,
         "gaps_filled_frames": int(last - first) + 1 - len(longest),
-        "left_out_s": (asked_frames - used_frames) / track.rate_hz,
+        "left_out_s": (wanted_frames - used_frames) / track.rate_hz,
         "stretches_left_out": len(stretches) - 1,
         "forward_pct": 100 * forward,
     })  # fmt: skip

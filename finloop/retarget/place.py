@@ -72,6 +72,7 @@ def find_placement(
             "take a part of the track (retarget.start_s, end_s), a smaller path "
             "(retarget.placement=shrink), or let it leave the tank (retarget.placement=given)",
         )
+    # Bisection: the largest path that fits, between a point and the whole path.
     fits, too_large = 0.0, 1.0
     best = find_shift_into(shrink_path(bodies, fits), arena, length_px)
     if best is None:
@@ -84,8 +85,10 @@ def find_placement(
     for _ in range(_ROUNDS):
         middle = (fits + too_large) / 2
         shift = find_shift_into(shrink_path(bodies, middle), arena, length_px)
-        fits, too_large = (middle, too_large) if shift is not None else (fits, middle)
-        best = best if shift is None else shift
+        if shift is None:
+            too_large = middle
+        else:
+            fits, best = middle, shift
     return best, fits
 
 

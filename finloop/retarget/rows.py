@@ -86,7 +86,7 @@ class FilmRows:
         )
 
     def exclude_rows(self, rows: Ints) -> "FilmRows":
-        """Return the film with some rows and their mirror images made infinitely distant.
+        """Return the film's rows, some of them and their mirror images infinitely distant.
 
         rows: their numbers in the film. FinloopError if no row remains.
         """
@@ -133,9 +133,11 @@ def find_cheapest_rows(
     usable = np.flatnonzero(np.isfinite(rows.values).all(1))
     index = Nearest.from_vectors(rows.values[usable].astype(np.float32))
     nearest = index.search(requested, min(candidates, len(usable)))
-    # The beam: the rows that end the cheapest sequences so far. Each tick keeps it, and the places
-    # in the beam before from which its rows are reached.
-    beam, costs, origins, beams = np.zeros(0, np.int64), np.zeros(0), [], []
+    # The beam: the rows that end the cheapest sequences so far, and what these cost. Each tick
+    # keeps it, and the places in the last beam from which its rows are reached.
+    beam, costs = np.zeros(0, np.int64), np.zeros(0)
+    beams: list[Ints] = []
+    origins: list[Ints] = []
     for tick, wanted in enumerate(requested):
         follows = rows.follows[beam]
         plays_on = np.flatnonzero(follows >= 0)
@@ -153,7 +155,8 @@ def find_cheapest_rows(
         beam, costs = tried[kept], cost[kept]
         origins.append(origin[kept])
         beams.append(beam)
-    places = [int(costs.argmin())]  # in the beams, from the last tick back
+    # The cheapest sequence, from the last tick back to the first: its places in the beams.
+    places = [int(costs.argmin())]
     for origin in origins[:0:-1]:
         places.append(int(origin[places[-1]]))
     return np.array([beam[place] for beam, place in zip(beams, places[::-1], strict=True)])

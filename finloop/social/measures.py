@@ -120,7 +120,7 @@ def wasserstein_distances(first: pd.DataFrame, second: pd.DataFrame) -> dict[str
 def compare_groups(
     films: Mapping[str, pd.DataFrame], shoals: Mapping[str, pd.DataFrame]
 ) -> pd.DataFrame:
-    """Compare the measures of each simulated group with those of each film.
+    """Return how far the measures of each simulated group are from those of each film.
 
     films, shoals: name → table of `SHOAL`. The result has one row per group, film and measure:
     shoal, beside (the film), measure, median (of the group), distance (Wasserstein's, in the unit
@@ -136,7 +136,7 @@ def compare_groups(
 
 
 def split_in_halves(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Split a table of `SHOAL` into the first and the second half of the film's time."""
+    """Return a table of `SHOAL` in two: the first and the second half of the film's time."""
     first = table["frame"] < middle_frame(table["frame"].to_numpy())
     return table[first], table[~first]
 

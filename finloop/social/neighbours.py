@@ -25,7 +25,7 @@ class Neighbours(NamedTuple):
 
 
 def complex_vectors(places: Reals, headings_deg: Reals, length: float) -> tuple[Complex, Complex]:
-    """Convert places to complex numbers in BL (y up), and headings to complex unit vectors.
+    """Return places as complex numbers in BL (y up), and headings as complex unit vectors.
 
     places (…, m, 2): px, y down; headings_deg (…, m): anticlockwise; length: a body length in px.
     Both results are (…, m).

@@ -70,7 +70,7 @@ def _tangents_to_head(line: Floats) -> Floats:
 
 
 def draw_carp(line: Floats, fins: tuple[float, float], colours: FishColours) -> CarpPicture:
-    """Draw a carp along its midline; return its picture with opacity and coverage.
+    """Return the picture of a carp along its midline, with opacity and coverage.
 
     line (65, 2): px, head to tail, equal arc length; fins: how far the left and right pectoral fins
     are open, 0-1; colours: of the fish.
@@ -152,7 +152,7 @@ class _BodyPixels(NamedTuple):
 
 
 def _find_body_pixels(line: Floats, rows: int, columns: int, length_subpx: float) -> _BodyPixels:
-    """Find the subpixels of a picture (rows, columns) that the body about a midline covers.
+    """Return the subpixels of a picture (rows, columns) that the body about a midline covers.
 
     A distance transform gives the nearest midline pixel; three fixed-point steps turn it into the
     foot of the perpendicular. line (k, 2): midline in subpixels; length_subpx: of the body.

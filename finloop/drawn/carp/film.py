@@ -26,15 +26,15 @@ from finloop.drawn.carp.skin import FishColours, Image, paint_fish, paint_floor
 Row = dict[str, Any]
 
 SHADOW_OFFSET = (0.050, 0.075)  # of the shadow on the floor, body lengths right and down
-SHADOW_BLUR = 0.040
+SHADOW_BLUR = 0.040  # SD, body lengths
 _GREY = np.array([0.299, 0.587, 0.114], np.float32)  # BT.601
 NOISE_PAD = 160  # px by which the noise bank exceeds a frame, for random offsets
 
 
 def is_tank_large_enough(params: CarpFilm) -> bool:
-    """Return whether the tank has room for all fish: each needs 2.2 × 2.2 body lengths.
+    """Return whether the tank has room for all fish.
 
-    And mass centres need 1.2 × 1.2 body lengths to move in.
+    Each fish needs 2.2 × 2.2 body lengths, and mass centres 1.2 × 1.2 to move in.
     """
     x0, y0, x1, y1 = allowed_rectangle(params.width_px, params.height_px, params.body_length_px)
     wide, high = x1 - x0, y1 - y0  # of the places of mass centres; bodies reach 0.7 beyond them
@@ -78,10 +78,12 @@ def fish_colours(params: CarpFilm) -> tuple[FishColours, ...]:
 
 @lru_cache(maxsize=2)  # painting takes as long as drawing some dozen frames
 def _paint_all_fish(seed: int, fish: int, columns: int) -> tuple[FishColours, ...]:
-    """Paint `fish` fish from a seed, with skin pictures `columns` px wide."""
+    """Return the colours of `fish` fish from a seed, with skin pictures `columns` px wide."""
     _motion, _floor, skins, _noise, light = _random_generators(seed)
-    coat = int(light.integers(4))
-    return tuple(paint_fish(rng, columns, coat + i) for i, rng in enumerate(skins.spawn(fish)))
+    first_coat = int(light.integers(4))
+    return tuple(
+        paint_fish(rng, columns, first_coat + i) for i, rng in enumerate(skins.spawn(fish))
+    )
 
 
 def light_levels(params: CarpFilm) -> Floats:
@@ -148,7 +150,10 @@ def _sensor_noise(params: CarpFilm, rng: np.random.Generator) -> Image:
 
 
 def _shade_floor(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tuple[slice, slice]:
-    """Darken the floor under a fish in a picture (h, w, 3 or 1); return the changed window."""
+    """Darken the floor under a fish in a picture (h, w, 3 or 1), in place.
+
+    Return the rows and columns that have changed.
+    """
     sigma = SHADOW_BLUR * params.body_length_px
     pad = int(np.ceil(3 * sigma))
     shadow = cv2.copyMakeBorder(drawing.coverage, pad, pad, pad, pad, cv2.BORDER_CONSTANT)

@@ -71,7 +71,7 @@ def simulate_swimming(
     fins: float,
     rng: np.random.Generator,
 ) -> CarpMotion:
-    """Simulate the poses of all fish in all frames; a longer film only adds frames at its end.
+    """Return simulated poses of all fish in all frames; a longer film only adds frames at its end.
 
     room: where mass centres may be; fins: share of the time in which the pectoral fins are open,
     0-1; rng: source of chance.
@@ -84,7 +84,7 @@ def simulate_swimming(
         direction = float(stream.uniform(-math.pi, math.pi))
         swimmers.append(Swimmer(*place, direction, room, fins, stream))
     others = [[other for other in swimmers if other is not swimmer] for swimmer in swimmers]
-    scalars = np.zeros((7, frames, fish))
+    scalars = np.zeros((7, frames, fish))  # one layer for each scalar field of `CarpMotion`
     ripple, fin_opening = np.zeros((frames, fish, 2)), np.zeros((frames, fish, 2))
     for frame in range(frames):
         for i, swimmer in enumerate(swimmers):
@@ -211,27 +211,33 @@ class Swimmer:
         """Return the angle, radians, of a turn into open water; None if straight on is better.
 
         others: the other fish; sharp: whether wide angles are welcome, because something is near.
+        Of 28 random angles the one with the best score is taken: room ahead, distance from other
+        fish and chance count for it; its size, and turning the same way again, against it.
         """
         best, best_angle = -math.inf, None
         for size in self.rng.uniform(math.radians(30), math.radians(150), 14):
             for angle in (size, -size):
                 # About the place at which the turn ends, and the free water [BL] from there on.
-                way = 0.5 * self.speed * (0.36 + 0.76 * size / math.pi)
-                x = self.x + way * (math.cos(self.axis) + math.cos(self.axis + angle)) / 2
-                y = self.y - way * (math.sin(self.axis) + math.sin(self.axis + angle)) / 2
-                run = _distance_to_edge(x, y, self.axis + angle, self.room)
+                path = 0.5 * self.speed * (0.36 + 0.76 * size / math.pi)
+                x = self.x + path * (math.cos(self.axis) + math.cos(self.axis + angle)) / 2
+                y = self.y - path * (math.sin(self.axis) + math.sin(self.axis + angle)) / 2
+                free = _distance_to_edge(x, y, self.axis + angle, self.room)
                 gap = min((_closest_approach(self, other, angle) for other in others), default=9.0)
-                score = min(run, 3.5) + 1.5 * min(gap, 2.5) + float(self.rng.uniform(0, 1.5))
+                score = min(free, 3.5) + 1.5 * min(gap, 2.5) + float(self.rng.uniform(0, 1.5))
                 score -= 0.25 * size if sharp else 0.6 * size
                 score -= 0.45 * max(self.net_turn * math.copysign(1.0, angle), 0.0)
-                if not sharp and (run < 1.6 or gap < 1.6):
+                if not sharp and (free < 1.6 or gap < 1.6):
                     continue
                 if score > best:
                     best, best_angle = score, angle
         return best_angle
 
     def _decide(self, others: Sequence["Swimmer"], dt: float) -> None:
-        """Begin another kind of motion if the present one ends, or if a wall or a fish is near."""
+        """Begin another kind of motion if the present one ends, or if a wall or a fish is near.
+
+        others: the other fish; dt: seconds since the last call. Shares and times are chosen so that
+        it looks like a calm carp.
+        """
         self.remaining_s -= dt
         self.rest_s -= dt
         if self.mode == "turn":
@@ -268,7 +274,7 @@ class Swimmer:
                 self._begin_straight("cruise")
 
     def _draw_fin_time(self) -> float:
-        """Draw the time, s, until the pectoral fins open or close; they stay open about 1 s."""
+        """Return a random time, s, until the pectoral fins open or close; about 1 s if open."""
         share = self.fins_share
         if share <= 0 or share >= 1:
             self.fins_open = share >= 1
@@ -287,7 +293,10 @@ class Swimmer:
         self._move_fins(dt)
 
     def _turn(self, dt: float, is_late: bool) -> None:
-        """Bend the body and turn its axis in `dt` s; is_late: in the last part of a turn."""
+        """Bend the body, turn its axis in `dt` s, and name the swimming type that an eye sees.
+
+        is_late: whether the fish is in the last part of a turn.
+        """
         bend, axis = self.bend, self.axis
         if self.mode == "turn":
             tau = 1 - max(self.remaining_s, 0.0) / self.duration_s
@@ -309,7 +318,10 @@ class Swimmer:
             self.turn_over = is_late  # from now on the body only straightens
 
     def _beat_tail(self, dt: float, is_late: bool) -> None:
-        """Beat the tail for `dt` seconds; rate and amplitude reach their targets in about 0.5 s."""
+        """Beat the tail for `dt` seconds; rate and amplitude reach their targets in about 0.5 s.
+
+        is_late: whether the fish is in the last part of a turn, when it speeds up.
+        """
         rate, amplitude = (2.2, 0.8) if is_late else (self.target_rate, self.target_amplitude)
         self.rate += (rate - self.rate) * dt / 0.18
         self.amplitude += (amplitude - self.amplitude) * dt / 0.20

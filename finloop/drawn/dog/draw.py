@@ -52,7 +52,7 @@ def dog_frames(dog: DogFilm) -> Iterator[Picture]:
 
 
 def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Picture:
-    """Paint a frame without noise: the meadow, the dog's shadow and its parts, far to near.
+    """Return a frame without noise: the meadow, the dog's shadow and its parts, far to near.
 
     tufts (k, 3): x px, y as a share of the meadow's depth, size px; hills (m, 2): x and height, px.
     """

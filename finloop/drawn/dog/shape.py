@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 import scipy
 
-from finloop.base.arrays import Floats, Mask
+from finloop.base.arrays import Floats
 from finloop.curve.contour import Curve, resample_curve
 
 FAR_OFFSET = (0.045, -0.022)  # shift of the far limbs, for a view from slightly above
@@ -102,37 +102,28 @@ def _skin_and_bone_weights(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
     """Return a limb's outline (n, 2) at rest, and the weight (n, 4) of each bone at its points."""
     outline, joints = points_on_smooth_curve(shape.outline, n), np.array(shape.joints)
     bones = np.diff(joints, axis=0)
-    part = (
-        np.einsum("nbk,bk->nb", outline[:, None] - joints[:-1], bones) / shape.bone_lengths() ** 2
-    )
-    nearest = joints[:-1] + np.clip(part, 0, 1)[..., None] * bones
+    # The nearest point of each bone to each point of the outline: the share of the bone, 0-1.
+    along = np.einsum("nbk,bk->nb", outline[:, None] - joints[:-1], bones)
+    share = np.clip(along / shape.bone_lengths() ** 2, 0, 1)
+    nearest = joints[:-1] + share[..., None] * bones
     distance = np.linalg.norm(outline[:, None] - nearest, axis=2) + BLUNT
     weight = distance**-BLEND
     return outline, weight / weight.sum(axis=1, keepdims=True)
-
-
-def limb_reaches(shape: LimbShape, foot: Floats, top: Floats) -> Mask:
-    """Return a mask (…) of the places of foot and top that a limb reaches, bent or stretched.
-
-    foot, top (…, 2): how far both are moved from rest, in trunk lengths.
-    """
-    bones, ankle = shape.bone_lengths(), _ankle_and_turns(shape, foot)[0]
-    distance = np.linalg.norm(ankle - (np.array(shape.joints[0]) + top), axis=-1)
-    return (distance < bones[0] + bones[1]) & (distance > abs(bones[0] - bones[1]))
 
 
 def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
     """Return outlines (…, n, 2) of a limb whose foot and top are moved from rest.
 
     foot, top (…, 2): how far both are moved; y is down, the unit the trunk length. The knee (of a
-    fore limb: elbow) follows by two-link inverse kinematics; NaN if the limb does not reach so far
-    (`limb_reaches`). The outline is a smooth function of `foot` and `top` alone.
+    fore limb: elbow) follows by two-link inverse kinematics; NaN if the limb does not reach so far.
+    The outline is a smooth function of `foot` and `top` alone.
     """
     rest, bones = np.array(shape.joints), shape.bone_lengths()
     ankle, pastern_turn, paw_turn = _ankle_and_turns(shape, foot)
     hip = rest[0] + top
     across = ankle - hip
     distance = np.linalg.norm(across, axis=-1)
+    # Law of cosines: the angle at the hip between the upper bone and the line to the ankle.
     cosine = (bones[0] ** 2 + distance**2 - bones[1] ** 2) / (2 * bones[0] * distance)
     # y is down, so a knee in front (+x) of a limb that hangs down is at a smaller angle.
     upper_angle = np.arctan2(across[..., 1], across[..., 0]) - shape.bend * np.arccos(cosine)
@@ -143,13 +134,14 @@ def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats
     rest_angles = np.arctan2(bones_at_rest[:, 1], bones_at_rest[:, 0])
     upper_turn, lower_turn = upper_angle - rest_angles[0], lower_angle - rest_angles[1]
     turns = np.stack([upper_turn, lower_turn, pastern_turn, paw_turn], axis=-1)
-    heads = np.stack([hip, knee, ankle, rest[3] + foot], axis=-2)
+    upper_ends = np.stack([hip, knee, ankle, rest[3] + foot], axis=-2)
     outline, weight = _skin_and_bone_weights(shape, n)
-    # As complex numbers: the outline seen from the head of each bone (n, 4), and the heads (…, 4).
+    # As complex numbers: the outline seen from the upper end of each bone (n, 4), and these ends
+    # (…, 4). Linear blend skinning: each bone turns and moves the whole outline; the mean counts.
     local = (outline[:, None] - rest[:4]) @ [1, 1j]
-    joints = heads @ np.array([1, 1j])
+    ends = upper_ends @ np.array([1, 1j])
     points = np.einsum("nb,...nb->...n", weight, local * np.exp(1j * turns)[..., None, :])
-    points = points + joints @ weight.T
+    points = points + ends @ weight.T
     return np.stack([points.real, points.imag], axis=-1)
 
 
