@@ -32,6 +32,7 @@ from finloop.curve.wavelet import inverse_transform, wavelet_transform
 METHODS = ("modal", "runge-kutta", "explicit-euler", "implicit-euler", "decoupled")
 SCHULZ_ITERATIONS = 100
 """Largest number of Schulz iterations; every matrix that float64 can invert needs fewer."""
+SCHULZ_TOLERANCE = 1e-10  # largest entry of |I − XC| for an inverse X of C
 
 Numbers = NDArray[np.inexact]
 
@@ -477,11 +478,11 @@ def _build_solver(
     raise FinloopError(f"options.inverse {method!r}", "sparse or schulz", "choose one of the two")
 
 
-def invert_by_schulz(matrix: Floats, tolerance: float = 1e-10) -> tuple[Floats, int, float]:
+def invert_by_schulz(matrix: Floats) -> tuple[Floats, int, float]:
     """Return the inverse of a matrix C by Schulz iteration, X ← 2X − XCX from Cᵀ / ‖CᵀC‖.
 
     Also return the number of iterations, and the largest entry of |I − XC|, at most
-    `tolerance`. The paper names no norm; this one is the largest row sum, which bounds every
+    SCHULZ_TOLERANCE. The paper names no norm; this one is the largest row sum, which bounds every
     eigenvalue, so the iteration converges. FinloopError if the matrix is singular, or nearly.
     """
     unit = np.eye(len(matrix))
@@ -489,12 +490,12 @@ def invert_by_schulz(matrix: Floats, tolerance: float = 1e-10) -> tuple[Floats, 
     for iteration in range(SCHULZ_ITERATIONS):
         deviation = unit - x @ matrix
         residual = float(np.abs(deviation).max())
-        if residual <= tolerance:
+        if residual <= SCHULZ_TOLERANCE:
             return x, iteration, residual
         x = x + deviation @ x
     raise FinloopError(
         f"the Schulz iteration has a residual of {residual:.2g} after {SCHULZ_ITERATIONS} steps",
-        f"{tolerance:g}: a matrix far from singular",
+        f"{SCHULZ_TOLERANCE:g}: a matrix far from singular",
         "raise mass_damping, or set options.inverse to sparse",
     )
 

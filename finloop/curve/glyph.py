@@ -9,14 +9,14 @@ from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve
 
 FONT = "DejaVu Sans"
+SIZE = 1000.0  # side of the em square (the height of a line): segments are about 1 long
 
 
-def glyph_outlines(character: str, size: float = 1000.0) -> list[Curve]:
+def glyph_outlines(character: str) -> list[Curve]:
     """Return the closed contours of a character's outline; y is down, the baseline at y = 0.
 
-    size: side of the font's em square (the height of a line), in the contours' unit. Segments are
-    about one unit long, so a larger size is smoother. FinloopError if `character` is not a single
-    character with an outline.
+    The unit is 1 / SIZE of a line's height. FinloopError if `character` is not a single character
+    with an outline.
     """
     if len(character) != 1:
         raise FinloopError(
@@ -24,7 +24,7 @@ def glyph_outlines(character: str, size: float = 1000.0) -> list[Curve]:
         )
     outlines = []
     if character.isprintable() and not character.isspace():  # TextPath fails without an outline
-        path = TextPath((0, 0), character, size=size, prop=FontProperties(family=FONT))
+        path = TextPath((0, 0), character, size=SIZE, prop=FontProperties(family=FONT))
         outlines = path.to_polygons()
     if not outlines:
         raise FinloopError(

@@ -29,7 +29,7 @@ from finloop.gait.model import opposite_limb
 from finloop.gait.period import fill_gaps
 
 BODY = "body"
-SMOOTH_PX = 1.0
+SMOOTH_PX = 1.0  # SD of the Gaussian that smooths a mask
 LEAST_PX = 12  # a smaller region counts as empty
 LEAST_SHARE = 0.5  # least share of the frames that show a limb
 FINE = 16  # samples between two points in the search for the start
@@ -51,24 +51,22 @@ class Limbs:
     notes: tuple[str, ...]  # sentences about omitted regions
 
 
-def region_contour(mask: Mask, smooth_px: float = SMOOTH_PX) -> Region:
+def region_contour(mask: Mask) -> Region:
     """Return the outline of the largest part of a mask (h, w): closed, clockwise, in px.
 
     Return EMPTY if fewer than LEAST_PX pixels are set, BORDER if the region touches the border of
-    the picture. A Gaussian of SD `smooth_px` smooths the mask, and the contour runs at half height.
-    This removes pixel steps; a corner of radius r shrinks by about smooth_px² / 2r. Pixel centres
-    are whole numbers.
+    the picture. A Gaussian of SMOOTH_PX smooths the mask, and the contour runs at half height. This
+    removes pixel steps; a corner of radius r shrinks by about SMOOTH_PX² / 2r. Pixel centres are
+    whole numbers.
     """
     if int(mask.sum()) < LEAST_PX:
         return EMPTY
     if mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any():
         return BORDER
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    pad = int(np.ceil(4 * smooth_px)) + 1  # the Gaussian ends within the window
+    pad = int(np.ceil(4 * SMOOTH_PX)) + 1  # the Gaussian ends within the window
     window = mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].astype(np.float32)
-    window = np.pad(window, pad)
-    if smooth_px > 0:
-        window = cv2.GaussianBlur(window, (0, 0), smooth_px)
+    window = cv2.GaussianBlur(np.pad(window, pad), (0, 0), SMOOTH_PX)
     curves = []
     for ring in skimage.measure.find_contours(window, 0.5):  # (row, column), first point repeated
         curve = Curve(ring[:-1, ::-1].copy(), closed=True)

@@ -42,7 +42,6 @@ from finloop.curve.wavelet import (
 
 Symmetry = Literal["swap", "mirror"]
 SYMMETRIES: tuple[Symmetry, ...] = ("swap", "mirror")
-SUBCYCLES = ("A", "B", "C", "D")
 POOLED = "*"  # the id whose γ holds for contours that a gait does not name
 DECIMALS = 6  # of a gait's record: far below what a film shows
 # For errors about a gait's record: what is wanted, and what to do.

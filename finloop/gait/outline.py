@@ -17,7 +17,7 @@ import pandas as pd
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.base.schema import lists_to_points
-from finloop.curve.contour import Curve, area_centroids, orient_clockwise
+from finloop.curve.contour import Curve, area_centroids, orient_clockwise, resample_curve
 from finloop.features.head import begins_at_tail
 from finloop.gait.period import Period, find_period, period_from_phase, remove_beat, set_phase_zero
 
@@ -137,11 +137,9 @@ def contours_from_snout(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
         share = np.clip(((snout - corners) * edge).sum(axis=1) / square, 0, 1)
         nearest_of_edge = corners + share[:, None] * edge
         start = int(((nearest_of_edge - snout) ** 2).sum(axis=1).argmin())
-        first_point = nearest_of_edge[[start]]
-        line = np.concatenate([first_point, np.roll(corners, -start - 1, axis=0), first_point])
-        distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-        marks = np.arange(n) / n * distance[-1]
-        row[:] = np.stack([np.interp(marks, distance, line[:, c]) for c in range(2)], axis=1)
+        from_snout = np.roll(corners, -start - 1, axis=0)
+        ring = Curve(np.concatenate([nearest_of_edge[[start]], from_snout]), closed=True)
+        row[:] = resample_curve(ring, n).points
     return contours
 
 

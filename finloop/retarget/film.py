@@ -211,7 +211,7 @@ def _fit_track_to_fish(
     """
     shapes, length_px, along = film.poses.shapes, film.reel.length_px, track.along
     length_share = backbone_length_share(shapes)
-    if len(along) == 2:  # of two points only the straight distance is known
+    if len(along) == 2:  # two points show only the straight distance between them
         length_share = straight_distance_share(shapes, along) / np.ptp(along)
     scale = track_scale(track, length_px * length_share, p)
     points, codes = scale * motion.points, motion.codes
@@ -269,7 +269,10 @@ def _choose_rows(
 def _choose_rows_without_postures(
     track: _PlacedTrack, rows: FilmRows, joins: JoinRules, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _PlacedTrack]:
-    """Return film rows for a track without postures, and the track with the rows' postures."""
+    """Return film rows for a track without postures, and the track with these rows' postures.
+
+    The rows are those that can be shown and swim most like the track.
+    """
     sources = _choose_rows(track, rows, film, p)
     heading = np.unwrap(track.pose.heading_rad)
     codes = shown_pose_codes(sources, np.degrees(heading), joins)

@@ -55,23 +55,23 @@ class FilmRows:
         """
         n, span = len(reel), max(1, round(infer_delta_frames(reel.features) / 4))
         sides = len(look) // n  # 2 with mirror images, else 1
-        pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
-        change = np.stack([change_per_row(codes, reel.has_next_frame, span) for codes in pose])
-        speed = measure_film_motion(reel, span)
+        # Three parts (2, n, …), of the rows and of their mirror images, and what scales each.
+        codes = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
+        change = np.stack([change_per_row(part, reel.has_next_frame, span) for part in codes])
+        motion = measure_film_motion(reel, span)
         scales = [
-            weights.pose_weight / part_divisors(pose),
+            weights.pose_weight / part_divisors(codes),
             weights.change / part_divisors(change),
-            weights.motion_weight / part_divisors(speed, each=True),
+            weights.motion_weight / part_divisors(motion, each=True),
         ]
-        scaled = zip((pose, change, speed), scales, strict=True)
+        scaled = zip((codes, change, motion), scales, strict=True)
         parts = [part[:sides] * scale for part, scale in scaled]
         scaled_look = weights.appearance_weight * np.asarray(look, float).reshape(sides, n, -1)
         # The natural step: the median distance between a row and the next, by all four parts.
         first, after = reel.step_ends
         vectors = np.concatenate([*parts, scaled_look], axis=-1)[0]
-        natural_step = max(
-            float(np.median(np.linalg.norm(vectors[after] - vectors[first], axis=-1))), 1e-12
-        )
+        steps = np.linalg.norm(vectors[after] - vectors[first], axis=-1)
+        natural_step = max(float(np.median(steps)), 1e-12)
         used = slice(0 if has_postures else 2, 3)  # without postures the motion alone
         visible = [scaled_look] if has_postures else [parts[0], scaled_look]
         next_row = np.where(reel.has_next_frame, np.arange(n) + 1, -1)

@@ -167,7 +167,7 @@ class Swimmer:
         self.room, self.fins_share, self.rng = room, fins, rng
         self.speed, self.slip = 0.7, 0.0
         self.beat, self.rate, self.amplitude = float(rng.random()), 1.6, 0.8
-        self.bend, self.head_lead = 0.0, 0.0
+        self.bend = 0.0
         self.ripple = [0.0, 0.0]
         self.drift = 0.0  # slow meander of straight swimming, radians a second
         self.fins = [0.0, 0.0]

@@ -44,13 +44,13 @@ def half_width(s: Floats) -> Floats:
 
 
 @cache
-def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Floats, Floats, Floats]:
-    """Return a table along the body: s, squared half width, and slope of that; (points,) each.
+def width_table() -> tuple[Floats, Floats, Floats]:
+    """Return a table along the body: s, squared half width, and slope of that; (2048,) each.
 
-    s runs from −beyond to 1 + beyond (0 snout, 1 tail end); outside the body the table is extended
+    s runs from −0.05 to 1.05 (0 snout, 1 tail end); outside the body the table is extended
     linearly. Widths are in body lengths; the slope is against s.
     """
-    s = np.linspace(-beyond, 1 + beyond, points)
+    s = np.linspace(-0.05, 1.05, 2048)
     curve, inside = _squared_width_curve(), np.clip(s, 0, 1)
     slope = curve.derivative()(inside)
     return s, curve(inside) + (s - inside) * slope, slope
