@@ -208,14 +208,14 @@ class Project:
 
     @cached_property
     def film_reel(self) -> Reel:
-        """Return the feature table together with the n cut-outs, without sprites."""
+        """Return the film without sprites: the feature table together with the n cut-outs."""
         from finloop.distance.reel import Reel
 
         return Reel(self.features, self.cutouts)
 
     @cached_property
     def reel(self) -> Reel:
-        """Return the feature table together with the n cut-outs and the sprites."""
+        """Return the film with its sprites: the feature table, the n cut-outs and the sprites."""
         from finloop.distance.reel import Reel
 
         return Reel(self.features, self.cutouts, self.sprites, self.sprite_cutouts)
@@ -259,9 +259,9 @@ class Project:
 
     @cached_property
     def row_looks(self) -> Floats:
-        """Return k numbers on light and skin of each row, (n, k); with mirror images (2 n, k).
+        """Return k numbers on the light and the skin of each row's picture, (n, k).
 
-        Those of the mirror images follow those of the n rows.
+        With mirror images it is (2 n, k): those of the mirror images follow.
         """
         from finloop.jumps.table import LOOK
 
@@ -285,10 +285,9 @@ class Project:
 
     @cached_property
     def forecast_states(self) -> FilmStates:
-        """Return pose and motion of each row as the forecast's states, with those of mirror images.
+        """Return pose and motion of each row as the forecast's states, and of the mirror images.
 
-        Without mirror images in `row_looks` there are none here. FinloopError if the film shows too
-        little.
+        Mirror images are there if `row_looks` has them. FinloopError if the film shows too little.
         """
         from finloop.forecast.film import compute_film_states, posture_mirror_matrix
 
@@ -350,15 +349,22 @@ class Project:
         from finloop.edit.schema import EDIT
 
         key, path = ("edit", mode), self.data / f"animate/{mode}.parquet"
-        if key not in self._kept and not path.exists():
-            raise FinloopError(
-                f"there is no {path}: the stage that makes it has not run",
-                f"an edit list of the mode that {stage}.mode names",
-                "make it: dvc repro",
-            )
         if key not in self._kept:
+            if not path.exists():
+                raise FinloopError(
+                    f"there is no {path}: the stage that makes it has not run",
+                    f"an edit list of the mode that {stage}.mode names",
+                    "make it: dvc repro",
+                )
             self._kept[key] = load_table(path, EDIT)
-        if self._kept[key].empty and mode != RETARGET:
+        edit = self._kept[key]
+        if edit.empty and mode == RETARGET:
+            raise FinloopError(
+                f"{stage}.mode is retarget, and no track is retargeted",
+                "a track whose motion the fish follows",
+                f"name one (retarget.tracks), or another mode: {stage}.mode=hybrid",
+            )
+        if edit.empty:
             why = load_json(
                 self.data / f"animate/{mode}/reason.json", lambda facts: str(facts["reason"]),
                 *remake_hint(f"modes-{mode}"),
@@ -368,13 +374,7 @@ class Project:
                 "a mode for which the film is long and varied enough",
                 f"take another mode: {stage}.mode=network",
             )
-        if self._kept[key].empty:
-            raise FinloopError(
-                f"{stage}.mode is retarget, and no track is retargeted",
-                "a track whose motion the fish follows",
-                f"name one (retarget.tracks), or another mode: {stage}.mode=hybrid",
-            )
-        return self._kept[key]
+        return edit
 
     def goals(self, mode: str) -> list[Goal]:
         """Return the goals that a mode's fish swim to; empty for a mode that follows a track."""
@@ -401,15 +401,20 @@ class Project:
 
         key = "drawn", mode, *columns, sprites, bodies
         if key not in self._kept:
-            scene, tracks, edit = self.scene, self.tracks(columns), self.edit_list(mode, stage)
-            wanted = sprites or SPRITE in {*edit["kind"], *edit["partner_kind"]}
-            table, postures = self.sprites if wanted else None, None
-            mirrored = edit[["mirrored", "partner_mirrored"]].any(axis=None)
-            if bodies or mirrored or edit["pose"].notna().any():
+            edit = self.edit_list(mode, stage)
+            needs_sprites = sprites or SPRITE in {*edit["kind"], *edit["partner_kind"]}
+            needs_bodies = bodies or edit["pose"].notna().any()
+            needs_bodies |= edit[["mirrored", "partner_mirrored"]].any(axis=None)
+            sprite_table = self.sprites if needs_sprites else None
+            postures = None
+            if needs_bodies:
                 keys = self.features[["track_id", "frame"]].to_numpy()
-                goes_on = np.append((np.diff(keys, axis=0) == (0, 1)).all(1), False)
-                postures = Bodies(self.poses, goes_on, pd.DataFrame() if table is None else table)
-            self._kept[key] = EditSources(edit, scene, tracks, table, postures)
+                has_next_frame = np.append((np.diff(keys, axis=0) == (0, 1)).all(1), False)
+                sprites_or_none = pd.DataFrame() if sprite_table is None else sprite_table
+                postures = Bodies(self.poses, has_next_frame, sprites_or_none)
+            self._kept[key] = EditSources(
+                edit, self.scene, self.tracks(columns), sprite_table, postures
+            )
         return self._kept[key]
 
     @cached_property
@@ -422,30 +427,37 @@ class Project:
     @cached_property
     def whole_gallery(self) -> Gallery:
         """Return the pictures that any edit list can draw: frames and sprites, in any pose."""
-        from finloop.edit.schema import FRAME, SPRITE
-        from finloop.render.gallery import Gallery, build_cutout_sets
-
-        stores = {FRAME: self.cutouts, SPRITE: self.sprite_cutouts}
-        return Gallery(build_cutout_sets(stores, self.tracks(PLACES), self.sprites), self.bodies)
+        return self._open_gallery(self.tracks(PLACES), self.sprites, self.bodies)
 
     def gallery(self, drawn: EditSources) -> Gallery:
         """Return the pictures that one edit list draws: frames, and sprites if it needs them.
 
         drawn: the edit list with its tables, from `edit_with_sources`.
         """
+        return self._open_gallery(drawn.tracks, drawn.sprites, drawn.bodies)
+
+    def _open_gallery(
+        self, tracks: pd.DataFrame, sprites: pd.DataFrame | None, bodies: Bodies | None
+    ) -> Gallery:
+        """Return the film's pictures; also sprites, and bent or mirrored fish, if these are given.
+
+        tracks: the columns `PLACES` of the table of tracks, n rows. sprites: their table. bodies:
+        the film's poses.
+        """
         from finloop.edit.schema import FRAME, SPRITE
         from finloop.render.gallery import Gallery, build_cutout_sets
 
         stores = {FRAME: self.cutouts}
-        if drawn.sprites is not None:
+        if sprites is not None:
             stores[SPRITE] = self.sprite_cutouts
-        return Gallery(build_cutout_sets(stores, drawn.tracks, drawn.sprites), drawn.bodies)
+        return Gallery(build_cutout_sets(stores, tracks, sprites), bodies)
 
 
 @lru_cache(1)
 def _unpickle(root: Path, run: str) -> Project:
     """Return the project that another process has sent here, the same object each time.
 
-    root: the working copy; run: name of that process's run, by which the cache tells runs apart.
+    root: the working copy; run: name of that process's run. The cache returns another project for
+    another run.
     """
     return Project(root)

@@ -153,11 +153,11 @@ def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
 
 def _write_clip(folder: str | Path | None, **values: Any) -> Film:
     """Write the clip that parameters of the group `clip` describe, to `folder`/clip; return it."""
-    p, home = settings("clip", **values), _make_folder(folder) / "clip"
+    p, clip_folder = settings("clip", **values), _make_folder(folder) / "clip"
     source = open_clip_source(p)
-    with whole_folder(home) as part:
-        clip = make_clip(p, source, part)
-    return Film(home, clip.facts, clip.arena)
+    with whole_folder(clip_folder) as temporary:
+        clip = make_clip(p, source, temporary)
+    return Film(clip_folder, clip.facts, clip.arena)
 
 
 def _make_folder(folder: str | Path | None) -> Path:
@@ -180,14 +180,14 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     `finloop.extract.settings.ExtractSettings`.
     """
     p, home = settings("extract", **changes), _make_folder(folder) / "extract"
-    with whole_folder(home) as part:
-        lost = extract_tracks(film.folder, p, part, Threads(workers)).lost
+    with whole_folder(home) as temporary:
+        lost = extract_tracks(film.folder, p, temporary, Threads(workers)).lost
     if lost:
         warnings.warn(describe_lost_frames(lost, film.facts), stacklevel=2)
     table = load_table(home / TRACKS_NAME, tracks_schema(p.points))
     background = load_picture(home / BACKGROUND_NAME)
-    path = home / GIVEN_NAME
-    given = load_table(path, GIVEN) if path.exists() else None
+    given_path = home / GIVEN_NAME
+    given = load_table(given_path, GIVEN) if given_path.exists() else None
     return Tracks(film, table, _open_store(home / CUTOUTS_NAME), background, given)
 
 
@@ -218,7 +218,7 @@ def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel
 def make_sprites(
     tracks: Tracks, features: pd.DataFrame, folder: str | Path | None = None, **changes: Any
 ) -> Reel:
-    """Choose sprites and turn them to all orientations (§3.3); return the film with its sprites.
+    """Choose sprites, cut-outs turned to all orientations (§3.3); return the film with them.
 
     The sprites are also written to `folder`/sprites. `changes` override
     `finloop.sprites.settings.SpritesSettings`, for example straight_frames="8:120-140".
@@ -227,11 +227,11 @@ def make_sprites(
     table = swimmer_table(features, tracks.table, p)
     draw = partial(Reel(features, film).draw_aligned_rows, size_px=p.picture_px)
     sprites = sprite_table(table, choose_frames(table, draw, infer_delta_frames(features), p), p)
-    home = _make_folder(folder) / "sprites"
-    with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
+    home, name = _make_folder(folder) / "sprites", "sprites.arrow"
+    with whole_folder(home) as temporary, CutoutWriter(temporary / name, sprites=True) as writer:
         for sprite in sprite_cutouts(sprites, film):
             writer.write(sprite)
-    return Reel(features, film, apply_schema(sprites, SPRITES), _open_store(home / "sprites.arrow"))
+    return Reel(features, film, apply_schema(sprites, SPRITES), _open_store(home / name))
 
 
 def compare(reel: Reel, **changes: Any) -> FrameComparison:
@@ -348,7 +348,9 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     shoaling: SchoolRule | None = None,
     **changes: Any,
 ) -> pd.DataFrame:
-    """Let fish swim to their goals; return the edit list: columns of `EDIT`, a row per tick, fish.
+    """Let fish swim to their goals; return the edit list: what is shown of each fish at each tick.
+
+    Its columns are `EDIT`, its rows one per tick and fish; a tick is one frame of the animation.
 
     `mode`: "network" (Fig. 18), "loops" (§4.1-4.2), "hybrid" (Fig. 19) or "matching" (all frames,
     their mirror images and, with a `forecast`, predictions). `changes` override the groups
@@ -363,32 +365,36 @@ def steer(  # noqa: PLR0913  (a result of every verb)
             f"mode {mode!r}", f"one of {', '.join(GROUPS_OF)}", "take one of these modes"
         )
     p = _group_settings(("animate", *GROUPS_OF[mode]), changes)
-    outline_px = lists_to_points(tracks.table, "outline")
+    film, outline_px = tracks.film, lists_to_points(tracks.table, "outline")
+    reel_without_sprites = Reel(reel.features, reel.film)
     animator: Animator
     if mode == "matching":
         animator = matching_animator(
             MatchingData(
-                tracks.film.rate_hz, tracks.film.arena, Reel(reel.features, reel.film), outline_px,
-                similar.facts, similar.steps, jumps.jumps, poses, forecast,
-                load_path_lines(p["matching"], reel.features), tracks.film.facts.mm_per_px,
-                shoaling, tracks.background,
+                film.rate_hz, film.arena, reel_without_sprites, outline_px, similar.facts,
+                similar.steps, jumps.jumps, poses, forecast,
+                load_path_lines(p["matching"], reel.features), film.facts.mm_per_px, shoaling,
+                tracks.background,
             ),
             merge_settings(p["animate"], p["matching"]),
         )  # fmt: skip
     else:
-        shown = Reel(reel.features, reel.film) if mode == "loops" else reel
-        made = FilmData(
-            tracks.film.rate_hz, tracks.film.arena, tracks.background, shown, outline_px, poses,
-            similar.facts, similar.steps,
+        data = FilmData(
+            film.rate_hz, film.arena, tracks.background,
+            reel_without_sprites if mode == "loops" else reel, outline_px, poses, similar.facts,
+            similar.steps,
         )  # fmt: skip
         if mode == "network":
-            animator = network_animator(made, model, p["animate"], p["network"])
+            animator = network_animator(data, model, p["animate"], p["network"])
         elif mode == "loops":
-            animator = loops_animator(made, loops, p["animate"], p["loops"])
+            animator = loops_animator(data, loops, p["animate"], p["loops"])
         else:
-            own = p["network"], p["loops"], p["hybrid"]
-            animator = hybrid_animator(made, model, loops, gateways, p["animate"], own)
-    return apply_schema(animator.plan(animator.goals())[1], EDIT)
+            settings_of_modes = p["network"], p["loops"], p["hybrid"]
+            animator = hybrid_animator(
+                data, model, loops, gateways, p["animate"], settings_of_modes
+            )
+    edit = animator.plan(animator.goals())[1]
+    return apply_schema(edit, EDIT)
 
 
 GROUPS_OF = {
@@ -403,13 +409,14 @@ GROUPS_OF = {
 def _group_settings(groups: tuple[str, ...], changes: dict[str, Any]) -> dict[str, Any]:
     """Return the settings of each group; a change applies to the last group that has its name.
 
-    groups: names of groups of parameters. changes: values by the name of the parameter.
+    groups: names of groups of parameters. changes: values by the name of the parameter; the last
+    group gets unknown names, and refuses them.
     """
     names = {group: set(read_conf_values(group, "default")) for group in groups}
     changes_of: dict[str, dict[str, Any]] = {group: {} for group in groups}
     for name, value in changes.items():
-        having = [group for group in groups if name in names[group]]
-        changes_of[having[-1] if having else groups[-1]][name] = value
+        last = next((group for group in reversed(groups) if name in names[group]), groups[-1])
+        changes_of[last][name] = value
     return {group: settings(group, **changes_of[group]) for group in groups}
 
 
@@ -422,7 +429,9 @@ def write_video(
     `changes` override crf and shadow_darkness of `finloop.render.settings.RenderSettings`.
     """
     p = settings("render", **changes)
-    stores = {FRAME: reel.film} | ({} if reel.store is None else {SPRITE: reel.store})
+    stores = {FRAME: reel.film}
+    if reel.store is not None:
+        stores[SPRITE] = reel.store
     bodies = Bodies(poses, reel.has_next_frame, reel.sprites)
     gallery = Gallery(build_cutout_sets(stores, tracks.table, reel.sprites), bodies)
     length_px = reel.length_px * float(edit["scale"].median())
