@@ -109,9 +109,10 @@ def paint_layers(
     for shape, contours in shapes:
         paint = shape.paint
         contours_px = [points * scale for points in contours]
-        fill = paint.fill, paint.fill_opacity, None  # colour, opacity, width of lines
-        stroke = paint.stroke, paint.stroke_opacity, paint.width * scale
-        for colour, opacity, width_px in (fill, stroke):
+        for colour, opacity, width_px in (
+            (paint.fill, paint.fill_opacity, None),  # None: the area
+            (paint.stroke, paint.stroke_opacity, paint.width * scale),
+        ):
             if colour is not None:
                 _paint_colour(picture, contours_px, shape.closed, colour, opacity, width_px)
     return np.round(picture).astype(np.uint8)

@@ -166,9 +166,9 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
         return
     pending: deque[A] = deque()  # submitted, result not taken yet
     killed = 0  # times that processes were killed at the first pending item
-    while todo or pending:
+    while todo or pending:  # once, and again whenever a process was killed
         with workers.open_submitter(work) as submit:
-            results: deque[PendingResult[B]] = deque()
+            results: deque[PendingResult[B]] = deque()  # of the first pending items
             while todo or pending:
                 while todo and len(pending) < workers.count + 1:
                     pending.append(todo.popleft())
@@ -190,15 +190,15 @@ def prefetch(items: Iterable[A], most: int = 4) -> Iterator[A]:
     """Yield the items in order, while a thread computes up to `most` items in advance."""
     source = iter(items)
 
-    def next_item() -> list[A]:
+    def take_next() -> list[A]:
         """Return the next item in a list, which is empty after the last one."""
         return list(islice(source, 1))
 
     with ThreadPoolExecutor(1) as pool:
-        waiting = deque(pool.submit(next_item) for _ in range(most))
-        while item := waiting.popleft().result():
-            waiting.append(pool.submit(next_item))
-            yield item[0]
+        waiting = deque(pool.submit(take_next) for _ in range(most))
+        while taken := waiting.popleft().result():
+            waiting.append(pool.submit(take_next))
+            yield taken[0]
 
 
 def _retry(work: Callable[[A], B], item: A) -> B:

@@ -54,6 +54,7 @@ def measure_turn_thresholds(
     limits = TurnThresholds(
         min(BRISK.turn_deg, _upper_tenth(turns)), min(BRISK.bend, _upper_tenth(bend))
     )
+    # The score is 1 at a turn; halving both thresholds doubles it.
     factor = min(1.0, _upper_tenth(turn_score(turns, bend, limits)))
     return TurnThresholds(factor * limits.turn_deg, factor * limits.bend)
 

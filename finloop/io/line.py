@@ -52,7 +52,7 @@ def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
     """
     names = {name.strip().lower(): name for name in table.column_names}
     x, y = "x", "y"
-    for named_unit in (TANK, MM, PX):
+    for named_unit in (TANK, MM, PX):  # px is taken where a table has several
         if {f"x_{named_unit}", f"y_{named_unit}"} <= names.keys():
             x, y, unit = f"x_{named_unit}", f"y_{named_unit}", named_unit
     if not {x, y} <= names.keys():

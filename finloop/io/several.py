@@ -61,9 +61,9 @@ def list_film_folders(clip: Path) -> list[tuple[str, Path]]:
 def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
     """Join the clips of several films: write their common facts, arena and list of films.
 
-    clip: the folder that holds films/<name>/. parts: all films. Return the facts of the joined
-    clip. Its rate is the lowest of all: of a faster film some frames are left out. Its arena is
-    that of the first film. FinloopError if no film could be read.
+    Return the facts of the joined clip. Its rate is the lowest of all: of a faster film some frames
+    are left out. Its arena is that of the first film. clip: the folder that holds films/<name>/.
+    parts: all films. FinloopError if no film could be read.
     """
     facts = {
         part.name: load_facts(clip / FILMS / part.name / FACTS_NAME)
@@ -79,22 +79,22 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
         )
     first_name = next(iter(facts))
     rate = min(film_facts.frame_rate for film_facts in facts.values())
-    listed: list[FilmPart] = []
+    placed_parts: list[FilmPart] = []
     segments: list[tuple[int, int]] = []
-    start = 0
+    frames = 0  # of the joined clip
     for part in parts:
         if not part.error:
             film = facts[part.name]
-            ticks = frames_at_rate(film.frames, film.frame_rate, rate)
+            shown = frames_at_rate(film.frames, film.frame_rate, rate)
             # The film's ranges without a cut, as ranges of the joined clip's frames.
-            ranges = np.searchsorted(ticks, np.array(film.segments)) + start
+            ranges = np.searchsorted(shown, np.array(film.segments)) + frames
             segments += [(int(first), int(stop)) for first, stop in ranges if first < stop]
-            part = part._replace(start=start, stop=start + len(ticks))
-            start = part.stop
-        listed.append(part)
+            part = part._replace(start=frames, stop=frames + len(shown))
+            frames = part.stop
+        placed_parts.append(part)
     joined = replace(
         facts[first_name],
-        frames=start,
+        frames=frames,
         frame_rate=rate,
         colour=all(fact.colour for fact in facts.values()),
         segments=tuple(segments),
@@ -103,17 +103,18 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
     )
     save_facts(clip / FACTS_NAME, joined)
     shutil.copyfile(clip / FILMS / first_name / ARENA_NAME, clip / ARENA_NAME)
-    save_records(clip / PARTS_NAME, listed)
+    save_records(clip / PARTS_NAME, placed_parts)
     return joined
 
 
 def frames_at_rate(frames: int, rate: Fraction, lower_rate: Fraction) -> Frames:
     """Return the numbers of a film's frames that are shown when it plays at a lower rate.
 
-    frames: their count. rate, lower_rate: frames per second of the film, and of the result. Rates
-    that differ little count as equal: all frames are shown.
+    frames: how many the film has. rate, lower_rate: frames per second of the film, and of the
+    result. Rates that differ little count as equal: all frames are shown.
     """
     step = float(rate / lower_rate)
     if abs(step - 1) <= _SAME_RATE:
         return np.arange(frames)
-    return np.rint(np.arange(int((frames - 1) / step) + 1) * step).astype(np.intp)
+    shown = int((frames - 1) / step) + 1
+    return np.rint(np.arange(shown) * step).astype(np.intp)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from finloop.base.digits import round_significant
 from finloop.base.errors import FinloopError
-from finloop.base.schema import ANY, Column, Schema
+from finloop.base.schema import ANY, Column, Schema, lists_to_array
 from finloop.io.atomic import whole_file
 
 _AGAIN = "run the stage that makes it again: `dvc repro`"
@@ -55,9 +55,7 @@ def parquet_coding(schema: Schema) -> dict[str, Any]:
 def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
     """Check a table against its schema and write it as Parquet, completely or not at all.
 
-    Numbers of another width are converted if that loses only floating-point precision; NaN in a
-    nullable column becomes null. A list column has rows of arrays. FinloopError lists every
-    missing, unknown, ill-typed or wrongly null column at once.
+    The table changes and is refused as by `arrow_table`.
     """
     table = arrow_table(frame, schema, str(path))
     with whole_file(path) as part:
@@ -67,8 +65,9 @@ def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
 def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
     """Check a data frame against its schema and convert it to an Arrow table.
 
-    name: of the table, for messages. FinloopError lists every missing, unknown, ill-typed or
-    wrongly null column at once.
+    Numbers of another width are converted if that loses only floating-point precision; NaN in a
+    nullable column becomes null. A list column has rows of arrays. name: of the table, for
+    messages. FinloopError lists every missing, unknown, ill-typed or wrongly null column at once.
     """
     problems = _name_problems(list(frame.columns), schema)
     arrays, null_problems = [], list[str]()
@@ -87,10 +86,7 @@ def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
 
 
 def apply_schema(frame: pd.DataFrame, schema: Schema) -> pd.DataFrame:
-    """Check a data frame against a schema and convert it as saving and loading it would.
-
-    FinloopError if it does not fit.
-    """
+    """Return a data frame as saving it and loading it would; FinloopError if it does not fit."""
     return _to_frame(arrow_table(frame, schema, "the next verb"), schema)
 
 
@@ -111,16 +107,17 @@ def load_list_columns(path: Path, schema: Schema, *names: str) -> list[NDArray[A
     schema, or the lists of a column have several lengths.
     """
     table, schema = _read_columns(path, schema, names)
-    arrays, ragged = [], []
+    arrays, problems = [], []
     for name in names:
         column = table.column(name).combine_chunks()
         lengths = pc.min_max(pc.list_value_length(column)).as_py()
         if lengths["min"] != lengths["max"]:
-            ragged.append(f"{name}: lists of {lengths['min']} to {lengths['max']} numbers")
+            problems.append(f"{name}: lists of {lengths['min']} to {lengths['max']} numbers")
+            continue
         flat = column.flatten().to_numpy(zero_copy_only=False)
-        arrays.append(flat if ragged else flat.reshape(len(column), lengths["max"] or 0))
-    if ragged:
-        raise _schema_error(str(path), ragged, _AGAIN)
+        arrays.append(flat.reshape(len(column), lengths["max"] or 0))
+    if problems:
+        raise _schema_error(str(path), problems, _AGAIN)
     return arrays
 
 
@@ -132,16 +129,17 @@ def read_list_blocks(
     rows: most rows of a block, k. All lists of a column must have the schema's length; only the
     columns' names are checked. FinloopError if the file is missing, unreadable, or lacks a column.
     """
+    lengths = {column.name: column.length for column in schema.columns}
     try:
         with pq.ParquetFile(path) as file:
             if missing := [name for name in names if name not in file.schema_arrow.names]:
                 raise _schema_error(str(path), [f"{name}: missing" for name in missing], _AGAIN)
             for batch in file.iter_batches(rows, columns=list(names)):
-                lengths = [column.length for column in schema.columns if column.name in names]
-                yield [
-                    batch.column(name).flatten().to_numpy(zero_copy_only=False).reshape(-1, length)
-                    for name, length in zip(names, lengths, strict=True)
-                ]
+                flat = {
+                    name: batch.column(name).flatten().to_numpy(zero_copy_only=False)
+                    for name in names
+                }
+                yield [flat[name].reshape(-1, lengths[name]) for name in names]
     except (OSError, pa.ArrowException) as error:
         raise _unreadable_error(path, error) from error
 
@@ -190,9 +188,7 @@ def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False
     frame = frame.round(decimals)
     if not exact:
         floats = frame.select_dtypes("floating")
-        frame = frame.assign(
-            **{name: column.map(round_significant) for name, column in floats.items()}
-        )
+        frame = frame.assign(**floats.map(round_significant))
     with whole_file(path) as part:
         frame.to_csv(part, index=False, lineterminator="\n")
 
@@ -218,8 +214,8 @@ def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
     if column.length == ANY:
         cells = [None if cell is None else np.asarray(cell, column.dtype) for cell in values]
         return pa.array(cells, _arrow_type(column))
-    if column.length:
-        rows = np.stack([np.asarray(row) for row in values]) if len(values) else np.empty((0, 0))
+    if column.length:  # lists of one length
+        rows = lists_to_array(values)
         if len(values) and rows.shape != (len(values), column.length):
             raise ValueError(f"lists of shape {rows.shape[1:]}")
         flat = pa.array(rows.ravel().astype(column.dtype, casting="same_kind"))
@@ -235,13 +231,13 @@ def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
 
 def _null_problems(array: pa.Array, column: Column) -> list[str]:
     """Return a message if a column that must be full has null or NaN cells; else no message."""
-    count = array.null_count
-    flat = array.flatten() if column.length else array.drop_null()
-    if pa.types.is_floating(flat.type):
-        count += int(np.isnan(flat.to_numpy(zero_copy_only=False)).sum())
-    if column.nullable or not count:
+    if column.nullable:
         return []
-    return [f"{column.name}: {count} null or NaN, but it must not be empty"]
+    count = array.null_count
+    numbers = array.flatten() if column.length else array.drop_null()
+    if pa.types.is_floating(numbers.type):
+        count += int(np.isnan(numbers.to_numpy(zero_copy_only=False)).sum())
+    return [f"{column.name}: {count} null or NaN, but it must not be empty"] if count else []
 
 
 def _to_frame(table: pa.Table, schema: Schema) -> pd.DataFrame:

@@ -41,11 +41,11 @@ def is_array_file(path: Path) -> bool:
 
 @contextmanager
 def open_array(path: Path) -> Iterator[tuple[Any, float | None]]:
-    """Open the pictures of a NumPy or HDF5 file for a block; nothing is read yet.
+    """Open a NumPy or HDF5 file for a block; yield its array of pictures and its frames per second.
 
-    Yield an array (frames, h, w), (frames, h, w, c) or (frames, c, h, w), of MATLAB's file with w
-    before h, and the frames per second that an attribute states, if one does. FinloopError if the
-    file is damaged, or holds no such array or several.
+    Nothing is read yet. The array is (frames, h, w), (frames, h, w, c) or (frames, c, h, w); in a
+    file of MATLAB w comes before h. The rate is that of an attribute, else None. FinloopError if
+    the file is damaged, or holds no such array or several.
     """
     with ExitStack() as stack:
         try:
@@ -64,15 +64,15 @@ def open_array(path: Path) -> Iterator[tuple[Any, float | None]]:
 
 
 def to_picture(array: Any, number: int) -> Picture:
-    """Return a frame of an array of `open_array` as (h, w) or (h, w, 3)."""
-    page = np.asarray(array[number])
-    if page.ndim == 3 and page.shape[2] not in _CHANNELS:
-        page = np.moveaxis(page, 0, -1)
-    if page.ndim == 3:
-        page = page[..., 0] if page.shape[2] == 1 else page[..., :3]
-    if "MATLAB_class" in getattr(array, "attrs", ()):
-        page = page.swapaxes(0, 1)
-    return np.ascontiguousarray(page)
+    """Return a frame of an array of `open_array` as (h, w) grey or (h, w, 3) RGB."""
+    frame = np.asarray(array[number])
+    if frame.ndim == 3 and frame.shape[2] not in _CHANNELS:  # channels first
+        frame = np.moveaxis(frame, 0, -1)
+    if frame.ndim == 3:
+        frame = frame[..., 0] if frame.shape[2] == 1 else frame[..., :3]
+    if "MATLAB_class" in getattr(array, "attrs", ()):  # MATLAB stores columns before rows
+        frame = frame.swapaxes(0, 1)
+    return np.ascontiguousarray(frame)
 
 
 def _find_dataset(path: Path, file: Any) -> tuple[Any, float | None]:
@@ -80,9 +80,10 @@ def _find_dataset(path: Path, file: Any) -> tuple[Any, float | None]:
 
     FinloopError if there is none, or several.
     """
-    datasets: dict[str, Any] = {}
-    file.visititems(lambda name, found: datasets.update({name: found} if _has_shape(found) else {}))
-    films = {name: found for name, found in datasets.items() if _is_film(found)}
+    items: dict[str, Any] = {}
+    file.visititems(lambda name, item: items.update({name: item}))
+    datasets = {name: item for name, item in items.items() if getattr(item, "shape", ())}
+    films = {name: dataset for name, dataset in datasets.items() if _is_film(dataset)}
     if len(films) != 1:
         raise _no_film_error(path, films or datasets)
     film = next(iter(films.values()))
@@ -93,17 +94,15 @@ def _find_dataset(path: Path, file: Any) -> tuple[Any, float | None]:
     return film, None
 
 
-def _has_shape(found: Any) -> bool:
-    """Return whether what an HDF5 file holds under a name is a dataset."""
-    return bool(getattr(found, "shape", ()))
-
-
 def _is_film(array: Any) -> bool:
-    """Return whether an array can be a film: two frames or more, of at least 16 px a side."""
+    """Return whether an array can be a film: two frames or more, of at least 16 px a side.
+
+    Its axes are those of `open_array`.
+    """
     shape = list(array.shape)
     if len(shape) == 4:
-        axis = 3 if shape[3] in _CHANNELS else 1
-        if shape.pop(axis) not in _CHANNELS:
+        channels = shape.pop(3 if shape[3] in _CHANNELS else 1)
+        if channels not in _CHANNELS:
             return False
     is_number = array.dtype.kind in "uif" and array.dtype.itemsize <= 8
     return len(shape) == 3 and shape[0] > 1 and min(shape[1:]) >= _LEAST_SIDE and is_number

@@ -17,7 +17,8 @@ _DAY_AND_TIME = re.compile(
     r"(?:[.,]?(\d{1,9})|[-_s](\d{3}|\d{6}))?(?!\d)"
 )
 _SINCE_1970 = re.compile(r"(?<!\d)(\d{10})(?:\.?(\d{3}|\d{6}|\d{9}))?(?!\d)")
-_YEARS = datetime(2000, 1, 1, tzinfo=UTC).timestamp(), datetime(2100, 1, 1, tzinfo=UTC).timestamp()
+# Seconds since 1970 that are taken for a time: those of the years 2000 to 2099.
+_FIRST_S, _END_S = (datetime(year, 1, 1, tzinfo=UTC).timestamp() for year in (2000, 2100))
 _UNITS_S = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "min": 60.0, "sec": 1.0, "msec": 1e-3}
 
 
@@ -49,10 +50,15 @@ def times_in_files(files: Iterable[Path]) -> Floats | None:
 
 
 def times_in_stack(stack: TiffFile, count: int) -> Floats | None:
-    """Return the times [s] (count,) of a stack's pages, by ImageJ, OME or tags; None: unknown."""
+    """Return the times [s] (count,) of a stack's pages, by ImageJ, OME or tags; None: unknown.
+
+    They are the times that OME gives each page, else multiples of the step that OME or ImageJ
+    gives, else those in the pages' tags.
+    """
     facts = stack.imagej_metadata or {}
-    step = float(facts.get("finterval") or 0) * _UNITS_S.get(str(facts.get("tunit", "s")), 0.0)
-    step = step or (1 / float(facts["fps"]) if facts.get("fps") else 0.0)
+    step_s = float(facts.get("finterval") or 0) * _UNITS_S.get(str(facts.get("tunit", "s")), 0.0)
+    if not step_s and facts.get("fps"):
+        step_s = 1 / float(facts["fps"])
     if pixels := _ome_pixels(stack):
         planes = pixels.get("Plane", [])
         planes = planes if isinstance(planes, list) else [planes]
@@ -63,10 +69,10 @@ def times_in_stack(stack: TiffFile, count: int) -> Floats | None:
         ]
         if len(seconds) == count and (np.diff(seconds) > 0).all():
             return np.array(seconds) - seconds[0]
-        unit = _UNITS_S.get(pixels.get("TimeIncrementUnit", "s"), 0.0)
-        step = float(pixels.get("TimeIncrement", 0)) * unit or step
-    if step > 0:
-        return np.asarray(np.arange(count) * step)
+        unit_s = _UNITS_S.get(pixels.get("TimeIncrementUnit", "s"), 0.0)
+        step_s = float(pixels.get("TimeIncrement", 0)) * unit_s or step_s
+    if step_s > 0:
+        return np.asarray(np.arange(count) * step_s)
     return _to_times([_find_tag(page) for page in stack.pages if isinstance(page, TiffPage)])
 
 
@@ -86,7 +92,7 @@ def _ome_pixels(stack: TiffFile) -> dict[str, Any]:
 
 
 Stamp = tuple[float, str]
-"""Whole seconds since 1970, and the digits of the parts of a second."""
+"""Whole seconds since 1970, and the digits of a part of a second, "" if there are none."""
 
 
 def _find_day_and_time(text: str) -> Stamp | None:
@@ -102,7 +108,7 @@ def _find_day_and_time(text: str) -> Stamp | None:
 def _find_since_1970(text: str) -> Stamp | None:
     """Return the time in a text as seconds since 1970, or as ms, µs or ns; None if it has none."""
     for match in _SINCE_1970.finditer(text):
-        if _YEARS[0] <= int(match[1]) < _YEARS[1]:
+        if _FIRST_S <= int(match[1]) < _END_S:
             return float(match[1]), match[2] or ""
     return None
 
@@ -116,21 +122,21 @@ def _find_tag(page: TiffPage) -> Stamp | None:
 
 
 def _to_times(stamps: Sequence[Stamp | None]) -> Floats | None:
-    """Return the times [s] (n,) after the first stamp; None if they cannot be those of a film.
+    """Return the times [s] (n,) of stamps, from the earliest; None if they cannot be of a film.
 
-    Parts of a second of different lengths are counts, such as 7 and 250 ms. In a film no two
-    pictures have the same time, and most of the time passes in usual steps: a counter that follows
-    a date is not taken for parts of a second.
+    A stamp's digits count a part of a second: with three digits at most, "7" and "250" are 7 and
+    250 ms. In a film no two pictures have the same time, and most of the time passes in usual
+    steps: a counter that follows a date is not taken for parts of a second.
     """
     known = [stamp for stamp in stamps if stamp is not None]
     if len(known) < max(2, len(stamps)):
         return None
-    digits = max(len(parts) for _, parts in known)
+    most_digits = max(len(digits) for _, digits in known)
     second = np.array([second for second, _ in known])
-    parts = np.array([int(parts.zfill(digits) or 0) / 10**digits for _, parts in known])
-    times = second - second[0] + parts
+    fraction = np.array([int(digits or 0) / 10**most_digits for _, digits in known])
+    times = second - second[0] + fraction
     steps = np.diff(np.sort(times))
-    total = float(np.ptp(times))
-    if np.ptp(second) == 0 or steps.min() <= 0 or np.median(steps) * len(steps) < total / 2:
+    usual_s = np.median(steps) * len(steps)  # how long the film is if all steps are usual
+    if np.ptp(second) == 0 or steps.min() <= 0 or usual_s < float(np.ptp(times)) / 2:
         return None
     return np.asarray(times - times.min())

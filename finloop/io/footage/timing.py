@@ -55,9 +55,9 @@ def resample_nearest(
     """Yield for every tick of a constant rate the item that is nearest in time.
 
     stamped: pairs (time [s], item), such as frames, in order. frame_rate: ticks per second. timing:
-    counts items shown, repeated and dropped, and cuts. Ticks start with the first item and again
-    after every cut. A film of constant rate passes through item by item if its time stamps jitter
-    by less than half a frame.
+    its counts of items shown, repeated and dropped grow, and so does its list of cuts. Ticks start
+    with the first item and again after every cut. A film of constant rate passes through item by
+    item if its time stamps jitter by less than half a frame.
     """
     rate = float(frame_rate)
     last: tuple[float, T] | None = None
@@ -65,7 +65,10 @@ def resample_nearest(
     ticks = 0  # of this segment
 
     def yield_repeats(until: float) -> Iterator[T]:
-        """Yield the last item once for each new tick before tick `until`; count what happens."""
+        """Yield the last item once for each new tick before tick `until`; count what happens.
+
+        until: in ticks of this segment; a fraction is rounded up.
+        """
         nonlocal ticks
         assert last is not None
         count = max(0, int(np.ceil(until)) - ticks)
@@ -93,8 +96,8 @@ def resample_nearest(
 
 
 def split_at_cuts(cuts: Sequence[int], frames: int) -> tuple[tuple[int, int], ...]:
-    """Return the ranges [start, stop) into which cuts divide a film.
+    """Return the ranges [start, stop) of frames into which cuts divide a film.
 
-    cuts: the first frame of each range, ascending. frames: of the film.
+    cuts: the first frame of each range, ascending. frames: number of frames of the film.
     """
     return tuple(zip(cuts, [*cuts[1:], frames], strict=True))

@@ -38,7 +38,7 @@ def read_plain_csv(path: Path) -> str:
     head = "\n".join(lines[:_HEADER_LINES])
     separator = max(",;\t", key=head.count)
     if separator == "," and ", " not in head:
-        return text
+        return text  # it is plain already
     rows = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
     plain = io.StringIO()
     csv.writer(plain, lineterminator="\n").writerows(
@@ -56,7 +56,7 @@ def _decode(data: bytes) -> str | None:
     return None
 
 
-def first_lines(path: Path, count: int = 2, width: int = 80) -> str:
-    """Return the first lines of a CSV file, each cut to `width` characters, for a message."""
-    lines = read_plain_csv(path).splitlines()[:count]
-    return " / ".join(line[:width] + ("…" if len(line) > width else "") for line in lines)
+def first_lines(path: Path) -> str:
+    """Return the first two lines of a CSV file, each cut to 80 characters, for a message."""
+    lines = read_plain_csv(path).splitlines()[:2]
+    return " / ".join(line[:80] + ("…" if len(line) > 80 else "") for line in lines)
