@@ -152,7 +152,7 @@ def main() -> None:
         detail = options.inverse if method.endswith("euler") else detail
         print(
             f"{method} {detail}, density {material.density:g}: error {motion.error:.1e}, "
-            f"{1e3 * seconds:.1f} ms, {motion.facts}"
+            f"{1e3 * seconds:.1f} ms"
         )
 
 

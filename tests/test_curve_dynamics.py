@@ -257,8 +257,6 @@ def test_euler_is_of_first_order_and_both_inverses_agree():
             for i in ("sparse", "schulz")
         ]
         assert np.allclose(by[0].displacement, by[1].displacement, atol=1e-10)
-        assert by[1].facts["schulz_iterations"] > 3
-        assert by[1].facts["schulz_residual"] <= 1e-10
 
 
 def test_schulz_iteration():
@@ -268,7 +266,7 @@ def test_schulz_iteration():
     inverse, steps, residual = invert_by_schulz(matrix)
     assert np.allclose(inverse, np.linalg.inv(matrix), atol=1e-9)
     assert residual <= 1e-10
-    assert steps < 40
+    assert 3 < steps < 40
     with pytest.raises(FinloopError, match="residual"):
         invert_by_schulz(np.ones((4, 4)))
 

@@ -12,7 +12,7 @@ K preserves that symmetry, and the ends are free.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from math import factorial
@@ -99,14 +99,13 @@ class Trajectory:
     """Motion of a curve: displacements from rest and velocities, each (t, n, d), and their error.
 
     `error` is the largest deviation from the exact displacement, relative to the largest exact
-    displacement. `facts` holds steps, residuals and other counts of the method, by name.
+    displacement.
     """
 
     times: Floats
     displacement: Floats
     velocity: Floats
     error: float = 0.0
-    facts: dict[str, float] = field(default_factory=dict)
 
 
 def solve_motion(
@@ -386,7 +385,7 @@ def solve_by_runge_kutta(problem: Problem, options: SolverOptions) -> Trajectory
         return np.concatenate([rate.ravel(), acceleration.ravel()])
 
     scale = float(np.abs(start).max()) or 1.0
-    state, states, evaluations, step = start.ravel(), [start.ravel()], 0, None
+    state, states, step = start.ravel(), [start.ravel()], None
     # One call per interval: scipy's interpolation between steps is less accurate than its steps.
     for first, last in pairwise(problem.times):
         result = scipy.integrate.solve_ivp(
@@ -405,12 +404,10 @@ def solve_by_runge_kutta(problem: Problem, options: SolverOptions) -> Trajectory
                 "use the method modal, or a larger options.rtol",
             )
         state, step = result.y[:, -1], float(np.diff(result.t).max())
-        evaluations += result.nfev
         states.append(state)
     q, rate = np.moveaxis(np.reshape(states, (-1, 2, *shape)), 1, 0)
     displacement, velocity = system.inverse(q), system.inverse(rate)
-    facts = {"evaluations": float(evaluations)}
-    return Trajectory(problem.times, displacement, velocity, facts=facts)
+    return Trajectory(problem.times, displacement, velocity)
 
 
 def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> Trajectory:
@@ -445,8 +442,8 @@ def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> 
                 f"set options.substeps to {int(np.ceil(substeps * step * fastest / 2))} or "
                 "more, or use implicit-euler",
             )
-    solve, facts = _build_solver(csr_array(c + step * k) if implicit else c, options.inverse)
-    solve_c = _build_solver(c, "sparse")[0] if implicit else solve
+    solve = _build_solver(csr_array(c + step * k) if implicit else c, options.inverse)
+    solve_c = _build_solver(c, "sparse") if implicit else solve
     q = system.transform(problem.displacement)
     states = [q]
     for _ in intervals:
@@ -454,27 +451,21 @@ def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> 
             q = solve(c @ q + step * force) if implicit else q + step * solve(force - k @ q)
         states.append(q)
     rates = [solve_c(force - k @ q) for q in states]
-    facts["steps"] = float(substeps * len(intervals))
     displacement, velocity = system.inverse(np.stack(states)), system.inverse(np.stack(rates))
-    return Trajectory(problem.times, displacement, velocity, facts=facts)
+    return Trajectory(problem.times, displacement, velocity)
 
 
-def _build_solver(
-    matrix: csr_array, method: str
-) -> tuple[Callable[[Floats], Floats], dict[str, float]]:
-    """Return a function that solves matrix · x = right for x, and facts about its factors.
+def _build_solver(matrix: csr_array, method: str) -> Callable[[Floats], Floats]:
+    """Return a function that solves matrix · x = right for x.
 
-    method: "sparse" factors or "schulz" iteration. The facts are `factors_nonzero`, or
-    `schulz_iterations` and `schulz_residual`. FinloopError for any other method.
+    method: "sparse" factors or "schulz" iteration. FinloopError for any other method.
     """
     if method == "schulz":
-        x, iterations, residual = invert_by_schulz(matrix.toarray())
-        facts = {"schulz_iterations": float(iterations), "schulz_residual": residual}
-        return lambda right: x @ right, facts
+        inverse, _iterations, _residual = invert_by_schulz(matrix.toarray())
+        return lambda right: inverse @ right
     if method == "sparse":
         factors = splu(csc_array(matrix))
-        facts = {"factors_nonzero": float(factors.nnz)}
-        return lambda right: factors.solve(np.ascontiguousarray(right)), facts
+        return lambda right: factors.solve(np.ascontiguousarray(right))
     raise FinloopError(f"options.inverse {method!r}", "sparse or schulz", "choose one of the two")
 
 

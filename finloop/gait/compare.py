@@ -41,7 +41,6 @@ _WHOLE = -1  # in the column scale: all scales together
 class ClockComparison:
     """How well the four CLOCKS predict the contours of frames held out of the fit."""
 
-    scheme: str  # what is held out at a time: "cycles" or "every other frame"
     rms: dict[str, float]  # by clock: RMS distance of contours / body length
     by_contour: pd.DataFrame  # columns contour, subcycle, frames, and rms_<clock>
     # columns contour, subcycle, scale (0 = the coarsest), coefficients (number), gamma (fitted to
@@ -51,8 +50,8 @@ class ClockComparison:
     by_scale: pd.DataFrame
 
 
-def choose_held_out_frames(film: GaitContours) -> tuple[str, list[Mask]]:
-    """Return which frames of a film are held out of each fit: the scheme's name, masks (frames,).
+def choose_held_out_frames(film: GaitContours) -> list[Mask]:
+    """Return which frames of a film are held out of each fit, as masks (frames,).
 
     A film of two gait cycles or more holds out one cycle at a time; an incomplete last cycle has a
     mask of its own. A shorter film holds out every other frame.
@@ -61,8 +60,8 @@ def choose_held_out_frames(film: GaitContours) -> tuple[str, list[Mask]]:
     # A frame that ends a cycle to rounding belongs to the next one.
     cycle = np.floor(film.phase - film.phase[0] + 1e-9).astype(int)
     if film.cycles > 2 - 1e-6:
-        return "cycles", [cycle == number for number in np.unique(cycle)]
-    return "every other frame", [frames % 2 == half for half in range(2)]
+        return [cycle == number for number in np.unique(cycle)]
+    return [frames % 2 == half for half in range(2)]
 
 
 def compare_clocks(
@@ -78,10 +77,9 @@ def compare_clocks(
     """
     check_phases(film)
     descriptor = Descriptor(wavelet, coarse)
-    scheme, masks = choose_held_out_frames(film)
     rows: list[dict[str, Any]] = []
     problem: FinloopError | None = None
-    for mask in masks:
+    for mask in choose_held_out_frames(film):
         try:
             rows += list(_held_out_errors(film, mask, split, descriptor))
         except FinloopError as error:
@@ -98,7 +96,7 @@ def compare_clocks(
         rms[clock] = float(np.sqrt(squares.sum() / total)) / film.body_length
         contours[f"rms_{clock}"] = np.sqrt(squares / contours["frames"]) / film.body_length
     scales = table[table["scale"] != _WHOLE].reset_index(drop=True)
-    return ClockComparison(scheme, rms, contours, _errors_by_scale(film, scales, subcycles))
+    return ClockComparison(rms, contours, _errors_by_scale(film, scales, subcycles))
 
 
 def _held_out_errors(

@@ -49,11 +49,7 @@ class Period:
     why: str  # why the motion is not periodic; empty if it is
 
 
-def find_period(
-    signal: Floats,
-    frame_rate_hz: float,
-    extreme: Floats | None = None,
-) -> Period:
+def find_period(signal: Floats, frame_rate_hz: float, extreme: Floats | None = None) -> Period:
     """Return the frequency and phase of a motion that repeats, from coordinates (frames, k).
 
     signal: NaN where missing. extreme (frames,): phase 0 is where its main wave is greatest; by

@@ -177,7 +177,10 @@ def _edge_boxes(vertices: Floats, edges: int) -> Floats:
 
 @kernel
 def _merge_boxes(boxes: Floats) -> Floats:
-    """Return the bounding boxes of groups of BLOCK consecutive boxes (n, 4)."""
+    """Return the bounding boxes of groups of BLOCK consecutive boxes (n, 4).
+
+    Boxes are left, top, right, bottom.
+    """
     blocks = np.empty(((len(boxes) + BLOCK - 1) // BLOCK, 4))
     for k in range(len(blocks)):
         left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf

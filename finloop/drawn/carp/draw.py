@@ -151,11 +151,13 @@ class _BodyPixels(NamedTuple):
     squared_width: Image
 
 
-def _find_body_pixels(line: Floats, rows: int, columns: int, length_subpx: float) -> _BodyPixels:
-    """Return the subpixels of a picture (rows, columns) that the body about a midline covers.
+def _find_pixels_near_midline(
+    line: Floats, rows: int, columns: int, length_subpx: float
+) -> tuple[NDArray[np.intp], Image]:
+    """Return the subpixels of a picture (rows, columns) that the body about a midline may cover.
 
-    A distance transform gives the nearest midline pixel; three fixed-point steps turn it into the
-    foot of the perpendicular. line (k, 2): midline in subpixels; length_subpx: of the body.
+    The results (n,) are their index in the flattened picture, and the nearest place on the midline,
+    in its steps, to about a pixel. line (k, 2): midline in subpixels; length_subpx: of the body.
     """
     last = len(line) - 1
     # The distance transform is a few per cent off, so reach a little farther than the outline.
@@ -177,12 +179,22 @@ def _find_body_pixels(line: Floats, rows: int, columns: int, length_subpx: float
     index = np.flatnonzero(distance < reach.max())
     midline_place = place_of_label[labels.reshape(-1)[index]]
     in_reach = distance.reshape(-1)[index] < reach[np.rint(midline_place).astype(np.int32)]
-    index, midline_place = index[in_reach], midline_place[in_reach]
+    return index[in_reach], midline_place[in_reach]
+
+
+def _find_body_pixels(line: Floats, rows: int, columns: int, length_subpx: float) -> _BodyPixels:
+    """Return the subpixels of a picture (rows, columns) that the body about a midline covers.
+
+    line (k, 2): midline in subpixels; length_subpx: of the body.
+    """
+    last = len(line) - 1
+    index, midline_place = _find_pixels_near_midline(line, rows, columns, length_subpx)
     py, px = (number.astype(np.float32) for number in np.divmod(index, columns))
     # Place and tangent at each midline point; `slope` is their change from point to point.
     node = np.hstack([line, _tangents_to_head(line)]).astype(np.float32)
     length = np.float32(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())
     slope = np.diff(node, axis=0)
+    # Three fixed-point steps move each place to the foot of the perpendicular from its pixel.
     for _ in range(3):
         i = np.clip(midline_place.astype(np.int32), 0, last - 1)
         share = midline_place - i

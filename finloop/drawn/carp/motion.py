@@ -306,9 +306,11 @@ class Swimmer:
             self.drift = 0.0
         else:
             self.bend = 0.0
+            # A slow meander: random turns of 6.5° per √s that fade within 1.2 s.
             noise = float(self.rng.standard_normal())
             self.drift += dt * -self.drift / 1.2 + math.radians(6.5) * math.sqrt(dt) * noise
             self.axis += self.drift * dt
+        # The head turns with the axis, and by about a third of the bend.
         head_rate = (self.axis - axis + 0.35 * (self.bend - bend)) / dt
         visible = abs(self.bend) > VISIBLE_BEND or abs(head_rate) > VISIBLE_RATE
         if self.mode == "turn" and visible and not self.turn_over:
