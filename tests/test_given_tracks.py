@@ -304,10 +304,7 @@ def test_a_place_takes_the_silhouette_that_it_is_in_or_near(places, spots, outco
     assert mirrored == outcomes[::-1]
 
 
-def test_only_given_points_and_isolated_silhouettes_count():
-    assert match_silhouettes(place_array((50, 50)), [spot(50, 50, isolated=False)], 20.0) == [
-        ("not isolated", 0)
-    ]
+def test_only_given_points_count():
     points = np.array([[(41, 50), (np.nan, np.nan), (59, 50)]])
     assert match_silhouettes(points, [spot(50, 50), spot(50, 60)], 20.0) == [("used", 0)]
 

@@ -230,15 +230,6 @@ def test_where_a_mode_takes_over_pictures_are_joined_and_it_can_be_gone_back_to(
             assert repr(played_rows(tank, 60 + then - tick)) == repr(rows[tick - then :])
 
 
-def test_a_mode_of_the_paper_keeps_its_own_fish_as_they_are():
-    for mode in PAPER:
-        player, rng = toy_players()[mode], np.random.default_rng(3)
-        state = player.begin(rng)
-        for _ in range(120):
-            assert player.mode.take_over(state.fish) is state.fish
-            _, state = player.plan(state, None, rng)
-
-
 def test_a_mode_that_the_film_does_not_allow_is_refused():
     few = {mode: toy_players()[mode] for mode in ("network", "hybrid")}
     with pytest.raises(FinloopError, match="no mode loops"):

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from finloop.base.errors import FinloopError
-from finloop.io import atomic, video
+from finloop.io import atomic
 from finloop.io.movie import VideoWriter
 from finloop.io.video import (
     VideoFacts,
@@ -124,21 +124,6 @@ def test_spread_frames_are_exact(film):
     np.testing.assert_array_equal(list(read_chosen_frames(path, wanted)), frames[wanted])
     with pytest.raises(ValueError, match="ascend"):
         next(read_chosen_frames(path, [3, 1]))
-
-
-def test_spread_frames_are_jumped_to(film, monkeypatch):
-    """Far apart, at most the way from a key frame is decoded."""
-    path, _ = film
-    decoded = 0
-
-    def count_frames(frame, step, number=video._frame_number):
-        nonlocal decoded
-        decoded += 1
-        return number(frame, step)
-
-    monkeypatch.setattr(video, "_frame_number", count_frames)
-    list(read_chosen_frames(path, [0, 60, 99]))
-    assert decoded <= 1 + 1 + 10
 
 
 def test_grey_frames_are_not_to_be_written_to(film):
