@@ -7,11 +7,10 @@ import pytest
 from finloop.base.settings import settings
 from finloop.clip.check import (
     CHECK,
-    LENGTH,
-    RUNS,
+    EXAMINED,
     ClipTally,
     check_film,
-    choose_examined_runs,
+    choose_examined_frames,
     measure_field_order,
 )
 from finloop.clip.doubled import find_repeats
@@ -118,11 +117,13 @@ def test_a_frame_is_moved_back():
     tank = floor()
     shot, by = tank_picture(tank, 2.6, -1.3), Shift(2.6, -1.3, 0)
     back = undo_shift(shot, by)
-    assert np.array_equal(
-        undo_shift(shot, Shift(3.0, -1.0, 0), 3), undo_shift(shot, Shift(3.0, -1.0, 0))[::3, ::3]
+    kernel = cv2.INTER_LANCZOS4 | cv2.WARP_INVERSE_MAP
+    matrix = np.array([[1, 0, by.x], [0, 1, by.y]])
+    warped = cv2.warpAffine(
+        shot, matrix, shot.shape[::-1], flags=kernel, borderMode=cv2.BORDER_REPLICATE
     )
-    thinned = undo_shift(shot, by, 3)
-    assert np.abs(thinned.astype(float) - back[::3, ::3])[2:-2, 2:-2].mean() < 3
+    assert np.abs(back.astype(float) - warped).mean() < 0.1
+    assert np.array_equal(undo_shift(shot, Shift(3.0, -1.0, 0))[1:, :-3], shot[:-1, 3:])
     off = back.astype(float) - tank_picture(tank)
     assert np.abs(off[6:-6, 6:-6]).mean() < 3
 
@@ -201,10 +202,7 @@ def check_frames(frames: list[np.ndarray], rate_hz: float = 25.0):
     for frame in frames:
         tally.add_frame(frame)
 
-    def read(*, start, stop):
-        return iter(frames[start:stop])
-
-    return check_film(read, rate_hz, tally)
+    return check_film(lambda numbers: [frames[number] for number in numbers], rate_hz, tally)
 
 
 def faults(frames: list[np.ndarray]) -> set[str]:
@@ -233,9 +231,15 @@ def test_each_fault_is_found_and_no_other(carp):
     assert faults([carp[0]] * 20) >= {"contrast"}  # nothing moves
 
 
-def test_a_long_film_is_looked_at_in_runs_from_key_frames():
-    assert choose_examined_runs(100) == [(0, 100)]
-    spread = choose_examined_runs(10_000, 12)
-    assert len(spread) == RUNS and {stop - start for start, stop in spread} == {LENGTH}
-    assert all(start % 12 == 0 for start, _ in spread)
-    assert spread[0][0] == 0 and 10_000 - 12 <= spread[-1][1] <= 10_000
+@pytest.mark.parametrize("frames", [EXAMINED + 1, 150, 500, 1500, 10_000])
+def test_a_long_film_is_examined_in_spread_runs_from_key_frames(frames):
+    numbers = np.array(choose_examined_frames(frames, 12))
+    assert EXAMINED / 2 < len(numbers) <= EXAMINED
+    starts = numbers[np.diff(numbers, prepend=-2) > 1]
+    assert not (starts % 12).any() and len(numbers) >= 2 * len(starts)
+    assert (np.diff(numbers) > 0).all()
+    assert numbers[0] == 0 and numbers[-1] > frames - 2 * max(12, frames // 64)
+
+
+def test_a_short_film_is_examined_whole():
+    assert choose_examined_frames(EXAMINED, 12) == list(range(EXAMINED))

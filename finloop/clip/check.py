@@ -1,12 +1,12 @@
 """Check a film: the quality of its light, camera and coding.
 
-The normalised clip, as grey, is examined in runs of successive frames spread over it, so a long
-film takes no longer than five hundred frames. Light and doubled pictures are measured in every
-frame, while the clip is written (`ClipTally`).
+Some frames of the normalised clip, spread over it, are examined as grey pictures, so a long film
+takes no longer than a short one. Light and doubled pictures are measured in every frame, while the
+clip is written (`ClipTally`).
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 
 import cv2
@@ -15,19 +15,19 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Picture
 from finloop.base.schema import Column, Schema, columns
-from finloop.clip.doubled import find_repeats, picture_change, subsample_grey
+from finloop.base.thin import thin_frame
+from finloop.clip.doubled import find_repeats, picture_change
 from finloop.clip.light import measure_gain, measure_light, undo_gain
 from finloop.clip.shake import STILL, UNKNOWN, Shift, find_landmarks, measure_shift, undo_shift
 
 CHECK_NAME, TANK_NAME = "check.parquet", "tank.png"  # beside the clip
-RUNS, LENGTH = 8, 64  # number and length [frames] of the runs that are examined
+EXAMINED = 96  # most frames of a clip that are examined
 PLAIN_LEVELS = 8  # least difference between the darkest and brightest pixel of a usable film
 SAMPLES = 32  # most frames of a clip that are kept to compare them with the coded ones
 _SAMPLES = 15  # frames whose median is the empty tank
 _STRIP = 64  # rows
 _TILES = 6  # tiles of the picture in both directions; the median tile gives the noise
 _THIN = 3  # every 3rd pixel in both directions for noise and contrast
-_EVERY = 4  # frames from one measurement of noise, fields and contrast to the next
 _SIGMAS, _LEAST = 6.0, 15.0  # noises and grey levels from which a pixel is not tank
 _BLACK, _WHITE = 1, 254  # grey levels; beyond them nothing was recorded
 _FIELD_THIN = 4  # every 4th column tells the order of fields
@@ -90,12 +90,13 @@ class ClipTally:
     def add_frame(self, frame: np.ndarray) -> None:
         """Measure the next frame (h, w[, 3]), and copy it if it is one of the spread samples.
 
-        At most `SAMPLES` copies are kept.
+        It is thinned for that (`thin_frame`). At most `SAMPLES` copies are kept.
         """
-        self.brightness_sum += float(np.mean(cv2.mean(frame)[: 3 if frame.ndim == 3 else 1]))
-        low, high, *_ = cv2.minMaxLoc(frame.reshape(frame.shape[0], -1))
+        thinned = thin_frame(frame).copy()  # the caller may reuse the memory
+        self.brightness_sum += float(np.mean(cv2.mean(thinned)[: 3 if frame.ndim == 3 else 1]))
+        low, high, *_ = cv2.minMaxLoc(thinned.reshape(len(thinned), -1))
         self.darkest, self.brightest = min(self.darkest, int(low)), max(self.brightest, int(high))
-        subsample = subsample_grey(frame)
+        subsample = to_grey(thinned)
         self._first = subsample if self._first is None else self._first
         self.lights.append(float(measure_gain(subsample, self._first)[0]))
         self.changes.append(
@@ -112,12 +113,12 @@ class ClipTally:
 
     @property
     def brightness_mean(self) -> float:
-        """Return the mean grey level of all pixels of all frames, 0 … 255."""
+        """Return the mean grey level of the measured pixels of all frames, 0 … 255."""
         return self.brightness_sum / max(self.frames, 1)
 
     @property
     def is_plain(self) -> bool:
-        """Return whether all pixels of all frames have about the same grey level."""
+        """Return whether the measured pixels of all frames have about the same grey level."""
         return self.brightest - self.darkest < PLAIN_LEVELS
 
 
@@ -133,18 +134,21 @@ def psnr_db(pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> float:
     return 10 * np.log10(255**2 * pixels / squares) if squares else float("inf")
 
 
-def choose_examined_runs(frames: int, key_frame_distance: int = 1) -> list[tuple[int, int]]:
-    """Choose runs (start, stop) of successive frames, spread over a film, to be examined.
+def choose_examined_frames(frames: int, key_frame_distance: int = 1) -> list[int]:
+    """Return the numbers of the frames of a clip that are examined, ascending.
 
-    A film of at most `RUNS` × `LENGTH` frames is a single run; a longer one has `RUNS` runs of
-    `LENGTH` frames, which begin at key frames. frames: length of the film; stop is not included.
-    key_frame_distance: frames from one key frame to the next.
+    All frames of a short clip; of a long one about `EXAMINED`, in runs of at least two successive
+    frames, because noise and fields are measured between a frame and the next. Each run begins at
+    another key frame, which decodes at once. frames: length of the clip. key_frame_distance: frames
+    from one key frame to the next.
     """
-    if frames <= RUNS * LENGTH:
-        return [(0, frames)]
-    starts = np.linspace(0, frames - LENGTH, RUNS).astype(int)
+    if frames <= EXAMINED:
+        return list(range(frames))
+    runs = min(EXAMINED // 2, frames // key_frame_distance)
+    length = EXAMINED // runs
+    starts = np.linspace(0, frames - length, runs).astype(int)
     starts = starts // key_frame_distance * key_frame_distance
-    return [(int(start), int(start) + LENGTH) for start in starts]
+    return [int(start) + k for start in starts for k in range(length)]
 
 
 def _empty_tank(tally: ClipTally) -> Picture:
@@ -184,37 +188,39 @@ def _median_picture(frames: Sequence[Picture]) -> Picture:
 
 
 def check_film(
-    read_frames: Callable[..., Iterator[Picture]],
+    read_frames: Callable[[Sequence[int]], Iterable[Picture]],
     rate_hz: float,
     tally: ClipTally,
     key_frame_distance: int = 1,
 ) -> tuple[Quality, pd.DataFrame, Picture]:
     """Return the quality of a film, a table of measures per frame, and the empty tank (h, w[, 3]).
 
-    read_frames(start=, stop=): yields grey frames (h, w) uint8. rate_hz: frames per second. tally:
-    brightness and samples of all frames. The table has the columns `CHECK`. key_frame_distance:
-    frames from one key frame to the next.
+    read_frames(numbers): yields the grey frames (h, w) uint8 of these numbers, which ascend.
+    rate_hz: frames per second. tally: brightness and samples of all frames. The table has the
+    columns `CHECK`. key_frame_distance: frames from one key frame to the next.
     """
     tank_picture = _empty_tank(tally)
-    tank, landmarks, last = to_grey(tank_picture), find_landmarks(tank_picture), STILL
+    tank, landmarks, last_shift = to_grey(tank_picture), find_landmarks(tank_picture), STILL
+    thinned_tank = tank[::_THIN, ::_THIN]
+    floor_grey = float(np.median(thinned_tank))
     rows: list[dict[str, float]] = []
     movers: list[tuple[float, float, float, float]] = []
-    for start, stop in choose_examined_runs(tally.frames, key_frame_distance):
-        before: Picture | None = None
-        gain_before = 1.0
-        for frame, picture in enumerate(read_frames(start=start, stop=stop), start):
-            grey = picture.copy()  # the decoder reuses its memory
-            gain = float(np.nan_to_num(measure_gain(grey, tank)[0], nan=1.0))
-            shift = measure_shift(grey, landmarks, last)
-            last = last if shift is UNKNOWN else shift
-            row = {f"shift_{name}": value for name, value in shift._asdict().items()}
-            if before is not None and frame % _EVERY == 1:
-                row["field_order"] = measure_field_order(before, grey)
-                row["noise"] = _measure_noise(before, grey, gain_before / gain)
-                steady = undo_shift(grey, STILL if shift is UNKNOWN else shift, _THIN)
-                movers.append(_measure_movers(steady, tank[::_THIN, ::_THIN], gain))
-            rows.append({"frame": frame} | row)
-            before, gain_before = grey, gain
+    before: Picture | None = None
+    gain_before = 1.0
+    numbers = choose_examined_frames(tally.frames, key_frame_distance)
+    for number, picture in zip(numbers, read_frames(numbers), strict=True):
+        grey = picture.copy()  # the decoder reuses its memory
+        gain = float(np.nan_to_num(measure_gain(grey, tank)[0], nan=1.0))
+        shift = measure_shift(grey, landmarks, last_shift)
+        last_shift = last_shift if shift is UNKNOWN else shift
+        row = {"frame": number} | {f"shift_{name}": px for name, px in shift._asdict().items()}
+        if before is not None and rows[-1]["frame"] == number - 1:
+            row["field_order"] = measure_field_order(before, grey)
+            row["noise"] = _measure_noise(before, grey, gain_before / gain)
+            steady = grey if shift is UNKNOWN else undo_shift(grey, shift)
+            movers.append(_measure_movers(steady[::_THIN, ::_THIN], thinned_tank, floor_grey, gain))
+        rows.append(row)
+        before, gain_before = grey, gain
     table = pd.DataFrame({"light": tally.lights, "change": tally.changes})
     table = table.join(pd.DataFrame(rows).set_index("frame")).rename_axis("frame").reset_index()
     table = table.reindex(columns=CHECK.names)
@@ -223,8 +229,8 @@ def check_film(
 
 
 def to_grey(picture: Picture) -> Picture:
-    """Return a grey copy (h, w) uint8 of a picture, which is grey (h, w) or RGB (h, w, 3)."""
-    return picture.copy() if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+    """Return the grey levels (h, w) uint8 of a picture, which is grey (h, w) or RGB (h, w, 3)."""
+    return picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
 
 
 def measure_field_order(before: Picture, after: Picture) -> float:
@@ -236,7 +242,7 @@ def measure_field_order(before: Picture, after: Picture) -> float:
     From the later field of a frame to the earlier one of the next is one step of time, from the
     earlier to the later are three: the pair that differs less tells the order.
     """
-    pair = [picture[:, ::_FIELD_THIN].astype(np.float64) for picture in (before, after)]
+    pair = [picture[:, ::_FIELD_THIN].astype(np.float32) for picture in (before, after)]
     motion = np.abs(pair[1] - pair[0]) >= _MOTION
     rows = (len(motion) - 1) // 2 * 2
     moved = motion[:rows:2] | motion[1:rows:2] | motion[2 : rows + 1 : 2]
@@ -266,18 +272,19 @@ def _measure_noise(before: Picture, after: Picture, gain: float) -> float:
 
 
 def _measure_movers(
-    frame: Picture, tank: Picture, gain: float
+    frame: Picture, tank: Picture, floor_grey: float, gain: float
 ) -> tuple[float, float, float, float]:
     """Measure the pixels of a frame that differ from the empty tank, mostly those of animals.
 
     Return how many they are, their median difference from the tank [grey levels] (NaN without any),
-    and how many are black and white. frame, tank: grey (h, w); gain: brightness of the frame
-    divided by that of the tank.
+    and how many are black and white. frame, tank: grey (h, w); floor_grey: median level of the
+    tank; gain: brightness of the frame divided by that of the tank.
     """
-    difference = np.abs(frame / gain - tank)
+    evenly_lit = frame / np.float32(gain)
+    difference = np.abs(evenly_lit - tank)
     noise_limit = _SIGMAS * 1.4826 * float(np.median(difference))
     # Where the tank's median still holds an animal, it is the floor that differs.
-    floor = np.abs(frame / gain - np.median(tank)) <= _LEAST
+    floor = np.abs(evenly_lit - floor_grey) <= _LEAST
     moving = (difference > max(noise_limit, _LEAST)) & ~floor
     level = frame[moving]
     contrast = float(np.median(difference[moving])) if level.size else float("nan")

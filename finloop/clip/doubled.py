@@ -12,8 +12,7 @@ import numpy as np
 
 from finloop.base.arrays import Floats, Ints, Mask, Picture
 
-_THIN = 2  # every 2nd pixel in both directions
-_BLOCK = 12  # px of the thinned picture
+_BLOCK = 12  # px
 _MOST = 0.01  # share of the blocks: those that change most
 _AROUND = 6  # frames to each side with which a change is compared
 _BESIDE = 3  # frames to each side, at least one of them new: shot at a quarter of the rate or more
@@ -25,16 +24,8 @@ _PHASES = 33  # phases that are tried
 _FEW = 8  # doubled pictures from which a cadence is searched for
 
 
-def subsample_grey(frame: Picture) -> Picture:
-    """Return a frame in grey, with every second row and column only, for `picture_change`."""
-    sample = frame[::_THIN, ::_THIN]
-    if sample.ndim == 2:
-        return np.ascontiguousarray(sample)
-    return cv2.cvtColor(sample, cv2.COLOR_RGB2GRAY)
-
-
 def picture_change(before: Picture, after: Picture) -> float:
-    """Return how much two frames of `subsample_grey` differ, in grey levels.
+    """Return how much two grey frames (h, w) differ, in grey levels.
 
     Only the 1 % of all blocks (12×12 px) that change most count, so a small animal is noticed.
     """

@@ -38,7 +38,7 @@ from finloop.io.video import (
     CLIP_NAME,
     KEY_FRAME_EVERY,
     VideoFacts,
-    read_frames,
+    read_chosen_frames,
     save_mask,
 )
 
@@ -287,7 +287,7 @@ def _simplest_fraction(rate: float, frames: int) -> Fraction:
 
 def _check_clip(facts: VideoFacts, tally: ClipTally, folder: Path) -> tuple[Quality, Picture]:
     """Measure a clip's light, camera and coding; write and return its quality and empty tank."""
-    read = partial(read_frames, folder / CLIP_NAME)
+    read = partial(read_chosen_frames, folder / CLIP_NAME, threads=1)  # more decode on in vain
     quality, table, tank = check_film(read, facts.frame_rate_hz, tally, KEY_FRAME_EVERY)
     if facts.coding_quantiser is not None:
         quality = replace(quality, coding_quantiser=facts.coding_quantiser)

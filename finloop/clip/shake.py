@@ -23,6 +23,7 @@ _ROUNDS = 12  # most rounds of Gauss-Newton
 _STILL = 2e-3  # px; a smaller step is the last
 _TUKEY = 4.685  # sigmas beyond which a mark has no weight
 _SURE = 0.1  # px; a shift that is less certain is unknown
+_REACH = 4  # px; of Lanczos' kernel
 _BEST = 0.33  # share of the tiles, those with most edges, that must not decide alone
 
 
@@ -184,18 +185,30 @@ def _judge_shift(
     return Shift(float(shift_px[0]), float(shift_px[1]), max(apart, default=float("nan")))
 
 
-def undo_shift(frame: Picture, shift: Shift, stride: int = 1) -> Picture:
-    """Return a frame moved back by the camera's shift, with every `stride`-th row and column only.
+def undo_shift(frame: Picture, shift: Shift) -> Picture:
+    """Return a frame (h, w[, 3]) moved back by the camera's shift; new pixels repeat the border.
 
-    Pixels that were not filmed repeat the border. A thinned frame, which is only measured, is
-    interpolated linearly: that is five times as fast.
+    All pixels are moved by the same part of a pixel, so two filters, one for the rows and one for
+    the columns, do it (`_lanczos_weights`): nine times as fast as a general warp.
     """
-    kernel = cv2.INTER_LANCZOS4 if stride == 1 else cv2.INTER_LINEAR
-    size = [math.ceil(side / stride) for side in frame.shape[1::-1]]
-    matrix = np.array([[stride, 0, shift.x], [0, stride, shift.y]])
-    return np.asarray(
-        cv2.warpAffine(
-            frame, matrix, size, flags=kernel | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
+    right, down = math.floor(shift.x), math.floor(shift.y)
+    top, left = _REACH + abs(down), _REACH + abs(right)
+    padded = cv2.copyMakeBorder(frame, top, top, left, left, cv2.BORDER_REPLICATE)
+    moved = cv2.sepFilter2D(
+        padded, -1, _lanczos_weights(shift.x - right), _lanczos_weights(shift.y - down),
+        anchor=(_REACH - 1, _REACH - 1),
     )  # fmt: skip
+    height, width = frame.shape[:2]
+    return np.ascontiguousarray(
+        moved[top + down : top + down + height, left + right : left + right + width]
+    )
+
+
+def _lanczos_weights(fraction: float) -> np.ndarray:
+    """Return the weights (8,) of the pixels −3 … 4 for the level at 0 ≤ fraction < 1 [px].
+
+    They are Lanczos' kernel sinc(x) · sinc(x / 4), normalised to a sum of 1.
+    """
+    x = np.arange(1 - _REACH, 1 + _REACH) - fraction
+    weights = np.sinc(x) * np.sinc(x / _REACH)
+    return np.asarray(weights / weights.sum(), np.float32)

@@ -40,7 +40,15 @@ def draw_film_check(
     _draw_curve(panels["light"], time_s, table["light"], color="#E69F00", label="brightness")
     panels["light"].set(ylabel="light (first frame = 1)")
     for axis, colour, name in (("x", "#0072B2", "right"), ("y", "#D55E00", "down")):
-        _draw_curve(panels["camera"], time_s, table[f"shift_{axis}"], color=colour, label=name)
+        _draw_curve(
+            panels["camera"],
+            time_s,
+            table[f"shift_{axis}"],
+            color=colour,
+            label=name,
+            marker=".",
+            ms=2,
+        )
     panels["camera"].set(ylabel="camera (px)")
     panels["camera"].legend(frameon=False, loc="upper right", ncols=2)
     _draw_curve(panels["change"], time_s, table["change"], color="#009E73", label="change")

@@ -23,6 +23,7 @@ from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
+from finloop.base.thin import thin_frame
 from finloop.io.footage.source import (
     CHROMA_FRACTION,
     FULL_FROM_LIMITED,
@@ -41,7 +42,6 @@ from finloop.io.footage.source import (
     other_size_error,
     square_size,
     stretch_levels,
-    thin_frame,
     too_few_error,
 )
 from finloop.io.footage.timing import estimate_frame_rate

@@ -16,6 +16,7 @@ from tifffile import TiffFile, TiffFileError
 from finloop.base.arrays import Floats, Ints
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads, ordered_map
+from finloop.base.thin import thin_frame
 from finloop.io.footage.arrays import open_array, to_picture
 from finloop.io.footage.source import (
     CHROMA_FRACTION,
@@ -29,7 +30,6 @@ from finloop.io.footage.source import (
     no_rate_error,
     other_size_error,
     stretch_levels,
-    thin_frame,
     too_few_error,
 )
 from finloop.io.footage.stamps import count_times, times_in_files, times_in_names, times_in_stack

@@ -17,7 +17,6 @@ from finloop.base.errors import FinloopError
 from finloop.io.video import VideoFacts
 
 SAMPLES = 12  # frames from which colour, depth and range are measured
-SAMPLE_PIXELS = 5e5  # pixels of a sample frame, at most
 WANTED = "a film that FFmpeg can read (mp4, avi, mov, mkv, webm, gif) or a folder of pictures"
 WANTED_TWO = "at least 2 frames: without motion there is nothing to follow"
 
@@ -215,12 +214,6 @@ def other_size_error(
         wanted="frames of one size",
         do="film without changing the size, or scale all frames alike first (ffmpeg -vf scale=…)",
     )
-
-
-def thin_frame(frame: np.ndarray) -> np.ndarray:
-    """Return every k-th row and column of a frame, such that at most SAMPLE_PIXELS remain."""
-    step = math.ceil(math.sqrt(frame.shape[0] * frame.shape[1] / SAMPLE_PIXELS))
-    return frame[::step, ::step]
 
 
 def nearest_turn(matrix: Sequence[int] | np.ndarray) -> tuple[Turn, bool]:
