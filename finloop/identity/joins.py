@@ -58,9 +58,9 @@ def simultaneous_pairs(start: Reals, stop: Reals) -> TrackPairs:
     start, stop (n,): first and last frame of each track.
     """
     order = np.argsort(start, kind="stable")
-    low = np.empty(len(order), np.intp)  # place in `order` of the next track to begin
-    low[order] = np.arange(len(order)) + 1
-    a, b = _pair_with_ranges(order, low, np.searchsorted(start[order], stop, side="right"))
+    next_to_begin = np.argsort(order) + 1  # place in `order` of the track that begins after each
+    stops = np.searchsorted(start[order], stop, side="right")
+    a, b = _pair_with_ranges(order, next_to_begin, stops)
     return TrackPairs(np.minimum(a, b), np.maximum(a, b))
 
 

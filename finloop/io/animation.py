@@ -5,7 +5,6 @@ for digit, so the frames have exactly the counted folds.
 """
 
 import json
-import zlib
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from math import ceil
@@ -243,7 +242,7 @@ def _save_film(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
 
 
 def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterator[Picture]:
-    """Yield the picture (h, w, 3) of every frame of a morph; equal frames are painted only once.
+    """Yield the picture (h, w, 3) of every frame of a morph.
 
     shape: height and width of the pictures [px]. scale: px of the picture per px of the drawing.
     """
@@ -254,21 +253,7 @@ def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterato
         contours = [(item, [morph.layers[name][frame] for name in item.layers]) for item in shapes]
         return paint_layers(contours, shape, scale)
 
-    points = np.hstack([frames.reshape(len(frames), -1) for frames in morph.layers.values()])
-    _, first, group = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    first_equals = first[group.ravel()]  # for each frame, the first frame that equals it
-    repeated = {*first_equals[first_equals != np.arange(len(first_equals))].tolist()}
-    new_pictures = ordered_map(paint_frame, np.sort(first).tolist(), Threads(THREADS))
-    packed = dict[int, bytes]()  # pictures to be shown again; flat colours compress well
-    for frame, first_equal in enumerate(first_equals.tolist()):
-        if first_equal == frame:
-            picture = next(new_pictures)
-            if frame in repeated:
-                packed[frame] = zlib.compress(picture.tobytes(), 1)
-        else:
-            pixels = np.frombuffer(zlib.decompress(packed[first_equal]), np.uint8)
-            picture = pixels.reshape(*shape, 3)
-        yield picture
+    return ordered_map(paint_frame, range(len(morph.tau)), Threads(THREADS))
 
 
 Writer = Callable[[Path, Morph, Fraction, int], None]

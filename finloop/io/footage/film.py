@@ -266,8 +266,8 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     }
     footage = Footage(
         path=path,
-        width_px=square[1] if coding.turn.b else square[0],
-        height_px=square[0] if coding.turn.b else square[1],
+        width_px=square[coding.turn.quarter_turns % 2],
+        height_px=square[1 - coding.turn.quarter_turns % 2],
         frame_rate=rate or film_rate,
         colour=coding.chroma > CHROMA_FRACTION if colour is None else colour,
         frames_expected=stamps.size,

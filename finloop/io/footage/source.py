@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -32,33 +32,21 @@ NumberedFrames = Iterator[tuple[float, tuple[int, np.ndarray]]]
 """Time (s), and the uint8 picture with its number; both are 0 for the source's first frame."""
 
 
-@dataclass(frozen=True)
-class Turn:
-    """The mirroring and turn by right angles that makes a film's pictures upright.
+class Turn(NamedTuple):
+    """The mirroring and turn by right angles that makes a film's pictures upright."""
 
-    A pixel goes from (x, y) to (a x + c y, b x + d y); each of a, b, c, d is −1, 0 or 1.
-    """
-
-    a: int = 1
-    b: int = 0
-    c: int = 0
-    d: int = 1
+    quarter_turns: int = 0  # 0 … 3, anticlockwise, after the mirroring
+    is_mirrored: bool = False  # whether left and right are swapped before the rotation
 
     @property
     def rotation_deg(self) -> int:
-        """Return the anticlockwise rotation, after the mirroring: 0, 90, 180 or 270 degrees."""
-        return round(np.degrees(np.arctan2(self.c, self.d))) % 360
-
-    @property
-    def is_mirrored(self) -> bool:
-        """Return whether left and right are swapped before the rotation."""
-        return self.a * self.d - self.b * self.c < 0
+        """Return the anticlockwise rotation: 0, 90, 180 or 270 degrees."""
+        return 90 * self.quarter_turns
 
     def __call__(self, frame: np.ndarray) -> np.ndarray:
         """Return a picture mirrored and turned upright; no pixel is lost or changed."""
-        if not self.a:
-            return np.ascontiguousarray(frame.swapaxes(0, 1)[:: self.b, :: self.c])
-        return np.ascontiguousarray(frame[:: self.d, :: self.a])
+        mirrored = frame[:, ::-1] if self.is_mirrored else frame
+        return np.ascontiguousarray(np.rot90(mirrored, self.quarter_turns))
 
 
 UPRIGHT = Turn()
@@ -222,10 +210,9 @@ def nearest_turn(matrix: Sequence[int] | np.ndarray) -> tuple[Turn, bool]:
     matrix: a, b, _, c, d, …; a pixel goes to x′ = a x + c y, y′ = b x + d y, to be upright.
     """
     a, b, _, c, d = (float(value) for value in matrix[:5])
-    sign_a, sign_b, sign_c, sign_d = (-1 if value < 0 else 1 for value in (a, b, c, d))
     if abs(a) + abs(d) >= abs(b) + abs(c):
-        return Turn(a=sign_a, d=sign_d), b == c == 0
-    return Turn(a=0, b=sign_b, c=sign_c, d=0), a == d == 0
+        return Turn(2 if d < 0 else 0, (a < 0) != (d < 0)), b == c == 0
+    return Turn(3 if c < 0 else 1, (b < 0) == (c < 0)), a == d == 0
 
 
 def measure_chroma_fraction(frames: Iterable[np.ndarray]) -> float:
