@@ -61,7 +61,7 @@ def animate_route(planner: Planner, ticks: int, seed: int, route: Route | None =
             if name
         ]
         ticks = min(ticks, sum(ticks_of_stretches))
-    return build_edit_lists([record], ticks, planner.edit_inputs), ()
+    return Work(build_edit_lists([record], ticks, planner.edit_inputs))
 
 
 def routes_by_motion(
@@ -104,7 +104,7 @@ def animations_by_motion(
                 swimming_animator.player, round(min(left_ticks, PIECE_S * rate)), seed, route
             )
             animations.append(work)
-            left_ticks, seed = left_ticks - len(work[0]), seed + 1
+            left_ticks, seed = left_ticks - len(work.edit), seed + 1
     return works
 
 

@@ -31,7 +31,7 @@ from finloop.io.table import save_csv, save_csv_in_blocks, save_table
 from finloop.project import EditSources, Project
 from finloop.render.gallery import place_ticks
 from finloop.render.painter import Box
-from finloop.sprites.choice import SIDES, WORDS
+from finloop.sprites.choice import SEQUENCES, SIDES
 from finloop.stimulus.drawn import drawn_states
 from finloop.stimulus.page import build_standalone_page
 from finloop.stimulus.pictures import PagePictures
@@ -53,7 +53,7 @@ def _save_films(
     facts, edit, sprites = project.facts, drawn.edit, project.sprites
     gallery = project.gallery(drawn)
     rate, channels = facts.frame_rate, 3 if facts.colour else 1
-    cycles = {word: sprites_of_sequence(sprites, word, gallery) for word in WORDS}
+    cycles = {word: sprites_of_sequence(sprites, word, gallery) for word in SEQUENCES}
     films: dict[str, Any] = {}
 
     def write_film(name: str, pictures: Iterable[Picture], crop: Box, webp_ticks: int) -> None:

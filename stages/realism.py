@@ -87,8 +87,9 @@ def measure_swimming(
         for name, work in works.items()
     }
     new = [name for name, kept_tables in tables.items() if kept_tables is None]
-    jobs = [(instruments[name], *job) for name in new for job in works[name]]
-    with report_progress("realism", sum(len(edit) for _, edit, _ in jobs), "ticks") as advance:
+    jobs = [(instruments[name], work) for name in new for work in works[name]]
+    ticks = sum(len(work.edit) for _, work in jobs)
+    with report_progress("realism", ticks, "ticks") as advance:
         results = ordered_map(partial(measure_edit_list, pictures), jobs, pool)
         for name in new:
             tables[name] = []
@@ -214,7 +215,7 @@ def _compare_swimming(
     for mode in MODES:
         path = ANIMATE / mode / "samples.parquet"
         if path.exists():
-            works[mode] = [(edit, ()) for edit in split_by_fish(load_table(path, EDIT))]
+            works[mode] = [Work(edit) for edit in split_by_fish(load_table(path, EDIT))]
             instruments[mode] = instrument.adapt_to_animation(project.drawn_scale(mode))
     own = {
         mode: [path_digest(ANIMATE / mode / "samples.parquet"), project.drawn_scale(mode)]
@@ -234,9 +235,7 @@ def _compare_swimming(
     )
     verdicts = classify_all(sides, p, pool, kept)
     with whole_folder(OUT) as folder:
-        windows, curves = examples.ExampleFinder(sample, works, measured).example_tables(
-            sides, verdicts
-        )
+        windows, curves = examples.find_examples(sample, works, measured, sides, verdicts)
         save_table(folder / "examples.parquet", windows, examples.EXAMPLES)
         save_table(folder / "curves.parquet", curves, examples.CURVES)
         if len(windows):

@@ -20,7 +20,6 @@ from finloop.sprites.choice import SIDES, ChosenFrames, choose_frames, swimmer_t
 from finloop.sprites.metrics import (
     cycle_metrics,
     fault_table,
-    is_still_slide,
     sprite_metrics,
     sprite_orientation_table,
 )
@@ -32,11 +31,10 @@ FOLDER, REPORT = Path("data/sprites"), Path("reports/sprites")
 TRACKS = ("track_id", "frame", "area_px", "contrast")
 
 
-def _report_stand_ins(choices: dict[str, ChosenFrames], still: bool) -> None:
+def _report_stand_ins(choices: dict[str, ChosenFrames]) -> None:
     """Print a note on each sequence that the film lacks, and on what stands in for it.
 
-    choices: the frames chosen for each sequence, by its name. still: whether the film shows a glide
-    with a still tail.
+    choices: the frames chosen for each sequence, by its name.
     """
     for word, what in (("straight", "full tail beat"), ("left", "whole turn")):
         if choices[word].stands_in:
@@ -48,7 +46,7 @@ def _report_stand_ins(choices: dict[str, ChosenFrames], still: bool) -> None:
     for word, opposite in zip(SIDES, reversed(SIDES), strict=True):
         if choices[word].mirrored:
             print(f"sprites: no turn to the {word}; mirrored the {opposite} one", file=sys.stderr)
-    if not still:
+    if choices["slide"].stands_in:
         print("sprites: no glide with a still tail; the straightest frame", file=sys.stderr)
 
 
@@ -99,17 +97,14 @@ def main() -> None:
         for word in ("straight", "slide"):
             cycles |= cycle_metrics(word, choices[word], table, draw_pictures)
 
-    still = settings.slide_frames is not None or is_still_slide(
-        choices["slide"], table, delta, settings
-    )
-    _report_stand_ins(choices, still)
+    _report_stand_ins(choices)
     save_csv(FOLDER / "table1_after.csv", sprite_orientation_table(sprites, features), decimals=3)
     save_csv(FOLDER / "faults.csv", fault_table(choices), decimals=3)
     save_metrics(
         REPORT / "metrics.json",
         sprite_metrics(sprites, table, features, facts.frames, rate_hz)
         | cycles
-        | {"atlas_pages": pages, "slide_stands_in": int(not still)},
+        | {"atlas_pages": pages, "slide_stands_in": int(choices["slide"].stands_in)},
     )
 
 

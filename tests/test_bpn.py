@@ -276,7 +276,7 @@ def energy(weights, x, t):
 def by_hand(weights, x, t):
     """The gradient that `learn_epoch` steps along, of all rows in one batch."""
     velocity = np.zeros_like(weights)
-    learn_epoch(x, t, weights.copy(), velocity, (len(x), 1.0, 0.0))
+    learn_epoch(x, t, weights.copy(), velocity, len(x), 1.0, 0.0)
     return -velocity
 
 
@@ -310,7 +310,7 @@ def test_a_step_reckoned_on_paper():
     first[0, 0], second[0] = np.log(3), [2, -1.5]
     before = weights.copy()
     x, t = np.array([[1.0, 0, 0, 0, 1]]), np.array([[0.1, 0.5]])
-    learn_epoch(x, t, weights, velocity, (1, 0.5, 0.5))
+    learn_epoch(x, t, weights, velocity, 1, 0.5, 0.5)
     # (o - t) o (1 - o) = 0.1, half of it is the step; times h; behind it times 2 h (1 - h)
     wanted = -np.array([0.01875, 0, 0, 0, 0.01875, 0.0375, 0.05, 0, 0])
     assert weights - before == pytest.approx(wanted, abs=1e-12)
@@ -330,7 +330,7 @@ def test_an_epoch_is_that_of_sgd_with_momentum(size):
             peer.zero_grad()
             energy(leaf, lot_x, lot_t).backward()
             peer.step()
-        learn_epoch(x, t, weights, velocity, (size, 0.1, 0.5))
+        learn_epoch(x, t, weights, velocity, size, 0.1, 0.5)
     np.testing.assert_allclose(weights, leaf.detach().numpy(), rtol=1e-8, atol=1e-10)
 
 

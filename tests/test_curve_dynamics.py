@@ -328,7 +328,7 @@ def test_explicit_euler_refuses_steps_that_grow_without_end_and_says_how_many_wi
 def test_figures_6_and_7_draw_the_hoop():
     n = 64
     frames = hoop(n) + solve_motion(problem()).displacement
-    figure = figure6(frames, TIMES, hoop(n), "hoop", columns=4)
+    figure = figure6(frames, TIMES, hoop(n), "hoop")
     assert len(figure.axes) == 12
     x, y = figure.axes[5].lines[1].get_data()
     assert np.allclose(np.stack([x, y], axis=1)[:-1], frames[5])

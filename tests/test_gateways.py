@@ -40,7 +40,8 @@ from finloop.io.picture import load_picture
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots import gateways as gateways_plots
-from finloop.plots.gateways import choose_gateways_to_draw, draw_gateways, gateway_pictures
+from finloop.plots.gateways import draw_gateways, gateway_pictures
+from finloop.plots.loops import spread_table_rows
 from finloop.sprites.orient import SPRITES, sprite_cutouts
 
 ORIENTATIONS = 24  # conf/features/default.yaml
@@ -245,7 +246,9 @@ def test_every_distance_is_that_of_the_two_pictures(name, request):
         shown = of.film(film).reshape(len(of.features), -1).astype(float)
         for one in np.unique(number):
             sides = draw_sprites_and_next(of.reel(store, film), SIZE, of.pose, int(one))
-            for side, found in zip(sides, (of.near.ahead, of.near.own), strict=True):
+            for side, found in zip(
+                sides, (of.near.from_next_frame, of.near.from_sprite), strict=True
+            ):
                 want = cdist(side.reshape(len(side), -1), shown[number == one])
                 np.testing.assert_allclose(found[:, number == one], want, atol=1e-4)
 
@@ -293,7 +296,7 @@ def test_frames_a_sprite_leads_to_are_apart(world, apart):
         for row in np.flatnonzero(lasts & ~np.isin(np.arange(len(lasts)), rows)):
             near = (np.abs(kept - row) < least) & (kept // FRAMES == row // FRAMES)
             nearest = distance[near].min(initial=np.inf)
-            assert nearest <= world.near.ahead[sprite, row] or len(of) == 100
+            assert nearest <= world.near.from_next_frame[sprite, row] or len(of) == 100
 
 
 @pytest.mark.parametrize("least", [0.0, 2.5, 10.0])
@@ -357,8 +360,10 @@ def test_after_the_last_frame_of_a_track_comes_the_frame_itself(tmp_path, film):
     last = FRAMES - 1
     sprites = whole(sprite_rows(features, [last], off=6.0)).assign(turn_deg=3.0)
     world = World(tmp_path, features, cutouts, sprites)
-    assert world.near.ahead[0].argmin() == last and world.near.ahead[0, last] == 0
-    assert world.near.ahead_deg[0] == world.near.own_deg[0] == pytest.approx(6.0, abs=1e-3)
+    assert (
+        world.near.from_next_frame[0].argmin() == last and world.near.from_next_frame[0, last] == 0
+    )
+    assert world.near.next_frame_deg[0] == world.near.sprite_deg[0] == pytest.approx(6.0, abs=1e-3)
 
 
 # -- the empty table, numbers -----------------------------------------------------------------------
@@ -399,14 +404,21 @@ def test_numbers_count(world):
 
 def test_the_sheet_goes_from_the_best_to_the_worst(world):
     ways = world.ways(OUT)
-    some = choose_gateways_to_draw(ways, 5)["distance"]
-    assert some.is_monotonic_increasing and len(some) == 5
-    assert some.iloc[0] == ways["distance"].min() and some.iloc[-1] == ways["distance"].max()
-    assert some.iloc[2] == pytest.approx(ways["distance"].median(), rel=0.2)
-    assert (
-        len(choose_gateways_to_draw(ways[:2], 5)) == 2
-        and len(choose_gateways_to_draw(ways[:0], 5)) == 0
-    )
+    facts = MapFacts(world.pose, SIZE, 0.1, 1.5, world.step, world.step)
+    with world.open() as (store, film):
+        reel = world.reel(store, film)
+        some, two, none = (
+            [float(pair.below.removesuffix(" steps")) for pair in pairs]
+            for pairs in (
+                gateway_pictures(part, 5, reel, facts) for part in (ways, ways[:2], ways[:0])
+            )
+        )
+    steps = ways["distance"] / world.step
+    assert some == sorted(some) and len(some) == 5
+    assert some[0] == pytest.approx(steps.min(), abs=0.01)
+    assert some[-1] == pytest.approx(steps.max(), abs=0.01)
+    assert some[2] == pytest.approx(steps.median(), rel=0.2)
+    assert len(two) == 2 and len(none) == 0
 
 
 def test_ways_of_a_part_are_those_of_the_whole_that_compare_its_rows(world, film):
@@ -415,7 +427,7 @@ def test_ways_of_a_part_are_those_of_the_whole_that_compare_its_rows(world, film
     rows = np.arange(len(features))[len(features) // 4 : -3]
     with world.open() as (store, pictures):
         near = measure_sprite_distances(world.reel(store, pictures), rows, SIZE, world.pose)
-    np.testing.assert_array_equal(near.own, world.near.own[:, rows])
+    np.testing.assert_array_equal(near.from_sprite, world.near.from_sprite[:, rows])
     settings = replace(SETTINGS, distance_threshold=3.0)
     whole, some = (
         list_gateways(one, world.sprites, features, world.step, settings)
@@ -434,11 +446,11 @@ def test_the_pictures_of_a_pair_are_those_compared(name, request, monkeypatch):
     monkeypatch.setattr(gateways_plots, "TILE", SIZE)
     of = request.getfixturevalue(name)
     facts = MapFacts(of.pose, SIZE, 0.1, 1.5, of.step, of.step)
-    some = pd.concat(
-        [choose_gateways_to_draw(of.ways(way, distance_threshold=3.0), 4) for way in (IN, OUT)]
-    )
+    ways = [of.ways(way, distance_threshold=3.0) for way in (IN, OUT)]
+    some = pd.concat([spread_table_rows(table.sort_values("distance"), 4) for table in ways])
     with of.open() as (store, film):
-        shown = list(gateway_pictures(some, of.reel(store, film), facts))
+        reel = of.reel(store, film)
+        shown = [pair for table in ways for pair in gateway_pictures(table, 4, reel, facts)]
     for pair, way in zip(shown, some.itertuples(), strict=True):
         assert pair.before.shape == (SIZE, SIZE, 2)
         far = np.linalg.norm(pair.natural - pair.instead)

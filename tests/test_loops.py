@@ -5,7 +5,7 @@ down in pixels; angles are degrees, anticlockwise as seen.
 """
 
 import re
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import cv2
@@ -34,16 +34,17 @@ from finloop.io.table import load_table, save_table
 from finloop.loops.graph import (
     JUMP,
     PLAY,
+    Leg,
     build_loop_graph,
     can_play_for_ever,
     find_routes,
-    rows_of_component,
+    rows_of_largest_component,
 )
 from finloop.loops.positions import (
     choose_table_ends,
-    find_quadrants,
     merge_play_legs,
     position_table,
+    quadrant_of_displacement,
     route_table,
 )
 from finloop.loops.search import (
@@ -378,7 +379,7 @@ def test_the_graph_of_fig10(fig10):
     assert fig10.component.tolist() == [0, 0, 0, 0, 0, 0, 0, 1]  # no film follows H
     assert fig10.endless.tolist() == [True] * 7 + [False]
     assert can_play_for_ever(fig10, np.zeros(90, int)).tolist() == [True] * 75 + [False] * 15
-    assert rows_of_component(fig10, 90).nonzero()[0].tolist() == list(range(5, 75))
+    assert rows_of_largest_component(fig10, 90).nonzero()[0].tolist() == list(range(5, 75))
 
 
 def test_one_loop_goes_on_for_ever_within_a_track_alone():
@@ -412,7 +413,7 @@ def test_components_and_dead_ends_are_those_of_the_film_frame_by_frame(seed):
     np.testing.assert_array_equal(can_play_for_ever(graph, track), for_ever)
     np.testing.assert_array_equal(graph.endless, for_ever[graph.ends])
     together = reach & reach.T
-    mine = rows_of_component(graph, 120)
+    mine = rows_of_largest_component(graph, 120)
     if again.any():
         assert mine.sum() == together.sum(axis=1).max()
         np.testing.assert_array_equal(together[mine.argmax()], mine)
@@ -424,8 +425,7 @@ def test_the_first_component_has_the_most_film_not_the_most_loops():
     many = [(5, 15), (10, 20), (17, 25)]
     graph = build_loop_graph(table_of(*many, (60, 110)), np.zeros(120, int))
     assert graph.component[np.searchsorted(graph.ends, 60)] == 0
-    assert rows_of_component(graph, 120).nonzero()[0].tolist() == list(range(60, 110))
-    assert rows_of_component(graph, 120, 1).nonzero()[0].tolist() == list(range(5, 25))
+    assert rows_of_largest_component(graph, 120).nonzero()[0].tolist() == list(range(60, 110))
 
 
 def test_jumps_are_sorted_by_distance():
@@ -461,15 +461,10 @@ def test_the_table_of_fig11_as_printed():
 
 
 def test_quadrants_count_anticlockwise_from_the_upper_right():
-    angle = np.radians([45, 135, 225, 315])
-    assert find_quadrants(np.cos(angle), np.sin(angle)).tolist() == [1, 2, 3, 4]
-    rng = np.random.default_rng(0)
-    dx, dy = rng.normal(size=(2, 200))
-    turned = find_quadrants(-dy, dx)  # by a right angle
-    np.testing.assert_array_equal(turned, find_quadrants(dx, dy) % 4 + 1)
-    assert find_quadrants(np.array([1, 0, -1, 0, 0.0]), np.array([0, 1, 0, -1, 0.0])).tolist() == [
-        1, 2, 3, 4, 1,
-    ]  # fmt: skip
+    """The quadrant is the whole number of right angles in the direction; axes end the one before."""
+    for dx, dy in product(range(-3, 4), repeat=2):
+        angle = np.degrees(np.arctan2(dy, dx)) % 360
+        assert quadrant_of_displacement(float(dx), float(dy)) == angle // 90 + 1
 
 
 def test_the_table_is_of_pairs_of_one_track_and_y_is_up():
@@ -479,7 +474,7 @@ def test_the_table_is_of_pairs_of_one_track_and_y_is_up():
     table = position_table(np.array([3, 9, 20, 38, 45, 60]), features)
     pairs = [table.index[i] + table.columns[j] for i, j in np.argwhere(table.to_numpy() != "")]
     assert pairs == ["AB", "AC", "AD", "BC", "BD", "CD", "EF"]
-    assert table.loc["A", "B"] == str(find_quadrants(x[9] - x[3], y[9] - y[3]))
+    assert table.loc["A", "B"] == str(quadrant_of_displacement(x[9] - x[3], y[9] - y[3]))
 
 
 def test_a_table_for_people_has_at_most_26_ends_of_one_track():
@@ -495,7 +490,8 @@ def test_a_table_for_people_has_at_most_26_ends_of_one_track():
 
 
 def test_routes_are_told_stretch_by_stretch(fig10):
-    way = [(65, 75, PLAY), (75, 25, JUMP), (25, 35, PLAY), (35, 45, PLAY), (45, 55, PLAY)]
+    rows = [(65, 75, PLAY), (75, 25, JUMP), (25, 35, PLAY), (35, 45, PLAY), (45, 55, PLAY)]
+    way = [Leg(*leg) for leg in rows]
     assert merge_play_legs(way) == [(65, 75, PLAY), (75, 25, JUMP), (25, 55, PLAY)]
     told = route_table([way, way[:1]], fig10, still(90, 4), step_median=2.0)
     assert told["route"].tolist() == [1, 1, 1, 2]

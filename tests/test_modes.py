@@ -67,7 +67,7 @@ from finloop.edit.schema import ACCELERATE, FADE, FRAME, SPRITE, STATES, STRAIGH
 from finloop.edit.schema import FILM as IN_FILM
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import find_orientations, orientation_heading_deg, wrap_deg
-from finloop.loops.positions import find_quadrants, quadrant_of_displacement
+from finloop.loops.positions import quadrant_of_displacement
 from finloop.modes.hybrid import Hybrid
 from finloop.modes.loops import mark_loop_ends
 from finloop.modes.network import Network
@@ -257,12 +257,7 @@ def test_a_path_is_refused(mode):
         player_in(mode).begin(np.random.default_rng(0), Route(*[None] * len(Route._fields)))
 
 
-# --- loops: the position table
-
-
-def test_the_compiled_quadrant_is_that_of_the_position_table():
-    for dx, dy in product(range(-3, 4), repeat=2):
-        assert quadrant_of_displacement(float(dx), float(dy)) == find_quadrants(dx, dy)
+# --- loops: the choice at a loop end
 
 
 def slow_way(film, tank_, start, place, goal, least):
@@ -272,7 +267,7 @@ def slow_way(film, tank_, start, place, goal, least):
     """
     (row, rot), (x, y), n, legal, within, touch = start, place, 0, [], [], False
     begins = film.heading[row] + rot
-    wanted = find_quadrants(goal.x - place[0], place[1] - goal.y)
+    wanted = quadrant_of_displacement(goal.x - place[0], place[1] - goal.y)
     while is_legal_point(tank_.legal, x, y):
         n += 1
         touch = touch or touches_target(x, y, film.heading[row] + rot, goal)
@@ -281,7 +276,7 @@ def slow_way(film, tank_, start, place, goal, least):
         if ends and (touch or n >= least):
             off = abs(wrap_deg(bearing(*place, x, y) - begins))
             within.append((0.0 if touch else np.hypot(goal.x - x, goal.y - y), n, touch))
-            there = goal.free or find_quadrants(x - place[0], place[1] - y) == wanted
+            there = goal.free or quadrant_of_displacement(x - place[0], place[1] - y) == wanted
             if touch or (there and off <= 45):
                 legal.append(within[-1])
         if not film.has_next[row] or (touch and ends):
@@ -382,10 +377,10 @@ def test_a_way_leads_as_the_film_does_to_the_goal_s_quadrant_and_sets_out_that_w
             other += 1
         elif not stretch.touched and len(stretch.trajectory) > 1:
             (x, y, heading), (to_x, to_y, _) = stretch.trajectory[[0, -1]]
-            assert find_quadrants(to_x - x, y - to_y) == find_quadrants(
+            assert quadrant_of_displacement(to_x - x, y - to_y) == quadrant_of_displacement(
                 goal.x_px - x, y - goal.y_px
             )
-            assert why.quadrant == find_quadrants(to_x - x, y - to_y)
+            assert why.quadrant == quadrant_of_displacement(to_x - x, y - to_y)
             assert abs(wrap_deg(bearing(x, y, to_x, to_y) - heading)) <= most + 1e-9
             legal += 1
     assert legal > 30 and other > 5

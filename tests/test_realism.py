@@ -33,7 +33,7 @@ from finloop.project import Project
 from finloop.realism import examples
 from finloop.realism.auc import Scores, compute_auc, compute_roc
 from finloop.realism.compare import FilmSample, classify_windows
-from finloop.realism.instrument import Instrument, Swimming, join_measurements
+from finloop.realism.instrument import Instrument, Swimming, Work, join_measurements
 from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import (
     CHANNELS,
@@ -423,7 +423,7 @@ def test_ticks_that_show_the_film_have_its_rows_whatever_moves_them(tmp_path):
     table = fish(0, 4 / RATE)
     twice = join_measurements([edit, edit], [table, table], RATE)
     assert twice.row.tolist() == [5, 6, -1, 8] * 2
-    assert twice.part.tolist() == [0] * 4 + [1] * 4
+    assert twice.list_number.tolist() == [0] * 4 + [1] * 4
     assert np.allclose(twice.time_s * RATE, np.arange(8))
     assert twice.table["track_id"].tolist() == [0] * 4 + [1] * 4
     assert edit["mode"].iloc[0] == "film"
@@ -452,7 +452,7 @@ def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, caps
 
 
 def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
-    works = {"film": [], "network": [(filmed_edit_list(np.arange(3), np.ones((3, 2))), ())]}
+    works = {"film": [], "network": [Work(filmed_edit_list(np.arange(3), np.ones((3, 2))))]}
     nothing = pd.DataFrame(columns=FEATURES.names)
     monkeypatch.setattr(stages.realism, "measure_edit_list", lambda *_: nothing)
     how = GalleryOpener(Project()), dict.fromkeys(works, instrument_of(carp)), Processes()

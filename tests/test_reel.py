@@ -101,7 +101,7 @@ def test_a_step_is_eq_5_to_the_next_frame(monkeypatch, pose, lot):
     shown = one.draw_rows(np.arange(5), SIZE, pose)
     wanted = np.append(all_distances(shown, shown).diagonal(1), np.nan)
     wanted[~one.has_next_frame] = np.nan
-    np.testing.assert_allclose(one.measure_steps(SIZE, pose), wanted, rtol=1e-5)
+    np.testing.assert_allclose(one.measure_steps(SIZE, pose, np.arange(5)), wanted, rtol=1e-5)
 
 
 def test_a_row_s_picture_does_not_depend_on_what_else_is_asked():

@@ -36,13 +36,13 @@ from finloop.io.picture import load_picture
 from finloop.io.record import save_json, save_records
 from finloop.io.table import save_table
 from finloop.io.video import read_frames
+from finloop.plots.parts import crop_part
 from finloop.plots.render import (
     AFTER,
     BEFORE,
     TICKS,
     Tile,
     choose_switch_ticks,
-    crop_square,
     draw_tiles,
     draw_trajectory,
     find_liveliest_start,
@@ -678,8 +678,8 @@ def test_the_sheet_begins_where_most_happens():
 
 def test_a_window_goes_on_beyond_the_edge():
     picture = np.arange(100, dtype=np.uint8).reshape(10, 10)
-    assert np.array_equal(crop_square(picture, 5.2, 4.9, 2), picture[3:8, 3:8])
-    assert np.array_equal(crop_square(picture, 0, 0, 1), [[0, 0, 1], [0, 0, 1], [10, 10, 11]])
+    assert np.array_equal(crop_part(picture, 3, 3, 5, 5), picture[3:8, 3:8])
+    assert np.array_equal(crop_part(picture, -1, -1, 3, 3), [[0, 0, 1], [0, 0, 1], [10, 10, 11]])
 
 
 # --- films ---------------------------------------------------------------------------------------

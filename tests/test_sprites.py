@@ -38,7 +38,6 @@ from finloop.plots.sprites import draw_sprites
 from finloop.sprites import atlas as sprites_atlas
 from finloop.sprites.choice import (
     SIDES,
-    ChosenFrames,
     FrameRun,
     best_runs_of_tracks,
     choose_frames,
@@ -57,7 +56,6 @@ from finloop.sprites.metrics import (
     count_complete_orientations,
     cycle_metrics,
     fault_table,
-    is_still_slide,
     sprite_metrics,
     sprite_orientation_table,
 )
@@ -353,7 +351,7 @@ def test_swimmers_say_how_fish_move(toy):
     assert table["heading"][last + 1] - table["heading"][first] == pytest.approx(
         90, abs=5
     )  # the head yaws
-    assert np.isinf(table["alone"]).all()
+    assert np.isinf(table["neighbour_bl"]).all()
 
 
 @pytest.mark.parametrize(
@@ -392,7 +390,7 @@ def within(stretch, parts, slack=0):
 
 
 def test_the_straight_cycle_is_one_beat_that_closes(toy, automatic_choice):
-    straight = automatic_choice["straight"].stretch
+    straight = automatic_choice["straight"].run
     assert len(straight) == BEAT
     assert within(straight, plan_frames(PLAN, "beat"))
     result = cycle_metrics("straight", automatic_choice["straight"], toy.table, toy.look)
@@ -400,26 +398,28 @@ def test_the_straight_cycle_is_one_beat_that_closes(toy, automatic_choice):
     assert result["straight_closure_last_to_first"] < 1.5
 
 
-def test_a_slide_has_a_still_tail(toy, automatic_choice, monkeypatch):
-    slide = automatic_choice["slide"].stretch
+def test_a_slide_has_a_still_tail(automatic_choice):
+    slide = automatic_choice["slide"].run
     assert within(slide, plan_frames(PLAN, "slide"), slack=1)
     assert 0.4 * RATE <= len(slide) <= RATE
-    assert is_still_slide(automatic_choice["slide"], toy.table, DELTA, AUTOMATIC)
-    assert not is_still_slide(automatic_choice["straight"], toy.table, DELTA, AUTOMATIC)
-    for swing, still in ((0.04, True), (0.06, False)):  # less than its width, or more
-        table = pd.DataFrame({"tail": swing * (np.arange(12) % 2)})
-        assert (
-            is_still_slide(ChosenFrames(FrameRun(3, 0, 11, slice(0, 12))), table, DELTA, AUTOMATIC)
-            == still
-        )
+    assert not automatic_choice["slide"].stands_in
+
+
+def test_a_short_slide_stands_in(toy, monkeypatch):
     monkeypatch.setattr(SpritesSettings, "slide_least", 20.0)
-    assert not is_still_slide(automatic_choice["slide"], toy.table, DELTA, AUTOMATIC)
+    assert choose_frames(toy.table, toy.look, DELTA, AUTOMATIC)["slide"].stands_in
+
+
+@pytest.mark.parametrize(("swing", "stands_in"), [(0.04, False), (0.06, True)])
+def test_a_slide_whose_tail_moves_by_more_than_its_width_stands_in(toy, swing, stands_in):
+    table = toy.table.assign(tail=swing * (np.arange(len(toy.table)) % 2))
+    assert choose_frames(table, toy.look, DELTA, AUTOMATIC)["slide"].stands_in == stands_in
 
 
 @pytest.mark.parametrize(("word", "sign"), [("left", 1), ("right", -1)])
 def test_a_turn_goes_in_holds_and_comes_out(toy, automatic_choice, sprites, word, sign):
     ((first, last),) = plan_frames(PLAN, word)
-    stretch = automatic_choice[word].stretch
+    stretch = automatic_choice[word].run
     assert first - 3 <= stretch.first <= first + 4 and last - 4 <= stretch.last <= last + 3
     rows = sprites[sprites["sequence"] == word]
     order = "".join(phase[0] for phase in rows["phase"])
@@ -440,9 +440,9 @@ def test_picks_turn_with_the_film_and_change_sides_in_its_mirror(
 ):
     picked = pick(film(heading=heading, mirrored=mirrored))
     for word, other in (("left", "right"), ("right", "left")):
-        a, b = picked[word].stretch, automatic_choice[other if mirrored else word].stretch
+        a, b = picked[word].run, automatic_choice[other if mirrored else word].run
         assert abs(a.first - b.first) <= 1 and abs(a.last - b.last) <= 1
-    straight = picked["straight"].stretch  # every beat is as good
+    straight = picked["straight"].run  # every beat is as good
     assert len(straight) == BEAT and within(straight, plan_frames(PLAN, "beat"))
 
 
@@ -452,7 +452,7 @@ def test_a_side_without_turns_gets_the_other_mirrored(gone):
     picked = pick(one)
     other = {"left": "right", "right": "left"}[gone]
     assert picked[gone].mirrored and not picked[other].mirrored
-    assert picked[gone].stretch == picked[other].stretch
+    assert picked[gone].run == picked[other].run
     table = sprite_table(one.table, picked, AUTOMATIC)
     mine, theirs = (table[table["sequence"] == w].reset_index() for w in (gone, other))
     for name in ("bend", "sideways", "turn_deg", "head_offset_deg"):
@@ -476,7 +476,7 @@ def test_in_a_film_without_any_turn_a_bend_stands_in():
     assert not picked["straight"].stands_in
     for word, side in SIDES.items():
         assert picked[word].stands_in
-        turn = picked[word].stretch
+        turn = picked[word].run
         bend = (-side if picked[word].mirrored else side) * one.table["bend"].to_numpy()[turn.rows]
         assert 0 < bend.argmax() < len(turn) - 1 and bend.max() > 0
     phase = sprite_table(one.table, picked, AUTOMATIC).groupby("sequence")["phase"].agg(set)
@@ -486,7 +486,7 @@ def test_in_a_film_without_any_turn_a_bend_stands_in():
 def test_in_a_film_without_a_tail_beat_a_glide_stands_in():
     picked = pick(film((("slide", 20), ("left", 16), ("slide", 20))))
     assert picked["straight"].stands_in and not picked["left"].stands_in
-    assert picked["straight"].stretch == picked["slide"].stretch
+    assert picked["straight"].run == picked["slide"].run
 
 
 def test_a_fish_that_never_bends_says_so(toy):
@@ -503,13 +503,13 @@ def test_of_a_film_of_doubtful_frames_the_calmest_and_most_bent_stand_in(toy):
 
 def test_spoilt_frames_are_never_picked(toy, automatic_choice):
     spoilt = toy.features.copy()
-    at = automatic_choice["straight"].stretch.rows
+    at = automatic_choice["straight"].run.rows
     spoilt.loc[at.start + 2 : at.stop - 2, "head_confidence"] = 0.7
     table = swimmer_table(spoilt, toy.tracks, AUTOMATIC)
     picked = choose_frames(table, toy.look, DELTA, AUTOMATIC)
     for choice in picked.values():
-        assert table["usable"][choice.stretch.rows].all()
-    assert picked["straight"].stretch != automatic_choice["straight"].stretch
+        assert table["usable"][choice.run.rows].all()
+    assert picked["straight"].run != automatic_choice["straight"].run
 
 
 def test_candidates_do_not_reach_across_tracks(toy):
@@ -573,7 +573,7 @@ def test_faults_explain_the_choice(automatic_choice):
     table = fault_table(automatic_choice)
     assert set(table["sequence"]) == {"straight", "slide", "left", "right"}
     for word, rows in table.groupby("sequence"):
-        assert rows["value"].sum() == pytest.approx(automatic_choice[word].stretch.cost)
+        assert rows["value"].sum() == pytest.approx(automatic_choice[word].run.cost)
         assert (rows["value"] >= -1e-9).all()
 
 
@@ -583,8 +583,8 @@ def test_faults_explain_the_choice(automatic_choice):
 def test_listed_frames_are_taken_as_they_are(toy):
     ((a, b),) = plan_frames(PLAN, "left")
     picked = pick(toy, straight="3:20-33", left=f" 3 : {a} - {b} ")
-    assert (picked["straight"].stretch.first, picked["straight"].stretch.last) == (20, 33)
-    assert (picked["left"].stretch.first, picked["left"].stretch.last) == (a, b)
+    assert (picked["straight"].run.first, picked["straight"].run.last) == (20, 33)
+    assert (picked["left"].run.first, picked["left"].run.last) == (a, b)
     assert fault_table(picked)["fault"].eq("listed by hand").sum() == 2
 
 

@@ -34,14 +34,14 @@ _IN, _OUT = len(INPUTS) + 1, len(OUTPUTS)
 
 
 def draw_first_weights(hidden_units: int, rng: np.random.Generator) -> Floats:
-    """Draw the network's random first weights as one flat vector, (7 hidden_units + 2,).
+    """Return random first weights of the network as one flat vector, (7 hidden_units + 2,).
 
-    `split_layers` splits it. Each layer is uniform within ±√(6 / (units before + units after));
-    biases are 0.
+    `split_layers` splits it. Each layer is uniform within ±√(6 / (units before + units after)), the
+    rule of Glorot and Bengio (2010); biases are 0.
     """
     weights = np.zeros((_IN + _OUT) * hidden_units + _OUT)
     for layer in split_layers(weights):
-        unit_weights = layer[:, :-1].T
+        unit_weights = layer[:, :-1].T  # a view: what is drawn stands in `weights`
         reach = np.sqrt(6 / sum(unit_weights.shape))
         unit_weights[:] = rng.uniform(-reach, reach, unit_weights.shape)
     return weights
@@ -49,7 +49,7 @@ def draw_first_weights(hidden_units: int, rng: np.random.Generator) -> Floats:
 
 @for_kernels
 def split_layers(weights):  # type: ignore[no-untyped-def]
-    """Split flat weights into the hidden layer (hidden, 5) and the output layer (2, hidden + 1).
+    """Return the hidden layer (hidden, 5) and the output layer (2, hidden + 1) of flat weights.
 
     Both are views; a row has the weights of one unit, its bias last.
     """
@@ -71,18 +71,17 @@ def unit_output(weights, signals):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def learn_epoch(x, t, weights, velocity, rule):  # type: ignore[no-untyped-def]
+def learn_epoch(x, t, weights, velocity, batch_size, learning_rate, momentum):  # type: ignore[no-untyped-def]
     """Learn once from every row by back-propagation (§3.1); change weights and velocity in place.
 
     x (n, 5): scaled inputs and a 1; t (n, 2): scaled targets, in 0 … 1; both are used in their
-    order. weights, velocity: flat (see `draw_first_weights`). rule: rows per batch, learning rate,
-    momentum. After each batch velocity ← momentum · velocity - learning rate · ∂E/∂weights, and
-    weights ← weights + velocity.
+    order. weights, velocity: flat (see `draw_first_weights`). batch_size: rows. After each batch
+    velocity ← momentum · velocity - learning rate · ∂E/∂weights, and weights ← weights + velocity.
     """
-    batch_size, learning_rate, momentum = rule
     first, second = split_layers(weights)
     first_velocity, second_velocity = split_layers(velocity)
     hidden = len(first)
+    # The hidden outputs and a 1; and per output the learning rate times ∂E/∂(weighted inputs).
     hidden_signals, step = np.ones(hidden + 1), np.empty(_OUT)
     for begin in range(0, len(x), batch_size):
         velocity *= momentum
@@ -96,7 +95,7 @@ def learn_epoch(x, t, weights, velocity, rule):  # type: ignore[no-untyped-def]
                 gradient = 0.0
                 for k in range(_OUT):
                     gradient += second[k, j] * step[k]
-                gradient *= hidden_signals[j] * (1 - hidden_signals[j])
+                gradient *= hidden_signals[j] * (1 - hidden_signals[j])  # the sigmoid's derivative
                 for i in range(_IN):
                     first_velocity[j, i] -= gradient * x[row, i]
             for k in range(_OUT):
@@ -108,18 +107,18 @@ def learn_epoch(x, t, weights, velocity, rule):  # type: ignore[no-untyped-def]
 def train_on_film_rows(
     rows: LearningRows,
     sides: tuple[Mask, Mask],
-    p: BpnSettings,
+    settings: BpnSettings,
     rate_hz: float,
     advance: Callable[[], object] = lambda: None,
 ) -> tuple[MotionModel, pd.DataFrame]:
-    """Train the network on some of a film's rows; return model and learning curve.
+    """Train the network on some of a film's rows; return it and the table of its errors (Fig. 15).
 
     sides: masks (n,) of the rows to learn from, and of those held out to measure errors; rate_hz:
     frames a second of the film; advance: called after each epoch.
     """
     training, held_out = ((rows.inputs[side], rows.outputs[side]) for side in sides)
-    rng = np.random.default_rng((p.seed, 1))
-    return train_motion_model(*training, held_out, p, rows.delta_frames / rate_hz, rng, advance)
+    rng, delta_s = np.random.default_rng((settings.seed, 1)), rows.delta_frames / rate_hz
+    return train_motion_model(*training, held_out, settings, delta_s, rng, advance)
 
 
 def train_motion_model(
@@ -131,25 +130,28 @@ def train_motion_model(
     rng: np.random.Generator,
     advance: Callable[[], object] = lambda: None,
 ) -> tuple[MotionModel, pd.DataFrame]:
-    """Train the network; return it with the table of its errors after each epoch (Fig. 15).
+    """Train the network; return it and the table of its errors after each epoch (Fig. 15).
 
     inputs (n, 4), outputs (n, 2): in the units of INPUTS, OUTPUTS; outputs are `delta_s` seconds
     later. held_out: inputs and outputs of other rows, only to measure errors. rng: draws the first
     weights and the order of rows. advance: called after each epoch. The table has the errors
     COMPARED of both sets, as train_… and held_out_…; in epoch 0 the network is untrained.
     """
+    # Scaled inputs x and targets t.
     low, high = find_input_range(inputs)
     x = np.column_stack([scale_to_unit(inputs, low, high), np.ones(len(inputs))])
     t = MARGIN + (1 - 2 * MARGIN) * (outputs - OUTPUT_LOW) / (OUTPUT_HIGH - OUTPUT_LOW)
     watched = {"train": (inputs, outputs), "held_out": held_out}
-    rule = settings.batch_size, settings.learning_rate, settings.momentum
     weights = draw_first_weights(settings.hidden_units, rng)
     velocity = np.zeros_like(weights)
     model = model_from_weights(weights, low, high, delta_s)
     curve = [_learning_curve_row(model, watched)]
     for _ in range(settings.epochs):
         order = rng.permutation(len(x))
-        learn_epoch(x[order], t[order], weights, velocity, rule)
+        learn_epoch(
+            x[order], t[order], weights, velocity,
+            settings.batch_size, settings.learning_rate, settings.momentum,
+        )  # fmt: skip
         if not np.abs(weights).max() < _RUN_AWAY:
             raise FinloopError(
                 f"the weights grew without bound (learning rate {settings.learning_rate:g}, "
@@ -181,9 +183,10 @@ def model_from_weights(weights: Floats, low: Floats, high: Floats, delta_s: floa
 def _learning_curve_row(
     model: MotionModel, sides: dict[str, tuple[Floats, Floats]]
 ) -> dict[str, float]:
-    """Return a row of the learning curve: the model's errors on each side.
+    """Return a row of the learning curve: the model's errors on training and on held-out rows.
 
-    sides: inputs and outputs by name of the side; the errors of a side without rows are NaN.
+    sides: inputs and outputs by name, "train" and "held_out"; NaN are the errors of a side without
+    rows.
     """
     result: dict[str, float] = {}
     for side, (inputs, outputs) in sides.items():

@@ -40,10 +40,10 @@ def held_out_table(model: MotionModel, rows: LearningRows, held_out: Mask) -> pd
 
 
 def predict_by_linear_fit(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Floats:
-    """Fit linear least squares with an intercept, and predict outputs (n, 2) for inputs (n, 4).
+    """Return the outputs (n, 2) that linear least squares with an intercept predicts.
 
-    train_inputs (m, 4), train_outputs (m, 2): the rows of the fit. Predictions are clipped to the
-    range of the outputs.
+    train_inputs (m, 4), train_outputs (m, 2): the rows that it is fitted to; inputs (n, 4): those
+    that it predicts from. Predictions are clipped to the range of the outputs.
     """
     design = np.column_stack([train_inputs, np.ones(len(train_inputs))])
     solution = np.linalg.lstsq(design, train_outputs, rcond=None)[0]
@@ -52,7 +52,7 @@ def predict_by_linear_fit(train_inputs: Floats, train_outputs: Floats, inputs: F
 
 
 def state_errors(predicted: Floats, true: Floats) -> dict[str, float]:
-    """Return how well motion area and swimming type are predicted, by name.
+    """Return the errors of predicted motion areas and swimming types, by name.
 
     predicted, true: (n, 2), columns OUTPUTS. area_rmse, type_rmse: root mean squares, of areas 0 …
     1 and of types -1 … 1. type_error_pct, type_accuracy_pct: rows whose rounded type is wrong,
@@ -77,18 +77,15 @@ def state_errors(predicted: Floats, true: Floats) -> dict[str, float]:
 
 
 def count_confusions(predicted: Floats, true: Floats) -> Ints:
-    """Count rows by true type (first axis) and predicted type (second axis): (3, 3).
+    """Return how many rows have each true type (first axis) and predicted type (second): (3, 3).
 
     predicted, true: (n, 2), columns OUTPUTS. Types are rounded, in the order straight, left, right.
     """
-    predicted_type, true_type = (round_swimming_types(types[:, 1]) for types in (predicted, true))
-    counts = np.zeros((len(WORDS), len(WORDS)), np.int64)
-    for row, true_word in enumerate(WORDS):
-        for column, predicted_word in enumerate(WORDS):
-            counts[row, column] = np.sum(
-                (true_type == true_word) & (predicted_type == predicted_word)
-            )
-    return counts
+    is_predicted, is_true = (  # (n, 3)
+        (round_swimming_types(states[:, 1])[:, None] == list(WORDS)).astype(np.int64)
+        for states in (predicted, true)
+    )
+    return is_true.T @ is_predicted
 
 
 def assess_model(

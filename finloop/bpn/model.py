@@ -106,12 +106,12 @@ def restore_motion_model(**content: Any) -> MotionModel:
 
 
 def scale_to_unit(values: Reals, low: Floats, high: Floats) -> Floats:
-    """Clip values (n, k) to [low, high] and scale them to [-1, 1]; low, high: (k,)."""
+    """Return values (n, k), clipped to [low, high] and scaled to [-1, 1]; low, high: (k,)."""
     return 2 * (np.clip(np.asarray(values, float), low, high) - low) / (high - low) - 1
 
 
 def round_swimming_types(swimming_type: Reals) -> NDArray[np.int8]:
-    """Round swimming types (any shape) to -1 right, 0 straight or 1 left."""
+    """Return swimming types (any shape) rounded to -1 right, 0 straight or 1 left."""
     return np.rint(swimming_type).astype(np.int8)
 
 
@@ -140,12 +140,12 @@ class LearningRows:
     inputs: Floats
     outputs: Floats
     track_id: Ints
-    frame: Ints  # frames of the inputs; the outputs are delta_frames later
+    frame: Ints
     delta_frames: int
 
 
 def pair_rows_with_later(features: pd.DataFrame, delta_frames: int) -> LearningRows:
-    """Pair every row of a feature table with the row of the same fish a time Δ later.
+    """Return every row of a feature table, paired with the row of the same fish a time Δ later.
 
     features: track_id, frame and the columns INPUTS; delta_frames: Δ in frames. A row without a
     later one, or with a missing number, is left out.
@@ -167,7 +167,7 @@ def pair_rows_with_later(features: pd.DataFrame, delta_frames: int) -> LearningR
 def split_by_blocks(
     rows: LearningRows, block_frames: int, held_out_share: float, rng: np.random.Generator
 ) -> tuple[Mask, Mask]:
-    """Divide rows into those to learn from and those held out, by stretches of time: masks (n,).
+    """Return which rows (n,) to learn from, and which to hold out, by stretches of time.
 
     block_frames: length of a stretch, which holds all tracks; held_out_share: of the rows, about, 0
     … 1. A row whose window t … t + Δ reaches from one side into the other is in neither.
@@ -196,7 +196,7 @@ def split_by_blocks(
 def split_by_tracks(
     rows: LearningRows, held_out_share: float, rng: np.random.Generator
 ) -> tuple[Mask, Mask]:
-    """Divide rows into those to learn from and those held out, by whole tracks: masks (n,).
+    """Return which rows (n,) to learn from, and which to hold out, by whole tracks.
 
     held_out_share: of the rows, about, 0 … 1. FinloopError if there are too few tracks or rows.
     """
@@ -211,38 +211,38 @@ def split_by_tracks(
     return _require_rows(~held_out, held_out)
 
 
-def split_rows(rows: LearningRows, split_by: str, p: BpnSettings) -> tuple[Mask, Mask]:
-    """Divide rows into those to learn from and those held out: masks (n,).
+def split_rows(rows: LearningRows, split_by: str, settings: BpnSettings) -> tuple[Mask, Mask]:
+    """Return which rows (n,) to learn from, and which to hold out.
 
-    split_by: "blocks" of time or whole "tracks". At most `p.most_rows` are learnt from: a random
-    sample in a long film. FinloopError if the film is too short.
+    split_by: "blocks" of time or whole "tracks". At most `settings.most_rows` are learnt from: a
+    random sample in a long film. FinloopError if the film is too short.
     """
-    rng = np.random.default_rng((p.seed, 0))
+    share = settings.held_out_ratio
+    rng = np.random.default_rng((settings.seed, 0))
     if split_by == "tracks":
-        train, held_out = split_by_tracks(rows, p.held_out_ratio, rng)
+        train, held_out = split_by_tracks(rows, share, rng)
     else:
         least = rows.delta_frames + _LEAST_HELD_OUT
-        block = held_out_block_frames(
-            p.held_out_block_deltas, p.held_out_ratio, rows.delta_frames, rows.frame, least
+        block_frames = held_out_block_frames(
+            settings.held_out_block_deltas, share, rows.delta_frames, rows.frame, least
         )
-        train, held_out = split_by_blocks(rows, block, p.held_out_ratio, rng)
+        train, held_out = split_by_blocks(rows, block_frames, share, rng)
     train_rows = np.flatnonzero(train)
-    if len(train_rows) > p.most_rows:
-        train[rng.choice(train_rows, len(train_rows) - p.most_rows, replace=False)] = False
+    if (surplus := len(train_rows) - settings.most_rows) > 0:
+        train[rng.choice(train_rows, surplus, replace=False)] = False
     return train, held_out
 
 
-def split_rows_if_possible(rows: LearningRows, p: BpnSettings) -> tuple[Mask, Mask]:
-    """Divide rows into those to learn from and those held out: masks (n,).
+def split_rows_if_possible(rows: LearningRows, settings: BpnSettings) -> tuple[Mask, Mask]:
+    """Return which rows (n,) to learn from, and which to hold out; none of a very short film.
 
-    A film too short to divide has all rows in the first mask and none held out. FinloopError if
-    there are no rows, or if the user's settings prevent the division: whole tracks, or blocks
-    shorter than Δ.
+    FinloopError if there are no rows, or if the user's settings prevent the division: whole tracks,
+    or blocks shorter than Δ.
     """
     try:
-        return split_rows(rows, p.held_out_by, p)
+        return split_rows(rows, settings.held_out_by, settings)
     except FinloopError:
-        by_user = p.held_out_by == "tracks" or p.held_out_block_deltas < 1
+        by_user = settings.held_out_by == "tracks" or settings.held_out_block_deltas < 1
         if by_user or not len(rows.inputs):
             raise
     all_rows = np.ones(len(rows.inputs), bool)
@@ -250,23 +250,23 @@ def split_rows_if_possible(rows: LearningRows, p: BpnSettings) -> tuple[Mask, Ma
 
 
 def _draw_groups(group: Ints, share: float, rng: np.random.Generator) -> list[int]:
-    """Draw random groups with about a share of the rows: at least one group, and not all.
+    """Return random groups with about a share of the rows: at least one group, and not all.
 
     group (n,): of each row; share: 0 … 1.
     """
     groups, counts = np.unique(group, return_counts=True)
     sample: list[int] = []
-    missing = share * len(group)
+    missing_rows = share * len(group)
     for number in rng.permutation(len(groups)):
-        nearer = abs(missing - counts[number]) < missing
-        if nearer and len(sample) < len(groups) - 1:
+        brings_nearer = abs(missing_rows - counts[number]) < missing_rows
+        if brings_nearer and len(sample) < len(groups) - 1:
             sample.append(int(groups[number]))
-            missing -= counts[number]
+            missing_rows -= counts[number]
     return sample or [int(groups[counts.argmin()])]
 
 
 def _require_rows(train: Mask, held_out: Mask) -> tuple[Mask, Mask]:
-    """Return both masks (n,); FinloopError if too few rows are to learn from or held out."""
+    """Return both masks (n,) as they are; FinloopError if either has too few rows."""
     if train.sum() < _LEAST_TRAIN or held_out.sum() < _LEAST_HELD_OUT:
         raise FinloopError(
             f"{train.sum()} rows to learn from and {held_out.sum()} held out",

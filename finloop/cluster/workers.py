@@ -67,13 +67,16 @@ class WorkerHome:
     def from_process(cls, folder: Path, start: str, variables: Iterable[str]) -> "WorkerHome":
         """Return what workers must have in common with this process, which works in `folder`.
 
-        start: the command that starts a worker there. variables: names of the environment variables
-        that workers must share.
+        start: the command that starts a worker there. variables: names, in capitals, of the
+        environment variables that workers must share.
         """
         return cls(str(folder.absolute()), start, _process_facts(tuple(variables)))
 
     def require_equal_process(self) -> None:
-        """Raise FinloopError, which lists the differences, if this worker differs from `facts`."""
+        """Raise FinloopError, which lists the differences, if this process differs from `facts`.
+
+        It is called on a worker.
+        """
         variables = tuple(name for name in self.facts if name.isupper())
         worker_facts = _process_facts(variables)
         differences = [
@@ -108,7 +111,7 @@ def _process_facts(variables: tuple[str, ...]) -> dict[str, str]:
 
 @cache
 def _hash_code() -> str:
-    """Return the first 12 digits of a SHA-256 of all Python files of finloop and its stages."""
+    """Return 12 hex digits of the SHA-256 of all Python files of finloop and its stages."""
     digest = hashlib.sha256()
     for package in ("finloop", "stages"):
         for path in sorted((_ROOT / package).rglob("*.py")):
@@ -142,16 +145,17 @@ def run_pickled_item(home: WorkerHome, work: str, item: bytes) -> bytes:
     home: what the submitting process demands of workers. work: path of the file that holds the
     pickled function. FinloopError if this worker differs from `home`, or does not see the file.
     """
-    return pickle.dumps(_load_work(home, work)(pickle.loads(item)))
+    return pickle.dumps(_prepare_worker(home, work)(pickle.loads(item)))
 
 
-def _load_work(home: WorkerHome, work: str) -> Callable[[Any], Any]:
-    """Check that this worker equals the submitting process, and enter the shared folder.
+def _prepare_worker(home: WorkerHome, work: str) -> Callable[[Any], Any]:
+    """Prepare this worker for a function, and return it: it is pickled in the file `work`.
 
-    Return the function that is pickled in the file `work`. FinloopError if it differs, or does not
-    see the file.
+    The worker must equal the submitting process (`home`), enters the shared folder, and gets one
+    OpenCV thread. FinloopError if it differs, or does not see the file.
     """
     home.require_equal_process()
+    cv2.setNumThreads(1)
     try:
         os.chdir(home.folder)
         return _unpickle_file(work)
@@ -165,17 +169,13 @@ def _load_work(home: WorkerHome, work: str) -> Callable[[Any], Any]:
 
 @lru_cache(1)  # the same for every item, and as large as some frames
 def _unpickle_file(path: str) -> Callable[[Any], Any]:
-    """Return the function that is pickled in a file; from now on OpenCV uses one thread."""
-    cv2.setNumThreads(1)
+    """Return the function that is pickled in a file."""
     return pickle.loads(Path(path).read_bytes())
 
 
-def _prepare_worker(modules: Sequence[str], home: WorkerHome, work: str) -> None:
-    """Check on a worker that it equals the submitting process, and import modules.
-
-    modules: their names. work: path of the file that holds the pickled function.
-    """
-    _load_work(home, work)
+def _prepare_and_import(modules: Sequence[str], home: WorkerHome, work: str) -> None:
+    """Prepare a worker as `_prepare_worker` does, and import modules, given by name."""
+    _prepare_worker(home, work)
     for name in modules:
         import_module(name)
 
@@ -187,11 +187,12 @@ def _prepare_worker(modules: Sequence[str], home: WorkerHome, work: str) -> None
 def connect_dask_workers(
     settings: ClusterSettings, home: WorkerHome, processes: int, need: Sequence[str] = ()
 ) -> Iterator["DaskWorkers"]:
-    """Connect to a Dask cluster and yield its workers for a block.
+    """Connect to a Dask cluster, and yield its workers until the `with` block ends.
 
     settings: a running scheduler's address, or `LocalWorkers`: a cluster started here with
-    `processes` workers. need: names of modules that workers import at once. FinloopError if Dask is
-    not installed, no scheduler or worker answers, or a worker has another folder or other code.
+    `processes` workers. home: what workers must have in common with this process. need: names of
+    modules that workers import at once. FinloopError if Dask is not installed, no scheduler or
+    worker answers, or a worker has another folder or other code.
     """
     distributed = _import_distributed()
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # our own messages suffice
@@ -235,11 +236,14 @@ class DaskWorkers:
     client: Any  # distributed.Client, which is there only with the extra
     home: WorkerHome
     address: str
-    is_alone = False
+    is_alone = False  # see `base.parallel.Workers`
 
     @property
     def count(self) -> int:
-        """Return the present number of workers, at least 1; refuse a worker of several threads."""
+        """Return the present number of workers, at least 1.
+
+        FinloopError if a worker has several threads.
+        """
         threads = self.count_threads()
         if multithreaded := [worker for worker, number in threads.items() if number != 1]:
             raise FinloopError(
@@ -262,7 +266,7 @@ class DaskWorkers:
     @contextmanager
     def open_submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_SubmittedItem"]]:
         """Share a function with the workers; yield a function that submits one item to them."""
-        name, number = uuid4().hex, count()  # of the pieces, each with a key of its own
+        name, numbers = uuid4().hex, count()  # they make a key for each try of each item
         with self._share_work(work) as path:
 
             def submit(item: A) -> _SubmittedItem:
@@ -273,7 +277,7 @@ class DaskWorkers:
 
                 def send_item() -> Any:
                     """Send the item to the scheduler; return Dask's future of the result."""
-                    key = f"piece-{name}-{next(number)}"
+                    key = f"piece-{name}-{next(numbers)}"
                     try:
                         return self.client.submit(pickle.loads, call, key=key, pure=False)
                     except (OSError, RuntimeError) as error:
@@ -283,13 +287,13 @@ class DaskWorkers:
 
             yield submit
 
-    def check_workers(self, need: Sequence[str] = ()) -> None:
+    def check_workers(self, need: Sequence[str]) -> None:
         """Let every worker check its folder and code, and import modules.
 
         need: their names. FinloopError names all workers that differ from this process.
         """
         with self._share_work(None) as path:
-            call = pickle.dumps(DeferredCall(partial(_prepare_worker, need), self.home, path))
+            call = pickle.dumps(DeferredCall(partial(_prepare_and_import, need), self.home, path))
             answers = self.client.run(pickle.loads, call, on_error="return")
         errors = [answer for answer in answers.values() if isinstance(answer, Exception)]
         refusals = [self.refusal_error(error) for error in errors]
@@ -361,7 +365,7 @@ class _SubmittedItem:
 
     def _wait_for_result(self) -> Any:
         """Wait for the result and return it; FinloopError if no worker is left for two minutes."""
-        alone_s = 0.0
+        without_worker_s = 0.0
         while not self._future.done():
             try:
                 with self._workers.client.as_current():
@@ -369,8 +373,9 @@ class _SubmittedItem:
             except CancelledError:
                 break
             except TimeoutError as error:
-                alone_s = 0.0 if self._workers.count_threads() else alone_s + _LOOK_S
-                if alone_s >= _BACK_S:
+                has_worker = bool(self._workers.count_threads())
+                without_worker_s = 0.0 if has_worker else without_worker_s + _LOOK_S
+                if without_worker_s >= _BACK_S:
                     raise self._workers.no_worker_error() from error
         try:
             return pickle.loads(self._future.result())
@@ -381,12 +386,12 @@ class _SubmittedItem:
 
 
 def _pickle_bytes(value: Any) -> bytes:
-    """Pickle a value to bytes, with the code of what the program's main module defines."""
+    """Return a value as pickled bytes, with the code of what the program's main module defines."""
     return import_module("cloudpickle").dumps(value)
 
 
 def _import_distributed() -> Any:
-    """Import Dask's package `distributed`; FinloopError if it is not installed."""
+    """Return Dask's package `distributed`; FinloopError if it is not installed."""
     try:
         return import_module("distributed")
     except ImportError as error:

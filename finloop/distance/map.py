@@ -89,12 +89,16 @@ class FrameComparison(NamedTuple):
     facts: MapFacts
 
 
-PicturePairs = tuple[Ints, Ints, NDArray[np.float32]]
-"""Pairs of pictures (k,): the row numbers a and b in x, and their picture distance (Eq. 5)."""
+class PicturePairs(NamedTuple):
+    """Pairs of pictures, (k,) each: their row numbers a and b in x, and their distance (Eq. 5)."""
+
+    a: Ints
+    b: Ints
+    distance: NDArray[np.float32]
 
 
 def subtract_mean_picture(pictures: Picture) -> Picture:
-    """Subtract the mean picture from pictures (n, …), in place; return them as rows (n, k)."""
+    """Subtract the mean picture from pictures (n, …), in place; return a view of them as (n, k)."""
     x = pictures.reshape(len(pictures), -1)
     x -= x.mean(axis=0)
     return x
@@ -172,6 +176,7 @@ def _recompute_small_squares(
     least_d = factor (‖a‖² + ‖b‖²).
     """
     rows, columns = rectangle
+    # Which squares are too small; mostly none.
     factor = _LOSS / (2 * EXACT)
     if block_squares.min() >= (factor * (norms[rows].max() + norms[columns].max())) ** 2:
         return
@@ -195,12 +200,13 @@ def _recompute_small_squares(
 def find_frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
     """Return the kind (n,) of each row as a number; only rows of one kind are compared (Eqs. 6, 7).
 
-    Rows of one kind have the same swimming type (−1, 0 or 1) and, in the pose FILM, where turned
-    fish differ, the same orientation.
+    features: the feature table; pose: FILM or BODY. Rows of one kind have the same swimming type
+    (−1, 0 or 1) and, in the pose FILM, where turned fish differ, the same orientation.
     """
     swimming_type = features["swimming_type"].to_numpy(np.intp)
     orientation = features["orientation"].to_numpy(np.intp)
-    return 3 * orientation + swimming_type if pose == FILM else swimming_type
+    three_kinds_each = 3 * orientation + swimming_type  # the swimming type is −1, 0 or 1
+    return three_kinds_each if pose == FILM else swimming_type
 
 
 def find_comparable_pairs(kind: Ints, area: Reals, threshold: float) -> Mask:
@@ -266,7 +272,7 @@ def find_similar_pairs(
         block[~is_compared] = np.inf
         _recompute_small_squares(x, norms, rectangle, block)
         a, b = np.nonzero(is_compared & (block <= most_distance**2))
-        yield rows[a], columns[b], np.sqrt(block[a, b])
+        yield PicturePairs(rows[a], columns[b], np.sqrt(block[a, b]))
 
 
 def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
@@ -289,7 +295,7 @@ def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
 
 
 def natural_step_table(
-    features: pd.DataFrame, x: Picture, place: Ints, step_frames: int = 1
+    features: pd.DataFrame, x: Picture, place: Ints, step_frames: int
 ) -> pd.DataFrame:
     """Return how much the picture changes from each row to a later frame of its track (Eq. 5).
 
@@ -298,9 +304,7 @@ def natural_step_table(
     NaN where the track has no such frame.
     """
     table = features[["track_id", "frame"]]
-    follows = table["track_id"].diff(step_frames).eq(0) & table["frame"].diff(step_frames).eq(
-        step_frames
-    )
+    follows = (table.diff(step_frames).to_numpy() == (0, step_frames)).all(axis=1)
     later = np.flatnonzero(follows)
     step = np.full(len(table), np.nan, np.float32)
     step[later - step_frames] = _distances_of_pairs(x, place[later - step_frames], place[later])
@@ -309,11 +313,10 @@ def natural_step_table(
 
 def find_map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
     """Return the numbers (k,) of the feature rows that the table `steps` (schema STEPS) lists."""
-    feature_keys, step_keys = (  # one number for each track and frame
-        table["track_id"].to_numpy(np.int64) << 32 | table["frame"].to_numpy(np.int64)
-        for table in (features, steps)
+    of_features, of_steps = (
+        pd.MultiIndex.from_frame(table[["track_id", "frame"]]) for table in (features, steps)
     )
-    return np.flatnonzero(np.isin(feature_keys, step_keys))
+    return np.flatnonzero(of_features.isin(of_steps))
 
 
 def measure_usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
@@ -335,45 +338,57 @@ def measure_usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
 # --- the comparison of a film
 
 
-def list_map_blocks(features: pd.DataFrame, p: DistanceSettings) -> list[MapBlock]:
+class SortedRows(NamedTuple):
+    """The n rows of a film that are compared, and the order in which they are.
+
+    rows (n,): feature rows, ascending. order (n,): places in `rows`, sorted by kind, then motion
+    area. kind, area (n,): in that order.
+    """
+
+    rows: Ints
+    order: Ints
+    kind: Ints
+    area: Reals
+
+
+def list_map_blocks(features: pd.DataFrame, settings: DistanceSettings) -> list[MapBlock]:
     """Return the blocks of the distance map that `compare_frames` computes, in their order.
 
     Their rows and columns count the compared rows, sorted by `sort_by_kind_and_area`.
     """
-    _, _, kind, area = _choose_and_sort_rows(features, p)
-    return list(find_comparison_blocks(kind, area, p.motion_area_threshold))
+    compared = _choose_and_sort_rows(features, settings)
+    return list(
+        find_comparison_blocks(compared.kind, compared.area, settings.motion_area_threshold)
+    )
 
 
-def _choose_and_sort_rows(
-    features: pd.DataFrame, p: DistanceSettings
-) -> tuple[Ints, Ints, Ints, Reals]:
-    """Choose the rows to compare; return them, their sorted order, and kinds and areas in it.
-
-    The rows are all of the film, or stretches spread over a longer one.
-    """
-    most_rows, track = p.max_pictures, features["track_id"].to_numpy()
+def _choose_and_sort_rows(features: pd.DataFrame, settings: DistanceSettings) -> SortedRows:
+    """Return the rows to compare: all of the film, or stretches spread over a longer one."""
+    most_rows, track = settings.max_pictures, features["track_id"].to_numpy()
     stretches = sample_stretches(track, max(2, most_rows // _STRETCHES), most_rows, seed=0)
     rows = np.concatenate([np.arange(stretch.start, stretch.stop) for stretch in stretches])
     features = features.iloc[rows]
-    kind = find_frame_kinds(features, p.frame_of_reference)
+    kind = find_frame_kinds(features, settings.frame_of_reference)
     area = features["motion_area_rel"].to_numpy()
     order = sort_by_kind_and_area(kind, area)
-    return rows, order, kind[order], area[order]
+    return SortedRows(rows, order, kind[order], area[order])
 
 
 def compare_frames(
-    film: Reel, p: DistanceSettings, advance: Callable[[], object] = lambda: None
+    film: Reel, settings: DistanceSettings, advance: Callable[[], object] = lambda: None
 ) -> FrameComparison:
-    """Find all pairs of similar frames of a film (Eqs. 5-8), and measure its usual steps.
+    """Return all pairs of similar frames of a film (Eqs. 5-8), and its steps from frame to frame.
 
-    advance(): called after each block. In a film of more than `p.max_pictures` frames only
-    stretches are compared. FinloopError if the film does not move.
+    film: its cut-outs and features; advance(): called after each block. In a film of more than
+    `settings.max_pictures` frames only stretches are compared. FinloopError if the film does not
+    move.
     """
-    size, pose = p.picture_size_px, p.frame_of_reference
-    rows, order, kind, area = _choose_and_sort_rows(film.features, p)
+    size, pose = settings.picture_size_px, settings.frame_of_reference
+    rows, order, kind, area = _choose_and_sort_rows(film.features, settings)
     features, later = film.features.iloc[rows], natural_step_frames(film.features)
     # Pictures are in the sorted order, so a band is a slice and needs no copy.
     x = subtract_mean_picture(film.draw_rows(rows[order], size, pose))
+    # The steps, in three poses (see `STEPS`), and their median, the unit of the distances.
     steps = natural_step_table(features, x, np.argsort(order), later)
     steps["headed"] = steps["step"]
     if pose == FILM:
@@ -382,7 +397,9 @@ def compare_frames(
         del headed  # as large as x
     steps["as_filmed"] = film.measure_steps(size, FILM, rows)
     median, p95 = measure_usual_steps(steps)
-    most_distance = np.inf if p.max_distance_steps is None else p.max_distance_steps * median
+    # The similar pairs.
+    most_steps, threshold = settings.max_distance_steps, settings.motion_area_threshold
+    most_distance = np.inf if most_steps is None else most_steps * median
 
     def report_blocks(blocks: Iterable[PicturePairs]) -> Iterator[PicturePairs]:
         """Yield the blocks of pairs unchanged; call `advance` after each."""
@@ -390,9 +407,7 @@ def compare_frames(
             yield block
             advance()
 
-    blocks = find_similar_pairs(x, kind, area, p.motion_area_threshold, most_distance)
+    blocks = find_similar_pairs(x, kind, area, threshold, most_distance)
     pairs = pair_table(report_blocks(blocks), rows[order])
-    facts = MapFacts(
-        pose, size, p.motion_area_threshold, p.max_distance_steps, step_median=median, step_p95=p95
-    )
+    facts = MapFacts(pose, size, threshold, most_steps, step_median=median, step_p95=p95)
     return FrameComparison(pairs, steps, facts)

@@ -23,7 +23,7 @@ SPAN = 1.5  # body lengths across a centred picture: room for a fish in any dire
 def draw_centred_cutout(
     cutout: Cutout, centre_px: ArrayLike, length_px: float, size_px: int, turn_deg: float = 0.0
 ) -> NDArray[np.float32]:
-    """Draw a film cut-out in the middle of a picture (size_px, size_px, channels), 0 … 1.
+    """Return a picture (size_px, size_px, channels), 0 … 1, with a film cut-out in the middle.
 
     The picture shows SPAN body lengths, so all fish come out equally long. centre_px: x, y of the
     mass centre in the film; length_px: body length there; turn_deg: anticlockwise as seen.
@@ -37,10 +37,10 @@ def draw_centred_cutout(
 
 
 def blur_for_shrinking(pixels: NDArray[Any], scale: float) -> NDArray[Any]:
-    """Blur a picture (h, w, channels) so that drawing it `scale` times as large loses nothing.
+    """Return a picture (h, w, channels) blurred, so that drawing it `scale` times as large works.
 
-    A linear filter skips pixels where it shrinks; the blur replaces an area filter. From a scale of
-    0.75 on, the picture stays as it is.
+    A linear filter skips pixels where it shrinks; the blur replaces an area filter, σ = 0.4 px of
+    the small picture. From a scale of 0.75 on, no pixel is skipped, and the picture is returned.
     """
     return cv2.GaussianBlur(pixels, (0, 0), 0.4 / scale) if scale < 0.75 else pixels
 
@@ -62,7 +62,7 @@ def typical_lengths_px(features: pd.DataFrame) -> pd.Series:
     rows, medians = tracks.size().astype(float), tracks.median().astype(float)
     is_late = tracks.cumcount() >= track.map(rows) / 2
     halves = features["body_length_px"].groupby([track, is_late]).median().unstack()
-    if len(rows) > 1 and halves.shape[1] == 2:
+    if len(rows) > 1 and halves.shape[1] == 2:  # else nothing shows how uncertain a median is
         square_difference = (halves[True] - halves[False]).fillna(0.0) ** 2
         kappa = float((square_difference * rows**2).sum() / (4 * rows.sum()))
         medians = _shrink_to_mean(medians, kappa / rows) if kappa else medians
@@ -74,10 +74,12 @@ def _shrink_to_mean(values: pd.Series, variance: pd.Series) -> pd.Series:
 
     τ², the variance between the values, is estimated as by DerSimonian and Laird (1986).
     """
+    # τ², from the spread about the mean that the variances do not explain.
     weight = 1 / variance
     mean = float((weight * values).sum() / weight.sum())
     excess = float((weight * (values - mean) ** 2).sum()) - (len(values) - 1)
     tau_squared = max(excess / float(weight.sum() - (weight**2).sum() / weight.sum()), 0.0)
+    # The mean again, and the share of each value's deviation from it that is no chance.
     weight = 1 / (tau_squared + variance)
     mean = float((weight * values).sum() / weight.sum())
     return mean + tau_squared * weight * (values - mean)

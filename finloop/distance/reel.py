@@ -31,7 +31,10 @@ _LOT = 500  # pictures at a time
 
 
 def sprite_store_row(sprite: int, orientation: int, orientations: int) -> int:
-    """Return the number of a sprite's picture in an orientation (1 … orientations) in the store."""
+    """Return the number, in the store of sprites, of a sprite's picture in an orientation, 1 ….
+
+    orientations: how many each sprite has.
+    """
     return sprite * orientations + orientation - 1
 
 
@@ -82,7 +85,7 @@ class Reel:
         return len(self.features)
 
     def scale_to(self, times_filmed: float) -> "Reel":
-        """Return this film with fish and sprites drawn `times_filmed` times as large as filmed."""
+        """Return a reel with fish and sprites drawn `times_filmed` times as large as filmed."""
         sprites = self.sprites
         if len(sprites):
             sprites = sprites.assign(scale=sprites["scale"] * (times_filmed / self.size))
@@ -118,7 +121,7 @@ class Reel:
 
     @cached_property
     def step_ends(self) -> tuple[Rows, Rows]:
-        """Return the first and last rows, (k,) each, of all natural steps: Δ / 5 in one track."""
+        """Return the first and the last rows, (k,) each, of all steps of Δ / 5 within a track."""
         keys, frames = self.features[_KEY].to_numpy(), natural_step_frames(self.features)
         first = np.flatnonzero((keys[frames:] - keys[:-frames] == (0, frames)).all(axis=1))
         return first, first + frames
@@ -134,7 +137,7 @@ class Reel:
     # --- pictures
 
     def draw_row(self, row: int, size_px: int, length_px: float, turn_deg: float) -> Pictures:
-        """Draw a row's fish in the middle of a picture, turned anticlockwise as seen.
+        """Return a picture with a row's fish in its middle, turned anticlockwise as seen.
 
         The picture is (size_px, size_px, channels), 0 … 1. length_px: the fish's body length as
         filmed; all fish come out equally long.
@@ -144,18 +147,18 @@ class Reel:
         )
 
     def draw_rows(self, rows: Rows, size_px: int, pose: str) -> Pictures:
-        """Draw the fish of rows (k,), at least one, each in the middle of a picture.
+        """Return pictures (k, size_px, size_px, channels), 0 … 1, of the fish of rows (k,).
 
-        The pictures are (k, size_px, size_px, channels), 0 … 1. pose: FILM, as filmed, or BODY,
-        turned to head right. All fish come out equally long, by the typical length of the animal.
+        Each fish is in the middle. pose: FILM, as filmed, or BODY, turned to head right. All fish
+        come out equally long, by the typical length of the animal. There is at least one row.
         """
         heading = self.features["heading_deg"].to_numpy(float)[rows] * (pose == BODY)
         return self.draw_aligned_rows(rows, heading, size_px)
 
     def draw_aligned_rows(self, rows: Rows, heading_deg: Reals, size_px: int) -> Pictures:
-        """Draw the fish of rows (k,), each turned so that a direction in the film points right.
+        """Return pictures (k, size_px, size_px, channels), 0 … 1, of the fish of rows (k,), turned.
 
-        heading_deg (k,): that direction. The pictures are (k, size_px, size_px, channels), 0 … 1.
+        heading_deg (k,): the direction in the film that points right in the picture.
         """
         channels = self.film[0].pixels.shape[2]
         # A list would double the memory.
@@ -164,13 +167,12 @@ class Reel:
             pictures[number] = self.draw_row(row, size_px, self.lengths_px[row], -heading)
         return pictures
 
-    def measure_steps(self, size_px: int, pose: str, rows: Rows | None = None) -> Floats:
+    def measure_steps(self, size_px: int, pose: str, rows: Rows) -> Floats:
         """Return the picture distances (k,) (Eq. 5) from each of some rows to the next one of them.
 
-        rows (k,): ascending, None for all; size_px: side of the pictures; pose: FILM or BODY. NaN
-        where the next one is not the next frame of the same track.
+        rows (k,): ascending; size_px: side of the pictures; pose: FILM or BODY. NaN where the next
+        one is not the next frame of the same track.
         """
-        rows = np.arange(len(self)) if rows is None else rows
         step = np.full(len(rows), np.nan)
         for start in range(0, len(rows) - 1, _LOT):
             lot = self.draw_rows(rows[start : start + _LOT + 1], size_px, pose)
@@ -199,10 +201,9 @@ class Reel:
     def draw_sprite(
         self, number: int, size_px: int, orientation: int = 1, turn_deg: float = 0.0
     ) -> Pictures:
-        """Draw a sprite in an orientation in the middle of a picture.
+        """Return a picture (size_px, size_px, channels), 0 … 1, with a sprite in its middle.
 
-        The picture is (size_px, size_px, channels), 0 … 1. turn_deg: turns the sprite further,
-        anticlockwise as seen.
+        orientation: in which it is stored; turn_deg: turns it further, anticlockwise as seen.
         """
         centre, length = self.sprite_centres_px[number], self._sprite_lengths_px[number]
         return draw_centred_cutout(
@@ -210,22 +211,22 @@ class Reel:
         )
 
     def draw_sprites(self, size_px: int, orientation: int = 1) -> Pictures:
-        """Draw all sprites in an orientation: pictures (s, size_px, size_px, channels), 0 … 1."""
+        """Return pictures (s, size_px, size_px, channels), 0 … 1, of all sprites."""
         numbers = range(len(self.sprites))
         return np.stack([self.draw_sprite(number, size_px, orientation) for number in numbers])
 
     def draw_frames_after_sprites(self, size_px: int, orientation: int = 1) -> Pictures:
-        """Draw the film frame that follows each sprite's own: (s, size_px, size_px, channels).
+        """Return pictures of the film frame that follows each sprite.
 
-        They are turned, and mirrored, as the next sprite would be in this orientation. At the end
-        of a track the sprite's own frame is drawn.
+        They are (s, size_px, size_px, channels), turned, and mirrored, as the next sprite would be
+        in this orientation. At the end of a track the frame of the sprite itself is drawn.
         """
         orientation_deg = float(orientation_heading_deg(orientation, self.orientations))
         pictures = []
         for sprite, length in zip(self.sprites.itertuples(), self._sprite_lengths_px, strict=True):
             row, side = int(sprite.row), -1 if sprite.mirrored else 1
             turn = -sprite.heading_deg - side * sprite.turn_deg * self.has_next_frame[row]
-            # A mirrored one is turned to the right, mirrored there, and its mirror turned on.
+            # A mirrored fish is turned to head right, mirrored (upside down), and turned on.
             picture = self.draw_row(
                 int(self.next_rows(row)), size_px, length, turn + side * orientation_deg
             )

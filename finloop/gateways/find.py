@@ -57,18 +57,19 @@ Ints = NDArray[np.intp]
 class SpriteDistances:
     """Picture distances (Eq. 5) between s sprites and n film rows (a fish in a frame).
 
-    rows (n,): ascending. ahead (s, n): from the film's frame after a sprite. own (s, n): from the
-    sprite itself. orientation (n,): of the row, 0 = any (pose BODY). pose_deg (n,): the heading
-    that was turned to the right, BODY: as measured; FILM: that of the orientation. ahead_deg,
-    own_deg (s,): the same of the other two, with the sprite drawn at 0°.
+    rows (n,): ascending. from_sprite (s, n): of a row from a sprite. from_next_frame (s, n): of a
+    row from the film's frame after a sprite. row_deg (n,): the heading that was turned to the
+    right, in pose BODY as measured, in FILM that of the orientation. sprite_deg, next_frame_deg
+    (s,): the same of the other two, with the sprite drawn at 0°. orientation (n,): of the row, 0 =
+    any (pose BODY).
     """
 
     rows: Ints
-    ahead: Floats
-    own: Floats
-    ahead_deg: Floats
-    own_deg: Floats
-    pose_deg: Floats
+    from_sprite: Floats
+    from_next_frame: Floats
+    row_deg: Floats
+    sprite_deg: Floats
+    next_frame_deg: Floats
     orientation: NDArray[np.int8]
 
 
@@ -81,72 +82,69 @@ def measure_sprite_distances(
 ) -> SpriteDistances:
     """Measure the picture distances (Eq. 5) between all sprites and some rows of the film.
 
-    rows (n,): ascending; size_px: side of the pictures; pose: BODY, the measured heading points
-    right, or FILM, each row as filmed and the sprites in its orientation as they are drawn.
-    advance(k): called when k more rows are done. At most `_BLOCK` pictures are held at once.
+    reel: the film's cut-outs and the sprites; rows (n,): ascending; size_px: side of the pictures;
+    pose: BODY, the measured heading points right, or FILM, each row as filmed and the sprites in
+    its orientation as they are drawn. advance(k): called when k more rows are done. At most
+    `_BLOCK` pictures of the film are held at once.
     """
     features, sprites = reel.features, reel.sprites
+    # In which directions the fish are drawn.
     row, next_row = _rows_of_sprites(reel)
     if pose == BODY:
         orientation = np.zeros(len(rows), np.int8)
-        heading = features["heading_deg"].to_numpy(float)
-        pose_deg = heading[rows]
-        ahead_deg, own_deg = (
-            _headings_relative_to_sprites(sprites, heading[rows_of_pictures])
-            for rows_of_pictures in (next_row, row)
-        )
+        row_deg = features["heading_deg"].to_numpy(float)[rows]
+        sprite_deg = _headings_relative_to_sprites(reel, row)
+        next_frame_deg = _headings_relative_to_sprites(reel, next_row)
     else:
         orientation = features["orientation"].to_numpy()[rows]
-        pose_deg = orientation_heading_deg(orientation, count_orientations(features))
-        ahead_deg = np.where(next_row > row, sprites["turn_deg"], 0.0)
-        own_deg = np.zeros(len(sprites))
-    ahead, own = np.empty((2, len(sprites), len(rows)))
+        row_deg = orientation_heading_deg(orientation, count_orientations(features))
+        sprite_deg = np.zeros(len(sprites))
+        next_frame_deg = np.where(next_row > row, sprites["turn_deg"], 0.0)
+    # The distances, block by block of the rows of one orientation.
+    from_sprite, from_next_frame = np.empty((2, len(sprites), len(rows)))
     for number in np.unique(orientation):
-        next_pictures, own_pictures = draw_sprites_and_next(reel, size_px, pose, int(number))
+        next_pictures, sprite_pictures = draw_sprites_and_next(reel, size_px, pose, int(number))
         columns = np.flatnonzero(orientation == number)
         for block in np.split(columns, range(_BLOCK, len(columns), _BLOCK)):
             filmed = reel.draw_rows(rows[block], size_px, pose)
-            ahead[:, block] = all_distances(next_pictures, filmed).round(_DIGITS)
-            own[:, block] = all_distances(own_pictures, filmed).round(_DIGITS)
+            from_sprite[:, block] = all_distances(sprite_pictures, filmed).round(_DIGITS)
+            from_next_frame[:, block] = all_distances(next_pictures, filmed).round(_DIGITS)
             advance(len(block))
     return SpriteDistances(
-        rows, ahead, own, ahead_deg, own_deg, pose_deg=pose_deg, orientation=orientation
+        rows, from_sprite, from_next_frame, row_deg, sprite_deg, next_frame_deg, orientation
     )
 
 
 def draw_sprites_and_next(
     reel: Reel, size_px: int, pose: str, orientation: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Draw the film frame that follows each sprite's own, and the sprites themselves.
+    """Return pictures of the film frame that follows each sprite, and of the sprites themselves.
 
-    Both are (s, size_px, size_px, c). orientation: in which they are drawn; in pose BODY the
-    measured heading points right.
+    Both are (s, size_px, size_px, c), 0 … 1. reel: the film's cut-outs and the sprites. In the pose
+    FILM they are drawn in `orientation`, in BODY the heading measured in the film points right.
     """
     if pose != BODY:
-        return reel.draw_frames_after_sprites(size_px, orientation), reel.draw_sprites(
-            size_px, orientation
-        )
+        next_pictures = reel.draw_frames_after_sprites(size_px, orientation)
+        return next_pictures, reel.draw_sprites(size_px, orientation)
     row, next_row = _rows_of_sprites(reel)
-    ahead = reel.draw_rows(next_row, size_px, pose)
+    next_pictures = reel.draw_rows(next_row, size_px, pose)
     mirrored = reel.sprites["mirrored"].to_numpy()
-    ahead[mirrored] = ahead[mirrored, ::-1]
-    turn = -_headings_relative_to_sprites(
-        reel.sprites, reel.features["heading_deg"].to_numpy(float)[row]
-    )
-    own = [
-        reel.draw_sprite(number, size_px, orientation=1, turn_deg=angle)
-        for number, angle in enumerate(turn)
+    next_pictures[mirrored] = next_pictures[mirrored, ::-1]
+    sprite_pictures = [
+        reel.draw_sprite(number, size_px, orientation=1, turn_deg=-angle)
+        for number, angle in enumerate(_headings_relative_to_sprites(reel, row))
     ]
-    return ahead, np.stack(own)
+    return next_pictures, np.stack(sprite_pictures)
 
 
-def _headings_relative_to_sprites(sprites: pd.DataFrame, filmed_deg: Floats) -> Floats:
+def _headings_relative_to_sprites(reel: Reel, rows: Ints) -> Floats:
     """Return the film's headings (s,) [°] relative to the sprites', mirrored with the sprite.
 
-    filmed_deg (s,): heading in one frame of the film for each sprite.
+    rows (s,): a row of the film for each sprite, at which the heading is measured.
     """
-    relative = wrap_deg(filmed_deg - sprites["heading_deg"].to_numpy(float))
-    return np.where(sprites["mirrored"], -relative, relative)
+    filmed_deg = reel.features["heading_deg"].to_numpy(float)[rows]
+    relative = wrap_deg(filmed_deg - reel.sprites["heading_deg"].to_numpy(float))
+    return np.where(reel.sprites["mirrored"], -relative, relative)
 
 
 def _rows_of_sprites(reel: Reel) -> tuple[Ints, Ints]:
@@ -164,89 +162,92 @@ def list_gateways(
     distances: SpriteDistances, sprites: pd.DataFrame, features: pd.DataFrame, step_median: float,
     settings: GatewaysSettings,
 ) -> pd.DataFrame:  # fmt: skip
-    """List all gateways (schema `GATEWAYS`), pairs of a sprite and a film row that look alike.
+    """Return all gateways (schema `GATEWAYS`), pairs of a sprite and a film row that look alike.
 
-    First come the ways from sprite to film, then those back. step_median: the film's median step. A
+    First come those from sprite to film, then those back. step_median: the film's median step. A
     sprite leads to its `frames_per_sprite` nearest rows in each orientation. Those of one track are
     at least `apart` Δ from each other, and all have `least` Δ of their track ahead. A row leads to
     the `sprites_per_frame` sprites of each sequence nearest to its next row. The last row of a
-    track has no way out, and a turn is entered only by its first sprite.
+    track leads to no sprite, and only the first sprite of a turn is led to.
     """
     most_distance = settings.distance_threshold * step_median
-    ways_in = _find_ways_in(distances, features, most_distance, settings).assign(direction=IN)
-    ways_out = _find_ways_out(
+    into_film = _find_rows_after_sprites(distances, features, most_distance, settings).assign(
+        direction=IN
+    )
+    out_of_film = _find_sprites_after_rows(
         distances, sprites, features, most_distance, settings.sprites_per_frame
     )
-    table = pd.concat([ways_in, ways_out.assign(direction=OUT)], ignore_index=True)
+    table = pd.concat([into_film, out_of_film.assign(direction=OUT)], ignore_index=True)
+    # The turn of the film that fits the sprite, from the two pictures that were compared.
     sprite, leads_in = table["sprite"].to_numpy(), (table["direction"] == IN).to_numpy()
     column = np.searchsorted(distances.rows, table["row"].to_numpy() + ~leads_in)
     table["orientation"] = distances.orientation[column]
-    sprite_deg = np.where(leads_in, distances.ahead_deg[sprite], distances.own_deg[sprite])
-    table["turn_deg"] = wrap_deg(sprite_deg - distances.pose_deg[column])
+    drawn_deg = np.where(leads_in, distances.next_frame_deg[sprite], distances.sprite_deg[sprite])
+    table["turn_deg"] = wrap_deg(drawn_deg - distances.row_deg[column])
     return table[GATEWAYS.names]
 
 
-def _find_ways_in(
+def _find_rows_after_sprites(
     distances: SpriteDistances,
     features: pd.DataFrame,
     most_distance: float,
     settings: GatewaysSettings,
 ) -> pd.DataFrame:
-    """Return the film rows that may be drawn next after each sprite: sprite, row, rank, distance.
+    """Return the film rows that may be drawn next after each sprite, in a table.
 
-    They are the rows nearest to the sprite's next frame in the film (`distances.ahead`), of each
-    orientation, ranked anew from 1 in each. How far they are apart, and how much of the film is
-    ahead of them, see `list_gateways`. most_distance: of a gateway, in the unit of the distances.
+    Its columns are sprite, row, rank, distance. The rows are those nearest to the sprite's next
+    frame in the film, of each orientation, ranked anew from 1 in each. How far they are apart, and
+    how much of the film is ahead of them, see `list_gateways`. most_distance: of a gateway, in the
+    unit of the distances.
     """
     track, frame = (features[name].to_numpy()[distances.rows] for name in ("track_id", "frame"))
     delta = infer_delta_frames(features)
     has_enough_ahead = _count_frames_ahead(features)[distances.rows] >= settings.least * delta
-    ways: list[tuple[int, int, int, float]] = []
+    found: list[tuple[int, int, int, float]] = []
     for number in np.unique(distances.orientation):
         rows = np.flatnonzero(has_enough_ahead & (distances.orientation == number))
-        for sprite, row_distances in enumerate(distances.ahead[:, rows]):
-            candidates = rows[np.argsort(row_distances, kind="stable")]  # the nearest first
-            candidates = candidates[distances.ahead[sprite, candidates] <= most_distance]
+        for sprite, distance in enumerate(distances.from_next_frame):
+            candidates = rows[np.argsort(distance[rows], kind="stable")]  # the nearest first
+            candidates = candidates[distance[candidates] <= most_distance]
             rank = 0
             while len(candidates) and rank < settings.frames_per_sprite:
                 nearest, candidates = candidates[0], candidates[1:]
                 rank += 1
-                distance = distances.ahead[sprite, nearest]
-                ways.append((sprite, distances.rows[nearest], rank, distance))
+                found.append((sprite, distances.rows[nearest], rank, distance[nearest]))
                 is_apart = np.abs(frame[candidates] - frame[nearest]) >= settings.apart * delta
                 is_of_other_track = track[candidates] != track[nearest]
                 candidates = candidates[is_apart | is_of_other_track]
-    kinds = {"sprite": int, "row": int, "rank": int, "distance": float}
-    table = pd.DataFrame(ways, columns=list(kinds)).astype(kinds)
+    types = {"sprite": int, "row": int, "rank": int, "distance": float}
+    table = pd.DataFrame(found, columns=list(types)).astype(types)
     return table.sort_values("sprite", kind="stable")
 
 
-def _find_ways_out(
+def _find_sprites_after_rows(
     distances: SpriteDistances,
     sprites: pd.DataFrame,
     features: pd.DataFrame,
     most_distance: float,
     most_sprites: int,
 ) -> pd.DataFrame:
-    """Return the sprites that may be drawn next after each row: sprite, row, rank, distance.
+    """Return the sprites that may be drawn next after each row, in a table.
 
-    They are the sprites nearest to the film's next row (`distances.own`), of each sequence, ranked
-    from 1 over all sequences. most_distance: of a gateway, in the unit of the distances;
-    most_sprites: of a sequence for a row.
+    Its columns are sprite, row, rank, distance. The sprites are those nearest to the film's next
+    row, of each sequence, ranked from 1 over all sequences. most_distance: of a gateway, in the
+    unit of the distances; most_sprites: of a sequence for a row.
     """
     # Rows whose next frame is among the measured rows, and the column of that frame.
     follows = np.append(False, _count_frames_ahead(features) > 0)[distances.rows]
     row, next_column = distances.rows[follows] - 1, np.flatnonzero(follows)
     entries = np.flatnonzero(sprites["sequence"].isin(_CYCLES) | (sprites["step"] == 0))
-    ways = []
+    found = []
     for _, sequence in sprites.iloc[entries].groupby("sequence", sort=False):
-        from_next_row = distances.own[np.ix_(sequence.index, next_column)]
+        from_next_row = distances.from_sprite[np.ix_(sequence.index, next_column)]
         best = np.argsort(from_next_row, axis=0, kind="stable")[:most_sprites]
         sprite = sequence.index.to_numpy()[best].T.ravel()
         distance = np.take_along_axis(from_next_row, best, 0).T.ravel()
         rows = np.repeat(row, len(best))
-        ways.append(pd.DataFrame({"sprite": sprite, "row": rows, "distance": distance}))
-    table = pd.concat(ways).query("distance <= @most_distance").sort_values(["row", "distance"])
+        found.append(pd.DataFrame({"sprite": sprite, "row": rows, "distance": distance}))
+    table = pd.concat(found).query("distance <= @most_distance").sort_values(["row", "distance"])
     return table.assign(rank=table.groupby("row").cumcount() + 1)
 
 
@@ -256,9 +257,11 @@ def gateway_metrics(
 ) -> dict[str, float]:  # fmt: skip
     """Return metrics of the gateways (pairs of a sprite and a film row), as in metrics.json.
 
-    table: the gateways; nearest: what there would be without a threshold of the distance;
-    step_median: the film's median step.
+    table: the gateways; nearest: those that there would be without a threshold of the distance;
+    rate_hz: frames a second of the film; step_median: the film's median step, in the unit of the
+    distances.
     """
+    # How many gateways there are in each direction, and their distances in median steps.
     result: dict[str, float] = {}
     for direction in (IN, OUT):
         steps = table.loc[table["direction"] == direction, "distance"] / step_median
@@ -269,21 +272,22 @@ def gateway_metrics(
             f"distance_{direction}_p95_steps": steps.quantile(0.95),
             f"nearest_{direction}_steps": least / step_median,
         }
-    ways_in, ways_out = (table[table["direction"] == direction] for direction in (IN, OUT))
-    sprites_in_orientations = len(distances.ahead) * len(np.unique(distances.orientation))
-    with_way_in = len(ways_in[["sprite", "orientation"]].drop_duplicates())
-    has_way_out = np.isin(distances.rows, ways_out["row"])
+    # Which sprites and rows have gateways.
+    into_film, out_of_film = (table[table["direction"] == direction] for direction in (IN, OUT))
+    sprites_in_orientations = len(distances.from_sprite) * len(np.unique(distances.orientation))
+    with_way_in = len(into_film[["sprite", "orientation"]].drop_duplicates())
+    has_way_out = np.isin(distances.rows, out_of_film["row"])
     track = features["track_id"].to_numpy()
-    # Lengths of the runs of rows without a way out: each follows a row with one, or begins a track.
+    # Lengths of the runs of rows without a gateway: each follows a row with one, or begins a track.
     run = [track[distances.rows], has_way_out.cumsum()]
     rows_without = pd.Series(~has_way_out).groupby(run).sum()
     return result | {
-        "sprites": len(distances.ahead),
+        "sprites": len(distances.from_sprite),
         "sprites_in_orientations": sprites_in_orientations,
         "sprites_in_orientations_without_way_in": sprites_in_orientations - with_way_in,
-        "film_rows_led_to": ways_in["row"].nunique(),
-        "film_tracks_led_to": len(np.unique(track[ways_in["row"]])),
+        "film_rows_led_to": into_film["row"].nunique(),
+        "film_tracks_led_to": len(np.unique(track[into_film["row"]])),
         "film_rows_with_way_out_pct": 100 * has_way_out.mean(),
         "film_longest_without_way_out_s": int(rows_without.max()) / rate_hz,
-        "sprites_led_to": ways_out["sprite"].nunique(),
+        "sprites_led_to": out_of_film["sprite"].nunique(),
     }

@@ -9,5 +9,5 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "search": ["NoLoopsError", "to_sparse_map", "find_video_loops"],
     "graph": ["LoopGraph", "build_loop_graph", "find_routes"],
-    "positions": ["find_quadrants", "position_table"],
+    "positions": ["quadrant_of_displacement", "position_table"],
 })  # fmt: skip

@@ -7,7 +7,7 @@ its track is a *segment*; the number of a segment is that of its first end.
 
 import heapq
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,9 +18,19 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from finloop.base.arrays import Floats, Mask
 from finloop.base.kernel import kernel
 
-Leg = tuple[int, int, str]
 PLAY, JUMP = "play", "jump"
 _FREE = 1e-9  # frames: a sparse graph cannot hold an edge of cost 0
+
+
+class Leg(NamedTuple):
+    """A part of a route, from one feature row to another: film that is played on, or a jump.
+
+    kind: PLAY or JUMP.
+    """
+
+    from_row: int
+    to_row: int
+    kind: str
 
 
 @dataclass(frozen=True)
@@ -62,17 +72,17 @@ def build_loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> Loop
     loops: columns a, b (feature rows) and distance (Eq. 5); track_id (n,): of every feature row.
     """
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
-    loop_distance = loops["distance"].to_numpy(np.float32)
     # Every loop is two jumps, first all from a to b, then all from b to a.
+    distance = np.tile(loops["distance"].to_numpy(np.float32), 2)
     ends, source = np.unique(np.r_[a, b].astype(np.int32), return_inverse=True)
     to = np.r_[source[len(a) :], source[: len(a)]]
-    end_count = int(ends.size)
-    ahead = np.full(end_count, -1, np.int32)
+    ahead = np.full(len(ends), -1, np.int32)
     has_end_ahead = np.flatnonzero(np.diff(track_id[ends]) == 0)
     ahead[has_end_ahead] = has_end_ahead + 1
-    order = np.lexsort((to, np.r_[loop_distance, loop_distance], source))
-    start = np.searchsorted(source[order], np.arange(end_count + 1)).astype(np.int32)
+    order = np.lexsort((to, distance, source))
+    start = np.searchsorted(source[order], np.arange(len(ends) + 1)).astype(np.int32)
     jumps = to[order].astype(np.int32)
+    # Which segments, parts of film between two ends, can be reached again from themselves.
     successors = _segment_successors(ahead, start, jumps)
     _, component_of_segment = connected_components(successors, directed=True, connection="strong")
     has_others = np.bincount(component_of_segment)[component_of_segment] > 1
@@ -80,7 +90,7 @@ def build_loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> Loop
     segment_frames = np.where(ahead >= 0, ends[ahead] - ends, 0)
     return LoopGraph(
         ends, ahead, start, jumps,
-        distance=np.r_[loop_distance, loop_distance][order],
+        distance=distance[order],
         component=renumber_groups(component_of_segment, segment_frames * cyclic),
         cyclic=cyclic,
         endless=_has_endless_future(track_id, ends, start, jumps)[ends],
@@ -90,7 +100,7 @@ def build_loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> Loop
 def _segment_successors(
     ahead: NDArray[np.int32], start: NDArray[np.int32], to: NDArray[np.int32]
 ) -> csr_array:
-    """Return the sparse matrix (m, m): > 0 where after a segment (row) another one can be shown.
+    """Return a sparse matrix (m, m), > 0 where a segment (column) can follow another one (row).
 
     A segment runs from a loop end to the next. ahead (m,): the next end in the track, −1 for none;
     from end k the film can jump to the ends `to[start[k]:start[k + 1]]`.
@@ -105,7 +115,7 @@ def _segment_successors(
 def renumber_groups(
     group: NDArray[np.integer], weight: NDArray[Any] | None = None
 ) -> NDArray[np.int32]:
-    """Renumber groups so that group 0 weighs most; return the new group (n,) of each member.
+    """Return new group numbers (n,) of members, such that group 0 weighs most.
 
     group (n,): the old group of each member, 0 … k − 1, each with a member; weight (n,): of each
     member, None: 1. Groups of equal weight are ordered by their first member.
@@ -150,7 +160,7 @@ def _has_endless_future(
     track_id: NDArray[np.integer], ends: NDArray[np.int32], start: NDArray[np.int32],
     to: NDArray[np.int32],
 ) -> Mask:  # fmt: skip
-    """Return after which feature rows (n,) the film can play for ever, given the graph's arrays.
+    """Return after which feature rows (n,) the film can play for ever, by playing on or jumping.
 
     track_id (n,): of every row; ends (m,): rows at which the film can jump, from end k to the ends
     `to[start[k]:start[k + 1]]`.
@@ -163,21 +173,20 @@ def _has_endless_future(
 
 
 def can_play_for_ever(graph: LoopGraph, track_id: NDArray[np.integer]) -> Mask:
-    """Return after which feature rows (n,) of a film, by playing or jumping, it can play for ever.
+    """Return after which feature rows (n,) a film can play for ever, with the jumps of a graph.
 
     track_id (n,): of every row.
     """
     return _has_endless_future(track_id, graph.ends, graph.start, graph.to)
 
 
-def rows_of_component(graph: LoopGraph, row_count: int, component: int = 0) -> Mask:
-    """Return a mask (row_count,) of the feature rows in one component of the loop graph.
+def rows_of_largest_component(graph: LoopGraph, row_count: int) -> Mask:
+    """Return which feature rows (row_count,) lie in the largest component of the loop graph.
 
     A component is film of which every part can be reached from every other by playing and jumping.
-    row_count: of the feature table; component: its number, 0 has the most film.
     """
     change = np.zeros(row_count + 1, np.int32)  # of the number of segments that a row lies in
-    segments = (graph.component == component) & (graph.ahead >= 0)
+    segments = (graph.component == 0) & (graph.ahead >= 0)
     np.add.at(change, graph.ends[segments], 1)
     np.add.at(change, graph.ends[graph.ahead[segments]], -1)
     return np.cumsum(change)[:-1] > 0
@@ -186,12 +195,12 @@ def rows_of_component(graph: LoopGraph, row_count: int, component: int = 0) -> M
 def find_routes(
     graph: LoopGraph, source_end: int, target_end: int, most_routes: int, jump_frames: float = 0
 ) -> list[list[Leg]]:
-    """Find the best routes along film and jumps from one loop end to another (Fig. 10).
+    """Return the best routes along film and jumps from one loop end to another (Fig. 10).
 
     source_end, target_end: numbers of ends. The best route has the fewest frames, where a jump
-    counts as `jump_frames`. Each route is a list of (from row, to row, "play" | "jump"), from one
-    end to the next. It may pass an end twice (GHCDEBCDEF does), but takes no jump twice, and plays
-    some film between two jumps. The search follows at most `most_routes` routes through any end.
+    counts as `jump_frames`. Each leg of a route leads from one end to the next. A route may pass an
+    end twice (GHCDEBCDEF does), but takes no jump twice, and plays some film between two jumps. It
+    is an A* search, which follows at most `most_routes` routes through any end.
     """
     least_rest = _least_route_costs(graph, target_end, jump_frames)
     routes: list[list[Leg]] = []
@@ -205,7 +214,7 @@ def find_routes(
         if route and end == target_end:
             routes.append(list(route))
             continue
-        jumped = bool(route) and route[-1][2] == JUMP
+        jumped = bool(route) and route[-1].kind == JUMP
         visits[end, jumped] = visits.get((end, jumped), 0) + 1
         if visits[end, jumped] > most_routes:
             continue
@@ -213,7 +222,7 @@ def find_routes(
         if graph.ahead[end] >= 0:
             choices.append((int(graph.ahead[end]), PLAY, float(graph.segment_frames[end])))
         for to, kind, leg_cost in choices:
-            leg = int(graph.ends[end]), int(graph.ends[to]), kind
+            leg = Leg(int(graph.ends[end]), int(graph.ends[to]), kind)
             if np.isfinite(least_rest[to]) and not (kind == JUMP and leg in route):
                 arrival += 1
                 least_whole = cost + leg_cost + least_rest[to]
@@ -222,7 +231,7 @@ def find_routes(
 
 
 def _least_route_costs(graph: LoopGraph, target_end: int, jump_frames: float) -> Floats:
-    """Return the least cost [frames] of a route from each loop end (m,) to one; inf: no route."""
+    """Return the least cost (m,) [frames] of a route from each loop end to one; inf: no route."""
     m = len(graph.ends)
     played = np.flatnonzero(graph.ahead >= 0)
     jumped = np.repeat(np.arange(m), np.diff(graph.start))

@@ -12,29 +12,19 @@ from numpy.typing import NDArray
 
 from finloop.base.kernel import kernel
 from finloop.features.current import places_through_water
-from finloop.loops.graph import JUMP, Leg, LoopGraph
+from finloop.loops.graph import JUMP, PLAY, Leg, LoopGraph
 
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 Rows = NDArray[np.integer]
 
 
-def find_quadrants(dx: Any, dy: Any) -> NDArray[np.int8]:
-    """Return the quadrants (…), 1 … 4, into which displacements point (Fig. 11b).
-
-    1 upper right, 2 upper left, 3 lower left, 4 lower right. dx, dy (…): in any unit, y up. An axis
-    belongs to the quadrant that follows it anticlockwise; no displacement is quadrant 1.
-    """
-    angle = np.degrees(np.arctan2(dy, dx)) % 360
-    return (np.floor(angle / 90) % 4 + 1).astype(np.int8)
-
-
 @kernel
 def quadrant_of_displacement(dx, dy):  # type: ignore[no-untyped-def]
-    """Return the quadrant, 1 … 4, of one displacement (y up); compiled, for use in kernels.
+    """Return the quadrant, 1 … 4, into which a displacement points (Fig. 11b).
 
-    1 upper right, 2 upper left, 3 lower left, 4 lower right. An axis belongs to the quadrant that
-    follows it anticlockwise; no displacement is quadrant 1.
+    1 upper right, 2 upper left, 3 lower left, 4 lower right. dx, dy: in any unit, y up. An axis
+    belongs to the quadrant that follows it anticlockwise; no displacement is quadrant 1.
     """
     if (dx > 0 and dy >= 0) or (dx == 0 and dy == 0):
         return 1
@@ -46,10 +36,10 @@ def quadrant_of_displacement(dx, dy):  # type: ignore[no-untyped-def]
 
 
 def choose_table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
-    """Choose at most 26 loop ends for a printed table, from the track that has the most.
+    """Return at most 26 loop ends (feature rows) for a printed table, from the track with the most.
 
-    ends: feature rows at which the film can jump; track_id (n,): of every row. The chosen ones are
-    spread evenly in time.
+    ends: rows at which the film can jump; track_id (n,): of every row. The chosen ones are spread
+    evenly in time.
     """
     tracks, count = np.unique(track_id[ends], return_counts=True)
     track_ends = ends[track_id[ends] == tracks[count.argmax()]]
@@ -68,7 +58,7 @@ def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
     x, y = places_through_water(features)[ends].T
     track = features["track_id"].to_numpy()[ends]
     later = (track[:, None] == track) & (ends[:, None] < ends)
-    quadrants = find_quadrants(x - x[:, None], y[:, None] - y)
+    quadrants = np.vectorize(quadrant_of_displacement, "b")(x - x[:, None], y[:, None] - y)
     names = list(LETTERS[: len(ends)])
     return pd.DataFrame(np.where(later, quadrants.astype("U1"), ""), names, names, dtype=object)
 
@@ -76,10 +66,11 @@ def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
 def route_table(
     routes: Sequence[Sequence[Leg]], graph: LoopGraph, features: pd.DataFrame, step_median: float
 ) -> pd.DataFrame:
-    """Return routes as a table (Fig. 10b): a row for each stretch of play and for each jump.
+    """Return routes as a table (Fig. 10b): a row for each stretch of film and for each jump.
 
-    routes: from `find_routes`; step_median: the median step of the film. `jump_distance` is D of a
-    jump in median steps. Loop ends at which the film plays on have no row.
+    routes: from `find_routes`; step_median: the median step of the film. `jump_distance` is the
+    picture distance D of a jump (Eq. 5) in median steps. Loop ends at which the film plays on have
+    no row.
     """
     track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     columns = ["route", "how", "from_track", "from_frame", "to_track", "to_frame", "frames"]
@@ -96,11 +87,11 @@ def route_table(
 
 
 def merge_play_legs(route: Sequence[Leg]) -> list[Leg]:
-    """Join successive stretches of play in a route, so that play and jumps alternate."""
+    """Return a route with successive stretches of film joined, so that film and jumps alternate."""
     legs: list[Leg] = []
-    for first_row, last_row, kind in route:
-        if legs and kind != JUMP and legs[-1][2] == kind:
-            legs[-1] = legs[-1][0], last_row, kind
+    for leg in route:
+        if legs and leg.kind == legs[-1].kind == PLAY:
+            legs[-1] = legs[-1]._replace(to_row=leg.to_row)
         else:
-            legs.append((first_row, last_row, kind))
+            legs.append(leg)
     return legs

@@ -25,7 +25,12 @@ from finloop.distance.map import MapFacts
 from finloop.distance.picture import typical_lengths_px
 from finloop.features.current import places_through_water
 from finloop.features.table import infer_delta_frames, wrap_deg
-from finloop.loops.graph import LoopGraph, can_play_for_ever, renumber_groups, rows_of_component
+from finloop.loops.graph import (
+    LoopGraph,
+    can_play_for_ever,
+    renumber_groups,
+    rows_of_largest_component,
+)
 from finloop.loops.settings import LoopsSettings
 
 TRAVEL = 0.05  # body lengths from which a fish has a direction of travel
@@ -80,16 +85,13 @@ def find_video_loops(
     of D. The loops have the columns of `LOOPS`; the counts are those of `find_loop_candidates`.
     NoLoopsError if there is none.
     """
-    loops, counts = find_loop_candidates(
-        pairs, features, settings.distance_threshold * step_median, settings
-    )
-    loops = loops[~loops["improper"]].reset_index(drop=True)
+    most_distance = settings.distance_threshold * step_median
+    candidates, counts = find_loop_candidates(pairs, features, most_distance, settings)
+    loops = candidates[~candidates["improper"]]
     if loops.empty:
         raise _explain_no_loops(pairs, features, step_median, settings)
-    loops = loops[
-        choose_best_loops(loops["a"].to_numpy(), loops["b"].to_numpy(), settings.most_per_end)
-    ]
-    loops = loops.reset_index(drop=True)
+    kept = choose_best_loops(loops["a"].to_numpy(), loops["b"].to_numpy(), settings.most_per_end)
+    loops = loops[kept].reset_index(drop=True)
     track = features["track_id"].to_numpy()
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     loops["loop"] = np.arange(len(loops))
@@ -109,10 +111,11 @@ def least_loop_frames(delta_frames: int, settings: LoopsSettings) -> int:
 def find_loop_candidates(
     pairs: SparseDistanceMap, features: pd.DataFrame, most_distance: float, settings: LoopsSettings
 ) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Find pairs of frames that look and move alike: local minima of filtered D, best first.
+    """Return pairs of frames that look and move alike, best first, and what each test left of them.
 
+    They are local minima of filtered D, the picture distance of two frames and their neighbours.
     The table has columns a, b (feature rows, a < b), distance, filtered, improper (Fig. 13: the
-    fish travels against its heading). Counts: pairs, pairs_below_threshold, minima,
+    fish travels against its heading). The counts are pairs, pairs_below_threshold, minima,
     improper_dropped. pairs: picture distances D of comparable rows; most_distance: of filtered D.
     """
     track = features["track_id"].to_numpy(np.int32)
@@ -124,15 +127,10 @@ def find_loop_candidates(
     a = (np.searchsorted(pairs.start, minima, side="right") - 1).astype(np.int32)
     b = pairs.j[minima]
     is_improper = find_improper_loops(a, b, features, settings.improper_angle_deg)
-    table = pd.DataFrame(
-        {
-            "a": a,
-            "b": b,
-            "distance": pairs.distance[minima],
-            "filtered": filtered[minima],
-            "improper": is_improper,
-        }
-    )
+    table = pd.DataFrame({
+        "a": a, "b": b, "distance": pairs.distance[minima], "filtered": filtered[minima],
+        "improper": is_improper,
+    })  # fmt: skip
     counts = {
         "pairs": float(len(pairs.j)),  # rounded: see `distance.pairs_kept`
         "pairs_below_threshold": int(np.isfinite(filtered).sum()),
@@ -143,20 +141,11 @@ def find_loop_candidates(
 
 
 def binomial_weights(n: int) -> Floats:
-    """Return weights (2n + 1,) for the pairs along a diagonal: binomial, with sum 1."""
+    """Return weights (2n + 1,), with sum 1, for the pairs along a diagonal of the distance map.
+
+    They are binomial, so the pairs near the middle one count most.
+    """
     return scipy.special.comb(2 * n, np.arange(2 * n + 1)) / 4.0**n
-
-
-@kernel
-def _find_column(j: NDArray[np.int32], low: int, high: int, least_column: int) -> int:
-    """Return the first place in the ascending j[low:high] with a column ≥ `least_column`."""
-    while low < high:
-        middle = (low + high) // 2
-        if j[middle] < least_column:
-            low = middle + 1
-        else:
-            high = middle
-    return low
 
 
 @kernel
@@ -169,23 +158,23 @@ def filter_diagonals(
     `most_distance`, where one of the pairs along the diagonal is not in the map, or where one lies
     beyond the end of either track.
     """
-    start, j, distance = pairs
+    start, column, distance = pairs
     n, rows = len(weight) // 2, len(track)
-    filtered = np.full(len(j), np.inf, np.float32)
+    filtered = np.full(len(column), np.inf, np.float32)
     for a in range(n, rows - n):
         if track[a - n] != track[a] or track[a + n] != track[a]:
             continue
         for pair in range(start[a], start[a + 1]):
-            b = j[pair]
+            b = column[pair]
             if b + n >= rows or track[b - n] != track[b] or track[b + n] != track[b]:
                 continue
             total = weight[n] * distance[pair]
             for k in range(-n, n + 1):
                 if k == 0 or total > most_distance:
                     continue
-                end = start[a + k + 1]
-                neighbour = _find_column(j, start[a + k], end, b + k)
-                if neighbour == end or j[neighbour] != b + k:
+                first, end = start[a + k], start[a + k + 1]
+                neighbour = first + np.searchsorted(column[first:end], b + k)
+                if neighbour == end or column[neighbour] != b + k:
                     total = np.inf
                 else:
                     total += weight[k + n] * distance[neighbour]
@@ -196,33 +185,33 @@ def filter_diagonals(
 
 @kernel
 def find_local_minima(pairs, filtered, track, radius_frames, least_frames):  # type: ignore[no-untyped-def]
-    """Return which pairs (a, b) of frames are local minima of their filtered distance.
+    """Return which pairs (a, b) of frames, (pairs,), are local minima of the filtered distance.
 
-    filtered: from `filter_diagonals`; track: of every feature row. Each is the smallest within
-    `radius_frames` along a and along b, inside the two tracks; of equal ones the first. In one
-    track b is at least `least_frames` after a; nearer pairs are no loops, but a pair on a slope
-    down to them is no minimum.
+    pairs: a `SparseDistanceMap`; filtered: from `filter_diagonals`; track: of every feature row.
+    Each is the smallest within `radius_frames` along a and along b, inside the two tracks; of equal
+    ones the first. In one track b is at least `least_frames` after a; nearer pairs are no loops,
+    but a pair on a slope down to them is no minimum.
     """
-    start, j = pairs.start, pairs.j
-    minimum = np.zeros(len(j), np.bool_)
+    start, column = pairs.start, pairs.j
+    minimum = np.zeros(len(column), np.bool_)
     for a in range(len(track)):
         for pair in range(start[a], start[a + 1]):
-            b = j[pair]
+            b = column[pair]
             if np.isinf(filtered[pair]) or (track[a] == track[b] and b - a < least_frames):
                 continue
             smallest = True
             for row in range(max(0, a - radius_frames), min(len(track), a + radius_frames + 1)):
                 if track[row] != track[a]:
                     continue
-                for neighbour in range(
-                    _find_column(j, start[row], start[row + 1], b - radius_frames), start[row + 1]
-                ):
-                    if j[neighbour] > b + radius_frames:
+                first, end = start[row], start[row + 1]
+                skipped = np.searchsorted(column[first:end], b - radius_frames)
+                for neighbour in range(first + skipped, end):
+                    if column[neighbour] > b + radius_frames:
                         break
                     less = filtered[neighbour] < filtered[pair] or (
                         filtered[neighbour] == filtered[pair] and minimum[neighbour]
                     )
-                    if less and track[j[neighbour]] == track[b]:
+                    if less and track[column[neighbour]] == track[b]:
                         smallest = False
                         break
                 if not smallest:
@@ -260,15 +249,13 @@ def group_overlapping_loops(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
     last = np.r_[np.where(track[a] == track[b], b, a), b]
     order = np.lexsort((-last, first))
     # A stretch is film that overlapping loops cover; a new one begins beyond all that came before.
-    reach = np.maximum.accumulate(last[order])
+    reach = np.maximum.accumulate(last[order])  # the last row covered so far
     stretch_of_end = np.empty(2 * n, np.int64)
     stretch_of_end[order] = np.r_[0, np.cumsum(first[order][1:] > reach[:-1])]
-    stretch_count = int(stretch_of_end.max()) + 1
-    joins = coo_array(  # the stretches of a loop's two ends
-        (np.ones(n, np.int8), (stretch_of_end[:n], stretch_of_end[n:])),
-        (stretch_count, stretch_count),
-    )
-    _, group_of_stretch = connected_components(joins, directed=False)
+    # A loop joins the stretches of its two ends; stretches that are joined form a group.
+    joins = np.ones(n, np.int8), (stretch_of_end[:n], stretch_of_end[n:])
+    count = int(stretch_of_end.max()) + 1
+    _, group_of_stretch = connected_components(coo_array(joins, (count, count)), directed=False)
     return renumber_groups(group_of_stretch[stretch_of_end[:n]])
 
 
@@ -277,7 +264,8 @@ def _explain_no_loops(
 ) -> NoLoopsError:
     """Return the error for a film without loops, which says what to change.
 
-    step_median: the median natural step, in the unit of the distances.
+    pairs: picture distances of comparable rows; step_median: the median natural step, in their
+    unit.
     """
     goal = "at least one pair of similar frames between which the film can jump"
     track = features["track_id"].to_numpy()
@@ -301,7 +289,8 @@ def _explain_no_loops(
     at_any_distance, _ = find_loop_candidates(pairs, features, np.inf, settings)
     at_any_distance = at_any_distance[~at_any_distance["improper"]]
     if len(at_any_distance):
-        enough = np.ceil(100 * at_any_distance["filtered"].iloc[0] / step_median) / 100
+        least_steps = at_any_distance["filtered"].iloc[0] / step_median
+        enough = np.ceil(100 * least_steps) / 100  # rounded up to two digits
         return NoLoopsError(
             f"no video loops with loops.distance_threshold {settings.distance_threshold:g} "
             "(median natural steps)",
@@ -368,10 +357,12 @@ def measure_travel(a: Rows, b: Rows, features: pd.DataFrame) -> LoopTravel:
         known = known & (np.abs(displacement) >= TRAVEL * length[low])
         return np.where(known, np.degrees(np.angle(displacement)), np.nan)
 
+    # Between the ends.
     heading_sum = np.r_[0, np.cumsum(heading_vector)]
     mean_heading = (heading_sum[b + 1] - heading_sum[a]) / (b + 1 - a)
     known = (track[a] == track[b]) & (np.abs(mean_heading) >= RESULTANT)
     travels = [direction_of_travel(a, b, known)]
+    # At either end.
     delta = infer_delta_frames(features)
     first = np.searchsorted(track, track)  # tracks lie one after another, their numbers rise
     last = np.searchsorted(track, track, side="right") - 1
@@ -395,15 +386,15 @@ def loop_metrics(
 ) -> dict[str, float]:  # fmt: skip
     """Return the metrics of a film's loops, by their names in metrics.json.
 
-    counts: of `find_video_loops`. compared: rows of the distance map; shares of the film are of
-    these. A seam is the picture distance of a jump in median steps of the film. A component of the
-    graph counts if the film can play in it for ever. From a dead end every route leads to the end
-    of a track.
+    counts: from `find_video_loops`; facts: the unit of the distances, the film's median step;
+    compared: rows of the distance map, of which shares of the film are given. A seam is the picture
+    distance of a jump in median steps. A component of the graph counts if the film can play in it
+    for ever. From a dead end every route leads to the end of a track.
     """
     track = features["track_id"].to_numpy()
     seam = loops["distance"].to_numpy(float) / facts.step_median
     within = loops["length_s"].notna()
-    largest = rows_of_component(graph, len(features))
+    largest = rows_of_largest_component(graph, len(features))
     sizes = loops["group"].value_counts()
     return {
         **counts,

@@ -26,6 +26,7 @@ def draw_kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure
     colours = dict(zip(motion, COLOURS, strict=False))
     figure = Figure(figsize=(12, 4), layout="constrained")
     *distributions, states = figure.subplots(1, 3)
+    # Distributions of speed and turn rate.
     names = ("speed (body lengths/s)", "turn rate (°/s)")
     for column, axes, name in zip(("speed", "turn_rate"), distributions, names, strict=True):
         low, high = np.quantile(film[column], [0.005, 0.995])
@@ -42,6 +43,7 @@ def draw_kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure
         axes.set_yscale("log")
         axes.set_ylim(top=20 * axes.get_ylim()[1])  # room for the key
         axes.legend(frameon=False, loc="upper right")
+    # Share of the time in each state.
     place = np.arange(len(STATES))
     width = 0.8 / (1 + len(colours))
     for number, (mode, colour) in enumerate({FILM_MOTION: _FILM, **colours}.items()):

@@ -38,30 +38,31 @@ def draw_held_out_predictions(predicted: Floats, true: Floats) -> Figure:
     predicted, true (n, 2): relative motion area and swimming type.
     """
     figure = Figure(figsize=(10, 4.8), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    scatter, confusions = figure.subplots(1, 2)
+    # Motion areas, in the colour of the true type.
     types = round_swimming_types(true[:, 1])
     colours = np.empty((len(true), 4))
     for swimming_type, (name, colour) in TYPES.items():
         colours[types == swimming_type] = to_rgba_array(colour)
-        left.scatter([], [], s=14, color=colour, label=name)  # for the key alone
-    left.scatter(true[:, 0], predicted[:, 0], s=7, c=colours, alpha=0.45, linewidths=0)
-    left.plot([0, 1], [0, 1], color="0.3", lw=0.9)
-    left.set(
+        scatter.scatter([], [], s=14, color=colour, label=name)  # for the key alone
+    scatter.scatter(true[:, 0], predicted[:, 0], s=7, c=colours, alpha=0.45, linewidths=0)
+    scatter.plot([0, 1], [0, 1], color="0.3", lw=0.9)
+    scatter.set(
         xlabel="true motion area, Δ later", ylabel="predicted", xlim=(0, 1), ylim=(0, 1),
         aspect="equal", title="motion area of held-out rows (line: perfect)",
     )  # fmt: skip
-    left.legend(frameon=True, title="true type", loc="upper left", fontsize=8)
-
+    scatter.legend(frameon=True, title="true type", loc="upper left", fontsize=8)
+    # The table of types: of the rows of each true type, the share predicted as each type.
     counts = count_confusions(predicted, true)
     share = 100 * counts / np.maximum(counts.sum(1, keepdims=True), 1)
     names = [name for name, _ in TYPES.values()]
-    right.imshow(share, cmap="Blues", vmin=0, vmax=100)
+    confusions.imshow(share, cmap="Blues", vmin=0, vmax=100)
     for row, column in np.ndindex(counts.shape):
-        right.text(
+        confusions.text(
             column, row, f"{share[row, column]:.0f} %\n({counts[row, column]})",
             ha="center", va="center", color="white" if share[row, column] > 55 else "black",
         )  # fmt: skip
-    right.set(
+    confusions.set(
         xticks=range(3), xticklabels=names, yticks=range(3), yticklabels=names,
         xlabel="predicted type", ylabel="true type, Δ later", title="type of held-out rows",
     )  # fmt: skip

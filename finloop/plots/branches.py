@@ -25,7 +25,7 @@ from finloop.extract.background import Scene, match_scene_to_light
 from finloop.extract.samples import TypicalFish, judge_silhouette
 from finloop.extract.segment import Silhouette, SilhouetteEdge, find_silhouettes
 from finloop.extract.settings import ExtractSettings
-from finloop.plots.parts import draw_message
+from finloop.plots.parts import crop_part, draw_message
 
 _KEPT, _PAPER, _BACKBONE = "#0072B2", "#D55E00", "#009E73"  # Okabe-Ito
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
@@ -90,15 +90,10 @@ def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
     The start (x, y) has 0, each pixel one more than its lowest neighbour, so at a joint all
     branches continue with the same number. Other pixels have −1.
     """
-    number = np.full(skeleton.shape, -1, np.int64)
-    front = np.zeros(skeleton.shape, np.uint8)  # pixels that get the next number
-    front[start[1], start[0]] = 1
-    count = 0
-    while front.any():
-        number[front > 0] = count
-        front = cv2.dilate(front, _NEIGHBOURHOOD) * (skeleton & (number < 0))
-        count += 1
-    return number
+    # A path costs 1 for each of its pixels; −1 means that no path leads through a pixel.
+    paths = skimage.graph.MCP(np.where(skeleton, 1.0, -1.0))
+    costs, _ = paths.find_costs([start[::-1]])
+    return np.where(np.isfinite(costs), costs - 1, -1).astype(np.int64)
 
 
 def _find_ends(skeleton: Mask) -> list[tuple[int, int]]:
@@ -116,11 +111,13 @@ def find_branches(skeleton: Mask) -> list[SkeletonBranch]:
     the greatest number, is the paper's backbone. Every other end has a branch, which starts at its
     joint with a branch of a greater number.
     """
+    # The start, the pixel that is farthest from any other one, and the numbers from there.
     any_y, any_x = np.argwhere(skeleton)[0].tolist()
     distance = number_pixels(skeleton, (any_x, any_y))
-    start_y, start_x = np.unravel_index(distance.argmax(), distance.shape)  # the farthest pixel
+    start_y, start_x = np.unravel_index(distance.argmax(), distance.shape)
     start = int(start_x), int(start_y)
     number = number_pixels(skeleton, start)
+    # From each end back to a pixel of an earlier branch.
     ends = [end for end in _find_ends(skeleton & (number >= 0)) if end != start]
     ends.sort(key=lambda end: -number[end[1], end[0]])
     taken = np.zeros(skeleton.shape, bool)
@@ -169,34 +166,35 @@ def thin_fish(
 def _thin_silhouette(
     silhouette: Silhouette, frame: Picture, label: str, points: int, floor: float, limbs: bool
 ) -> ThinnedFish:
-    """Thin a silhouette of a frame together with the pale pixels around it, such as fins.
+    """Return a silhouette of a frame, thinned with the pale pixels around it, such as fins.
 
     label: film and frame. points: number of the backbone's points. floor: noise, grey levels.
     limbs: whether the animal has limbs, which are cut off before its backbone is traced.
     """
-    pale = silhouette.fins or silhouette  # the box of the pale pixels contains the silhouette's
+    # The silhouette, and the fish with its pale pixels, in the box of the latter with a margin.
+    pale = silhouette.fins or silhouette
     left, top = pale.x0 - _MARGIN, pale.y0 - _MARGIN
     size = pale.mask.shape[0] + 2 * _MARGIN, pale.mask.shape[1] + 2 * _MARGIN
     body = _paste_mask(silhouette.mask, silhouette.x0 - left, silhouette.y0 - top, size)
     fish = body | _paste_mask(pale.mask, _MARGIN, _MARGIN, size)
     pieces, _ = ndimage.label(fish, np.ones((3, 3)))
     fish = ndimage.binary_fill_holes(pieces == pieces[body].max())  # without other pieces
-    rows, columns = np.flatnonzero(fish.any(axis=1)), np.flatnonzero(fish.any(axis=0))
-    first_row, first_column = max(rows[0] - _MARGIN, 0), max(columns[0] - _MARGIN, 0)
-    window = np.s_[
-        first_row : rows[-1] + _MARGIN + 1, first_column : columns[-1] + _MARGIN + 1
-    ]  # fmt: skip
-    left, top = left + first_column, top + first_row
+    # The part of the box around what is left, with a margin; left, top: where it is in the frame.
+    window = tuple(
+        slice(max(side.start - _MARGIN, 0), side.stop + _MARGIN)
+        for side in ndimage.find_objects(fish.astype(int))[0]
+    )
+    left, top = left + window[1].start, top + window[0].start
+    # Its skeleton, and what finloop makes of the silhouette alone.
     whole = fish[window]
     skeleton = skimage.morphology.skeletonize(whole)
     half_width = cv2.distanceTransform(whole.astype(np.uint8), cv2.DIST_L2, 3)
     backbone = trace_backbone(silhouette.mask, silhouette.field, points, floor, limbs)
     alone, _ = close_notches(silhouette.mask, silhouette.field)
     corner = np.array([silhouette.x0 - left, silhouette.y0 - top])
-    y = np.clip(np.arange(whole.shape[0]) + top, 0, frame.shape[0] - 1)
-    x = np.clip(np.arange(whole.shape[1]) + left, 0, frame.shape[1] - 1)
+    film = crop_part(frame, left, top, whole.shape[1], whole.shape[0])
     return ThinnedFish(
-        label=label, film=frame[np.ix_(y, x)], body=body[window], whole=whole, skeleton=skeleton,
+        label=label, film=film, body=body[window], whole=whole, skeleton=skeleton,
         half_width=half_width, branches=find_branches(skeleton),
         kept=find_longest_path(skeleton, half_width).astype(np.int64),
         backbone=None if backbone is None else backbone.points_px + corner,
@@ -214,8 +212,8 @@ def _paste_mask(mask: Mask, x: int, y: int, size: tuple[int, int]) -> Mask:
 def choose_fish_to_draw(fish: Iterable[ThinnedFish]) -> tuple[list[ThinnedFish], str]:
     """Return at most two fish to draw, and a sentence on how many fish have side branches.
 
-    The first has the most side branches; of equals, the longest ones. The second is that of the
-    others for which the two rules differ most, if they differ for any.
+    The first has the most side branches; of equals, the longest ones. The second is the one among
+    the others whose two paths, by the paper's rule and by finloop's, differ most, if any differ.
     """
     count = branched = differing = alone = 0
     most_branched: list[ThinnedFish] = []
@@ -267,7 +265,7 @@ def figure3_4(fish: Sequence[ThinnedFish], headline: str) -> Figure:
 
 
 def lay_horizontally(fish: ThinnedFish) -> ThinnedFish:
-    """Turn a fish with all its pictures and points by 90° if it is higher than wide."""
+    """Return a fish turned by 90°, with all its pictures and points, if it is higher than wide."""
     height, width = fish.whole.shape
     if height <= width:
         return fish
@@ -286,9 +284,9 @@ def lay_horizontally(fish: ThinnedFish) -> ThinnedFish:
     )
 
 
-def _draw_fish(part: SubFigure, fish: ThinnedFish) -> Axes:
+def _draw_fish(subfigure: SubFigure, fish: ThinnedFish) -> Axes:
     """Draw silhouette, skeleton, branches and backbone of a fish; return the last panel's axes."""
-    panels = part.subplots(2, 2).ravel()
+    panels = subfigure.subplots(2, 2).ravel()
     titles = (
         f"3 (a) {fish.label}: every pixel above the noise, and the silhouette (dashed)",
         f"3 (b) thinned; {len(fish.branches) - 1} side branches",

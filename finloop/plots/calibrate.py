@@ -16,7 +16,7 @@ _LABELS = {
     "polarisation": "polarisation of the shoal",
 }
 _COLOURS = ("#8a98a0", "#4d5b63", "#d1721f", "#2c7bb6")
-_SHOWN = 0.99  # quantile of the film's values that the axis goes to
+_SHOWN = 0.99  # quantile of the values at which the axis ends
 _BINS = 30
 
 

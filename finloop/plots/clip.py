@@ -17,10 +17,11 @@ _QUANTILE = 0.999  # quantile of the difference that is drawn black
 def draw_film_check(
     frame: Picture, difference: NDArray[np.float32], table: pd.DataFrame, rate_hz: float, title: str
 ) -> Picture:
-    """Draw a frame, its difference from the still tank, and curves of light, camera and change.
+    """Return a picture of a frame, its difference from the still tank, and curves over time.
 
-    difference (h, w): grey levels. table: columns frame, light, shift_x, shift_y (px), change, a
-    row per frame. rate_hz: frames per second. title: text above the frame. Returns RGB (h, w, 3).
+    The curves are of light, camera and change. difference (h, w): grey levels. table: columns
+    frame, light, shift_x, shift_y (px), change, a row per frame. rate_hz: frames per second. title:
+    text above the frame. The picture is RGB (h, w, 3).
     """
     height, width = difference.shape
     figure = Figure((12, 6 * height / width + 5.5), dpi=110, layout="constrained")

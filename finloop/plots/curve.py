@@ -14,6 +14,7 @@ from finloop.curve.wavelet import drop_details, scale_slices
 
 LEVELS = (0, 3, 4, 5, 6)  # the paper leaves out 1 and 2, which look like the curve
 INK, REST = "#0072B2", "#B0B0B0"
+COLUMNS = 6  # pictures in a row of Fig. 6
 
 Array = NDArray[np.float64]
 
@@ -87,22 +88,19 @@ def figure3(matrix: csr_array, levels: int, title: str) -> Figure:
     return figure
 
 
-def figure6(
-    frames: Array, times: Array, rest: Array, title: str, closed: bool = True, columns: int = 6
-) -> Figure:
+def figure6(frames: Array, times: Array, rest: Array, title: str) -> Figure:
     """Draw Fig. 6 of the curve paper: pictures of a moving curve, with its rest shape in grey.
 
-    frames (t, n, 2): the curve at the times (t,). rest (n, 2): its shape without forces. columns:
-    pictures per row.
+    frames (t, n, 2): the closed curve at the times (t,). rest (n, 2): its shape without forces.
     """
-    rows = -(-len(frames) // columns)  # rounded up
+    rows = -(-len(frames) // COLUMNS)  # rounded up
     all_points = np.concatenate([frames, rest[None]])
     height = rows * _panel_height(all_points, width=1.7) + 0.4
-    figure = Figure(figsize=(1.7 * columns, height), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    figure = Figure(figsize=(1.7 * COLUMNS, height), layout="constrained")
+    axes = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
     for ax, points, time in zip(axes, frames, times, strict=False):
-        _draw_curve(ax, rest, closed, colour=REST, width=0.8)
-        _draw_curve(ax, points, closed)
+        _draw_curve(ax, rest, closed=True, colour=REST, width=0.8)
+        _draw_curve(ax, points, closed=True)
         ax.set_title(f"τ = {time:.3g}", fontsize=8)
     for ax in axes:
         _fit_axes(ax, all_points)
@@ -110,12 +108,10 @@ def figure6(
     return figure
 
 
-def figure7(
-    shapes: Sequence[tuple[int, Array]], times: Array, title: str, closed: bool = True
-) -> Figure:
+def figure7(shapes: Sequence[tuple[int, Array]], times: Array, title: str) -> Figure:
     """Draw Fig. 7 of the curve paper: a moving curve, one row for each number of control points.
 
-    shapes: pairs (number of control points, curves (t, n, 2) at the times (t,)).
+    shapes: pairs (number of control points, closed curves (t, n, 2) at the times (t,)).
     """
     all_points = np.concatenate([frames for _, frames in shapes])
     height = len(shapes) * _panel_height(all_points, width=1.5) + 0.5
@@ -123,7 +119,7 @@ def figure7(
     rows = figure.subplots(len(shapes), len(times), squeeze=False)
     for index, (row, (control_points, frames)) in enumerate(zip(rows, shapes, strict=True)):
         for ax, time, points in zip(row, times, frames, strict=True):
-            _draw_curve(ax, points, closed)
+            _draw_curve(ax, points, closed=True)
             _fit_axes(ax, all_points)
             if index == 0:
                 ax.set_title(f"τ = {time:.3g}", fontsize=8)

@@ -10,7 +10,7 @@ BLANK = "#F0DFA8"  # no shade of grey: nothing was measured there
 
 
 def rows_of_longest_tracks(features: pd.DataFrame, most: int) -> NDArray[np.intp]:
-    """Return at most `most` row numbers of a feature table, rising: those of the longest tracks."""
+    """Return at most `most` row numbers (k,) of a feature table, rising, of the longest tracks."""
     track = features["track_id"]
     track_length = track.groupby(track).transform("size").to_numpy()
     longest_first = np.lexsort((np.arange(len(track)), track, -track_length))

@@ -25,14 +25,16 @@ def draw_detections(
     frames: Sequence[Picture], labels: Sequence[str], scene: Scene, typical: TypicalFish,
     arena: Picture, settings: ExtractSettings,
 ) -> Picture:  # fmt: skip
-    """Draw frames, two per row, with each silhouette's outline in the colour of its verdict.
+    """Return a picture of frames, two per row, with an outline around each silhouette.
 
-    labels: a text for each frame. scene, typical: the background and a typical fish, as extraction
-    measured them. arena (h, w): 255 where animals can be. Returns an RGB picture with a key on top.
+    Its colour is that of the verdict on the silhouette. labels: a text for each frame. scene,
+    typical: the background and a typical fish, as extraction measured them. arena (h, w): 255 where
+    animals can be. The picture is RGB (h, w, 3), with a key on top. Sizes of texts and lines are of
+    a frame 900 px wide, and scaled with its width.
     """
     panels = []
     for frame, label in zip(frames, labels, strict=True):
-        panel, scale = convert_to_colour(frame), frame.shape[1] / 900  # 1: a frame 900 px wide
+        panel, scale = convert_to_colour(frame), frame.shape[1] / 900
         lit_scene = match_scene_to_light(scene, frame)
         edge = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, thin=typical.thin)
         for silhouette in find_silhouettes(frame, lit_scene, arena, settings.least_area_px, edge):
@@ -46,6 +48,7 @@ def draw_detections(
         place, stroke = (int(12 * scale), int(30 * scale)), max(1, round(2 * scale))
         write_text(panel, label, place, (255, 255, 255), font_scale=0.9 * scale, stroke_px=stroke)
         panels.append(panel)
+    # The key.
     rows = join_in_rows(panels, columns=2)
     width = rows[0].shape[1]
     scale = width / 1800

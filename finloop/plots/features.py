@@ -24,6 +24,7 @@ from finloop.plots.parts import (
     draw_empty_tank,
     draw_heading_arrows,
     join_in_rows,
+    unit_vectors,
     write_text,
 )
 
@@ -141,9 +142,10 @@ def choose_rows_to_check(features: pd.DataFrame, count: int) -> NDArray[np.intp]
 
 
 def draw_specimens(specimens: Iterable[Specimen], columns: int = 6, size: int = 220) -> Picture:
-    """Draw fish in tiles, each with backbone, control points, B-spline and heading.
+    """Return a picture of fish in tiles, each with backbone, control points, B-spline and heading.
 
-    columns: tiles per row. size: width of a tile in px. Returns (h, w, 3), with a key on top.
+    columns: tiles per row. size: width of a tile in px. The picture is (h, w, 3), with a key on
+    top.
     """
     rows = join_in_rows([_draw_tile(specimen, size) for specimen in specimens], columns)
     key = np.full((24, rows[0].shape[1], 3), 40, np.uint8)
@@ -160,7 +162,8 @@ _WORDS, _LETTERS = (235, 235, 235), 0.38
 
 
 def _draw_tile(specimen: Specimen, size: int) -> Picture:
-    """Draw one fish in a tile, `size` px wide, with its measures and a text on them."""
+    """Return a tile, `size` px wide, with one fish, its measures drawn on it, and a text."""
+    # The fish, as large as fits.
     film = convert_to_colour(specimen.film)
     scale = (size - 40) / max(film.shape[:2])  # 30 px above are for the text, 10 px below free
     tile = np.full((size, size, 3), 40, np.uint8)
@@ -169,10 +172,11 @@ def _draw_tile(specimen: Specimen, size: int) -> Picture:
     tile[top : top + big.shape[0], left : left + big.shape[1]] = big
 
     def to_tile(points: NDArray[np.floating]) -> NDArray[np.int32]:
-        """Convert px of the picture to sixteenths of a pixel of the tile, for cv2's shift=4."""
+        """Return px of the film in sixteenths of a pixel of the tile, for cv2's shift=4."""
         inside = points - [specimen.x0_px, specimen.y0_px] + 0.5
         return np.round(16 * (inside * scale - 0.5 + [left, top])).astype(np.int32)
 
+    # Its measures.
     control = control_points(specimen.backbone[None])[0]
     style: dict[str, int] = {"lineType": cv2.LINE_AA, "shift": 4}
     spline = to_tile(closed_spline_points(control))
@@ -180,12 +184,12 @@ def _draw_tile(specimen: Specimen, size: int) -> Picture:
     cv2.polylines(tile, [to_tile(specimen.backbone)], isClosed=False, color=_BACKBONE, **style)
     for x, y in to_tile(control):
         cv2.circle(tile, (int(x), int(y)), 40, _CONTROL, cv2.FILLED, **style)
-    angle = np.radians(specimen.row["heading_deg"])
-    ahead = 0.25 * specimen.row["body_length_px"] * np.array([np.cos(angle), -np.sin(angle)])
-    start, end = to_tile(np.stack([specimen.backbone[0], specimen.backbone[0] + ahead]))
+    row, head = specimen.row, specimen.backbone[0]
+    ahead = 0.25 * row["body_length_px"] * unit_vectors(row["heading_deg"])
+    start, end = to_tile(np.stack([head, head + ahead]))
     ends = tuple(map(int, start)), tuple(map(int, end))
     cv2.arrowedLine(tile, *ends, _HEADING, 2, cv2.LINE_AA, shift=4, tipLength=0.3)
-    row = specimen.row
+    # The text.
     swimming_type = TYPES[int(row["swimming_type"])][0]
     above = f"track {row['track_id']:.0f} frame {row['frame']:.0f} {swimming_type}"
     below = f"confidence {row['head_confidence']:.3f}  area {row['motion_area_rel']:.2f}"

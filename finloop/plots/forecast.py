@@ -8,7 +8,7 @@ from finloop.forecast.assess import autocorrelation
 from finloop.forecast.film import FilmStates
 
 _FILM, _PREDICTED, _TRAIN = "0.35", "#D55E00", "#0072B2"
-_CHANNELS = (
+_CHANNELS = (  # a column of the predictions, its number in the film's states, and its label
     ("forward", -3, "forward speed (body lengths/s)"),
     ("turning", -1, "turning speed (rad/s)"),
     ("pose", 0, "first code of the posture (rad, root mean square)"),
@@ -25,6 +25,7 @@ def draw_learning(curve: pd.DataFrame, held_out: pd.DataFrame) -> Figure:
     """
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     errors, ranks = figure.subplots(1, 2)
+    # The errors.
     for side, colour, label in (
         ("train", _TRAIN, "learnt from"), ("held_out", _PREDICTED, "held out"),
     ):  # fmt: skip
@@ -32,7 +33,8 @@ def draw_learning(curve: pd.DataFrame, held_out: pd.DataFrame) -> Figure:
     errors.set(xlabel="epoch", ylabel="mean square / that of persistence", ylim=(0, 1.2))
     errors.grid(alpha=0.3)
     errors.legend(frameon=False)
-    bins = np.linspace(0, 1, 11)  # a tenth of the rows is expected in each
+    # The ranks; a tenth of the rows is expected in each bin.
+    bins = np.linspace(0, 1, 11)
     for name in _RANKS:
         share = 10 * np.histogram(held_out[name], bins)[0] / max(len(held_out), 1)
         ranks.plot((bins[1:] + bins[:-1]) / 2, share, "o-", ms=3, label=name.removesuffix("_rank"))
@@ -60,6 +62,7 @@ def draw_free_swimming(film: FilmStates, predicted: pd.DataFrame) -> Figure:
         filmed, free = film.states[rows, number], predicted[name].to_numpy(float)
         low, high = np.quantile(filmed, [0.002, 0.998])
         bins = np.linspace(low, high, 60).tolist()
+        # The distributions.
         above.hist(filmed, bins, density=True, color=_FILM, alpha=0.35, label="film")
         above.hist(
             free, bins, density=True, histtype="step", color=_PREDICTED, lw=1.6, label="free"
@@ -67,6 +70,7 @@ def draw_free_swimming(film: FilmStates, predicted: pd.DataFrame) -> Figure:
         above.set_yscale("log")
         above.legend(frameon=False)
         above.set(xlabel=label, ylabel="density")
+        # The autocorrelations.
         times = np.arange(lags) / film.rate_hz
         below.plot(times, autocorrelation(filmed, follows, lags), color=_FILM, label="film")
         unbroken = np.ones(len(free) - 1, bool)

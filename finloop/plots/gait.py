@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Points
+from finloop.base.stretches import spread_rows
 from finloop.gait.fit import GaitContours, KeyFrames, Subcycle
 from finloop.gait.model import (
     Gait,
@@ -65,8 +66,7 @@ def _figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points) -> Figure:
 def _figure8_contours(film: GaitContours) -> Figure:
     """Draw Fig. 8 with contours instead of pictures, of frames spread over the first cycle."""
     first_cycle = np.flatnonzero(film.phase < film.phase[0] + 1)
-    count = min(_FRAMES, len(first_cycle))
-    frames = first_cycle[np.unique(np.linspace(0, len(first_cycle) - 1, count).astype(int))]
+    frames = spread_rows(first_cycle, _FRAMES)
     rows = _arrange_poses({name: points[frames] for name, points in film.contours.items()})
     titles = [f"phase {film.phase[k] % 1:.2f}" for k in frames]
     return _draw_sheet(rows, titles, [""] * len(rows), "contours of the film")
@@ -132,6 +132,7 @@ def _figure10(film: GaitContours, keys: KeyFrames, split: float) -> Figure:
 
     split: phase of key 2, in cycles. Each contour has a cell of its own.
     """
+    # The frames of each contour, and their extents.
     in_a_or_c = (np.mod(film.phase, 0.5) > 0) & (np.mod(film.phase, 0.5) < split)
     in_c = (np.mod(film.phase, 1) >= 0.5)[in_a_or_c, None, None]
     mapped = film.contours_half_cycle_later(film.contours)
@@ -141,6 +142,7 @@ def _figure10(film: GaitContours, keys: KeyFrames, split: float) -> Figure:
         low, high = _least_xy(frames[name]), _greatest_xy(frames[name])
         middles[name] = (low + high) / 2
         sizes.append(high - low)
+    # A cell for each contour, a little larger than the largest one.
     size = np.max(sizes, axis=0)
     names, (width, height) = list(frames), 1.15 * size
     columns = min(4, len(names))
@@ -177,6 +179,7 @@ def _figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
         ax.plot(tau, 1 - tau, color=GREY, lw=1, label="linear")
         for number, (letter, mark, ink) in enumerate(zip("AB", "ox", INKS, strict=False)):
             subcycle = subcycles[name, number]
+            # Least squares: each frame = end + f · (start − end).
             change = (subcycle.start - subcycle.end).ravel()
             samples = subcycle.samples
             remaining = (samples.coefficients - subcycle.end).reshape(len(samples.tau), -1)
@@ -238,7 +241,7 @@ def _synthesize_contours(
 def _arrange_poses(frames: Mapping[str, Points]) -> list[list[Pose]]:
     """Return the pose of each frame, its contours by name, in rows of _COLUMNS poses.
 
-    frames: contours of k frames by name, (k, n, 2).
+    frames: name → contour in each of k frames, (k, n, 2).
     """
     poses: list[Pose] = [
         dict(zip(frames, contours, strict=True)) for contours in zip(*frames.values(), strict=True)
@@ -261,7 +264,10 @@ def _draw_sheet(
 
 
 def _cell_size(rows: Sequence[Sequence[Pose]]) -> Points:
-    """Return width and height of the cell in which each of some poses is drawn."""
+    """Return width and height of a cell that is large enough for each of some poses.
+
+    They are in the unit of the poses.
+    """
     points = _all_points([pose for row in rows for pose in row])
     width, height = _greatest_xy(points) - _least_xy(points)
     return np.array([1.08 * width, 1.04 * height + 0.13 * width])  # with room for a title
@@ -288,6 +294,7 @@ def _draw_cells(
         if names:
             x, y = -0.06 * width, (row_number + 0.45) * height
             ax.text(x, y, names[row_number], rotation=90, ha="right", va="center", fontsize=10)
+    # Room for the names at the left, and for the titles above the rows.
     ax.set(
         xlim=(-0.25 * width if names else 0, max(map(len, rows)) * width),
         ylim=(len(rows) * height - 0.13 * width, -0.13 * width),

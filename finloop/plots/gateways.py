@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -12,53 +11,37 @@ from numpy.typing import NDArray
 from finloop.distance.map import MapFacts
 from finloop.distance.reel import Reel
 from finloop.gateways.find import IN, OUT, draw_sprites_and_next
-from finloop.plots.loops import spread_table_rows
-from finloop.plots.parts import Picture, join_in_rows, lay_on_grey, write_text
+from finloop.plots.loops import TransitionPictures, spread_table_rows
+from finloop.plots.parts import INK, Picture, join_in_rows, lay_on_grey, write_text
 
 Stack = NDArray[np.float32]
 
 TILE = 150  # px
-_INK, _STRIP = (150, 30, 30), 20
+_STRIP = 20  # px, height of a headline
+_COLUMNS = 3  # gateways in a row
 _HEADLINES = {
     IN: "IN: sprite | next as filmed | next frame instead | half of both",
     OUT: "OUT: frame | next as filmed | next sprite instead | half of both",
 }
 
 
-class GatewayPictures(NamedTuple):
-    """Three pictures of a gateway, and the two texts above and below them.
-
-    before: the last picture. natural: the picture that would follow it. instead: the picture that
-    is shown. Each is (TILE, TILE, c), 0 … 1, premultiplied by its last channel, alpha.
-    """
-
-    before: Stack
-    natural: Stack
-    instead: Stack
-    above: str
-    below: str
-
-
-def choose_gateways_to_draw(gateways: pd.DataFrame, count: int) -> pd.DataFrame:
-    """Return at most `count` gateways, evenly spaced from the smallest distance to the largest."""
-    return spread_table_rows(gateways.sort_values("distance", kind="stable"), count)
-
-
 def gateway_pictures(
-    gateways: pd.DataFrame, reel: Reel, facts: MapFacts
-) -> Iterator[GatewayPictures]:
-    """Yield the pictures of each gateway, in the pose in which they were compared.
+    gateways: pd.DataFrame, most: int, reel: Reel, facts: MapFacts
+) -> Iterator[TransitionPictures]:
+    """Yield the pictures of gateways, in the pose in which they were compared.
 
-    gateways: columns sprite, row, orientation, direction, distance. reel: frames and sprites.
-    facts: how the distance map was made.
+    They are at most `most`, evenly spaced from the smallest distance to the largest, (TILE, TILE,
+    c) each. gateways: columns sprite, row, orientation, direction, distance. reel: the film's
+    cut-outs and sprites. facts: how the distance map was made.
     """
+    by_distance = gateways.sort_values("distance", kind="stable")
 
     @lru_cache(1)  # in the pose BODY all sprites have one orientation
     def load_sprite_pictures(orientation: int) -> tuple[Stack, Stack]:
-        """Draw the frame after each sprite, and each sprite, in an orientation."""
+        """Return pictures of the frame after each sprite, and of each sprite, in an orientation."""
         return draw_sprites_and_next(reel, TILE, facts.pose, orientation)
 
-    for gateway in gateways.itertuples():
+    for gateway in spread_table_rows(by_distance, most).itertuples():
         sprite, row = reel.sprites.iloc[gateway.sprite], reel.features.iloc[gateway.row]
         next_pictures, sprite_pictures = load_sprite_pictures(max(1, gateway.orientation))
         after_sprite = next_pictures[gateway.sprite]
@@ -72,31 +55,31 @@ def gateway_pictures(
         below = f"{gateway.distance / facts.step_median:.2f} steps"
         if inward:
             above = f"{sprite_name} > {frame_name}"
-            yield GatewayPictures(sprite_itself, after_sprite, frame, above, below)
+            yield TransitionPictures(sprite_itself, after_sprite, frame, above, below)
         else:
             above = f"{frame_name} > {sprite_name}"
-            yield GatewayPictures(frame, after_frame, sprite_itself, above, below)
+            yield TransitionPictures(frame, after_frame, sprite_itself, above, below)
 
 
-def draw_gateways(gateways: Mapping[str, Sequence[GatewayPictures]], columns: int = 3) -> Picture:
-    """Draw gateways in both directions, each direction below a line that explains its pictures.
+def draw_gateways(gateways: Mapping[str, Sequence[TransitionPictures]]) -> Picture:
+    """Return a picture (h, w, 3) of gateways, each direction below a line that explains it.
 
-    gateways: direction (IN, OUT) → gateways. columns: gateways per row. Returns (h, w, 3).
+    gateways: direction (IN, OUT) → gateways.
     """
     bands = []
     for direction, pictures in gateways.items():
-        strip = np.full((_STRIP, 4 * TILE * columns, 3), 255, np.uint8)  # 4 pictures a gateway
-        write_text(strip, _HEADLINES[direction], (4, _STRIP - 5), _INK, font_scale=0.45)
-        bands += [strip, *join_in_rows([_draw_gateway(gateway) for gateway in pictures], columns)]
+        strip = np.full((_STRIP, 4 * TILE * _COLUMNS, 3), 255, np.uint8)  # 4 pictures a gateway
+        write_text(strip, _HEADLINES[direction], (4, _STRIP - 5), INK, font_scale=0.45)
+        bands += [strip, *join_in_rows([_draw_gateway(gateway) for gateway in pictures], _COLUMNS)]
     return np.vstack(bands)
 
 
-def _draw_gateway(gateway: GatewayPictures) -> Picture:
-    """Draw the three pictures of a gateway, and the mean of the last two, side by side."""
+def _draw_gateway(gateway: TransitionPictures) -> Picture:
+    """Return the three pictures of a gateway, and the mean of the last two, side by side."""
     mean = ((gateway.natural + gateway.instead) / 2).astype(np.float32)
     stacks = (gateway.before, gateway.natural, gateway.instead, mean)
     picture = np.hstack([lay_on_grey(255 * stack[..., :-1], stack[..., -1:]) for stack in stacks])
     for text, y in ((gateway.above, 12), (gateway.below, TILE - 5)):
-        write_text(picture, text, (4, y), _INK, font_scale=0.36)
+        write_text(picture, text, (4, y), INK, font_scale=0.36)
     cv2.rectangle(picture, (0, 0), (picture.shape[1] - 1, TILE - 1), (235,) * 3, thickness=2)
     return picture

@@ -15,11 +15,12 @@ from finloop.features.current import places_through_water
 from finloop.features.table import infer_delta_frames, wrap_deg
 from finloop.loops.search import measure_travel
 from finloop.plots.loops import SIZE_PX, lay_on_light, rows_with_fish
-from finloop.plots.parts import draw_arrow
+from finloop.plots.parts import draw_arrow, unit_vectors
 
 _HEADING, _TRAVEL = "#009E73", "#D55E00"  # Okabe-Ito
 _HIGH = 0.45  # height of the upper picture, as a share of its width
 _DASHED = (0, (2, 1.5))
+BETWEEN_ENDS, AT_A, AT_B = range(3)  # where a loop is improper
 _PLACES = ("from a to b", "at a", "at b")
 
 Rows = NDArray[np.integer]
@@ -28,9 +29,9 @@ Rows = NDArray[np.integer]
 class ImproperLoop(NamedTuple):
     """An improper loop: two similar rows a < b between which the fish travels against its heading.
 
-    place: of the fault, 0 between the ends, 1 at a, 2 at b. travel_deg, heading_deg: directions at
-    this place, anticlockwise. off_deg: the angle between them. filtered: mean distance along the
-    diagonal of the distance map.
+    place: where it does so, BETWEEN_ENDS, AT_A or AT_B. travel_deg, heading_deg: directions at this
+    place, anticlockwise. off_deg: the angle between them. filtered: mean picture distance of the
+    two rows and their neighbours.
     """
 
     a: int
@@ -61,8 +62,9 @@ def find_most_improper_loop(
     places = places_through_water(features)
     path_length = np.hypot(*(places[b] - places[a]).T)
     body_length = features["body_length_px"].to_numpy(float)[a]
-    fault_deg[:, 0] *= np.minimum(path_length / body_length, 1.0)
-    considered = fault_deg[:, :1] if fault_deg[:, 0].any() else fault_deg
+    fault_deg[:, BETWEEN_ENDS] *= np.minimum(path_length / body_length, 1.0)
+    between_ends = fault_deg[:, [BETWEEN_ENDS]]
+    considered = between_ends if between_ends.any() else fault_deg
     pair, place = np.unravel_index(int(considered.argmax()), considered.shape)
     return ImproperLoop(
         a=int(a[pair]), b=int(b[pair]), place=int(place),
@@ -77,9 +79,10 @@ def loop_path_rows(loop: ImproperLoop, features: pd.DataFrame) -> Rows:
 
     Δ is the time in which motion is measured.
     """
-    if loop.place == 0:
+    if loop.place == BETWEEN_ENDS:
         return np.arange(loop.a, loop.b + 1)
-    end, delta = (loop.a, loop.b)[loop.place - 1], infer_delta_frames(features)
+    end = loop.a if loop.place == AT_A else loop.b
+    delta = infer_delta_frames(features)
     rows = end - delta // 2 + np.arange(delta + 1)
     track = features["track_id"].to_numpy()
     rows = rows[(rows >= 0) & (rows < len(track))]
@@ -91,8 +94,8 @@ def figure13(
 ) -> Figure:
     """Draw Fig. 13 of the fish paper: an improper loop, with the fish's heading and its travel.
 
-    Below are the pictures at both ends. pose: the pose in which they were compared. headline: the
-    text above the figure.
+    Below are the pictures at both ends. reel: the film's cut-outs and features. pose: the pose in
+    which the ends were compared. background: the empty tank. headline: the text above the figure.
     """
     features = reel.features
     figure = Figure(figsize=(12.5, 8.0), layout="constrained")
@@ -100,6 +103,7 @@ def figure13(
     heights = _HIGH * 12.5, 2
     parts: NDArray[np.object_] = np.asarray(figure.subfigures(2, 1, height_ratios=heights))
     upper, lower = parts
+    # The path over the tank, with the fish at its ends.
     path_panel = upper.subplots()
     film = background.copy()
     for row in _rows_to_show(loop).values():
@@ -109,6 +113,7 @@ def figure13(
         film[top : top + height, left : left + width] = cutout.blend_over(film)
     path_panel.imshow(film, cmap="gray", vmin=0, vmax=255, interpolation="bicubic")
     _draw_loop_path(path_panel, loop, features, film)
+    # The pictures at both ends.
     pictures = reel.draw_rows(np.array([loop.a, loop.b]), SIZE_PX, pose)
     band = rows_with_fish(pictures)
     lower.suptitle("the fish at a and b: alike enough for a jump", fontsize=11)
@@ -122,9 +127,9 @@ def figure13(
 
 def _rows_to_show(loop: ImproperLoop) -> dict[str, int]:
     """Return the rows at which the fish is drawn, by letter: both ends, or the improper end."""
-    if loop.place == 0:
+    if loop.place == BETWEEN_ENDS:
         return {"a": loop.a, "b": loop.b}
-    return {"a": loop.a} if loop.place == 1 else {"b": loop.b}
+    return {"a": loop.a} if loop.place == AT_A else {"b": loop.b}
 
 
 def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film: Picture) -> None:
@@ -137,29 +142,31 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
     place = part[["x_px", "y_px"]].to_numpy(float)
     head = part[["head_x_px", "head_y_px"]].to_numpy(float)
     length = float(part["body_length_px"].median())  # all arrows are shares of the body length
+    # The path, and the heading at its ends.
     axes.plot(*place.T, "-", color="white", lw=1.2)
     axes.plot(*place[[0, -1]].T, "o", color="white", ms=4)
     for letter, row in _rows_to_show(loop).items():
         end = int(np.searchsorted(rows, row))
-        ahead = _unit_vector(part["heading_deg"].iloc[end])
+        ahead = unit_vectors(part["heading_deg"].iloc[end])
         draw_arrow(axes, head[end], head[end] + 0.45 * length * ahead, color=_HEADING, lw=2.5)
         right, down = head[end] + 0.62 * length * ahead
         axes.text(right, down, letter, ha="center", va="center", color=_HEADING, fontweight="bold")
     # The direction of travel, through the middle of the path and at least a body length long.
     reach = max(float(np.hypot(*(place[-1] - place[0]))), length)
     middle = place[[0, -1]].mean(0)
-    along, ahead = _unit_vector(loop.travel_deg), _unit_vector(loop.heading_deg)
+    along, ahead = unit_vectors(loop.travel_deg), unit_vectors(loop.heading_deg)
     draw_arrow(axes, middle - along * reach / 2, middle + along * reach / 2, color=_TRAVEL, lw=2.5)
-    if loop.place == 0:
+    if loop.place == BETWEEN_ENDS:
         draw_arrow(axes, middle, middle + 0.75 * length * ahead, color=_HEADING, lw=2.5, ls=_DASHED)
         # The angle between both, as an arc with its size.
         turned = float(wrap_deg(np.array(loop.heading_deg - loop.travel_deg)))
         angles = loop.travel_deg + np.linspace(0, turned, 40)
-        arc = middle + 0.35 * length * np.array([_unit_vector(angle) for angle in angles])
+        arc = middle + 0.35 * length * unit_vectors(angles)
         axes.plot(*arc.T, color="black", lw=1)
-        right, down = middle + 0.58 * length * _unit_vector(loop.travel_deg + turned / 2)
+        right, down = middle + 0.58 * length * unit_vectors(loop.travel_deg + turned / 2)
         words = f"{loop.off_deg:.0f}°"
         axes.text(right, down, words, ha="center", va="center", fontweight="bold")
+    # What the panel shows, and its key.
     shown = np.vstack([place, head, head + length / 2, head - length / 2])
     _zoom_to_points(axes, shown, 0.3 * length, film)
     keys = [
@@ -169,7 +176,7 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
         ),
         Line2D([], [], color=_TRAVEL, lw=2.5, label=f"the loop travels, {_PLACES[loop.place]}"),
     ]
-    if loop.place == 0:
+    if loop.place == BETWEEN_ENDS:
         keys.append(Line2D([], [], color=_HEADING, lw=2.5, ls=_DASHED, label="mean heading"))
     axes.legend(handles=keys, loc="best", facecolor="0.75", framealpha=0.9)
 
@@ -177,7 +184,8 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
 def _zoom_to_points(axes: Axes, points: Floats, margin: float, film: Picture) -> None:
     """Let a panel show points (n, 2) with a margin [px], within the film if possible."""
     half_size = np.ptp(points, axis=0) / 2 + margin
-    half_size = np.maximum(half_size, half_size[::-1] * (1 / _HIGH, _HIGH))  # the panel's shape
+    # One side is widened, so that the part has the panel's shape.
+    half_size = np.maximum(half_size, half_size[::-1] * (1 / _HIGH, _HIGH))
     left, top = (points.min(0) + points.max(0)) / 2 - half_size
     (height, width), (shown_width, shown_height) = film.shape[:2], 2 * half_size
     left = np.clip(left, -0.5, max(width - 0.5 - shown_width, -0.5))
@@ -186,9 +194,3 @@ def _zoom_to_points(axes: Axes, points: Floats, margin: float, film: Picture) ->
         xlim=(left, left + shown_width), ylim=(top + shown_height, top), xticks=[], yticks=[],
         facecolor="0.75",
     )  # fmt: skip
-
-
-def _unit_vector(angle_deg: float) -> Floats:
-    """Return the unit vector x, y of an angle in degrees, anticlockwise; y points down."""
-    angle = np.radians(angle_deg)
-    return np.array([np.cos(angle), -np.sin(angle)])

@@ -12,11 +12,10 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Mask
-from finloop.loops.graph import LoopGraph, can_play_for_ever, rows_of_component
+from finloop.loops.graph import LoopGraph, can_play_for_ever, rows_of_largest_component
 from finloop.loops.search import group_overlapping_loops
-from finloop.plots.loops import arc_points, spread_table_rows
+from finloop.plots.loops import DEAD, LARGEST, OTHER, arc_points, spread_table_rows
 
-_LARGEST, _OTHER, _DEAD = "#0072B2", "#E69F00", "#D55E00"  # Okabe-Ito
 _IN_TURN = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
 _ARCS, _PER_GROUP = 160, 8  # loops that a viewer can distinguish in one picture and one group
 _ROWS = 9  # groups with a row of their own
@@ -41,13 +40,13 @@ def rows_within_loops(loops: pd.DataFrame, track_id: Rows) -> Mask:
 
     Of a loop between two tracks only its ends count. track_id (n,): the track of each row.
     """
-    begins_less_ends = np.zeros(len(track_id) + 1, np.int64)  # of the loops that lie over each row
+    change = np.zeros(len(track_id) + 1, np.int64)  # of the number of loops that lie over a row
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     within = track_id[a] == track_id[b]
     for first, last in ((a, np.where(within, b, a)), (b, b)):
-        np.add.at(begins_less_ends, first, 1)
-        np.add.at(begins_less_ends, last + 1, -1)
-    return np.cumsum(begins_less_ends)[:-1] > 0
+        np.add.at(change, first, 1)
+        np.add.at(change, last + 1, -1)
+    return np.cumsum(change)[:-1] > 0
 
 
 def figure12(
@@ -85,12 +84,13 @@ def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: 
     if within.empty:
         axes.set_title("no loop lies within one track", loc="left", fontsize=10)
         return
+    # The groups; their colours alternate in time.
     groups = group_overlapping_loops(within["a"].to_numpy(), within["b"].to_numpy(), track_id)
     within = within.assign(track_group=groups).sort_values(["track_group", "length_s"])
     count, drawn = int(groups.max()) + 1, 0
     arcs_per_group = max(1, min(_PER_GROUP, _ARCS // count))
     by_group = within.groupby("track_group")
-    rank_in_time = by_group["a"].min().argsort().argsort()  # of each group among all
+    rank_in_time = by_group["a"].min().rank(method="first").astype(int) - 1
     # Of each colour: first the start and length of the bars, then the points of the arcs, s.
     bars: list[list[tuple[float, float]]] = [[] for _ in _IN_TURN]
     arcs: list[list[NDArray[np.float64]]] = [[] for _ in _IN_TURN]
@@ -126,7 +126,7 @@ def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
     names = []
     for row in range(min(len(group_sizes), _ROWS) + (len(group_sizes) > _ROWS)):
         group = loops[loops["group"] == row] if row < _ROWS else loops[loops["group"] >= row]
-        covered, colour = rows_within_loops(group, track_id), _OTHER if row else _LARGEST
+        covered, colour = rows_within_loops(group, track_id), OTHER if row else LARGEST
         parts = [(a / rate_hz, (b - a) / rate_hz) for a, b in find_stretches(covered, track_id)]
         axes.broken_barh(parts, (row - 0.3, 0.6), color=colour, lw=1.5 if row else 0)
         if row:  # the largest group, row 0, has too many
@@ -161,20 +161,22 @@ def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_h
     """
     track_id, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     rows = len(track_id)
-    endless, in_largest = can_play_for_ever(graph, track_id), rows_of_component(graph, rows)
+    # The bar, with a line between two tracks.
+    endless, in_largest = can_play_for_ever(graph, track_id), rows_of_largest_component(graph, rows)
     state = np.where(in_largest, 0, np.where(endless, 1, 2))
     axes.imshow(
         state[None], aspect="auto", extent=(0, rows / rate_hz, 0, 1), interpolation="nearest",
-        cmap=ListedColormap([_LARGEST, _OTHER, _DEAD]), vmin=0, vmax=2,
+        cmap=ListedColormap([LARGEST, OTHER, DEAD]), vmin=0, vmax=2,
     )  # fmt: skip
     for edge in np.flatnonzero(np.diff(track_id)) + 1:
         axes.axvline(edge / rate_hz, ymin=0.6, color="white", lw=0.6)
     words = ("in the largest component", "leads to a loop without end", "dead end")
     handles = [
         Patch(color=colour, label=f"{word}: {100 * (state == number).mean():.1f} % of the film")
-        for number, (word, colour) in enumerate(zip(words, (_LARGEST, _OTHER, _DEAD), strict=True))
+        for number, (word, colour) in enumerate(zip(words, (LARGEST, OTHER, DEAD), strict=True))
     ]
     axes.legend(handles=handles)
+    # The names of the longest dead ends, side by side below the bar.
     dead_ends = find_stretches(~endless, track_id)
     longest_first = sorted(dead_ends, key=lambda stretch: stretch[0] - stretch[1])
     named = sorted(longest_first[:_NAMED])
@@ -183,7 +185,7 @@ def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_h
         axes.annotate(
             f"{text}\n{(stop - start) / rate_hz:.1f} s", ((start + stop) / 2 / rate_hz, 0),
             ((number + 0.5) / len(named), -0.55), textcoords="axes fraction", fontsize=8,
-            ha="center", va="top", arrowprops={"arrowstyle": "-", "color": _DEAD, "lw": 0.8},
+            ha="center", va="top", arrowprops={"arrowstyle": "-", "color": DEAD, "lw": 0.8},
         )  # fmt: skip
     axes.set(yticks=[], xlabel="film, its tracks one after another (s)")
     axes.xaxis.tick_top()

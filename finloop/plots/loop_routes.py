@@ -22,7 +22,7 @@ _HALO = [withStroke(linewidth=3, foreground="white")]
 _TRACKS = 40  # those with the most loops
 _PER_TRACK = 24  # loops of a track, of which all combinations of four are examined
 _ENOUGH = 40  # routes from G to F; the three of the figure are among the shortest
-_G, _F = 6, 5  # in time order
+_G, _F = 6, 5  # numbers of the ends in time order, from 0 for A
 
 Rows = NDArray[np.integer]
 
@@ -31,7 +31,7 @@ class ThreeRoutes(NamedTuple):
     """Four loops of one track, ordered by their first ends, and three routes from end G to end F.
 
     loops: their rows of the table of loops. ends (8,): rows of the feature table, A … H. cases: the
-    three routes, each a list of legs (from, to, PLAY or JUMP).
+    three routes, each a list of legs.
     """
 
     loops: pd.DataFrame
@@ -47,6 +47,7 @@ def find_three_routes(loops: pd.DataFrame, track_id: Rows) -> ThreeRoutes | None
     loop lies between there and F, so that the route can include it. Of all such loops, these have
     the ends that are farthest from each other in time. track_id (n,): the track of each row.
     """
+    # The best four loops of the tracks with the most loops.
     within = loops[loops["length_s"].notna()]
     track = track_id[within["a"].to_numpy()]
     largest_share, chosen = 0.0, None
@@ -69,14 +70,16 @@ def find_three_routes(loops: pd.DataFrame, track_id: Rows) -> ThreeRoutes | None
 def _least_gap_shares(pairs: Ints) -> Floats:
     """Return the least time between two ends of four loops, as a share of the time that they span.
 
-    pairs (n, 4, 2): the ends of n choices of four loops. The share is 0 where the loops do not lie
-    as in the paper.
+    pairs (n, 4, 2): the ends of n choices of four loops. The share (n,) is 0 where the loops do not
+    lie as in the paper.
     """
     n = len(pairs)
     ends = pairs.reshape(n, 8)
     order = ends.argsort(axis=1, kind="stable")
     rank = np.argsort(order, axis=1)  # of each end in time, 0 for A … 7 for H
-    partner = np.empty_like(rank)  # (n, 8): for each of A … H, the rank of its loop's other end
+    # (n, 8): for each of A … H, the rank of its loop's other end; the ends of a loop are neighbours
+    # in `ends`.
+    partner = np.empty_like(rank)
     np.put_along_axis(partner, rank, rank[:, [1, 0, 3, 2, 5, 4, 7, 6]], axis=1)
     time = np.take_along_axis(ends, order, axis=1)
     least_share = np.diff(time, axis=1).min(axis=1) / (time[:, -1] - time[:, 0])
@@ -94,20 +97,21 @@ def choose_cases(candidates: Sequence[list[Leg]]) -> list[list[Leg]]:
     on the route: a second jump, back in time. candidates: the shortest first.
     """
     one_jump = [route for route in candidates if len(jump_legs(route)) == 1]
-    first = next(route for route in one_jump if route[0][2] == PLAY)
-    second = next(route for route in one_jump if route[0][2] == JUMP)
+    first = next(route for route in one_jump if route[0].kind == PLAY)
+    second = next(route for route in one_jump if route[0].kind == JUMP)
 
     def has_one_more_loop(route: Sequence[Leg]) -> bool:
-        """Return whether a route begins with the jump of case 1, and then jumps once, back."""
+        """Return whether a route has the jump of case 1, and then one more jump, back in time."""
         jumps = jump_legs(route)
-        return jumps[:1] == jump_legs(first) and len(jumps) == 2 and jumps[1][1] < jumps[1][0]
+        goes_back = len(jumps) == 2 and jumps[1].to_row < jumps[1].from_row
+        return goes_back and jumps[:1] == jump_legs(first)
 
     return [first, second, next(route for route in candidates if has_one_more_loop(route))]
 
 
 def jump_legs(route: Sequence[Leg]) -> list[Leg]:
     """Return the legs of a route that are jumps."""
-    return [leg for leg in route if leg[2] == JUMP]
+    return [leg for leg in route if leg.kind == JUMP]
 
 
 def spell_route(route: Sequence[Leg], ends: Rows) -> str:
@@ -115,20 +119,22 @@ def spell_route(route: Sequence[Leg], ends: Rows) -> str:
 
     ends: rows of the loop ends A, B …, in rising order.
     """
-    rows = [route[0][0], *(to for _, to, _ in route)]
+    rows = [route[0].from_row, *(leg.to_row for leg in route)]
     return "".join(LETTERS[int(np.searchsorted(ends, row))] for row in rows)
 
 
 def figure10(three: ThreeRoutes, reel: Reel, pose: str, natural_step: float) -> Figure:
     """Draw Fig. 10 of the fish paper: four loops in time (a), and three routes from G to F (b).
 
-    Between are the pictures at the loops' ends. pose: the pose in which they were compared.
-    natural_step: the film's median distance between one picture and the next.
+    Between are the pictures at the loops' ends. reel: the film's cut-outs and features. pose: the
+    pose in which the ends were compared. natural_step: the film's median distance between one
+    picture and the next.
     """
     figure = Figure(figsize=(12.5, 9.8), layout="constrained")
     heights = 3.2, 1.1, 5.6
     parts: NDArray[np.object_] = np.asarray(figure.subfigures(3, 1, height_ratios=heights))
     upper, middle, lower = parts
+    # (a) The loops, and the pictures at their ends.
     frame = reel.features["frame"].to_numpy()
     first, last = frame[three.ends[0]], frame[three.ends[-1]]
     margin = 0.04 * (last - first)
@@ -139,6 +145,7 @@ def figure10(three: ThreeRoutes, reel: Reel, pose: str, natural_step: float) -> 
     track = reel.features["track_id"].iloc[three.ends[0]]
     time.set_title(f"(a) four loops of track {track}", loc="left")
     _draw_fish_at_ends(middle, three, reel, pose, frame)
+    # (b) The routes.
     levels = [1 + len(jump_legs(route)) for route in three.cases]
     panels = lower.subplots(3, 1, sharex=True, height_ratios=levels)
     for number, (axes, route) in enumerate(zip(panels, three.cases, strict=True), start=1):
@@ -176,7 +183,7 @@ def _draw_loops(axes: Axes, three: ThreeRoutes, frame: Rows) -> None:
 
 
 def _draw_fish_at_ends(
-    part: SubFigure, three: ThreeRoutes, reel: Reel, pose: str, frame: Rows
+    subfigure: SubFigure, three: ThreeRoutes, reel: Reel, pose: str, frame: Rows
 ) -> None:
     """Draw the pictures of the fish at the eight ends side by side.
 
@@ -184,10 +191,10 @@ def _draw_fish_at_ends(
     """
     pictures = reel.draw_rows(three.ends.astype(np.intp), SIZE_PX, pose)
     band = rows_with_fish(pictures)
-    part.suptitle(
+    subfigure.suptitle(
         "the fish at the ends: two of one colour are alike", x=0.005, ha="left", fontsize=10
     )
-    panels = part.subplots(1, len(pictures))
+    panels = subfigure.subplots(1, len(pictures))
     colours = _end_colours(three)
     for axes, picture, letter, row, colour in zip(
         panels, pictures, LETTERS, three.ends, colours, strict=False
@@ -205,6 +212,7 @@ def _draw_route(axes: Axes, route: Sequence[Leg], ends: Rows, frame: Rows) -> No
     ends: rows of A … H. frame (n,): the frame of each row. A jump is a dotted line down, along and
     down again, to an arrow head.
     """
+    # The lines.
     level = 0
     for start, stop, kind in merge_play_legs(route):
         if kind == PLAY:
@@ -215,9 +223,10 @@ def _draw_route(axes: Axes, route: Sequence[Leg], ends: Rows, frame: Rows) -> No
             x, y = frame[[start, start, stop, stop]], np.array([1, 0.62, 0.62, 0.14]) - level
             axes.plot(x, y, color="0.3", lw=1.8, ls=":")
             axes.plot(x[-1], y[-1], "v", color="0.3", ms=6)
+    # The ends on the route, with their letters.
     level = 0
     names = dict(zip(ends.tolist(), LETTERS, strict=False))
-    stations = [(route[0][0], PLAY), *((stop, kind) for _, stop, kind in route)]
+    stations = [(route[0].from_row, PLAY), *((leg.to_row, leg.kind) for leg in route)]
     for number, (row, kind) in enumerate(stations):
         level += kind == JUMP
         is_end = number in (0, len(route))
@@ -244,7 +253,9 @@ def _describe_case(
         frozenset((loop.a, loop.b)): loop.distance / natural_step
         for loop in three.loops.itertuples()
     }
-    distances = " and ".join(f"{distance_of_loop[frozenset(jump[:2])]:.2f}" for jump in jumps)
+    distances = " and ".join(
+        f"{distance_of_loop[frozenset((jump.from_row, jump.to_row))]:.2f}" for jump in jumps
+    )
     return (
         f"case {number}: {spell_route(route, three.ends)}   {frames} frames, {len(jumps)} jump"
         f"{'s' if len(jumps) > 1 else ''} of {distances} natural steps"

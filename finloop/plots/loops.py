@@ -16,7 +16,7 @@ from finloop.loops.graph import LoopGraph
 from finloop.loops.positions import LETTERS
 from finloop.plots import parts
 
-_LARGEST, _OTHER, _DEAD = "#0072B2", "#E69F00", "#D55E00"  # Okabe-Ito
+LARGEST, OTHER, DEAD = "#0072B2", "#E69F00", "#D55E00"  # Okabe-Ito
 _QUADRANTS = ("#F0E442", "#56B4E9", "#CC79A7", "#009E73")
 _ARROWS = 60
 _HALO = [withStroke(linewidth=3, foreground="white")]
@@ -52,18 +52,20 @@ def draw_loops_over_tank(
     A colour shows whether the film can be played on for ever from an end. graph: of all loops.
     """
     figure, axes = parts.draw_empty_tank(background, alpha=0.45, key_inches=0.6)
+    # The loop ends.
     x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
     size = 2.5 if len(graph.segment_frames) > 500 else 5
     dead = ~graph.endless
     for mask, colour, meaning in (
-        ((graph.component == 0) & ~dead, _LARGEST, "in the largest component"),
-        ((graph.component > 0) & ~dead, _OTHER, "leads to a loop without end"),
-        (dead, _DEAD, "no playing on from here"),
+        ((graph.component == 0) & ~dead, LARGEST, "in the largest component"),
+        ((graph.component > 0) & ~dead, OTHER, "leads to a loop without end"),
+        (dead, DEAD, "no playing on from here"),
     ):
         rows = graph.ends[mask]
         if len(rows):
             label = f"{len(rows)} ends: {meaning}"
             axes.plot(x[rows], y[rows], ".", color=colour, ms=size, label=label)
+    # The arrows.
     within = loops[loops["length_s"].notna()].sort_values("length_s")
     drawn = spread_table_rows(within, _ARROWS)
     a, b = drawn["a"].to_numpy(), drawn["b"].to_numpy()
@@ -86,6 +88,7 @@ def figure11(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Figure:
     """
     figure = Figure(figsize=(14, 7), layout="constrained")
     path, cells = figure.subplots(1, 2)
+    # The track.
     track_id = features["track_id"].to_numpy()
     track = features[track_id == track_id[ends[0]]]
     path.plot(track["x_px"], track["y_px"], color="0.6", lw=1)
@@ -104,6 +107,7 @@ def figure11(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Figure:
     path.invert_yaxis()
     title = f"track {track_id[ends[0]]}: loop ends in time order"
     path.set(xlabel="x (px)", ylabel="y (px)", title=title)
+    # The table.
     quadrant = table.replace("", "0").to_numpy(int)
     cells.imshow(quadrant, cmap=ListedColormap(["white", *_QUADRANTS]), vmin=0, vmax=4)
     for row, column in zip(*np.nonzero(quadrant), strict=True):
@@ -119,23 +123,25 @@ def figure11(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Figure:
 SIZE_PX = 128  # of the pictures of a loop
 
 
-class LoopPictures(NamedTuple):
-    """Three pictures of a loop for the contact sheet, and a text on its frames and distances.
+class TransitionPictures(NamedTuple):
+    """Three pictures of a jump or gateway for a contact sheet, and the texts above and below them.
 
-    before: the picture shown last. natural: the film's next picture. instead: the loop's. Each is
-    (h, w, c), 0 … 1, premultiplied by its last channel, alpha.
+    before: the last picture. natural: the picture that would follow it. instead: the picture that
+    is shown. Each is (h, w, c), 0 … 1, premultiplied by its last channel, alpha.
     """
 
     before: NDArray[np.float32]
     natural: NDArray[np.float32]
     instead: NDArray[np.float32]
-    words: str
+    above: str
+    below: str = ""
 
 
-def loop_pictures(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[LoopPictures]:
+def loop_pictures(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[TransitionPictures]:
     """Yield the pictures of each loop: the row before its end a, row a, and row b in its place.
 
-    loops: columns a, b, distance, filtered. facts: how the distance map was made.
+    loops: columns a, b, distance, filtered. reel: the film's cut-outs and features. facts: how the
+    distance map was made.
     """
     track, frame = reel.features["track_id"].to_numpy(), reel.features["frame"].to_numpy()
     for loop in loops.itertuples():
@@ -147,7 +153,7 @@ def loop_pictures(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[
             f"track:frame {places}: seam {loop.distance / facts.step_median:.2f} steps, "
             f"filtered {loop.filtered / facts.step_median:.2f}"
         )
-        yield LoopPictures(last, natural, instead, words)
+        yield TransitionPictures(last, natural, instead, words)
 
 
 def choose_separate_loops(loops: pd.DataFrame, min_rows_apart: int, count: int) -> list[int]:
@@ -155,7 +161,7 @@ def choose_separate_loops(loops: pd.DataFrame, min_rows_apart: int, count: int) 
 
     min_rows_apart: the ends of two chosen loops are farther apart than this.
     """
-    ends, places = loops[["a", "b"]].to_numpy(), list[int]()
+    ends, places = loops[["a", "b"]].to_numpy(), list[int]()  # places: those chosen
     for place, pair in enumerate(ends):
         if len(places) == count:
             break
@@ -164,7 +170,7 @@ def choose_separate_loops(loops: pd.DataFrame, min_rows_apart: int, count: int) 
     return places
 
 
-def figure8(best: Sequence[LoopPictures], worst: Sequence[LoopPictures]) -> Figure:
+def figure8(best: Sequence[TransitionPictures], worst: Sequence[TransitionPictures]) -> Figure:
     """Draw Fig. 8 of the fish paper for the best and the worst loops, four pictures each.
 
     They are the last frame, the film's next, the loop's next, and the difference of the last two.
@@ -188,7 +194,7 @@ def figure8(best: Sequence[LoopPictures], worst: Sequence[LoopPictures]) -> Figu
             last, natural, instead = (lay_on_light(picture) for picture in loop[:3])
             difference = np.clip(0.5 + 1.5 * (instead - natural), 0, 1)  # grey: none; × 3
             axes.imshow(np.hstack([last, natural, instead, difference])[band])
-            axes.set_title(loop.words, fontsize=8, loc="left", pad=2)
+            axes.set_title(loop.above, fontsize=8, loc="left", pad=2)
     return figure
 
 

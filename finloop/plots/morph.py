@@ -4,32 +4,31 @@ from collections.abc import Mapping
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Picture
 from finloop.base.drawing import Morph
 from finloop.base.paint import group_contours, paint_layers
 
-Picture = NDArray[np.uint8]
+_COLUMNS, _SIZE = 9, 150  # frames in a row, and their width and height in px
 _BAR = 22  # px above a row, for its name
 
 
-def draw_morphs(morphs: Mapping[str, Morph], columns: int = 9, size: int = 150) -> Picture:
-    """Draw each morph in a row of pictures, evenly from its first frame to its last.
+def draw_morphs(morphs: Mapping[str, Morph]) -> Picture:
+    """Return a picture (h, w, 3) with a row of frames for each morph, from its first to its last.
 
-    morphs: by the name of the row. columns: pictures per row. size: width and height of a picture,
-    px. Above a row are its name and its number of folds. Returns (h, w, 3).
+    morphs: by the name of the row. Above a row are its name and its number of folds.
     """
     rows = []
     for name, morph in morphs.items():
         side = max(morph.width, morph.height)
         shapes = group_contours(morph.closed, morph.styles, side)
         tiles = []
-        for frame in np.linspace(0, len(morph.tau) - 1, columns).round().astype(int):
+        for frame in np.linspace(0, len(morph.tau) - 1, _COLUMNS).round().astype(int):
             contours = [
                 (shape, [morph.layers[layer][frame] for layer in shape.layers]) for shape in shapes
             ]
-            tiles.append(paint_layers(contours, (size, size), size / side))
-        bar = np.full((_BAR, size * columns, 3), 255, np.uint8)
+            tiles.append(paint_layers(contours, (_SIZE, _SIZE), _SIZE / side))
+        bar = np.full((_BAR, _SIZE * _COLUMNS, 3), 255, np.uint8)
         folds = sum(int(count.sum()) for count in morph.folds.values())
         text = f"{name}: {folds or 'no'} folds in {len(morph.tau)} frames"
         cv2.putText(bar, text, (6, 16), (0, 0, 0), cv2.FontFace("sans"), 13)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Picture
 
 Colour = tuple[int, int, int]
+INK = (150, 30, 30)  # of texts on cut-outs, which are grey
 _GROUND = 205  # grey level that a cut-out lies on
 
 
@@ -32,6 +33,12 @@ def draw_empty_tank(
     return figure, axes
 
 
+def unit_vectors(angle_deg: float | Floats) -> Floats:
+    """Return unit vectors x, y (…, 2) of angles (…) in degrees, anticlockwise; y points down."""
+    angle = np.radians(angle_deg)
+    return np.stack([np.cos(angle), -np.sin(angle)], axis=-1)
+
+
 def draw_heading_arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
     """Draw an arrow along the heading of each animal in a table.
 
@@ -45,7 +52,7 @@ def draw_heading_arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
 
 
 def join_in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
-    """Join tiles of one size (h, w, 3) into rows of `columns` tiles; return one picture per row.
+    """Return a picture per row of `columns` tiles (h, w, 3), which have one size.
 
     White tiles fill the last row. Without tiles there is no row.
     """
@@ -55,8 +62,15 @@ def join_in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
     return [np.hstack(tiles[start : start + columns]) for start in range(0, len(tiles), columns)]
 
 
+def crop_part(picture: Picture, left: int, top: int, width: int, height: int) -> Picture:
+    """Return a part of a picture, in px; beyond the picture its last pixels are repeated."""
+    columns = np.clip(np.arange(left, left + width), 0, picture.shape[1] - 1)
+    rows = np.clip(np.arange(top, top + height), 0, picture.shape[0] - 1)
+    return picture[rows[:, None], columns]
+
+
 def stack_pictures(pictures: Sequence[Picture]) -> Picture:
-    """Stack pictures (h, w, 3) of any sizes, each resized to the width of the first one."""
+    """Return pictures (h, w, 3) of any sizes in one column, resized to the width of the first."""
     width = pictures[0].shape[1]
     column = [pictures[0]]
     for picture in pictures[1:]:
@@ -71,7 +85,7 @@ def convert_to_colour(picture: Picture) -> Picture:
 
 
 def lay_on_grey(colour: NDArray[np.float32], alpha: NDArray[np.float32]) -> Picture:
-    """Lay premultiplied colours (h, w, 1 or 3), 0 … 255, over grey; return the picture (h, w, 3).
+    """Return a picture (h, w, 3) of premultiplied colours (h, w, 1 or 3), 0 … 255, over grey.
 
     alpha (h, w, 1): 0 … 1.
     """
@@ -83,7 +97,7 @@ def write_text(
     picture: Picture, text: str, place: tuple[int, int], colour: Colour, font_scale: float,
     stroke_px: int = 1,
 ) -> None:  # fmt: skip
-    """Write a text into a picture (h, w, 3), which changes.
+    """Write a text into a picture (h, w, 3), in place.
 
     place: x, y in px of the left end of the text's base line. colour: RGB. font_scale: 1 is about
     22 px high. stroke_px: width of the strokes.

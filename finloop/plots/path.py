@@ -11,29 +11,30 @@ from finloop.plots.animate import COLOURS
 _REQUESTED = "0.2"
 
 
-def draw_path(paths: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
+def draw_path(paths: pd.DataFrame, departures: pd.DataFrame, background: Picture) -> Figure:
     """Draw the requested path and each mode's path over the tank; on the right, errors over time.
 
     Rings mark where a fish left its path. paths: columns of `path_measures.PATH_ROWS`, among them
-    across and late, the errors in body lengths. left: columns of `path_measures.LEFT`, a row for
-    each part that a fish left. background (h, w): the empty tank.
+    across and late, the errors in body lengths. departures: columns of `path_measures.LEFT`, a row
+    for each part of the path that a fish left. background (h, w): the empty tank.
     """
     height, width = background.shape[:2]
     modes = dict(iter(paths.groupby("mode", sort=False)))
     timed = bool(paths["late"].notna().any())
     figure = Figure(figsize=(15, max(5.0, 7.5 * height / width)), layout="constrained")
+    # The tank, with the requested path as the mode shows it that got farthest.
     grid = GridSpec(len(modes), 2, figure, width_ratios=[1.1, 1])
     tank = figure.add_subplot(grid[:, 0])
     tank.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.35)
-    # The mode that got farthest shows most of the requested path.
     farthest = paths.loc[paths["along_px"].idxmax(), "mode"]
     requested = paths[paths["mode"] == farthest]
     tank.plot(requested["asked_x_px"], requested["asked_y_px"], color=_REQUESTED, lw=3.5, alpha=0.5,
               label=f"requested of fish {paths['fish'].iloc[0] + 1}")  # fmt: skip
+    # Each mode's path in the tank, and its errors in a panel.
     errors = None
     for row, (colour, (mode, path)) in enumerate(zip(COLOURS, modes.items(), strict=False)):
         tank.plot(path["x_px"], path["y_px"], color=colour, lw=1, label=f"path: {mode}")
-        parts = left[left["mode"] == mode]
+        parts = departures[departures["mode"] == mode]
         tank.plot(parts["asked_x_px"], parts["asked_y_px"], "o", ms=11, mfc="none", mec=colour)
         errors = figure.add_subplot(grid[row, 1], sharex=errors, sharey=errors)
         errors.plot(path["time_s"], path["across"], color=colour, lw=1, label="beside the path")

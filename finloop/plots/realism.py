@@ -34,6 +34,7 @@ def draw_roc(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
         curves.text(0.5, 0.5, "the film is too short", ha="center")
     channels = ["all", *CHANNELS]
     width = 0.8 / max(len(names), 1)
+    # A curve and a group of bars for each comparison.
     for number, name in enumerate(names):
         areas = table[table["compared"] == name].set_index("channel")
         value, low, high = (float(areas.at["all", key]) for key in ("auc", "low", "high"))
@@ -49,6 +50,7 @@ def draw_roc(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
             label=WORDS.get(name, name), error_kw={"ecolor": "0.2", "lw": 0.8},
             yerr=[areas["auc"] - areas["low"], areas["high"] - areas["auc"]],
         )  # fmt: skip
+    # The axes.
     curves.set(xlabel="film windows taken for animation", ylabel="animation windows recognised",
                xlim=(0, 1), ylim=(0, 1), aspect="equal")  # fmt: skip
     if names:
@@ -82,12 +84,14 @@ def draw_false_windows(
         left=0.01, right=0.99, top=1 - 0.4 / height, bottom=0.5 / height,
     )  # fmt: skip
     for number, (title, strip) in enumerate(zip(titles, strips, strict=True)):
+        # The pictures of both sides, one above the other.
         for row, side in enumerate(SIDES):
             axes = figure.add_subplot(grid[2 * number + row, 0])
             axes.imshow(strip[side], aspect="equal")
             axes.set(xticks=[], yticks=[])
             words = title if side == ANIMATION else "the film window most like it"
             axes.set_title(words, fontsize=8, loc="left", color=_SIDE[side], pad=2)
+        # The channels of both sides, each in a panel.
         example = curves[curves["example"] == number]
         for column, channel in enumerate(CHANNELS):
             axes = figure.add_subplot(grid[2 * number : 2 * number + 2, column + 1])

@@ -13,10 +13,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
+from finloop.base.stretches import spread_rows
 from finloop.edit.schema import FRAME, SPOT, Goal, split_by_fish
 from finloop.plots.parts import (
     Picture,
     convert_to_colour,
+    crop_part,
     draw_empty_tank,
     draw_heading_arrows,
     join_in_rows,
@@ -43,6 +45,7 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
     """
     figure, axes = draw_empty_tank(background, alpha=0.45, key_inches=0.5)
     key = _draw_paths(axes, edit)
+    # The goals, with the time at which each was reached.
     reached_s = {}
     for rows in split_by_fish(edit):
         for name, _, stop in goal_stretches(rows):
@@ -58,6 +61,7 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
             text, (goal.x_px, goal.y_px), (11, 8), textcoords="offset points", fontsize=12,
             fontweight="bold", path_effects=_HALO, zorder=5,
         )  # fmt: skip
+    # The crosses and diamonds.
     on_the_spot = edit["reason"].ffill() == SPOT
     at_gateway = edit["kind"] != edit.groupby("fish")["kind"].shift().fillna(edit["kind"])
     for mask, marker, label in (
@@ -78,6 +82,7 @@ def _draw_paths(axes: Axes, edit: pd.DataFrame) -> list[Line2D]:
 
     A thin grey line is swimming without a goal.
     """
+    # The path as a line per tick, in the colour of its source or state.
     names, colours = tick_categories(edit)
     places, fish = edit[["x_px", "y_px"]].to_numpy(float), edit["fish"].to_numpy()
     later = np.flatnonzero(fish[1:] == fish[:-1]) + 1  # rows that follow one of the same fish
@@ -89,6 +94,7 @@ def _draw_paths(axes: Axes, edit: pd.DataFrame) -> list[Line2D]:
     for name, colour in colours.items():
         lines = list(steps[has_goal & (name_of_step == name)])
         axes.add_collection(LineCollection(lines, colors=colour, lw=2.4, capstyle="round"))
+    # About twelve headings, the starts, and the key.
     to_goals = edit.iloc[later[has_goal]]
     about_twelve = to_goals.iloc[min(12, len(to_goals)) :: max(1, len(to_goals) // 12)]
     draw_heading_arrows(axes, about_twelve, color="black", zorder=3)
@@ -120,7 +126,10 @@ class Tile(NamedTuple):
 
 
 def find_liveliest_start(edit: pd.DataFrame, count: int) -> int:
-    """Return the first of the `count` successive ticks in which the heading changes most."""
+    """Return the tick at which the `count` successive ticks begin in which the heading turns most.
+
+    Turns to both sides count.
+    """
     heading = np.radians(edit["heading_deg"].to_numpy(float))
     change = np.abs(np.diff(np.unwrap(heading), prepend=heading[:1]))
     change_before = np.cumsum(np.r_[0.0, change])
@@ -135,6 +144,7 @@ def choose_switch_ticks(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> 
     There are at most `most`, spread over the animation; at least half are switches between sprite
     and frame, if there are so many. tracks: track_id and frame of every cut-out.
     """
+    # All such ticks.
     kind = edit["kind"].to_numpy()
     fades = (edit["weight"] > 0).to_numpy()
     changes_kind = np.append(False, kind[1:] != kind[:-1])
@@ -145,13 +155,11 @@ def choose_switch_ticks(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> 
     fade_begins = fades & ~np.append(False, fades[:-1])
     switches = np.flatnonzero(changes_kind)
     others = np.flatnonzero((np.append(False, jumps) | fade_begins) & ~changes_kind)
+    # The choice.
     total = min(most, len(switches) + len(others))
     switch_count = min(len(switches), max(total - len(others), total // 2))
-    chosen: list[int] = []
-    for ticks, count in ((switches, switch_count), (others, total - switch_count)):
-        if count:
-            chosen += ticks[np.linspace(0, len(ticks) - 1, count).astype(int)].tolist()
-    return sorted(chosen)
+    chosen = spread_rows(switches, switch_count), spread_rows(others, total - switch_count)
+    return np.sort(np.concatenate(chosen)).tolist()
 
 
 def choose_sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]]:
@@ -177,32 +185,23 @@ def cut_tiles(
     edit: pd.DataFrame, ticks: Sequence[int], fish: Iterable[PlacedFish], painter: Painter,
     half_px: int,
 ) -> list[Tile]:  # fmt: skip
-    """Draw the fish at each of the given ticks of an edit list; return a tile around each.
+    """Return a tile of the tank around the fish at each of the given ticks of an edit list.
 
-    fish: where to draw it at these ticks. half_px: half the width of a tile in the tank.
+    fish: where to draw it at these ticks. painter: draws it in the tank. half_px: half the width of
+    a tile in the tank.
     """
     names, colours = tick_categories(edit)
     tiles = []
     for tick, placed in zip(ticks, fish, strict=True):
         painter.show(placed)
-        film = crop_square(painter.frame, placed.x_px, placed.y_px, half_px)
+        left, top = round(placed.x_px) - half_px, round(placed.y_px) - half_px
+        film = crop_part(painter.frame, left, top, 2 * half_px + 1, 2 * half_px + 1)
         tiles.append(Tile(film, tick, names[tick], colours[names[tick]], placed.weight))
     return tiles
 
 
-def crop_square(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
-    """Return a square of a frame, 2 half_px + 1 wide, around a place in px of the frame.
-
-    Beyond the frame its last pixels are repeated.
-    """
-    x, y = round(x_px), round(y_px)
-    columns = np.clip(np.arange(x - half_px, x + half_px + 1), 0, frame.shape[1] - 1)
-    rows = np.clip(np.arange(y - half_px, y + half_px + 1), 0, frame.shape[0] - 1)
-    return frame[rows[:, None], columns]
-
-
 def draw_tiles(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: int = 150) -> Picture:
-    """Draw tiles side by side in rows, each below a bar in its colour; return (h, w, 3).
+    """Return a picture (h, w, 3) of tiles side by side in rows, each below a bar in its colour.
 
     columns: tiles per row. size: width of a tile in px. Without tiles the picture is white.
     """
@@ -211,10 +210,11 @@ def draw_tiles(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: int =
 
 
 def _draw_tile(tile: Tile, size: int) -> Picture:
-    """Draw one tile, `size` px wide, below a bar with its tick, name and share of fading."""
+    """Return a tile, `size` px wide, below a bar with its tick, name and share of fading."""
     big = cv2.resize(convert_to_colour(tile.film), (size, size), interpolation=cv2.INTER_CUBIC)
     bar = np.full((18, size, 3), 255, np.uint8)
     bar[:, :5] = rgb_from_hex(tile.colour)
     share = f"  {100 * tile.weight:.0f} %" if tile.weight > 0 else ""
     write_text(bar, f"{tile.tick} {tile.name}{share}", (9, 13), (0, 0, 0), size=12)
-    return np.pad(np.vstack([bar, big]), ((1, 1), (1, 1), (0, 0)), constant_values=255)
+    white_frame = (1, 1), (1, 1), (0, 0)
+    return np.pad(np.vstack([bar, big]), white_frame, constant_values=255)

@@ -9,19 +9,18 @@ import pandas as pd
 
 from finloop.base.cutout import Cutout
 from finloop.features.table import count_orientations, orientation_heading_deg
-from finloop.plots.parts import Picture, join_in_rows, lay_on_grey, write_text
-
-_INK = (150, 30, 30)
+from finloop.plots.parts import INK, Picture, join_in_rows, lay_on_grey, write_text
 
 
 def draw_sprites(
     sprites: pd.DataFrame, load_cutout: Callable[[int, int], Cutout],
     columns: int = 12, size: int = 150,
 ) -> Picture:  # fmt: skip
-    """Draw every sprite in orientation 1, and the most bent sprite in all orientations.
+    """Return a picture of every sprite in orientation 1, and of the most bent one in all of them.
 
-    load_cutout(sprite, orientation): returns the stored cut-out, orientations counted from 1. A
-    cross marks the pivot. columns: tiles per row. size: width of a tile, px. Returns (h, w, 3).
+    sprites: schema `SPRITES`. load_cutout(sprite, orientation): returns the stored cut-out,
+    orientations counted from 1. A cross marks the pivot. columns: tiles per row. size: width of a
+    tile, px. The picture is (h, w, 3).
     """
     count = count_orientations(sprites)
     # All tiles have one scale, so that the largest cut-out, also a quarter turned, fits.
@@ -34,7 +33,7 @@ def draw_sprites(
             reach = max(reach, 1 + int(np.ceil(max(x, y, width - x, height - y))))
 
     def draw_orientation(row: Any, orientation: int, above: str, below: str) -> Picture:
-        """Draw a sprite, a row of the table, in an orientation, with two texts."""
+        """Return a tile with a sprite, a row of the table, in an orientation, and two texts."""
         return _draw_tile(load_cutout(row.sprite, orientation), row, reach, size, above, below)
 
     bands = []
@@ -56,7 +55,7 @@ def draw_sprites(
 
 
 def _draw_tile(cutout: Cutout, row: Any, reach: int, size: int, above: str, below: str) -> Picture:
-    """Draw a cut-out in a tile, `size` px wide, with its pivot in the middle.
+    """Return a tile, `size` px wide, with a cut-out whose pivot is in the middle.
 
     row: of the table of sprites, with the pivot x_px, y_px. reach: px of the film from the middle
     to the tile's edge. above, below: texts.
@@ -71,6 +70,6 @@ def _draw_tile(cutout: Cutout, row: Any, reach: int, size: int, above: str, belo
     white, grey = (255, 255, 255), (225, 225, 225)
     cv2.drawMarker(tile, (middle, middle), white, cv2.MARKER_CROSS, markerSize=5, thickness=1)
     cv2.rectangle(tile, (0, 0), (size - 1, size - 1), grey, thickness=1)
-    write_text(tile, above, (4, 12), _INK, font_scale=0.32)
-    write_text(tile, below, (4, size - 5), _INK, font_scale=0.32)
+    write_text(tile, above, (4, 12), INK, font_scale=0.32)
+    write_text(tile, below, (4, size - 5), INK, font_scale=0.32)
     return tile

@@ -15,7 +15,7 @@ from finloop.features.area import closed_spline_points, control_points
 from finloop.features.swimming_type import STRAIGHT, WORDS
 from finloop.features.table import infer_delta_frames
 from finloop.plots.features import Specimen
-from finloop.plots.parts import draw_arrow
+from finloop.plots.parts import crop_part, draw_arrow, unit_vectors
 
 _BACKBONE, _AREA, _HEADING = "#0072B2", "#D55E00", "#009E73"  # Okabe-Ito
 _MOST = 6  # Δ between two frames of the figure
@@ -24,12 +24,12 @@ _WINDOW = 1.6  # body lengths, the side of a picture
 
 
 def find_strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
-    """Return the rows (3,) of the film's strongest clear turn: at frames t0, t0 + k, t0 + 2k.
+    """Return the rows (3,) of the film's strongest clear turn; None if there is no clear turn.
 
-    k is Δ, the time in which motion is measured, or the least multiple of it, up to `_MOST`, with a
-    clear turn. Such a turn begins with straight swimming, goes to one side over both k, and bends
-    the fish most in the middle. The strongest one changes the heading most. None: there is no clear
-    turn.
+    They are at frames t0, t0 + k and t0 + 2k. k is Δ, the time in which motion is measured, or the
+    least multiple of it, up to `_MOST`, with a clear turn. Such a turn begins with straight
+    swimming, goes to one side over both k, and bends the fish most in the middle. The strongest one
+    changes the heading most.
     """
     delta = infer_delta_frames(features)
     if delta == 0:  # no row lacks a displacement: Δ is unknown
@@ -54,12 +54,13 @@ def _clear_turn_deg(features: pd.DataFrame, k: int, delta: int) -> Floats:
     least_confidence = features["head_confidence"].rolling(2 * k + 1).min().to_numpy()[last]
     first_half = heading_change_deg(features, first, k, delta)
     second_half = heading_change_deg(features, middle, k, delta)
-    side = np.sign(first_half)
-    clear = (least_confidence >= _SURE) & (track[first] == track[last])
-    clear &= (swimming_type[first] == STRAIGHT) & (side != STRAIGHT)
-    clear &= (swimming_type[middle] == side) & (np.sign(second_half) == side)
-    clear &= area[middle] >= np.maximum(area[first], area[last])
-    return np.where(clear, np.abs(first_half + second_half), 0.0)
+    side = np.sign(first_half)  # as a swimming type
+    is_followed = (least_confidence >= _SURE) & (track[first] == track[last])
+    begins_straight = (swimming_type[first] == STRAIGHT) & (side != STRAIGHT)
+    goes_on = (swimming_type[middle] == side) & (np.sign(second_half) == side)
+    bends_most_amid = area[middle] >= np.maximum(area[first], area[last])
+    is_clear = is_followed & begins_straight & goes_on & bends_most_amid
+    return np.where(is_clear, np.abs(first_half + second_half), 0.0)
 
 
 def heading_change_deg(
@@ -84,6 +85,7 @@ def figure5(
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
     parts: NDArray[np.object_] = np.asarray(figure.subfigures(2, 1, height_ratios=(8.4, 2.8)))
     upper, lower = parts
+    # The pictures: as filmed above, with the measures below.
     panels = upper.subplots(2, len(rows))
     side = round(_WINDOW * max(float(specimen.row["body_length_px"]) for specimen in fish))
     delta, k = infer_delta_frames(features), int(rows[1] - rows[0])
@@ -106,6 +108,7 @@ def figure5(
             angle = f"{turned:+.0f}".replace("-", "−")
             title += f"included angle {angle}° since ({'abc'[number - 1]})"
         panels[1, number].set_title(title, fontsize=11)
+    # The texts, and the turn over time.
     in_deltas = "Δ" if k == delta else f"{k // delta}Δ"
     frames = f"k = {in_deltas} = {k} frame{'s' if k > 1 else ''}"
     track, frame_s = fish[0].row["track_id"], fish[-1].row["time_s"] / fish[-1].row["frame"]
@@ -132,11 +135,8 @@ def _crop_around_fish(
     film[y0 : y0 + height, x0 : x0 + width] = specimen.film
     low, high = specimen.backbone.min(0), specimen.backbone.max(0)
     corner = np.round((low + high - side) / 2).astype(np.intp)
-    x, y = (
-        np.clip(np.arange(start, start + side), 0, size - 1)
-        for start, size in zip(corner.tolist(), background.shape[1::-1], strict=True)
-    )
-    return film[np.ix_(y, x)], corner
+    left, top = corner.tolist()
+    return crop_part(film, left, top, side, side), corner
 
 
 def _draw_measures(
@@ -144,8 +144,8 @@ def _draw_measures(
 ) -> None:
     """Draw the motion area, the backbone and the heading over a picture of the fish.
 
-    corner: x, y of the picture's upper left pixel in the tank. turned: degrees since the picture
-    before, None for the first.
+    corner: x, y of the picture's upper left pixel in the tank. turned: degrees since the previous
+    picture, None for the first.
     """
     axes.images[0].set_alpha(0.55)
     limits = axes.get_xlim(), axes.get_ylim()
@@ -163,8 +163,7 @@ def _draw_measures(
     if turned is not None:
         before = specimen.row["heading_deg"] - turned
         _draw_heading(axes, control[0], before, reach, color="0.35", ls=(0, (3, 2)), lw=1.5)
-        angle = np.radians(before + np.linspace(0, turned, 40))
-        arc = control[0] + 0.6 * reach * np.column_stack([np.cos(angle), -np.sin(angle)])
+        arc = control[0] + 0.6 * reach * unit_vectors(before + np.linspace(0, turned, 40))
         axes.plot(*arc.T, color="0.35", lw=1)
     _draw_heading(axes, control[0], specimen.row["heading_deg"], reach, color=_HEADING, lw=2.5)
     axes.set(xlim=limits[0], ylim=limits[1])
@@ -174,13 +173,11 @@ def _draw_heading(
     axes: Axes, start: Floats, heading_deg: float, reach: float, **style: object
 ) -> None:
     """Draw an arrow of `reach` px from a place (x, y) in the direction of a heading."""
-    angle = np.radians(heading_deg)
-    end = start + reach * np.array([np.cos(angle), -np.sin(angle)])
-    draw_arrow(axes, start, end, **style)
+    draw_arrow(axes, start, start + reach * unit_vectors(heading_deg), **style)
 
 
 def _draw_turn_over_time(
-    part: SubFigure, features: pd.DataFrame, rows: NDArray[np.intp], k: int
+    subfigure: SubFigure, features: pd.DataFrame, rows: NDArray[np.intp], k: int
 ) -> None:
     """Draw motion area and heading over a turn and k frames around; lines mark its rows (3,)."""
     track = features["track_id"].to_numpy()
@@ -190,7 +187,7 @@ def _draw_turn_over_time(
     area = features["motion_area_rel"].to_numpy(float)
     turned = np.unwrap(features["heading_deg"].to_numpy(float)[shown], period=360)
     turned -= turned[np.searchsorted(shown, rows[0])]
-    axes = part.subplots()
+    axes = subfigure.subplots()
     axes.plot(frame[shown], area[shown], ".-", color=_AREA, label="motion area (left)")
     axes.set(xlabel="frame", ylabel="motion area (relative)", ylim=(0, None))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -203,4 +200,4 @@ def _draw_turn_over_time(
             letter, (frame[row], 1), (0, 4), xycoords=("data", "axes fraction"),
             textcoords="offset points", ha="center", fontweight="bold",
         )  # fmt: skip
-    part.legend(loc="outside lower center", ncols=2, frameon=False)
+    subfigure.legend(loc="outside lower center", ncols=2, frameon=False)

@@ -70,17 +70,18 @@ def compute_auc(scores: Scores) -> Auc:
     contain both film and animation windows.
     """
     areas, pairs, deviations = [], [], []
-    for part in scores.split_by_block():
-        film, animation = part.score[~part.animation], part.score[part.animation]
-        # DeLong's components: in which share of its pairs each window is in the right order.
-        right_share = np.empty(len(part.score))
-        right_share[part.animation] = _share_below(animation, film)
-        right_share[~part.animation] = 1.0 - _share_below(film, animation)
-        area = float(right_share[part.animation].mean())
-        count = np.where(part.animation, len(animation), len(film))
+    for block in scores.split_by_block():
+        film, animation = block.score[~block.animation], block.score[block.animation]
+        # DeLong's components: of each window's pairs, the share with the animation's score above.
+        above_share = np.empty(len(block.score))
+        above_share[block.animation] = _share_below(animation, film)
+        above_share[~block.animation] = 1.0 - _share_below(film, animation)
+        area = float(above_share[block.animation].mean())
+        count = np.where(block.animation, len(animation), len(film))
         areas.append(area)
         pairs.append(len(film) * len(animation))
-        deviations.append(pd.Series((right_share - area) / count).groupby(part.cluster).sum())
+        deviations.append(pd.Series((above_share - area) / count).groupby(block.cluster).sum())
+    # The mean area, and its standard error from the sums of the clusters.
     weights = np.array(pairs) / sum(pairs)
     value = float(weights @ areas)
     weighted = [weight * sums for weight, sums in zip(weights, deviations, strict=True)]
@@ -89,13 +90,14 @@ def compute_auc(scores: Scores) -> Auc:
     error = float(np.sqrt(inflation * clusters / (clusters - 1) * (sums**2).sum()))
     if not 0.0 < value < 1.0:  # its logarithm of odds is infinite: no interval
         return Auc(value, value, value)
-    half = _Z * error / (value * (1 - value))
-    low, high = scipy.special.expit(scipy.special.logit(value) + np.array([-half, half]))
+    half_width = _Z * error / (value * (1 - value))  # on the scale of the logarithm of odds
+    ends = scipy.special.logit(value) + np.array([-half_width, half_width])
+    low, high = scipy.special.expit(ends)
     return Auc(value, float(low), float(high))
 
 
 def _share_below(values: Floats, others: Floats) -> Floats:
-    """Return for each value (n,) the share of the others (m,) below it; ties count one half."""
+    """Return for each of n values the share of m others that are below it; ties count one half."""
     ordered = np.sort(others)
     twice = np.searchsorted(ordered, values, "left") + np.searchsorted(ordered, values, "right")
     return twice / (2 * len(others))
@@ -109,9 +111,9 @@ def compute_roc(scores: Scores, points: int = 51) -> pd.DataFrame:
     """
     alarms = np.linspace(0, 1, points)
     curves, pairs = [], []
-    for part in scores.split_by_block():
-        film, animation = np.sort(part.score[~part.animation]), part.score[part.animation]
-        thresholds = np.unique(part.score)[::-1]
+    for block in scores.split_by_block():
+        film, animation = np.sort(block.score[~block.animation]), block.score[block.animation]
+        thresholds = np.unique(block.score)[::-1]
         alarm_share = 1 - np.searchsorted(film, thresholds, "left") / len(film)
         hit_share = 1 - np.searchsorted(np.sort(animation), thresholds, "left") / len(animation)
         curves.append(np.interp(alarms, np.r_[0, alarm_share], np.r_[0, hit_share]))

@@ -29,10 +29,10 @@ class HeldOutScores(NamedTuple):
 def score_held_out_windows(
     film: Windows, animation: Windows, p: RealismSettings, channels: tuple[int, ...]
 ) -> HeldOutScores:
-    """Train a classifier per block of time; return the scores of windows it did not learn from.
+    """Train a classifier per block of time; return the scores of the windows in the block.
 
-    channels: indices of the CHANNELS to use. A block whose classifier would see only film or only
-    animation gives NaN.
+    Each learns from windows that are not near its block. channels: indices of the CHANNELS to use.
+    A block whose classifier would see only film or only animation gives NaN.
     """
     # Not at the top: the import takes a second, and plots do not need it.
     from sklearn.ensemble import HistGradientBoostingClassifier
@@ -55,6 +55,7 @@ def score_held_out_windows(
         with threadpool_limits(limits=1):  # with so little data, threads are slower
             model.fit(_join_steps(binned[learn]), is_animation[learn])
             score[test] = model.decision_function(_join_steps(binned[test]))
+            # The scores without the information of one channel at a time.
             for column, channel in enumerate(channels):
                 mixed = binned[test].copy()
                 mixed[..., column] = mixed[rng.permutation(len(mixed)), :, column]

@@ -57,20 +57,25 @@ class FilmSample:
         return cut_in_frames(p.window_deltas, p.stride, p.step, self.delta)
 
     def cut_windows(self, swimming: Swimming, blocks: Blocks, used: Mask | None = None) -> Windows:
-        """Return windows of film or animation, each assigned to a block of the film's time.
+        """Return windows of film or animation, each assigned to a block of time.
 
-        swimming: n measured ticks. blocks: of the film's time. used (n,): True for ticks to use,
-        None for all. A tick with a sprite belongs to a block of the animation's own time.
+        swimming: n measured ticks. used (n,): True for ticks to use, None for all. A tick with a
+        frame of the film belongs to one of the `blocks` of the film's time; one with a sprite to a
+        block of the time that the animation has played.
         """
         p, gap_s = self.p, self.p.gap * self.delta / self.rate_hz
-        is_frame, own_s = swimming.row >= 0, swimming.time_s
+        is_frame, played_s = swimming.row >= 0, swimming.time_s
         film_s = self.frame_s[np.where(is_frame, swimming.row, 0)]
-        own_blocks = equal_blocks(own_s, p.cross_validation_folds)
-        block = np.where(is_frame, blocks.block_numbers(film_s), own_blocks.block_numbers(own_s))
-        near = np.where(
-            is_frame[:, None], blocks.are_near(film_s, gap_s), own_blocks.are_near(own_s, gap_s)
+        played_blocks = equal_blocks(played_s, p.cross_validation_folds)
+        block = np.where(
+            is_frame, blocks.block_numbers(film_s), played_blocks.block_numbers(played_s)
         )
-        tick = np.round(own_s * self.rate_hz).astype(np.int64)
+        near = np.where(
+            is_frame[:, None], blocks.are_near(film_s, gap_s),
+            played_blocks.are_near(played_s, gap_s),
+        )  # fmt: skip
+        # Clusters of sprites have negative numbers, which differ from those of the film.
+        tick = np.round(played_s * self.rate_hz).astype(np.int64)
         cluster_ticks = max(1, round(p.cluster * self.delta))
         cluster = np.where(is_frame, swimming.row // cluster_ticks, -1 - tick // cluster_ticks)
         rows = np.arange(len(is_frame)) if used is None else np.flatnonzero(used)
@@ -82,7 +87,7 @@ class FilmSample:
     def film_blocks(self, repeats: int = 1) -> Blocks:
         """Return the blocks of the film's time, with equally many rows (a fish in a frame) in each.
 
-        repeats: how often the sequence of blocks is repeated.
+        repeats: how often the sequence of blocks is repeated, one after another.
         """
         return equal_blocks(self.frame_s[self.film.row], self.p.cross_validation_folds, repeats)
 
@@ -123,9 +128,10 @@ class FilmSample:
 def build_film_sample(
     film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSettings
 ) -> FilmSample:
-    """Return what every comparison of an animation with a film needs of the film.
+    """Return a `FilmSample`: what every comparison of an animation with a film needs of the film.
 
-    film: drawn and measured again. features: columns of `FEATURES`, of the whole film.
+    film: drawn and measured again. features: columns of `FEATURES`, of the whole film. rate_hz:
+    frames per second.
     """
     frame_s, largest = features["frame"].to_numpy(float) / rate_hz, film.table["motion_area"].max()
     return FilmSample(film, frame_s, float(largest), rate_hz, infer_delta_frames(features), p)
@@ -167,7 +173,7 @@ def classify_windows(
 ) -> Verdict:
     """Train classifiers on two sets of windows; return how well they distinguish them.
 
-    window_pair: the film's windows first. by_channel: whether to classify also by each channel
+    window_pair: two sets, the film's first. by_channel: whether to classify also by each channel
     alone. FinloopError if a block has too few windows of either set to test and to learn from.
     """
     _require_enough_windows(window_pair, p)

@@ -1,7 +1,7 @@
 """The most obviously false windows of an animation, each beside the most similar film window."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from itertools import count
 from typing import NamedTuple
 
 import cv2
@@ -13,7 +13,7 @@ from finloop.base.schema import Column, Schema
 from finloop.edit.schema import EDIT
 from finloop.realism.compare import FilmSample, Sides, Verdict
 from finloop.realism.instrument import Swimming, Work
-from finloop.realism.windows import CHANNELS, Windows
+from finloop.realism.windows import CHANNELS, WindowCut, Windows
 from finloop.render.gallery import Gallery, place_rows
 from finloop.render.marks import write_text
 from finloop.render.painter import Painter
@@ -38,9 +38,6 @@ CURVES = Schema(
 )
 """The channels of the examples: the classifier's input."""
 
-Tables = tuple[pd.DataFrame, pd.DataFrame]
-"""Examples (columns of `EXAMPLES`) and their channels (columns of `CURVES`)."""
-
 WORDS_PX = 28
 """Height of the title above an example's film."""
 _AROUND_BL = 1.5  # body lengths that a picture shows beyond the path
@@ -63,8 +60,8 @@ def most_false_windows(
     """Return the animation windows with the highest scores, each with the most similar film window.
 
     No two animation windows touch. score (n,): held-out, of the animation windows, NaN where there
-    is none. count: most pairs. length: rows of a window. Similar is the least sum of squared
-    differences of the channels, in the film's standard deviations.
+    is none. count: most pairs. length: rows of a window. The most similar window has the least sum
+    of squared differences of the channels, in the film's standard deviations.
     """
     deviations = film.x.std(axis=(0, 1)) + 1e-9
     pairs: list[WindowPair] = []
@@ -78,63 +75,50 @@ def most_false_windows(
     return pairs
 
 
-@dataclass(frozen=True)
-class ExampleFinder:
-    """Finds the windows by which an animation is most obviously not the film.
+def find_examples(
+    sample: FilmSample, works: Mapping[str, Sequence[Work]], measured: Mapping[str, Swimming],
+    sides: Sides, verdicts: Mapping[str, Verdict],
+) -> tuple[pd.DataFrame, pd.DataFrame]:  # fmt: skip
+    """Return the most obviously false windows of all modes as tables `EXAMPLES` and `CURVES`.
 
-    works, measured: by mode and FILM, the edit lists, and the swimming that extraction measured.
+    Each stands beside the film window most like it. EXAMPLES are edit lists, CURVES their channels
+    over time. works, measured: by mode and FILM, the edit lists, and the swimming that extraction
+    measured. sides, verdicts: windows and results by the name of the comparison; only modes give
+    examples. The tables are empty if there are none.
     """
-
-    sample: FilmSample
-    works: Mapping[str, Sequence[Work]]
-    measured: Mapping[str, Swimming]
-
-    def _window_edit_list(self, name: str, windows: Windows, number: int) -> pd.DataFrame:
-        """Return what a window of a mode or FILM shows as an edit list, with its first heading."""
-        measured = self.measured[name]
-        rows = windows.first[number] + np.arange(self.sample.window_cut.length + 1)
-        edit = self.works[name][int(measured.part[rows[0]])][0].iloc[measured.tick[rows]]
-        return edit.assign(start_deg=float(measured.table["heading_deg"].iloc[rows[0]]))
-
-    def _mode_examples(
-        self, mode: str, pair: tuple[Windows, Windows], verdict: Verdict
-    ) -> Iterator[Tables]:
-        """Yield the most false windows of a mode, each with the film window most like it.
-
-        Both are edit lists (what is drawn at every tick), with their channels over time. pair: the
-        windows of the film and of the mode; verdict: of their comparison.
-        """
-        (film, animation), cut = pair, self.sample.window_cut
-        score, most = verdict.scores.score[len(film.x) :], self.sample.p.examples
-        time_s = (np.arange(cut.length // cut.step) + 0.5) * (cut.step / self.sample.rate_hz)
-        for example in most_false_windows(film, animation, score, most, cut.length):
-            edits, curves = [], []
+    cut, numbers = sample.window_cut, count()
+    time_s = (np.arange(cut.length // cut.step) + 0.5) * (cut.step / sample.rate_hz)
+    edits, curves = list[pd.DataFrame](), list[pd.DataFrame]()
+    for mode in (name for name in verdicts if name in measured):
+        film, animation = sides[mode]
+        score = verdicts[mode].scores.score[len(film) :]
+        for pair in most_false_windows(film, animation, score, sample.p.examples, cut.length):
+            example = next(numbers)
             for side, name, windows, number in (
-                (ANIMATION, mode, animation, example.animation), (FILM, FILM, film, example.film),
+                (ANIMATION, mode, animation, pair.animation), (FILM, FILM, film, pair.film),
             ):  # fmt: skip
-                edits.append(self._window_edit_list(name, windows, number).assign(side=side))
+                edit = _window_edit_list(works[name], measured[name], windows.first[number], cut)
                 channels = pd.DataFrame(windows.x[number].astype(float), columns=list(CHANNELS))
-                curves.append(channels.assign(side=side, time_s=time_s))
-            yield (
-                pd.concat(edits, ignore_index=True).assign(compared=mode, score=example.score),
-                pd.concat(curves, ignore_index=True),
-            )
+                edit = edit.assign(example=example, side=side, compared=mode, score=pair.score)
+                edits.append(edit)
+                curves.append(channels.assign(example=example, side=side, time_s=time_s))
+    if not edits:
+        return EXAMPLES.empty(), CURVES.empty()
+    examples, channels = (pd.concat(parts, ignore_index=True) for parts in (edits, curves))
+    return examples[EXAMPLES.names], channels[CURVES.names]
 
-    def example_tables(self, sides: Sides, verdicts: Mapping[str, Verdict]) -> Tables:
-        """Return the most obviously false windows of all modes as tables `EXAMPLES` and `CURVES`.
 
-        EXAMPLES are edit lists, CURVES their channels over time. sides, verdicts: by the name of
-        the comparison; only modes give examples. The tables are empty if there are none.
-        """
-        edits, curves = list[pd.DataFrame](), list[pd.DataFrame]()
-        for mode in (name for name in verdicts if name in self.measured):
-            for edit, curve in self._mode_examples(mode, sides[mode], verdicts[mode]):
-                edits.append(edit.assign(example=len(edits)))
-                curves.append(curve.assign(example=len(curves)))
-        if not edits:
-            return pd.DataFrame(columns=EXAMPLES.names), pd.DataFrame(columns=CURVES.names)
-        windows, channels = (pd.concat(parts, ignore_index=True) for parts in (edits, curves))
-        return windows[EXAMPLES.names], channels[CURVES.names]
+def _window_edit_list(
+    works: Sequence[Work], measured: Swimming, first_row: int, cut: WindowCut
+) -> pd.DataFrame:
+    """Return what one window shows, as an edit list with the column start_deg, its first heading.
+
+    works, measured: edit lists, and the swimming measured in them; first_row: of the window, in
+    `measured`.
+    """
+    rows = first_row + np.arange(cut.length + 1)
+    edit = works[int(measured.list_number[first_row])].edit.iloc[measured.tick[rows]]
+    return edit.assign(start_deg=float(measured.table["heading_deg"].iloc[first_row]))
 
 
 class CameraView(NamedTuple):
@@ -161,7 +145,7 @@ class CameraView(NamedTuple):
 
 
 def _fixed_views(example: pd.DataFrame, length_px: float) -> dict[str, CameraView]:
-    """Return the views of the tank for animation and film of an example, by SIDES.
+    """Return the view of the tank for each side of an example, animation and film, by its name.
 
     Each shows the whole path of its fish, and both as many body lengths. example: rows of
     `EXAMPLES`; length_px: body length as filmed.
@@ -211,7 +195,7 @@ def draw_example(
     views, first = _fixed_views(example, length_px), example.iloc[0]
 
     def side_frames(side: str) -> Iterator[Picture]:
-        """Yield the pictures of one side of the film, of the animation or of the film."""
+        """Yield the pictures (size_px, size_px, 3) of one side, "animation" or "film"."""
         edit, painter = example[example["side"] == side], Painter(tank)
         for fish in place_rows(edit.assign(tick=np.arange(len(edit))), gallery):
             painter.show(fish)

@@ -10,6 +10,7 @@ differs from its film in how the fish swims, not in compression.
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -30,8 +31,16 @@ from finloop.render.gallery import Gallery, place_rows
 from finloop.render.painter import Painter, PlacedFish
 
 _RIM = 16  # px around a fish, beside its own size on each side
-Work = tuple[pd.DataFrame, Sequence[int]]
-"""An edit list, and its ticks at which another fish begins."""
+
+
+class Work(NamedTuple):
+    """An edit list (what is drawn at every tick) whose pictures are to be measured.
+
+    cuts: its ticks at which another fish begins.
+    """
+
+    edit: pd.DataFrame
+    cuts: Sequence[int] = ()
 
 
 @dataclass(frozen=True)
@@ -67,7 +76,10 @@ class Instrument:
         )
 
     def reduce_to_filmed_size(self, edit: pd.DataFrame) -> pd.DataFrame:
-        """Return an edit list, its places and scales shrunk until fish are as large as filmed."""
+        """Return a copy of an edit list in which the fish are drawn as large as filmed.
+
+        Places shrink with the tank. Pixel centres lie at integers, so its corner is at −0.5 px.
+        """
         if self.fish_scale == 1:
             return edit
         places = {name: (edit[name] + 0.5) / self.fish_scale - 0.5 for name in ("x_px", "y_px")}
@@ -89,8 +101,9 @@ class Instrument:
         painter, facts = Painter(self.tank), self.facts
         for animal in fish:
             drawn = painter.show(animal)
+            # The part of the tank around the fish: mostly tank, as the detector expects.
             margin = _RIM + max(drawn.bottom - drawn.top, drawn.right - drawn.left, 0)
-            box = drawn.grow(margin).clip_to(self.tank.shape)  # mostly tank, as is its median
+            box = drawn.grow(margin).clip_to(self.tank.shape)
             scene = Scene(
                 np.ascontiguousarray(self.tank[box.slices]), facts.polarity,  # type: ignore[arg-type]
                 facts.noise_grey, facts.threshold_grey,
@@ -138,13 +151,13 @@ def _shift_detections(detections: Detections, x: int, y: int) -> Detections:
 class Swimming:
     """What was measured of the fish drawn in one or several edit lists, n rows in all.
 
-    table: columns of FEATURES, track numbers unique. part (n,): number of the edit list. tick (n,):
-    in that list. row (n,): of the film that is drawn, −1 for a sprite. time_s (n,): a clock that
-    runs on over all lists.
+    table: columns of FEATURES, track numbers unique. list_number (n,): of the edit list, from 0.
+    tick (n,): in that list. row (n,): of the film that is drawn, −1 for a sprite. time_s (n,):
+    since the first tick of the first list; the lists follow each other without a gap.
     """
 
     table: pd.DataFrame
-    part: Ints
+    list_number: Ints
     tick: Ints
     row: Ints
     time_s: Floats
@@ -155,30 +168,27 @@ def join_measurements(
 ) -> Swimming:
     """Return the feature tables measured from several edit lists, joined in their order.
 
-    Tracks get unique numbers, and the clock runs on. edits: the lists; tables: of each; rate_hz:
+    Tracks get unique numbers. edits: the lists; tables: of each, its `frame` is the tick; rate_hz:
     ticks per second.
     """
-    parts, ticks_before, tracks_before = [], 0, 0
+    tables_so_far, rows, ticks_before, tracks_before = [], [], 0, 0
     for number, (edit, table) in enumerate(zip(edits, tables, strict=True)):
         tick = table["frame"].to_numpy(np.int64)
         row = np.where(edit["kind"] == FRAME, edit["source"].to_numpy(), -1)[tick]
-        numbered = table.assign(
-            track_id=table["track_id"] + tracks_before,
-            part=number, tick=tick, row=row, clock=(ticks_before + tick) / rate_hz,
-        )  # fmt: skip
-        parts.append(numbered)
+        tables_so_far.append(table.assign(track_id=table["track_id"] + tracks_before))
+        rows.append(np.stack([np.full_like(tick, number), tick, row, ticks_before + tick]))
         ticks_before += len(edit)
         tracks_before += int(table["track_id"].max()) + 1 if len(table) else 0
-    joined = pd.concat(parts, ignore_index=True)
-    part, tick, row = (joined[name].to_numpy(np.int64) for name in ("part", "tick", "row"))
-    return Swimming(joined[FEATURES.names], part, tick, row, joined["clock"].to_numpy(float))
+    joined = pd.concat(tables_so_far, ignore_index=True)[FEATURES.names]
+    list_number, tick, row, tick_of_all = np.concatenate(rows, axis=1)
+    return Swimming(joined, list_number, tick, row, tick_of_all / rate_hz)
 
 
 def sample_film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Work]:
     """Return random stretches of the film as edit lists, so that they are drawn like animations.
 
     tracks: track_id, x_px, y_px of every row. longest: ticks of a list, about. most: rows in all
-    lists together. Each list comes with the ticks at which a stretch begins.
+    lists together. The cuts of a list are the ticks at which its second and later stretches begin.
     """
     places = tracks[["x_px", "y_px"]].to_numpy()
     works: list[Work] = []
@@ -188,22 +198,20 @@ def sample_film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) 
         pieces.append(np.arange(stretch.start, stretch.stop))
         if sum(map(len, pieces)) >= longest or stretch is stretches[-1]:
             rows, cuts = np.concatenate(pieces), np.cumsum([len(piece) for piece in pieces])[:-1]
-            works.append((filmed_edit_list(rows, places[rows]), cuts.tolist()))
+            works.append(Work(filmed_edit_list(rows, places[rows]), cuts.tolist()))
             pieces = []
     return works
 
 
 def measure_edit_list(
-    open_pictures: Callable[[], AbstractContextManager[Gallery]],
-    work: tuple[Instrument, pd.DataFrame, Sequence[int]],
+    open_pictures: Callable[[], AbstractContextManager[Gallery]], job: tuple[Instrument, Work]
 ) -> pd.DataFrame:
     """Return the feature table that extraction measures in the drawn frames of one edit list.
 
-    It can run in another process. open_pictures: opens the cut-outs (pixels of the fish). work: the
-    instrument, the edit list (what is drawn at every tick), and the ticks at which another fish
-    begins.
+    open_pictures: opens the cut-outs (pixels of the fish). job: how and what to measure; one
+    argument, so that it can be sent to another process.
     """
-    instrument, edit, cuts = work
+    instrument, (edit, cuts) = job
     with open_pictures() as gallery:
         fish = place_rows(instrument.reduce_to_filmed_size(edit), gallery)
         return instrument.measure_fish(fish, cuts)

@@ -88,7 +88,10 @@ def equal_blocks(time_s: Floats, count: int, repeats: int = 1) -> Blocks:
 
 
 class WindowCut(NamedTuple):
-    """How windows are cut, in frames: their length, their stride, and the length of a step."""
+    """How windows are cut, in frames: their length, the distance between their starts (stride).
+
+    step: the frames over which a channel is averaged.
+    """
 
     length: int
     stride: int
@@ -110,8 +113,8 @@ def cut_in_frames(
 def track_channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
     """Return speeds, turning speed and relative motion area of a track: CHANNELS (ticks − 1, 4).
 
-    rate_hz: ticks per second; largest: motion area of the film's most bent fish, in squares of a
-    body length.
+    track: columns of `FEATURES`; rate_hz: ticks per second; largest: motion area of the film's most
+    bent fish, in squares of a body length.
     """
     length = float(track["body_length_px"].median())
     travel = np.diff(places_through_water(track), axis=0) * (rate_hz / length)
@@ -144,7 +147,7 @@ def cut_windows(
     window belongs to the block of most of its ticks. largest: motion area of the film's most bent
     fish, in squares of a body length.
     """
-    blocks = ticks.near.shape[1]
+    # The channels of the windows, and the rows with which they begin.
     x, first = [np.zeros((0, cut.length // cut.step, len(CHANNELS)))], [np.zeros(0, np.intp)]
     track_start = 0
     for _, track in table.groupby("track_id", sort=False):
@@ -155,9 +158,11 @@ def cut_windows(
             x.append(inside.reshape(len(starts), -1, cut.step, len(CHANNELS)).mean(axis=2))
             first.append(track_start + starts)
         track_start += len(track)
+    # Their blocks and clusters.
     first_rows = np.concatenate(first)
     rows = first_rows[:, None] + np.arange(cut.length + 1)  # (windows, ticks)
-    ticks_in_block = (ticks.block[rows][..., None] == np.arange(blocks)).sum(axis=1)
+    blocks = np.arange(ticks.near.shape[1])
+    ticks_in_block = (ticks.block[rows][..., None] == blocks).sum(axis=1)  # (windows, blocks)
     return Windows(
         x=np.concatenate(x).astype(np.float32), first=first_rows,
         block=ticks_in_block.argmax(axis=1), near=ticks.near[rows].any(axis=1),

@@ -51,12 +51,13 @@ class AtlasPage(NamedTuple):
 
 
 def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[AtlasPage]:
-    """Arrange every sprite in every orientation on atlas pages of at most page_px × page_px.
+    """Return atlas pages of at most page_px × page_px, with all sprites in all orientations.
 
     sprites: schema `SPRITES`; index: that of sprites.arrow, with the size [px] of each sprite in
     each orientation. A sequence in one orientation stays on one page. FinloopError if a page cannot
     hold it.
     """
+    # The slots of each sequence in each orientation; their places on a page follow below.
     sizes = index.set_index(_KEY)[["width_px", "height_px"]]
     groups = []
     for sequence, rows in sprites.groupby("sequence", sort=False):
@@ -66,20 +67,17 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
             for sprite, step in zip(rows["sprite"], rows["step"], strict=True):
                 width, height = map(int, sizes.loc[(sprite, orientation)])
                 name = f"{group}/{step:02d}"
-                slots.append(
-                    AtlasSlot(
-                        sprite, orientation, name, group, x=0, y=0, width=width, height=height
-                    )
-                )
+                slots.append(AtlasSlot(sprite, orientation, name, group, 0, 0, width, height))
             groups.append(slots)
 
-    def is_too_much(count: int) -> bool:
+    def overflows_page(count: int) -> bool:
         """Return whether the first `count` groups that are left do not fit on one page."""
         return _pack_page([*chain(*groups[:count])], page_px, page_px) is None
 
+    # Each page gets as many groups as fit, and is about as wide as high.
     atlas: list[AtlasPage] = []
     while groups:
-        fit = bisect_left(range(1, len(groups) + 1), True, key=is_too_much)  # groups on this page
+        fit = bisect_left(range(1, len(groups) + 1), True, key=overflows_page)
         if fit == 0:
             slots = groups[0]
             raise FinloopError(
@@ -92,7 +90,7 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
         slots = [*chain(*groups[:fit])]
         area = sum((s.width + PADDING) * (s.height + PADDING) for s in slots)
         width = min(page_px, max(int(area**0.5), max(s.width for s in slots) + 2 * PADDING))
-        while (page := _pack_page(slots, width, page_px)) is None:  # about as wide as high
+        while (page := _pack_page(slots, width, page_px)) is None:
             width = min(page_px, width + width // 8 + 1)
         atlas.append(page)
         groups = groups[fit:]
@@ -102,7 +100,8 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
 def _pack_page(slots: list[AtlasSlot], most_width: int, most_height: int) -> AtlasPage | None:
     """Return a page with pictures side by side in lines, highest first; None if they do not fit.
 
-    slots: the pictures' places; most_width, most_height: px, largest sides of the page.
+    slots: the pictures, whose x and y are still to be set; most_width, most_height: px, largest
+    sides of the page.
     """
     places: dict[str, AtlasSlot] = {}
     x = y = PADDING
@@ -136,13 +135,13 @@ def draw_atlas_page(
 
 
 def encode_png(rgba: NDArray[np.uint8]) -> bytes:
-    """Encode an RGBA picture (h, w, 4) as PNG: smaller than OpenCV's default, but slower."""
-    settings = [cv2.IMWRITE_PNG_COMPRESSION, 6, cv2.IMWRITE_PNG_STRATEGY, 0]
+    """Return an RGBA picture (h, w, 4) as PNG: smaller than OpenCV's default, but slower."""
+    settings = [cv2.IMWRITE_PNG_COMPRESSION, 6, cv2.IMWRITE_PNG_STRATEGY, 0]  # zlib's defaults
     return cv2.imencode(".png", cv2.cvtColor(rgba, cv2.COLOR_RGBA2BGRA), settings)[1].tobytes()
 
 
 def to_straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Convert premultiplied RGBA (h, w, 4) to straight alpha: divide its colour by alpha.
+    """Return a premultiplied RGBA picture (h, w, 4) with straight alpha: its colour over alpha.
 
     Colour also extends `BLEED` px under the transparent pixels around the edge. Premultiplying the
     result gives back the same numbers.
@@ -153,7 +152,7 @@ def to_straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     colour = ((510 * pixels[..., :3].astype(np.uint32) + divisor) // (2 * divisor)).astype(np.uint8)
     coloured = (alpha > 0).astype(np.uint8)
     colour *= coloured[..., None]
-    for _ in range(BLEED):
+    for _ in range(BLEED):  # a transparent pixel gets the mean of its coloured neighbours
         count = cv2.boxFilter(coloured, cv2.CV_16U, (3, 3), normalize=False, borderType=0)
         total = cv2.boxFilter(colour, cv2.CV_16U, (3, 3), normalize=False, borderType=0)
         newly_coloured = (coloured == 0) & (count > 0)
@@ -177,11 +176,13 @@ def atlas_page_json(
     within a pixel of the mass centre. page_number: of the page in `atlas`, from 0.
     """
     page = atlas[page_number]
+    # The untrimmed size: squares of 2 reach + 1 px around the pixel with the mass centre.
     centres = sprites[["x_px", "y_px"]].to_numpy()
-    middles = np.floor(centres + 0.5)  # pixels with a mass centre
+    middles = np.floor(centres + 0.5)
     corner = index[["x0_px", "y0_px"]].to_numpy() - middles[index["sprite"]]
     size = index[["width_px", "height_px"]].to_numpy()
-    reach = int(max((-corner).max(), (corner + size - 1).max()))  # px, of any picture
+    reach = int(max((-corner).max(), (corner + size - 1).max()))
+    # The sprites' rectangles and pivots, by name.
     corners = index.set_index(_KEY)[["x0_px", "y0_px"]]
     frames: dict[str, dict[str, Any]] = {}
     groups: dict[str, list[str]] = {}
@@ -206,6 +207,7 @@ def atlas_page_json(
             "duration": round(1000 / rate_hz),
         }  # fmt: skip
         groups.setdefault(slot.group, []).append(slot.name)
+    # The page, its sequences, and how the fish moves in each step.
     names = list(frames)
     motion = ["scale", "forward", "sideways", "turn_deg"]
     meta = {
@@ -217,9 +219,9 @@ def atlas_page_json(
         "scale": "1",
         "frameRate": round(rate_hz, 4),
         "frameTags": [
-            {"name": group, "from": names.index(of_group[0]), "to": names.index(of_group[-1]),
+            {"name": group, "from": names.index(in_group[0]), "to": names.index(in_group[-1]),
              "direction": "forward"}
-            for group, of_group in groups.items()
+            for group, in_group in groups.items()
         ],
         "motion": {
             f"{row.sequence}/{row.step:02d}": {"phase": row.phase}

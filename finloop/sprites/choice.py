@@ -13,6 +13,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,14 +22,16 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Reals
+from finloop.base.axes import to_body_axes
 from finloop.base.errors import FinloopError
+from finloop.base.stretches import spread_rows
 from finloop.distance.picture import paired_distances, successive_distances
 from finloop.features.current import places_through_water
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.sprites.settings import SpritesSettings
 
 SIDES = {"left": LEFT, "right": RIGHT}
-WORDS = ("straight", "slide", *SIDES)
+SEQUENCES = ("straight", "slide", *SIDES)
 """The sequences of sprites."""
 
 _SAMPLE = 200  # frames that give the clip's median sharpness; more do not change it
@@ -45,67 +48,60 @@ these fish, headed right, their mass centres in the middle, all of one length.""
 def swimmer_table(
     features: pd.DataFrame, tracks: pd.DataFrame, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Return a table of what the choice of sprites needs to know of each fish in each frame.
+    """Return a table, a row per fish and frame, of the measures by which sprites are chosen.
 
     The rows are those of `features` and `tracks`. tail: offset of the tail tip from the head's
-    axis, body lengths, + = left; heading: degrees, unwrapped; step_x_px, step_y_px: way to the next
-    frame, smoothed; speed: body lengths a frame; alone: body lengths to the nearest other mass
-    centre; animal_off: how far its length is off the film's median, 1 = just acceptable; usable:
-    whether the frame may become a sprite.
+    axis, body lengths, + = left; heading: degrees, unwrapped; step_x_px, step_y_px: displacement to
+    the next frame, smoothed; speed: body lengths a frame; neighbour_bl: body lengths to the nearest
+    other mass centre; size_fault: how far the animal's length is off the film's median, 1 = just
+    acceptable; usable: whether the frame may become a sprite.
     """
     table = features.assign(area_px=tracks["area_px"], contrast=tracks["contrast"])
     table = table.reset_index(drop=True)
     by_track = table.groupby("track_id", sort=False)
     length = by_track["body_length_px"].transform("median").to_numpy()
     heading_rad = np.radians(table["heading_deg"].to_numpy(float))
-    dx = (table["tail_x_px"] - table["head_x_px"]).to_numpy(float)
-    dy = (table["tail_y_px"] - table["head_y_px"]).to_numpy(float)
+    tail, head = (table[[f"{end}_x_px", f"{end}_y_px"]].to_numpy() for end in ("tail", "head"))
+    # Displacements to the next frame; the last of a track is that of the frame before.
     path = pd.DataFrame(places_through_water(table)).groupby(table["track_id"], sort=False)
     place = path.transform(lambda x: smooth_series(x.to_numpy(float))).to_numpy()
     travel = np.diff(place, axis=0, append=place[-1:])
     is_last = (by_track.cumcount(ascending=False) == 0).to_numpy()
     travel[is_last] = travel[np.maximum(np.flatnonzero(is_last) - 1, 0)]
-    alone = _nearest_neighbour_px(table) / np.median(length)
+    neighbour_bl = _nearest_neighbour_px(table) / np.median(length)
     length_error = np.abs(table["body_length_px"].to_numpy() / length - 1)
-    copied = ["track_id", "frame", "x_px", "y_px", "orientations", "bend", "area_px", "contrast"]
-    return table[copied].assign(
-        bend=table["bend"].to_numpy(float),
-        area_px=table["area_px"].to_numpy(float),
-        contrast=table["contrast"].to_numpy(float),
+    measured = ["bend", "area_px", "contrast"]
+    copied = table[["track_id", "frame", "x_px", "y_px", "orientations", *measured]]
+    return copied.astype(dict.fromkeys(measured, float)).assign(
         area_rel=table["motion_area_rel"].to_numpy(float),
         type=table["swimming_type"],
         heading=by_track["heading_deg"].transform(lambda h: np.unwrap(h.astype(float), period=360)),
         step_x_px=travel[:, 0],
         step_y_px=travel[:, 1],
-        tail=(-dx * np.sin(heading_rad) - dy * np.cos(heading_rad)) / length,
+        tail=to_body_axes((tail - head).astype(float), heading_rad)[:, 1] / length,
         speed=np.hypot(*travel.T) / length,
         length_px=length,
-        alone=alone,
-        animal_off=np.abs(length / np.median(table["body_length_px"]) - 1) / settings.size_off,
+        neighbour_bl=neighbour_bl,
+        size_fault=np.abs(length / np.median(table["body_length_px"]) - 1) / settings.size_off,
         usable=(table["head_confidence"].to_numpy() >= settings.min_head_confidence)
         & (length_error <= settings.length_off)
-        & (alone > settings.min_neighbour_distance_bl),
+        & (neighbour_bl > settings.min_neighbour_distance_bl),
     )
 
 
 def smooth_series(values: Reals) -> Floats:
-    """Smooth a series (frames,) by the weights ¼, ½, ¼; lines stay lines, also at the ends."""
-    x = np.array(values, np.float64)
-    if len(x) < 3:
-        return x
-    extended = np.r_[2 * x[0] - x[1], x, 2 * x[-1] - x[-2]]
+    """Return a series (frames,) smoothed by the weights ¼, ½, ¼; straight lines stay the same."""
+    extended = np.pad(np.asarray(values, float), 1, "reflect", reflect_type="odd")
     return scipy.ndimage.convolve1d(extended, [0.25, 0.5, 0.25])[1:-1]
 
 
 def _nearest_neighbour_px(table: pd.DataFrame) -> Floats:
     """Return each fish's distance (rows,) [px] to the nearest other one in its frame, else inf."""
-    nearest = np.full(len(table), np.inf)
+    nearest = np.empty(len(table))
     place = table[["x_px", "y_px"]].to_numpy()
     for rows in table.groupby("frame").indices.values():
-        if len(rows) > 1:
-            distances = np.hypot(*(place[rows, None] - place[None, rows]).transpose(2, 0, 1))
-            np.fill_diagonal(distances, np.inf)
-            nearest[rows] = distances.min(1)
+        distances, _ = scipy.spatial.KDTree(place[rows]).query(place[rows], k=2)
+        nearest[rows] = distances[:, 1]  # the nearest of all is the fish itself
     return nearest
 
 
@@ -137,9 +133,10 @@ class FrameRun:
 
 
 def _parse_frame_run(table: pd.DataFrame, sequence: str, text: str, hold_share: float) -> FrameRun:
-    """Return the frames that the setting `sprites.<sequence>_frames` lists, as "track:first-last".
+    """Return the run of frames that a setting `sprites.<sequence>_frames` lists in its text.
 
-    table: from `swimmer_table`; hold_share: share of the largest bend from which a turn is held.
+    text: "track:first-last", as "8:120-140". table: from `swimmer_table`. hold_share: share of the
+    largest bend of a turn from which on a fish counts as holding it.
     FinloopError if the text or the track is wrong, frames are missing, or show no turn where one is
     wanted.
     """
@@ -200,11 +197,11 @@ def turn_phases(table: pd.DataFrame, run: FrameRun, side: int, hold_share: float
 
 
 def cycle_headings(table: pd.DataFrame, first_row: int, frames: int) -> Floats:
-    """Return headings [°] that change evenly over straight frames and the next one, (frames + 1,).
+    """Return evenly changing headings [°] for a run of straight frames and the frame after it.
 
-    They run from the first frame's heading to that after the last. Both show the same phase of the
-    tail beat, so the head's yaw, which a least-squares line would follow, cancels. first_row: of
-    the frames, in `table`.
+    They are (frames + 1,). Their slope is that from the first frame to the one after the last: both
+    show the same phase of the tail beat, so the head's yaw, which a least-squares line would
+    follow, cancels. Their mean is that of the frames. first_row: of the run, in `table`.
     """
     heading = table["heading"].to_numpy()[first_row : first_row + frames + 1]
     slope = (heading[-1] - heading[0]) / frames
@@ -225,21 +222,21 @@ def find_tail_beats(
     and one per fault, of which 1 is just acceptable. It is empty if there is no tail beat.
     """
     least = max(settings.beat_frames, round(settings.beat_least * delta_frames))
+    most = round(settings.beat_most * delta_frames)
     parts = []
-    for track, n, start, table_rows in _find_straight_runs(
-        table, least, round(settings.beat_most * delta_frames)
-    ):
-        tail = sliding_window_view(track["tail"].to_numpy(), n)[start]
+    for runs in _find_straight_runs(table, least, most):
+        # Parseval: the share of the tail's variance that is one wave over the run.
+        tail, n = runs.values("tail"), runs.frames
         power = np.abs(np.fft.rfft(tail - tail.mean(1, keepdims=True), axis=1)) ** 2
-        power[:, 1 : (n + 1) // 2] *= 2  # rfft leaves out the mirror images
+        power[:, 1 : (n + 1) // 2] *= 2  # rfft gives one of two equal halves of the spectrum
         total = np.maximum(power[:, 1:].sum(1), 1e-12)
         swing = np.maximum(np.ptp(tail, axis=1), 1e-6)
-        faults = _common_faults(track, start, n, settings) | {
+        faults = {
             "several waves": (1 - power[:, 1] / total) / (1 - settings.one_wave),
             "flicker": settings.flicker_frames / n,
             "lopsided": np.abs(tail.mean(1)) / swing / settings.lopsided,
         }
-        parts.append(pd.DataFrame({"start": table_rows, "length": n, "swing": swing, **faults}))
+        parts.append(_candidate_table(runs, faults, settings).assign(swing=swing))
     if not parts:
         return pd.DataFrame()
     waves = pd.concat(parts, ignore_index=True)
@@ -262,16 +259,15 @@ def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSetting
     typical_speed = max(float(table.loc[table["usable"], "speed"].median()), 1e-6)
     for shortest in sorted({least, max(3, least // 2), 3}, reverse=True):
         parts = []
-        for track, n, start, table_rows in _find_straight_runs(table, shortest, most):
-            tail = sliding_window_view(track["tail"].to_numpy(), n)[start]
-            speed = sliding_window_view(track["speed"].to_numpy(), n)[start].mean(1)
-            faults = _common_faults(track, start, n, settings) | {
+        for runs in _find_straight_runs(table, shortest, most):
+            tail, speed = runs.values("tail"), runs.values("speed").mean(1)
+            faults = {
                 "tail moves": np.ptp(tail, axis=1) / settings.still,
                 "tail aside": np.abs(tail.mean(1)) / settings.still,
                 "untypical speed": np.abs(np.log2(np.maximum(speed, 1e-6) / typical_speed)) / 2,
-                "short": least / n,
+                "short": least / runs.frames,
             }
-            parts.append(pd.DataFrame({"start": table_rows, "length": n, **faults}))
+            parts.append(_candidate_table(runs, faults, settings))
         if parts:
             glides = pd.concat(parts, ignore_index=True)
             still = glides[glides["tail moves"] <= 1]
@@ -282,7 +278,10 @@ def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSetting
 def _find_substitute_tail_beats(
     table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Find glides that replace a missing tail beat: straight frames, else usable ones, else any."""
+    """Find glides that replace a missing tail beat, as `find_glides` does; maybe none.
+
+    They are of straight frames, else of usable frames of any swimming type, else of any frames.
+    """
     as_straight = table.assign(type=np.int8(STRAIGHT))
     for rows in (table, as_straight, as_straight.assign(usable=True)):
         if not (glides := find_glides(rows, delta_frames, settings)).empty:
@@ -290,56 +289,72 @@ def _find_substitute_tail_beats(
     return pd.DataFrame()
 
 
+class StraightRuns(NamedTuple):
+    """All runs of one length, in one track without a gap, of usable frames of straight swimming.
+
+    track: the track's rows of the table of swimmers, the first of which is `offset`; frames: the
+    length of a run; first (k,): where in the track each run begins. One such frame follows each.
+    """
+
+    track: pd.DataFrame
+    offset: int
+    frames: int
+    first: Rows
+
+    def values(self, column: str, following: int = 0) -> Reals:
+        """Return a column's values in each run, and `following` frames after it, (k, frames)."""
+        windows = sliding_window_view(self.track[column].to_numpy(), self.frames + following)
+        return windows[self.first]
+
+
 def _find_straight_runs(
     table: pd.DataFrame, least_frames: int, most_frames: int
-) -> Iterator[tuple[pd.DataFrame, int, Rows, Rows]]:
-    """Yield runs of usable frames of straight swimming that another such frame follows.
-
-    Each item is a track, a length (`least_frames` … `most_frames`), and the first rows of all runs
-    of that length, in that track and in `table`.
-    """
+) -> Iterator[StraightRuns]:
+    """Yield the runs of usable frames of straight swimming, by track and length of the runs."""
     is_suitable = ((table["type"] == STRAIGHT) & table["usable"]).to_numpy()
     for span in _unbroken_row_slices(table):
         for n in range(least_frames, min(most_frames, span.stop - span.start - 1) + 1):
-            start = np.flatnonzero(sliding_window_view(is_suitable[span], n + 1).all(1))
-            if start.size:
-                yield table.iloc[span], n, start, start + span.start
+            first = np.flatnonzero(sliding_window_view(is_suitable[span], n + 1).all(1))
+            if first.size:
+                yield StraightRuns(table.iloc[span], span.start, n, first)
 
 
 def _unbroken_row_slices(table: pd.DataFrame) -> Iterator[slice]:
-    """Yield, as a slice of rows, each run of successive frames of one track."""
+    """Yield a slice of rows for each longest run of successive frames of one track."""
     broken = (np.diff(table["track_id"]) != 0) | (np.diff(table["frame"]) != 1)
     edges = [0, *(np.flatnonzero(broken) + 1).tolist(), len(table)]
     yield from (slice(a, b) for a, b in pairwise(edges) if b > a)
 
 
-def _common_faults(
-    track: pd.DataFrame, first_rows: Rows, frames: int, settings: SpritesSettings
-) -> dict[str, Floats]:
-    """Return the faults that count for tail beats and glides alike, for runs of equal length.
+def _candidate_table(
+    runs: StraightRuns, special_faults: dict[str, Floats | float], settings: SpritesSettings
+) -> pd.DataFrame:
+    """Return runs as a table of candidates: start, length and a column for each fault.
 
-    track: rows of one track; first_rows: of the runs, in the track; frames: their length.
+    The faults are those of all straight runs, and `special_faults`, which are given by name.
     """
-    heading = track["heading"].to_numpy()
-    speed = sliding_window_view(track["speed"].to_numpy(), frames)[first_rows]
-    area = sliding_window_view(track["area_px"].to_numpy(), frames + 1)[first_rows]
-    change = np.abs(speed[:, -(frames // 2) :].mean(1) - speed[:, : frames // 2].mean(1))
-    alone = sliding_window_view(track["alone"].to_numpy(), frames)[first_rows].min(1)
-    return {
-        "drift": np.abs(heading[first_rows + frames] - heading[first_rows]) / settings.drift_deg,
+    half = runs.frames // 2
+    heading, speed = runs.values("heading", following=1), runs.values("speed")
+    area = runs.values("area_px", following=1)
+    change = np.abs(speed[:, -half:].mean(1) - speed[:, :half].mean(1))
+    return pd.DataFrame({
+        "start": runs.first + runs.offset,
+        "length": runs.frames,
+        "drift": np.abs(heading[:, -1] - heading[:, 0]) / settings.drift_deg,
         "speed changes": change / np.maximum(speed.mean(1), 1e-6) / settings.speed_change,
         "area changes": np.ptp(area, axis=1) / area.mean(1) / settings.area_change,
-        "another size": track["animal_off"].to_numpy()[first_rows],
-        "not alone": _crowding_fault(alone, settings),
-    }
+        "another size": runs.values("size_fault")[:, 0],
+        "not alone": _crowding_fault(runs.values("neighbour_bl").min(1), settings),
+        **special_faults,
+    })  # fmt: skip
 
 
-def _crowding_fault(alone: Reals, settings: SpritesSettings) -> Floats:
+def _crowding_fault(neighbour_bl: Reals, settings: SpritesSettings) -> Floats:
     """Return how near another fish is: 1 at the least distance allowed, 0 from twice that on.
 
-    alone: body lengths to the nearest other fish.
+    neighbour_bl: body lengths to the nearest other fish.
     """
-    return np.clip(2 - alone / settings.min_neighbour_distance_bl, 0, 1)
+    return np.clip(2 - neighbour_bl / settings.min_neighbour_distance_bl, 0, 1)
 
 
 # -- candidates: turns -----------------------------------------------------------------------------
@@ -367,6 +382,7 @@ def find_turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.
             if turn is not None:
                 turns.append(turn | {"start": span.start + turn["start"]})
     for share in settings.strong:
+        # The fault `weaker` is (1 - bend / strongest bend) / settings.weaker.
         strong = [turn for turn in turns if turn["weaker"] <= (1 - share) / settings.weaker + 1e-9]
         if strong:
             return pd.DataFrame(strong)
@@ -374,10 +390,10 @@ def find_turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.
 
 
 def _find_substitute_turns(table: pd.DataFrame, side: int) -> pd.DataFrame:
-    """Find bends to one side that replace a missing whole turn, from a least bend to the next.
+    """Find bends to one side that replace a missing whole turn: candidates with the fault "weaker".
 
-    side: 1 left, −1 right. Their one fault, weaker, is how much weaker they are than the strongest
-    bend, as a share.
+    Each lasts from one minimum of the bend to the next. The fault is how much weaker it is than the
+    strongest bend, as a share. side: 1 left, −1 right.
     """
     bends = []
     for span in _unbroken_row_slices(table):
@@ -396,13 +412,14 @@ def _measure_turn(
     track: pd.DataFrame, bend: Floats, side: int, peak_row: int, strongest_bend: float,
     settings: SpritesSettings,
 ) -> dict[str, float] | None:  # fmt: skip
-    """Measure the turn around a row: start, length and faults; None if the turn is not whole.
+    """Return start, length and faults of the turn around a row; None if the turn is not whole.
 
-    track: rows of the table of swimmers; bend: to the side, of each row; side: 1 left, −1 right;
-    peak_row: where the bend is largest; strongest_bend: of the film.
+    start: its first row in `track`; length: its frames. track: rows of the table of swimmers; bend:
+    to the side, of each row; side: 1 left, −1 right; peak_row: where the bend is largest;
+    strongest_bend: of the film.
     """
-    first = _find_straightest_row(bend, peak_row, 0, -1, settings)
-    last = _find_straightest_row(bend, peak_row, len(bend) - 1, 1, settings)
+    first = _find_straightest_row(bend, peak_row, 0, settings)
+    last = _find_straightest_row(bend, peak_row, len(bend) - 1, settings)
     earlier = first - 1  # the head has begun to turn by the first frame that is bent at all
     if earlier >= 0 and abs(bend[earlier]) < settings.bent * bend[peak_row]:
         first = earlier
@@ -419,7 +436,9 @@ def _measure_turn(
     if step.sum() < settings.min_turn_deg:
         return None
     area = track["area_px"].to_numpy()[inside]
+    neighbour_bl = track["neighbour_bl"].to_numpy()[inside].min()
     end_bends = np.abs(bend[[first, last]])
+    # Bends besides the largest one: where the bend falls before the peak, or rises after it.
     change, peak = np.diff(bend[inside]), int(bend[inside].argmax())
     second_bend = float(-np.minimum(change[:peak], 0).sum() + np.maximum(change[peak:], 0).sum())
     n = last - first + 1
@@ -434,19 +453,20 @@ def _measure_turn(
         "jumps": step.max() / settings.jump_deg,
         "flicker": settings.flicker_frames / n,
         "area changes": np.abs(np.diff(area)).max() / area.mean() / settings.area_change,
-        "another size": track["animal_off"].to_numpy()[first],
-        "not alone": float(_crowding_fault(track["alone"].to_numpy()[inside].min(), settings)),
+        "another size": track["size_fault"].to_numpy()[first],
+        "not alone": float(_crowding_fault(neighbour_bl, settings)),
     }
 
 
 def _find_straightest_row(
-    bend: Reals, peak_row: int, end_row: int, direction: int, settings: SpritesSettings
+    bend: Reals, peak_row: int, end_row: int, settings: SpritesSettings
 ) -> int:
-    """Return the row before or after a peak where the fish is straightest before the next bend.
+    """Return the row, from a peak towards `end_row`, where the fish is straightest.
 
-    bend: of each row of a track; end_row: the last row to look at; direction: 1 = later, −1 =
-    earlier. Small rises do not end the search; a straight fish does.
+    bend: of each row of a track. The search ends at the next bend, or at a straight fish; small
+    rises of the bend do not end it.
     """
+    direction = 1 if end_row > peak_row else -1
     straightest = row = peak_row
     while row != end_row and abs(bend[straightest]) > settings.straight_bend * bend[peak_row]:
         row += direction
@@ -465,11 +485,11 @@ class ChosenFrames:
     """The film's frames that become the sprites of one sequence.
 
     mirrored: the frames show a turn to the other side, and the sprites are their mirror images.
-    stands_in: the film has no tail beat, or no whole turn, and these frames are the best
-    substitute.
+    stands_in: the film has no tail beat, no long glide with a still tail, or no whole turn, and
+    these frames are the best substitute.
     """
 
-    stretch: FrameRun
+    run: FrameRun
     mirrored: bool = False
     stands_in: bool = False
 
@@ -479,31 +499,29 @@ def choose_frames(
 ) -> dict[str, ChosenFrames]:
     """Choose the film's frames for each sequence of sprites: those of the settings, else the best.
 
-    The sequences are those of `WORDS`. table: from `swimmer_table`. A side without a turn gets the
-    opposite turn, mirrored. A film without a tail beat or a whole turn gets the best substitute.
-    FinloopError if the settings name frames that do not exist, or the fish never bends.
+    The result is by the names in `SEQUENCES`. table: from `swimmer_table`. A side without a turn
+    gets the opposite turn, mirrored. A film without a tail beat or a whole turn gets the best
+    substitute. FinloopError if the settings name frames that do not exist, or the fish never bends.
     draw_pictures: draws the fish of rows, turned by headings [°], as (n, size, size, channels).
     """
+    # The film's typical sharpness.
     usable = np.flatnonzero(table["usable"])
     usable = usable if usable.size else np.arange(len(table))
-    sample = usable[np.linspace(0, usable.size - 1, min(_SAMPLE, usable.size)).astype(int)]
+    sample = spread_rows(usable, _SAMPLE)
     pictures = draw_pictures(sample, table["heading"].to_numpy()[sample])
     typical_sharpness = float(np.median(measure_sharpness(pictures)))
 
     def best_runs(sequence: str, candidates: pd.DataFrame) -> list[FrameRun]:
         """Return the best candidates for one sequence, one of each track."""
         return best_runs_of_tracks(
-            table,
-            candidates,
-            draw_pictures,
-            typical_sharpness,
-            settings,
+            table, candidates, draw_pictures, typical_sharpness, settings,
             is_cycle=sequence not in SIDES,
-        )
+        )  # fmt: skip
 
+    # Candidates for each sequence.
     runs: dict[str, Sequence[FrameRun]] = {}
     stands_in: set[str] = set()
-    for sequence in WORDS:
+    for sequence in SEQUENCES:
         text = getattr(settings, f"{sequence}_frames")
         if text is not None:
             runs[sequence] = [_parse_frame_run(table, sequence, text, settings.hold)]
@@ -512,10 +530,10 @@ def choose_frames(
         else:
             find_candidates = find_tail_beats if sequence == "straight" else find_glides
             runs[sequence] = best_runs(sequence, find_candidates(table, delta_frames, settings))
+    # Substitutes for a missing tail beat, and for missing turns.
     if not runs["straight"]:
-        runs["straight"] = best_runs(
-            "straight", _find_substitute_tail_beats(table, delta_frames, settings)
-        )
+        glides = _find_substitute_tail_beats(table, delta_frames, settings)
+        runs["straight"] = best_runs("straight", glides)
         stands_in.add("straight")
     if not (runs["left"] or runs["right"]):
         for sequence, side in SIDES.items():
@@ -530,16 +548,20 @@ def choose_frames(
             "a fish that swims, some seconds of it",
             "take a longer film (reports/film/features/trajectories.png shows what was followed)",
         )
+    # The choice; a sequence without candidates borrows another one's frames.
     choices = {
         sequence: ChosenFrames(run, stands_in=sequence in stands_in)
         for sequence, run in choose_run_combination(table, runs, settings).items()
     }
-    if "slide" not in choices:  # nothing glides: the straightest there is
-        choices["slide"] = choices["straight"]
+    glide = choices.get("slide", choices["straight"])
+    glides_long_and_still = "slide" in choices and all(
+        glide.run.faults.get(fault, 0.0) <= 1 for fault in ("short", "tail moves")
+    )
+    choices["slide"] = replace(glide, stands_in=not glides_long_and_still)
     for sequence, opposite in (("left", "right"), ("right", "left")):
         if sequence not in choices:
             choices[sequence] = replace(choices[opposite], mirrored=True)
-    return {sequence: choices[sequence] for sequence in WORDS}
+    return {sequence: choices[sequence] for sequence in SEQUENCES}
 
 
 def best_runs_of_tracks(
@@ -555,13 +577,16 @@ def best_runs_of_tracks(
     """
     if candidates.empty:
         return []
+    # The candidates with the fewest faults, without their pictures, a few of each track.
     faults = [name for name in candidates if name not in ("start", "length")]
     cost = candidates[faults].sum(axis=1)
     track_ids = table["track_id"].to_numpy()[candidates["start"]]
     order = cost.sort_values(kind="stable").index
     rank = cost[order].groupby(pd.Series(track_ids, candidates.index)[order]).cumcount()
+    compared = order[(rank < settings.candidates_per_track).to_numpy()][: settings.candidates]
+    # The best of each track, with the faults of their pictures.
     best: dict[int, FrameRun] = {}
-    for label in order[(rank < settings.candidates_per_track).to_numpy()][: settings.candidates]:
+    for label in compared:
         start, n = int(candidates.at[label, "start"]), int(candidates.at[label, "length"])
         rows = np.arange(start, start + n + 1)
         heading = cycle_headings(table, start, n) if is_cycle else table["heading"].to_numpy()[rows]
@@ -583,10 +608,11 @@ def best_runs_of_tracks(
 
 
 def measure_loop_closure(pictures: Reals) -> float:
-    """Return how visible the jump from a loop's end to its start is; 1: like any other step.
+    """Return how visible the jump from a loop's end to its start is; 1: as any other step.
 
-    It is the picture distance of the jump, over the loop's median step. pictures (n + 1, size,
-    size, channels): the n frames of the loop and the frame after them.
+    It is the picture distance (Eq. 5) from the frame after the loop to the first frame, which it
+    should equal, over the loop's median step. pictures (n + 1, size, size, channels): the n frames
+    of the loop and the frame after them.
     """
     jump = float(paired_distances(pictures[-1], pictures[0]))
     return jump / max(float(np.median(successive_distances(pictures))), 1e-9)
@@ -604,11 +630,12 @@ def measure_sharpness(pictures: Reals) -> Floats:
 def choose_run_combination(
     table: pd.DataFrame, runs: dict[str, Sequence[FrameRun]], settings: SpritesSettings
 ) -> dict[str, FrameRun]:
-    """Choose one run of frames for each sequence: few faults, and few changes of the animal.
+    """Return one run of frames for each sequence: few faults, and few changes of the animal.
 
-    runs: the candidates of each sequence; those without any are left out of the result. A sequence
-    of another track than the first one costs `track_change_cost`. A relative difference of
-    `size_off` in length, contrast and area, on average, costs 1 more.
+    runs: the candidates of each sequence; those without any are left out of the result. A run costs
+    its faults, those of the first sequence `cycle_weight` times. A sequence of another track than
+    the first one costs `track_change_cost`, and 1 more for an average relative difference of
+    `size_off` in length, contrast and area.
     """
     sequences = [sequence for sequence in runs if runs[sequence]]
     appearance = (
@@ -618,7 +645,7 @@ def choose_run_combination(
         .reindex(table["track_id"].unique())
         .fillna(table[["length_px", "contrast", "area_px"]].median())
     )
-    log_appearance = np.log(appearance)
+    log_appearance = np.log(appearance)  # differences of logarithms are relative differences
 
     def change_cost(track_a: int, track_b: int) -> float:
         """Return what a change from one track to another costs."""

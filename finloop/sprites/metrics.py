@@ -14,18 +14,17 @@ from finloop.sprites.choice import (
     cycle_headings,
     measure_loop_closure,
 )
-from finloop.sprites.settings import SpritesSettings
 
 
 def sprite_orientation_table(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
     """Return the fish paper's Table 1 for the sprites: a row for each of their orientations.
 
-    sprites: schema `SPRITES`; features: the film's. Motion areas are relative to the film's largest
-    in turns to that side.
+    sprites: schema `SPRITES`; features: the film's feature table. Motion areas are relative to the
+    film's largest in turns to that side.
     """
     count = count_orientations(sprites)
     types = [SIDES.get(sequence, STRAIGHT) for sequence in sprites["sequence"]]
-    pictures = pd.DataFrame({
+    pictures = pd.DataFrame({  # a row for each sprite in each orientation
         "orientation": np.tile(np.arange(1, count + 1), len(sprites)),
         "orientations": count,
         "swimming_type": np.repeat(types, count),
@@ -57,7 +56,8 @@ def sprite_metrics(
     """Return the metrics of the chosen sprites, by their names in metrics.json.
 
     sprites: schema `SPRITES`; table: a row for each fish in each frame, from `swimmer_table`;
-    features: the film's; film_frames: how many frames the film has.
+    features: the film's feature table; film_frames: how many frames the film has; rate_hz: of them
+    a second.
     """
     sequences = dict(iter(sprites.groupby("sequence", sort=False)))
     used = sprites[["track_id", "frame"]].drop_duplicates()
@@ -92,14 +92,15 @@ def cycle_metrics(
 ) -> dict[str, float]:
     """Return how far the tail swings [body lengths] in a cycle of sprites, and how well it closes.
 
-    sequence: straight or slide. Closure is the picture distance of the last frame, and of the one
-    after it, from the first, over the cycle's median step. It is missing if the track ends there.
+    The result has three metrics by name. sequence: "straight" or "slide". table: from
+    `swimmer_table`. Closure is the picture distance of the last frame, and of the one after it,
+    from the first, over the cycle's median step. It is missing if the track ends there.
     draw_pictures: draws the fish of rows, turned by headings [°], as (n, size, size, channels).
     """
-    start, stop = choice.stretch.rows.start, choice.stretch.rows.stop
+    start, stop = choice.run.rows.start, choice.run.rows.stop
     tail = table["tail"].to_numpy()[start:stop]
     result = {f"{sequence}_tail_swing_body_lengths": float(np.ptp(tail))}
-    if stop < len(table) and table["track_id"].iat[stop] == choice.stretch.track_id:
+    if stop < len(table) and table["track_id"].iat[stop] == choice.run.track_id:
         headings = cycle_headings(table, start, stop - start)
         pictures = draw_pictures(np.arange(start, stop + 1), headings)
         median_step = max(float(np.median(successive_distances(pictures))), 1e-9)
@@ -109,27 +110,14 @@ def cycle_metrics(
     return result
 
 
-def is_still_slide(
-    slide: ChosenFrames, table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
-) -> bool:
-    """Return whether the frames chosen for gliding are long enough, and their tail is still.
-
-    They last at least `slide_least` Δ (the time over which motion is measured), and the tail moves
-    at most `still` body lengths.
-    """
-    tail = table["tail"].to_numpy()[slide.stretch.rows]
-    long = len(tail) >= round(settings.slide_least * delta_frames)
-    return long and float(np.ptp(tail)) <= settings.still
-
-
 def fault_table(choices: dict[str, ChosenFrames]) -> pd.DataFrame:
-    """Return what is wrong with the chosen frames: sequence, frames, fault, value.
+    """Return a table of what is wrong with the chosen frames: sequence, frames, fault, value.
 
-    A value of 1 is just acceptable.
+    frames: as "track:first-last". A value of 1 is just acceptable.
     """
     rows = []
     for sequence, choice in choices.items():
-        run = choice.stretch
+        run = choice.run
         for name, value in (run.faults or {"listed by hand": 0.0}).items():
             rows.append((sequence, f"{run.track_id}:{run.first}-{run.last}", name, value))
     return pd.DataFrame(rows, columns=["sequence", "frames", "fault", "value"])

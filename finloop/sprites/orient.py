@@ -15,6 +15,7 @@ import scipy
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
+from finloop.base.axes import to_body_axes
 from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.schema import Column, Schema, columns
 from finloop.distance.reel import Reel
@@ -59,23 +60,25 @@ def sprite_table(
 def _sequence_rows(
     table: pd.DataFrame, sequence: str, choice: ChosenFrames, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Return a table of one sequence's sprites: columns of `SPRITES`, without their numbers."""
-    run, sign = choice.stretch, -1 if choice.mirrored else 1
+    """Return a table of one sequence's sprites: columns of `SPRITES` except `sprite`."""
+    run, sign = choice.run, -1 if choice.mirrored else 1
     frames = table.iloc[run.rows]
     n, start, stop = len(frames), run.rows.start, run.rows.stop
     has_next = stop < len(table) and table["track_id"].iat[stop] == run.track_id
-    side = sign * SIDES.get(sequence, 0)  # as filmed
+    side = sign * SIDES.get(sequence, 0)  # of the turn as filmed; 0: no turn
+    # The headings [°] at which the frames, and the one that comes next, are drawn.
     if side:
         heading = smooth_series(table["heading"].to_numpy()[start : stop + has_next])
     else:
         heading = cycle_headings(table, start, n if has_next else n - 1)
-    if not has_next:  # to the frame that would come next
+    if not has_next:  # the last change is repeated
         heading = np.r_[heading, 2 * heading[-1] - heading[-2]]
-    if side and -np.minimum(side * np.diff(heading), 0).sum() <= settings.turn_back_deg:
+    turned_back_deg = -np.minimum(side * np.diff(heading), 0).sum()
+    if side and turned_back_deg <= settings.turn_back_deg:  # it is noise, and taken out
         heading = side * scipy.optimize.isotonic_regression(side * heading).x
-    angle = np.radians(heading[:-1])
-    dx, dy = frames["step_x_px"].to_numpy(), frames["step_y_px"].to_numpy()
     length = frames["length_px"].to_numpy()
+    step = frames[["step_x_px", "step_y_px"]].to_numpy()
+    forward, sideways = to_body_axes(step, np.radians(heading[:-1])).T / length
     return frames[["track_id", "frame", "x_px", "y_px", "orientations"]].assign(
         sequence=sequence,
         step=np.arange(n),
@@ -87,8 +90,8 @@ def _sequence_rows(
         scale=np.median(table["length_px"]) / length,
         motion_area_rel=frames["area_rel"],
         bend=sign * frames["bend"],
-        forward=(dx * np.cos(angle) - dy * np.sin(angle)) / length,
-        sideways=sign * (-dx * np.sin(angle) - dy * np.cos(angle)) / length,
+        forward=forward,
+        sideways=sign * sideways,
         turn_deg=sign * np.diff(heading),
     )
 
@@ -111,7 +114,8 @@ def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
 def sprite_outlines(reel: Reel) -> list[Floats]:
     """Return the convex hull (k, 2) of every sprite: px ahead and left of its mass centre.
 
-    The px are those of the drawn animation, where all fish are equally long.
+    reel: the film's cut-outs and the sprites. The px are those of the drawn animation, where all
+    fish are equally long.
     """
     hulls = []
     for number, row in enumerate(reel.sprites.itertuples()):
@@ -124,7 +128,10 @@ def sprite_outlines(reel: Reel) -> list[Floats]:
 
 
 def rotation_matrix(angle_deg: float) -> Floats:
-    """Return the matrix (2, 2) that turns points (x right, y down); exact at multiples of 90°."""
+    """Return the matrix (2, 2) that turns points (x right, y down) by an angle, anticlockwise.
+
+    It is exact at multiples of 90°.
+    """
     cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     if angle_deg % 90 == 0:
         cos, sin = np.round([cos, sin])
@@ -134,15 +141,17 @@ def rotation_matrix(angle_deg: float) -> Floats:
 def turn_cutout(
     source: Cutout, x_px: float, y_px: float, angle_deg: float, mirror_axis_deg: float | None = None
 ) -> Cutout:
-    """Turn a cut-out, the pixels of a fish with alpha, about the point (x_px, y_px) of the film.
+    """Return a cut-out, the pixels of a fish with alpha, turned about a point of the film.
 
-    With `mirror_axis_deg` it is first mirrored about the line of that direction through the same
-    point. Both are one resampling (Lanczos, four lobes), trimmed to the visible pixels. A turn by
-    0, or by any angle that maps pixels to pixels, is exact.
+    x_px, y_px: that point; angle_deg: anticlockwise as seen. With `mirror_axis_deg` the cut-out is
+    first mirrored about the line of that direction through the point. Both are one resampling
+    (Lanczos, four lobes), trimmed to the visible pixels. A turn by 0, or by any angle that maps
+    pixels to pixels, is exact.
     """
     angle_deg %= 360
     if angle_deg == 0 and mirror_axis_deg is None:
         return source
+    # The linear part of the map, and the box of the turned cut-out, in px of the film.
     linear = rotation_matrix(angle_deg)
     if mirror_axis_deg is not None:
         from_axis, to_axis = rotation_matrix(-mirror_axis_deg), rotation_matrix(mirror_axis_deg)
@@ -153,8 +162,8 @@ def turn_cutout(
     turned_corners = (corners - pivot) @ linear.T + pivot
     low = np.floor(turned_corners.min(0)).astype(int) - _REACH
     high = np.ceil(turned_corners.max(0)).astype(int) + _REACH
-    inverse = linear.T  # of a rigid motion
-    offset = pivot - origin + inverse @ (low - pivot)  # of the canvas's first pixel in the source
+    inverse = linear.T  # a rotation or reflection: its inverse is its transpose
+    offset = pivot - origin + inverse @ (low - pivot)  # where in the source the canvas begins
     width, height = (high - low + 1).tolist()
     canvas = cv2.warpAffine(
         source.pixels.astype(np.float32), np.column_stack([inverse, offset]), (width, height),
@@ -170,13 +179,11 @@ def turn_cutout(
 
 
 def trim_picture(pixels: NDArray[np.uint8]) -> tuple[int, int, NDArray[np.uint8]]:
-    """Return left, top [px] and the smallest part of a picture that has all its visible pixels.
+    """Return the smallest part of a picture that has all its visible pixels, with its place.
 
-    A wholly transparent picture is trimmed to its first pixel.
+    The result is left and top of the part in px, and the part. The last channel is alpha; a wholly
+    transparent picture is trimmed to its first pixel.
     """
-    rows = np.flatnonzero(pixels[..., -1].any(1))
-    columns = np.flatnonzero(pixels[..., -1].any(0))
-    if not rows.size:
-        return 0, 0, pixels[:1, :1]
-    top, left = int(rows[0]), int(columns[0])
-    return left, top, np.ascontiguousarray(pixels[top : rows[-1] + 1, left : columns[-1] + 1])
+    left, top, width, height = cv2.boundingRect(np.ascontiguousarray(pixels[..., -1]))
+    bottom, right = top + max(height, 1), left + max(width, 1)
+    return left, top, np.ascontiguousarray(pixels[top:bottom, left:right])

@@ -7,7 +7,7 @@ from pathlib import Path
 from finloop.gateways.find import GATEWAYS, IN, OUT
 from finloop.io.picture import save_picture
 from finloop.io.table import load_table
-from finloop.plots.gateways import choose_gateways_to_draw, draw_gateways, gateway_pictures
+from finloop.plots.gateways import draw_gateways, gateway_pictures
 from finloop.project import Project
 
 PAIRS = 12  # of each direction
@@ -23,8 +23,8 @@ def main() -> None:
         nearest = load_table(project.data / "gateways/nearest.parquet", GATEWAYS)
         for direction in (IN, OUT):
             table = gateways if direction in set(gateways["direction"]) else nearest
-            chosen = choose_gateways_to_draw(table[table["direction"] == direction], PAIRS)
-            sheet[direction] = list(gateway_pictures(chosen, reel, project.map_facts))
+            table = table[table["direction"] == direction]
+            sheet[direction] = list(gateway_pictures(table, PAIRS, reel, project.map_facts))
     save_picture(Path("reports/motion/gateways/contact_sheet.png"), draw_gateways(sheet))
 
 
