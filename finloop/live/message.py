@@ -1,6 +1,6 @@
 """The messages of a page to the live tank: JSON, strictly parsed; all else is no message."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
@@ -17,6 +17,8 @@ Place = Annotated[float, Field(ge=-1e5, le=1e5)]
 Weight = Annotated[float, Field(ge=0, le=MOST_WEIGHT)]
 FishIndex = Annotated[int, Field(ge=0, lt=MOST_FISH)] | None  # None: every fish
 
+Content = TypeVar("Content")
+
 
 class StrictModel(BaseModel):
     """Base of all messages: exactly the named fields and types, and only finite numbers."""
@@ -24,6 +26,21 @@ class StrictModel(BaseModel):
     model_config = ConfigDict(
         strict=True, extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
     )
+
+
+def parse_json(
+    adapter: TypeAdapter[Content], text: str | bytes | None, longest: int = LONGEST
+) -> Content | None:
+    """Return what a JSON text holds; None if it is too long, not JSON, or not what is wanted.
+
+    adapter: the wanted type; longest: bytes of the text.
+    """
+    if text is None or len(text) > longest:
+        return None
+    try:
+        return adapter.validate_json(text)
+    except (ValidationError, UnicodeError):
+        return None
 
 
 class SetGoal(StrictModel):
@@ -152,9 +169,4 @@ _REQUEST: TypeAdapter[PageRequest] = TypeAdapter(Annotated[PageRequest, Field(di
 
 def parse_message(text: str | bytes | None) -> PageRequest | None:
     """Return the request in a page's JSON text; None if it is too long, not JSON, or invalid."""
-    if text is None or len(text) > LONGEST:
-        return None
-    try:
-        return _REQUEST.validate_json(text)
-    except (ValidationError, UnicodeError):
-        return None
+    return parse_json(_REQUEST, text)

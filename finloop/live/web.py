@@ -29,7 +29,7 @@ from finloop.live.page import make_content_policy
 HOST = "127.0.0.1"
 BUSY, STRANGER = 1013, 1008  # codes of closing a WebSocket
 _BROKEN = 1002, 1007, 1009  # closed since a message was no message, no text, or too long
-_LARGEST = 64 * 1024  # bytes of a message; a larger one ends the connection
+LARGEST = 64 * 1024  # bytes of a message; a larger one ends the connection
 _SWITCH_S = 0.0005  # after which a thread that computes gives way to the server
 GONE = WebSocketDisconnect, RuntimeError, OSError
 """The errors of sending to a client that has disconnected."""
@@ -173,7 +173,7 @@ class AppServer(uvicorn.Server):
         super().__init__(
             uvicorn.Config(
                 app, log_level="warning", access_log=False, lifespan="on", server_header=False,
-                ws="websockets-sansio", ws_max_size=_LARGEST, ws_per_message_deflate=False,
+                ws="websockets-sansio", ws_max_size=LARGEST, ws_per_message_deflate=False,
                 timeout_graceful_shutdown=2,
             )
         )  # fmt: skip

@@ -7,11 +7,11 @@ from collections import deque
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter
 from starlette.websockets import WebSocket
 
-from finloop.live.message import StrictModel
-from finloop.live.web import GONE, cancel_task, receive_messages
+from finloop.live.message import StrictModel, parse_json
+from finloop.live.web import GONE, LARGEST, cancel_task, receive_messages
 from finloop.stimulus.drawn import ALPHA, HEADING, PICTURE, SIZE, X, Y
 from finloop.stimulus.listing import list_requirements
 from finloop.stimulus.session import Session
@@ -32,32 +32,29 @@ class NoteRequest(StrictModel):
     text: Annotated[str, Field(min_length=1, max_length=2000)]
 
 
-class DeskKeyPress(StrictModel):
-    """A message that a key was pressed on the experimenter's page."""
+class KeyPress(StrictModel):
+    """A page's message that a key was pressed: at the display, or on the experimenter's page."""
 
     do: Literal["key"]
     key: Annotated[str, Field(min_length=1, max_length=40)]
 
 
-_REQUEST: TypeAdapter[SessionCommand | NoteRequest | DeskKeyPress] = TypeAdapter(
-    Annotated[SessionCommand | NoteRequest | DeskKeyPress, Field(discriminator="do")]
+_REQUEST: TypeAdapter[SessionCommand | NoteRequest | KeyPress] = TypeAdapter(
+    Annotated[SessionCommand | NoteRequest | KeyPress, Field(discriminator="do")]
 )
 
 
 def handle_request(session: Session, text: str | bytes | None) -> bool:
     """Carry out a request (JSON text) of the experimenter's page; return whether it was valid."""
-    try:
-        request = _REQUEST.validate_json(text or "")
-    except (ValidationError, UnicodeError):
-        return False
+    request = parse_json(_REQUEST, text, LARGEST)
     match request:
         case SessionCommand():
             getattr(session, request.do)()  # start, stop, abort or skip
         case NoteRequest():
             session.log_event("note", text=request.text)
-        case DeskKeyPress():
+        case KeyPress():
             session.press_key(request.key)
-    return True
+    return request is not None
 
 
 def session_status(session: Session, with_constants: bool = True) -> dict[str, Any]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.edit.bodies import Bodies, Body
-from finloop.edit.schema import FRAME
+from finloop.edit.schema import FRAME, row_partner, row_picture
 
 FIELDS = (
     "x_px", "y_px", "heading_rad", "size_px", "picture", "partner", "weight", "mirrored",
@@ -63,20 +63,15 @@ def _picture_bodies(rows: Sequence[Any], bodies: Bodies, of_partner: NDArray[np.
 
     of_partner (n,): true for the picture to cross-fade with, false for the main one.
     """
-
-    def select_field(name: str, partner_name: str) -> list[Any]:
-        """Return a field of each row: `name`, or `partner_name` where the partner is meant."""
-        return [
-            getattr(row, partner_name if is_partner else name)
-            for row, is_partner in zip(rows, of_partner, strict=True)
-        ]
-
-    is_frame = np.array([kind == FRAME for kind in select_field("kind", "partner_kind")], bool)
-    turn_deg = np.array(select_field("rotation_deg", "partner_rotation_deg"), float)
-    # A sprite is turned to its sector of orientation first.
-    orientations = select_field("orientation", "partner_orientation")
-    for number in np.flatnonzero(~is_frame):
-        turn_deg[number] += float(bodies.sprite_direction_deg(int(orientations[number]), 0.0))
-    sources = np.array(select_field("source", "partner"), np.intp)
-    mirrored = np.array(select_field("mirrored", "partner_mirrored"), bool)
+    pictures = [
+        row_partner(row) if is_partner else row_picture(row)
+        for row, is_partner in zip(rows, of_partner, strict=True)
+    ]
+    is_frame = np.array([picture.kind == FRAME for picture in pictures], bool)
+    turn_deg = np.array([picture.rotation_deg for picture in pictures], float)
+    for number in np.flatnonzero(~is_frame):  # a sprite is turned to its orientation first
+        orientation = int(pictures[number].orientation)
+        turn_deg[number] += float(bodies.sprite_direction_deg(orientation, 0.0))
+    sources = np.array([picture.source for picture in pictures], np.intp)
+    mirrored = np.array([picture.mirrored for picture in pictures], bool)
     return bodies.picture_bodies(is_frame, sources, turn_deg, mirrored)

@@ -163,17 +163,12 @@ class Log:
 
         rows: how many entries. values: each column's, (rows,), by the column's name.
         """
-        schema, arrays = self._journal.schema, []
-        for field in schema:
-            column = {"kind": [kind] * rows, **values}.get(field.name)
-            if isinstance(column, np.ndarray):
-                column = pa.array(np.ascontiguousarray(column))
-            if column is None:
-                arrays.append(pa.nulls(rows, field.type))
-            elif isinstance(column, pa.Array):
-                arrays.append(column.cast(field.type))
-            else:
-                arrays.append(pa.array(column, field.type))
+        schema, given = self._journal.schema, {"kind": [kind] * rows, **values}
+        arrays = [
+            pa.array(given[field.name]).cast(field.type)
+            if field.name in given else pa.nulls(rows, field.type)
+            for field in schema
+        ]  # fmt: skip
         return pa.RecordBatch.from_arrays(arrays, schema=schema)
 
 

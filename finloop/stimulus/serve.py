@@ -17,21 +17,22 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter
 from starlette.websockets import WebSocket
 
-from finloop.live.message import StrictModel
+from finloop.live.message import StrictModel, parse_json
 from finloop.live.page import pack_message
 from finloop.live.web import (
     BUSY,
     GONE,
+    LARGEST,
     AccessPolicy,
     AppServer,
     SocketRoute,
     cancel_task,
     receive_messages,
 )
-from finloop.stimulus.desk import serve_experimenter
+from finloop.stimulus.desk import KeyPress, serve_experimenter
 from finloop.stimulus.display import DisplayCalibration, PixelRatio, Pixels, save_display
 from finloop.stimulus.drawn import POSTURE
 from finloop.stimulus.feed import Feed
@@ -68,13 +69,6 @@ class TimeRequest(StrictModel):
     sent: Annotated[float, Field(ge=-1e12, le=1e12)]
 
 
-class DisplayKeyPress(StrictModel):
-    """A page's message that a key was pressed at the display."""
-
-    do: Literal["key"]
-    key: Annotated[str, Field(min_length=1, max_length=40)]
-
-
 class CalibrationMessage(StrictModel):
     """A page's message with the display's new calibration, to be stored."""
 
@@ -89,9 +83,7 @@ class VisibilityMessage(StrictModel):
     on: bool
 
 
-DisplayMessage = (
-    DisplayReady | TimeRequest | DisplayKeyPress | CalibrationMessage | VisibilityMessage
-)
+DisplayMessage = DisplayReady | TimeRequest | KeyPress | CalibrationMessage | VisibilityMessage
 _MESSAGE: TypeAdapter[DisplayMessage] = TypeAdapter(
     Annotated[DisplayMessage, Field(discriminator="do")]
 )
@@ -99,10 +91,7 @@ _MESSAGE: TypeAdapter[DisplayMessage] = TypeAdapter(
 
 def parse_display_message(text: str | None) -> DisplayMessage | None:
     """Return the message in a display page's JSON text; None if the text is invalid."""
-    try:
-        return _MESSAGE.validate_json(text or "")
-    except (ValidationError, UnicodeError):
-        return None
+    return parse_json(_MESSAGE, text, LARGEST)
 
 
 class DisplayPage:
@@ -225,7 +214,7 @@ class SessionHub(DisplayHub):
                     "refresh_hz": calibration["refresh_hz"] if calibration else None,
                     "calibration": calibration,
                 })  # fmt: skip
-            case DisplayKeyPress():
+            case KeyPress():
                 self.session.press_key(message.key)
             case CalibrationMessage():
                 if self.session.phase in ("running", "waiting"):

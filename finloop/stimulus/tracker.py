@@ -15,12 +15,12 @@ from itertools import combinations
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, StringConstraints, TypeAdapter, ValidationError
+from pydantic import Field, StringConstraints, TypeAdapter
 from skimage.transform import AffineTransform, ProjectiveTransform, SimilarityTransform
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
-from finloop.live.message import Number, StrictModel
+from finloop.live.message import Number, StrictModel, parse_json
 
 MOST_AT_ONCE = 64
 """The most sightings in a message, and the most animals at once."""
@@ -61,26 +61,19 @@ _SIGHTINGS: TypeAdapter[Sighting | list[Sighting]] = TypeAdapter(
     Sighting | Annotated[list[Sighting], Field(min_length=1, max_length=MOST_AT_ONCE)]
 )
 
+_TRIGGER = TypeAdapter(TriggerMessage)
+
 
 def parse_sightings(text: str | bytes | None) -> list[Sighting] | None:
     """Return the sightings in a tracker's JSON message; None if it is too long or invalid."""
-    if text is None or len(text) > LONGEST:
-        return None
-    try:
-        message = _SIGHTINGS.validate_json(text)
-    except (ValidationError, UnicodeError):
-        return None
-    return message if isinstance(message, list) else [message]
+    message = parse_json(_SIGHTINGS, text, LONGEST)
+    return [message] if isinstance(message, Sighting) else message
 
 
 def parse_trigger(text: str | bytes | None) -> str | None:
     """Return the name in a device's JSON message {"do": "trigger", "name": …}; None if invalid."""
-    if text is None or len(text) > _LONGEST_TRIGGER:
-        return None
-    try:
-        return TriggerMessage.model_validate_json(text).name
-    except (ValidationError, UnicodeError):
-        return None
+    message = parse_json(_TRIGGER, text, _LONGEST_TRIGGER)
+    return None if message is None else message.name
 
 
 # --- calibration

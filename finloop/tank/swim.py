@@ -145,10 +145,10 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
     return row.scale * line @ _turn_matrix(float(body.heading_deg)).T
 
 
-def _turn_matrix(angle_deg: float) -> Floats:
-    """Return the matrix (2, 2) that turns a vector x, y (y up) anticlockwise by an angle."""
+def _turn_matrix(angle_deg: float | Floats) -> Floats:
+    """Return the matrices (…, 2, 2) that turn vectors x, y (y up) anticlockwise by angles (…)."""
     angle = np.radians(angle_deg)
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return _stack_matrices(np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle))
 
 
 def _arc_length_to_points(line: Floats) -> Floats:
@@ -193,14 +193,13 @@ def _place_bodies(film: FilmBodies, placement: BodyPlacement) -> tuple[Floats, F
     twice = 2 * np.radians(placement.axis_deg)
     mirror = _stack_matrices(np.cos(twice), np.sin(twice), np.sin(twice), -np.cos(twice))
     line = np.where(placement.mirrored[:, None, None], line @ mirror.swapaxes(1, 2), line)
-    angle = np.radians(placement.turn_deg)
-    turn = _stack_matrices(np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle))
+    turn = _turn_matrix(placement.turn_deg)
     scale = placement.scale[:, None]
     return scale[..., None] * (line @ turn.swapaxes(1, 2)), scale * film.half_width[placement.row]
 
 
 def _stack_matrices(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
-    """Return n matrices ((a, b), (c, d)) as (n, 2, 2), from their entries (n,) each."""
+    """Return matrices ((a, b), (c, d)) as (…, 2, 2), from their entries (…) each."""
     return np.stack([np.stack([a, b], -1), np.stack([c, d], -1)], -2)
 
 
