@@ -183,7 +183,7 @@ class AppServer(uvicorn.Server):
         """Return the route that answers requests for a page (HTML) at a path such as "/show"."""
 
         async def answer_page_request(request: Request) -> Response:
-            """Answer one request."""
+            """Return the page, or a refusal, as the response to one request."""
             return self._policy.answer_request(request, page)
 
         return Route(path, answer_page_request)

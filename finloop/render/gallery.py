@@ -192,6 +192,7 @@ def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
             others = f" (and at {len(bad) - 1} more ticks)" if len(bad) > 1 else ""
             problems.append(f"tick {tick}: {column} is {value}, wanted {wanted}{others}")
 
+    # Ticks, places and weights.
     sizes = {kind: len(cutout_set.centres_px) for kind, cutout_set in cutout_sets.items()}
     note_problem(edit["tick"] != edit.groupby("fish").cumcount(), "tick", "0, 1, 2, … of each fish")
     last = edit.groupby("fish")["tick"].transform("max")
@@ -199,6 +200,7 @@ def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
     for column in ("x_px", "y_px"):
         note_problem(~np.isfinite(edit[column].to_numpy(float)), column, "a place")
     note_problem(~edit["weight"].between(0, 1), "weight", "0 … 1")
+    # The picture of each row, and the one to cross-fade with, where there is one.
     fades = (edit["weight"] > 0).to_numpy()
     for prefix, source_column, used in (
         ("", "source", np.full(len(edit), True)),
@@ -217,6 +219,7 @@ def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
         note_problem(used & ~(np.isfinite(scale) & (scale > 0)), f"{prefix}scale", "more than 0")
         angle = edit[f"{prefix}rotation_deg"].to_numpy(float)
         note_problem(used & ~np.isfinite(angle), f"{prefix}rotation_deg", "an angle")
+    # Poses.
     codes = 0 if bodies is None else bodies.poses.codes.shape[1]
     fits = [
         pose is None or (codes > 0 and np.shape(pose) == (codes,) and np.isfinite(pose).all())

@@ -169,7 +169,7 @@ class BentPicture(NamedTuple):
 
 
 def pad_picture(pixels: Image, x_px: float, y_px: float) -> PaddedPicture:
-    """Add a transparent rim to a cut-out (h, w, 2 or 4) uint8, so that it can be drawn.
+    """Return a cut-out (h, w, 2 or 4) uint8 with a transparent rim, so that it can be drawn.
 
     x_px, y_px: its mass centre, px of the cut-out.
     """

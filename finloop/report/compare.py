@@ -102,7 +102,7 @@ def pareto_front(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
 def compare_experiments(
     parameters: pd.DataFrame, numbers: pd.DataFrame, measures: Sequence[str]
 ) -> Comparison:
-    """Compare experiments: their differing parameters, their measures, and the Pareto front.
+    """Return a comparison of experiments: parameters that differ, measures, and the Pareto front.
 
     parameters, numbers: one row per run, named by the index, and columns `<stage>.<name>`.
     measures: columns of `numbers` to show beside OBJECTIVES. Runs that differ in their seeds alone
@@ -174,9 +174,10 @@ def _measure_name(key: str) -> str:
 
 
 def draw_parallel_axes(comparison: Comparison) -> go.Figure:
-    """Draw one line per experiment across axes of parameters and measures; the best in colour.
+    """Return a chart with a line per experiment across axes of parameters and measures.
 
-    An experiment that lacks a measure is left out: its line would leave the chart at that axis.
+    The best experiments are in colour. An experiment that lacks a measure is left out: its line
+    would leave the chart at that axis.
     """
     measures = comparison.measures.dropna(axis=1, how="all")
     complete = measures.notna().all(axis=1)
@@ -201,7 +202,7 @@ def draw_parallel_axes(comparison: Comparison) -> go.Figure:
 
 
 def draw_parameter_effects(comparison: Comparison, parameter: str) -> go.Figure:
-    """Draw each measure against a parameter: runs as points, means as a line with their spread.
+    """Return charts of each measure against a parameter: runs as points, means as a line.
 
     A thin line joins the runs with the same seeds. The bars are as long as the spread over the
     seeds, one standard deviation to each side. Measures that are the same in every run are left
@@ -267,7 +268,7 @@ def _add_seed_lines(
 
 
 def _draw_scatter(comparison: Comparison, x: ReportMetric, y: ReportMetric) -> go.Figure:
-    """Draw objective `y` against objective `x`, a point per experiment; mark the best ones."""
+    """Return a chart of objective `y` against objective `x`, a point per experiment."""
     figure = go.Figure()
     for mask, name, colour, symbol in (
         (~comparison.best, "others", _OTHER, "circle"),
@@ -291,7 +292,7 @@ def _draw_scatter(comparison: Comparison, x: ReportMetric, y: ReportMetric) -> g
 
 
 def _draw_importance(comparison: Comparison) -> go.Figure | None:
-    """Draw how much each parameter matters for each measure, in per cent, as stacked bars.
+    """Return a chart of how much each parameter matters for each measure: stacked bars, per cent.
 
     A measure that no parameter changes beyond the seeds is left out: its bar would be of chance.
     None if fewer than two parameters differ, or no measure is left.

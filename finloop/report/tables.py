@@ -114,7 +114,7 @@ def measures_table(measures: pd.DataFrame) -> Table:
 
 
 def table_of_data_frame(frame: pd.DataFrame, caption: str, digits: int = 4) -> Table:
-    """Convert a data frame to a table of texts; numbers get about `digits` digits."""
+    """Return a data frame as a table of texts; numbers get about `digits` digits."""
     rows = [[format_number(cell, digits) for cell in row] for row in frame.itertuples(index=False)]
     return Table(caption, [str(name).replace("_", " ") for name in frame.columns], rows)
 

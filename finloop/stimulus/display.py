@@ -72,7 +72,7 @@ class DisplayCalibration(StrictModel):
 
 
 def load_display(path: Path) -> DisplayCalibration:
-    """Read a display's calibration from a JSON file.
+    """Return a display's calibration, read from a JSON file.
 
     FinloopError if the file is missing, broken, or of another version.
     """

@@ -26,6 +26,7 @@ MEMORY = 256 * 2**20  # bytes of all slots
 FEWEST, MOST = 256, 1024  # slots; WebGL 2 promises 256
 EARLY_S = 0.5
 """How long before they are due known ticks are sent."""
+_KEPT_TICKS = 64  # the last ticks, which a page that connects now gets
 
 
 class TankCanvas(NamedTuple):
@@ -88,9 +89,10 @@ class Feed:
         """
         pictures = self.picture_messages(states)
         facts = {"kind": "rows", "seq": seq, "tick": tick, "due": due_s, "cut": cut}
-        # The last 63 ticks are kept for a page that connects now.
         self._recent_states = {
-            old: sent for old, sent in self._recent_states.items() if tick - 64 < old < tick
+            old: sent
+            for old, sent in self._recent_states.items()
+            if tick - _KEPT_TICKS < old < tick
         }
         self._recent_states[tick] = pack_message(facts, states.tobytes())
         return [*pictures, self._recent_states[tick]]

@@ -172,7 +172,7 @@ def fade_opacities(count: int, fade_ticks: int) -> NDArray[np.float32]:
 def plan_motion(
     scene: TrialContext, setup: TrialSetup, motions: Mapping[str, States] | None = None
 ) -> States:
-    """Plan the motion (ticks, fish, F) of a trial that does not react to live animals.
+    """Return the motion (ticks, fish, F), planned, of a trial that does not react to live animals.
 
     The condition's change is applied, look and fading are not. motions: the motion of each
     condition's latest trial, for a condition that repeats another's; if that is too short, its last
@@ -209,9 +209,9 @@ def plan_motion(
 
 
 def plan_all_trials(scene: TrialContext, protocol: Protocol, trials: Sequence[Trial]) -> States:
-    """Plan the states (ticks, fish, F) of all trials and pauses, for a page that plays by itself.
+    """Return the planned states (ticks, fish, F) of all trials and pauses, in order.
 
-    FinloopError if fish react to live animals in a trial.
+    They are for a page that plays by itself. FinloopError if fish react to live animals in a trial.
     """
     motions: dict[str, States] = {}
     parts: list[States] = []

@@ -87,7 +87,7 @@ def fill_trigger_text(trigger: Trigger, trial: Trial) -> str:
 
 
 def _draw_below(generator: PCG64, limit: int) -> int:
-    """Draw a whole number 0 … limit − 1, all equally likely; the same in every version of NumPy."""
+    """Return a random whole number 0 … limit − 1, the same in every version of NumPy."""
     # Draw again above the largest multiple of `limit`, so that all remainders are equally likely.
     while (drawn := int(generator.random_raw())) >= _RAW_VALUES - _RAW_VALUES % limit:
         pass
@@ -114,7 +114,7 @@ def _find_predecessors(
 def _draw_order(
     predecessors: dict[ConditionRepeat, ConditionRepeat | None], generator: PCG64
 ) -> list[ConditionRepeat]:
-    """Draw a random order of trials, each after its predecessor, if any; all are equally likely."""
+    """Return the trials in a random order, each after its predecessor; all are equally likely."""
     # The trials that wait for each trial, and how many there are in its subtree (itself included).
     children: dict[ConditionRepeat | None, list[ConditionRepeat]] = {}
     for trial, predecessor in predecessors.items():

@@ -54,7 +54,7 @@ def measure_typical_fish(pictures: Iterable[PagePicture]) -> dict[str, Any]:
     for picture in pictures:
         alpha = picture.pixels[..., -1].astype(float)
         areas.append(alpha.sum() / 255 / picture.placement.size_px**2)
-        solid = picture.pixels[alpha > 127].astype(float)
+        solid = picture.pixels[alpha > 127].astype(float)  # pixels that are more fish than water
         solid = solid[:, :-1] * 255 / solid[:, -1:]  # without the premultiplication by alpha
         brightness = solid @ _LIGHT if solid.shape[1] == 3 else solid[:, 0]
         if len(brightness):
@@ -93,7 +93,7 @@ class PagePictures:
         return {number: self(number) for number in list_named_pictures(states)}
 
     def __call__(self, number: int) -> PagePicture:
-        """Load and shrink the picture in a row of the film; FinloopError if its file is damaged."""
+        """Return the picture in a row of the film, shrunk; FinloopError if its file is damaged."""
         cutout_set, bodies = self._gallery.cutout_sets[FRAME], self._gallery.bodies
         assert bodies is not None
         cutout, (x_px, y_px) = cutout_set.store[number], cutout_set.centres_px[number]

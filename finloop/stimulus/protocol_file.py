@@ -67,7 +67,7 @@ Problem = tuple[Place, str]
 
 
 def load_protocol(path: Path) -> Protocol:
-    """Read a protocol from a YAML file; FinloopError lists all problems, line by line."""
+    """Return the protocol in a YAML file; FinloopError lists all problems, line by line."""
     try:
         with path.open("rb") as file:
             raw = file.read(MOST_BYTES + 1)
@@ -141,7 +141,7 @@ class _YamlTooLarge(Exception):
 
 
 def read_yaml(text: str) -> YamlText:
-    """Read a YAML text: its values, the line of each, and all problems."""
+    """Return what a YAML text holds: its values, the line of each, and all problems."""
     reader = _YamlReader()
     try:
         root = yaml.compose(text, yaml.BaseLoader)

@@ -44,7 +44,7 @@ class SessionRecord:
 
 
 def open_session_record(path: Path) -> SessionRecord:
-    """Open a session's Parquet file and read its header.
+    """Return the record of a session: its Parquet file, with the header that is read from it.
 
     FinloopError if the file is no session, cut off, or of another version.
     """

@@ -254,6 +254,6 @@ def _fit_points(settings: TrackerSettings) -> Calibration | None:
 
 
 def _to_rows(matrix: Floats) -> tuple[Row3, Row3, Row3]:
-    """Convert an array (3, 3) to its three rows, as tuples."""
+    """Return the three rows of an array (3, 3), as tuples."""
     a, b, c = matrix.tolist()
     return tuple(a), tuple(b), tuple(c)

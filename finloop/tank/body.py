@@ -66,7 +66,7 @@ def _ring_places() -> Floats:
 
 
 def build_surface_grid(ring: Floats, angle: Floats, points: int) -> SurfaceGrid:
-    """Build a surface grid from rings along the body and angles around it.
+    """Return the surface grid with given rings along the body and angles around it.
 
     ring (r,): place along the body, 0 head … 1 tail; angle (a,): rad, 0 = back, left > 0; points:
     how many a backbone has.
@@ -103,7 +103,7 @@ def fish_surfaces(
     grid = surface_grid(half_width.shape[1])
 
     def along_body(profile: dict[float, float]) -> Floats:
-        """Interpolate values, given by place along the body (0-1), at the grid's points."""
+        """Return values at the grid's points, interpolated from those by place along the body."""
         return scipy.interpolate.PchipInterpolator(list(profile), list(profile.values()))(grid.s)
 
     height_bl = np.clip(_HEIGHT_PER_WIDTH * float(typical.max()), _LEAST_BL, _MOST_BL)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.tank.body import arc_lengths, fish_surfaces
-from finloop.tank.skin import FishSkins
+from finloop.tank.skin import FishSkins, SurfaceAndSkin
 from finloop.tank.swim import TankPoses
 
 Floats = NDArray[np.floating]
@@ -35,7 +35,7 @@ class FishSurface:
         return len(self.poses)
 
     def _compute_batch(self, batch: int) -> tuple[Floats, Floats]:
-        """Compute the surface's points and normals, (k, rings, around, 3), for a batch of k ticks.
+        """Return the surface's points and normals, (k, rings, around, 3), in a batch of k ticks.
 
         Points are px about the mass centre; batch: the batch's number, from 0.
         """
@@ -49,14 +49,11 @@ class FishSurface:
         """Return `_compute_batch` with a memory of its latest result."""
         return lru_cache(1)(self._compute_batch)
 
-    def shape_at(self, tick: int) -> tuple[Floats, Floats, Picture]:
-        """Return points [px of the tank], normals and skin of the surface at a tick.
-
-        Points and normals are (rings, around, 3), the skin (around, lengthwise, 3).
-        """
+    def shape_at(self, tick: int) -> SurfaceAndSkin:
+        """Return the surface and the skin at a tick."""
         batch, index = divmod(tick, _BATCH)
         points, normals = self._recent_batch(batch)
-        return points[index] + self.place[tick], normals[index], self.skin(tick)
+        return SurfaceAndSkin(points[index] + self.place[tick], normals[index], self.skin(tick))
 
     def skin(self, tick: int) -> Picture:
         """Return the skin at a tick, a picture wrapped around the body, (around, lengthwise, 3)."""

@@ -199,7 +199,7 @@ def encode_tank_glb(
 
 
 def to_gltf_axes(place: Floats) -> list[float]:
-    """Convert a place (3,) of the tank to glTF's axes: x right, y up, z towards the viewer."""
+    """Return a place (3,) of the tank in glTF's axes: x right, y up, z towards the viewer."""
     return [float(place[0]), float(place[2]), float(-place[1])]
 
 

@@ -70,7 +70,7 @@ class LitFloor:
         self._x, self._y = np.meshgrid(columns, rows)
 
     def draw_floor(self, fish: Sequence[Floats], time_s: float) -> NDArray[np.uint8]:
-        """Draw the lit floor at a time, (h, w) or (h, w, 3) uint8, with the fish's shadows.
+        """Return the lit floor at a time, (h, w) or (h, w, 3) uint8, with the fish's shadows.
 
         fish: points (rings, around, 3) of each, px of the tank.
         """

@@ -24,12 +24,10 @@ from finloop.tank.body import AROUND as AROUND_BODY
 from finloop.tank.body import RINGS, surface_triangles, texture_coordinates
 from finloop.tank.camera import VIEW_DEG, CameraViews, TankSize
 from finloop.tank.light import SUN, WATER, LitFloor, WaterSurface
-from finloop.tank.skin import AROUND, LENGTHWISE
+from finloop.tank.skin import AROUND, LENGTHWISE, SurfaceAndSkin
 
 Floats = NDArray[np.floating]
 Picture = NDArray[np.uint8]
-SurfaceAndSkin = tuple[Floats, Floats, Picture]
-"""Points in the tank and normals (rings, around, 3) of a fish, and its skin."""
 _SKY = {-1.0: "#06161d", -0.25: "#0d2a35", 0.0: "#41707f", 0.3: "#7fadb9", 1.0: "#a9cdd5"}
 _SKY_PX = 6.0  # film widths to the sky; by the sine of the elevation, its colours
 _GLASS, _EDGE = "#d5f0f5", "#e6fbff"
@@ -111,8 +109,7 @@ class TankScene:
     ) -> Picture:
         """Draw the tank with all its fish at a tick; return the picture (height, width, 3) uint8.
 
-        fish: points, normals and skin of each; views: the camera at every tick; time_s: of the
-        waves and the light.
+        views: the camera at every tick; time_s: of the waves and the light.
         """
         self._aim_camera(views, tick)
         for (points, normals, skin), (mesh, picture) in zip(fish, self._fish, strict=True):

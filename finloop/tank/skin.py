@@ -6,6 +6,7 @@ it is the same pixels but paler, like the bellies of most fish.
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -22,6 +23,18 @@ _SOLID = 200  # alpha from which a pixel's own colour is sure
 _BELLY_GREY, _BELLY_SHARE = 236.0, 0.5  # grey level of a belly, and how much of it is mixed in
 _EYE = 0.075, 0.42, 0.021  # place along the body; around, 0 = back, 1 = belly; radius, body lengths
 _PUPIL, _IRIS = 22.0, 206.0
+
+
+class SurfaceAndSkin(NamedTuple):
+    """A fish at one tick: its surface and the picture around it.
+
+    points, normals (rings, around, 3): px of the tank, and unit vectors; skin (AROUND, LENGTHWISE,
+    3): uint8.
+    """
+
+    points: NDArray[np.floating]
+    normals: NDArray[np.floating]
+    skin: Picture
 
 
 class FishSkins:
