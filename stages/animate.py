@@ -9,6 +9,7 @@ import pandas as pd
 
 from finloop.animate import encounters, measures
 from finloop.animate.motion import MotionStatistics, learn_motion
+from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT
@@ -40,7 +41,7 @@ def _load_mode_numbers(mode: str) -> dict[str, float]:
 
 
 def _measure_film(
-    project: Project, statistics: MotionStatistics, motion: tuple
+    project: Project, statistics: MotionStatistics, motion: tuple[Floats, Floats]
 ) -> dict[str, float]:
     """Measure the film like the animations of the modes; return the numbers by name.
 
@@ -122,9 +123,9 @@ def main() -> None:
     motions = [measures.kinematics_table({measures.FILM_MOTION: film_motion})]
     for mode in numbers:
         motions.append(load_table(ANIMATE / mode / "motion.parquet", measures.KINEMATICS))
-    departures, left = path_measures.LEFT.empty(), ANIMATE / "matching/left.parquet"
-    if left.exists():
-        departures = load_table(left, path_measures.LEFT)
+    departures, path = path_measures.LEFT.empty(), ANIMATE / "matching/left.parquet"
+    if path.exists():
+        departures = load_table(path, path_measures.LEFT)
     doubts, measured = find_doubts(numbers), numbers | {"film": film}
     table = pd.DataFrame(measured).rename_axis("measure").reset_index()
     tables = {"company": schools, "left": departures, "measures": table, "doubts": doubts}

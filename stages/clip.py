@@ -1,6 +1,6 @@
 """Stage `clip`: normalise one film or several into the clip, with facts, arena and truth."""
 
-from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import report_findings, report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from collections.abc import Callable
@@ -9,9 +9,8 @@ from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
-import pandas as pd
-
 from finloop.base.errors import FinloopError
+from finloop.base.finding import Finding
 from finloop.clip.check import Quality, psnr_db
 from finloop.clip.rewrite import Watch, make_clip
 from finloop.clip.settings import ClipSettings, FootageSettings
@@ -21,14 +20,13 @@ from finloop.io.atomic import whole_folder
 from finloop.io.footage import list_films, read_file_stamps, refuse_changed_film, unique_film_names
 from finloop.io.pieces import remove_folders_except
 from finloop.io.several import FILMS, FilmPart, join_clips, list_film_folders
-from finloop.io.table import save_csv
 from finloop.io.video import CLIP_NAME, VideoFacts, read_chosen_frames
 from stages.reuse import code_digest, key_digest, reuse_or_make
 from stages.settings import load_settings
 
 CLIP = Path("data/clip")
 KEPT = Path("data/.clip.films")  # earlier clips of several films; DVC does not remove it
-METRICS, FINDINGS = Path("reports/clip/metrics.json"), Path("data/clip/findings.csv")
+METRICS = Path("reports/clip/metrics.json")
 COMPARED_EVERY = 4  # samples from one that is compared with its coded frame to the next
 FACTS = (  # among the metrics
     "frames", "width_px", "height_px", "frame_rate_hz", "frames_repeated", "frames_dropped",
@@ -51,7 +49,7 @@ def main() -> None:
             p = films[0] if films else p
             numbers = _write_clip(p, open_clip_source(p), folder, report_progress)
     save_metrics(METRICS, numbers)
-    _report_findings(numbers)
+    report_findings(CLIP, _film_findings(numbers))
 
 
 def settings_of_films(p: FootageSettings) -> list[FootageSettings]:
@@ -112,22 +110,20 @@ def _write_clip(
     }
 
 
-def _report_findings(metrics: dict[str, float]) -> None:
-    """Write what is doubtful in the films to data/clip/findings.csv, and print it on stderr.
+def _film_findings(metrics: dict[str, float]) -> dict[str, list[Finding]]:
+    """Return what the check says of each film: its name, "" for a single film → findings.
 
     metrics: those of the stage, by name; with several films, a film's begin with its name.
     """
-    rows = []
-    for name, _ in list_film_folders(CLIP):  # a single film has the name ""
-        prefix, label = (f"{name}_", f"{name}: ") if name else ("", "")
+    findings = {}
+    for name, _ in list_film_folders(CLIP):
+        prefix = f"{name}_" if name else ""
         repaired = {repair for repair in REPAIRS if metrics[f"{prefix}mended_{repair}"]}
+        refused = {repair for repair in REPAIRS if f"{prefix}refused_{repair}" in metrics}
         quality = Quality.from_metrics(metrics, prefix)
         quality_as_filmed = Quality.from_metrics(metrics, f"{prefix}filmed_")
-        refused = {repair for repair in REPAIRS if f"{prefix}refused_{repair}" in metrics}
-        for finding in list_findings(quality, quality_as_filmed, repaired, refused):
-            rows.append({"film": name} | finding.table_row if name else finding.table_row)
-            print(f"finloop: {label}{finding.terminal_line}", file=sys.stderr)
-    save_csv(FINDINGS, pd.DataFrame(rows), 0)
+        findings[name] = list_findings(quality, quality_as_filmed, repaired, refused)
+    return findings
 
 
 def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]:

@@ -166,6 +166,19 @@ def _as_user_error(error: Exception, overrides: list[str]) -> FinloopError:
         return error
     if missing := re.search(r"Could not find '(\w+)/(.+)'", str(error)):
         return _no_option_error(missing[1], missing[2], overrides)
+    if twice := re.search(r"Multiple values for (\w+)\. .*override (\w+): (\w+)", str(error)):
+        line = f"- override /{twice[2]}: {twice[3]}"
+        return FinloopError(
+            f"{twice[1]} has two variants in {CONF}/",
+            f"a file that replaces the variant of {CONF}/config.yaml",
+            f"write {line!r} below `defaults:`",
+        )
+    if value := re.search(r"In '(\S+)'[^$]*not a subclass of \w+\. value: (.*)", f"{error}"):
+        return FinloopError(
+            f"{CONF}/{value[1]}.yaml has {value[2]!r} where a group of parameters belongs",
+            "`name: value` below the group's name, such as clip: {frames: 100}",
+            "correct the file; a variant is chosen below `defaults:`, as - override /clip: carp",
+        )
     message = f"{error}\n{error.__cause__ or ''}".partition("Config search path")[0]
     # Hydra advises `+key`, which is refused as well.
     lines = [line for line in message.splitlines() if not line.startswith("To append")]

@@ -48,14 +48,21 @@ from stages.settings import load_settings
 TRACKS = ("track_id", "frame", "outline_x_px", "outline_y_px", "backbone_x_px", "backbone_y_px")
 OUT, REPORT = Path("data/gait"), Path("reports/gait")
 FIGURES = REPORT / "figures"
-LEAST_FRAMES, SECONDS = 8, 4  # of a drawn cycle; of a drawing's MP4
+LEAST_FRAMES = 8  # of a cycle of a moved drawing
+SECONDS = 4  # of a moved drawing's MP4, which repeats the cycle
 ENDINGS = (".svg", ".webp", ".mp4", ".lottie.json")
-CRF = 18
-EXACT_POINTS = 256
-FIG8_PICTURES = 24
-CLEAR = 0.2  # the error of a γ from here on is given as a share of it
+CRF = 18  # quality of the drawn dog's film: hardly any loss
+EXACT_POINTS = 256  # of the drawn dog's contours, known without a film
+FIG8_PICTURES = 24  # of a cycle, to choose those of Fig. 8 from
+CLEAR = 0.2  # |γ| from which on its error is given as a share of it
 _RATE_DENOMINATOR = 1001  # largest of a frame rate, so that 30000/1001 Hz is exact
-Pictures = tuple[list[NDArray[np.uint8]], NDArray[np.float64]]  # of a cycle, and their phases
+
+
+class CyclePictures(NamedTuple):
+    """Pictures (h, w, 3) of one gait cycle, and the phase of each, in cycles."""
+
+    pictures: list[NDArray[np.uint8]]
+    phases: NDArray[np.float64]
 
 
 class GaitFit(NamedTuple):
@@ -71,7 +78,7 @@ class GaitFit(NamedTuple):
         return {f"rms_{clock}_pct": 100 * self.errors.rms[clock] for clock in CLOCKS}
 
 
-def _draw_figures(fit: GaitFit, folder: Path, pictures: Pictures | None) -> None:
+def _draw_figures(fit: GaitFit, folder: Path, pictures: CyclePictures | None) -> None:
     """Write Figs. 8 to 14 of the curve paper to `folder`.
 
     pictures: of a cycle, for Fig. 8; None = it shows the contours.
@@ -140,11 +147,8 @@ def _dog_film(p: GaitSettings) -> DogFilm:
     )  # fmt: skip
 
 
-def _draw_dog_film(walk: DogFilm, folder: Path) -> Pictures:
-    """Write the film of the drawn dog and the masks of its limbs to `folder`.
-
-    Return pictures (h, w, 3) of one gait cycle, and their phases.
-    """
+def _draw_dog_film(walk: DogFilm, folder: Path) -> CyclePictures:
+    """Write the drawn dog's film and masks of its limbs to `folder`; return pictures of a cycle."""
     rate = Fraction(walk.frame_rate_hz).limit_denominator(_RATE_DENOMINATOR)
     path = folder / "dog_film.mp4"
     with Mp4Writer(path, (walk.height_px, walk.width_px, 3), rate, CRF) as writer:
@@ -154,15 +158,15 @@ def _draw_dog_film(walk: DogFilm, folder: Path) -> Pictures:
     cycle = min(walk.frames, round(walk.frames / walk.cycles))
     ticks = np.unique(np.linspace(0, cycle - 1, FIG8_PICTURES).astype(int))
     frames = enumerate(read_frames(path, colour=True))
-    return [picture for tick, picture in frames if tick in ticks], frame_phases(walk)[ticks]
+    pictures = [picture for tick, picture in frames if tick in ticks]
+    return CyclePictures(pictures, frame_phases(walk)[ticks])
 
 
-def _gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[str, float]:
-    """Return the largest errors of the fitted γ by name; write true values into the table of γ.
+def _fill_in_true_gammas(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> None:
+    """Fill in the true γ of the drawn dog's limbs in the table of γ, which is changed in place.
 
-    γ says how unevenly a limb moves from one key pose to the next. Columns filled in: true, of the
-    exact motion; exact, fitted to exact contours; clock, of the foot alone. From |γ| = CLEAR on an
-    error is in % of γ, below it is absolute.
+    γ says how unevenly a limb moves from one key pose to the next. The columns are true, of the
+    exact motion; exact, fitted to exact contours; clock, of the foot alone.
     """
     exact = GaitContours(
         true_limb_contours(walk, EXACT_POINTS), frame_phases(walk), walk.body_length_px, "swap"
@@ -175,6 +179,13 @@ def _gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[s
             of_exact = gait.gamma[limb][subcycle][0]
             of_foot = foot_gammas(walk, limb)["AB".index(subcycle)]
             table.loc[row, ["true", "exact", "clock"]] = true[limb][subcycle], of_exact, of_foot
+
+
+def _gamma_errors(table: pd.DataFrame) -> dict[str, float]:
+    """Return the largest errors of γ by name: fitted to exact contours, and to the film.
+
+    From |γ| = CLEAR on an error is in % of γ, below it is absolute. table: of γ, with true values.
+    """
     numbers = {}
     clear = table["true"].abs() >= CLEAR
     for name, column in (("exact", "exact"), ("film", "gamma")):
@@ -199,12 +210,12 @@ def _gamma_table(film: str, gait: Gait) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]:
+def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, CyclePictures | None]:
     """Fit the gait of the drawn dog, whose film is written to `folder`, or of given limbs.
 
     Return the fit, and pictures of a cycle, None for the user's own film.
     """
-    pictures: Pictures | None = None
+    pictures: CyclePictures | None = None
     if p.limbs == "dog":
         pictures = _draw_dog_film(_dog_film(p), folder)
         regions, rate, name = folder / "regions", p.dog_rate_hz, "dog_walk"
@@ -283,7 +294,8 @@ def main() -> None:
         }
         tables = {film: _gamma_table(film, fit.gait) for film, fit in fits.items()}
         if p.limbs == "dog":
-            numbers |= _gamma_errors(_dog_film(p), tables["limbs"], p)
+            _fill_in_true_gammas(_dog_film(p), tables["limbs"], p)
+            numbers |= _gamma_errors(tables["limbs"])
         for film, fit in fits.items():
             names = ("frequency_hz", "confidence", "cycles")
             facts = {name: getattr(fit.gait, name) for name in names} | fit.rms()

@@ -7,6 +7,7 @@ nothing. So params.yaml is stamped with a digest of conf/, and refused where con
 import hashlib
 import os
 from collections.abc import Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -82,10 +83,22 @@ def list_problems(values: Mapping[str, Any]) -> list[str]:
 
     values: content of params.yaml.
     """
-    problems = [f"{word}: unknown" for word in values if word not in (*GROUPS, *STAMPS)]
+    unknown = [word for word in values if word not in (*GROUPS, *STAMPS)]
+    problems = list(map(_describe_unknown_group, unknown))
     for word in GROUPS:
         problems += check_values(word, variants(word), values.get(word, {}))[1]
     return problems
+
+
+def _describe_unknown_group(word: str) -> str:
+    """Return a sentence on a top-level key of params.yaml that is no group of parameters."""
+    if word == LOCAL.parent.name:
+        return f"{word}: unknown; let {LOCAL} begin with the line: # @package _global_"
+    group, _, key = word.partition(".")
+    if group in GROUPS and key:
+        return f"{word}: unknown; in a file write {group}: {{{key}: value}}"
+    near = get_close_matches(word, GROUPS, 1)
+    return f"{word}: unknown" + (f"; did you mean {near[0]}?" if near else "")
 
 
 def list_overrides(values: Mapping[str, Any]) -> list[str]:

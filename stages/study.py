@@ -45,7 +45,7 @@ from stages.film import parse_film_paths
 from stages.origins import path_digest
 from stages.repository import list_experiments, read_git_user, run_git
 from stages.settings import LOCAL
-from stages.sweep import make_runs
+from stages.sweep import RunMaker
 
 PAGE, TABLE, REPORTS = Path("reports/study.html"), Path("reports/study.csv"), Path("reports/study")
 PREFIX = "study-"  # of the experiments' names
@@ -260,7 +260,8 @@ def main() -> None:
     if LOCAL.is_file():
         print(f"finloop: a study does not use {LOCAL}", file=sys.stderr)
     runs = {PREFIX + name: ["~local", *common, *settings] for name, settings in films.items()}
-    failures = make_runs(runs, [], max(1, arguments.jobs), shared=False)
+    with RunMaker(stages=[], jobs=arguments.jobs, shared=False) as maker:  # of all stages
+        failures = maker.make(runs)
     with whole_folder(REPORTS) as folder:
         results = load_results(films, failures, folder)
     save_csv(TABLE, study_table(results), decimals=4)

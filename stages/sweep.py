@@ -232,12 +232,14 @@ class RunMaker:
                 todo.append(name)
         if not todo:
             return failures
-        self._open_clones(min(self.jobs, len(todo)))
+        at_once = min(self.jobs, len(todo))
+        print(f"{len(todo)} of {len(runs)} runs to make, {at_once} at a time", file=sys.stderr)
+        self._open_clones(at_once)
         with report_progress("runs", len(todo), "runs") as advance:
 
-            def make_next(clone: Path, at_once: int) -> bool:
-                """Make the next run while `at_once` runs go on; return whether it succeeds."""
-                name, processes = todo.pop(0), max(1, THREADS // at_once)
+            def make_next(clone: Path, runs_going_on: int) -> bool:
+                """Make the next run, one of `runs_going_on`; return whether it succeeds."""
+                name, processes = todo.pop(0), max(1, THREADS // runs_going_on)
                 start_s = time.monotonic()
                 if cause := _make_run(name, runs[name], self.stages, clone, processes):
                     failures[name] = cause
@@ -281,17 +283,6 @@ class RunMaker:
         for number in range(len(self._clones), count):
             self._clones.append(self._folder / str(number))
             _clone(root, self._clones[-1], self._cache.strip())
-
-
-def make_runs(
-    runs: Mapping[str, list[str]], stages: list[str], jobs: int, shared: bool = True
-) -> dict[str, str]:
-    """Make runs, name → overrides; return the failed ones, name → cause, and print each.
-
-    stages: to run, all if empty. jobs: runs at a time. shared: whether they have stages in common.
-    """
-    with RunMaker(stages, jobs, shared) as maker:
-        return maker.make(runs)
 
 
 def plan_sweep(

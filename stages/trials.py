@@ -2,8 +2,8 @@
 
 A trial is a combination of values. It runs with one seed after the other; the mean of the goal over
 the seeds so far is reported to Optuna after each, and a trial that is worse than the median of the
-others gets no further seed. Trials come in pairs, one for each clone. All is drawn from one seed,
-and existing experiments are reused: a sweep that was interrupted goes on.
+others gets no further seed. As many trials run at a time as there are clones. All is drawn from one
+seed, and existing experiments are reused: a sweep that was interrupted goes on.
 """
 
 from collections.abc import Callable, Mapping
@@ -52,15 +52,15 @@ def optuna_distribution(values: str) -> Any:
 
 
 def make_trials(
-    plan: Experiment, name: str, present: Mapping[str, int], pairs: int,
+    plan: Experiment, name: str, present: Mapping[str, int], at_once: int,
     make: Callable[[Overrides], dict[str, str]],
     measure: Callable[[str, str], float | None],
 ) -> tuple[Overrides, dict[str, str], str]:  # fmt: skip
     """Run the trials of a sweep; return its runs, the failed ones (name → cause), and a sentence.
 
-    name: of the sweep. present: seed parameter → its present value. pairs: trials at a time. make:
-    makes runs, and returns those that failed, with causes. measure: returns a run's measure, from
-    the names of both. FinloopError if Optuna is missing, or the goal has no direction.
+    name: of the sweep. present: seed parameter → its present value. at_once: trials at a time.
+    make: makes runs, and returns those that failed, with causes. measure: returns a run's measure,
+    from the names of both. FinloopError if Optuna is missing, or the goal has no direction.
     """
     goal, direction = choose_goal(plan)
     try:
@@ -78,8 +78,8 @@ def make_trials(
     space = {key: optuna_distribution(values) for key, values in plan.params.items()}
     seeds = range(plan.seeds if present else 1)
     runs, failures = Overrides(), dict[str, str]()
-    for first in range(0, plan.trials, pairs):
-        trials = [study.ask(space) for _ in range(min(pairs, plan.trials - first))]
+    for first in range(0, plan.trials, at_once):
+        trials = [study.ask(space) for _ in range(min(at_once, plan.trials - first))]
         results: dict[Any, list[float]] = {trial: [] for trial in trials}  # of those that go on
         for seed in seeds:
             batch, run_names = Overrides(), dict[Any, str]()

@@ -553,6 +553,23 @@ def test_ones_own_film_and_settings_are_composed_every_time(own_folder):
     assert not subprocess.run(["git", "check-ignore", "-q", LOCAL], cwd=ROOT).returncode
 
 
+@pytest.mark.parametrize(
+    ("text", "answer"),
+    [
+        ("clip: {seed: 5}", "begin with the line: # @package _global_"),
+        ("# @package _global_\nclip: carp", "local/default.yaml has 'carp' where a group"),
+        ("# @package _global_\nclip.seed: 5", "in a file write clip: {seed: value}"),
+        ("# @package _global_\nclop: {seed: 5}", "did you mean clip?"),
+        ("# @package _global_\ndefaults: [/clip: carp]", "'- override /clip: carp' below `def"),
+    ],
+)
+def test_a_mistake_in_ones_own_settings_is_answered_by_what_to_write(own_folder, text, answer):
+    LOCAL.write_text(text)
+    with pytest.raises(FinloopError) as refusal:
+        compose_params([])
+    assert answer in str(refusal.value)
+
+
 def test_an_edit_of_ones_own_settings_is_never_passed_over(own_folder):
     LOCAL.write_text(LOCAL.read_text().replace("6.0", "7.0"))
     for change in (lambda: None, LOCAL.unlink):

@@ -17,7 +17,7 @@ from finloop.plots.path import draw_path
 from finloop.project import Project
 
 DATA, REPORT = Path("data/animate"), Path("reports/modes/animate")
-LEFT = DATA / "beside/left.csv"
+DEPARTURES = DATA / "beside/left.csv"  # where a fish leaves its path
 PATH = DATA / "matching/path.parquet"
 
 
@@ -31,11 +31,11 @@ def main() -> None:
     save_figure(REPORT / "kinematics.png", draw_kinematics(table, numbers))
     with whole_folder(REPORT / "path") as folder:
         if PATH.exists():
-            paths, departures = load_table(PATH, PATH_ROWS), pd.read_csv(LEFT)
+            paths, departures = load_table(PATH, PATH_ROWS), pd.read_csv(DEPARTURES)
             background = Project().background
             for fish, path in paths.groupby("fish"):
                 name = "path.png" if fish == paths["fish"].min() else f"path-{fish + 1}.png"
-                departed = departures[departures["fish"] == fish]  # where it leaves the path
+                departed = departures[departures["fish"] == fish]
                 save_figure(folder / name, draw_path(path, departed, background))
 
 
