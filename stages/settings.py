@@ -49,6 +49,14 @@ def _require_present_conf(values: Mapping[str, Any]) -> None:
     if Path(os.environ.get("DVC_ROOT", ".")).resolve() != Path.cwd():
         # A temporary experiment has only what git has; conf/local/ was composed before.
         stamps = [digest.partition("-")[0] for digest in stamps]
+    shared, _, of_local = stamps[0].partition("-")
+    if of_local and shared == stamps[1]:
+        raise FinloopError(
+            f"{PARAMS} was composed with a {LOCAL}, which is not here",
+            "that file; git does not keep it",
+            f"copy it from the computer on which {PARAMS} was composed, then `dvc repro`; or run "
+            f"`make params`, which takes the values of {CONF}/ without it",
+        )
     if stamps[0] != stamps[1]:
         raise FinloopError(
             f"{CONF}/ is not what {PARAMS} was composed from",

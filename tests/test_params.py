@@ -578,6 +578,13 @@ def test_an_edit_of_ones_own_settings_is_never_passed_over(own_folder):
             load_settings("extract")
 
 
+def test_a_colleague_without_ones_own_settings_is_told_to_copy_the_file(own_folder):
+    LOCAL.unlink()
+    with pytest.raises(FinloopError, match=r"(?s)which is not here.*copy it") as refusal:
+        load_settings("extract")
+    assert str(LOCAL) in refusal.value.came
+
+
 def test_a_temporary_experiment_has_ones_own_settings_without_the_file(own_folder, monkeypatch):
     LOCAL.unlink()
     monkeypatch.setenv("DVC_ROOT", str(ROOT))
