@@ -389,10 +389,8 @@ def steer(  # noqa: PLR0913  (a result of every verb)
         elif mode == "loops":
             animator = loops_animator(data, loops, p["animate"], p["loops"])
         else:
-            settings_of_modes = p["network"], p["loops"], p["hybrid"]
-            animator = hybrid_animator(
-                data, model, loops, gateways, p["animate"], settings_of_modes
-            )
+            groups = (p[name] for name in ("animate", *GROUPS_OF[mode]))
+            animator = hybrid_animator(data, model, loops, gateways, *groups)
     edit = animator.plan(animator.goals())[1]
     return apply_schema(edit, EDIT)
 

@@ -547,8 +547,8 @@ def test_a_fish_half_out_of_the_tank_is_counted(kind):
 
 
 def test_the_head_of_a_sprite_sways_that_of_a_frame_is_as_measured(player):
-    sprites_ = player.cast.sprites.assign(head_offset_deg=np.arange(32) % 2 * 10.0)
-    swaying = replace(player, cast=replace(player.cast, sprites=sprites_))
+    sprites_ = player.silhouettes.sprites.assign(head_offset_deg=np.arange(32) % 2 * 10.0)
+    swaying = replace(player, silhouettes=replace(player.silhouettes, sprites=sprites_))
     table = pd.DataFrame(
         {"kind": SPRITE, "source": np.arange(8), "x_px": 0.0, "y_px": 0.0, "heading_deg": 0.0}
     )

@@ -375,7 +375,7 @@ def test_the_way_that_leads_to_the_goal_is_taken(at, row):
         assert found.trajectory[0] == pytest.approx((400 + STEP, 300, 0))
         assert found.options.rows[found.options.taken] == row and len(found.options.rows) == 3
         decision = found.decision
-        assert decision.reason == ("play" if row == 20 else "jump") and decision.ways == 3
+        assert decision.reason == ("play" if row == 20 else "jump") and decision.candidates == 3
         assert np.isnan(decision.seam) if row == 20 else decision.seam == pytest.approx(0.2)
         assert decision.value_s == found.options.costs[found.options.taken]
         assert then.fish.tick == len(found.trajectory)
@@ -406,7 +406,7 @@ def test_a_way_that_leaves_the_tank_fails_that_test():
     said = [VERDICTS[number] for number in options.verdict]
     assert said[0] == "tank" and "tank" not in said[1:]
     assert np.isinf(options.costs[0]) and options.ticks[0] < 31
-    assert (found.decision.ways, found.decision.ways_tank) == (3, 1)
+    assert (found.decision.candidates, found.decision.candidates_tank) == (3, 1)
 
 
 def test_a_decision_counts_how_many_ways_fail_which_test():
@@ -532,7 +532,7 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(tmp_path):
     assert list(back["source"].iloc[taken["tick"]]) == list(taken["row"])
     decided = back.iloc[taken["tick"]]
     assert decided["reason"].isin(["play", "jump"]).all()
-    assert list(decided["ways"]) == list(again.groupby("tick").size()[taken["tick"]])
+    assert list(decided["candidates"]) == list(again.groupby("tick").size()[taken["tick"]])
     assert decided["value_s"].to_numpy() == pytest.approx(taken["value_s"].to_numpy(), nan_ok=True)
     for term in TERMS:  # of the way taken, and of the cheapest other one
         costs = taken[f"{term}_s"].to_numpy()
@@ -570,34 +570,40 @@ def test_a_frame_is_named_by_its_row():
         ),
         (Decision("wall"), "a wall is ahead"),
         (
-            Decision("spot", ways=2, ways_tank=2),
-            "no way stays in the tank (2 ways, 2 leave the tank or end): on the spot",
+            Decision("spot", candidates=2, candidates_tank=2),
+            "no candidate stays in the tank (2 candidates, 2 leave the tank or end): on the spot",
         ),
-        (Decision("play", quadrant=2, ways=1), "play on: quadrant 2 towards A; 1 way"),
+        (Decision("play", quadrant=2, candidates=1), "play on: quadrant 2 towards A; 1 candidate"),
         (
             Decision("turn", turn_deg=-43.4, sprite_area=0.41, room=0.5),
             "turn right 43° towards A: the network asks for motion area 0.44, the sprites have 0.41, little room",
         ),
         (
             Decision(
-                "jump", seam=0.2, value_s=3.21, quadrant=2, ways=4, ways_quadrant=2, ways_heading=1
+                "jump",
+                seam=0.2,
+                value_s=3.21,
+                quadrant=2,
+                candidates=4,
+                candidates_quadrant=2,
+                candidates_heading=1,
             ),
-            "jump, 0.20 steps: quadrant 2 towards A; 4 ways, 2 lead away, 1 head away; 3.2 s",
+            "jump, 0.20 steps: quadrant 2 towards A; 4 candidates, 2 lead away, 1 head away; 3.2 s",
         ),
         (
             Decision(
                 "play",
                 value_s=3.21,
                 quadrant=2,
-                ways=4,
+                candidates=4,
                 taken_terms=(0.0, 0.3, -0.12, 0.01, 0.0, 2.02, 1.0, 9.0),
                 other_terms=(0.0, 4.0, *[0.0] * 5, 1.0),
             ),
-            "play on: quadrant 2 towards A; 4 ways; 3.2 s (repeat 0.3, rarity −0.1, time 2.0, to come 1.0), the next best 4.0 s",
+            "play on: quadrant 2 towards A; 4 candidates; 3.2 s (repeat 0.3, rarity −0.1, time 2.0, to come 1.0), the next best 4.0 s",
         ),
         (
-            Decision("wall", exit="no_way", ways=1, ways_tank=1),
-            "leave the film without a gateway: no legal way on (1 way, 1 leave the tank or end); a wall is ahead",
+            Decision("wall", exit="no_way", candidates=1, candidates_tank=1),
+            "leave the film without a gateway: no legal candidate (1 candidate, 1 leave the tank or end); a wall is ahead",
         ),
         (
             Decision("wall", exit="mode", seam=0.5),

@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-import scipy
 from toy_film import LENGTH, film_world_of, matching_of
 from toy_swim import HOW, MIRROR, RATE, plain, random_swimmer, unseen
 
@@ -19,7 +18,7 @@ from finloop.forecast.learning import train_predictor
 from finloop.forecast.neighbours import build_similarity_graph
 from finloop.forecast.sampling import build_sampler, follow_row, start_at_row
 from finloop.plan.cost import Rarity
-from finloop.plan.graph import ROW, mark_leading_rows, number_connected_parts, remove_dead_ends
+from finloop.plan.graph import ROW, remove_dead_ends
 from finloop.plan.path_measures import path_table
 from finloop.plan.sources import PredictionSource
 from finloop.plan.world import fast_rate
@@ -187,31 +186,6 @@ def test_rows_that_only_lead_round_among_themselves_are_not_followed():
     film = remove_dead_ends(whole._replace(to=into), more, REST)
     assert not film.usable[1050:1101].any()
     assert film.usable[600:1000].mean() > 0.9
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_rows_that_lead_to_the_largest_set_are_those_that_scipy_finds(seed):
-    rng = np.random.default_rng(seed)
-    m = 300
-    count = rng.poisson(rng.choice([0.1, 0.3, 1.0]), m)
-    start, to = np.append(0, np.cumsum(count)), rng.integers(0, m, count.sum()).astype(np.int32)
-    shown = np.append(rng.random(m) < rng.choice([0.7, 0.95]), False)
-    one = np.repeat(np.arange(m), count)
-    goes = shown[one] & shown[to] & shown[to + 1]
-    plays = np.flatnonzero(shown[:-1] & shown[1:])
-    ends = np.append(one[goes], plays), np.append(to[goes], plays) + 1
-    graph = scipy.sparse.csr_array((np.ones(len(ends[0])), ends), shape=(m, m))
-    number, true = scipy.sparse.csgraph.connected_components(graph, connection="strong")
-    part = number_connected_parts(shown, start, to)
-    assert (
-        len(np.unique(part)) == number == len(set(zip(part.tolist(), true.tolist(), strict=True)))
-    )
-    assert (part[ends[0]] >= part[ends[1]]).all()
-    leads = mark_leading_rows(shown, start, to, (part, np.argsort(part, kind="stable")))
-    inner = np.flatnonzero(part == np.bincount(part).argmax())
-    assert leads[inner].all()
-    order = scipy.sparse.csgraph.breadth_first_order(graph.T, inner[0], True, False)
-    assert set(np.flatnonzero(leads).tolist()) == set(order.tolist())
 
 
 def test_a_fish_from_sprites_or_from_the_film_goes_on():

@@ -98,7 +98,7 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
     arena[100:200, 20:160] = True
     arena[138:162, 160:260] = True  # too narrow for the fish to turn in
     player = matching_of(film_world_of(room_=make_tank(arena, 0.6 * LENGTH)))
-    own_world = replace(player.world, discs=player.cast.discs)
+    own_world = replace(player.world, discs=player.silhouettes.discs)
     player, rng = replace(player, world=own_world), np.random.default_rng(0)
     keeper = player._fallback
     fish = player.begin(rng).fish._replace(x=232.0, y=150.0, heading=0.0)

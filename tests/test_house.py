@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-MODULE_LINES, FUNCTION_LINES, KERNEL_ARGUMENTS, PIPELINE_LINES = 900, 80, 7, 250
+MODULE_LINES, FUNCTION_LINES, KERNEL_ARGUMENTS, PIPELINE_LINES = 900, 80, 9, 250
 
 
 def above(path: str, text: str) -> Iterator[str]:
@@ -42,7 +42,7 @@ def test_what_is_above_a_limit_is_found():
     long = "def f():\n" + "    pass\n" * FUNCTION_LINES
     assert list(above("a.py", long)) == ["a.py::f"]
     assert list(above("a.py", "x = 1\n" * (MODULE_LINES + 1))) == ["a.py"]
-    crowd = "(a, b, c, d, e, f, g, h):\n    pass\n"
+    crowd = "(a, b, c, d, e, f, g, h, i, j):\n    pass\n"
     assert list(above("a.py", f"@kernel(cache=True)\ndef f{crowd}\ndef g{crowd}")) == ["a.py::f"]
 
 

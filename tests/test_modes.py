@@ -304,9 +304,9 @@ def test_looking_up_finds_the_nearest_loop_end_in_the_goal_s_quadrant(pose, free
     for _ in range(200):
         fish = in_film(film, rng, small)
         goal = spot(*small.random_point(rng))._replace(free=free)
-        starts = play_.next_rows(fish)
-        ways = play_.follow_starts(fish, starts, goal)
-        for way, (row, rot, seam) in enumerate(zip(*starts, strict=True)):
+        starts = play_.next_candidates(fish)
+        ways = play_.roll_out(play_.next_place(fish), starts, goal)
+        for way, (row, rot, seam) in enumerate(zip(*starts[:3], strict=True)):
             place, least = play_.next_place(fish), STAY if seam > 0 else 1
             best, any_ = slow_way(film, small, (row, rot), place, goal, least)
             if any(one is not None and np.isnan(one[1]) for one in (best, any_)):
@@ -373,7 +373,11 @@ def test_a_way_leads_as_the_film_does_to_the_goal_s_quadrant_and_sets_out_that_w
             assert np.subtract(to, place) == pytest.approx(goes, abs=1e-6)
         why = stretch.decision
         if not why.quadrant:  # no way was legal: then it only stays inside
-            assert why.ways == why.ways_tank + why.ways_quadrant + why.ways_heading > 0
+            assert (
+                why.candidates
+                == why.candidates_tank + why.candidates_quadrant + why.candidates_heading
+                > 0
+            )
             other += 1
         elif not stretch.touched and len(stretch.trajectory) > 1:
             (x, y, heading), (to_x, to_y, _) = stretch.trajectory[[0, -1]]
@@ -398,12 +402,12 @@ def test_the_choice_says_whether_the_film_plays_on_or_jumps_where_both_pass(choi
     for _ in range(300):
         fish = in_film(film, rng)._replace(row=int(rng.choice(ends)))
         goal = spot(*open_tank().random_point(rng))
-        starts = mode.next_rows(fish)
-        ways = mode.follow_starts(fish, starts, goal)
+        starts = mode.next_candidates(fish)
+        ways = mode.roll_out(mode.next_place(fish), starts, goal)
         passes = ways.ticks > 0
         plays, jumps = passes & (starts.seams == 0), passes & (starts.seams > 0)
         taken = mode.next_stretch(fish, goal, rng)
-        chosen = mode.choose_start(starts, ways, np.random.default_rng(0))
+        chosen = mode.choose_candidate(starts, ways, np.random.default_rng(0))
         assert passes[chosen] if passes.any() else chosen is None
         if passes.any():
             assert taken.number[0] in starts.rows[passes]
@@ -463,7 +467,10 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
     ends = partners(STRAIGHT_LOOPS)
     for _ in range(20):
         found = mode.next_stretch(fish, spot(100, 300), rng)
-        assert found.decision.reason == "spot" and found.decision.ways_tank == found.decision.ways
+        assert (
+            found.decision.reason == "spot"
+            and found.decision.candidates_tank == found.decision.candidates
+        )
         assert (found.trajectory == [x, 300.0, 0.0]).all() and not found.touched
         assert found.new == (found.number[0] != fish.row + 1)
         if found.new:
@@ -513,8 +520,8 @@ def test_the_way_is_taken_that_leads_to_the_goal_s_quadrant(goal, quadrant_, row
         assert one.trajectory[0] == pytest.approx((300 + STEP, 300, 0)) and one.new == (
             one.number[0] > 20
         )
-        assert one.decision.ways == 3 and one.decision.quadrant == (quadrant_ if rows else 0)
-        assert one.decision.ways_quadrant == 3 - len(rows)
+        assert one.decision.candidates == 3 and one.decision.quadrant == (quadrant_ if rows else 0)
+        assert one.decision.candidates_quadrant == 3 - len(rows)
 
 
 # --- sprites as network mode plays them
@@ -733,7 +740,7 @@ def test_every_switch_goes_through_a_gateway_as_it_is_listed(pose):
         assert mine["rank"].item() == ways["rank"].min()  # the nearest
         if pose == FILM:
             assert mine["orientation"].item() == sector[tick]
-        names = ("ways", "ways_tank", "ways_quadrant", "ways_heading")
+        names = ("candidates", "candidates_tank", "candidates_quadrant", "candidates_heading")
         every, *failed = (table[name][tick] for name in names)
         assert every == sum(failed)  # no way on is legal
     turned = np.abs(wrap_deg(heading[[*into, *out]] - heading[[*into - 1, *out - 1]]))
@@ -769,10 +776,12 @@ def test_after_the_sprite_of_a_gateway_comes_the_next_one_at_any_speed(speed):
     for _ in range(40):
         fast = network.sprites.cycle_speed * speed
         fish = in_film(film, rng)._replace(x=400.0, y=300.0, speed=fast)
-        starts = mode.loops.next_rows(fish)
+        starts = mode.loops.next_candidates(fish)
         angle = np.radians(fish.heading)
         goal = spot(fish.x + 150 * np.cos(angle), fish.y - 150 * np.sin(angle))
-        left = mode.leave_film(fish, mode.loops.follow_starts(fish, starts, goal), goal)
+        left = mode.leave_film(
+            fish, mode.loops.roll_out(mode.loops.next_place(fish), starts, goal), goal
+        )
         assert list(left.number) == [3] and left.new and left.decision.exit == "no_way"
         there = mode.end_state(fish, left)
         assert (there.row, there.sprite, there.since) == (-1, 3, 1)
@@ -788,7 +797,7 @@ def test_a_gateway_is_entered_as_soon_as_a_way_from_there_is_legal():
         found = mode.next_stretch(fish, goal, rng)
         starts = mode.rows_behind_gateways(fish) if fish.row < 0 else None
         if starts is not None:
-            ways = mode.loops.follow_starts_from(mode.loops.next_place(fish), starts, goal)
+            ways = mode.loops.roll_out(mode.loops.next_place(fish), starts, goal)
             if found.kind == SPRITE:  # a way may end where there is a way out alone
                 left = fish.since == 1  # the film, a tick ago
                 assert left or not (ways.ticks > 0).any() or not mode.enter_film(fish, goal)

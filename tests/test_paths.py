@@ -18,7 +18,7 @@ from toy_film import (
 )
 
 from finloop.animate.paths import lay_path
-from finloop.animate.route import Route, due_along, find_foot, point_along
+from finloop.animate.route import Route, due_along, find_nearest_on_route, point_along
 from finloop.animate.shoal import animate_fish
 from finloop.base.errors import FinloopError
 from finloop.base.line import MM, PX, TANK, Line, check_line
@@ -166,15 +166,15 @@ def test_whoever_swims_a_path_that_crosses_itself_stays_on_its_branch():
     along = 0.0
     for to in np.arange(0, 2.2 * route.length, 3.0):  # and on, lap after lap
         x, y = point_along(route, to)
-        along, fx, fy = find_foot(route, x, y, along)
+        along, fx, fy = find_nearest_on_route(route, x, y, along)
         assert along == pytest.approx(to, abs=1e-6) and (fx, fy) == pytest.approx((x, y))
 
 
 def test_a_foot_is_the_nearest_place_and_never_goes_back():
     route = lay_line(Line("a", np.array([100.0, 700.0]), np.array([300.0, 300.0]), PX)).route
-    assert find_foot(route, 110.0, 320.0, 0.0) == pytest.approx((10, 110, 300))
-    assert find_foot(route, 50.0, 320.0, 5.0) == pytest.approx((5, 105, 300))
-    assert find_foot(route, 900.0, 300.0, 595.0) == pytest.approx((600, 700, 300))
+    assert find_nearest_on_route(route, 110.0, 320.0, 0.0) == pytest.approx((10, 110, 300))
+    assert find_nearest_on_route(route, 50.0, 320.0, 5.0) == pytest.approx((5, 105, 300))
+    assert find_nearest_on_route(route, 900.0, 300.0, 595.0) == pytest.approx((600, 700, 300))
 
 
 # --- steering
@@ -191,12 +191,11 @@ def steer(way, y=300.0, swims=2.0, **changes):
     route = lay_line(Line("a", np.array([100.0, 700.0]), np.array([y, y]), PX)).route
     usual = Steering(0.5, 0.2, 1.0, 10, LENGTH, 30.0, 10.0, 3.0, 0.1)
     speed = np.full(len(way) - 1, swims)
-    begins = (100.0, 0)
     world, bounds, steering = film_world_of(), tank_bounds(open_tank()), usual._replace(**changes)
     graph = search_graph(world.film, bounds, world.cost_weights, world.steering_ticks)
     rows = np.zeros(len(way) - 11, np.int64)
     return swim_trajectory(
-        way, speed, rows, begins, (path_objective(route, steering), ANYWHERE), graph
+        way, speed, rows, 100.0, 0, path_objective(route, steering), ANYWHERE, graph
     )[:3]
 
 

@@ -123,7 +123,12 @@ def test_planning_keeps_no_hold_of_what_it_was_given():
     """Kernels that count no references must not take or give one either."""
     player = crowd_player()
     own_world = player.world
-    given = [own_world.film.rows, own_world.film.to, own_world.tank.legal, player.cast.discs.table]
+    given = [
+        own_world.film.rows,
+        own_world.film.to,
+        own_world.tank.legal,
+        player.silhouettes.discs.table,
+    ]
     goals, held = random_goals(own_world, 6, np.random.default_rng(1)), []
     for _ in range(2):  # what the first one makes, and keeps, the second one uses
         animate_group(player, make_tasks(goals, 6, np.random.default_rng(2)), 300)
@@ -511,7 +516,7 @@ def test_a_fish_drawn_half_as_large_swims_as_far_in_body_lengths(folder, monkeyp
         assert np.allclose(small.scale, film.scale / 2)
         assert np.allclose(small.dx, film.dx / 2) and np.allclose(small.speed, film.speed)
         assert half.world.tank.legal.sum() > whole.world.tank.legal.sum()
-        one, two = (each.player.cast.discs for each in (whole, half))
+        one, two = (each.player.silhouettes.discs for each in (whole, half))
         assert np.allclose(two.table[..., :2], one.table[..., :2] / 2, atol=1e-3)
         # Joins are measured in body lengths, so that what is drawn smaller joins no better.
         show = [each.pictures("frame", 5, 0, 30.0, float(each.world.film.scale[5]), False)
@@ -526,7 +531,9 @@ def test_sprites_drawn_half_as_large_are_as_alike(folder, monkeypatch):
             open_mode(project, stages.modes.network, tank="arena", fish_scale=size)
             for size in (1.0, 0.5)
         )
-        assert np.allclose(half.player.cast.sprite_scale, whole.player.cast.sprite_scale / 2)
+        assert np.allclose(
+            half.player.silhouettes.sprite_scale, whole.player.silhouettes.sprite_scale / 2
+        )
         assert np.allclose(
             whole.pictures.right_facing_sprites, half.pictures.right_facing_sprites, atol=1e-3
         )

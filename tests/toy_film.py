@@ -13,11 +13,11 @@ import pandas as pd
 import scipy
 
 from finloop.animate.arena import Tank, make_tank
-from finloop.animate.cast import Cast
 from finloop.animate.kinematics import Target
 from finloop.animate.motion import MotionStatistics, learn_motion
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.shoal import animate_fish
+from finloop.animate.silhouettes import Silhouettes
 from finloop.animate.world import World
 from finloop.base.settings import read_conf_values, settings
 from finloop.distance.picture import BODY
@@ -344,10 +344,10 @@ def narrow_tank() -> Tank:
     return make_tank(arena, 0.6 * LENGTH)
 
 
-def cast_of(film_: MotionGraph, hulls=(HULL, HULL)) -> Cast:
+def cast_of(film_: MotionGraph, hulls=(HULL, HULL)) -> Silhouettes:
     """Outlines: every sprite has the first, every frame the second."""
     frames = np.repeat(hulls[1][None].astype(np.float32), len(film_.has_next), axis=0)
-    return Cast(sprites(), [hulls[0]] * len(sprites()), frames)
+    return Silhouettes(sprites(), [hulls[0]] * len(sprites()), frames)
 
 
 def matching_of(own_world=None, hulls=(HULL, HULL), prediction=None, film_too=True) -> Planner:

@@ -86,7 +86,7 @@ def live_tank(folder: Path, shares: list[tuple[float, float]]) -> Picture:
             for number, (x, y) in enumerate(shares):
                 tab.select_option("#who", str(number))
                 tab.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
-            wait(tab, "state.decision && state.decision.ways.length > 3")
+            wait(tab, "state.decision && state.decision.candidates.length > 3")
             tab.wait_for_timeout(2000)  # for a trail
             return shot(tab)
     finally:

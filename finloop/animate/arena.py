@@ -1,4 +1,4 @@
-"""The tank: where the centre of a fish may be, which way leads round a wall, what is in sight."""
+"""The tank: where the centre of a fish may be, how to swim round a wall, what is in sight."""
 
 import math
 from collections.abc import Sequence
@@ -13,28 +13,33 @@ import scipy
 import skimage
 from numpy.typing import NDArray
 
-from finloop.base.arrays import Mask, Picture, Reals
+from finloop.base.arrays import Floats, Mask, Picture, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel, leaf_kernel
 from finloop.edit.schema import Goal
 
 _SIGHT_STEP_PX = 2.0  # step along a line of sight
-_LEAST_FILMED = (
-    0.25  # share of the picture; measured: trout in a current 0.10, sunfish 0.37, mouse 0.45
-)
-_COMPLETE = 2 / 3  # of the whole area; measured: carp of 20 s 0.52, of 60 s 0.79, mouse 0.91
-_ALIKE = 0.5  # share of the floor beyond; measured: pieces of the carp 0.86-0.91, mouse 0.16-0.36
-_MOST_REACH = 0.5  # of the way from wall to middle; a fish that reaches farther is drawn smaller
-_LOT = 10_000  # outlines at a time
-_CELLS = 200  # cells a side, at most, of the map for the way round a wall
+_LEAST_FILMED = 0.25
+"""Share of the picture that animals fill at least. Trout in a current: 0.10, sunfish 0.37, mouse
+0.45."""
+_COMPLETE = 2 / 3
+"""Share of the filmed area that half of the outlines fill at least, where more film would hardly
+show more. Carp of 20 s: 0.52, of 60 s 0.79, mouse 0.91."""
+_ALIKE = 0.5
+"""Share of the floor beyond that looks the same at least. Pieces of the carp: 0.86-0.91, mouse
+0.16-0.36."""
+_MOST_REACH = 0.5  # of the distance from wall to middle: a fish that reaches farther cannot turn
+_LOT = 10_000  # outlines at a time, to save memory
+_CELLS = 200  # cells a side, at most, of the map on which a path round a wall is sought
 
 
 @dataclass(frozen=True)
 class Tank:
-    """Where animals can be (`arena`, (h, w)), and where their centre can be (`legal`, (h, w)).
+    """Where animals can be, and where their centre can be.
 
-    At a legal centre no part of the fish leaves the arena. `nearest` (2, h, w): row and column of
-    the legal pixel nearest to each pixel.
+    arena (h, w): where animals can be; legal (h, w): where the centre of a fish can be, so that no
+    part of it leaves the arena; nearest (2, h, w): row and column of the legal pixel nearest to
+    each pixel.
     """
 
     arena: Mask
@@ -45,6 +50,12 @@ class Tank:
     def depth_px(self) -> NDArray[np.float32]:
         """Return how far (h, w), px, each pixel is from the nearest one outside the arena."""
         return _depth_px(self.arena)
+
+    @property
+    def corners_px(self) -> tuple[int, int, int, int]:
+        """Return the arena's leftmost and topmost, rightmost and lowest pixel: x, y, x, y."""
+        rows, columns = (np.flatnonzero(self.arena.any(axis)) for axis in (1, 0))
+        return int(columns[0]), int(rows[0]), int(columns[-1]), int(rows[-1])
 
     def nearest_legal_point(self, x: float, y: float) -> tuple[float, float]:
         """Return the point x, y px where it is legal, else the legal pixel nearest to it."""
@@ -59,10 +70,10 @@ class Tank:
         return min(max(round(y), 0), height - 1), min(max(round(x), 0), width - 1)
 
     def waypoint(self, x: float, y: float, to_x: float, to_y: float) -> tuple[float, float]:
-        """Return the target if it is in sight, else the farthest point in sight on the way to it.
+        """Return x, y px of the target if it is in sight, else of a point in sight on a path to it.
 
-        x, y, to_x, to_y: px of the fish and of the target. The way is the shortest one over legal
-        pixels, on a coarse map of at most 200 cells a side.
+        x, y, to_x, to_y: px of the fish and of the target. The point is the farthest on the
+        shortest path over legal pixels, on a coarse map of at most 200 cells a side.
         """
         if self.can_swim_straight(x, y, to_x, to_y):
             return to_x, to_y
@@ -74,9 +85,9 @@ class Tank:
             tuple(np.minimum(np.array(pixel) // cell, last))
             for pixel in (self._nearest_pixel(x, y), self._nearest_pixel(to_x, to_y))
         )
-        way = skimage.graph.route_through_array(cost, start, end, geometric=True)[0]
+        cells = skimage.graph.route_through_array(cost, start, end, geometric=True)[0]
         point = (to_x, to_y)
-        for row, column in reversed(way):  # from the target back to the fish
+        for row, column in reversed(cells):  # from the target back to the fish
             point = float(column * cell + cell // 2), float(row * cell + cell // 2)
             if self.can_swim_straight(x, y, *point):
                 break
@@ -100,6 +111,14 @@ def is_legal_point(legal: Mask, x: float, y: float) -> bool:
     """Return whether a point x, y px lies in the picture and on a legal pixel; legal (h, w)."""
     column, row = round(x), round(y)
     return 0 <= row < legal.shape[0] and 0 <= column < legal.shape[1] and bool(legal[row, column])
+
+
+def are_points_inside(mask: Mask, x: Floats, y: Floats) -> Mask:
+    """Return whether points (…), x, y px, lie in the picture, on a true pixel of a mask (h, w)."""
+    column, row = np.round(x).astype(int), np.round(y).astype(int)
+    inside = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
+    inside[inside] = mask[row[inside], column[inside]]
+    return np.asarray(inside)
 
 
 @leaf_kernel
@@ -191,9 +210,9 @@ class FilmHulls(NamedTuple):
 def is_floor_alike_beyond(floor: Picture, filmed_area: Mask) -> bool:
     """Return whether the floor looks the same beyond the area where animals were filmed.
 
-    floor: (h, w) or (h, w, 3), without animals; filmed_area (h, w). It does if at least half of the
-    grey beyond is within the range (5-95 %) of the grey in the area, widened by that range on
-    either side. False if nothing is beyond.
+    floor: (h, w) or (h, w, 3), without animals; filmed_area (h, w). It looks the same if at least
+    half of the grey values beyond are within the range (5-95 %) of those in the area, widened by
+    that range on either side. False if nothing is beyond.
     """
     if filmed_area.all():
         return False
@@ -244,10 +263,10 @@ def tank_area(
     """Return where (h, w) a fish may be: in `arena`, or in its part where animals were filmed.
 
     outlines_px (n, k, 2): x, y as filmed; tank_setting: "arena", "filmed", or "auto"; floor: the
-    empty tank, None if unknown. `auto` takes the filmed area if the arena is the whole picture, so
-    none was given, and the animals filled at least a quarter of it: elsewhere there may be no
+    empty tank, None if unknown. "auto" takes the filmed area if no arena was given, so that it is
+    the whole picture, and if the animals filled at least a quarter of it: elsewhere there may be no
     floor. A fish that keeps to less, as in a current, may swim anywhere. So may a fish whose film
-    is too short to show the tank (`FilmHulls.are_complete`), if the `floor` goes on.
+    is too short to show the tank (`FilmHulls.are_complete`), if the floor looks the same beyond.
     """
     if tank_setting == "arena" or (tank_setting == "auto" and not arena.all()):
         return arena
@@ -255,8 +274,11 @@ def tank_area(
     filmed = filmed_area(arena, hulls.whole)
     if tank_setting == "filmed":
         return filmed
-    known = hulls.are_complete or floor is None or not is_floor_alike_beyond(floor, filmed)
-    return filmed if known and filmed.mean() >= _LEAST_FILMED else arena
+    if filmed.mean() < _LEAST_FILMED:
+        return arena
+    if floor is None or hulls.are_complete:
+        return filmed
+    return arena if is_floor_alike_beyond(floor, filmed) else filmed
 
 
 def choose_fish_area(
@@ -268,9 +290,8 @@ def choose_fish_area(
 ) -> Mask:
     """Return where (h, w) a fish may be: `tank_area`, but with "auto" the whole arena if needed.
 
-    arena (h, w): where animals can be; outlines_px (n, k, 2): x, y as filmed; tank_setting:
-    "arena", "filmed", or "auto"; floor: the empty tank, None if unknown; reach_px: how far the fish
-    reaches from its centre. It needs the whole arena if it does not fit in the area.
+    It is needed where the fish, which reaches `reach_px` from its centre, does not fit in the area.
+    The other parameters are those of `tank_area`.
     """
     area = tank_area(arena, outlines_px, tank_setting, floor)
     return arena if tank_setting == "auto" and not can_fish_fit(area, reach_px) else area
@@ -280,7 +301,7 @@ def size_that_fits(area: Mask, reach_px: float) -> float:
     """Return the size, as a share of the filmed one, at which a fish can turn in an area (h, w).
 
     reach_px: how far the fish as filmed reaches from its centre. The size is 1, or less where the
-    area is so narrow that the fish reaches more than half way from the wall to the middle.
+    fish would reach farther than half of the distance from the wall to the area's middle.
     """
     return min(1.0, _MOST_REACH * float(_depth_px(area).max()) / reach_px)
 
@@ -306,14 +327,13 @@ def place_goals(
 ) -> list[Goal]:
     """Return the goals of the configuration, in pixels.
 
-    given_goals: [x, y] each; `unit`: "px", or "tank": shares of its width and height, from the
-    upper left. A fish touches what is within `touch_px` of a legal centre. Shares in 0-1 of a goal
-    outside the tank, as in the corner of a round one, or out of touch are moved to the nearest
-    legal centre. FinloopError, which names all, if there are no goals, or one is not x, y or cannot
-    be reached.
+    given_goals: [x, y] each; unit: "px", or "tank" for shares of the tank's width and height, from
+    its upper left corner. A fish touches what is within `touch_px` of a legal centre. A goal given
+    in shares of 0-1 that is outside the tank, as in the corner of a round one, or out of touch is
+    moved to the nearest legal centre. FinloopError, which names all, if there are no goals, or one
+    is not x, y or cannot be reached.
     """
-    rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
-    left, top, right, bottom = columns[0], rows[0], columns[-1], rows[-1]
+    left, top, right, bottom = tank.corners_px
     wanted = f"one or more goals inside the tank, which is {left}-{right} × {top}-{bottom} px"
     if not given_goals:
         raise FinloopError(

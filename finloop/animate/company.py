@@ -1,9 +1,11 @@
 """Where the other fish of a tank will be, and whether a fish keeps clear of them, compiled.
 
-A few discs that hold an outline of the film stand for the body. A fish knows what the others have
+A few discs that cover an outline of the film stand for the body. A fish knows what the others have
 planned; after that they count as staying in place. Its plans meet none of them, and it stops only
-where it can stay. So a fish that finds no way on can stay in place, and no two bodies overlap. Two
+where it can stay. So a fish that cannot swim on can stay in place, and no two bodies overlap. Two
 things are left out: what joins bend and turn for some ticks, and the partner of a cross-fade.
+
+A picture has a number: the row of a frame in the motion graph, or −1 − the number of a sprite.
 """
 
 from collections.abc import Sequence
@@ -15,9 +17,9 @@ import numpy as np
 from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.kernel import kernel, leaf_kernel
 
-_DISCS = 6  # of a body, from tail to head
-_TICKS = 64  # initial room for planned trajectories; it grows
-_LOT = 10_000  # outlines at a time
+_DISCS = 6  # of a body, from tail to head: more cover it more tightly, and cost the search time
+_TICKS = 64  # for which planned trajectories have memory at first; it grows
+_LOT = 10_000  # outlines at a time, to save memory
 _EDGE_PX = 1.5  # added to radii: pixels of both bodies have corners
 
 
@@ -38,7 +40,6 @@ class Discs(NamedTuple):
 
     table (n + s, k, 3): of n frames of the film, then of s sprites: px ahead of the mass centre and
     to its left, and the radius; frames: n; reach: px from the centre beyond which no disc reaches.
-    The number of a picture is its row of the motion graph, or −1 − the number of a sprite.
     """
 
     table: Floats
@@ -69,52 +70,51 @@ ALONE = Company(0, np.zeros((1, 0, 4)), NO_DISCS)
 class Plans:
     """What the fish of a tank have planned: the last trajectory of each, and its first tick.
 
-    Fish are numbered from 0; a fish that has not planned yet is not there.
+    Fish are numbered from 0; a fish that has not planned yet is not there. A trajectory (n, 4) has
+    the columns x, y px, heading in degrees, and number of the picture.
     """
 
     def __init__(self, fish_count: int) -> None:
-        """Make room for the plans of some fish, none of which has planned yet."""
-        self._ways = np.zeros((fish_count, _TICKS, 4))
+        """Make memory for the plans of some fish, none of which has planned yet."""
+        self._trajectories = np.zeros((fish_count, _TICKS, 4))
         self._begins, self._ticks = np.zeros(fish_count, np.int64), np.zeros(fish_count, np.int64)
 
     @classmethod
     def from_paths(cls, trajectories: Sequence[Floats], start_tick: int) -> "Plans":
-        """Return the plans of fish whose trajectories (n, 4) all begin at one tick.
-
-        trajectories: one a fish; x, y px, heading in degrees, and picture: film row, or −1 − number
-        of a sprite.
-        """
+        """Return the plans of fish whose trajectories (n, 4), one a fish, all begin at one tick."""
         plans = cls(len(trajectories))
         for number, trajectory in enumerate(trajectories):
             plans.put(number, start_tick, trajectory)
         return plans
 
     def put(self, fish: int, start_tick: int, trajectory: Floats) -> None:
-        """Store the trajectory of a fish from a tick on, in place of its last one.
-
-        trajectory (n, 4), n ≥ 1: x, y px, heading in degrees, and picture: film row, or −1 − number
-        of a sprite.
-        """
-        lacking = len(trajectory) - self._ways.shape[1]
+        """Store the trajectory (n, 4) of a fish from a tick on, n ≥ 1, in place of its last one."""
+        lacking = len(trajectory) - self._trajectories.shape[1]
         if lacking > 0:
-            self._ways = np.pad(self._ways, [(0, 0), (0, lacking), (0, 0)])
-        self._ways[fish, : len(trajectory)] = trajectory
+            self._trajectories = np.pad(self._trajectories, [(0, 0), (0, lacking), (0, 0)])
+        self._trajectories[fish, : len(trajectory)] = trajectory
         self._begins[fish], self._ticks[fish] = start_tick, len(trajectory)
 
     def others(self, fish: int, tick: int) -> Floats:
         """Return where all fish but one will be from a tick on: (n, m, 4), m fish at n ticks.
 
-        Columns: x, y px, heading in degrees, and picture: film row, or −1 − number of a sprite.
+        The columns are those of a trajectory. The last tick is that of the longest plan; a fish
+        whose plan ends before stays there.
         """
-        return np.asarray(_places_of_others(self._ways, self._begins, self._ticks, fish, tick))
+        others = self._others(fish)
+        begins, ticks = self._begins[others], self._ticks[others]
+        count = int((begins + ticks - tick).max(initial=1))
+        rows = np.clip(tick + np.arange(count)[:, None] - begins, 0, ticks - 1)
+        return self._trajectories[others, rows]
+
+    def _others(self, fish: int) -> Ints:
+        """Return the numbers (m,) of all fish but one that have planned, ascending."""
+        planned = np.flatnonzero(self._ticks > 0)
+        return planned[planned != fish]
 
     def fish_in_column(self, fish: int, column: int) -> int:
-        """Return the number of the fish in a column of `others`, called for another fish.
-
-        fish: for which `others` was called. Fish that have not planned have no column.
-        """
-        planned = np.flatnonzero(self._ticks > 0)
-        return int(planned[planned != fish][column])
+        """Return the number of the fish in a column of the result of `others` for `fish`."""
+        return int(self._others(fish)[column])
 
     def has_planned(self, fish: int) -> bool:
         """Return whether a fish has planned anything yet."""
@@ -123,7 +123,7 @@ class Plans:
     def pose_at(self, fish: int, tick: int) -> Floats:
         """Return x, y px, heading in degrees and picture (4,) of a fish at a tick."""
         row = min(max(tick - self._begins[fish], 0), self._ticks[fish] - 1)
-        return np.asarray(self._ways[fish, row])
+        return np.asarray(self._trajectories[fish, row])
 
 
 def make_company(other_plans: Floats, start_tick: int, discs: Discs, ticks_after: int) -> Company:
@@ -136,59 +136,23 @@ def make_company(other_plans: Floats, start_tick: int, discs: Discs, ticks_after
     return Company(start_tick, other_plans, discs, start_tick + ticks - 1 + ticks_after, count)
 
 
-@kernel
-def _places_of_others(trajectories, first_ticks, lengths, fish, tick):  # type: ignore[no-untyped-def]
-    """Return where all fish but `fish` will be from a tick on (n, m, 4), compiled.
-
-    Columns: x, y px, heading, picture; n ends with the last plan. trajectories (fish, t, 4): of
-    all; first_ticks, lengths (fish,): of each trajectory, 0 long if there is none.
-    """
-    other_count, most_ticks = 0, 1
-    for k in range(len(lengths)):
-        if k != fish and lengths[k] > 0:
-            other_count += 1
-            most_ticks = max(most_ticks, first_ticks[k] + lengths[k] - tick)
-    places, other = np.empty((most_ticks, other_count, 4)), 0
-    for k in range(len(lengths)):
-        if k != fish and lengths[k] > 0:
-            for t in range(most_ticks):
-                row = min(max(tick + t - first_ticks[k], 0), lengths[k] - 1)
-                for c in range(4):
-                    places[t, other, c] = trajectories[k, row, c]
-            other += 1
-    return places
-
-
-@kernel
-def sort_near_first(company: Company, x: float, y: float, farthest: Floats) -> Company:
+def sort_near_first(company: Company, x: float, y: float, farthest_px: Floats) -> Company:
     """Return the company with those fish first that a fish at x, y px can meet during a search.
 
-    farthest (t,): px that a fish moves in 0, 1, 2 … ticks at most; after these it goes on at their
+    farthest_px (t,): that a fish moves in 0, 1, 2 … ticks at most; after these it goes on at their
     mean speed. `near` is set to the number of those fish.
     """
-    known_ticks = len(farthest) - 1
-    px_per_tick = farthest[known_ticks] / known_ticks
-    ticks, count = company.places.shape[:2]
-    near_count, far_begin, order = 0, count, np.empty(count, np.int64)
-    for k in range(count):
-        is_near = False
-        for t in range(ticks):
-            wait_ticks = t if t < ticks - 1 else company.until - company.start
-            distance = np.hypot(company.places[t, k, 0] - x, company.places[t, k, 1] - y)
-            ticks_beyond = max(wait_ticks + 1 - known_ticks, 0)
-            swims_px = farthest[wait_ticks + 1 - ticks_beyond] + ticks_beyond * px_per_tick
-            is_near = is_near or distance < 2 * company.discs.reach + swims_px
-        if is_near:
-            order[near_count] = k
-            near_count += 1
-        else:
-            far_begin -= 1
-            order[far_begin] = k
-    places = np.empty_like(company.places)
-    for t in range(ticks):
-        for k in range(count):
-            places[t, k] = company.places[t, order[k]]
-    return Company(company.start, places, company.discs, company.until, near_count)
+    known_ticks = len(farthest_px) - 1
+    wait_ticks = np.arange(len(company.places))
+    wait_ticks[-1] = company.until - company.start  # the last places count for so long
+    ticks_beyond = np.maximum(wait_ticks + 1 - known_ticks, 0)
+    px_per_tick = farthest_px[known_ticks] / known_ticks
+    swims_px = farthest_px[wait_ticks + 1 - ticks_beyond] + ticks_beyond * px_per_tick
+    distances = np.hypot(company.places[..., 0] - x, company.places[..., 1] - y)
+    is_near = (distances < 2 * company.discs.reach + swims_px[:, None]).any(0)
+    order = np.argsort(~is_near, kind="stable")
+    places = company.places.take(order, axis=1)
+    return company._replace(places=places, near=int(is_near.sum()))
 
 
 def cover_with_discs(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Discs:
@@ -205,64 +169,61 @@ def cover_with_discs(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Disc
 
 @kernel
 def _disc_table(hulls):  # type: ignore[no-untyped-def]
-    """Return the discs (n, k, 3) that cover outlines (n, p, 2), one for each part of the length.
+    """Return the discs (n, k, 3) that cover outlines (n, p, 2), one for each slice of the length.
 
     A disc: px ahead of and to the left of the mass centre, and radius. The outline is cut across
-    into k parts of equal length.
+    into k slices of equal length.
     """
     discs, extents = np.empty((len(hulls), _DISCS, 3)), np.empty((_DISCS, 2))
     for n in range(len(hulls)):
         hull = hulls[n]
         back = hull[:, 0].min()
-        part = max(hull[:, 0].max() - back, 1e-9) / _DISCS
+        thickness = max(hull[:, 0].max() - back, 1e-9) / _DISCS  # of a slice, along the body
         extents[:, 0], extents[:, 1] = np.inf, -np.inf
         for p in range(len(hull)):
             before, point = hull[p - 1], hull[p]
-            ahead = (before[0] - back) / part, (point[0] - back) / part
-            _widen_parts(extents, ahead, (before[1], point[1]))
+            ahead = (before[0] - back) / thickness, (point[0] - back) / thickness
+            _widen_slices(extents, ahead, (before[1], point[1]))
         for k in range(_DISCS):
             right, left = extents[k, 0], extents[k, 1]
-            if right > left:
+            if right > left:  # no side of the outline is in the slice
                 right, left = 0.0, 0.0
-            discs[n, k, 0], discs[n, k, 1] = back + (k + 0.5) * part, (right + left) / 2
-            discs[n, k, 2] = np.hypot(left - right, part) / 2 + _EDGE_PX
+            discs[n, k, 0], discs[n, k, 1] = back + (k + 0.5) * thickness, (right + left) / 2
+            discs[n, k, 2] = np.hypot(left - right, thickness) / 2 + _EDGE_PX
     return discs
 
 
 @leaf_kernel
-def _widen_parts(parts, ahead, left):  # type: ignore[no-untyped-def]
-    """Widen the parts (k, 2) of a body so that they hold one side of its outline.
+def _widen_slices(extents, ahead, left):  # type: ignore[no-untyped-def]
+    """Widen the slices of a body so that they hold one side of its outline.
 
-    parts: lowest and highest px to the left, changed in place; ahead, left: of the side's two ends;
-    ahead in lengths of a part, left in px.
+    extents (k, 2): lowest and highest px to the left in each slice, changed in place; ahead, left:
+    of the side's two ends; ahead in slices from the back, left in px.
     """
     back, front = min(ahead), max(ahead)
     for k in range(min(int(back), _DISCS - 1), min(int(front), _DISCS - 1) + 1):
-        for end in range(2):
+        for end in range(2):  # where the side enters and leaves the slice
             share = float(end)
             if back < front:
                 share = (min(max(float(k + end), back), front) - ahead[0]) / (ahead[1] - ahead[0])
             edge_left = left[0] + share * (left[1] - left[0])
-            parts[k, 0], parts[k, 1] = min(parts[k, 0], edge_left), max(parts[k, 1], edge_left)
+            extents[k, 0] = min(extents[k, 0], edge_left)
+            extents[k, 1] = max(extents[k, 1], edge_left)
 
 
 @leaf_kernel
 def is_clear_of_fish(
     company: Company, picture: int, x: float, y: float, heading: float, tick: int
 ) -> bool:
-    """Return whether a picture at x, y px and a heading in degrees meets no other fish at a tick.
-
-    picture: film row, or −1 − number of a sprite.
-    """
+    """Return whether a picture at x, y px and a heading, degrees, meets no other fish at a tick."""
     return _is_clear_of_first(company, company.places.shape[1], picture, (x, y, heading), tick)
 
 
 @leaf_kernel
 def _is_clear_of_first(company, count, picture, pose, tick):  # type: ignore[no-untyped-def]
-    """Return whether a picture at a pose (x, y, heading) meets none of the first `count` fish.
+    """Return whether a picture at a pose meets none of the first `count` fish at a tick.
 
-    company: `Company`; picture: film row, or −1 − number of a sprite; tick: at which they are
-    there.
+    company: `Company`; picture: its number; pose: x, y px, heading in degrees.
     """
     others, near_px2, (x, y, heading) = company.places, 4.0 * company.discs.reach**2, pose
     if count == 0:
@@ -271,8 +232,8 @@ def _is_clear_of_first(company, count, picture, pose, tick):  # type: ignore[no-
     for k in range(count):
         dx, dy = others[t, k, 0] - x, others[t, k, 1] - y
         if dx * dx + dy * dy < near_px2:
-            second = int(others[t, k, 3]), others[t, k, 2]
-            if _do_discs_overlap(company.discs, (picture, heading), second, dx, dy):
+            other, other_heading = int(others[t, k, 3]), others[t, k, 2]
+            if _do_discs_overlap(company.discs, picture, heading, other, other_heading, dx, dy):
                 return False
     return True
 
@@ -281,21 +242,21 @@ def _is_clear_of_first(company, count, picture, pose, tick):  # type: ignore[no-
 def is_clear_in_search(company, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
     """Return whether a picture at x, y px and a heading meets no fish that a search considers.
 
-    picture: film row, or −1 − number of a sprite; heading: degrees. Only the first `company.near`
-    fish count, and only from tick `company.start` to `company.until`; otherwise True.
+    picture: its number; heading: degrees. Only the first `company.near` fish count, and only from
+    tick `company.start` to `company.until`; at other ticks the result is True.
     """
     unknown = tick < company.start or tick > company.until
     return unknown or _is_clear_of_first(company, company.near, picture, (x, y, heading), tick)
 
 
 @leaf_kernel
-def _do_discs_overlap(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
-    """Return whether the discs of two pictures overlap, the second dx, dy px (y down) away.
+def _do_discs_overlap(discs, picture, heading, other, other_heading, dx, dy):  # type: ignore[no-untyped-def]
+    """Return whether the discs of two pictures overlap, the other one dx, dy px (y down) away.
 
-    first, second: film row, or −1 − number of a sprite, heading in degrees.
+    picture, other: their numbers; heading, other_heading: degrees.
     """
-    row, side, cos, sin = disc_orientation(discs, first)
-    other_row, other_side, other_cos, other_sin = disc_orientation(discs, second)
+    row, side, cos, sin = disc_orientation(discs, picture, heading)
+    other_row, other_side, other_cos, other_sin = disc_orientation(discs, other, other_heading)
     table = discs.table
     for i in range(table.shape[1]):
         ahead, left = table[row, i, 0], side * table[row, i, 1]
@@ -311,14 +272,13 @@ def _do_discs_overlap(discs, first, second, dx, dy):  # type: ignore[no-untyped-
 
 
 @leaf_kernel
-def disc_orientation(discs, picture_and_heading):  # type: ignore[no-untyped-def]
+def disc_orientation(discs, picture, heading):  # type: ignore[no-untyped-def]
     """Return how the discs of a picture lie: table row, side, cosine and sine of the heading.
 
-    picture_and_heading: film row, or −1 − number of a sprite, and heading in degrees. The side is
-    −1 for a mirror image, whose left is right; else 1.
+    picture: its number; heading: degrees. The side is −1 for a mirror image, whose left is right;
+    else 1.
     """
-    number, angle = picture_and_heading[0], np.radians(picture_and_heading[1])
-    side = 1.0
+    number, side, angle = picture, 1.0, np.radians(heading)
     if number < 0:
         number = discs.frames - 1 - number
     elif number >= discs.frames:
@@ -330,8 +290,7 @@ def disc_orientation(discs, picture_and_heading):  # type: ignore[no-untyped-def
 def count_clear_ticks(company: Company, pictures: Ints, trajectory: Floats, start_tick: int) -> int:
     """Return how many ticks of a trajectory (n, 3), begun at a tick, meet no other fish.
 
-    pictures (n,): film rows, or −1 − number of a sprite; trajectory: x, y px, heading from
-    `start_tick` on.
+    pictures (n,): their numbers; trajectory: x, y px, heading from `start_tick` on.
     """
     for t in range(len(trajectory)):
         x, y, heading = trajectory[t, 0], trajectory[t, 1], trajectory[t, 2]
@@ -344,7 +303,7 @@ def count_clear_ticks(company: Company, pictures: Ints, trajectory: Floats, star
 def can_stay(company: Company, picture: int, pose, tick: int) -> bool:  # type: ignore[no-untyped-def]
     """Return whether a picture that stays at a pose meets no other fish from a tick on.
 
-    picture: film row, or −1 − number of a sprite; pose: x, y px, heading.
+    picture: its number; pose: x, y px, heading in degrees.
     """
     last = max(company.start + company.places.shape[0] - 1, tick)
     while tick <= last and is_clear_of_fish(company, picture, pose[0], pose[1], pose[2], tick):
@@ -358,8 +317,7 @@ def count_lasting_ticks(
 ) -> int:
     """Return how many ticks of a trajectory (n, 3) a fish can swim, and then stay, clear of others.
 
-    pictures (n,): film rows, or −1 − number of a sprite; trajectory: x, y px, heading from
-    `start_tick` on.
+    pictures (n,): their numbers; trajectory: x, y px, heading from `start_tick` on.
     """
     ticks = count_clear_ticks(company, pictures, trajectory, start_tick)
     while ticks > 0 and not can_stay(

@@ -1,7 +1,7 @@
 """How near the fish of a tank come to each other: overlapping outlines, nearest neighbours.
 
-An outline is that of the picture, at the heading of the edit list, without what joins still bend
-and turn.
+An outline is that of the picture, at the heading of the edit list, without the bends and turns that
+transitions add.
 """
 
 from itertools import combinations
@@ -40,7 +40,7 @@ def place_outline(
     hull (p, 2): px ahead of and to the left of the mass centre; x_px, y_px, heading_deg: of the
     fish.
     """
-    # The axes of screen and body change into each other by the same reflection.
+    # A function for screen to body serves here, too: it is its own inverse, a reflection.
     offsets = to_body_axes(hull * (1, -1 if mirrored else 1), np.radians(heading_deg))
     return np.asarray(offsets + np.array([x_px, y_px]))
 
@@ -48,10 +48,10 @@ def place_outline(
 def outline_on_screen(player: AnyPlayer, edit_row: Any) -> Floats:
     """Return the outline (p, 2) on screen, x, y px, of a row of an edit list.
 
-    edit_row: one with the fields of `PlacedPicture`.
+    edit_row: has the fields of `PlacedPicture`.
     """
     mirrored = edit_row.kind == FRAME and edit_row.mirrored
-    hull = player.hull(edit_row.kind, edit_row.source)
+    hull = player.silhouettes.hull(edit_row.kind, edit_row.source)
     return place_outline(hull, edit_row.x_px, edit_row.y_px, edit_row.heading_deg, mirrored)
 
 
@@ -64,7 +64,7 @@ def do_outlines_overlap(first: Floats, second: Floats) -> bool:
     size = np.ceil(np.maximum(first.max(0), second.max(0)) - corner).astype(int) + 1
     masks = np.zeros((2, *size[::-1]), np.uint8)
     for mask, polygon in zip(masks, (first, second), strict=True):
-        sixteenths = np.rint(16 * (polygon - corner)).astype(np.int32)
+        sixteenths = np.rint(16 * (polygon - corner)).astype(np.int32)  # of a px: 4 binary digits
         cv2.fillPoly(mask, [sixteenths], 1, shift=4)
     return bool((masks[0] & masks[1]).any())
 
@@ -88,7 +88,7 @@ def count_overlaps(edit: pd.DataFrame, player: AnyPlayer) -> Ints:
     pairs = np.zeros(ticks, np.int64)
     for first, second in combinations(range(fish_count), 2):
         distance = np.hypot(*(places[first] - places[second]).T)
-        for tick in np.flatnonzero(distance < 2 * player.cast.discs.reach).tolist():
+        for tick in np.flatnonzero(distance < 2 * player.silhouettes.discs.reach).tolist():
             pairs[tick] += do_outlines_overlap(outline_at(first, tick), outline_at(second, tick))
     return pairs
 
@@ -101,7 +101,7 @@ def nearest_distances(places: Floats) -> Floats:
 
 
 def measure_clearance(edit: pd.DataFrame, player: AnyPlayer) -> dict[str, float]:
-    """Return how near the fish of an edit list come to each other; empty for a single fish.
+    """Return, by name, how near the fish of an edit list come to each other; {} for a single fish.
 
     Keys: `overlapping_pairs_per_1000_ticks`, and those of `distance_quantiles`.
     """
@@ -116,7 +116,10 @@ def measure_clearance(edit: pd.DataFrame, player: AnyPlayer) -> dict[str, float]
 
 
 def measure_film_clearance(features: pd.DataFrame) -> dict[str, float]:
-    """Return quantiles of how near a film's animals come to each other; empty for one at a time."""
+    """Return the quantiles of how near a film's animals come to each other, by name.
+
+    They are those of `distance_quantiles`; none where no frame shows several animals.
+    """
     distances = film_nearest_distances(features)
     return distance_quantiles(distances) if len(distances) else {}
 

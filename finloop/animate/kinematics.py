@@ -27,10 +27,10 @@ class Target(NamedTuple):
 
 
 def next_aim(tank: Tank, place_px: tuple[float, float], goal: Target, near_px: float) -> Target:
-    """Return the point to head for: the legal place nearest to a goal, or a waypoint on the way.
+    """Return the point to head for: the legal place nearest to a goal, or a waypoint before it.
 
-    place_px: x, y of the fish. It is the goal itself where that legal place is less than `near_px`
-    away.
+    place_px: x, y of the fish. Where that legal place is less than `near_px` away, the result is
+    the goal itself.
     """
     legal = tank.nearest_legal_point(goal.x, goal.y)
     if np.hypot(legal[0] - place_px[0], legal[1] - place_px[1]) < near_px:
@@ -65,7 +65,10 @@ class Turning(NamedTuple):
 
 @leaf_kernel
 def rotate_by_cos_sin(dx: float, dy: float, cos: float, sin: float):  # type: ignore[no-untyped-def]
-    """Return a displacement dx, dy on screen (y down), turned by an angle's cosine and sine."""
+    """Return a displacement dx, dy on screen (y down), turned anticlockwise by an angle.
+
+    cos, sin: of the angle.
+    """
     return dx * cos + dy * sin, dy * cos - dx * sin
 
 
@@ -93,8 +96,8 @@ def turn_towards_aim(picture_turn: float, aim_error: float, most_correction: flo
     """Return the turn, degrees, of this tick by which a fish heads for its aim.
 
     picture_turn: degrees by which its pictures turn; aim_error: bearing of the aim minus heading,
-    degrees; most_correction: the largest turn in addition, degrees. The whole turn is not faster
-    than the larger of |picture_turn| and most_correction.
+    degrees; most_correction: the largest turn in addition, degrees. The whole turn is at most the
+    larger of |picture_turn| and most_correction.
     """
     missing = wrap(aim_error - picture_turn)
     turn = picture_turn + min(max(missing, -most_correction), most_correction)
@@ -124,12 +127,12 @@ def touches_target(x: float, y: float, heading: float, target: Target) -> bool:
 
 @kernel
 def swim_ahead(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: ignore[no-untyped-def]
-    """Return the trajectory of a swim ahead, how many first ticks are safe, and the tick of touch.
+    """Return the trajectory of a swim ahead, the number of safe ticks, and the tick of touch.
 
     legal (h, w): where the fish's centre may be; start (3,): x, y px, heading. The trajectory (n,
-    3) has the same columns, and goes on after the touch. A tick is safe if its place is legal, and
-    so is the one at which the fish could stop from there. The tick of touch is the first at which
-    the goal is touched, n if it never is.
+    3) has the same columns, and goes on after the touch. Its first ticks are safe as long as both
+    the place and the one at which the fish could stop from there are legal. The tick of touch is
+    the first at which the goal is touched, n if it never is.
     """
     n = swim.forward.size
     trajectory = np.empty((n, 3))
@@ -155,12 +158,13 @@ def swim_turn(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Return the trajectory of a turn to an aim, whether it is possible, and the tick of touch.
 
-    legal (h, w): where the fish's centre may be; start (3,): x, y px, heading. aim: the point to
-    head for, see `next_aim`; goal: its touch ends the turn. The aim's bearing changes as the fish
-    moves; the heading's error against it falls as `swim.share`, the part of the turn that is done,
-    rises to 1. The trajectory (n, 3) has the columns of `start` and is filled up to the touch. The
-    turn is possible if it is legal and no tick turns by more than `fastest` degrees, or back: the
-    aim would be too near. The tick at which the goal is touched is n where it is not.
+    legal (h, w): where the fish's centre may be; start (3,): x, y px, heading; aim: the point to
+    head for, see `next_aim`; goal: its touch ends the turn; fastest: largest turn in a tick,
+    degrees. The aim's bearing changes as the fish moves; the heading's error against it falls as
+    `swim.share`, the part of the turn that is done, rises to 1. The trajectory (n, 3) has the
+    columns of `start` and is filled up to the touch. The turn is possible if all its places are
+    legal and no tick turns too fast, or back, as where the aim is too near. The tick of touch is n
+    where the goal is not touched.
     """
     n = swim.share.size
     trajectory = np.empty((n, 3))

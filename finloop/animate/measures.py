@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
+from finloop.animate.arena import are_points_inside
 from finloop.animate.motion import MotionStatistics
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.world import World
@@ -43,8 +44,9 @@ def measure_plan(
 ) -> dict[str, float]:
     """Return, by name, all measures of one fish's edit list that need no picture.
 
-    They are of goals, kinematics, turns, kinds of picture, motion areas, and `frames_outside`, the
-    ticks outside the arena. film_motion: speed and turn rate of the film, from `motion_of_film`.
+    They are about goals, kinematics, turns, kinds of picture, motion areas, and `frames_outside`:
+    the ticks outside the arena. film_motion: speed and turn rate of the film, from
+    `motion_of_film`.
     """
     return {
         **(measure_goals(edit, goals, player.world) if goals else {}),
@@ -86,8 +88,8 @@ def measure_goals(edit: pd.DataFrame, goals: Sequence[Goal], world: World) -> di
     """Return, by name, how well a fish reached its goals: share, time, path, heading.
 
     `path_error_rms_body_lengths`: distance from the straight lines between goals; `straightness`:
-    straight distance / distance covered; `arrival_heading_error_deg`: mean difference of the
-    heading at a goal from the straight way there.
+    straight distance / distance covered; `arrival_heading_error_deg`: mean angle between the
+    heading at a goal and the straight line there.
     """
     ticks, motion = arrival_ticks(edit, goals, world.touch_px, world.head_px), world.motion
     reached = np.flatnonzero(~np.isnan(ticks))
@@ -146,7 +148,7 @@ def motion_of_edit(edit: pd.DataFrame, player: AnyPlayer) -> tuple[Floats, Float
     is_sprite = (edit["kind"] != FRAME).to_numpy()
     if is_sprite.any():
         number = np.where(is_sprite, edit["source"], 0)
-        head += player.cast.sprites["head_offset_deg"].to_numpy(float)[number] * is_sprite
+        head += player.silhouettes.sprites["head_offset_deg"].to_numpy(float)[number] * is_sprite
     motion = player.world.motion
     place = edit[["x_px", "y_px"]].to_numpy() / motion.body_length_px
     return _motion_over_delta(place, head, motion)
@@ -207,26 +209,23 @@ def kinematic_distances(
 def count_ticks_outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
     """Return the number of ticks at which any point of the drawn fish is outside the arena."""
     count, tank = 0, player.world.tank
-    height, width = tank.arena.shape
     angle = np.radians(edit["heading_deg"].to_numpy(float))
     x, y = edit["x_px"].to_numpy(), edit["y_px"].to_numpy()
-    column, row = np.round(x).astype(int), np.round(y).astype(int)
-    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-    depth = np.zeros(len(edit))  # px from each place to the nearest wall
-    depth[inside] = tank.depth_px[row[inside], column[inside]]
+    depth = np.zeros(len(edit))  # px from each place to the nearest wall, 0 beside the picture
+    inside = are_points_inside(np.ones_like(tank.arena), x, y)
+    depth[inside] = tank.depth_px[np.round(y[inside]).astype(int), np.round(x[inside]).astype(int)]
     pictures = edit.groupby(["kind", "source", "mirrored"]).indices
     for (kind, source, mirrored), shown in pictures.items():
-        ahead, left = player.hull(str(kind), int(source)).T
+        ahead, left = player.silhouettes.hull(str(kind), int(source)).T
         left = -left if mirrored else left
         # Far from the wall no point can be outside.
         ticks = shown[depth[shown] <= np.hypot(ahead, left).max() + _ROUNDED_PX]
         if not len(ticks):
             continue
         cos, sin = np.cos(angle[ticks, None]), np.sin(angle[ticks, None])
-        column = np.round(x[ticks, None] + ahead * cos - left * sin).astype(int)
-        row = np.round(y[ticks, None] - ahead * sin - left * cos).astype(int)
-        inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-        inside[inside] = tank.arena[row[inside], column[inside]]
+        outline_x = x[ticks, None] + ahead * cos - left * sin
+        outline_y = y[ticks, None] - ahead * sin - left * cos
+        inside = are_points_inside(tank.arena, outline_x, outline_y)
         count += int((~inside.all(1)).sum())
     return count
 

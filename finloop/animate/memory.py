@@ -1,4 +1,4 @@
-"""Which rows of the film were on screen just now, compiled.
+"""Which rows of the film were on screen lately, compiled.
 
 A memory holds stretches of film (m, 3), sorted by row and without overlaps: the first row, the last
 row, and the tick at which the first was last on screen. So it grows with the jumps of the last
@@ -14,14 +14,14 @@ from finloop.base.kernel import kernel, leaf_kernel
 
 NEVER = -(10**9)
 """The tick of a row that was never on screen."""
-_MARK_BITS = 5  # a mark of `mark_rows` stands for 2 to this power of rows in a row
+_MARK_BITS = 5  # a mark of `mark_rows` stands for 2⁵ rows: a leg sets few of 64 bits
 
 
 class MemoryIndex(NamedTuple):
-    """Where in a memory to look for a row: its rows in blocks of equal size, a power of 2.
+    """Where in a memory (m, 3) to look for a row: the rows are cut into b blocks of 2^k rows.
 
-    first_row: of the first block; block_bits: binary digits of a row's number within its block;
-    starts (b + 1,): for each block the first stretch that ends in it or after it, and m.
+    first_row: of the first block; block_bits: k; starts (b + 1,): for each block the number of the
+    first stretch that ends in it or after it, and at last m.
     """
 
     first_row: int
@@ -54,31 +54,30 @@ def last_on_screen(memory: Ints, first: int, last: int) -> int:
 
     memory (m, 3): stretches of film on screen: first row, last row, tick of the first.
     """
-    return _last_tick_of_rows(memory, (0, len(memory)), first, last)
+    return _last_tick_of_rows(memory, 0, len(memory), first, last)
 
 
 @leaf_kernel
 def find_last_on_screen(memory: Ints, index: MemoryIndex, first: int, last: int) -> int:
     """Return the last tick at which any of the rows first … last was on screen; NEVER for none.
 
-    memory (m, 3): stretches of film that were on screen; index: from `index_memory`, makes it
-    quicker than `last_on_screen`.
+    memory (m, 3): stretches of film that were on screen; index: from `index_memory`, by which a row
+    is found more quickly than by `last_on_screen`.
     """
     block = max(first - index.first_row, 0) >> index.block_bits
     if block + 1 >= len(index.starts):
         return NEVER
-    return _last_tick_of_rows(memory, (index.starts[block], index.starts[block + 1]), first, last)
+    return _last_tick_of_rows(memory, index.starts[block], index.starts[block + 1], first, last)
 
 
 @leaf_kernel
-def _last_tick_of_rows(memory: Ints, between: tuple[int, int], first: int, last: int) -> int:
+def _last_tick_of_rows(memory: Ints, low: int, high: int, first: int, last: int) -> int:
     """Return the last tick at which any of the rows first … last was on screen; NEVER for none.
 
-    memory (m, 3): stretches of film on screen: first row, last row, tick of the first; between: two
-    indices of the memory, from the lower to the higher of which the first stretch is sought that
-    ends at `first` or later.
+    memory (m, 3): stretches of film on screen: first row, last row, tick of the first; low, high:
+    numbers of stretches between which, by bisection, the first one that ends at row `first` or
+    later is sought.
     """
-    low, high = between
     while low < high:
         middle = (low + high) // 2
         if memory[middle, 1] < first:
@@ -96,8 +95,8 @@ def _last_tick_of_rows(memory: Ints, between: tuple[int, int], first: int, last:
 def mark_rows(marks: int, first: int, last: int) -> int:
     """Return the marks of some rows, with those of rows first … last added.
 
-    marks: 64 bits, each for 32 rows, and for those 2048, 4096 … rows farther on. A row whose bit is
-    0 is none of those added; a row whose bit is 1 may be one.
+    Marks are 64 bits, each for 32 rows, and for those 2048, 4096 … rows farther on. A row whose bit
+    is 0 is none of those added; a row whose bit is 1 may be one.
     """
     for group in range(first >> _MARK_BITS, (last >> _MARK_BITS) + 1):
         marks |= 1 << (group & 63)
@@ -113,7 +112,9 @@ def remember_rows(memory: Ints, first: int, last: int, tick: int, forget_tick: f
     """
     kept = np.empty((len(memory) + 2, 3), np.int64)  # one stretch may be cut in two
     count, added = 0, False
-    for k in range(len(memory) + 1):  # of each old stretch what is not shown anew
+    # Of each old stretch the rows below `first` are kept, then come the new rows in their place,
+    # then the old rows above `last`. An empty stretch after the last one adds the new rows there.
+    for k in range(len(memory) + 1):
         begin, end, begin_tick = last + 1, last, tick
         if k < len(memory):
             begin, end, begin_tick = memory[k, 0], memory[k, 1], memory[k, 2]
@@ -122,11 +123,8 @@ def remember_rows(memory: Ints, first: int, last: int, tick: int, forget_tick: f
             count += 1
         if not added and end >= first:
             added = True
-            if (
-                count
-                and kept[count - 1, 1] + 1 == first
-                and kept[count - 1, 2] + first - kept[count - 1, 0] == tick
-            ):
+            continues = count and kept[count - 1, 1] + 1 == first
+            if continues and kept[count - 1, 2] + first - kept[count - 1, 0] == tick:
                 kept[count - 1, 1] = last
             else:
                 kept[count, 0], kept[count, 1], kept[count, 2] = first, last, tick

@@ -1,15 +1,15 @@
-"""The film's swimming statistics for every mode: how tracks go, and turns.
+"""The film's swimming statistics for every mode: speeds and headings along tracks, and turns.
 
-A *turn* is a stretch of one swimming type, left or right; both sides are kept as turns to the left,
-as a fish is symmetrical.
+A *run* is a part of a track with one swimming type: straight, left or right. A *turn* is a run to
+the left or right; both are kept as turns to the left, as a fish is symmetrical.
 
 Speeds are body lengths per second, distances body lengths, angles degrees, + = left.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,9 +21,10 @@ from finloop.base.axes import to_body_axes
 from finloop.base.errors import FinloopError
 from finloop.base.stretches import spread_rows
 from finloop.features.current import places_through_water
+from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.swimming_type import STRAIGHT as TYPE_STRAIGHT
 
-_MOST_ROWS = 100_000  # to learn from; they show thousands of phases and turns
+_MOST_ROWS = 100_000  # rows to learn from: they show thousands of phases and turns
 _MOTION = ("heading_deg", "bend")
 
 
@@ -32,8 +33,8 @@ class Turns:
     """The film's turns (n,), mirrored so that all are to the left.
 
     angle_deg, ticks: of each whole turn; included_angle_deg, displacement [body lengths]: over the
-    Δ in which the heading changes most. forward, sideways: body lengths per tick, those of all
-    turns one after the other; those of turn i begin at `start[i]`.
+    Δ in which the heading changes most. forward, sideways: body lengths in each tick, of all turns
+    one after the other; those of turn i begin at `start[i]`.
     """
 
     angle_deg: Floats
@@ -70,16 +71,34 @@ class TrackKinematics:
     """How one track swims, frame by frame (n,); speed, growth and sway are measured over Δ.
 
     Over Δ noise does not count as motion. speed: body lengths/s; heading_deg: without jumps of 360;
-    forward, sideways: body lengths per frame; kind: swimming type.
+    forward, sideways: body lengths per frame; growth: of the speed, as a share of itself, in a Δ;
+    sway: standard deviation of the bend within Δ; kind: swimming type.
     """
 
     speed: Floats
     heading_deg: Floats
     forward: Floats
     sideways: Floats
-    growth: Floats  # of the speed, as a share of itself, in a Δ
-    sway: Floats  # deviation of the bend within Δ
+    growth: Floats
+    sway: Floats
     kind: NDArray[np.int8]
+
+    def runs(self) -> "list[SwimmingRun]":
+        """Return the track's runs, in their order."""
+        edges = np.flatnonzero(np.diff(self.kind)) + 1
+        bounds = np.concatenate([[0], edges, [len(self.kind)]]).tolist()
+        return [
+            SwimmingRun(self, int(self.kind[first]), first, end) for first, end in pairwise(bounds)
+        ]
+
+
+class SwimmingRun(NamedTuple):
+    """A part of a track with one swimming type (kind): its first frame, and one past its last."""
+
+    track: TrackKinematics
+    kind: int
+    first: int
+    end: int
 
 
 Track = dict[str, NDArray[Any]]
@@ -137,9 +156,9 @@ def learn_motion(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionSt
     FinloopError if nothing moves, or no heading changes.
     """
     tracks = kinematics_of_tracks(features, rate_hz, delta)
-    runs = [run for track in tracks for run in swimming_runs(track)]
-    straight = [last - first for _, kind, first, last in runs if kind == TYPE_STRAIGHT]
-    turning = [run for run in runs if run[1] != TYPE_STRAIGHT]
+    runs = [run for track in tracks for run in track.runs()]
+    straight = [run.end - run.first for run in runs if run.kind == TYPE_STRAIGHT]
+    turning = [run for run in runs if run.kind != TYPE_STRAIGHT]
     turns = _turns_of_runs(turning, rate_hz, delta)
     if turns is None:
         turns = _turns_of_runs([_track_as_turn(track) for track in tracks], rate_hz, delta)
@@ -147,14 +166,6 @@ def learn_motion(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionSt
         raise too_little_error("turning")
     length = float(features["body_length_px"].median())
     return MotionStatistics(turns, np.array(straight, np.int32), rate_hz, delta, length)
-
-
-def swimming_runs(track: TrackKinematics) -> "list[Run]":
-    """Return the runs of one swimming type of a track, each with the track itself.
-
-    A run: the track, the type, first frame, one past the last.
-    """
-    return [(track, *run) for run in _type_runs(track.kind)]
 
 
 def _long_tracks(features: pd.DataFrame, least_frames: int) -> Iterator[Track]:
@@ -176,7 +187,7 @@ def _long_tracks(features: pd.DataFrame, least_frames: int) -> Iterator[Track]:
 
 
 def too_little_error(swimming: str) -> FinloopError:
-    """Return the error that the film shows too little to learn from; swimming: its kind."""
+    """Return the error that the film shows too little `swimming`, a noun, to learn from."""
     return FinloopError(
         f"the film shows no {swimming} to learn from",
         "tracks of some seconds in which a fish swims straight, and turns",
@@ -185,35 +196,24 @@ def too_little_error(swimming: str) -> FinloopError:
     )
 
 
-def _type_runs(types: NDArray[np.int8]) -> list[tuple[int, int, int]]:
-    """Return the runs of equal swimming types (n,): the type, first frame, one past the last."""
-    edges = np.flatnonzero(np.diff(types)) + 1
-    bounds = np.concatenate([[0], edges, [len(types)]])
-    return [(int(types[first]), int(first), int(end)) for first, end in pairwise(bounds)]
-
-
-Run = tuple[TrackKinematics, int, int, int]
-
-
-def _track_as_turn(track: TrackKinematics) -> Run:
+def _track_as_turn(track: TrackKinematics) -> SwimmingRun:
     """Return a track, without its end frames, as one turn to the side of its total turn."""
-    side = 1 if track.heading_deg[-1] >= track.heading_deg[0] else -1
-    return track, side, 1, len(track.kind) - 1
+    side = LEFT if track.heading_deg[-1] >= track.heading_deg[0] else RIGHT
+    return SwimmingRun(track, side, 1, len(track.kind) - 1)
 
 
-def _turns_of_runs(runs: list[Run], rate_hz: float, delta: int) -> Turns | None:
-    """Return the turns of runs that turn and are filmed whole; None if there are none.
+def _turns_of_runs(runs: list[SwimmingRun], rate_hz: float, delta: int) -> Turns | None:
+    """Return the turns of runs to the left or right that are filmed whole; None if there are none.
 
-    runs: track, swimming type (side: 1 left, −1 right), first frame, one past the last; rate_hz:
-    frames per second; delta: Δ in frames.
+    rate_hz: frames per second; delta: Δ in frames.
     """
     rows = []
-    for track, side, first, end in runs:
+    for track, side, first, end in runs:  # side: 1 left, −1 right
         if first == 0 or end > len(track.kind) - 1:
             continue  # cut off by an end of the track
         turned = side * (track.heading_deg[first - 1 : end + 1] - track.heading_deg[first - 1])
         if turned[-1] <= 0:
-            continue  # a bend that turned nothing
+            continue  # the fish bent, and did not turn
         in_delta = turned[min(delta, len(turned) - 1) :] - turned[: max(len(turned) - delta, 1)]
         fastest = first - 1 + int(in_delta.argmax())  # beginning of the Δ with the largest turn
         displacement = track.speed[min(fastest + delta // 2, end - 1)] * delta / rate_hz
@@ -223,12 +223,12 @@ def _turns_of_runs(runs: list[Run], rate_hz: float, delta: int) -> Turns | None:
         return None
     angles, ticks, included, displacements, forwards, sidewards = zip(*rows, strict=True)
     return Turns(
-        np.array(angles), np.array(ticks, np.int32), start=_first_ticks(ticks),
+        np.array(angles), np.array(ticks, np.int32), start=first_ticks(ticks),
         included_angle_deg=np.array(included), displacement=np.array(displacements),
         forward=np.concatenate(forwards), sideways=np.concatenate(sidewards),
     )  # fmt: skip
 
 
-def _first_ticks(lengths: tuple[int, ...]) -> NDArray[np.int32]:
-    """Return where each part begins when parts of these lengths follow one another."""
+def first_ticks(lengths: Sequence[int]) -> NDArray[np.int32]:
+    """Return the first tick (n,) of each of n parts that follow one another, by their lengths."""
     return np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int32)

@@ -1,8 +1,8 @@
 """From a given line to a path that fish can follow, in px of the clip.
 
-Detail finer than a grain, such as the tremble of a track or of a hand, is left out. Where the
-fish's centre may not be, the path is steered to the nearest place where it may be. Errors are
-measured against the requested path.
+A *grain* is 0.05 body lengths. Detail finer than that, such as the tremble of a track or of a
+hand, is left out. Where the fish's centre may not be, the path is steered to the nearest place
+where it may be. Errors are measured against the requested path.
 """
 
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from finloop.animate.arena import Tank
+from finloop.animate.arena import Tank, are_points_inside
 from finloop.animate.motion import MotionStatistics
 from finloop.animate.route import Route
 from finloop.base.arrays import Floats, Ints
@@ -18,10 +18,10 @@ from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.base.line import MM, TANK, Line
 
-_GRAIN = 0.05  # body lengths; finer detail is left out; also the centre's distance from walls
-_STEP = 0.1  # body lengths between the points of the steered path
-_FINE_STEP = 0.02  # body lengths between the points of the requested path
-_AHEAD = 0.5  # body lengths of path in which the point nearest to a fish is sought, a tick
+_GRAIN = 0.05  # body lengths; finer detail, as of a trembling hand, is left out
+_STEP = 0.1  # body lengths between the points of the steered path: fewer are quicker to search
+_FINE_STEP = 0.02  # body lengths between the points of the requested path, for exact errors
+_AHEAD = 0.5  # body lengths of path in which the point nearest to a fish is sought: > a tick's swim
 
 
 class Path(NamedTuple):
@@ -32,11 +32,11 @@ class Path(NamedTuple):
 
 
 def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | None) -> Path:
-    """Return the path in px of the clip that a given line makes in the tank.
+    """Return the path, in px of the clip, along a given line in the tank.
 
-    mm_per_px: scale of the film, None if unknown. Detail finer than a grain, 0.05 body lengths, is
-    left out. Without times, a line that ends where it began is closed. FinloopError if it leaves
-    the arena, is hardly longer than a point, or is in mm and the scale is not known.
+    mm_per_px: scale of the film, None if unknown. Detail finer than 0.05 body lengths is left out.
+    Without times, a line that ends where it began is closed. FinloopError if it leaves the arena,
+    is hardly longer than a point, or is in mm and the scale is not known.
     """
     length = motion.body_length_px
     x, y = _line_in_px(line, tank, mm_per_px)
@@ -85,8 +85,7 @@ def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float 
 def _line_in_px(line: Line, tank: Tank, mm_per_px: float | None) -> tuple[Floats, Floats]:
     """Return x and y (n,), px, of a given line; FinloopError if it is in mm without a scale."""
     if line.unit == TANK:
-        rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
-        left, top, right, bottom = columns[0], rows[0], columns[-1], rows[-1]
+        left, top, right, bottom = tank.corners_px
         return left + line.x * (right - left), top + line.y * (bottom - top)
     if line.unit == MM:
         if mm_per_px is None:
@@ -101,25 +100,25 @@ def _line_in_px(line: Line, tank: Tank, mm_per_px: float | None) -> tuple[Floats
 
 def _refuse_line_outside(line: Line, tank: Tank, x: Floats, y: Floats) -> None:
     """Raise FinloopError if a point x, y (n,), px, of a line is outside the tank."""
-    height, width = tank.arena.shape
-    column, row = np.round(x), np.round(y)
-    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-    inside[inside] = tank.arena[row[inside].astype(int), column[inside].astype(int)]
+    inside = are_points_inside(tank.arena, x, y)
     if inside.all():
         return
     first = int(np.argmin(inside))
-    rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
+    left, top, right, bottom = tank.corners_px
     raise FinloopError(
         f"{line.name}: {np.count_nonzero(~inside)} of {len(x)} places are outside the tank, first "
         f"({x[first]:.0f}, {y[first]:.0f}) px",
-        f"a path inside the tank, which is {columns[0]}-{columns[-1]} × {rows[0]}-{rows[-1]} px",
+        f"a path inside the tank, which is {left}-{right} × {top}-{bottom} px",
         "move or scale the path, or correct its unit (matching.path_unit)",
     )
 
 
 @kernel
 def _grain_starts(x: Floats, y: Floats, grain_px: float) -> Ints:
-    """Return the first point of every grain of a line: `grain_px` or more from the one before."""
+    """Return numbers (k,) of points of a line, x, y (n,) px, each `grain_px` from the one before.
+
+    The first is 0; each of the others is the first point that is so far away.
+    """
     starts = np.empty(x.size, np.int64)
     starts[0], count = 0, 1
     for i in range(1, x.size):
@@ -130,19 +129,19 @@ def _grain_starts(x: Floats, y: Floats, grain_px: float) -> Ints:
 
 
 def _grain_means(values: Floats, starts: Ints) -> Floats:
-    """Return the first value, the means of all grains, which tremble less, and the last value.
+    """Return the first value, the means over all grains, and the last value: (k + 2,).
 
-    values (n,): of a line's points; starts (k,): the first point of each grain. The result is (k +
-    2,).
+    values (n,): of a line's points; starts (k,): number of the first point of each grain. The means
+    tremble less than the values.
     """
     means = np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
     return np.concatenate([values[:1], means, values[-1:]])
 
 
 def _move_off_walls(route: Route, tank: Tank, margin_px: float) -> Route:
-    """Return a route with points moved to where the centre may be, `margin_px` off walls.
+    """Return a route whose points are moved to where the centre may be, `margin_px` off walls.
 
-    In a tank too narrow for the margin there is none.
+    In a tank too narrow for the margin, they are moved to where the centre may be at all.
     """
     free = scipy.ndimage.distance_transform_edt(tank.legal) > margin_px
     if not free.any():

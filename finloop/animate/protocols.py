@@ -4,10 +4,10 @@ from typing import Protocol
 
 import numpy as np
 
-from finloop.animate.cast import Cast
 from finloop.animate.company import Company
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
+from finloop.animate.silhouettes import Silhouettes
 from finloop.animate.state import State
 from finloop.animate.world import World
 from finloop.base.arrays import Floats
@@ -30,8 +30,8 @@ class AnyPlayer(Protocol):
         """Return how pictures are joined to those before them."""
 
     @property
-    def cast(self) -> Cast:
-        """Return the sprites and the outlines of all pictures."""
+    def silhouettes(self) -> Silhouettes:
+        """Return the table of sprites, and the outlines of all pictures."""
 
     @property
     def edit_inputs(self) -> EditInputs:
@@ -72,9 +72,3 @@ class AnyPlayer(Protocol):
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
         """Return the first ticks of a stretch that began in `state`, and the state after them."""
-
-    def hull(self, kind: str, source: int) -> Floats:
-        """Return the outline (p, 2) of a frame or sprite, px ahead and left of its mass centre.
-
-        kind: FRAME or SPRITE; source: row of the film, or number of the sprite.
-        """

@@ -1,9 +1,9 @@
 """A path laid out evenly for the player: places along it, and when to be there.
 
-Arc length, in px from its beginning, gives a place of the path. A fish on it is at a *foot*, the
-place of the path nearest to it a little ahead of the foot before: where a path crosses itself the
-other branch is as near, but much farther along. On a closed path the arc length goes on from lap to
-lap.
+Arc length, in px from its beginning, gives a place of the path. A fish on it is at the point of the
+path nearest to it, sought only a little ahead of the nearest point before: where a path crosses
+itself the other branch is as near, but much farther along. On a closed path the arc length goes on
+from lap to lap.
 """
 
 from typing import NamedTuple
@@ -13,7 +13,7 @@ import numpy as np
 from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_leaf
 
-_BEHIND = 2.0  # times `Route.ahead`: how far behind a foot may be on a path with times
+_BEHIND = 2.0  # times `Route.ahead`: how far a fish may lag behind on a path with times
 
 
 class Route(NamedTuple):
@@ -21,8 +21,8 @@ class Route(NamedTuple):
 
     heading (n,): requested, degrees, without jumps of 360, or empty; closed: whether the path
     returns from the last place to the first; when (ticks,): px along the path due at each tick,
-    empty if the fish swims at its own speed; begins: the tick of the first of `when`; ahead: places
-    within which a foot moves on in a tick.
+    empty if the fish swims at its own speed; begins: the tick of the first of `when`; ahead: how
+    many places ahead the point nearest to a fish is sought, a tick later.
     """
 
     x: Floats
@@ -106,11 +106,11 @@ def due_along(route: Route, tick: int) -> float:
 
 
 @finite_leaf
-def foot_search_start(route: Route, along_px: float, tick: int) -> float:
-    """Return from how many px along a route to search for the foot of a fish at a tick.
+def nearest_search_start(route: Route, along_px: float, tick: int) -> float:
+    """Return from how many px along a route to search for the point nearest to a fish at a tick.
 
-    A foot is the place of the route nearest to the fish. along_px: of its last foot. On a route
-    with times the result is never far behind the place due: a late fish takes short cuts.
+    along_px: of the last nearest point. On a route with times the result is never far behind the
+    place due: a late fish takes short cuts.
     """
     if route.when.size:
         return max(along_px, due_along(route, tick) - _BEHIND * route.ahead * route.step)
@@ -118,56 +118,65 @@ def foot_search_start(route: Route, along_px: float, tick: int) -> float:
 
 
 @finite_leaf
-def find_foot(route: Route, x: float, y: float, along_px: float):  # type: ignore[no-untyped-def]
-    """Return the foot of a point x, y px: the nearest place of a route, from `along_px` on.
+def find_nearest_on_route(route: Route, x: float, y: float, along_px: float):  # type: ignore[no-untyped-def]
+    """Return the point of a route nearest to x, y px: px along the route, and its own x, y px.
 
-    First the nearest given place is sought, then the nearest point on the pieces beside it. The
-    foot is not far ahead of `along_px`: the farther the point is from the route, the farther ahead
-    it may be, so that a fish that cannot follow a hairpin goes on beyond it. Returns px along the
-    route, and x and y px of the foot.
+    It is sought from `along_px` on, and not far ahead: the farther the given point is from the
+    route, the farther ahead the nearest one may be, so that a fish that cannot follow a hairpin
+    goes on beyond it.
     """
-    n = route.x.size
     lap = int(max(along_px, 0.0) / route.step)
+    places_on, place = _find_nearest_place(route, x, y, along_px)
+    position, near_x, near_y = float(lap + places_on), route.x[place], route.y[place]
+    least_px2 = 1e300
+    for before in range(2):  # the piece of the route after that place, and the one before it
+        if before > places_on:
+            break
+        first = place - before
+        first = first + route.x.size if first < 0 else first
+        last = first + 1
+        if last == route.x.size:
+            if not route.closed:
+                continue
+            last = 0
+        dx, dy = route.x[last] - route.x[first], route.y[last] - route.y[first]
+        # The point x, y projected onto the piece, as a share of its length.
+        share = ((x - route.x[first]) * dx + (y - route.y[first]) * dy) / max(
+            dx * dx + dy * dy, 1e-300
+        )
+        share = min(max(share, 0.0), 1.0)
+        on_x, on_y = route.x[first] + share * dx, route.y[first] + share * dy
+        square_px2 = (on_x - x) ** 2 + (on_y - y) ** 2
+        if square_px2 < least_px2:
+            position = lap + places_on - before + share
+            near_x, near_y, least_px2 = on_x, on_y, square_px2
+    if position * route.step < along_px:
+        near_x, near_y = point_along(route, along_px)
+        return along_px, near_x, near_y
+    return position * route.step, near_x, near_y
+
+
+@finite_leaf
+def _find_nearest_place(route: Route, x: float, y: float, along_px: float):  # type: ignore[no-untyped-def]
+    """Return the place of a route nearest to x, y px, from `along_px` on.
+
+    Returned are how many places it lies ahead of the one at `along_px`, and its number.
+    """
     start, _, _ = _places_around(route, along_px)
-    # The nearest place: number `best_k`, `best` places ahead of `along_px`.
-    best, best_k, least_px2, place = 0, start, 1e300, start
+    nearest_on, nearest, least_px2, place = 0, start, 1e300, start
     on_path_px2 = route.step * route.step
-    for i in range(n):
+    for i in range(route.x.size):
         beyond = route.step * (i - route.ahead - 1)
         if beyond > 0 and beyond * beyond > 4 * least_px2:
             break  # farther ahead than twice the distance from the route
         square_px2 = (route.x[place] - x) ** 2 + (route.y[place] - y) ** 2
         if square_px2 < least_px2:
-            best, best_k, least_px2 = i, place, square_px2
-        elif i > best + 1 and least_px2 < on_path_px2:
+            nearest_on, nearest, least_px2 = i, place, square_px2
+        elif i > nearest_on + 1 and least_px2 < on_path_px2:
             break  # a fish on the path is not nearer to it farther ahead
         place += 1
-        if place == n:
+        if place == route.x.size:
             if not route.closed:
                 break
             place = 0
-    position, foot_x, foot_y, least_px2 = float(lap + best), route.x[best_k], route.y[best_k], 1e300
-    for before in range(2):  # the piece after that place, and the one before
-        if before > best:
-            break
-        place = best_k - before
-        place = place + n if place < 0 else place
-        next_place = place + 1
-        if next_place == n:
-            if not route.closed:
-                continue
-            next_place = 0
-        dx, dy = route.x[next_place] - route.x[place], route.y[next_place] - route.y[place]
-        share = ((x - route.x[place]) * dx + (y - route.y[place]) * dy) / max(
-            dx * dx + dy * dy, 1e-300
-        )
-        share = min(max(share, 0.0), 1.0)
-        near_x, near_y = route.x[place] + share * dx, route.y[place] + share * dy
-        square_px2 = (near_x - x) ** 2 + (near_y - y) ** 2
-        if square_px2 < least_px2:
-            position = lap + best - before + share
-            foot_x, foot_y, least_px2 = near_x, near_y, square_px2
-    if position * route.step < along_px:
-        foot_x, foot_y = point_along(route, along_px)
-        return along_px, foot_x, foot_y
-    return position * route.step, foot_x, foot_y
+    return nearest_on, nearest

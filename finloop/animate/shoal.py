@@ -1,7 +1,7 @@
 """Several fish of one tank, planned together: the one whose plan ends first decides next.
 
-A fish that decides knows what every other one has planned (`finloop.animate.company`), and gives
-way to it. Fish whose plans end at the same tick decide in the order of their numbers. Each draws
+A fish that decides knows what every other one has planned (`finloop.animate.company`), and keeps
+clear of it. Fish whose plans end at the same tick decide in the order of their numbers. Each draws
 from a generator of its own, so that fish that never meet swim as each would alone.
 """
 
@@ -28,8 +28,8 @@ from finloop.social.rule import require_rule
 class SwimTask(NamedTuple):
     """The task of a fish: a path, then goals one after the other, then a rule or wandering.
 
-    rng: for all its random choices; zones: whether its rule is to swim by zones; follows: the
-    number, from 0, of the fish that it follows by rule.
+    rng: for all its random choices; zones: whether its rule is to swim by zones, in which others
+    repel, align and attract it; follows: number, from 0, of the fish that it follows by rule.
     """
 
     goals: Sequence[Goal]
@@ -80,10 +80,10 @@ def make_tasks(
 
 
 class SchoolMember:
-    """A fish of a group, with all that it has planned so far (`swim`)."""
+    """A fish of a group, and the animation that it has planned so far (`swim`)."""
 
     def __init__(self, player: AnyPlayer, task: SwimTask, number: int, plans: Plans) -> None:
-        """Put a fish beside the others, with nothing planned yet.
+        """Put a fish into the tank, with nothing planned yet.
 
         number: of the fish, from 0; plans: of all fish, to which its place is added. NoRoom where
         there is no place; FinloopError where it begins a path on another fish.
@@ -93,7 +93,7 @@ class SchoolMember:
         company = player.company(plans.others(number, 0), 0)
         self._state = player.begin(task.rng, task.route, company)
         self.swim = Swim([], [], np.full(len(task.goals), -1))
-        self._done = 0  # goals reached
+        self._reached = 0  # goals
         fish = self._state.fish
         pose = np.array([fish.x, fish.y, fish.heading, fish.picture])
         if task.route is not None and not can_stay(company, fish.picture, pose[:3], 0):
@@ -123,8 +123,8 @@ class SchoolMember:
         self.swim.stretches.append(stretch)
         self.swim.names.append(name)
         if isinstance(goal, Goal) and stretch.touched:
-            self.swim.reached[self._done] = self.tick - 1
-            self._done += 1
+            self.swim.reached[self._reached] = self.tick - 1
+            self._reached += 1
 
     def _next_goal(self) -> Goal | Route | None:
         """Return the path or the goal that the fish swims to now; None if it has none left."""
@@ -133,10 +133,10 @@ class SchoolMember:
         if self._route is not None:
             return self._route
         goals = self._task.goals
-        return goals[self._done] if self._done < len(goals) else None
+        return goals[self._reached] if self._reached < len(goals) else None
 
     def _next_rule(self, plans: Plans, other_plans: Floats) -> Rule | None:
-        """Return the rule of a fish without a goal, by where the others are now; None if none.
+        """Return the rule of a fish without a goal, with the others' present places; None if none.
 
         other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks, from the present
         one on.
@@ -150,7 +150,7 @@ class SchoolMember:
 
 
 def settle_fish(player: AnyPlayer, tasks: Sequence[SwimTask], plans: Plans) -> list[SchoolMember]:
-    """Put a fish for each task into the tank, and return them, each with a first stretch planned.
+    """Put a fish for each task into the tank; return them, each with its first stretch planned.
 
     All fish with a path are there before any plans; the others come one after the other. plans:
     empty, for as many fish; their plans are added. NoRoom if the tank lacks room for all of them.
@@ -199,14 +199,17 @@ def animate_fish(
     rng: np.random.Generator,
     route: Route | None = None,
 ) -> Swim:
-    """Return an animation of one fish, at least `ticks` long: a path, goals in turn, anywhere."""
+    """Return an animation of one fish, at least `ticks` long: by its path, to its goals in turn.
+
+    Without either, the fish wanders.
+    """
     return animate_group(player, [SwimTask(goals, rng, route)], ticks)[0]
 
 
 def plan_edit_list(
     player: AnyPlayer, goals: Sequence[Goal], ticks: int, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Return the edit list of one fish for `ticks` ticks: to the goals in turn, then anywhere."""
+    """Return the edit list of one fish, `ticks` long, that swims to goals and then wanders."""
     return build_edit_list(animate_fish(player, goals, ticks, rng), ticks, player.edit_inputs)
 
 

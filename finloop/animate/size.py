@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.arena import choose_fish_area, size_that_fits
-from finloop.animate.cast import FrameHulls
 from finloop.animate.settings import AnimateSettings as CommonSettings
+from finloop.animate.silhouettes import FrameHulls
 from finloop.base.arrays import Floats, Mask, Picture, Reals
 from finloop.distance.reel import Reel
 from finloop.sprites.orient import sprite_outlines
@@ -19,7 +19,8 @@ class ScaledFilm(NamedTuple):
     """A film at its drawn size.
 
     reel: its pictures; hulls: outlines of its frames; area (h, w): where its fish may be; reach_px:
-    how far it reaches from its centre; barred (n,): frames that reach farther and are not shown.
+    how far the fish reaches from its centre; barred (n,): whether a frame reaches farther, and is
+    not shown.
     """
 
     reel: Reel
@@ -32,10 +33,10 @@ class ScaledFilm(NamedTuple):
 def scale_film(
     reel: Reel, outlines_px: Reals, arena: Mask, p: CommonSettings, floor: Picture | None
 ) -> ScaledFilm:
-    """Return the film at the size `p.fish_scale`; "auto" makes it fit into where the fish may be.
+    """Return the film at the size `p.fish_scale`, or where that is "auto", at one that fits.
 
-    outlines_px (n, k, 2): x, y as filmed of the reel's rows; arena (h, w): true where fish can be;
-    floor: the empty tank as filmed, None if unknown.
+    reel: the film's pictures; outlines_px (n, k, 2): x, y as filmed of its rows; arena (h, w): true
+    where fish can be; floor: the empty tank as filmed, None if unknown.
     """
     scale = (reel.length_px / reel.lengths_px).astype(float)
     filmed = frame_hulls(outlines_px, reel.features, scale)
@@ -64,8 +65,8 @@ def measure_reach(
 ) -> tuple[float, Mask]:
     """Return how far a fish reaches from its centre, px, and which frames (n,) reach farther.
 
-    sprite_hulls: outlines (k, 2) of sprites, all of which count; hulls: of frames; quantile: share
-    of the frames that count, 0-1, as the widest are mostly faults.
+    sprite_hulls: outlines (k, 2) of sprites, all of which count; hulls: of frames; quantile: 0-1,
+    of the frames' reach, as the widest are mostly faults.
     """
     frame_reach = hulls.reach_px
     sprite_reach = max((float(np.hypot(*hull.T).max()) for hull in sprite_hulls), default=0.0)

@@ -1,4 +1,4 @@
-"""The frozen state of a fish: its place, its motion, and its progress."""
+"""The state of a fish: its place, its motion, what it remembers, and its plan."""
 
 from typing import Any, NamedTuple
 
@@ -14,14 +14,14 @@ _NOTHING = np.zeros((0, 3), np.int64)
 class Fish(NamedTuple):
     """Where a fish is, what it does, and what it remembers.
 
-    x, y in px, heading in degrees, speed in body lengths/s; state: of `STATES`; sprite: the last
-    one shown, −1 in the film; phase: place in its cycle, in frames; area: relative motion area;
-    tick: ticks since its beginning. In the film: row, the last one shown, −1 for none; rot, its
-    rotation in degrees; since, ticks since the last jump, or since the film was left; waits, ticks
-    without a legal way on; recent (m, 3): stretches of film that were on screen
-    (`finloop.animate.memory`). When predicted: past (L + 1, d), its last states, the present one
-    first (`finloop.forecast.sampling`). lag: ticks that it lags behind the film (`Tempo`). company:
-    where the other fish will be, for the present decision alone.
+    x, y in px, heading in degrees, speed in body lengths/s; state: number in `STATES`; sprite: the
+    last one shown, −1 in the film; phase: place in its cycle of sprites, in frames; area: relative
+    motion area; tick: ticks since its beginning. In the film: row, the last one shown, −1 for none;
+    rot, its rotation in degrees; since, ticks since the last jump, or since the film was left;
+    recent (m, 3): stretches of film that were on screen (`finloop.animate.memory`). When predicted:
+    past (L + 1, d), its last states, the present one first (`finloop.forecast.sampling`). lag:
+    ticks that it lags behind the film (`Tempo`). company: where the other fish will be, for the
+    present decision alone.
     """
 
     x: float
@@ -36,7 +36,6 @@ class Fish(NamedTuple):
     row: int = -1
     rot: float = 0.0
     since: int = 0
-    waits: int = 0
     recent: Ints = _NOTHING
     past: Floats | None = None
     lag: float = 0.0
@@ -44,7 +43,7 @@ class Fish(NamedTuple):
 
     @property
     def is_bent(self) -> bool:
-        """Return whether the fish was stopped amid a turn; at a turn's end it is straight."""
+        """Return whether a sprite shows the fish bent, as where a turn is cut short."""
         return self.row < 0 and self.state == TURN and self.area > 0
 
     @property
@@ -76,12 +75,13 @@ class Progress(NamedTuple):
 class State(NamedTuple):
     """All that the next stretch depends on, except the goal and the random draws.
 
-    place (2,): where the fish wanders to while it has no goal, for `left` more ticks; wished:
-    whether a rule requested the place; path: its progress along its plan.
+    place (2,): x, y px where the fish wanders to while it has no goal; ticks_left: for how many
+    more ticks; by_rule: whether a rule requested the place; path: its progress along a path, and
+    its plan.
     """
 
     fish: Fish
     place: Floats
-    left: int = 0
-    wished: bool = False
+    ticks_left: int = 0
+    by_rule: bool = False
     path: Progress = Progress()

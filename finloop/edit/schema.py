@@ -32,8 +32,8 @@ TERMS = (
 )  # fmt: skip
 """The terms of a cost: the seams of jumps; film that was on screen just now; steps that the film
 seldom shows; lag behind the film's speed; deviation from the path in place, time and heading, and
-corrections; the ticks taken; an estimate of what is still to come; and a random part, so that ways
-of about equal cost are all taken."""
+corrections; the ticks taken; an estimate of what is still to come; and a random part, so that
+candidates of about equal cost are all taken."""
 
 EDIT = Schema(
     Column("fish", "int16", "1"),
@@ -63,7 +63,15 @@ EDIT = Schema(
     Column("seam", "float32", "median step of the film", nullable=True),
     Column("value_s", "float32", "s", nullable=True),
     Column("quadrant", "int8", "1", nullable=True),
-    *columns("int16", "1", "ways", "ways_tank", "ways_quadrant", "ways_heading", nullable=True),
+    *columns(
+        "int16",
+        "1",
+        "candidates",
+        "candidates_tank",
+        "candidates_quadrant",
+        "candidates_heading",
+        nullable=True,
+    ),
     Column("turn_deg", "float32", "deg", nullable=True),
     *columns("float32", "1", "sprite_area", "room", nullable=True),
     Column("film_speed", "float32", "body length/s", nullable=True),
@@ -77,13 +85,13 @@ the model, `goal` the goal's name (empty: the fish wanders), aim the point that 
 
 The columns from `reason` on say why, on the first tick of each stretch; they are empty on its other
 ticks. `reason` is a code of `REASONS`; `exit`, of `EXITS`, where the film is left; `seam` that of a
-jump or gateway. For a way of the film: `value_s`, its whole cost to the goal, and the `quadrant`
-that it leads to (Fig. 11). `ways` counts the ways that were weighed, none where it was planned
-before, along a path; the next columns count those that fail each test of Fig. 19. For a turn:
-`turn_deg` wanted (+ = left), the motion area of the strongest sprite, and the share of the film's
-displacement for which there was `room`. For a phase: the `film_speed` at which the film's began.
-For a way of `matching`: its cost, term by term (`taken_seam_s` …), and that of the cheapest other
-way (`other_seam_s` …; empty where none led on)."""
+jump or gateway. For a stretch of film: `value_s`, its whole cost to the goal, and the `quadrant`
+that it leads to (Fig. 11). `candidates` counts the rows that could have been shown next, 0 where
+the stretch was planned before; the next columns count those that fail each test of Fig. 19. For a
+turn: `turn_deg` wanted (+ = left), the motion area of the strongest sprite, and `room`, the share
+of the film's displacement for which the tank has room. For a phase: the `film_speed` at which the
+film's began. In `matching`: the cost of the chosen candidate, term by term (`taken_seam_s` …), and
+that of the cheapest other one (`other_seam_s` …; empty where none led on)."""
 
 WHY = EDIT.names[EDIT.names.index("reason") :]
 """The columns that say why."""
@@ -92,11 +100,11 @@ REASONS = PHASE, TURNING, WALL, PLAY, JUMP, ENTER, SPOT, AS_PREDICTED, WAITING =
     "phase", "turn", "wall", "play", "jump", "enter", "spot", "forecast", "wait",
 )  # fmt: skip
 """Swim on like a phase of the film, turn, slow down before a wall; play the film on, jump at a
-loop, enter the film by a gateway, turn on the spot as no way leads on; swim as predicted; wait
-for other fish to make way."""
+loop, enter the film by a gateway, turn on the spot as no candidate leads on; swim as predicted;
+wait for other fish to move away."""
 
 EXITS = NO_WAY, OTHER_MODE = "no_way", "mode"
-"""Why the film is left: no way of it is legal and gains enough, or the mode shows only sprites."""
+"""Why the film is left: no candidate of it is legal, or the mode shows only sprites."""
 
 STRAIGHT, SLIDE, ACCELERATE, DECELERATE, TURN, FILM, FORECAST = range(7)
 STATES = ("straight", "slide", "accelerate", "decelerate", "turn", "film", "forecast")
@@ -106,8 +114,9 @@ PATH = "path"
 """The goal of a fish that follows a path."""
 
 VERDICTS = ("", "tank", "quadrant", "heading", "passed over")
-"""Whether a way passes the tests of Fig. 19, which test it fails, or that better ways displaced it.
-A way that meets another fish fails as one that leaves the tank."""
+"""What becomes of a candidate: "" where it passes the tests of Fig. 19, else the test that it
+fails, or "passed over" where cheaper ones displaced it in the search. "tank" is also the verdict
+where another fish is met."""
 
 CONSIDERED = Schema(
     Column("fish", "int16", "1"),
@@ -119,9 +128,9 @@ CONSIDERED = Schema(
     Column("fails", "string", "1"),
     Column("taken", "bool", "1"),
 )
-"""What was weighed at a tick: rows of the film that could be shown, mirrored or not; the cost of
-the best way from each (empty: there is none, or better ways displaced it), without the random
-part, and term by term; and its verdict, of `VERDICTS`."""
+"""The candidates compared at a tick: rows of the film that could be shown, mirrored or not; the
+cost of the best branch from each (empty: there is none, or cheaper ones displaced it), without the
+random part, and term by term; and its verdict, of `VERDICTS`."""
 
 
 class Goal(NamedTuple):

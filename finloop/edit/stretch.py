@@ -37,7 +37,8 @@ class Decision(NamedTuple):
 
     reason: a code of `REASONS`; exit: of `EXITS`, "" where the fish does not leave the film.
     Numbers that a reason does not have are NaN, counts and quadrant 0. taken_terms: seconds that
-    the chosen way costs, by `TERMS`; other_terms: the cheapest other way; () where there is none.
+    the chosen candidate costs, by `TERMS`; other_terms: the cheapest other one; () where there is
+    none.
     """
 
     reason: str
@@ -45,10 +46,10 @@ class Decision(NamedTuple):
     seam: float = np.nan
     value_s: float = np.nan
     quadrant: int = 0
-    ways: int = 0
-    ways_tank: int = 0
-    ways_quadrant: int = 0
-    ways_heading: int = 0
+    candidates: int = 0
+    candidates_tank: int = 0
+    candidates_quadrant: int = 0
+    candidates_heading: int = 0
     turn_deg: float = np.nan
     sprite_area: float = np.nan
     room: float = np.nan
@@ -63,12 +64,13 @@ class Stretch:
 
     state: index in `STATES`; trajectory (n, 3): x, y px, heading in degrees; kind: SPRITE or FRAME;
     number (n,): the sprites or film rows shown; rot (n,): by how much frames are turned, degrees;
-    phase (n,): place in the cycle, in frames, where sprites of one are played; new: whether the
-    first picture does not follow the one before; aim: x, y px of the point that the fish heads for,
-    first; area: motion area requested of the network, else NaN; touched: whether the last tick
-    touches the goal; waits: whether the fish waits for a gateway; whole: whether the stretch is
-    uncut; options: what was weighed; past (k + n, d): states of the forecast before and in the
-    stretch, oldest first; steer (n, 2): corrections in degrees and px, on a path alone.
+    phase (n,): place in the cycle, in frames, where a cycle of sprites is played; new: whether the
+    first picture does not follow the one before; aim: the point that the fish heads for, which
+    begins with its x, y px; area: motion area requested of the network, else NaN; touched: whether
+    the last tick touches the goal; whole: whether the stretch is uncut; options: the candidates
+    that were compared, None where the stretch was planned before; past (k + n, d): states of the
+    forecast before and in the stretch, oldest first; steer (n, 2): corrections in degrees and px,
+    on a path alone.
     """
 
     state: int
@@ -82,7 +84,6 @@ class Stretch:
     rot: Floats | None = None
     phase: Floats | None = None
     area: float = np.nan
-    waits: bool = False
     whole: bool = True
     options: Any = None
     past: Floats | None = None
@@ -101,7 +102,7 @@ class Stretch:
         return ticks
 
     def remaining_path(self, gone: int) -> Floats:
-        """Return x, y px, heading and picture number (k, 4) of all but the first `gone` ticks.
+        """Return x, y px, heading and picture number (k, 4) of the ticks after the first `gone`.
 
         At least the last tick remains.
         """
@@ -149,7 +150,7 @@ def describe_decision(decision: Decision, goal: str, motion_area: float) -> str:
         gate = f"by a gateway, {decision.seam:.2f} steps"
     cause = "the mode shows sprites"
     if decision.exit == NO_WAY:
-        cause = f"no legal way on ({_describe_ways(decision)})"
+        cause = f"no legal candidate ({_describe_candidates(decision)})"
     return f"leave the film {gate}: {cause}; {why}"
 
 
@@ -169,7 +170,7 @@ def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
     texts = {
         PHASE: f"like a stretch of the film from {decision.film_speed:.1f} body lengths/s on",
         WALL: "a wall is ahead",
-        SPOT: f"no way stays in the tank ({_describe_ways(decision)}): on the spot",
+        SPOT: f"no candidate stays in the tank ({_describe_candidates(decision)}): on the spot",
         WAITING: "other fish are in the way: wait",
         AS_PREDICTED: f"as predicted{_describe_costs(decision)}",
     }
@@ -186,18 +187,18 @@ def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
 
 
 def _describe_costs(decision: Decision) -> str:
-    """Return in words, after "; ", how many ways were compared, and what the two best cost [s]."""
-    if not decision.ways:
+    """Return in words, after "; ", the number of candidates, and what the best two cost, s."""
+    if not decision.candidates:
         return "; as planned before"
     if math.isnan(decision.value_s):
-        return f"; {_describe_ways(decision)}"
+        return f"; {_describe_candidates(decision)}"
     terms = dict(zip(TERMS, decision.taken_terms, strict=False))
     parts = [
         f"{name.replace('_', ' ')} {cost:.1f}".replace("-", "−")
         for name, cost in terms.items()
         if name != _CHANCE and abs(cost) >= _LEAST_S
     ]
-    text = f"; {_describe_ways(decision)}; {decision.value_s:.1f} s"
+    text = f"; {_describe_candidates(decision)}; {decision.value_s:.1f} s"
     if parts:
         text += f" ({', '.join(parts)})"
     if decision.other_terms:
@@ -206,12 +207,14 @@ def _describe_costs(decision: Decision) -> str:
     return text
 
 
-def _describe_ways(decision: Decision) -> str:
-    """Return in words how many ways to go were compared, and how many fail each test of Fig. 19."""
+def _describe_candidates(decision: Decision) -> str:
+    """Return in words how many candidates were compared, and how many fail each test of Fig. 19."""
     failed = {
-        "leave the tank or end": decision.ways_tank,
-        "lead away": decision.ways_quadrant,
-        "head away": decision.ways_heading,
+        "leave the tank or end": decision.candidates_tank,
+        "lead away": decision.candidates_quadrant,
+        "head away": decision.candidates_heading,
     }
     failures = [f"{count} {failure}" for failure, count in failed.items() if count]
-    return ", ".join([f"{decision.ways} way{'s' * (decision.ways != 1)}", *failures])
+    return ", ".join(
+        [f"{decision.candidates} candidate{'s' * (decision.candidates != 1)}", *failures]
+    )

@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.arena import make_tank, place_goals
-from finloop.animate.cast import Cast
 from finloop.animate.motion import learn_motion
 from finloop.animate.places import random_goals
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.settings import AnimateSettings
 from finloop.animate.shoal import animate_fish
+from finloop.animate.silhouettes import Silhouettes
 from finloop.animate.size import ScaledFilm, head_ahead_px, scale_film
 from finloop.animate.world import World
 from finloop.base.arrays import Mask, Picture, Reals
@@ -168,7 +168,7 @@ class ModeAssets(NamedTuple):
     sized: ScaledFilm
     world: World
     pictures: Pictures
-    cast: Cast
+    silhouettes: Silhouettes
 
 
 def prepare_mode_assets(film_data: FilmData, p: AnimateSettings) -> ModeAssets:
@@ -190,7 +190,7 @@ def prepare_mode_assets(film_data: FilmData, p: AnimateSettings) -> ModeAssets:
         reel, film_data.map_facts.size, Bodies(film_data.poses, reel.has_next_frame, reel.sprites)
     )
     hulls = sprite_outlines(reel) if len(reel.sprites) else []
-    return ModeAssets(sized, world, pictures, Cast(reel.sprites, hulls, sized.hulls))
+    return ModeAssets(sized, world, pictures, Silhouettes(reel.sprites, hulls, sized.hulls))
 
 
 NO_LOOPS = pd.DataFrame({"a": [], "b": [], "distance": []}).astype({"a": int, "b": int})
@@ -225,6 +225,6 @@ def make_animator(
     """
     delta, bending = assets.world.motion.delta, assets.pictures.bending_improves_match
     joins = resolve_join_rules(p, join, assets.pictures.bodies, delta, bending)
-    player = PaperPlayer(mode, assets.world, film, sprites, assets.cast, joins)
+    player = PaperPlayer(mode, assets.world, film, sprites, assets.silhouettes, joins)
     natural_step = float(film_data.steps["headed"].median())
     return PaperAnimator(player, assets.pictures, natural_step, p)

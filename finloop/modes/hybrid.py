@@ -1,12 +1,10 @@
 """Mode `hybrid`: loops where they lead to the goal, the network between (fish paper §4.3, Fig. 19).
 
-In network mode every sprite on screen may have gateways into the film. Of those from which a legal
-way leads on, the mode takes the one whose way ends nearest to the goal. In loop mode it searches
-for the next loop at loop ends with a gateway out of the film. Where no loop is legal, the fish
-leaves by that gateway. Every switch goes through a gateway (Fig. 14).
+In network mode every sprite on screen may have gateways into the film. Of the rows behind them that
+are legal (`finloop.modes.loops`), the mode takes the one that leads nearest to the goal. In loop
+mode it searches for the next loop at loop ends with a gateway out of the film. Where no loop is
+legal, the fish leaves by that gateway. Every switch goes through a gateway (Fig. 14).
 """
-
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -25,8 +23,7 @@ from finloop.modes.animator import FilmData, PaperAnimator, make_animator, prepa
 from finloop.modes.hybrid_settings import HybridSettings
 from finloop.modes.loops import (
     Loops,
-    Starts,
-    Ways,
+    RollOuts,
     add_verdict_counts,
     make_loops,
     ticks_to_first_end,
@@ -34,9 +31,10 @@ from finloop.modes.loops import (
 from finloop.modes.network import Network, make_network
 from finloop.modes.network_settings import NetworkSettings
 from finloop.modes.player import PaperMode
+from finloop.plan.search import Candidates, make_candidates
 
-_JUST_LEFT = 1  # tick after the film: the gateway's sprite is shown
-_WITHIN = 0.4  # of a frame; from there one tick leads to the next sprite at any playback rate
+_JUST_LEFT = 1  # ticks after the film at which the gateway's own sprite is shown
+_WITHIN = 0.4  # place within a frame from which a tick leads to the next sprite at any rate
 
 
 class Gateways:
@@ -129,23 +127,22 @@ class Hybrid:
         return stretch
 
     def enter_film(self, fish: Fish, goal: Target) -> Stretch | None:
-        """Return the film entered by a gateway from the sprite on screen; None where none leads in.
+        """Return film entered by a gateway from the sprite on screen; None where none leads in.
 
-        Of the gateways from which a way is legal, the one whose way ends nearest to the goal is
-        taken.
+        Of the legal rows behind gateways, the one that leads nearest to the goal is taken.
         """
-        starts = self.rows_behind_gateways(fish)
-        if starts is None:
+        candidates = self.rows_behind_gateways(fish)
+        if candidates is None:
             return None
         place = self.loops.next_place(fish)
-        ways = self.loops.follow_starts_from(place, starts, goal, self._ends)
-        legal = np.flatnonzero(ways.ticks)
+        roll_outs = self.loops.roll_out(place, candidates, goal, self._ends)
+        legal = np.flatnonzero(roll_outs.ticks)
         if not legal.size:
             return None
-        taken = int(legal[np.argmin(ways.far[legal])])
-        return self.loops.make_stretch(fish, starts, ways, taken, goal, reason=ENTER)
+        taken = int(legal[np.argmin(roll_outs.far[legal])])
+        return self.loops.make_stretch(fish, candidates, roll_outs, taken, goal, reason=ENTER)
 
-    def rows_behind_gateways(self, fish: Fish) -> Starts | None:
+    def rows_behind_gateways(self, fish: Fish) -> Candidates | None:
         """Return the film rows that gateways lead to from the sprite on screen; None if none."""
         orientation = int(
             find_orientations(np.array(fish.heading), self.network.sprites.orientations)
@@ -156,28 +153,29 @@ class Hybrid:
         if gates is None:
             return None
         rows, turns, seams = gates
-        return Starts(rows, np.asarray(wrap_deg(fish.heading + turns), float), seams)
+        return make_candidates(rows, np.asarray(wrap_deg(fish.heading + turns), float), seams)
 
     def next_loop_stretch(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return the next stretch in loop mode: a legal way, else a gateway out of the film.
+        """Return the next stretch in loop mode: a legal candidate, else a gateway out of the film.
 
-        Where no way is legal and the row shown has no gateway, the film plays on to a row that has
-        one.
+        Where no candidate is legal and the row shown has no gateway, the film plays on to a row
+        that has one.
         """
-        starts = self.loops.next_rows(fish)
-        ways = self.loops.follow_starts(fish, starts, goal, self._ends)
-        taken = self.loops.choose_start(starts, ways, rng)
+        candidates = self.loops.next_candidates(fish)
+        place = self.loops.next_place(fish)
+        roll_outs = self.loops.roll_out(place, candidates, goal, self._ends)
+        taken = self.loops.choose_candidate(candidates, roll_outs, rng)
         if taken is not None:
-            return self.loops.make_stretch(fish, starts, ways, taken, goal)
+            return self.loops.make_stretch(fish, candidates, roll_outs, taken, goal)
         if self._has_exit[fish.row]:
-            return self.leave_film(fish, ways, goal)
-        return self.play_to_gateway(fish, starts, ways, goal, rng)
+            return self.leave_film(fish, roll_outs, goal)
+        return self.play_to_gateway(fish, candidates, roll_outs, goal, rng)
 
-    def leave_film(self, fish: Fish, ways: Ways, goal: Target) -> Stretch:
+    def leave_film(self, fish: Fish, roll_outs: RollOuts, goal: Target) -> Stretch:
         """Return a stretch of one tick that leaves the film by a gateway to a straight sprite.
 
-        The row on screen has such a gateway. ways: those that were weighed, for the counts of the
-        decision.
+        The row on screen has such a gateway. roll_outs: of the film's candidates, whose numbers the
+        decision names.
         """
         sprite, turn, seam = next(
             gateway for gateway in self.gateways.out_of[fish.row] if gateway[0] in self._cycle_place
@@ -191,27 +189,27 @@ class Hybrid:
         return Stretch(
             state, np.array([[x, y, heading]]), np.array([sprite]), new=True, aim=goal,
             touched=touches_target(x, y, heading, goal),
-            decision=add_verdict_counts(ways, decision),
+            decision=add_verdict_counts(roll_outs, decision),
             phase=np.array([place + _WITHIN]),
         )  # fmt: skip
 
     def play_to_gateway(
-        self, fish: Fish, starts: Starts, ways: Ways, goal: Target, rng: np.random.Generator
-    ) -> Stretch:
+        self, fish: Fish, candidates: Candidates, roll_outs: RollOuts, goal: Target,
+        rng: np.random.Generator,
+    ) -> Stretch:  # fmt: skip
         """Return the shortest stretch of film to a row with a gateway out of the film.
 
-        starts, ways: the rows that can be shown next, and the ways from them. Where none reaches a
-        gateway inside the tank, the fish swims on the spot.
+        roll_outs: of the candidates. Where none reaches a gateway inside the tank, the fish swims
+        on the spot.
         """
         place, legal = self.loops.next_place(fish), self.loops.world.tank.legal
-        ticks = ticks_to_first_end(self.loops.film, legal, self._has_exit, starts, place)
+        ticks = ticks_to_first_end(self.loops.film, legal, self._has_exit, candidates, place)
         reaching = np.flatnonzero(ticks)
         if not reaching.size:
-            return self.loops.swim_on_spot(fish, starts, ways, goal, rng)
-        ways_to_gateway = ways._replace(ticks=0 * ticks, inside=ticks)  # none is legal
+            return self.loops.swim_on_spot(fish, candidates, roll_outs, goal, rng)
+        to_gateway = roll_outs._replace(ticks=0 * ticks, inside=ticks)  # none is legal
         nearest = int(reaching[np.argmin(ticks[reaching])])
-        stretch = self.loops.make_stretch(fish, starts, ways_to_gateway, nearest, goal)
-        return replace(stretch, waits=True)
+        return self.loops.make_stretch(fish, candidates, to_gateway, nearest, goal)
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch that began with `fish`."""
@@ -222,14 +220,14 @@ class Hybrid:
 
 def hybrid_animator(
     film_data: FilmData, model: MotionModel, loops: pd.DataFrame, gateways: pd.DataFrame,
-    p: CommonSettings, settings_of_modes: tuple[NetworkSettings, LoopsSettings, HybridSettings],
+    p: CommonSettings, network_settings: NetworkSettings, loops_settings: LoopsSettings,
+    hybrid_settings: HybridSettings,
 ) -> PaperAnimator:  # fmt: skip
     """Return the animator of mode `hybrid` (Fig. 19); without loops or gateways, of `network`.
 
     film_data: what is taken from the film; model: the trained network; loops: rows a, b and
     distance of each loop; gateways: columns of `GATEWAYS`; p: the group `animate`.
     """
-    network_settings, loops_settings, hybrid_settings = settings_of_modes
     assets = prepare_mode_assets(film_data, p)
     network, sprites = make_network(film_data, assets, model, network_settings)
     loop_mode = make_loops(film_data, assets, loops, loops_settings)

@@ -1,11 +1,12 @@
 """Mode `loops`: video loops chosen by the position table (fish paper §4.1-4.2, Figs. 10-13).
 
-At a loop end the film can play on, or go on at the other end of a loop. From either, the position
-table says in which quadrant the fish will be at every later loop end of that track (Fig. 11). A way
-to one of them is *legal* if it stays in the tank, leads to the quadrant of the goal, and begins
-with the fish headed the way it leads (Fig. 13). For a fish that wanders the quadrant does not
-count. Where several ways are legal the policy chooses, the cases of Fig. 10b. Where none is, the
-mode goes on inside the tank (§4.2). Where even that is impossible, the fish swims on the spot.
+At a loop end the film can play on, or go on at the other end of a loop: these rows are the
+candidates. From each, the position table says in which quadrant the fish will be at every later
+loop end of that track (Fig. 11). A candidate is *legal* if it leads to a loop end inside the tank,
+in the quadrant of the goal, and begins with the fish headed that way (Fig. 13). For a fish that
+wanders the quadrant does not count. Where several candidates are legal, `loop_end_choice` decides
+(the cases of Fig. 10b). Where none is, the film plays on inside the tank (§4.2). Where even that is
+impossible, the fish swims on the spot.
 """
 
 from typing import NamedTuple
@@ -35,32 +36,21 @@ from finloop.modes.animator import (
     video_loop_graph,
 )
 from finloop.modes.matching import NothingToUse
-from finloop.plan.graph import MotionGraph
+from finloop.plan.graph import MotionGraph, random_fish_in_film
+from finloop.plan.search import Candidates, film_candidates, make_candidates
 
 _HEADING_UNIT_DEG = 30.0  # of heading error weigh as much as 1 body length/s of speed error
 _TANK, _QUADRANT, _HEADING = map(VERDICTS.index, ("tank", "quadrant", "heading"))
 
 
-class Starts(NamedTuple):
-    """Rows (k,) of the film that can be shown next.
+class RollOuts(NamedTuple):
+    """Where the film leads from each candidate (k,): to the loop end nearest to the goal.
 
-    rots: degrees by which each would be turned; seams: discontinuity of each in natural steps, 0
-    for the film's own next frame.
-    """
-
-    rows: Ints
-    rots: Floats
-    seams: Floats
-
-
-class Ways(NamedTuple):
-    """Where playing on from each start (k,) leads: to the loop end nearest to the goal.
-
-    ticks: rows to show, 0 where no loop end passes the tests; far: px from that loop end to the
-    goal; touched: whether the fish touches the goal on the way, which then ends at the next loop
-    end; quadrant: where that loop end is, seen from the beginning of the way; verdict: index in
-    `VERDICTS` of the test that the start fails; inside: rows to show inside the tank where quadrant
-    and heading do not count, 0 where the way leaves the tank.
+    ticks: rows to show up to that loop end, 0 where no loop end passes the tests; far: px from it
+    to the goal; touched: whether the fish touches the goal before, which ends the roll-out at the
+    next loop end; quadrant: where that loop end is, seen from the first place; verdict: index in
+    `VERDICTS` of the test that the candidate fails; inside: rows to show up to the nearest loop end
+    inside the tank where quadrant and heading do not count, 0 where the fish leaves the tank.
     """
 
     ticks: Ints
@@ -87,14 +77,7 @@ class Loops:
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """Return a fish at a random place, at a row from which the film goes on for ever."""
-        film = self.film
-        x, y = self.world.tank.random_point(rng)
-        row = int(rng.choice(np.flatnonzero(film.has_next[:-1] & film.recurrent[1:])))
-        rot = float(rng.uniform(-180, 180)) if film.jumps_keep_heading else 0.0
-        heading = float(wrap(film.heading[row] + rot))
-        return Fish(
-            x, y, heading, speed=0.0, state=FILM, sprite=-1, row=row, rot=rot, since=self.stay
-        )
+        return random_fish_in_film(self.film, self.world.tank, rng)._replace(since=self.stay)
 
     def take_over(self, fish: Fish) -> Fish:
         """Return a fish of another mode as a fish of this mode, in the film.
@@ -126,88 +109,82 @@ class Loops:
     def _most_similar_row(self, fish: Fish) -> int:
         """Return the row most similar to a fish in heading and speed, of the rows that play on."""
         film = self.film
-        rows = np.flatnonzero(film.has_next[:-1] & film.recurrent[1:])
+        rows = film.lasting_rows
         differences = np.abs(film.speed[rows] - fish.speed)
         if not film.jumps_keep_heading:
             differences += np.abs(wrap_deg(film.heading[rows] - fish.heading)) / _HEADING_UNIT_DEG
         return int(rows[np.argmin(differences)])
 
     def next_stretch(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return film up to a loop end: by a legal way, else by any in the tank, else in place."""
-        starts = self.next_rows(fish)
-        ways = self.follow_starts(fish, starts, goal)
-        taken = self.choose_start(starts, ways, rng)
+        """Return film up to a loop end: a legal candidate, else any in the tank, else in place."""
+        candidates = self.next_candidates(fish)
+        roll_outs = self.roll_out(self.next_place(fish), candidates, goal)
+        taken = self.choose_candidate(candidates, roll_outs, rng)
         if taken is not None:
-            return self.make_stretch(fish, starts, ways, taken, goal)
-        inside = np.flatnonzero(ways.inside)
+            return self.make_stretch(fish, candidates, roll_outs, taken, goal)
+        inside = np.flatnonzero(roll_outs.inside)
         if inside.size:
-            return self.make_stretch(fish, starts, ways, int(rng.choice(inside)), goal)
-        return self.swim_on_spot(fish, starts, ways, goal, rng)
+            taken = int(rng.choice(inside))
+            return self.make_stretch(fish, candidates, roll_outs, taken, goal)
+        return self.swim_on_spot(fish, candidates, roll_outs, goal, rng)
 
-    def next_rows(self, fish: Fish) -> Starts:
+    def next_candidates(self, fish: Fish) -> Candidates:
         """Return the rows that can be shown next: the film's next row, and the rows it can jump to.
 
         For `stay` rows after a jump there are no jumps, unless the film ends.
         """
-        film, row = self.film, fish.row + 1
-        plays_on = film.has_next[row] and film.recurrent[row + 1]
-        may_jump = not plays_on or fish.since + 1 >= self.stay
-        slot = film.jump_slot[row] if may_jump else -1  # −1: no jump
-        jumps = slice(film.start[slot], film.start[slot + 1]) if slot >= 0 else slice(0)
-        rows = np.append(np.full(int(plays_on), row), film.to[jumps]).astype(np.int64)
-        seams = np.append(np.zeros(int(plays_on)), film.seam[jumps])
-        rots = np.full(len(rows), fish.rot)
-        if film.jumps_keep_heading:
-            rots = wrap_deg(film.heading[row] + fish.rot - film.heading[rows])
-        return Starts(rows, np.asarray(rots, float), seams)
+        candidates = film_candidates(self.film, fish.row + 1, fish.rot)
+        plays_on = ~candidates.jumps
+        if plays_on.any() and fish.since + 1 < self.stay:
+            rows, rots, seams, _jumps, _terms = candidates
+            return make_candidates(rows[plays_on], rots[plays_on], seams[plays_on])
+        return candidates
 
-    def follow_starts(
-        self, fish: Fish, starts: Starts, goal: Target, ends: Mask | None = None
-    ) -> Ways:
-        """Return where the film leads from each row that the fish could show next.
+    def roll_out(
+        self, place_px: tuple[float, float], candidates: Candidates, goal: Target,
+        ends: Mask | None = None,
+    ) -> RollOuts:  # fmt: skip
+        """Return where the film leads from each candidate, if that is shown at `place_px`, x, y.
 
-        ends (n,): the rows at which a way may end, by default the loop ends.
+        ends (n,): the rows at which a roll-out may end, by default the loop ends.
         """
-        return self.follow_starts_from(self.next_place(fish), starts, goal, ends)
+        ends, legal = self.ends if ends is None else ends, self.world.tank.legal
+        return RollOuts(
+            *_roll_out_candidates(
+                self.film, legal, ends, candidates, place_px, goal,
+                least_rows=self.stay, most_deg=self.p.improper_angle_deg,
+            )
+        )  # fmt: skip
 
-    def follow_starts_from(
-        self, place_px: tuple[float, float], starts: Starts, goal: Target, ends: Mask | None = None
-    ) -> Ways:
-        """Return where the film leads from each row that could be shown next at `place_px`, x, y.
+    def choose_candidate(
+        self, candidates: Candidates, roll_outs: RollOuts, rng: np.random.Generator
+    ) -> int | None:
+        """Return the index of the candidate that `loop_end_choice` prefers; None if none is legal.
 
-        ends (n,): the rows at which a way may end, by default the loop ends.
-        """
-        ends = self.ends if ends is None else ends
-        legal = self.world.tank.legal
-        limits = self.stay, self.p.improper_angle_deg
-        return Ways(*_follow_starts(self.film, legal, ends, (starts, place_px), goal, limits))
-
-    def choose_start(self, starts: Starts, ways: Ways, rng: np.random.Generator) -> int | None:
-        """Return the index of the start that `loop_end_choice` prefers; None if none is legal.
-
-        Of several preferred starts (Fig. 10b) the one that ends nearest to the goal is taken, or
+        Of several preferred ones (Fig. 10b) the one that leads nearest to the goal is taken, or
         with "any" a random one.
         """
-        legal = np.flatnonzero(ways.ticks)
+        legal = np.flatnonzero(roll_outs.ticks)
         if not legal.size:
             return None
         if self.p.loop_end_choice == "any":
             return int(rng.choice(legal))
-        jumps = starts.seams[legal] > 0
+        jumps = candidates.jumps[legal]
         preferred = legal[jumps if self.p.loop_end_choice == "jump" else ~jumps]
         choice = preferred if preferred.size else legal
-        return int(choice[np.argmin(ways.far[choice])])
+        return int(choice[np.argmin(roll_outs.far[choice])])
 
     def make_stretch(
-        self, fish: Fish, starts: Starts, ways: Ways, taken: int, goal: Target, reason: str = ""
-    ) -> Stretch:
-        """Return the stretch of film that begins with start number `taken` and ends with its way.
+        self, fish: Fish, candidates: Candidates, roll_outs: RollOuts, taken: int, goal: Target,
+        reason: str = "",
+    ) -> Stretch:  # fmt: skip
+        """Return the stretch of film from candidate number `taken` to the end of its roll-out.
 
         reason: code of the decision, by default that the film plays on or jumps.
         """
-        film, row, rot = self.film, int(starts.rows[taken]), float(starts.rots[taken])
-        legal = ways.ticks[taken] > 0
-        ticks = int(ways.ticks[taken] if legal else ways.inside[taken])
+        film, row, rot = self.film, int(candidates.rows[taken]), float(candidates.rots[taken])
+        is_legal = roll_outs.ticks[taken] > 0
+        ticks = int(roll_outs.ticks[taken] if is_legal else roll_outs.inside[taken])
         rows = np.arange(row, row + ticks)
         cos, sin = np.cos(np.radians(rot)), np.sin(np.radians(rot))
         first_place = self.next_place(fish)
@@ -218,14 +195,14 @@ class Loops:
             film.heading[rows] + rot,
         ])  # fmt: skip
         plays_on = row == fish.row + 1 and fish.row >= 0
-        decision = add_verdict_counts(ways, Decision(
+        decision = add_verdict_counts(roll_outs, Decision(
             reason or (PLAY if plays_on else JUMP),
-            seam=np.nan if plays_on else float(starts.seams[taken]),
-            quadrant=int(ways.quadrant[taken]) if legal else 0,
+            seam=np.nan if plays_on else float(candidates.seams[taken]),
+            quadrant=int(roll_outs.quadrant[taken]) if is_legal else 0,
         ))  # fmt: skip
         return Stretch(
             FILM, trajectory, rows, new=not plays_on, aim=goal,
-            touched=bool(legal and ways.touched[taken]), decision=decision, kind=FRAME,
+            touched=bool(is_legal and roll_outs.touched[taken]), decision=decision, kind=FRAME,
             rot=np.full(ticks, rot),
         )  # fmt: skip
 
@@ -242,14 +219,15 @@ class Loops:
         return fish.x + float(dx), fish.y + float(dy)
 
     def swim_on_spot(
-        self, fish: Fish, starts: Starts, ways: Ways, goal: Target, rng: np.random.Generator
-    ) -> Stretch:
-        """Return film of a random start, played in place, as no way stays in the tank (§4.2).
+        self, fish: Fish, candidates: Candidates, roll_outs: RollOuts, goal: Target,
+        rng: np.random.Generator,
+    ) -> Stretch:  # fmt: skip
+        """Return film from a random candidate, played in place, as none stays in the tank (§4.2).
 
         It ends at the first loop end after `stay` rows, or at an earlier one if the film ends.
         """
-        film, taken = self.film, int(rng.integers(len(starts.rows)))
-        row, rot = int(starts.rows[taken]), float(starts.rots[taken])
+        film, taken = self.film, int(rng.integers(len(candidates.rows)))
+        row, rot = int(candidates.rows[taken]), float(candidates.rots[taken])
         ahead = slice(row, row + 4 * self.stay)  # far enough to hold such a loop end, mostly
         is_reached = np.logical_and.accumulate(film.has_next[ahead])
         ticks_to_ends = np.flatnonzero(self.ends[ahead] & is_reached) + 1
@@ -262,7 +240,7 @@ class Loops:
         return Stretch(
             FILM, np.column_stack([place, film.heading[rows] + rot]), rows,
             new=row != fish.row + 1, aim=goal, touched=False,
-            decision=add_verdict_counts(ways, Decision(SPOT)), kind=FRAME,
+            decision=add_verdict_counts(roll_outs, Decision(SPOT)), kind=FRAME,
             rot=np.full(ticks, rot),
         )  # fmt: skip
 
@@ -279,12 +257,12 @@ class Loops:
         )  # fmt: skip
 
 
-def add_verdict_counts(ways: Ways, decision: Decision) -> Decision:
-    """Return the decision with the numbers of ways, in all and failing each test, added."""
-    counts = np.bincount(ways.verdict, minlength=len(VERDICTS)).tolist()
+def add_verdict_counts(roll_outs: RollOuts, decision: Decision) -> Decision:
+    """Return the decision with the numbers of candidates, in all and failing each test, added."""
+    counts = np.bincount(roll_outs.verdict, minlength=len(VERDICTS)).tolist()
     return decision._replace(
-        ways=len(ways.verdict), ways_tank=counts[_TANK], ways_quadrant=counts[_QUADRANT],
-        ways_heading=counts[_HEADING],
+        candidates=len(roll_outs.verdict), candidates_tank=counts[_TANK],
+        candidates_quadrant=counts[_QUADRANT], candidates_heading=counts[_HEADING],
     )  # fmt: skip
 
 
@@ -299,43 +277,44 @@ def mark_loop_ends(film: MotionGraph) -> Mask:
 
 
 @kernel
-def _follow_starts(film, legal, ends, starts_and_place, goal, limits):  # type: ignore[no-untyped-def]
-    """Return where the film leads from each start (k,), as columns of `Ways`.
+def _roll_out_candidates(  # type: ignore[no-untyped-def]
+    film, legal, ends, candidates, place_px, goal, least_rows, most_deg
+):  # fmt: skip
+    """Return where the film leads from each candidate (k,), as the six columns of `RollOuts`.
 
-    legal (h, w): where the fish's centre may be; ends (n,): rows at which a way may end;
-    starts_and_place: `Starts`, and x, y px; goal: `Target`; limits: fewest rows after a jump, most
-    degrees between the first heading and the direction.
+    legal (h, w): where the fish's centre may be; ends (n,): rows at which a roll-out may end;
+    place_px: x, y of the first place; goal: `Target`; least_rows: to show after a jump; most_deg:
+    largest angle between the first heading and the direction of the loop end (Fig. 13).
     """
-    starts, place = starts_and_place
-    start_count = starts.rows.size
-    ticks, inside = np.zeros(start_count, np.int64), np.zeros(start_count, np.int64)
-    far, touched = np.full(start_count, np.inf), np.zeros(start_count, np.bool_)
-    quadrant, verdict = np.zeros(start_count, np.int8), np.full(start_count, _TANK, np.int8)
-    stay, most_angle = limits
-    wanted = quadrant_of_displacement(goal.x - place[0], place[1] - goal.y)
-    for way in range(start_count):
-        row, rot = starts.rows[way], starts.rots[way]
-        x, y, shown = place[0], place[1], 0
+    count = candidates.rows.size
+    ticks, inside = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    far, touched = np.full(count, np.inf), np.zeros(count, np.bool_)
+    quadrant, verdict = np.zeros(count, np.int8), np.full(count, _TANK, np.int8)
+    first_x, first_y = place_px
+    goal_quadrant = quadrant_of_displacement(goal.x - first_x, first_y - goal.y)
+    for k in range(count):
+        row, rot = candidates.rows[k], candidates.rots[k]
+        x, y, shown = first_x, first_y, 0
         first_heading = film.rows[row].heading + rot
-        least_rows = stay if starts.seams[way] > 0 else 1
+        fewest = least_rows if candidates.jumps[k] else 1
         nearest, touches = np.inf, False
         while is_legal_point(legal, x, y):
             film_row = film.rows[row]
             shown += 1
             touches = touches or touches_target(x, y, film_row.heading + rot, goal)
-            if ends[row] and (touches or shown >= least_rows):
-                dx, dy = x - place[0], place[1] - y
+            if ends[row] and (touches or shown >= fewest):
+                end_quadrant = quadrant_of_displacement(x - first_x, first_y - y)
                 distance = 0.0 if touches else np.hypot(goal.x - x, goal.y - y)
                 if distance < nearest:
-                    nearest, inside[way] = distance, shown
-                angle = abs(wrap(bearing(place[0], place[1], x, y) - first_heading))
-                right_quadrant = goal.free or quadrant_of_displacement(dx, dy) == wanted
-                if touches or (right_quadrant and angle <= most_angle):
-                    if distance < far[way]:
-                        far[way], ticks[way], touched[way] = distance, shown, touches
-                        quadrant[way], verdict[way] = quadrant_of_displacement(dx, dy), 0
-                elif verdict[way] != 0:
-                    verdict[way] = _HEADING if right_quadrant else max(verdict[way], _QUADRANT)
+                    nearest, inside[k] = distance, shown
+                angle = abs(wrap(bearing(first_x, first_y, x, y) - first_heading))
+                right_quadrant = goal.free or end_quadrant == goal_quadrant
+                if touches or (right_quadrant and angle <= most_deg):
+                    if distance < far[k]:
+                        far[k], ticks[k], touched[k] = distance, shown, touches
+                        quadrant[k], verdict[k] = end_quadrant, 0
+                elif verdict[k] != 0:
+                    verdict[k] = _HEADING if right_quadrant else max(verdict[k], _QUADRANT)
             if (touches and ends[row]) or not film_row.has_next:
                 break
             dx, dy = rotate(film_row.dx, film_row.dy, rot)
@@ -344,21 +323,20 @@ def _follow_starts(film, legal, ends, starts_and_place, goal, limits):  # type: 
 
 
 @kernel
-def ticks_to_first_end(film, legal, ends, starts, place_px):  # type: ignore[no-untyped-def]
-    """Return how many rows (k,) to show from each start to the first row of `ends`; 0 for none.
+def ticks_to_first_end(film, legal, ends, candidates, place_px):  # type: ignore[no-untyped-def]
+    """Return how many rows (k,) to show from each candidate to the first row of `ends`; 0 for none.
 
-    starts: `Starts` (k,); legal (h, w): where the fish's centre may be; ends (n,): rows; place_px:
-    x, y of the first row shown. A way that leaves the tank or reaches the film's end before counts
-    as none.
+    legal (h, w): where the fish's centre may be; ends (n,): rows; place_px: x, y of the first row
+    shown. There is none where the fish leaves the tank, or the film ends, before.
     """
-    ticks = np.zeros(starts.rows.size, np.int64)
-    for way in range(ticks.size):
-        row, rot = starts.rows[way], starts.rots[way]
+    ticks = np.zeros(candidates.rows.size, np.int64)
+    for k in range(ticks.size):
+        row, rot = candidates.rows[k], candidates.rots[k]
         x, y, shown = place_px[0], place_px[1], 0
         while is_legal_point(legal, x, y):
             shown += 1
             if ends[row]:
-                ticks[way] = shown
+                ticks[k] = shown
                 break
             if not film.rows[row].has_next:
                 break
@@ -395,5 +373,9 @@ def no_loops_error(mode: str) -> NothingToUse:
 def make_loops(
     film_data: FilmData, assets: ModeAssets, loop_table: pd.DataFrame, q: LoopsSettings
 ) -> Loops:
-    """Return the flow chart of mode `loops`; loop_table: rows a, b and distance of each loop."""
+    """Return the flow chart of mode `loops` for a film.
+
+    film_data: what is taken from the film; assets: what the modes share; loop_table: rows a, b and
+    distance of each loop.
+    """
     return Loops(assets.world, video_loop_graph(film_data, assets, loop_table), q)

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.arena import make_tank, place_goals
-from finloop.animate.cast import Cast
 from finloop.animate.company import Plans
 from finloop.animate.motion import learn_motion
 from finloop.animate.paths import Path, lay_path
@@ -21,6 +20,7 @@ from finloop.animate.shoal import (
     refuse_shared_goals,
     settle_fish,
 )
+from finloop.animate.silhouettes import Silhouettes
 from finloop.animate.size import head_ahead_px, scale_film
 from finloop.base.arrays import Ints, Mask, Picture, Reals
 from finloop.base.errors import FinloopError
@@ -30,7 +30,7 @@ from finloop.distance.picture import BODY
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.build import build_edit_lists
-from finloop.edit.joins import resolve_join_rules
+from finloop.edit.joins import JoinRules, resolve_join_rules
 from finloop.edit.pictures import Pictures, remove_ghost_fades
 from finloop.edit.schema import FADE, Goal
 from finloop.edit.stretch import Swim
@@ -52,13 +52,13 @@ NO_SPRITES: Ints = np.zeros(0, np.intp)
 class MatchingData(NamedTuple):
     """What mode `matching` takes from a film of n rows; None where something is unknown.
 
-    arena (h, w): true where fish can be; reel: the film's pictures; outline_px (n, k, 2): x, y as
-    filmed; map_facts: size, pose and median step of the distance map; steps: distances between
-    successive pictures, columns of `STEPS`; jumps: columns of `JUMPS`; poses: of the rows;
-    forecast: None where the film shows too little for one; lines: the path of each of the first
-    fish, None for a fish without one; shoaling: how fish swim by zones; floor: the empty tank as
-    filmed; sprite_rows (s,): the film's row behind each sprite, from which a fish of another mode
-    goes on.
+    rate_hz: frames per second; arena (h, w): true where fish can be; reel: the film's pictures;
+    outline_px (n, k, 2): x, y as filmed; map_facts: size, pose and median step of the distance map;
+    steps: distances between successive pictures, columns of `STEPS`; jumps: columns of `JUMPS`;
+    poses: of the rows; forecast: the sampler of predictions, None where the film shows too little
+    for one; lines: the path of each of the first fish, None for a fish without one; shoaling: how
+    fish swim by zones; floor: the empty tank as filmed; sprite_rows (s,): the film's row behind
+    each sprite, from which a fish of another mode goes on.
     """
 
     rate_hz: float
@@ -147,7 +147,7 @@ class MatchingAnimator:
         return [fish for fish in self.fish_without_rule if fish not in on_path]
 
     def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
-        """Return, for each fish, its share of `goals`; none for a fish with another task."""
+        """Return the share of `goals` of each fish; empty for a fish with another task."""
         return [task.goals for task in self.tasks(goals)]
 
     def tasks(self, goals: Sequence[Goal]) -> list[SwimTask]:
@@ -215,63 +215,80 @@ class MatchingAnimator:
 def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimator:
     """Return the animator of mode `matching` for a film.
 
-    film_data: what is taken from the film; p: the groups `animate` and `matching`. NothingToUse
-    where the film shows too little for what `matching.uses` names.
+    film_data: what is taken from the film; p: the groups `animate` and `matching` of the
+    parameters. NothingToUse where the film shows too little for what `matching.uses` names.
     """
-    reel, hulls, area, reach_px, barred = scale_film(
-        film_data.reel, film_data.outline_px, film_data.arena, p, film_data.floor
-    )
-    facts, rate_hz = film_data.map_facts, film_data.rate_hz
-    features = reel.features
+    scaled = scale_film(film_data.reel, film_data.outline_px, film_data.arena, p, film_data.floor)
+    reel, features, rate_hz = scaled.reel, scaled.reel.features, film_data.rate_hz
     delta = infer_delta_frames(features)
     motion = learn_motion(features, rate_hz, delta).scale_to(reel.size)
     bodies = Bodies(film_data.poses, reel.has_next_frame, reel.sprites)
-    pictures = Pictures(reel, facts.size, bodies)
-    cast = Cast(reel.sprites, [], hulls)
+    pictures = Pictures(reel, film_data.map_facts.size, bodies)
+    silhouettes = Silhouettes(reel.sprites, [], scaled.hulls)
+    joins = resolve_join_rules(p, p.join, bodies, motion.delta, pictures.bending_improves_match)
+    rarity = _film_rarity(film_data, features, bodies, joins, p.rarity_weight)
+    barred = scaled.barred.copy()
     for line in film_data.lines:
         if line is not None and line.rows is not None and not p.path_own_frames:
             barred[line.rows] = True  # the film does not show the path's own frames
-    joins = resolve_join_rules(p, p.join, bodies, motion.delta, pictures.bending_improves_match)
-    filmed_steps = np.full(len(features), np.nan)
-    filmed_steps[find_map_rows(features, film_data.steps)] = film_data.steps["as_filmed"]
-    first_spring_response = joins.spring_response()[0]
-    rarity = Rarity.from_movement(
-        bodies.movement, film_data.poses.codes, reel.has_next_frame, filmed_steps,
-        first_spring_response, p.rarity_weight,
-    )  # fmt: skip
     jumps = neighbour_jumps(film_data.jumps, len(features))
     graph = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative_row_costs)
-    sampler = film_data.forecast
-    if sampler is not None:
-        sampler = remove_dead_ends(sampler, graph.has_next, joins.rests)
-    predicts = "forecast" in p.uses and sampler is not None and bool(sampler.usable.any())
-    plays = "film" in p.uses and bool((graph.recurrent & graph.has_next).any())
-    if not (predicts or plays):
-        raise NothingToUse(
-            f"the film is too short or too uneven for matching.uses={list(p.uses)}",
-            "frames that can follow each other for ever, or a forecast of them",
-            "take a longer film, or another mode; see reports/jumps and reports/forecast",
-        )
-    touch_px = p.goal_radius_bl * motion.body_length_px
-    tank, head_px = make_tank(area, reach_px), head_ahead_px(features, reel.size)
-    fast_fish = learn_fast_fish(features, rate_hz, delta, p)
     world = FilmWorld(
-        tank, motion, touch_px, head_px, film=graph, brisk=fast_fish, settings=p, discs=cast.discs
-    )
-    film_source = FilmSource(world) if plays else None
-    prediction_source = None
-    if predicts and sampler is not None:
-        prediction_source = PredictionSource(world, sampler, rarity)
+        make_tank(scaled.area, scaled.reach_px), motion,
+        touch_px=p.goal_radius_bl * motion.body_length_px,
+        head_px=head_ahead_px(features, reel.size), film=graph,
+        brisk=learn_fast_fish(features, rate_hz, delta, p), settings=p, discs=silhouettes.discs,
+    )  # fmt: skip
+    film_source, prediction_source = _motion_sources(world, film_data.forecast, rarity, joins)
     player = Planner(
-        world, film_source, prediction_source, cast, joins, shoaling=film_data.shoaling,
+        world, film_source, prediction_source, silhouettes, joins, shoaling=film_data.shoaling,
         sprite_rows=film_data.sprite_rows,
     )  # fmt: skip
     paths = tuple(
-        None if line is None else lay_path(line, tank, motion, film_data.mm_per_px)
+        None if line is None else lay_path(line, world.tank, motion, film_data.mm_per_px)
         for line in film_data.lines
     )
     natural_step = float(film_data.steps["headed"].median())
-    return MatchingAnimator(player, pictures, natural_step, reach_px, paths)
+    return MatchingAnimator(player, pictures, natural_step, scaled.reach_px, paths)
+
+
+def _film_rarity(
+    film_data: MatchingData, features: pd.DataFrame, bodies: Bodies, joins: JoinRules, weight: float
+) -> Rarity:
+    """Return the cost of the film's steps: seldom ones cost more.
+
+    features: at the drawn size; weight: a step that the film shows once in n frames costs weight ×
+    n ticks.
+    """
+    filmed_steps = np.full(len(features), np.nan)
+    filmed_steps[find_map_rows(features, film_data.steps)] = film_data.steps["as_filmed"]
+    offset_response, _velocity_response = joins.spring_response()
+    return Rarity.from_movement(
+        bodies.movement, film_data.poses.codes, bodies.goes_on, filmed_steps, offset_response,
+        weight,
+    )  # fmt: skip
+
+
+def _motion_sources(
+    world: FilmWorld, sampler: Sampler | None, rarity: Rarity, joins: JoinRules
+) -> tuple[FilmSource | None, PredictionSource | None]:
+    """Return the film and the forecast as motion sources, None for one that cannot be used.
+
+    sampler: of the forecast, None where there is none. NothingToUse where neither can be used.
+    """
+    film, uses, prediction_source = world.film, world.settings.uses, None
+    if sampler is not None:
+        sampler = remove_dead_ends(sampler, film.has_next, joins.rests)
+        if "forecast" in uses and sampler.usable.any():
+            prediction_source = PredictionSource(world, sampler, rarity)
+    can_play = "film" in uses and bool((film.recurrent & film.has_next).any())
+    if not can_play and prediction_source is None:
+        raise NothingToUse(
+            f"the film is too short or too uneven for matching.uses={list(uses)}",
+            "frames that can follow each other for ever, or a forecast of them",
+            "take a longer film, or another mode; see reports/jumps and reports/forecast",
+        )
+    return FilmSource(world) if can_play else None, prediction_source
 
 
 class NothingToUse(FinloopError):

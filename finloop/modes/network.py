@@ -12,8 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.animate import kinematics as step
-from finloop.animate.kinematics import Ahead, Target, Turning, wrap
+from finloop.animate.kinematics import (
+    Ahead,
+    Target,
+    Turning,
+    bearing,
+    next_aim,
+    swim_ahead,
+    swim_turn,
+    wrap,
+)
 from finloop.animate.settings import AnimateSettings as CommonSettings
 from finloop.animate.state import Fish
 from finloop.animate.world import World
@@ -36,9 +44,11 @@ from finloop.modes.network_settings import NetworkSettings
 from finloop.modes.phases import Phases, learn_phases
 from finloop.modes.sprites import Sprites, TurnPlan, make_sprites, plan_turn, start_from_bend
 
+_FASTEST_TURN = 1.5  # times the planned turn of a tick: beyond it the aim is too near to turn to
+
 
 class GoalApproach(NamedTuple):
-    """A fish, its goal, and the point (aim) that it heads for now.
+    """A fish, its goal, and the point that it heads for now (aim).
 
     start (3,): x, y px and heading, degrees, of the fish; error: bearing of the aim minus the
     heading, degrees, + = the aim is to the left; distance: px to the aim; far: whether the aim is
@@ -63,11 +73,11 @@ class Network:
     def __init__(
         self, world: World, sprites: Sprites, phases: Phases, model: MotionModel, p: NetworkSettings
     ) -> None:
-        """Keep what the flow chart needs; sort phases by first speed and turns by angle."""
+        """Keep the arguments; sort phases by first speed for each state before, turns by angle."""
         self.world, self.sprites, self.phases, self.model, self.p = world, sprites, phases, model, p
         motion = world.motion
-        self._px = motion.body_length_px
-        self._stop = motion.delta / 2  # ticks in which a fish stops
+        self._length_px = motion.body_length_px
+        self._stop_ticks = motion.delta / 2  # in which a fish stops
         turns = motion.turns
         smallest_turn = np.quantile(turns.angle_deg, p.turn_quantile)
         self._least_turn = min(smallest_turn, p.max_heading_error_deg)
@@ -109,10 +119,10 @@ class Network:
     def _approach(self, fish: Fish, goal: Target) -> GoalApproach:
         """Return a fish, its goal and the point it heads for, with distance and heading error."""
         near_px = self.p.arrived * self.world.touch_px
-        aim = step.next_aim(self.world.tank, (fish.x, fish.y), goal, near_px)
-        error = step.wrap(step.bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
+        aim = next_aim(self.world.tank, (fish.x, fish.y), goal, near_px)
+        error = wrap(bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
         distance = float(np.hypot(aim.x - fish.x, aim.y - fish.y))
-        far = distance > self.p.near_goal_bl * self._px
+        far = distance > self.p.near_goal_bl * self._length_px
         start = np.array([fish.x, fish.y, fish.heading])
         return GoalApproach(fish, goal, aim, start, error=error, distance=distance, far=far)
 
@@ -136,10 +146,10 @@ class Network:
         return min(max(float(self.model.predict(inputs)[0, 0]), 0.0), 1.0)
 
     def _plan_rounded_turn(self, side: int, angle_deg: int, area_pct: int) -> TurnPlan:
-        """Return a turn of sprites to a side, LEFT or RIGHT, by `angle_deg`, with a strongest bend.
+        """Return a turn of sprites to a side, LEFT or RIGHT, by `angle_deg`.
 
-        area_pct: relative motion area of that bend, per cent. Angle and area are whole numbers, so
-        that turns can be cached.
+        area_pct: relative motion area of its strongest bend, per cent. Angle and area are whole
+        numbers, so that turns can be cached.
         """
         most_ticks = self.p.max_bend_hold_deltas * self.world.motion.delta
         return plan_turn(self.sprites.turns[side], angle_deg, area_pct / 100, most_ticks, self.p)
@@ -147,9 +157,9 @@ class Network:
     def swim_straight(self, approach: GoalApproach, rng: np.random.Generator) -> Stretch | None:
         """Return a slide, acceleration, deceleration or plain straight; None if a wall is ahead.
 
-        It has duration, speeds and drift of a random phase, a stretch of straight swimming in the
-        film, that begins at about the fish's speed. The heading drifts towards the aim, and beyond
-        it while the aim is far.
+        It has the duration, speeds and drift of a random phase (straight swimming in the film) that
+        begins at about the fish's speed. The heading drifts towards the aim, and beyond it while
+        the aim is far.
         """
         motion, phases, fish = self.world.motion, self.phases, approach.fish
         nearest = int(np.searchsorted(self._first_speeds[fish.state], fish.speed))
@@ -158,16 +168,17 @@ class Network:
         film = slice(phases.start[chosen], phases.start[chosen] + phases.ticks[chosen])
         first = phases.first_speed[chosen]
         offset_left = np.maximum(0.0, 1 - np.arange(1, phases.ticks[chosen] + 1) / motion.delta)
+        # The fish's own speed changes into that of the phase within Δ.
         speed = first + phases.speed_change[film] + (fish.speed - first) * offset_left
         speed = np.minimum(np.maximum(speed, phases.low), phases.high)
-        forward = speed * (self._px / motion.rate_hz)
+        forward = speed * (self._length_px / motion.rate_hz)
         drift = phases.drift_deg[film]
         drift_factor = 1.0
         if not approach.far:
             drift_factor = min(1.0, abs(approach.error) / max(np.abs(drift).max(), 1e-9))
         drift = drift * np.copysign(drift_factor, approach.error * drift[-1])
-        swim = Ahead(forward, drift, brake=forward * self._stop)
-        trajectory, safe_ticks, touch_tick = step.swim_ahead(
+        swim = Ahead(forward, drift, brake=forward * self._stop_ticks)
+        trajectory, safe_ticks, touch_tick = swim_ahead(
             self.world.tank.legal, approach.start, swim, approach.goal
         )
         if safe_ticks < min(2, len(trajectory)) and touch_tick >= safe_ticks:
@@ -181,7 +192,7 @@ class Network:
         )  # fmt: skip
 
     def _cycle_sprites(self, fish: Fish, state: int, speeds: Floats) -> tuple[Ints, Floats, bool]:
-        """Return the sprites of a state's cycle (n,), places in the cycle, and whether it is new.
+        """Return sprites of a state's cycle (n,), their places in it (n,), and whether it is new.
 
         speeds (n,): body lengths/s; the faster the fish, the faster the cycle is played. A new
         cycle begins at the sprite that fits best to the one on screen.
@@ -198,7 +209,8 @@ class Network:
         phase = phase_before + np.cumsum(rate)
         if is_new:
             phase += 1.0 - (phase[0] - phase_before)  # the first frame is the one chosen
-        return cycle[(phase + 1e-9).astype(np.int64) % len(cycle)], phase, is_new
+        frames = (phase + 1e-9).astype(np.int64) % len(cycle)  # a rate of 1 does not round down
+        return cycle[frames], phase, is_new
 
     def turn_to_aim(self, approach: GoalApproach, rng: np.random.Generator) -> Stretch:
         """Return a turn of sprites towards the aim: into a bend, held, and out of it.
@@ -226,11 +238,13 @@ class Network:
     def _fit_turn(
         self, approach: GoalApproach, plan: TurnPlan, turn_number: int
     ) -> tuple[Floats, int, float]:
-        """Return the trajectory of a filmed turn that fits into the tank, shortened if necessary.
+        """Return a filmed turn that fits into the tank: trajectory, tick of touch, and room.
 
-        turn_number: of the film's turns. Returns also the tick at which the goal is touched, and
-        the factor of the displacement. A turn that begins fast is tried with earlier and earlier
-        stops; the last, on the spot, is taken even where it does not fit.
+        turn_number: of the film's turns. The trajectory (n, 3) is x, y px and heading. The tick of
+        touch is the one at which the goal is touched, n if it is not. Room is the factor of the
+        turn's displacement for which there is room. Smaller and smaller factors are tried, then
+        earlier and earlier stops of the first speed; the last, on the spot, is taken even where it
+        does not fit.
         """
         motion, turns, phases = self.world.motion, self.world.motion.turns, self.phases
         ease, count = self.p.ease, len(plan.frames)
@@ -243,9 +257,9 @@ class Network:
         forward = np.interp(film_time, film_tick, turns.forward[film_ticks])
         sideways = np.interp(film_time, film_tick, turns.sideways[film_ticks])
         largest_share = float(np.ediff1d(plan.share, to_begin=plan.share[:1]).max())
-        fastest = 1.5 * abs(approach.error) * largest_share  # degrees a tick: half as much again
+        fastest = _FASTEST_TURN * abs(approach.error) * largest_share  # degrees in a tick
         tick_numbers, speed = np.arange(1, count + 1), approach.fish.speed / motion.rate_hz
-        # The ticks in which the first speed fades, and the factor of the turn's displacement.
+        # Each try: ticks in which the first speed fades, and the factor of the turn's displacement.
         tries = [(motion.delta, factor) for factor in ease] + [(2, ease[-1]), (0, ease[-1])]
         for stop, factor in tries:
             fade = np.maximum(0.0, 1 - tick_numbers / stop) if stop else np.zeros(count)
@@ -253,9 +267,11 @@ class Network:
             forward_bl = np.minimum(np.maximum(ahead, 0.0), phases.high / motion.rate_hz)
             sideways_bl = factor * sideways * (1 - fade)
             swim = Turning(
-                plan.share, forward=forward_bl * self._px, sideways=sideways_bl * self._px
+                plan.share,
+                forward=forward_bl * self._length_px,
+                sideways=sideways_bl * self._length_px,
             )
-            trajectory, possible, touch_tick = step.swim_turn(
+            trajectory, possible, touch_tick = swim_turn(
                 self.world.tank.legal, approach.start, swim, approach.goal, approach.aim, fastest
             )
             if possible:
@@ -268,8 +284,8 @@ class Network:
         ticks = motion.delta
         speed_factor = self.p.brake_speed_ratio ** (np.arange(1, ticks + 1) / ticks)
         speed, zeros = np.maximum(fish.speed * speed_factor, phases.low), np.zeros(ticks)
-        swim = Ahead(speed * (self._px / motion.rate_hz), drift=zeros, brake=zeros)
-        trajectory, safe_ticks, touch_tick = step.swim_ahead(
+        swim = Ahead(speed * (self._length_px / motion.rate_hz), drift=zeros, brake=zeros)
+        trajectory, safe_ticks, touch_tick = swim_ahead(
             self.world.tank.legal, approach.start, swim, approach.goal
         )
         shown = min(touch_tick + 1, safe_ticks)
@@ -286,7 +302,7 @@ class Network:
         ticks, sprite = len(stretch.trajectory), int(stretch.number[-1])
         x, y, heading = map(float, stretch.trajectory[-1])
         before_x, before_y = stretch.trajectory[-2, :2] if ticks > 1 else (fish.x, fish.y)
-        forward = np.hypot(x - before_x, y - before_y) / self._px
+        forward = np.hypot(x - before_x, y - before_y) / self._length_px
         speed = max(float(forward * self.world.motion.rate_hz), self.phases.low)
         phase = fish.phase
         if stretch.phase is not None:
@@ -300,7 +316,7 @@ class Network:
         )  # fmt: skip
 
     def _random_near(self, middle: int, count: int, rng: np.random.Generator) -> int:
-        """Return a random one of the `alike` numbers, 0 … count − 1, nearest to a middle one."""
+        """Return a random one of the `alike` numbers of 0 … count − 1 nearest to `middle`."""
         alike = self.p.alike
         first = max(0, min(middle - alike // 2, count - alike))
         return first + int(rng.integers(min(alike, count)))
@@ -312,7 +328,7 @@ def network_animator(
     """Return the animator of mode `network` (Fig. 18).
 
     film_data: what is taken from the film; model: the trained network; p, q: the groups `animate`
-    and `network`.
+    and `network` of the parameters.
     """
     assets = prepare_mode_assets(film_data, p)
     mode, sprites = make_network(film_data, assets, model, q)
@@ -331,6 +347,6 @@ def make_network(
     """
     pictures, motion = assets.pictures, assets.world.motion
     pose_distances = all_distances(pictures.sprite_successors, pictures.right_facing_sprites)
-    sprites = make_sprites(assets.cast.sprites, pose_distances, motion.rate_hz)
+    sprites = make_sprites(assets.silhouettes.sprites, pose_distances, motion.rate_hz)
     phases = learn_phases(assets.sized.reel.features, film_data.rate_hz, motion.delta, q)
     return Network(assets.world, sprites, phases, model, q), sprites

@@ -1,6 +1,6 @@
 """Phases: how the film's fish swim straight (fish paper Fig. 18).
 
-A *phase* is a stretch of straight swimming of one kind: sliding with a still tail, accelerating,
+A *phase* is a part of a straight run of the film: sliding with a still tail, accelerating,
 decelerating, or plain straight. It keeps its filmed speeds and the drift of its heading, so that
 sprites swim as the film does. Speeds are body lengths per second, angles degrees, + = left.
 """
@@ -15,25 +15,26 @@ from numpy.typing import NDArray
 
 from finloop.animate.motion import (
     TYPE_STRAIGHT,
-    Run,
-    TrackKinematics,
+    SwimmingRun,
+    first_ticks,
     kinematics_of_tracks,
-    swimming_runs,
     too_little_error,
 )
 from finloop.base.arrays import Floats
 from finloop.edit.schema import ACCELERATE, DECELERATE, FILM, SLIDE, STATES, STRAIGHT, TURN
 from finloop.modes.network_settings import NetworkSettings
 
+_BEATING = 0.9  # quantile of the sways: that of a tail that beats
+
 
 @dataclass(frozen=True)
 class Phases:
     """Phases (n,) of straight swimming, and their ticks one after the other in flat arrays.
 
-    state, ticks: of each; the ticks of phase i begin at `start[i]` of speed_change and drift_deg;
-    before: state of the phase before, −1 where the film does not show it; first_speed: at the tick
-    before the phase, body lengths/s; speed_change, drift_deg: of speed and heading since that tick;
-    low, high: range of the film's speeds.
+    state, ticks: of each, a number of `STATES` and its duration; the ticks of phase i begin at
+    `start[i]` of speed_change and drift_deg; before: state of the phase before, −1 where the film
+    does not show it; first_speed: at the tick before the phase, body lengths/s; speed_change,
+    drift_deg: change of speed and heading since that tick; low, high: range of the film's speeds.
     """
 
     state: NDArray[np.int8]
@@ -54,31 +55,31 @@ def learn_phases(features: pd.DataFrame, rate_hz: float, delta: int, p: NetworkS
     """
     tracks = kinematics_of_tracks(features, rate_hz, delta)
     sways = np.concatenate([track.sway[track.kind == TYPE_STRAIGHT] for track in tracks])
-    still_sway = p.still_tail_ratio * float(np.quantile(sways, 0.9))  # 0.9: a beating tail
+    still_sway = p.still_tail_ratio * float(np.quantile(sways, _BEATING))
     speeds = np.concatenate([track.speed for track in tracks])
     low, high = np.quantile(speeds, (p.min_speed_quantile, p.max_speed_quantile))
-    runs = [run for track in tracks for run in swimming_runs(track)]
-    straight = [run for run in runs if run[1] == TYPE_STRAIGHT]
+    runs = [run for track in tracks for run in track.runs()]
+    straight = [run for run in runs if run.kind == TYPE_STRAIGHT]
     return _phases_of_runs(straight, still_sway, delta, p, (float(low), float(high)))
 
 
 def _phases_of_runs(
-    runs: Sequence[Run],
+    runs: Sequence[SwimmingRun],
     still_sway: float,
     delta: int,
     p: NetworkSettings,
     speed_range: tuple[float, float],
 ) -> Phases:
-    """Return the phases of straight swimming in runs of the film, without those that drift far.
+    """Return the phases of straight runs of the film, without those that drift far.
 
-    runs: track, type, first frame, one past the last; still_sway: sway of a still tail; delta: Δ in
-    ticks; speed_range: of the film, body lengths/s. FinloopError if there are no phases.
+    still_sway: sway of a still tail; delta: Δ in ticks; speed_range: lowest and highest speed of
+    the film, body lengths/s. FinloopError if there are no phases.
     """
-    limits = still_sway, p.steady_speed_ratio, max(1, round(p.phase_least * delta))
+    least_ticks = max(1, round(p.phase_least * delta))
     rows = []
-    for track, _type, first, last in runs:
-        before = TURN if first > 0 else -1
-        for state, begin, end in _split_run(track, first, last, limits):
+    for run in runs:
+        track, before = run.track, TURN if run.first > 0 else -1
+        for state, begin, end in _split_run(run, still_sway, p.steady_speed_ratio, least_ticks):
             prior = max(begin - 1, 0)
             drift = track.heading_deg[begin:end] - track.heading_deg[prior]
             if np.abs(drift).max() <= p.phase_drift_deg:
@@ -92,25 +93,24 @@ def _phases_of_runs(
     return Phases(
         state=np.array(states, np.int8), before=np.array(states_before, np.int8),
         ticks=np.array(ticks, np.int32),
-        start=np.concatenate([[0], np.cumsum(ticks)[:-1]]).astype(np.int32),
+        start=first_ticks(ticks),
         first_speed=np.array(speeds), speed_change=np.concatenate(changes),
         drift_deg=np.concatenate(drifts), low=speed_range[0], high=speed_range[1],
     )  # fmt: skip
 
 
 def _split_run(
-    track: TrackKinematics, first: int, last: int, limits: tuple[float, float, int]
+    run: SwimmingRun, still_sway: float, steady_growth: float, least_ticks: int
 ) -> list[tuple[int, int, int]]:
-    """Return (state, first frame, one past the last) of the phases of a straight run of a track.
+    """Return (state, first frame, one past the last) of the phases of a straight run.
 
-    first, last: first frame of the run, one past its last; limits: the sway of a still tail, the
-    growth of a steady speed, and the fewest ticks of a phase; shorter ones are added to the phase
-    before.
+    still_sway: sway of a still tail; steady_growth: growth of a steady speed; least_ticks: of a
+    phase; a shorter one is added to the phase before.
     """
-    frames, (still, steady, least) = slice(first, last), limits
-    growth = track.growth[frames]
+    first, frames = run.first, slice(run.first, run.end)
+    sway, growth = run.track.sway[frames], run.track.growth[frames]
     label = np.select(
-        [track.sway[frames] < still, growth > steady, growth < -steady],
+        [sway < still_sway, growth > steady_growth, growth < -steady_growth],
         [SLIDE, ACCELERATE, DECELERATE],
         STRAIGHT,
     ).astype(np.int8)
@@ -118,9 +118,9 @@ def _split_run(
     phases: list[tuple[int, int, int]] = []
     for begin, end in pairwise(edges.tolist()):
         state = int(label[begin])
-        if phases and (end - begin < least or phases[-1][0] == state):
+        if phases and (end - begin < least_ticks or phases[-1][0] == state):
             phases[-1] = (phases[-1][0], phases[-1][1], first + end)
-        elif phases and phases[-1][2] - phases[-1][1] < least:  # only the first can be short
+        elif phases and phases[-1][2] - phases[-1][1] < least_ticks:  # only the first can be short
             phases[-1] = (state, phases[-1][1], first + end)
         else:
             phases.append((state, first + begin, first + end))

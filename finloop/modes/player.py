@@ -6,19 +6,19 @@ from typing import Protocol
 
 import numpy as np
 
-from finloop.animate.cast import Cast
 from finloop.animate.company import ALONE, Company
 from finloop.animate.kinematics import Target
 from finloop.animate.places import random_wander_place
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
+from finloop.animate.silhouettes import Silhouettes
 from finloop.animate.state import Fish, State
 from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.edit.build import EditInputs
 from finloop.edit.joins import JoinRules
-from finloop.edit.schema import FRAME, TURN, Goal
+from finloop.edit.schema import TURN, Goal
 from finloop.edit.stretch import Stretch
 from finloop.modes.sprites import Sprites
 from finloop.plan.graph import MotionGraph
@@ -44,15 +44,15 @@ class PaperMode(Protocol):
 class PaperPlayer:
     """Plays a mode of the paper with one fish, which swims to goals or wanders.
 
-    film: motion graph of its rows; sprites: in cycles and turns, None in a mode without; cast:
-    outlines of frames and sprites.
+    film: motion graph of its rows; sprites: in cycles and turns, None in a mode without them;
+    silhouettes: outlines of frames and sprites; joins: how pictures are joined.
     """
 
     mode: PaperMode
     world: World
     film: MotionGraph
     sprites: Sprites | None
-    cast: Cast
+    silhouettes: Silhouettes
     joins: JoinRules
 
     shoaling = None
@@ -65,7 +65,7 @@ class PaperPlayer:
         filmed = slice(0, film.filmed)
         scale, next_sprites, orientations = np.ones(1), np.zeros(1, np.int64), 1  # never shown
         if sprites is not None:
-            scale, next_sprites = self.cast.sprite_scale, sprites.following
+            scale, next_sprites = self.silhouettes.sprite_scale, sprites.following
             orientations = sprites.orientations
         return EditInputs(
             motion.rate_hz, motion.body_length_px, heading_deg=film.heading[filmed],
@@ -87,7 +87,7 @@ class PaperPlayer:
         return State(self.mode.begin(rng), np.zeros(2))
 
     def company(self, other_plans: Floats, tick: int) -> Company:
-        """Return a company without other fish: in the paper's modes a fish is alone."""
+        """Return a company without any fish: in the paper's modes a fish is alone."""
         return ALONE
 
     def with_others(self, state: State, other_plans: Floats) -> State:
@@ -105,13 +105,13 @@ class PaperPlayer:
 
         A fish that another mode moved before goes on in this one.
         """
-        world, place, left = self.world, state.place, state.left
+        world, place, ticks_left = self.world, state.place, state.ticks_left
         fish = self.mode.take_over(state.fish)
         if isinstance(goal, Goal):
-            x, y, left = goal.x_px, goal.y_px, 0
+            x, y, ticks_left = goal.x_px, goal.y_px, 0
         else:
-            if left <= 0:
-                place, left = random_wander_place(world, fish, rng)
+            if ticks_left <= 0:
+                place, ticks_left = random_wander_place(world, fish, rng)
             x, y = place
         wanders = not isinstance(goal, Goal)
         target = Target(float(x), float(y), world.touch_px, world.head_px, wanders)
@@ -120,20 +120,11 @@ class PaperPlayer:
             stretch = replace(stretch, new=True)
         if wanders:
             ticks = len(stretch.trajectory) * (stretch.state != TURN)  # turns do not count
-            left = 0 if stretch.touched else max(0, left - ticks)
-        return stretch, State(self.mode.end_state(fish, stretch), place, left)
+            ticks_left = 0 if stretch.touched else max(0, ticks_left - ticks)
+        return stretch, State(self.mode.end_state(fish, stretch), place, ticks_left)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
         """Return the first ticks of a stretch that began in `state`, and the state after."""
         short = stretch.cut(ticks)
         # Without the rest of a plan of `matching`, which began elsewhere.
-        return short, State(self.mode.end_state(state.fish, short), state.place, state.left)
-
-    def hull(self, kind: str, source: int) -> Floats:
-        """Return the outline (p, 2) of a frame or sprite, px ahead and left of its centre.
-
-        kind: FRAME or SPRITE; source: row of the film, or number of the sprite.
-        """
-        if kind == FRAME:
-            return self.cast.frame_hulls[source : source + 1][0].astype(float)
-        return self.cast.sprite_hulls[source]
+        return short, State(self.mode.end_state(state.fish, short), state.place, state.ticks_left)

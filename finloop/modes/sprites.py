@@ -1,4 +1,7 @@
-"""Sprites of the network mode: cycles to swim by, turns of any depth (Fig. 18)."""
+"""Sprites of the network mode: cycles of straight swimming, turns of any depth (Fig. 18).
+
+The depth of a turn is the place of its most bent sprite.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -29,8 +32,8 @@ class TurnFrames:
     def place_after_peak(self, depth: int) -> int:
         """Return the first place after the peak that bends no more than the place `depth`.
 
-        depth: a place up to the peak, the deepest that is shown. A turn that bends only so far
-        skips the places between; the result is the last place if all bend more.
+        depth: a place up to the peak, the most bent that is shown; the places between are skipped.
+        The result is the last place if all bend more.
         """
         shallow = np.flatnonzero(self.area <= self.area[depth])
         after = shallow[shallow > self.peak]
@@ -43,10 +46,10 @@ class TurnFrames:
         return self.number[first:]
 
     def steps(self, deepest: int, held_ticks: int) -> tuple[Ints, Floats]:
-        """Return numbers (k,) of a turn's sprites, and the change of heading up to each.
+        """Return the numbers (k,) of a turn's sprites, and the change of heading (k,) up to each.
 
-        deepest: place of the sprite that bends most; held_ticks: ticks for which it is held. The
-        changes (k,), degrees ≥ 0 as filmed, are from the sprite before; the first is 0, as straight
+        deepest: place of the sprite that bends most; held_ticks: ticks for which it is held. A
+        change, degrees ≥ 0 as filmed, is from the sprite before; the first is 0, as straight
         swimming comes before it.
         """
         back, degrees = self.place_after_peak(deepest), self.degrees
@@ -60,11 +63,11 @@ class TurnFrames:
 class Sprites:
     """All sequences of sprites, by row numbers of the table of sprites (n rows).
 
-    cycles: by straight state, the sprites of its cycle; entry: by state, for each sprite (n,) the
-    place of the cycle at which to go on after it; following (n,): the next sprite of each one's
-    sequence, itself at the end of a turn; area (n,): relative motion areas; turns: by side, LEFT or
-    RIGHT; cycle_speed: of the straight cycle as filmed, body lengths/s; orientations: number of
-    orientations in which every sprite is drawn.
+    cycles: by straight state, the sprites of its cycle; entry: by straight state, for each sprite
+    (n,) the place of the cycle at which to go on after it; following (n,): the next sprite of each
+    one's sequence, itself at the end of a turn; area (n,): relative motion areas; turns: by side,
+    LEFT or RIGHT; cycle_speed: of the straight cycle as filmed, body lengths/s; orientations:
+    number of orientations in which every sprite is drawn.
     """
 
     cycles: dict[int, Ints]
@@ -78,11 +81,12 @@ class Sprites:
 
 @dataclass(frozen=True)
 class TurnPlan:
-    """A planned turn. frames (n,): numbers of its sprites, one a tick.
+    """A planned turn of n ticks.
 
-    share (n,): part of the turn that is done after each tick, rising strictly to 1; area: relative
-    motion area of the strongest sprite; film_deg: degrees by which the film turns over these
-    sprites; floor: the smallest share of the turn that a tick turns.
+    frames (n,): numbers of the sprites; share (n,): part of the turn that is done after each tick,
+    rising strictly to 1; area: relative motion area of the most bent sprite; film_deg: degrees by
+    which the film turns over these sprites; floor: the smallest share of the turn that a tick
+    turns.
     """
 
     frames: Ints
@@ -103,7 +107,7 @@ def plan_turn(
 
     frames: sprites of the turn's side. The strongest bend is held for at most `most_held_ticks`.
     Where the film turns by far less or more than `angle_deg` over these sprites, a deeper or
-    shallower bend is taken.
+    shallower turn is taken.
     """
     depth = max(1, int(np.abs(frames.area[: frames.peak + 1] - area).argmin()))
     depth = min(depth, frames.peak)  # place of the strongest bend
@@ -131,9 +135,9 @@ def start_from_bend(
 ) -> TurnPlan:
     """Return a planned turn changed so that it starts from the bend that a sprite shows already.
 
-    side: of the planned turn; sprite: number of the one on screen; a sprite without a bend changes
-    nothing. A bend to the same side continues. A bend that is too deep is first undone; so is a
-    bend to the other side, twice as fast as filmed.
+    side: of the planned turn; sprite: number of the one on screen; a sprite that is in no turn
+    changes nothing. A bend to the same side continues. A bend that is too deep is first undone; so
+    is a bend to the other side, twice as fast as filmed.
     """
     sides = [other for other, turn in turns_by_side.items() if sprite in turn.number]
     if not sides:
@@ -161,16 +165,19 @@ def make_sprites(table: pd.DataFrame, pose_distances: Floats, rate_hz: float) ->
     pose_distances (n, n): Euclidean distances between the film's frame after sprite i, and sprite
     j, both turned to head right; rate_hz: frames per second.
     """
-    parts = dict(iter(table.groupby("sequence")))
-    straight, slide = parts["straight"].index.to_numpy(), parts["slide"].index.to_numpy()
+    sequences = dict(iter(table.groupby("sequence")))
+    straight, slide = (sequences[name].index.to_numpy() for name in ("straight", "slide"))
     cycles = {STRAIGHT: straight, ACCELERATE: straight, DECELERATE: straight, SLIDE: slide}
     following = np.arange(len(table))
-    for part in parts.values():
-        following[part.index[:-1]] = part.index[1:]
+    for sequence in sequences.values():
+        following[sequence.index[:-1]] = sequence.index[1:]
     following[straight[-1]], following[slide[-1]] = straight[0], slide[0]
     entry = {state: pose_distances[:, cycle].argmin(1) for state, cycle in cycles.items()}
-    steps = np.hypot(parts["straight"]["forward"], parts["straight"]["sideways"])
-    turns = {LEFT: _turn_frames(parts["left"], LEFT), RIGHT: _turn_frames(parts["right"], RIGHT)}
+    steps = np.hypot(sequences["straight"]["forward"], sequences["straight"]["sideways"])
+    turns = {
+        side: _turn_frames(sequences[name], side)
+        for side, name in ((LEFT, "left"), (RIGHT, "right"))
+    }
     return Sprites(
         cycles, entry, following, area=table["motion_area_rel"].to_numpy(float), turns=turns,
         cycle_speed=float(steps.mean()) * rate_hz, orientations=count_orientations(table),

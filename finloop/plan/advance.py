@@ -5,25 +5,33 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.animate.company import is_clear_in_search
-from finloop.animate.kinematics import offset_point, rotate, rotate_by_cos_sin, touches_target, wrap
+from finloop.animate.kinematics import (
+    Target,
+    offset_point,
+    rotate,
+    rotate_by_cos_sin,
+    touches_target,
+    wrap,
+)
 from finloop.animate.memory import mark_rows
 from finloop.animate.route import (
     Route,
     due_along,
-    find_foot,
-    foot_search_start,
+    find_nearest_on_route,
     is_route_done,
+    nearest_search_start,
     point_along,
 )
+from finloop.animate.state import Run
 from finloop.base.arrays import Floats, Ints
 from finloop.base.kernel import finite_leaf, kernel, leaf_kernel
 from finloop.plan.cost import LAG, PATH, RARITY, Steering, path_tick_cost
 from finloop.plan.graph import jump_range, row_can_play_on
-from finloop.plan.objectives import heading_vector, is_objective_done
+from finloop.plan.objectives import Objective, heading_vector, is_objective_done
 from finloop.plan.search_graph import SearchGraph
 from finloop.plan.walls import fits_in_tank
 
-_LEAST_AHEAD = 0.1  # body lengths; least distance ahead for which a point to steer to counts
+_LEAST_AHEAD = 0.1  # body lengths; a point to steer to counts as at least so far ahead
 
 
 @finite_leaf
@@ -35,22 +43,46 @@ def largest_steering_turn(speed_bl_s: float, steering: Steering) -> float:
     return steering.turn * min(speed_bl_s / steering.brisk, 1.0)
 
 
+class RoutePlace(NamedTuple):
+    """A place x, y px, and how many px along its route a fish there was last."""
+
+    x: float
+    y: float
+    along_px: float
+
+
+class Shift(NamedTuple):
+    """A place shifted towards a route, and the point of the route nearest to it before the shift.
+
+    x, y: px after the shift; along_px: of the nearest point, px along the route; near_x, near_y: of
+    the nearest point; length_px: of the shift.
+    """
+
+    x: float
+    y: float
+    along_px: float
+    near_x: float
+    near_y: float
+    length_px: float
+
+
 @finite_leaf
 def steering_turn(  # type: ignore[no-untyped-def]
-    route: Route, position, film_offset, ticks_ahead: int, most_deg: float, steering: Steering
-) -> float:
+    route: Route, place: RoutePlace, film_offset, ticks_ahead: int, most_deg: float,
+    steering: Steering,
+) -> float:  # fmt: skip
     """Return the steering turn of a tick, degrees, + = left, between −`most_deg` and `most_deg`.
 
-    position: x, y px, and px along the route; film_offset (dx, dy): px on the screen by which the
-    film moves the fish in `ticks_ahead` ticks. The fish turns towards the point of the route that
-    is as far ahead as this offset is long; it does not turn where the film hardly moves it.
+    film_offset (dx, dy): px on the screen by which the film moves the fish in `ticks_ahead` ticks.
+    The fish turns towards the point of the route that is as far ahead as this offset is long; it
+    does not turn where the film hardly moves it.
     """
     dx, dy = film_offset
     far_px = np.sqrt(dx * dx + dy * dy)
     if ticks_ahead < 1 or far_px < 1e-6 * steering.length_px:
         return 0.0
-    x, y = point_along(route, position[2] + far_px)
-    to_x, to_y = x - position[0], y - position[1]
+    x, y = point_along(route, place.along_px + far_px)
+    to_x, to_y = x - place.x, y - place.y
     left = (dy * to_x - dx * to_y) / far_px
     ahead = max((dx * to_x + dy * to_y) / far_px, _LEAST_AHEAD * steering.length_px)
     # Turning evenly, the place ahead moves as if half of the turn had been made at once.
@@ -59,16 +91,18 @@ def steering_turn(  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def shift_to_route(route: Route, position, speed_bl_s: float, timing, steering: Steering):  # type: ignore[no-untyped-def]
-    """Shift a fish towards its route, and along it where it is too early or too late.
+def shift_to_route(  # type: ignore[no-untyped-def]
+    route: Route, place: RoutePlace, speed_bl_s: float, tick: int, ticks: int, steering: Steering
+):
+    """Return the `Shift` of a fish towards its route, and along it where it is early or late.
 
-    position: x, y px, and px along the route; timing: the tick, and the ticks since the last shift.
-    Returns the shifted x, y px; px along the route and x, y px of the nearest point of the route
-    before the shift; and the length of the shift, px.
+    place: before the shift; ticks: since the last shift. The shift is at most `steering.shift`
+    times the speed, body lengths/s, for each of these ticks.
     """
-    (x, y, along), (tick, ticks) = position, timing
-    along, foot_x, foot_y = find_foot(route, x, y, foot_search_start(route, along, tick))
-    to_x, to_y, most_px = foot_x, foot_y, steering.shift * speed_bl_s * ticks
+    x, y = place.x, place.y
+    search_start = nearest_search_start(route, place.along_px, tick)
+    along, near_x, near_y = find_nearest_on_route(route, x, y, search_start)
+    to_x, to_y, most_px = near_x, near_y, steering.shift * speed_bl_s * ticks
     share = min(ticks / steering.reach, 1.0)  # of the offset, removed now
     if route.when.size:
         catch_up_px = min(max((due_along(route, tick) - along) * share, -most_px), most_px)
@@ -78,52 +112,55 @@ def shift_to_route(route: Route, position, speed_bl_s: float, timing, steering: 
     if shift_px > most_px:
         shift_x, shift_y = shift_x * most_px / shift_px, shift_y * most_px / shift_px
         shift_px = most_px
-    return x + shift_x, y + shift_y, along, foot_x, foot_y, shift_px
+    return Shift(x + shift_x, y + shift_y, along, near_x, near_y, shift_px)
 
 
 @kernel
 def swim_trajectory(  # type: ignore[no-untyped-def]
-    planned: Floats, speeds_bl_s: Floats, rows: Ints, progress, purpose, graph: SearchGraph
-):
+    planned: Floats, speeds_bl_s: Floats, rows: Ints, along_px: float, tick: int,
+    objective: Objective, target: Target, graph: SearchGraph,
+):  # fmt: skip
     """Swim a planned trajectory, steered to the route, up to the target, route's end or a wall.
 
     planned (m + 1, 3): x, y px, heading in degrees, from the fish's present place on, of which t ≤
-    m ticks count; speeds_bl_s (m,): body lengths/s; rows (t,): film rows shown; progress: px along
-    the route, and the tick; purpose: the `Objective`, and the target. Without a route the fish also
-    stops at a waypoint.
+    m ticks count; speeds_bl_s (m,): body lengths/s; rows (t,): film rows shown; along_px: px along
+    the route; tick: of the present place. Without a route the fish stops at the target, and at the
+    waypoint `objective.aim`.
 
     Returns the trajectory (n, 3), n ≤ t; its steering corrections (n, 2): degrees, px; px along the
     route at its end; whether its last place touches the target.
     """
-    objective, target = purpose
     ticks, route, steering = rows.size, objective.route, objective.steering
     trajectory, corrections, film_rows = np.empty((ticks, 3)), np.zeros((ticks, 2)), graph.film.rows
-    along, tick = progress
-    x, y, rot, end, touches = planned[0, 0], planned[0, 1], 0.0, ticks, False  # rot: steered so far
+    along, rot, end, touches = along_px, 0.0, ticks, False  # rot: steered so far, degrees
+    x, y = planned[0, 0], planned[0, 1]
     for t in range(ticks):
-        turn, shift, row = 0.0, 0.0, rows[t]
+        turn, shift_px, row = 0.0, 0.0, rows[t]
         if route.x.size:
             reach = min(steering.reach, len(planned) - 1 - t)
             film_offset = rotate(
                 planned[t + reach, 0] - planned[t, 0], planned[t + reach, 1] - planned[t, 1], rot
             )
-            most_deg = largest_steering_turn(speeds_bl_s[t], steering)
-            turn = steering_turn(route, (x, y, along), film_offset, reach, most_deg, steering)
+            most_deg, place = (
+                largest_steering_turn(speeds_bl_s[t], steering),
+                RoutePlace(x, y, along),
+            )
+            turn = steering_turn(route, place, film_offset, reach, most_deg, steering)
         dx, dy = rotate(
             planned[t + 1, 0] - planned[t, 0], planned[t + 1, 1] - planned[t, 1], rot + turn
         )
         new_x, new_y, new_along = x + dx, y + dy, along
         heading = planned[t + 1, 2] + rot + turn
         if route.x.size:
-            new_x, new_y, new_along, _foot_x, _foot_y, shift = shift_to_route(
-                route, (new_x, new_y, along), speeds_bl_s[t], (tick + t + 1, 1), steering
-            )
+            place = RoutePlace(new_x, new_y, along)
+            shift = shift_to_route(route, place, speeds_bl_s[t], tick + t + 1, 1, steering)
+            new_x, new_y, new_along, shift_px = shift.x, shift.y, shift.along_px, shift.length_px
         if not fits_in_tank(graph.bounds, row, new_x, new_y, heading):
             end = t
             break
         x, y, along, rot = new_x, new_y, new_along, rot + turn
         trajectory[t, 0], trajectory[t, 1], trajectory[t, 2] = x, y, heading
-        corrections[t, 0], corrections[t, 1] = turn, shift
+        corrections[t, 0], corrections[t, 1] = turn, shift_px
         if route.x.size:
             is_done = is_route_done(route, along, tick + t + 1)
         else:
@@ -137,40 +174,41 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def swim_film_run(graph: SearchGraph, pose: Floats, shown_row: int, run, progress, purpose):  # type: ignore[no-untyped-def]
+def swim_film_run(  # type: ignore[no-untyped-def]
+    graph: SearchGraph, pose: Floats, shown_row: int, run: Run, along_px: float, tick: int,
+    objective: Objective, target: Target,
+):  # fmt: skip
     """Move a fish along a run of film from its next tick on, steered as by `swim_trajectory`.
 
     pose (4,): x, y px, heading, and degrees by which the row on screen, `shown_row`, is turned;
-    run: first row and number of ticks; progress: px along the route, and the tick; purpose: the
-    `Objective`, and the target. Returns the output of `swim_trajectory`, and the discontinuity of
-    the run's first row in natural steps, NaN where the film plays on.
+    along_px: px along the route; tick: the present one. Returns the output of `swim_trajectory`,
+    and the discontinuity of the run's first row in natural steps, NaN where the film plays on.
     """
-    (row, ticks), film, rot, seam = run, graph.film, pose[3], np.nan
+    row, film, rot, seam = run.row, graph.film, pose[3], np.nan
     first_row, next_row = film.rows[row], film.rows[shown_row + 1]
     if row != shown_row + 1:
         first, last = jump_range(film, shown_row + 1)
         seam = film.seam[first:last][film.to[first:last] == row][0]
         if film.jumps_keep_heading:
             rot = wrap(next_row.heading + pose[3] - first_row.heading)
+    # The step to the run's first row is that of the row on screen; then the film plays on.
     dx, dy = rotate(film.rows[shown_row].dx, film.rows[shown_row].dy, pose[3])
     first_step = np.empty((2, 3))
     first_step[0, 0], first_step[0, 1], first_step[0, 2] = pose[0], pose[1], pose[2]
     first_step[1, 0], first_step[1, 1] = pose[0] + dx, pose[1] + dy
     first_step[1, 2] = first_row.heading + rot
-    objective, _target = purpose
-    planned = extend_trajectory_by_film(
-        graph, first_step, row, rot, ticks - 1 + objective.steering.reach
-    )
+    ticks_after = run.ticks - 1 + objective.steering.reach
+    planned = extend_trajectory_by_film(graph, first_step, row, rot, ticks_after)
     steps = len(planned) - 1
     speeds = np.empty(steps)
     speeds[0] = film.rows[shown_row].speed
     for t in range(1, steps):
         speeds[t] = film.rows[row + t - 1].speed
-    rows = np.arange(row, row + min(ticks, steps))
-    trajectory, corrections, along, touches = swim_trajectory(
-        planned, speeds, rows, progress, purpose, graph
+    rows = np.arange(row, row + min(run.ticks, steps))
+    trajectory, corrections, along_px, touches = swim_trajectory(
+        planned, speeds, rows, along_px, tick, objective, target, graph
     )
-    return trajectory, corrections, along, touches, seam
+    return trajectory, corrections, along_px, touches, seam
 
 
 @leaf_kernel
@@ -182,32 +220,36 @@ def set_branch_rotation(branch, rotation_deg):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def turn_branch_to_row(graph, branch, row):  # type: ignore[no-untyped-def]
-    """Turn a branch (dtype `BRANCH`) so that it keeps its heading when it shows `row` instead."""
-    rows, lead = graph.film.rows, graph.leads[row]
-    cos, sin = heading_vector(graph.leads[branch.row], branch)
+    """Turn a branch (dtype `BRANCH`) so that it keeps its heading when it shows `row` instead.
+
+    Its rotation is changed, its row is not. graph: `SearchGraph`.
+    """
+    rows, preview = graph.film.rows, graph.previews[row]
+    cos, sin = heading_vector(graph.previews[branch.row], branch)
     branch.rot += rows[branch.row].heading - rows[row].heading
-    branch.cos = cos * lead.cos + sin * lead.sin
-    branch.sin = sin * lead.cos - cos * lead.sin
+    branch.cos = cos * preview.cos + sin * preview.sin
+    branch.sin = sin * preview.cos - cos * preview.sin
 
 
 @finite_leaf
-def _advance_branch(graph, branch, ticks, start, objective):  # type: ignore[no-untyped-def]
+def _advance_branch(search, branch, ticks):  # type: ignore[no-untyped-def]
     """Extend a branch by some ticks of film; return whether its new end is free.
 
     Free is inside the tank and clear of other fish; only then the branch (dtype `BRANCH`) is
-    changed. start: `SearchStart`; objective: its route, if that has points, steers the branch: it
-    turns evenly by `turn_deg` a tick, and at the end is shifted towards the route.
+    changed in place. search: `Search`; its route, if that has points, steers the branch: it turns
+    evenly by `turn_deg` a tick, and at the end is shifted towards the route.
     """
-    row, route, steering = branch.row, objective.route, objective.steering
+    graph, start = search.graph, search.start
+    row, route, steering = branch.row, search.objective.route, search.objective.steering
     end_row, end_tick = row + ticks, start.tick + branch.ticks + ticks
     begin, end = graph.film.rows[row], graph.film.rows[end_row]
     turn_deg, cost, along_px = 0.0, 0.0, branch.along_px
     speed = (begin.speed + end.speed) / 2
     if route.x.size:
-        lead = graph.leads[row]  # where the film leads in the next `lead.ticks`
-        film_offset = rotate_by_cos_sin(lead.dx, lead.dy, branch.cos, branch.sin)
-        most_deg, position = largest_steering_turn(speed, steering), (branch.x, branch.y, along_px)
-        turn_deg = steering_turn(route, position, film_offset, lead.ticks, most_deg, steering)
+        preview, place = graph.previews[row], RoutePlace(branch.x, branch.y, along_px)
+        film_offset = rotate_by_cos_sin(preview.dx, preview.dy, branch.cos, branch.sin)
+        most_deg = largest_steering_turn(speed, steering)
+        turn_deg = steering_turn(route, place, film_offset, preview.ticks, most_deg, steering)
         # Turning evenly, the place at the end moves as if half of the turn had been made at once.
         dx, dy = rotate(end.x - begin.x, end.y - begin.y, branch.rot + turn_deg * ticks / 2)
     else:
@@ -215,13 +257,14 @@ def _advance_branch(graph, branch, ticks, start, objective):  # type: ignore[no-
     x, y, rot = branch.x + dx, branch.y + dy, branch.rot + turn_deg * ticks
     heading = end.heading + rot
     if route.x.size:
-        x, y, along_px, foot_x, foot_y, shift_px = shift_to_route(
-            route, (x, y, along_px), speed, (end_tick, ticks), steering
-        )
+        place = RoutePlace(x, y, along_px)
+        shift = shift_to_route(route, place, speed, end_tick, ticks, steering)
+        x, y, along_px = shift.x, shift.y, shift.along_px
         most_px = max(steering.shift * speed * ticks, 1e-9)  # not 0, as it would be at rest
-        corrections = (turn_deg / steering.turn, shift_px / most_px)
-        pose, foot = (x, y, heading), (along_px, foot_x, foot_y)
-        cost = path_tick_cost(route, pose, foot, corrections, end_tick, steering) * ticks
+        corrections = (turn_deg / steering.turn, shift.length_px / most_px)
+        nearest = (along_px, shift.near_x, shift.near_y)
+        pose = (x, y, heading)
+        cost = path_tick_cost(route, pose, nearest, corrections, end_tick, steering) * ticks
     if not fits_in_tank(graph.bounds, end_row, x, y, heading):
         return False
     if not is_clear_in_search(start.company, end_row, x, y, heading, end_tick):
@@ -235,28 +278,29 @@ def _advance_branch(graph, branch, ticks, start, objective):  # type: ignore[no-
 
 
 @leaf_kernel
-def advance_branch_by_leg(graph, branch, most_ticks, start, objective, weights):  # type: ignore[no-untyped-def]
+def advance_branch_by_leg(search, branch):  # type: ignore[no-untyped-def]
     """Extend a branch by a leg of film; return whether it can go on, and whether it is done.
 
-    A leg ends at the first row with jumps at least a stride (`weights.stride` ticks) farther on;
-    after every stride the branch is checked. It cannot go on where a wall or a fish blocks it, or
-    the film ends. branch (dtype `BRANCH`): its place, row, ticks, marks, and the terms rarity, lag
-    and path are changed; most_ticks: longest leg; start: `SearchStart`.
+    A leg ends at the first row with jumps at least a stride (`CostWeights.stride` ticks) farther
+    on, or at the search's horizon; after every stride the branch is checked. It cannot go on where
+    a wall or a fish blocks it, or the film ends. search: `Search`; branch (dtype `BRANCH`): its
+    place, row, ticks, marks, and the terms rarity, lag and path are changed in place.
     """
-    rows, first_row, is_done = graph.film.rows, branch.row, False
-    ticks_left = min(graph.leg[first_row], most_ticks)
+    graph, rows, first_row = search.graph, search.graph.film.rows, branch.row
+    ticks_left, is_done = min(graph.leg[first_row], search.horizon - branch.ticks), False
     if ticks_left == 0:
         return False, False
     while ticks_left > 0 and not is_done:
-        ticks = min(weights.stride, ticks_left)
-        if not _advance_branch(graph, branch, ticks, start, objective):
+        ticks = min(search.weights.stride, ticks_left)
+        if not _advance_branch(search, branch, ticks):
             return False, False
         ticks_left -= ticks
-        is_done = is_objective_done(graph, branch, objective)
+        is_done = is_objective_done(search, branch)
     branch.marks = mark_rows(branch.marks, first_row, branch.row)
     branch.terms[RARITY] += rows[branch.row].rarity_sum - rows[first_row].rarity_sum
-    if not objective.route.x.size:
-        branch.terms[LAG] += start.rest_cost * (rows[branch.row].lag_sum - rows[first_row].lag_sum)
+    if not search.objective.route.x.size:
+        lag_ticks = rows[branch.row].lag_sum - rows[first_row].lag_sum
+        branch.terms[LAG] += search.start.rest_cost * lag_ticks
     return rows[branch.row].recurrent, is_done
 
 
@@ -283,7 +327,7 @@ def extend_trajectory_by_film(
     return extended
 
 
-class Pace(NamedTuple):
+class StepScale(NamedTuple):
     """How far one unit of a predicted speed or turn rate moves a fish in a tick.
 
     px: at a speed of one body length/s; turn_deg: degrees at a turn rate of one rad/s.
@@ -293,28 +337,20 @@ class Pace(NamedTuple):
     turn_deg: float
 
 
-@leaf_kernel
-def move_by_state(place, state, pace):  # type: ignore[no-untyped-def]
-    """Return the next x, y px and heading, degrees, of a fish that moves as a predicted state says.
-
-    place: x, y px, heading; state (d,): its last three numbers are the speeds ahead and to the
-    left, body lengths/s, and the turn rate, rad/s; pace: `Pace`.
-    """
-    x, y = offset_point(place[0], place[1], place[2], state[-3] * pace.px, state[-2] * pace.px)
-    return x, y, place[2] + state[-1] * pace.turn_deg
-
-
 @kernel
-def predicted_trajectory(states, start, pace):  # type: ignore[no-untyped-def]
+def predicted_trajectory(states: Floats, start: Floats, scale: StepScale) -> Floats:
     """Return the trajectory (n + 1, 3), x, y px and heading, of a fish that moves as predicted.
 
-    states (n, d): predicted states, tick by tick; start (3,): x, y px, heading in degrees, the
-    first place of the result; pace: `Pace`.
+    states (n, d): predicted states, tick by tick, whose last three numbers are the speeds ahead and
+    to the left, body lengths/s, and the turn rate, rad/s; start (3,): x, y px, heading in degrees,
+    the first place of the result.
     """
     trajectory = np.empty((len(states) + 1, 3))
-    place = start[0], start[1], start[2]
-    trajectory[0, 0], trajectory[0, 1], trajectory[0, 2] = place
+    x, y, heading = start[0], start[1], start[2]
+    trajectory[0, 0], trajectory[0, 1], trajectory[0, 2] = x, y, heading
     for t in range(len(states)):
-        place = move_by_state(place, states[t], pace)
-        trajectory[t + 1, 0], trajectory[t + 1, 1], trajectory[t + 1, 2] = place
+        ahead_px, left_px = states[t, -3] * scale.px, states[t, -2] * scale.px
+        x, y = offset_point(x, y, heading, ahead_px, left_px)
+        heading += states[t, -1] * scale.turn_deg
+        trajectory[t + 1, 0], trajectory[t + 1, 1], trajectory[t + 1, 2] = x, y, heading
     return trajectory

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.animate.memory import MemoryIndex
 from finloop.animate.route import Route, due_along, heading_at, point_along
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import finite_leaf, for_kernels, kernel
@@ -21,31 +20,19 @@ SEAM, REPEAT, RARITY, LAG, PATH, TIME, TO_COME, CHANCE = range(len(TERMS))
 class CostWeights(NamedTuple):
     """Settings of the beam search, and weights of its costs; times and costs in ticks.
 
-    pace: speed of a fast fish of the film, px/tick; turning: median of the film's turn rates,
-    degrees/tick; stride: ticks between two checks of a branch, at which it may jump; beam: branches
-    followed at once; seam: cost of a jump of one natural step; repeat: cost of a row just seen;
-    memory: ticks until a row on screen is forgotten.
+    fast_px: px that a fast fish of the film swims in a tick; turn_deg: median of the film's turn
+    rates, degrees in a tick; stride: ticks between two checks of a branch, at which it may jump;
+    beam: branches followed at once; seam: cost of a jump of one natural step; repeat: cost of a row
+    just seen; memory: ticks until a row on screen is forgotten.
     """
 
-    pace: float
-    turning: float
+    fast_px: float
+    turn_deg: float
     stride: int
     beam: int
     seam: float
     repeat: float
     memory: float
-
-
-class SearchCosts(NamedTuple):
-    """What the costs of one search depend on, besides its branches.
-
-    weights: of the costs; due_points (t, 2): x, y px due on a route with times, at each tick from
-    the first one; memory: the index of the rows that were on screen before.
-    """
-
-    weights: CostWeights
-    due_points: Floats
-    memory: MemoryIndex
 
 
 @for_kernels
@@ -58,7 +45,7 @@ def repeat_cost(ticks_ago, weights):  # type: ignore[no-untyped-def]
     return weights.repeat * np.maximum(0.0, 1.0 - ticks_ago / weights.memory)
 
 
-_FADING_TICKS = 3  # after a transition, in which an offset of the pose fades fastest
+_FADING_TICKS = 3  # ticks after a transition in which an offset of the pose fades fastest
 
 
 @dataclass(frozen=True)
@@ -127,29 +114,33 @@ class Rarity:
         next; codes (m, c): pose codes of all rows; row: the one on screen. Rows n, n + 1 … are
         mirror images.
         """
-        return np.asarray(
-            _transition_costs(
-                (self.steps, self._row_costs, self.sorted_steps), (self.weight, self.added_step),
-                rows, codes, row,
-            )
+        costs = _transition_costs(
+            self.steps, self._row_costs, self.sorted_steps, self.weight, self.added_step, rows,
+            codes, row,
         )  # fmt: skip
+        return np.asarray(costs)
 
 
 @for_kernels
 def _step_cost(step, sorted_steps, weight):  # type: ignore[no-untyped-def]
-    """Return the cost, in ticks, of a step as large as, or smaller than, m of the film's n steps.
+    """Return the cost, in ticks, of a step: weight · n / m, where m of the film's n are as large.
 
     step: a number or an array, as an Euclidean distance (Eq. 5); sorted_steps (n,): those of the
-    film, rising; the cost is weight · n / m, with m at least 1.
+    film, rising. m is at least 1.
     """
     count = len(sorted_steps)
     return weight * count / np.maximum(count - np.searchsorted(sorted_steps, step), 1)
 
 
 @kernel
-def _transition_costs(steps_and_costs, weight_and_added_step, rows, codes, row):  # type: ignore[no-untyped-def]
-    """Return what `Rarity.transition_costs` does, (k,) in ticks; its fields come as tuples."""
-    (steps, row_costs, sorted_steps), (weight, added_step) = steps_and_costs, weight_and_added_step
+def _transition_costs(  # type: ignore[no-untyped-def]
+    steps, row_costs, sorted_steps, weight, added_step, rows, codes, row
+):  # fmt: skip
+    """Return the extra cost (k,), in ticks, of the three steps after a transition to each row (k,).
+
+    row: the one on screen; codes (m, c): pose codes; the first five are the fields of `Rarity`,
+    with the cost (n,) of the step to each row, ticks.
+    """
     costs = np.zeros(rows.size)
     for k in range(rows.size):
         square_offset = 0.0  # between the poses of the two rows
@@ -163,7 +154,7 @@ def _transition_costs(steps_and_costs, weight_and_added_step, rows, codes, row):
 
 
 _MOST_LAGS = 3.0  # times the usual lag, beyond which the cost of rest does not grow
-_BASE = 0.25  # cost of rest on a path without a lag, as a share of that at the usual lag
+_BASE = 0.25  # cost of rest on a path without a lag, over that at the usual lag: slow is near
 
 
 class Tempo(NamedTuple):
@@ -263,26 +254,27 @@ NO_STEERING = Steering(
 
 
 @finite_leaf
-def path_tick_cost(route: Route, pose, foot, corrections, tick: int, steering: Steering) -> float:  # type: ignore[no-untyped-def]
+def path_tick_cost(
+    route: Route, pose: tuple[float, float, float], nearest: tuple[float, float, float],
+    corrections: tuple[float, float], tick: int, steering: Steering,
+) -> float:  # fmt: skip
     """Return the cost, in ticks, of one tick on a path: offset, delay, heading, corrections.
 
-    pose: x, y px, heading in degrees; foot: px along the route, and x, y px, of its point nearest
-    to the fish; corrections: the turn as a share of a fast fish's largest, and the shift of the
-    largest at the fish's own speed. The delay counts on a route with times, the heading on one with
-    headings.
+    pose: x, y px, heading in degrees; nearest: the point of the route nearest to the fish, px along
+    the route, and x, y px; corrections: the turn as a share of a fast fish's largest, and the shift
+    as a share of the largest at the fish's own speed. The delay counts on a route with times, the
+    heading on one with headings.
     """
     unit_px2 = steering.length_px * steering.length_px
-    x, y, heading = pose
-    cost = steering.across * offset_cost((foot[1] - x) ** 2 + (foot[2] - y) ** 2, unit_px2)
+    (x, y, heading), (along_px, near_x, near_y), (turn, shift) = pose, nearest, corrections
+    cost = steering.across * offset_cost((near_x - x) ** 2 + (near_y - y) ** 2, unit_px2)
     if route.when.size:
         due_x, due_y = point_along(route, due_along(route, tick))
         cost += steering.late * offset_cost((due_x - x) ** 2 + (due_y - y) ** 2, unit_px2)
     if route.heading.size:
-        off_rad = np.radians(heading_at(route, foot[0]) - heading)
+        off_rad = np.radians(heading_at(route, along_px) - heading)
         cost += steering.heading * (1.0 - np.cos(off_rad))
-    return cost + steering.effort * (
-        corrections[0] * corrections[0] + corrections[1] * corrections[1]
-    )
+    return cost + steering.effort * (turn * turn + shift * shift)
 
 
 @finite_leaf

@@ -16,24 +16,21 @@ from finloop.base.arrays import Floats
 from finloop.base.kernel import kernel
 from finloop.edit.schema import FILM, FORECAST, FRAME, SPOT, WAITING
 from finloop.edit.stretch import Decision, Stretch
-from finloop.plan.graph import row_can_play_on
+from finloop.plan.graph import MotionGraph, row_can_play_on
 from finloop.plan.search import film_candidates
 from finloop.plan.walls import keep_inside
 from finloop.plan.world import FilmWorld
 
-_AWAY_BL = 3.0  # body lengths from a fish to the place that it drifts to when it gives way
-_ASIDE_DEG = (0.0, 50.0, -50.0, 100.0, -100.0)  # drifts that are tried one after the other
+_AWAY_BL = 3.0  # body lengths from a fish to the place that it drifts to: farther than it comes
+_ASIDE_DEG = (0.0, 50.0, -50.0, 100.0, -100.0)  # directions of drift, tried one after the other
 _DRIFT = 0.05  # body lengths in a Δ, of a fish whose plan leads nowhere or is blocked
 
 
 class Fallback:
-    """Finds what a fish does whose plan leads nowhere or is blocked by a wall or another fish.
-
-    world: the tank and film of the fish.
-    """
+    """Finds what a fish does whose plan leads nowhere or is blocked by a wall or another fish."""
 
     def __init__(self, world: FilmWorld) -> None:
-        """Keep the world, and compute how far a fish drifts in a tick, px."""
+        """Keep the tank and film of the fish; compute how far a fish drifts in a tick, px."""
         self._world = world
         self._drift_px = _DRIFT * world.motion.body_length_px / world.motion.delta
 
@@ -46,8 +43,8 @@ class Fallback:
         """
         world = self._world
         rows, trajectory = _turn_in_place(
-            world.film, (fish.row, fish.rot), np.array([fish.x, fish.y, fish.heading]),
-            (target.x, target.y), (world.cost_weights.stride, world.brisk.turn_deg),
+            world.film, fish.row, fish.rot, np.array([fish.x, fish.y, fish.heading]),
+            target, most_ticks=world.cost_weights.stride, most_deg=world.brisk.turn_deg,
         )  # fmt: skip
         return Stretch(
             FORECAST if fish.state == FORECAST else FILM, trajectory, rows,
@@ -56,10 +53,10 @@ class Fallback:
         )  # fmt: skip
 
     def keep_clear(self, fish: Fish, stretch: Stretch) -> Stretch:
-        """Return a stretch cut to its free ticks; if it has none, the fish stays or gives way.
+        """Return a stretch cut to its free ticks; if it has none, the fish stays or moves aside.
 
         Free is inside the tank and clear of other fish. At a wall the fish stays. A fish that
-        another blocks, or that turns on the spot beside it, gives way. Where nothing is free, it
+        another blocks, or that turns on the spot beside it, moves aside. Where nothing is free, it
         stays for one tick.
         """
         if stretch.decision.reason == SPOT:  # all others stop at the walls
@@ -74,7 +71,7 @@ class Fallback:
         if ticks and not is_stuck:
             return stretch.cut(ticks)
         x, y = others[distances.argmin(), :2].tolist()
-        for drifting in self._give_way_stretches(fish, x, y):
+        for drifting in self._yielding_stretches(fish, x, y):
             inside = self._part_inside_tank(drifting)
             if inside is not None and (ticks := self.count_free_ticks(fish, inside)):
                 return inside.cut(ticks)
@@ -93,7 +90,7 @@ class Fallback:
         Where the walls require, it is moved off them, in a tick at most as far as a fast fish
         swims.
         """
-        most_px, numbers = self._world.cost_weights.pace, stretch.pictures.astype(np.int64)
+        most_px, numbers = self._world.cost_weights.fast_px, stretch.pictures.astype(np.int64)
         inside = keep_inside(self._world.bounds, numbers, stretch.trajectory, most_px)
         if np.array_equal(inside, stretch.trajectory):
             return stretch
@@ -115,11 +112,10 @@ class Fallback:
                 return inside
         return staying
 
-    def _give_way_stretches(self, fish: Fish, x: float, y: float) -> Iterator[Stretch]:
-        """Yield stretches by which a fish gives way to another at x, y px, the best first.
+    def _yielding_stretches(self, fish: Fish, x: float, y: float) -> Iterator[Stretch]:
+        """Yield stretches in which a fish drifts away from another at x, y px, the best first.
 
-        In them it drifts away, then more and more aside; in the last it stays with its present
-        picture.
+        The later ones lead more and more aside; in the last it stays with its present picture.
         """
         for aside_deg in _ASIDE_DEG:
             away = self._place_away_from(fish, x, y, aside_deg)
@@ -130,7 +126,7 @@ class Fallback:
         yield replace(staying, decision=Decision(WAITING))
 
     def _place_away_from(self, fish: Fish, x: float, y: float, aside_deg: float) -> Target:
-        """Return a target 3 body lengths away from a fish at x, y px, turned by `aside_deg`."""
+        """Return a target 3 body lengths away from x, y px, or `aside_deg` degrees to its left."""
         distance = _AWAY_BL * self._world.motion.body_length_px
         angle = np.arctan2(fish.y - y, fish.x - x) + np.radians(aside_deg)
         to_x, to_y = fish.x + distance * np.cos(angle), fish.y + distance * np.sin(angle)
@@ -157,14 +153,15 @@ class Fallback:
 
 
 @kernel
-def _turn_in_place(film, row_and_rot, pose, aim, most_ticks_and_deg):  # type: ignore[no-untyped-def]
+def _turn_in_place(  # type: ignore[no-untyped-def]
+    film: MotionGraph, row: int, rot: float, pose: Floats, target: Target, most_ticks: int,
+    most_deg: float,
+):  # fmt: skip
     """Return the rows (n,) that a fish shows in place, and its trajectory (n, 3): x, y px, heading.
 
-    film: `MotionGraph`; row_and_rot: the row on screen, and its rotation in degrees; pose (3,): x,
-    y px, heading; aim: x, y px to turn to; most_ticks_and_deg: largest n, and largest turn in a
-    tick, degrees.
+    row: on screen, turned by `rot` degrees; pose (3,): x, y px, heading; target: to turn to;
+    most_ticks: largest n; most_deg: largest turn in a tick.
     """
-    (row, rot), (most_ticks, most_deg) = row_and_rot, most_ticks_and_deg
     first_row, last_film_row = row, len(film.rows) - 1
     if film.rows[row].has_next:
         candidates = film_candidates(film, row + 1, rot)
@@ -177,10 +174,11 @@ def _turn_in_place(film, row_and_rot, pose, aim, most_ticks_and_deg):  # type: i
     while ticks < most_ticks and row_can_play_on(film.rows, min(first_row + ticks, last_film_row)):
         ticks += 1
     trajectory = np.empty((ticks, 3))
-    wanted_deg, heading, before_deg = bearing(pose[0], pose[1], aim[0], aim[1]), pose[2], pose[2]
+    x, y, heading = pose[0], pose[1], pose[2]
+    target_deg, before_deg = bearing(x, y, target.x, target.y), heading
     for k in range(ticks):
         filmed_deg = film.rows[first_row + k].heading + rot
-        heading += turn_towards_aim(wrap(filmed_deg - before_deg), wanted_deg - heading, most_deg)
-        trajectory[k, 0], trajectory[k, 1], trajectory[k, 2] = pose[0], pose[1], heading
+        heading += turn_towards_aim(wrap(filmed_deg - before_deg), target_deg - heading, most_deg)
+        trajectory[k, 0], trajectory[k, 1], trajectory[k, 2] = x, y, heading
         before_deg = filmed_deg
     return first_row + np.arange(ticks), trajectory

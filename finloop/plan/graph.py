@@ -2,8 +2,8 @@
 
 A fish is at a row of the feature table, drawn `rot` degrees anticlockwise of how it was filmed.
 Playing forward moves it as the fish of the film moved, turned by `rot`. At the end of a loop
-another row may be shown instead. In pose BODY the heading goes on across a jump, so `rot` changes;
-in pose FILM `rot` stays the same.
+another row may be shown instead. Where pictures are compared headed right (pose BODY), the heading
+goes on across a jump, so `rot` changes; where they are compared as filmed (FILM), `rot` stays.
 """
 
 from typing import Any, NamedTuple
@@ -11,11 +11,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components
 
+from finloop.animate.arena import Tank
+from finloop.animate.kinematics import wrap
 from finloop.animate.motion import MotionStatistics
+from finloop.animate.state import Fish
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, kernel_part, leaf_kernel
 from finloop.distance.picture import BODY, typical_lengths_px
+from finloop.edit.schema import FILM
 from finloop.features.current import places_through_water
 from finloop.forecast.sampling import Sampler, Similar
 from finloop.loops.graph import LoopGraph, find_endless_rows
@@ -42,10 +48,10 @@ class MotionGraph(NamedTuple):
     """The rows of the film (n,), of dtype `ROW`, and the jumps between them; kernels take it whole.
 
     start, to, seam: instead of the row of jump slot k, rows `to[start[k]:start[k + 1]]` can be
-    shown, after which the film can play for ever; seam: their discontinuity in natural steps.
-    jumps_keep_heading: whether a jump keeps the fish's heading, by turning the film, or else keeps
-    the film's rotation. filmed: how many rows are the film's own; row filmed + i is the mirror
-    image of row i.
+    shown, after which the film can play for ever; seam: their discontinuity in natural steps, the
+    film's median steps, rising for each row. jumps_keep_heading: whether a jump keeps the fish's
+    heading, by turning the film, or else keeps the film's rotation. filmed: how many rows are the
+    film's own; row filmed + i is the mirror image of row i.
     """
 
     rows: NDArray[np.void]
@@ -67,6 +73,11 @@ class MotionGraph(NamedTuple):
         goes_on[goes_on] = self.recurrent[rows[goes_on] + 1]
         return goes_on
 
+    @property
+    def lasting_rows(self) -> Ints:
+        """Return the rows (k,) after which the film can play on for ever."""
+        return np.flatnonzero(self.has_next[:-1] & self.recurrent[1:])
+
     def keep_jumps(self, allowed: Mask) -> "MotionGraph":
         """Return the graph with only those of its jumps (e,) that `allowed` (e,) marks."""
         new_number = np.append(0, np.cumsum(allowed, dtype=np.int32)).astype(np.int32)
@@ -79,7 +90,7 @@ class Jumps(NamedTuple):
 
     jump_slot (m,): number of a row among those that jumps can replace, −1 if none can; instead of
     the row of slot k rows `to[start[k]:start[k + 1]]` can be shown; seam: their discontinuity in
-    natural steps.
+    natural steps, rising for each row.
     """
 
     jump_slot: NDArray[np.int32]
@@ -102,7 +113,7 @@ def loop_jumps(loops: LoopGraph, row_count: int, natural_step: float) -> Jumps:
 
 
 def neighbour_jumps(jumps: pd.DataFrame, row_count: int) -> Jumps:
-    """Return the jumps of a table with the columns of `JUMPS`, sorted by row.
+    """Return the jumps of a table with the columns of `JUMPS`, sorted by row and then by seam.
 
     row_count: number n of rows of the film. If some jumps lead to mirror images, those from the
     mirror images, rows n … 2 n − 1, are included.
@@ -128,8 +139,8 @@ def motion_graph(
 ) -> MotionGraph:  # fmt: skip
     """Return the motion graph of a feature table (n rows) and its jumps.
 
-    motion: gives Δ and the drawn body length; pose: BODY, a jump keeps the heading, or FILM, it
-    keeps the rotation; barred (n,): rows that must not be shown; rarity_sum (n,): ticks that
+    motion: gives Δ and the drawn body length; pose: BODY where a jump keeps the heading, FILM where
+    it keeps the rotation; barred (n,): rows that must not be shown; rarity_sum (n,): ticks that
     showing all rows up to each costs. Where `jumps` has mirror images, row n + i is that of row i:
     the film upside down. Jumps to barred rows are left out, and those after which the film would
     have to stop.
@@ -163,6 +174,18 @@ def motion_graph(
     rows["recurrent"] = find_endless_rows(has_next, jump_slot, graph.start, graph.to)
     can_lead = rows["has_next"] & np.append(rows["recurrent"][1:], False)
     return graph.keep_jumps(can_lead[graph.to])
+
+
+def random_fish_in_film(film: MotionGraph, tank: Tank, rng: np.random.Generator) -> Fish:
+    """Return a fish at a random legal place, at a row after which the film can play on for ever.
+
+    Where jumps keep the heading, the row is turned by a random angle.
+    """
+    x, y = tank.random_point(rng)
+    row = int(rng.choice(film.lasting_rows))
+    rot = float(rng.uniform(-180, 180)) if film.jumps_keep_heading else 0.0
+    heading = float(wrap(film.heading[row] + rot))
+    return Fish(x, y, heading, speed=0.0, state=FILM, sprite=-1, row=row, rot=rot)
 
 
 @leaf_kernel
@@ -260,22 +283,38 @@ def _speeds_over_delta(places_px: Floats, track_ids: NDArray[np.int32], delta: i
 def remove_dead_ends(sampler: Sampler, has_next: Mask, at_rest: Mask) -> Sampler:
     """Return a forecast's sampler with only those rows from which a fish can swim for ever.
 
-    They are the largest strongly connected part of the graph, and all rows that lead there; rows
-    that only lead to an end of the film, or to a cycle of few frames, are left out. has_next (m,):
-    which rows of a `MotionGraph` the film goes on from; at_rest (n,): at which of the film's own
-    rows the fish rests. Rows that must not be shown, and missing mirror images, are left out.
+    They are the largest strongly connected component of the graph, and all rows that lead there;
+    rows that only lead to an end of the film, or to a cycle of few frames, are left out. has_next
+    (m,): which rows of a `MotionGraph` the film goes on from; at_rest (n,): at which of the film's
+    own rows the fish rests. Rows that must not be shown, and missing mirror images, are left out.
     """
     n, m = len(has_next), len(sampler.usable)
     shown = np.zeros(m + 1, bool)
     shown[:n] = sampler.usable[:n] & has_next[:m]
-    part = number_connected_parts(shown, sampler.start, sampler.to)
-    order = np.argsort(part, kind="stable")
-    leads = mark_leading_rows(shown, sampler.start, sampler.to, (part, order))
-    leads = np.append(leads, False) & shown
+    leads = np.append(_lead_to_largest_component(shown, sampler.start, sampler.to), False) & shown
     usable = leads[:-1] & leads[1:]
     start, to = filter_edges(leads, usable, sampler.start, sampler.to)
     rests = np.resize(at_rest, m)  # mirror images rest, too
     return sampler._replace(usable=usable, start=start, to=to, rests=rests)
+
+
+def _lead_to_largest_component(shown: Mask, start: Ints, to: Similar) -> Mask:
+    """Return which rows (m,) lead to the largest strongly connected component, or are in it.
+
+    A row leads to the next one, and to those after its similar rows. shown (m + 1,): rows that may
+    be used; the rows similar to row k are `to[start[k]:start[k + 1]]`.
+    """
+    m = len(shown) - 1
+    is_followed = shown[:-1] & shown[1:]
+    start, to = filter_edges(shown, is_followed, start, to)
+    rows = np.flatnonzero(is_followed)
+    plays_on = csr_array((np.ones(len(rows), np.int8), (rows, rows + 1)), shape=(m, m))
+    graph = csr_array((np.ones(len(to), np.int8), to + 1, start), shape=(m, m)) + plays_on
+    component = connected_components(graph, connection="strong")[1]
+    in_largest = int(np.argmax(component == np.bincount(component).argmax()))
+    leads = np.zeros(m, bool)
+    leads[breadth_first_order(graph.T, in_largest, return_predecessors=False)] = True
+    return leads
 
 
 def filter_edges(leads: Mask, usable: Mask, start: Ints, to: Similar) -> tuple[Ints, Similar]:
@@ -284,22 +323,22 @@ def filter_edges(leads: Mask, usable: Mask, start: Ints, to: Similar) -> tuple[I
     leads (m + 1,), usable (m,): marks of rows; start, to: the edges of row k lead to rows
     `to[start[k]:start[k + 1]]`.
     """
-    counts, no_room = np.zeros(len(start), np.int64), to[:0]
-    _copy_kept_edges(leads, usable, (start, to), counts[1:], no_room)  # only count them
+    counts = np.zeros(len(start), np.int64)
+    _copy_kept_edges(leads, usable, start, to, counts[1:], to[:0])  # only count them
     new_start = np.cumsum(counts)
     new_to = np.empty(new_start[-1], to.dtype)
-    _copy_kept_edges(leads, usable, (start, to), np.empty(len(usable), np.int64), new_to)
+    _copy_kept_edges(leads, usable, start, to, np.empty(len(usable), np.int64), new_to)
     return new_start, new_to
 
 
 @kernel
-def _copy_kept_edges(leads, usable, start_and_to, counts, new_to):  # type: ignore[no-untyped-def]
-    """Write how many edges each row keeps to `counts`, and the rows they lead to to `new_to`.
+def _copy_kept_edges(leads, usable, start, to, counts, new_to):  # type: ignore[no-untyped-def]
+    """Write how many edges each row keeps to `counts`, and where they lead to `new_to`.
 
-    leads (m + 1,): rows whose edges count; usable (m,): rows that edges may lead to. `new_to` is
-    written as far as it has room.
+    leads (m + 1,): rows whose edges count; usable (m,): rows that edges may lead to; start, to: the
+    edges of row k lead to rows `to[start[k]:start[k + 1]]`. `new_to` is filled as far as it is
+    long.
     """
-    start, to = start_and_to
     kept = 0
     for row in range(len(usable)):
         kept_before = kept
@@ -310,82 +349,3 @@ def _copy_kept_edges(leads, usable, start_and_to, counts, new_to):  # type: igno
                         new_to[kept] = to[edge]
                     kept += 1
         counts[row] = kept - kept_before
-
-
-@leaf_kernel
-def _row_after_edge(shown, row, edge, start, to):  # type: ignore[no-untyped-def]
-    """Return the row to which an edge leads, −1 if it must not be taken.
-
-    shown (m + 1,): rows that may be used; edge: its index in `to`; `start[row]` − 1 stands
-    for playing the film on.
-    """
-    after = row + 1 if edge < start[row] else np.int64(to[edge]) + 1
-    return after if shown[row] and shown[after - 1] and shown[after] else -1
-
-
-@kernel
-def number_connected_parts(shown, start, to):  # type: ignore[no-untyped-def]
-    """Return the number (m,) of the strongly connected part that each row is in (Tarjan 1972).
-
-    shown (m + 1,): rows that may be used; start, to: the similar rows of row k are
-    `to[start[k]:start[k + 1]]`. A row leads to the next one, and to those after its similar rows. A
-    part has a higher number than those that it leads to.
-    """
-    m = len(start) - 1
-    # Tarjan's index and lowlink of each row; −1: not visited, or in no finished part.
-    order, low, part = np.full(m, -1), np.zeros(m, np.int64), np.full(m, -1)
-    # calls and edge, the next of each row, replace recursion; stack: rows in no finished part.
-    edge, calls, stack = np.zeros(m, np.int64), np.empty(m, np.int64), np.empty(m, np.int64)
-    visited = depth = waiting = count = 0
-    for root in range(m):
-        if order[root] >= 0:
-            continue
-        calls[0], depth = root, 1
-        while depth > 0:
-            row = calls[depth - 1]
-            if order[row] < 0:
-                order[row] = low[row] = visited
-                edge[row] = start[row] - 1
-                stack[waiting] = row
-                visited, waiting = visited + 1, waiting + 1
-            if edge[row] < start[row + 1]:
-                after = _row_after_edge(shown, row, edge[row], start, to)
-                if after >= 0 and order[after] < 0:
-                    calls[depth] = after
-                    depth += 1
-                    continue  # this edge again, when all rows from there are done
-                if after >= 0 and part[after] < 0:
-                    low[row] = min(low[row], low[after])
-                edge[row] += 1
-                continue
-            depth -= 1
-            if low[row] == order[row]:
-                while part[row] < 0:
-                    waiting -= 1
-                    part[stack[waiting]] = count
-                count += 1
-    return part
-
-
-@kernel
-def mark_leading_rows(shown, start, to, parts_and_order):  # type: ignore[no-untyped-def]
-    """Return which rows (m,) lead to the largest strongly connected part, or are in it.
-
-    shown (m + 1,): rows that may be used; start, to: the similar rows of row k are
-    `to[start[k]:start[k + 1]]`; parts_and_order: the part of each row (m,), and the rows (m,) in
-    the order of their parts.
-    """
-    part, order = parts_and_order
-    m = len(part)
-    size = np.zeros(m, np.int64)
-    for row in range(m):
-        size[part[row]] += 1
-    part_leads = np.zeros(m, np.bool_)
-    part_leads[size.argmax()] = True
-    for row in order:
-        for edge in range(start[row] - 1, start[row + 1]):
-            if part_leads[part[row]]:
-                break
-            after = _row_after_edge(shown, row, edge, start, to)
-            part_leads[part[row]] = after >= 0 and part_leads[part[after]]
-    return part_leads[part]

@@ -27,6 +27,15 @@ class Objective(NamedTuple):
     steering: Steering
 
 
+class FilmStep(NamedTuple):
+    """How far film moves a fish in some ticks: px ahead, to its left, and as the crow flies."""
+
+    ahead: float
+    left: float
+    far: float
+    ticks: int
+
+
 ANYWHERE = Target(x=0.0, y=0.0, touch_px=0.0, head_px=0.0, free=True)
 """The target of a fish without one: it goes where the film or its path goes."""
 
@@ -45,14 +54,14 @@ def path_objective(route: Route, steering: Steering) -> Objective:
 
 
 @leaf_kernel
-def is_objective_done(graph, branch, objective):  # type: ignore[no-untyped-def]
+def is_objective_done(search, branch):  # type: ignore[no-untyped-def]
     """Return whether a branch of the search is at its path's end, or touches its target.
 
-    At the target the film must be able to play on. graph: `SearchGraph`; branch: of dtype `BRANCH`.
+    At the target the film must be able to play on. search: `Search`; branch: of dtype `BRANCH`.
     """
+    objective, rows = search.objective, search.graph.film.rows
     if objective.route.x.size:
         return is_at_path_end(objective.route, branch.along_px)
-    rows = graph.film.rows
     heading = rows[branch.row].heading + branch.rot
     if objective.aim.free or not touches_target(branch.x, branch.y, heading, objective.aim):
         return False
@@ -60,30 +69,30 @@ def is_objective_done(graph, branch, objective):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def estimate_cost_to_come(lead, branch, direction, objective, costs):  # type: ignore[no-untyped-def]
+def estimate_cost_to_come(search, branch, preview, direction):  # type: ignore[no-untyped-def]
     """Estimate the cost, in ticks, that a branch of the search will have beyond its end.
 
-    lead (dtype `LEAD`): where the film leads from the row it plays on from; branch: of dtype
-    `BRANCH`; direction: cosine and sine of its heading; costs: `SearchCosts`.
+    search: `Search`; branch: of dtype `BRANCH`; preview (dtype `PREVIEW`): of the row that it plays
+    on from; direction: cosine and sine of its heading.
     """
-    if objective.route.x.size:
-        due_and_steering = costs.due_points, objective.steering
-        return estimate_path_cost(lead, branch, direction, objective.route, due_and_steering)
-    if objective.aim.free:
+    aim = search.objective.aim
+    if search.objective.route.x.size:
+        return estimate_path_cost(search, branch, preview, direction)
+    if aim.free:
         return 0.0
-    return estimate_ticks_to_target(branch.x, branch.y, direction, objective.aim, costs.weights)
+    return estimate_ticks_to_target(branch.x, branch.y, direction, aim, search.weights)
 
 
 @leaf_kernel
 def estimate_ticks_to_target(x, y, direction, target, weights):  # type: ignore[no-untyped-def]
-    """Estimate the ticks from x, y px to a target: distance / pace + turn / turning.
+    """Estimate the ticks from x, y px to a target: distance / top speed + turn / turn rate.
 
-    direction: cosine and sine of the heading; weights: `CostWeights`, with pace and turning.
+    direction: cosine and sine of the heading; weights: `CostWeights`, with both rates.
     """
     dx, dy = target.x - x, y - target.y
     far_px = np.sqrt(dx * dx + dy * dy)
     cos_turn = (dx * direction[0] + dy * direction[1]) / max(far_px, 1e-9)
-    return far_px / weights.pace + estimate_angle_deg(cos_turn) / weights.turning
+    return far_px / weights.fast_px + estimate_angle_deg(cos_turn) / weights.turn_deg
 
 
 @leaf_kernel
@@ -100,18 +109,19 @@ def estimate_angle_deg(cosine: float) -> float:
 
 
 @leaf_kernel
-def cost_of_time(branch, start, objective, weights):  # type: ignore[no-untyped-def]
+def cost_of_time(search, branch):  # type: ignore[no-untyped-def]
     """Return the cost, in ticks, of the time that a branch of the search (dtype `BRANCH`) takes.
 
     To a goal each tick costs one. On a path without times each tick that brings no progress costs
-    `start.rest_cost`; on a path with times 0, as the delay has a cost of its own. start:
-    `SearchStart`; weights: `CostWeights`.
+    `SearchStart.rest_cost`; on a path with times 0, as the delay has a cost of its own. search:
+    `Search`.
     """
-    if not objective.route.x.size:
+    route, start = search.objective.route, search.start
+    if not route.x.size:
         return float(branch.ticks)
-    if objective.route.when.size:
+    if route.when.size:
         return 0.0
-    progress_ticks = (branch.along_px - start.along_px) / weights.pace
+    progress_ticks = (branch.along_px - start.along_px) / search.weights.fast_px
     return start.rest_cost * (branch.ticks - progress_ticks)
 
 
@@ -127,12 +137,12 @@ def is_at_path_end(route, along_px):  # type: ignore[no-untyped-def]
 
 
 @kernel_part
-def timed_targets(route, tick, most_ticks):  # type: ignore[no-untyped-def]
-    """Return the points due on a route with times, x, y px (most_ticks + 1, 2), from a tick on.
+def points_due(route, tick, tick_count):  # type: ignore[no-untyped-def]
+    """Return the points due on a route with times, x, y px (tick_count, 2), from a tick on.
 
     The result is (0, 2) for a route without times.
     """
-    count = most_ticks + 1 if route.when.size else 0
+    count = tick_count if route.when.size else 0
     points = np.empty((count, 2))
     for t in range(count):
         points[t, 0], points[t, 1] = point_along(route, due_along(route, tick + t))
@@ -140,52 +150,53 @@ def timed_targets(route, tick, most_ticks):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def heading_vector(lead, branch):  # type: ignore[no-untyped-def]
+def heading_vector(preview, branch):  # type: ignore[no-untyped-def]
     """Return the cosine and sine of the heading of a film row, turned as a branch turns its rows.
 
-    lead: of the film row, of dtype `LEAD`; branch: of dtype `BRANCH`.
+    preview: of the film row, of dtype `PREVIEW`; branch: of dtype `BRANCH`.
     """
-    cos = lead.cos * branch.cos - lead.sin * branch.sin
-    sin = lead.sin * branch.cos + lead.cos * branch.sin
+    cos = preview.cos * branch.cos - preview.sin * branch.sin
+    sin = preview.sin * branch.cos + preview.cos * branch.sin
     return cos, sin
 
 
 @finite_leaf
-def estimate_path_cost(lead, branch, direction, route, due_and_steering):  # type: ignore[no-untyped-def]
+def estimate_path_cost(search, branch, preview, direction):  # type: ignore[no-untyped-def]
     """Estimate the cost, in ticks, of leaving the path in the next ticks if the film plays on.
 
-    Simpson's rule integrates the cost over the places to which the film leads (lead, dtype `LEAD`),
-    less what steering can correct until then. branch: of dtype `BRANCH`; direction: cosine and sine
-    of its heading; due_and_steering: x, y px due at each tick of the search, and `Steering`.
+    Simpson's rule, (start + 4 middle + end) / 6, integrates the cost, 0 at the start, over the
+    places to which the film leads, less what steering can correct until then. search: `Search`;
+    branch: of dtype `BRANCH`; preview (dtype `PREVIEW`): of the row that it plays on from;
+    direction: cosine and sine of its heading.
     """
-    half_ticks, steering = lead.ticks // 2, due_and_steering[1]
-    half_step = lead.half_ahead, lead.half_left, lead.half_far, half_ticks
-    middle = _path_deviation(branch, half_step, direction, route, due_and_steering)
-    whole_step = lead.ahead, lead.left, lead.far, lead.ticks
-    end = _path_deviation(branch, whole_step, direction, route, due_and_steering)
-    deviation_cost = steering.late if route.when.size else steering.across
-    return deviation_cost * lead.ticks * (4.0 * middle + end) / 6.0
+    steering, half = search.objective.steering, preview.ticks // 2
+    middle_step = FilmStep(preview.half_ahead, preview.half_left, preview.half_far, half)
+    end_step = FilmStep(preview.ahead, preview.left, preview.far, preview.ticks)
+    middle = _path_deviation(search, branch, middle_step, direction)
+    end = _path_deviation(search, branch, end_step, direction)
+    deviation_cost = steering.late if search.objective.route.when.size else steering.across
+    return deviation_cost * preview.ticks * (4.0 * middle + end) / 6.0
 
 
 @finite_leaf
-def _path_deviation(branch, film_step, direction, route, due_and_steering):  # type: ignore[no-untyped-def]
+def _path_deviation(search, branch, step, direction):  # type: ignore[no-untyped-def]
     """Return how far off the path the film leads a branch, in squared body lengths.
 
-    What steering can correct is taken off; beyond a body length the result grows linearly.
-    film_step: px ahead, px to the left, px as the crow flies, and ticks; branch: of dtype `BRANCH`;
-    direction: cosine and sine of its heading; due_and_steering: x, y px due at each tick of the
-    search, and `Steering`.
+    What steering can correct is taken off; beyond a body length the result grows linearly. search:
+    `Search`; branch: of dtype `BRANCH`; step: `FilmStep`; direction: cosine and sine of its
+    heading.
     """
-    (ahead, left, far, ticks), (cos, sin) = film_step, direction
-    due_points, steering = due_and_steering
-    x, y = branch.x + ahead * cos - left * sin, branch.y - ahead * sin - left * cos
+    route, steering, (cos, sin) = search.objective.route, search.objective.steering, direction
+    x = branch.x + step.ahead * cos - step.left * sin
+    y = branch.y - step.ahead * sin - step.left * cos
     if route.when.size:
-        to_x, to_y = due_points[branch.ticks + ticks, 0], due_points[branch.ticks + ticks, 1]
+        due = branch.ticks + step.ticks
+        to_x, to_y = search.due_points[due, 0], search.due_points[due, 1]
     else:
-        to_x, to_y = point_along(route, branch.along_px + far)
+        to_x, to_y = point_along(route, branch.along_px + step.far)
     offset_px = np.sqrt((x - to_x) ** 2 + (y - to_y) ** 2)
     # An even turn moves a place ahead aside by half of its angle × the distance.
-    corrected_px = far * np.radians(steering.turn) * ticks / 2
+    corrected_px = step.far * np.radians(steering.turn) * step.ticks / 2
     return offset_cost(max(offset_px - corrected_px, 0.0) ** 2, steering.length_px**2)
 
 

@@ -7,7 +7,13 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.paths import Path
-from finloop.animate.route import Route, due_along, find_foot, foot_search_start, point_along
+from finloop.animate.route import (
+    Route,
+    due_along,
+    find_nearest_on_route,
+    nearest_search_start,
+    point_along,
+)
 from finloop.base.arrays import Floats, Mask
 from finloop.base.schema import Column, Schema, columns
 from finloop.edit.schema import PATH
@@ -29,9 +35,9 @@ PATH_ROWS = Schema(
     Column("turned_deg", "float64", "deg"),
     Column("shifted_px", "float64", "px"),
 )
-"""How a fish followed a path, a row a tick: the place of the path that the fish is at, and its own;
-its distance from the path and, if the path has times, from the place due at that time; if it has
-headings, the heading error; and the corrections of the film's motion."""
+"""How a fish followed a path, a row a tick: the point of the path nearest to it (asked), and its
+place; its distance from the path (across) and, if the path has times, from the place due at that
+time (late); if it has headings, the heading error; and the corrections of the film's motion."""
 LEFT = Schema(
     Column("fish", "int16", "1"),
     Column("mode", "string", "1"),
@@ -43,8 +49,8 @@ LEFT = Schema(
 """Where a fish left its path: from when to when, how far at most, and where that was. `why`:
 "wall", the fish's centre cannot be there; "sharp", the path bends more than nine of ten bends of
 the film; "fast", it needs more than the film's highest speed; "" none of these."""
-_BEND = 0.9  # quantile of the film's bends, above which a path is sharp
-_AT_WALL = 0.1  # body lengths between a path and where the centre may be
+_BEND = 0.9  # quantile of the film's bends; a path that bends more is called sharp
+_AT_WALL = 0.1  # body lengths by which a path is moved off a wall, that make the wall the cause
 
 
 def path_table(
@@ -52,7 +58,7 @@ def path_table(
 ) -> pd.DataFrame:
     """Return how a fish followed a path, a row for each of the first `ticks` ticks (`PATH_ROWS`).
 
-    mode: its name, for the table; animation: of the fish, of which the stretches along a path
+    mode: its name, for the table; animation: of the fish, of which only the stretches along a path
     count; path: as steered and as requested.
     """
     ticks = min(ticks, len(path.asked.when)) if path.asked.is_timed else ticks
@@ -63,23 +69,25 @@ def path_table(
     steer = [np.zeros((len(s.trajectory), 2)) if s.steer is None else s.steer for s in stretches]
     corrections = np.concatenate([empty[:, :2], *steer])[:ticks]
     route, length, along = path.asked, world.motion.body_length_px, 0.0
-    feet, due_places = np.empty((len(trajectory), 3)), np.full((len(trajectory), 2), np.nan)
+    nearest, due_places = np.empty((len(trajectory), 3)), np.full((len(trajectory), 2), np.nan)
     for tick, (x, y, _) in enumerate(trajectory):
         route_tick = tick + route.begins
-        feet[tick] = find_foot(route, x, y, foot_search_start(route, along, route_tick))
-        along = feet[tick, 0]
+        nearest[tick] = find_nearest_on_route(
+            route, x, y, nearest_search_start(route, along, route_tick)
+        )
+        along = nearest[tick, 0]
         if route.is_timed:
             due_places[tick] = point_along(route, due_along(route, route_tick))
     error_deg = np.full(len(trajectory), np.nan)
     if len(route.heading) and len(trajectory):
-        place = np.minimum((feet[:, 0] / route.step).astype(int), len(route.heading) - 1)
+        place = np.minimum((nearest[:, 0] / route.step).astype(int), len(route.heading) - 1)
         error_deg = np.asarray(wrap_deg(trajectory[:, 2] - route.heading[place]), float)
     return pd.DataFrame({
         "fish": 0, "mode": mode, "tick": np.arange(len(trajectory)),
-        "time_s": np.arange(len(trajectory)) / world.motion.rate_hz, "along_px": feet[:, 0],
-        "asked_x_px": feet[:, 1], "asked_y_px": feet[:, 2],
+        "time_s": np.arange(len(trajectory)) / world.motion.rate_hz, "along_px": nearest[:, 0],
+        "asked_x_px": nearest[:, 1], "asked_y_px": nearest[:, 2],
         "x_px": trajectory[:, 0], "y_px": trajectory[:, 1],
-        "across": np.hypot(*(feet[:, 1:] - trajectory[:, :2]).T) / length,
+        "across": np.hypot(*(nearest[:, 1:] - trajectory[:, :2]).T) / length,
         "late": np.hypot(*(due_places - trajectory[:, :2]).T) / length,
         "heading_error_deg": error_deg,
         "turned_deg": corrections[:, 0], "shifted_px": corrections[:, 1],
@@ -135,7 +143,7 @@ def root_mean_square(values: Floats) -> float:
 
 
 class SwimmingLimits(NamedTuple):
-    """What the film's fish hardly exceed: bends, radians per body length; speed, body lengths/s."""
+    """What the film's fish hardly exceed: bend, radians per body length; speed, body lengths/s."""
 
     bend: float
     speed: float
@@ -153,8 +161,8 @@ def find_departures(
 ) -> pd.DataFrame:
     """Return where a fish left its path by more than `path_max_offset_bl`, columns of `LEFT`.
 
-    followed: columns of `PATH_ROWS`; limits: what the film's fish can swim. On a path with times,
-    places far from the one due at that time count, too. Each row has the cause of the departure.
+    followed: columns of `PATH_ROWS`; limits: of the film's fish. On a path with times, places far
+    from the one due at that time count, too. Each row has the cause of the departure.
     """
     rate = world.motion.rate_hz
     distance_bl = followed["across"].to_numpy()
@@ -165,26 +173,24 @@ def find_departures(
     rows = []
     for first, stop in changes.reshape(-1, 2):
         worst = followed.iloc[first + int(np.argmax(distance_bl[first:stop]))]
-        along = np.array([followed["along_px"].iloc[first], followed["along_px"].iloc[stop - 1]])
         rows.append((
             worst["fish"], worst["mode"], first / rate, (stop - 1) / rate, worst["along_px"],
             worst["asked_x_px"], worst["asked_y_px"], distance_bl[first:stop].max(),
-            _cause_of_departure(along, (int(first), int(stop)), path, world, limits),
+            _cause_of_departure(followed.iloc[first], followed.iloc[stop - 1], path, world, limits),
         ))  # fmt: skip
     return pd.DataFrame(rows, columns=LEFT.names).astype(LEFT.kinds)
 
 
 def _cause_of_departure(
-    along_px: Floats, ticks: tuple[int, int], path: Path, world: FilmWorld, limits: SwimmingLimits
+    first: pd.Series, last: pd.Series, path: Path, world: FilmWorld, limits: SwimmingLimits
 ) -> str:
     """Return why no fish can follow a part of a path: "wall", "fast", "sharp", or "" if it can.
 
-    The words are those of `LEFT`. along_px: first and last px along the path; ticks: first tick,
-    and one past the last; limits: what the film's fish can swim. A body length before and after
-    counts, too.
+    The words are those of `LEFT`. first, last: rows of `PATH_ROWS` between which the part lies;
+    limits: of the film's fish. A body length before and after counts, too.
     """
     length, asked = world.motion.body_length_px, path.asked
-    places_px = np.arange(along_px[0] - length, along_px[1] + length, 0.1 * length)
+    places_px = np.arange(first["along_px"] - length, last["along_px"] + length, 0.1 * length)
     end_px = np.inf if asked.closed else asked.length
     places_px = places_px[(places_px >= 0) & (places_px <= end_px)]
     if _shifts_off_walls(places_px, path).max(initial=0.0) > _AT_WALL * length:
@@ -192,7 +198,7 @@ def _cause_of_departure(
     if asked.is_timed:
         # In so many ticks the fastest fish swims a body length.
         ticks_before = round(length / max(limits.speed * length, 1e-9) * world.motion.rate_hz)
-        due_px = asked.when[max(ticks[0] - ticks_before, 0) : ticks[1] + 1]
+        due_px = asked.when[max(first["tick"] - ticks_before, 0) : last["tick"] + 2]
         delta = min(world.motion.delta, max(len(due_px) - 1, 1))
         speeds = (due_px[delta:] - due_px[:-delta]) / delta * world.motion.rate_hz / length
         if speeds.max(initial=0.0) > limits.speed:
@@ -215,16 +221,18 @@ def _mark_sharp_bends(along_px: Floats, route: Route, length_px: float, bend: fl
     """Return which places (n,) of a path lie in a bend sharper than `bend`.
 
     along_px (n,): the places; bend: radians per body length; length_px: body length. A bend is
-    measured over half a body length.
+    measured from a quarter of a body length before a place to a quarter after it.
     """
     step_px = 0.25 * length_px
     points = [_points_along(route, along_px + k * step_px) for k in (-1, 0, 1)]
-    course, next_course = (_courses_deg(after - before) for before, after in pairwise(points))
-    turn = np.abs(np.radians(wrap_deg(next_course - course)))
+    direction, next_direction = (
+        _directions_deg(after - before) for before, after in pairwise(points)
+    )
+    turn = np.abs(np.radians(wrap_deg(next_direction - direction)))
     return np.asarray(turn * length_px / step_px > bend)
 
 
-def _courses_deg(steps_px: Floats) -> Floats:
+def _directions_deg(steps_px: Floats) -> Floats:
     """Return the directions (n,), degrees anticlockwise, of steps (n, 2) px, y down."""
     return np.degrees(np.arctan2(-steps_px[:, 1], steps_px[:, 0]))
 
@@ -232,8 +240,9 @@ def _courses_deg(steps_px: Floats) -> Floats:
 def film_bend(film: MotionGraph, delta: int, length_px: float, quantile: float) -> float:
     """Return a quantile of the bends of the film's fish over Δ, radians per body length.
 
-    A bend is the turn from one Δ to the next by the distance covered. delta: Δ in ticks; length_px:
-    body length; quantile: 0-1. 0 where the film is too short, or no fish moves.
+    A bend is the turn from one Δ to the next over the distance covered. delta: Δ in ticks;
+    length_px: body length; quantile: 0-1. The result is 0 where the film is too short, or no fish
+    moves.
     """
     rows = film.rows[: film.filmed]
     first = np.flatnonzero(ticks_to_film_end(rows["has_next"]) >= 2 * delta)
@@ -241,9 +250,9 @@ def film_bend(film: MotionGraph, delta: int, length_px: float, quantile: float) 
         return 0.0
     points = [np.column_stack([rows["x"], rows["y"]])[first + k * delta] for k in range(3)]
     step, next_step = (after - before for before, after in pairwise(points))
-    turn_deg = np.abs(wrap_deg(_courses_deg(next_step) - _courses_deg(step)))
+    turn_deg = np.abs(wrap_deg(_directions_deg(next_step) - _directions_deg(step)))
     far_px = np.hypot(*step.T) + np.hypot(*next_step.T)
-    moves: Mask = far_px >= 0.2 * length_px  # a resting fish has no course
+    moves: Mask = far_px >= 0.2 * length_px  # the direction of a resting fish is noise
     if not moves.any():
         return 0.0
     # The turn lies between the middles of the two steps: half of the distance.

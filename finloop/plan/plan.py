@@ -17,12 +17,13 @@ from finloop.plan.search import Candidates, Outcomes
 
 @dataclass(frozen=True)
 class CandidateVerdicts:
-    """Rows (k,) that could be shown next, and the verdict on each.
+    """Rows (k,) that could be shown next, and the verdict of a search on each.
 
     rots: degrees by which each would be turned; seams: discontinuities in natural steps; terms (k,
-    t): seconds that the best branch from each costs, by `TERMS`, 0 where there is none; costs:
-    their sum without the random part, infinite where there is none; ticks: how long it stays in the
-    tank; verdict: index in `VERDICTS`; taken: the chosen one, −1 for none.
+    t): seconds that the best branch from each costs, by `TERMS`, 0 where there is none; costs: the
+    sum of a row's terms without the random part, infinite where there is no branch; ticks: how long
+    its best branch, else its longest, stays in the tank; verdict: index in `VERDICTS`; taken: index
+    of the chosen row, −1 for none.
     """
 
     rows: Ints
@@ -37,9 +38,9 @@ class CandidateVerdicts:
     def add_to_decision(self, decision: Decision, exit_code: str = "") -> Decision:
         """Return a decision with the costs and the number of the candidates added.
 
-        They are the costs of the chosen candidate and of the cheapest other one, how many
-        candidates there were, and how many fail each test. exit_code: of `EXITS`, why the fish
-        leaves the film.
+        Added are the costs of the chosen candidate and of the cheapest other one, the number of
+        candidates, and how many fail each test. exit_code: of `EXITS`, why the fish leaves the
+        film.
         """
         counts = np.bincount(self.verdict, minlength=len(VERDICTS)).tolist()
         _good, tank, quadrant, heading, _passed_over = counts  # in the order of VERDICTS
@@ -50,7 +51,8 @@ class CandidateVerdicts:
                 value_s = float(self.costs[self.taken])
         return decision._replace(
             exit=exit_code, value_s=value_s,
-            ways=len(self.rows), ways_tank=tank, ways_quadrant=quadrant, ways_heading=heading,
+            candidates=len(self.rows), candidates_tank=tank, candidates_quadrant=quadrant,
+            candidates_heading=heading,
             taken_terms=self._term_costs(self.costs, self.taken),
             other_terms=self._term_costs(others, int(others.argmin())),
         )  # fmt: skip
@@ -95,7 +97,8 @@ class Plan(NamedTuple):
     def first_runs(self, most_ticks: int) -> tuple[Run, ...]:
         """Return the runs of film of the plan's first legs: for `most_ticks`, but at least a leg.
 
-        Legs that play the film on are one run. A plan that leads nowhere has only its first leg.
+        Successive legs between which the film plays on are one run. Of a plan that leads nowhere
+        only the first leg counts.
         """
         runs: list[Run] = []
         ticks_left = most_ticks if np.isfinite(self.cost) else 0
@@ -116,7 +119,7 @@ def candidate_table(
     """Return the candidates of all searches in an animation, a row each, columns of `CONSIDERED`.
 
     animation: of one fish, of which the first `ticks` ticks count; film_rows: number of rows of the
-    film, after which its mirror images are counted; fish_number: for the table.
+    film, after which those of its mirror image are numbered; fish_number: for the table.
     """
     parts, tick = [], 0
     for stretch in animation.stretches:

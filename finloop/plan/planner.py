@@ -1,12 +1,12 @@
 """The planner of mode `matching`: takes a fish and its goal, returns the next stretch.
 
-A goal is what is asked of a fish: a place, a path (`Route`), a rule, or nothing. Its task is the
-path, or the place to touch as a `Target`, that a plan is made for. The objective of one search is
-the path, or the waypoint in sight on the way to the target.
+A goal is what is requested of a fish: a place, a path (`Route`), a rule, or nothing. Its task is
+the path, or the place to touch as a `Target`, that a plan is made for. The objective of one search
+is the path, or the target's nearest waypoint in sight.
 
-One search (`finloop.plan.search`) weighs branches: through the film where one leads on, else by the
-forecast's predictions. The fish swims the first part of the best branch. Where no branch leads on,
-`finloop.plan.fallback` decides what the fish does.
+One search (`finloop.plan.search`) compares branches: through the film where one leads on, else by
+the forecast's predictions. The fish swims the first part of the best branch. Where no branch leads
+on, `finloop.plan.fallback` decides what the fish does.
 """
 
 from dataclasses import dataclass, replace
@@ -14,14 +14,19 @@ from functools import cached_property
 
 import numpy as np
 
-from finloop.animate.cast import Cast
 from finloop.animate.company import ALONE, Company, can_stay, make_company, sort_near_first
 from finloop.animate.kinematics import Target, next_aim, touches_target, wrap
 from finloop.animate.memory import remember_rows
 from finloop.animate.places import random_wander_place
-from finloop.animate.route import Route, find_foot, foot_search_start, point_along
+from finloop.animate.route import (
+    Route,
+    find_nearest_on_route,
+    nearest_search_start,
+    point_along,
+)
 from finloop.animate.rule import Rule
 from finloop.animate.shoal import NoRoom
+from finloop.animate.silhouettes import Silhouettes
 from finloop.animate.state import Fish, Progress, State
 from finloop.base.arrays import Floats, Ints
 from finloop.edit.build import EditInputs
@@ -34,7 +39,6 @@ from finloop.edit.schema import (
     NO_WAY,
     PLAY,
     SPOT,
-    TERMS,
     WAITING,
     Goal,
 )
@@ -43,6 +47,7 @@ from finloop.features.table import wrap_deg
 from finloop.loops.positions import quadrant_of_displacement
 from finloop.plan.cost import CHANCE, CostWeights
 from finloop.plan.fallback import Fallback
+from finloop.plan.graph import random_fish_in_film
 from finloop.plan.objectives import (
     ANYWHERE,
     Objective,
@@ -51,31 +56,31 @@ from finloop.plan.objectives import (
     target_objective,
 )
 from finloop.plan.plan import Plan
-from finloop.plan.search import Candidates, SearchStart, beam_search
+from finloop.plan.search import Candidates, SearchStart, beam_search, make_candidates
 from finloop.plan.sources import MotionSource
 from finloop.plan.walls import fits_in_tank
 from finloop.plan.world import FilmWorld
 from finloop.social.rule import SchoolRule
 
-_MOST_TRIES = 200  # tries to draw a place clear of the other fish
-_FEWER = 4  # divides the beam of a fish that wanders, or that has others near it
-_STARTS = 300  # random rows of which the best begins a path
+_MOST_TRIES = 200  # tries to draw a place clear of the other fish: a nearly full tank needs many
+_FEWER = 4  # divides the beam of a fish that wanders, or that has others near it, to save time
+_STARTS = 300  # random rows of which the best begins a path: in more, hardly a better one is found
 
 
 @dataclass(frozen=True)
 class Planner:
     """Moves fish in mode `matching`.
 
-    world: tank and film; film, prediction: motion sources, at least one of them; cast: outlines of
-    all pictures; joins: how pictures are joined; shoaling: how fish swim by zones, None where the
-    film shows none; sprite_rows (s,): the film's row behind each sprite, from which a fish of
-    another mode goes on.
+    world: tank and film; film, prediction: motion sources, at least one of them; silhouettes:
+    outlines of all pictures; joins: how pictures are joined; shoaling: how fish swim by zones, None
+    where the film shows none; sprite_rows (s,): the film's row behind each sprite, from which a
+    fish of another mode goes on.
     """
 
     world: FilmWorld
     film: MotionSource | None
     prediction: MotionSource | None
-    cast: Cast
+    silhouettes: Silhouettes
     joins: JoinRules
     shoaling: SchoolRule | None
     sprite_rows: Ints
@@ -101,13 +106,15 @@ class Planner:
     ) -> State:
         """Return the state of a fish at a random place, clear of the walls and of the other fish.
 
-        With a route the fish is at its beginning, even if another fish is there. NoRoom where, of
-        many places drawn, none is clear.
+        With a route the fish is at its beginning, even if another fish is there. NoRoom where none
+        of many random places is clear.
         """
         if route is not None:
             return State(self._begin_route(route, rng), np.zeros(2))
+        source = self._first_source
         for _ in range(_MOST_TRIES):
-            fish = self._begin_anywhere(rng)
+            fish = random_fish_in_film(source.graph.film, self.world.tank, rng)
+            fish = fish._replace(state=source.state)
             pose = np.array([fish.x, fish.y, fish.heading])
             fits_in = fits_in_tank(self.world.bounds, fish.picture, *pose)
             if fits_in and can_stay(company, fish.picture, pose, fish.tick):
@@ -119,34 +126,23 @@ class Planner:
             "take fewer fish, or let them overlap (matching.overlap=true)",
         )
 
-    def _begin_anywhere(self, rng: np.random.Generator) -> Fish:
-        """Return a fish at a random place, at a row from which the film can play for ever."""
-        source = self._first_source
-        x, y = self.world.tank.random_point(rng)
-        row = int(rng.choice(_lasting_rows(source)))
-        rot = float(rng.uniform(-180, 180)) if source.graph.film.jumps_keep_heading else 0.0
-        heading = float(wrap(source.graph.film.heading[row] + rot))
-        return Fish(x, y, heading, speed=0.0, state=source.state, sprite=-1, row=row, rot=rot)
-
     def _begin_route(self, route: Route, rng: np.random.Generator) -> Fish:
         """Return a fish at the beginning of a route, in the row that leads best along it."""
         source = self._first_source
         graph, rows = source.graph, source.graph.film.rows
-        lasting = _lasting_rows(source)
+        lasting = graph.film.lasting_rows
         n = min(_STARTS, len(lasting))
         sampled = np.sort(rng.choice(lasting, n, replace=False))
         x, y = map(float, point_along(route, 0.0))
         rots = np.zeros(n)
         if graph.film.jumps_keep_heading:
             # Each row is turned so that the film leads along the route.
-            rows_ahead = sampled + graph.leads["ticks"][sampled]
+            rows_ahead = sampled + graph.previews["ticks"][sampled]
             dx, dy = (rows[axis][rows_ahead] - rows[axis][sampled] for axis in "xy")
             next_x, next_y = point_along(route, self.world.motion.body_length_px)
             route_rad, film_rad = np.arctan2(y - next_y, next_x - x), np.arctan2(-dy, dx)
             rots = np.asarray(wrap_deg(np.degrees(route_rad - film_rad)), float)
-        candidates = Candidates(
-            sampled, rots, np.zeros(n), np.zeros(n, bool), np.zeros((n, len(TERMS)))
-        )
+        candidates = make_candidates(sampled, rots, seams=np.zeros(n))
         rest_cost = self.world.tempo.cost_of_rest_on_path(0.0, self.world.settings.path_lag_cost)
         start = SearchStart(x, y, route.begins - 1, np.zeros((0, 3), np.int64), rest_cost=rest_cost)
         objective = path_objective(route, self.world.steering)
@@ -166,13 +162,15 @@ class Planner:
     def company(self, other_plans: Floats, tick: int) -> Company:
         """Return the other fish of a tank as a fish that decides at a tick knows them.
 
-        other_plans (n, m, 4): x, y px, heading, picture of m others in n ticks. No fish where they
-        may overlap.
+        other_plans (n, m, 4): x, y px, heading, picture of m others in n ticks. There are none
+        where fish may overlap.
         """
         p = self.world.settings
         if p.overlap or not other_plans.shape[1]:
             return ALONE
-        return make_company(other_plans, tick, self.cast.discs, self.world.to_ticks(p.give_way))
+        return make_company(
+            other_plans, tick, self.silhouettes.discs, self.world.to_ticks(p.give_way)
+        )
 
     def with_others(self, state: State, other_plans: Floats) -> State:
         """Return the state with the other fish added, first those that the fish can meet.
@@ -210,9 +208,9 @@ class Planner:
         if stretch is not planned:  # where the plan does not go on
             progress = Progress()
         keeps_place = not isinstance(goal, Goal) and not stretch.touched
-        left = max(0, state.left - len(stretch.trajectory)) if keeps_place else 0
+        ticks_left = max(0, state.ticks_left - len(stretch.trajectory)) if keeps_place else 0
         fish_after = self._fish_after(fish, stretch)
-        return stretch, state._replace(fish=fish_after, left=left, path=progress)
+        return stretch, state._replace(fish=fish_after, ticks_left=ticks_left, path=progress)
 
     def _choose_target(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
@@ -221,32 +219,33 @@ class Planner:
         world = self.world
         if isinstance(goal, Goal):
             x, y, free = goal.x_px, goal.y_px, False
-            state = state._replace(left=0, wished=False)
+            state = state._replace(ticks_left=0, by_rule=False)
         else:
-            place, left, wished = self._choose_place(state, goal, rng)
-            (x, y), free = place, not wished and world.settings.wander == "film"
-            state = state._replace(place=place, left=left, wished=wished)
+            place, ticks_left, by_rule = self._choose_place(state, goal, rng)
+            (x, y), free = place, not by_rule and world.settings.wander == "film"
+            state = state._replace(place=place, ticks_left=ticks_left, by_rule=by_rule)
         return state, Target(float(x), float(y), world.touch_px, world.head_px, free)
 
     def _choose_place(
         self, state: State, rule: Rule | None, rng: np.random.Generator
     ) -> tuple[Floats, int, bool]:
-        """Return a place (2,) px that is no goal, for how many ticks, and whether by a rule.
+        """Return where a fish without a goal swims, x, y px (2,), its ticks, and whether by a rule.
 
-        A rule goes first; where it requests nothing, the place is a random one. A place holds until
-        its ticks are over.
+        The ticks are those for which the fish swims there. A rule goes first; where it requests
+        nothing, the place is a random one.
         """
-        if state.left > 0 and state.wished and rule is not None and rule.leader is None:
-            return state.place, state.left, True
+        holds = state.ticks_left > 0
+        if holds and state.by_rule and rule is not None and rule.leader is None:
+            return state.place, state.ticks_left, True
         rule_place = None if rule is None else place_by_rule(rule, state.fish, self.world, rng)
         if rule_place is not None:
             return *rule_place, True
-        if state.left > 0 and not state.wished:
-            return state.place, state.left, False
+        if holds and not state.by_rule:
+            return state.place, state.ticks_left, False
         return *random_wander_place(self.world, state.fish, rng), False
 
     def _next_waypoint(self, fish: Fish, target: Target) -> Target:
-        """Return the point to head for: the target, or the farthest in sight on the way to it."""
+        """Return the point to head for: the target, or the last one in sight on a path to it."""
         tank = self.world.tank
         waypoint = next_aim(tank, (fish.x, fish.y), target, self.world.touch_px)
         in_sight = waypoint[:2] == tank.nearest_legal_point(target.x, target.y)
@@ -257,8 +256,9 @@ class Planner:
     ) -> tuple[Stretch, State]:
         """Return the next stretch of a fish on a route, and the state after it."""
         fish, path = state.fish, state.path
-        search_start = foot_search_start(route, path.along, fish.tick)
-        path = path._replace(along=float(find_foot(route, fish.x, fish.y, search_start)[0]))
+        search_start = nearest_search_start(route, path.along, fish.tick)
+        along_px, _x, _y = find_nearest_on_route(route, fish.x, fish.y, search_start)
+        path = path._replace(along=float(along_px))
         objective = path_objective(route, self.world.steering)
         planned, progress = self._plan_or_stay(fish, path, objective, route, rng)
         stretch = self._fallback.keep_clear(fish, planned)
@@ -274,8 +274,8 @@ class Planner:
         """Return the next stretch of a fish, and its progress with the rest of its plan.
 
         The present plan goes on if it is for the same task, else a search makes one. Where no plan
-        leads on, the fish stays in place. path: its progress and present plan; objective: what a
-        search is for; task: the whole route or the target that a plan is for.
+        leads on, the fish stays in place. path: its progress and present plan; objective: of the
+        search; task: the whole route, or the target, that a plan is for.
         """
         if path.runs and _is_same_task(path.task, task):
             stretch, progress = self._swim_next_run(fish, path, objective, None)
@@ -304,7 +304,7 @@ class Planner:
         """Return the best plan by the film, and by the forecast where needed, the best first.
 
         The forecast is needed where no branch of the film leads on, or all leave the path.
-        along_px: px along the path.
+        along_px: how far the fish is along the path.
         """
         filmed = self._best_plan(self.film, fish, along_px, objective, rng)
         if filmed is not None and not self._needs_prediction(filmed, fish, objective):
@@ -389,7 +389,7 @@ class Planner:
         """Return the stretch of the next planned run of film, and progress with the later runs.
 
         The stretch has no tick where the run leaves the tank at once. path: progress and planned
-        runs; plan: of the search that chose the run, None if an earlier search chose it.
+        runs; plan: result of the search that chose the run, None if an earlier search chose it.
         """
         run, *later_runs = path.runs
         source = self.film if path.motion == FILM else self.prediction
@@ -498,23 +498,8 @@ class Planner:
         path = Progress(state.path.along)
         return short, state._replace(fish=self._fish_after(state.fish, short), path=path)
 
-    def hull(self, kind: str, source: int) -> Floats:
-        """Return the outline (p, 2) of a frame or sprite, px ahead and left of its mass centre.
-
-        kind: FRAME or SPRITE; source: row of the film, or number of the sprite.
-        """
-        if kind == FRAME:
-            return self.cast.frame_hulls[source : source + 1][0].astype(float)
-        return self.cast.sprite_hulls[source]
-
 
 def _is_same_task(task: object, other_task: object) -> bool:
     """Return whether two tasks are equal: the same path, or the same place to go to."""
     places = isinstance(task, Target) and isinstance(other_task, Target)
     return task is other_task or (places and task == other_task)
-
-
-def _lasting_rows(source: MotionSource) -> Ints:
-    """Return the rows (k,) of a motion source from which it can play on for ever."""
-    rows = source.graph.film.rows
-    return np.flatnonzero(rows["has_next"][:-1] & rows["recurrent"][:-1] & rows["recurrent"][1:])

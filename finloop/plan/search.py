@@ -15,6 +15,7 @@ from finloop.animate.company import ALONE, Company, is_clear_in_search
 from finloop.animate.kinematics import wrap
 from finloop.animate.memory import (
     NEVER,
+    MemoryIndex,
     find_last_on_screen,
     index_memory,
     last_on_screen,
@@ -24,14 +25,14 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, kernel_part, leaf_kernel
 from finloop.edit.schema import TERMS, VERDICTS
 from finloop.plan.advance import advance_branch_by_leg, set_branch_rotation, turn_branch_to_row
-from finloop.plan.cost import REPEAT, SEAM, TIME, TO_COME, CostWeights, SearchCosts, repeat_cost
+from finloop.plan.cost import REPEAT, SEAM, TIME, TO_COME, CostWeights, repeat_cost
 from finloop.plan.graph import MotionGraph, jump_range, row_can_play_on
 from finloop.plan.objectives import (
     Objective,
     cost_of_time,
     estimate_cost_to_come,
     heading_vector,
-    timed_targets,
+    points_due,
 )
 from finloop.plan.search_graph import SearchGraph
 from finloop.plan.walls import fits_in_tank
@@ -55,13 +56,13 @@ RUN = np.dtype([("row", "i8"), ("tick", "i8"), ("before", "i8")])
 of the branch's run before it, −1 for none."""
 
 EXTENSION = np.dtype([("candidate", "i8"), ("branch", "i8"), ("jump", "i8"), ("repeat", "f8")])
-"""The fields of an `Extension` without its cost."""
+"""The fields of an `Extension`, without its cost."""
 
 _TANK, _PASSED_OVER = map(VERDICTS.index, ("tank", "passed over"))
 
 
 class SearchStart(NamedTuple):
-    """Where and when a candidate would be shown, and what of the fish's past and company counts.
+    """Where and when a candidate would be shown, what was on screen before, and the other fish.
 
     x, y: px; recent (m, 3): stretches of film that were on screen, (first row, last row, tick of
     the first); company: the other fish; rest_cost: ticks that every tick on the spot costs;
@@ -80,9 +81,9 @@ class SearchStart(NamedTuple):
 class Candidates(NamedTuple):
     """Rows (k,) that could be shown next.
 
-    rots: degrees by which each would be turned; seams: discontinuities in natural steps; jumps:
-    whether it is a jump, not the film's own next row; terms (k, t): ticks that showing each costs
-    at once, by `TERMS`.
+    rots: degrees by which each would be turned; seams: discontinuities in natural steps (median
+    steps of the film); jumps: whether it is a jump, not the film's own next row; terms (k, t):
+    ticks that showing each costs at once, by `TERMS`.
     """
 
     rows: Ints
@@ -90,6 +91,22 @@ class Candidates(NamedTuple):
     seams: Floats
     jumps: Mask
     terms: Floats
+
+
+class Search(NamedTuple):
+    """What does not change during one search.
+
+    horizon: ticks that it looks ahead; due_points (t, 2): x, y px due on a route with times, at
+    each tick from `start.tick` on; memory: the index of `start.recent`.
+    """
+
+    graph: SearchGraph
+    start: SearchStart
+    objective: Objective
+    weights: CostWeights
+    horizon: int
+    due_points: Floats
+    memory: MemoryIndex
 
 
 class Outcomes(NamedTuple):
@@ -117,8 +134,8 @@ class Extension(NamedTuple):
     """A branch of the search extended by playing on or by a jump, before its next leg.
 
     cost: so far and to come, ticks; candidate: number of the candidate that the branch began with;
-    branch: its number in the beam; jump: number of the jump in `SearchGraph.jumps`, −1 for playing
-    on; repeat: ticks that showing rows again costs.
+    branch: its number in the beam; jump: number of the jump in `MotionGraph.to`, −1 for playing on;
+    repeat: ticks that showing rows again costs.
     """
 
     cost: float
@@ -157,6 +174,11 @@ class BestBranch(NamedTuple):
     cost: float
     legs: int
     number: int
+
+
+def make_candidates(rows: Ints, rots: Floats, seams: Floats) -> Candidates:
+    """Return candidates (k,) without costs; those with a discontinuity are jumps."""
+    return Candidates(rows, rots, seams, seams > 0, np.zeros((len(rows), len(TERMS))))
 
 
 @kernel
@@ -216,23 +238,22 @@ def beam_search(
     they are those of the cheapest of the branches that came farthest.
     """
     route, most_ticks = objective.route, horizon_ticks
-    due_points = timed_targets(route, start.tick, horizon_ticks + objective.steering.reach)
-    costs = SearchCosts(weights, due_points, index_memory(start.recent))
+    due_points = points_due(route, start.tick, horizon_ticks + objective.steering.reach + 1)
     if route.when.size:
         most_ticks = max(min(most_ticks, route.begins + route.when.size - 1 - start.tick), 1)
+    search = Search(
+        graph, start, objective, weights, most_ticks, due_points, index_memory(start.recent)
+    )
     most_legs = most_ticks + 1  # each has a tick at least; only legs that begin use memory
-    beam, outcomes, branch_count = _start_beam(graph, candidates, start, (most_legs, weights.beam))
+    beam, outcomes, branch_count = _start_beam(search, candidates, most_legs)
     best, leg = BestBranch(np.inf, 0, 0), np.int64(0)
     while branch_count and leg < most_legs:
-        state = beam, branch_count, outcomes, best
-        extension_count, best = _follow_branches(
-            graph, state, start, (leg, most_ticks), objective, costs
-        )
+        extension_count, best = _extend_branches(search, beam, branch_count, leg, outcomes, best)
         leg += 1
         if extension_count == 0 and best.legs == 0:
             cheapest = np.argmin(beam.branches["cost"][:branch_count])
             best = BestBranch(np.inf, leg - 1, beam.parents[leg - 1, cheapest])  # type: ignore[arg-type]
-        beam = start_next_leg(graph, beam, extension_count, leg, start.tick)  # type: ignore[arg-type]
+        beam = start_next_leg(search, beam, extension_count, leg)  # type: ignore[arg-type]
         branch_count = extension_count
     for k in range(outcomes.displaced.size):
         outcomes.displaced[k] = outcomes.displaced[k] and outcomes.costs[k] == np.inf
@@ -240,20 +261,21 @@ def beam_search(
 
 
 @kernel_part
-def _start_beam(graph, candidates, start, sizes):  # type: ignore[no-untyped-def]
+def _start_beam(search, candidates, most_legs):  # type: ignore[no-untyped-def]
     """Return the first beam, the outcomes, and the number of branches: one a candidate that fits.
 
     A candidate fits if its row can play on for ever, inside the tank and clear of other fish.
-    sizes: most legs, most branches.
+    search: `Search`; most_legs: legs for which the beam has memory.
     """
-    (most_legs, most_branches), count, branch_count = sizes, candidates.rows.size, 0
-    room = max(most_branches, count)
+    graph, start, most_branches = search.graph, search.start, search.weights.beam
+    count, branch_count = candidates.rows.size, 0
+    capacity = max(most_branches, count)
     beam = Beam(
-        branches=np.empty(room, BRANCH), spare=np.empty(room, BRANCH),
+        branches=np.empty(capacity, BRANCH), spare=np.empty(capacity, BRANCH),
         extensions=np.empty(most_branches, EXTENSION), order=np.empty(most_branches, np.int64),
-        sorted_costs=np.empty(most_branches), runs=np.empty((most_legs + 1) * room, RUN),
-        rows=np.empty((most_legs + 1, room), np.int64),
-        parents=np.empty((most_legs + 1, room), np.int64),
+        sorted_costs=np.empty(most_branches), runs=np.empty((most_legs + 1) * capacity, RUN),
+        rows=np.empty((most_legs + 1, capacity), np.int64),
+        parents=np.empty((most_legs + 1, capacity), np.int64),
     )  # fmt: skip
     outcomes = Outcomes(
         costs=np.full(count, np.inf), terms=np.zeros((count, len(TERMS))), ticks=np.zeros(count),
@@ -279,27 +301,24 @@ def _start_beam(graph, candidates, start, sizes):  # type: ignore[no-untyped-def
 
 
 @leaf_kernel
-def _follow_branches(graph, state, start, leg_and_horizon, objective, costs):  # type: ignore[no-untyped-def]
+def _extend_branches(search, beam, branch_count, leg, outcomes, best):  # type: ignore[no-untyped-def]
     """Advance all branches by a leg; return the number of their extensions, and the `BestBranch`.
 
-    The beam, its branches and the outcomes are changed in place. state: the beam, its number of
-    branches, `Outcomes`, `BestBranch` so far; leg_and_horizon: number of the leg, ticks of the
-    horizon; costs: `SearchCosts`.
+    The beam, its branches and the outcomes are changed in place. search: `Search`; beam: its first
+    `branch_count` branches count; leg: its number; best: the `BestBranch` so far.
     """
-    (beam, branch_count, outcomes, best), (leg, most_ticks) = state, leg_and_horizon
+    graph = search.graph
     extension_count = np.int64(0)
     for number in range(branch_count):
         branch = beam.branches[number]
         candidate = branch.candidate
-        branch.leads_on, is_done = advance_branch_by_leg(
-            graph, branch, most_ticks - branch.ticks, start, objective, costs.weights
-        )
-        branch.terms[TIME] = cost_of_time(branch, start, objective, costs.weights)
+        branch.leads_on, is_done = advance_branch_by_leg(search, branch)
+        branch.terms[TIME] = cost_of_time(search, branch)
         branch.terms[TO_COME] = 0.0
         if branch.leads_on and not is_done:
-            lead = graph.leads[branch.row]
-            direction = heading_vector(lead, branch)
-            branch.terms[TO_COME] = estimate_cost_to_come(lead, branch, direction, objective, costs)
+            preview = graph.previews[branch.row]
+            direction = heading_vector(preview, branch)
+            branch.terms[TO_COME] = estimate_cost_to_come(search, branch, preview, direction)
         branch.cost = 0.0
         for t in range(branch.terms.size):
             branch.cost += branch.terms[t]
@@ -307,7 +326,7 @@ def _follow_branches(graph, state, start, leg_and_horizon, objective, costs):  #
             outcomes.ticks[candidate] = max(outcomes.ticks[candidate], branch.ticks)
         if not branch.leads_on:
             continue
-        if is_done or branch.ticks >= most_ticks:  # at the end of the search
+        if is_done or branch.ticks >= search.horizon:  # at the end of the search
             branch.leads_on = False
             if branch.cost < outcomes.costs[candidate]:
                 outcomes.costs[candidate], outcomes.ticks[candidate] = branch.cost, branch.ticks
@@ -317,73 +336,73 @@ def _follow_branches(graph, state, start, leg_and_horizon, objective, costs):  #
                 best = BestBranch(branch.cost, leg + 1, number)
         elif row_can_play_on(graph.film.rows, branch.row):
             repeat = 0.0  # on a path it would cost more than to leave the path
-            if not objective.route.x.size:
-                repeat = _repetition_cost(beam, branch, branch.row, start, costs)
+            if not search.objective.route.x.size:
+                repeat = _repetition_cost(search, beam, branch, branch.row)
             extension = Extension(branch.cost + repeat, candidate, number, -1, repeat)
             extension_count = insert_extension(beam, extension_count, extension, outcomes.displaced)
     for number in range(branch_count):  # by now most jumps cost more than the best extensions
         if beam.branches[number].leads_on:
-            extension_count = _insert_jumps(
-                graph, number, (beam, extension_count, outcomes), start, objective, costs
-            )
+            extension_count = _insert_jumps(search, beam, extension_count, number, outcomes)
     return extension_count, best
 
 
 @leaf_kernel
-def _insert_jumps(graph, branch_number, state, start, objective, costs):  # type: ignore[no-untyped-def]
+def _insert_jumps(search, beam, extension_count, branch_number, outcomes):  # type: ignore[no-untyped-def]
     """Add a branch's jumps to the beam's extensions; return the new number of extensions.
 
     Only those that are among the cheapest are added; where one is not, the branch's candidate is
-    marked in `Outcomes.displaced`. branch_number: in the beam; state: the beam, its number of
-    extensions, `Outcomes`; costs: `SearchCosts`.
+    marked in `Outcomes.displaced`. search: `Search`; extension_count: of the beam, which is changed
+    in place; branch_number: in the beam.
     """
-    (beam, extension_count, outcomes), film = state, graph.film
-    branch = beam.branches[branch_number]
+    graph, on_path = search.graph, search.objective.route.x.size > 0
+    film, weights, branch = graph.film, search.weights, beam.branches[branch_number]
     first_jump, end_jump = jump_range(film, branch.row)
     if first_jump == end_jump:
         return extension_count
     # A jump keeps the place. Where it keeps the heading, too, and there is no route, the cost to
     # come does not change: it is known before the jump.
-    keeps_to_come = film.jumps_keep_heading and not objective.route.x.size
+    keeps_to_come = film.jumps_keep_heading and not on_path
     direction, to_come = (1.0, 0.0), branch.terms[TO_COME]
     if film.jumps_keep_heading and not keeps_to_come:
-        direction = heading_vector(graph.leads[branch.row], branch)
+        direction = heading_vector(graph.previews[branch.row], branch)
     past_cost, least_to_come = branch.cost - to_come, to_come if keeps_to_come else 0.0
     for number in range(first_jump, end_jump):
-        jump, highest_cost = graph.jumps[number], np.inf
+        to, jump_cost = np.int64(film.to[number]), weights.seam * film.seam[number]
+        highest_cost = np.inf
         if extension_count == beam.sorted_costs.size:
             highest_cost = beam.sorted_costs[extension_count - 1]
-        cost = past_cost + jump.cost
+        cost = past_cost + jump_cost
         if cost + least_to_come >= highest_cost:
             outcomes.displaced[branch.candidate] = True
             break  # those that follow cost as much, or more
         if not keeps_to_come:
-            lead = graph.leads[jump.to]
+            preview = graph.previews[to]
             if not film.jumps_keep_heading:
-                direction = heading_vector(lead, branch)
-            to_come = estimate_cost_to_come(lead, branch, direction, objective, costs)
+                direction = heading_vector(preview, branch)
+            to_come = estimate_cost_to_come(search, branch, preview, direction)
         cost += to_come
         if cost >= highest_cost:
             outcomes.displaced[branch.candidate] = True
             continue
-        repeat = _repetition_cost(beam, branch, jump.to, start, costs)
+        repeat = _repetition_cost(search, beam, branch, to)
         extension = Extension(cost + repeat, branch.candidate, branch_number, number, repeat)
         extension_count = insert_extension(beam, extension_count, extension, outcomes.displaced)
     return extension_count
 
 
 @leaf_kernel
-def _repetition_cost(beam, branch, row, start, costs):  # type: ignore[no-untyped-def]
+def _repetition_cost(search, beam, branch, row):  # type: ignore[no-untyped-def]
     """Return the cost, in ticks, of showing a row next in a branch, if it was on screen lately.
 
-    Of what was on screen before the search any row of the stride from `row` on counts, of what the
-    branch itself shows the last row of that stride. costs: `SearchCosts`.
+    Of what was on screen before the search, any row of the stride from `row` on counts; of what the
+    branch itself shows, the last row of that stride. search: `Search`.
     """
-    tick, last_row = start.tick + branch.ticks, row + costs.weights.stride - 1
-    shown_tick = find_last_on_screen(start.recent, costs.memory, row, last_row)
+    start = search.start
+    tick, last_row = start.tick + branch.ticks, row + search.weights.stride - 1
+    shown_tick = find_last_on_screen(start.recent, search.memory, row, last_row)
     if branch.marks & mark_rows(0, last_row, last_row):
         shown_tick = max(shown_tick, tick_row_shown(beam.runs, branch.last_run, last_row, tick))
-    return repeat_cost(float(tick - shown_tick), costs.weights)
+    return repeat_cost(float(tick - shown_tick), search.weights)
 
 
 @leaf_kernel
@@ -426,23 +445,22 @@ def insert_extension(beam: Beam, count: int, extension: Extension, displaced: Ma
 
 
 @kernel_part
-def start_next_leg(graph, beam: Beam, extension_count: int, leg: int, start_tick: int) -> Beam:  # type: ignore[no-untyped-def]
+def start_next_leg(search: Search, beam: Beam, extension_count: int, leg: int) -> Beam:
     """Turn the extensions into the branches of the next leg; return the beam, its buffers swapped.
 
-    extension_count: how many of the beam's extensions are filled; leg: number of the next leg;
-    start_tick: at which the search began.
+    extension_count: how many of the beam's extensions are filled; leg: number of the next leg.
     """
-    film, first_run = graph.film, leg * beam.branches.size
+    graph, film, first_run = search.graph, search.graph.film, leg * beam.branches.size
     for k in range(extension_count):
         extension, branch = beam.extensions[beam.order[k]], beam.spare[k]
         beam.spare[k] = beam.branches[extension.branch]
         if extension.jump >= 0:
-            jump, run = graph.jumps[extension.jump], beam.runs[first_run + k]
+            row, run = np.int64(film.to[extension.jump]), beam.runs[first_run + k]
             if film.jumps_keep_heading:
-                turn_branch_to_row(graph, branch, jump.to)
-            run.row, run.tick, run.before = jump.to, start_tick + branch.ticks, branch.last_run
-            branch.row, branch.last_run = jump.to, first_run + k
-            branch.terms[SEAM] += jump.cost
+                turn_branch_to_row(graph, branch, row)
+            run.row, run.tick, run.before = row, search.start.tick + branch.ticks, branch.last_run
+            branch.row, branch.last_run = row, first_run + k
+            branch.terms[SEAM] += search.weights.seam * film.seam[extension.jump]
         branch.terms[REPEAT] += extension.repeat
         beam.rows[leg, k], beam.parents[leg, k] = branch.row, extension.branch
     return Beam(

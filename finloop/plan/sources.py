@@ -15,7 +15,7 @@ from finloop.edit.schema import FILM, FORECAST
 from finloop.forecast.film import MOTION
 from finloop.forecast.sampling import Sampler, follow_row, start_at_row
 from finloop.plan.advance import (
-    Pace,
+    StepScale,
     extend_trajectory_by_film,
     predicted_trajectory,
     swim_film_run,
@@ -33,10 +33,10 @@ class Passage(NamedTuple):
     """How a fish swims along a run: up to where it is done, or leaves the tank.
 
     trajectory (n, 3): x, y px, heading; corrections (n, 2): of steering, degrees and px; along_px:
-    px along the path at its end; touched: whether its last place touches the target; rows (n,):
-    rows that are shown; jumps: whether the first does not follow the row on screen; seam: its
-    discontinuity then, natural steps; past: states of a fish that swims as predicted, the oldest
-    first, those of the run last.
+    px along the path at the end; touched: whether the last place touches the target; rows (n,):
+    rows that are shown; jumps: whether the first does not follow the row on screen; seam: the
+    discontinuity of such a jump, natural steps, else NaN; past: states of a fish that swims as
+    predicted, the oldest first, those of the run last.
     """
 
     trajectory: Floats
@@ -76,7 +76,8 @@ class FilmSource:
         if fish.row < 0 or not film.rows["has_next"][fish.row]:
             return None
         dx, dy = rotate(film.rows["dx"][fish.row], film.rows["dy"][fish.row], fish.rot)
-        start = _search_start(fish, (fish.x + dx, fish.y + dy, fish.tick + 1), rest_cost, along_px)
+        x, y = fish.x + dx, fish.y + dy
+        start = _search_start(fish, x, y, fish.tick + 1, rest_cost, along_px)
         weights = self._world.cost_weights
         candidates = weigh_film_candidates(
             film, fish.row + 1, fish.rot, start.recent, start.tick, weights
@@ -92,7 +93,7 @@ class FilmSource:
         """
         pose = np.array([fish.x, fish.y, fish.heading, fish.rot])
         trajectory, corrections, along_px, touches, seam = swim_film_run(
-            self.graph, pose, fish.row, run, (along_px, fish.tick), (objective, target)
+            self.graph, pose, fish.row, run, along_px, fish.tick, objective, target
         )
         rows = np.arange(run.row, run.row + len(trajectory))
         return Passage(
@@ -109,13 +110,14 @@ class PredictionSource:
         """Keep the forecast's sampler, and find for each row the nearest row with similar ones."""
         self._world, self.sampler, self._rarity = world, sampler, rarity
         rate, length = world.motion.rate_hz, world.motion.body_length_px
-        self._pace = Pace(length / rate, float(np.degrees(1 / rate)))
+        self._step_scale = StepScale(length / rate, float(np.degrees(1 / rate)))
+        self._pose_codes = sampler.states[:, :-MOTION]  # the other numbers of a state
+        # For each row the nearer of the rows before and after it that can be followed.
         rows = np.arange(len(sampler.usable))
         has_similar = np.flatnonzero(sampler.usable | (np.diff(sampler.start) > 0))
         later = np.minimum(np.searchsorted(has_similar, rows), len(has_similar) - 1)
         neighbours = has_similar[np.stack([np.maximum(later - 1, 0), later])]
         self._nearest = neighbours[np.abs(neighbours - rows).argmin(0), rows]
-        self._pose_codes = sampler.states[:, :-MOTION]  # the other numbers of a state
 
     @cached_property
     def graph(self) -> SearchGraph:
@@ -133,7 +135,7 @@ class PredictionSource:
         row can be shown next.
         """
         film, row = self.graph.film, self._row_with_similar(fish)
-        start = _search_start(fish, (fish.x, fish.y, fish.tick), rest_cost, along_px)
+        start = _search_start(fish, fish.x, fish.y, fish.tick, rest_cost, along_px)
         candidates = weigh_film_candidates(
             film, row, fish.heading - float(film.heading[row]), start.recent, start.tick,
             self._world.cost_weights,
@@ -160,7 +162,7 @@ class PredictionSource:
         newest_first = follow_row(self.sampler, past, row, run.ticks, self.sampler.control[row])
         states = np.ascontiguousarray(newest_first[::-1])
         pose = np.array([fish.x, fish.y, fish.heading])
-        predicted = predicted_trajectory(states, pose, self._pace)
+        predicted = predicted_trajectory(states, pose, self._step_scale)
         last_row = row + len(states)
         rot = float(predicted[-1, 2] - film.rows["heading"][last_row])
         planned = extend_trajectory_by_film(
@@ -169,7 +171,7 @@ class PredictionSource:
         speeds = film.speed[row : row + len(planned) - 1].copy()
         rows = row + 1 + np.arange(len(states))
         trajectory, corrections, along_px, touches = swim_trajectory(
-            planned, speeds, rows, (along_px, fish.tick), (objective, target), self.graph
+            planned, speeds, rows, along_px, fish.tick, objective, target, self.graph
         )
         ticks = len(trajectory)
         return Passage(
@@ -187,7 +189,7 @@ MotionSource = FilmSource | PredictionSource
 
 
 def _search_start(
-    fish: Fish, place_and_tick: tuple[float, float, int], rest_cost: float, along_px: float
+    fish: Fish, x: float, y: float, tick: int, rest_cost: float, along_px: float
 ) -> SearchStart:
     """Return the start of a search whose candidates are shown at x, y px and a tick.
 
@@ -197,4 +199,4 @@ def _search_start(
     company = fish.company
     if company.near:
         company = company._replace(start=company.start + 1, until=company.until + 1)
-    return SearchStart(*place_and_tick, fish.recent, company, rest_cost, along_px)
+    return SearchStart(x, y, tick, fish.recent, company, rest_cost, along_px)

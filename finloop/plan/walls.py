@@ -18,7 +18,7 @@ from finloop.base.kernel import kernel, leaf_kernel
 
 _CELL = 4  # log₂ of the 16 px of a cell; cells are looked up first, as their table is small
 _MARGIN_PX = 1.5  # of room beyond the edge of a disc; extraction drops silhouettes at the very edge
-_PUSHES = 6  # steps in which a place is moved off the walls
+_PUSHES = 6  # steps in which a place is moved off the walls: a corner takes several
 
 
 class Bounds(NamedTuple):
@@ -38,16 +38,13 @@ class Bounds(NamedTuple):
 
 
 def tank_bounds(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
-    """Return what keeps a fish inside a tank; without discs it must keep to `tank.legal`."""
-    inside = np.pad(tank.arena.astype(np.uint8), 1)  # the picture's edge is a wall
-    to_wall, to_tank = (
-        cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
-        for mask in (inside, 1 - inside)
-    )
+    """Return what keeps a fish inside a tank; without discs the fish keeps to `tank.legal`."""
+    outside = np.pad((~tank.arena).astype(np.uint8), 1, constant_values=1)
+    to_tank = cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
     side = 1 << _CELL
     roomy = np.pad(tank.legal, [(0, -n % side) for n in tank.legal.shape], constant_values=True)
     cells = roomy.reshape(roomy.shape[0] // side, side, -1, side).all(axis=(1, 3))
-    return Bounds(tank.legal, np.asarray(cells), to_wall - to_tank, tank.nearest, discs)
+    return Bounds(tank.legal, np.asarray(cells), tank.depth_px - to_tank, tank.nearest, discs)
 
 
 @leaf_kernel
@@ -66,10 +63,10 @@ def _wall_distance(bounds, x: float, y: float) -> float:  # type: ignore[no-unty
 def _disc_nearest_to_wall(bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
     """Return how many px a picture's tightest disc is too near to the wall, and its x, y px.
 
-    Negative: there is room. picture: film row, or −1 − number of a sprite; x, y: its mass centre,
-    px; heading: degrees.
+    Negative: there is room. bounds: `Bounds`; picture: film row, or −1 − number of a sprite; x, y:
+    its mass centre, px; heading: degrees.
     """
-    number, side, cos, sin = disc_orientation(bounds.discs, (picture, heading))
+    number, side, cos, sin = disc_orientation(bounds.discs, picture, heading)
     table, worst_px, worst_x, worst_y = bounds.discs.table, -np.inf, x, y
     for i in range(table.shape[1]):
         ahead, left = table[number, i, 0], side * table[number, i, 1]
@@ -99,7 +96,7 @@ def fits_in_tank(bounds: Bounds, picture: int, x: float, y: float, heading: floa
 
 @leaf_kernel
 def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
-    """Return about the nearest place (x, y px) at which a picture fits, and whether it fits there.
+    """Return x, y px of about the nearest place at which a picture fits, and whether it fits there.
 
     picture: film row, or −1 − number of a sprite. Without discs it is the nearest roomy pixel; with
     discs the picture is moved off the walls up to 6 times.
@@ -112,6 +109,7 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
         return float(bounds.nearest[1, row, column]), float(bounds.nearest[0, row, column]), True
     for _ in range(_PUSHES):
         too_near_px, disc_x, disc_y = _disc_nearest_to_wall(bounds, picture, x, y, heading)
+        # The direction in which the distance from the wall grows, by central differences.
         inward_x = _wall_distance(bounds, disc_x + 1.0, disc_y) - _wall_distance(
             bounds, disc_x - 1.0, disc_y
         )

@@ -20,10 +20,10 @@ from finloop.social.walls import Walls
 
 
 class FastFish(NamedTuple):
-    """How fast a fast fish of the film turns, and the highest speed of any.
+    """How fast a fast fish of the film turns, and the film's highest speed.
 
-    turn_deg: a high quantile of the film's turns, degrees in a tick, measured over Δ; fastest: the
-    highest speed, body lengths/s.
+    turn_deg: a high quantile of the film's turn rates, degrees in a tick, measured over Δ; fastest:
+    the highest speed, body lengths/s.
     """
 
     turn_deg: float
@@ -34,9 +34,9 @@ class FastFish(NamedTuple):
 class FilmWorld(World):
     """The world of a fish of `matching`: the tank, the film, and what the film teaches.
 
-    film: motion graph of the rows; brisk: how fast a fast fish is; settings: of the modes; discs:
-    that cover the body, to test whether a picture is inside the tank; without any the fish keeps to
-    where every picture fits.
+    film: motion graph of the rows; brisk: how fast a fast fish is; settings: parameters of
+    `animate` and `matching`; discs: that cover the body, to test whether a picture is inside the
+    tank; without any the fish keeps to where every picture fits.
     """
 
     film: MotionGraph
@@ -60,7 +60,10 @@ class FilmWorld(World):
 
     @cached_property
     def farthest_px(self) -> Floats:
-        """Return the largest distances (t,), px, that the film's fish cover in 0, 1, 2 … ticks."""
+        """Return the largest distances (t,), px, that the film's fish cover in 0, 1, 2 … ticks.
+
+        They reach as far ahead as a fish expects others to keep their places, and twice that.
+        """
         return farthest_distances(self.film, self.to_ticks(2 * self.settings.give_way) + 2)
 
     @cached_property
@@ -77,8 +80,8 @@ class FilmWorld(World):
         speeds, delta = self.film.speed[self.film.has_next], motion.delta
         fast_speed = fast_rate(speeds, p) if len(speeds) else 1.0
         return CostWeights(
-            pace=fast_speed * motion.body_length_px / motion.rate_hz,
-            turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
+            fast_px=fast_speed * motion.body_length_px / motion.rate_hz,
+            turn_deg=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
             stride=max(1, self.to_ticks(p.search_step_deltas)), beam=p.beam,
             seam=p.discontinuity_cost * delta, repeat=p.repeat_cost * delta,
             memory=p.repeat_memory * delta,
@@ -101,7 +104,7 @@ class FilmWorld(World):
         return Steering(
             turn=max(p.path_max_correction_ratio * self.turn_spread_deg / motion.delta, 1e-6),
             shift=p.path_max_correction_ratio * motion.body_length_px / motion.rate_hz,
-            brisk=self.cost_weights.pace * motion.rate_hz / motion.body_length_px,
+            brisk=self.cost_weights.fast_px * motion.rate_hz / motion.body_length_px,
             reach=self.steering_ticks, length_px=motion.body_length_px,
             across=p.path_offset_cost, late=p.path_late_cost,
             heading=p.path_heading_cost, effort=p.path_correction_cost,
@@ -118,8 +121,8 @@ class FilmWorld(World):
         return round(self.settings.seconds * self.motion.rate_hz)
 
 
-_QUICK = 0.99  # quantile of speeds and turn rates; beyond it are faults of tracking
-_FASTEST = 0.998  # quantile of speeds, taken for the highest; beyond it are faults of tracking
+_QUICK = 0.99  # quantile of speeds and of turn rates; beyond it are faults of tracking
+_FASTEST = 0.998  # quantile taken for the highest speed; beyond it are faults of tracking
 
 
 def learn_fast_fish(
@@ -137,10 +140,11 @@ def learn_fast_fish(
 
 
 def fast_rate(rates: Floats, settings: AllSettings) -> float:
-    """Return the speed, or turn rate, of a fast fish among those (n,) of a film, in their unit.
+    """Return the speed, or the turn rate, of a fast fish of a film, in the unit of `rates`.
 
-    It is their quantile `typical_speed_quantile`, but at least `typical_speed_least` of a very high
-    quantile: a fish may rest for most of the film.
+    rates (n,): all speeds, or turn rates, of the film. The result is their quantile
+    `typical_speed_quantile`, but at least `typical_speed_least` of a very high quantile: a fish may
+    rest for most of the film.
     """
     quantile, quick = np.quantile(rates, (settings.typical_speed_quantile, _QUICK))
     return float(max(quantile, settings.typical_speed_least * quick, 1e-6))

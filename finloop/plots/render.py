@@ -65,7 +65,8 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
     on_the_spot = edit["reason"].ffill() == SPOT
     at_gateway = edit["kind"] != edit.groupby("fish")["kind"].shift().fillna(edit["kind"])
     for mask, marker, label in (
-        (on_the_spot, "x", "on the spot: no way stays in the tank"), (at_gateway, "D", "gateway"),
+        (on_the_spot, "x", "on the spot: no candidate stays in the tank"),
+        (at_gateway, "D", "gateway"),
     ):  # fmt: skip
         marked = edit[mask.to_numpy(bool)]
         if len(marked):

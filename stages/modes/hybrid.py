@@ -13,7 +13,7 @@ def open_mode(project: Project) -> PaperAnimator:
     data, settings = load_film_data(project, project.reel), project.settings
     return hybrid_animator(
         data, project.motion_network, project.loops, project.gateways,
-        settings("animate"), (settings("network"), settings("loops"), settings("hybrid")),
+        settings("animate"), settings("network"), settings("loops"), settings("hybrid"),
     )  # fmt: skip
 
 

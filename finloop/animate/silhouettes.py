@@ -1,4 +1,4 @@
-"""The cast of a film: its sprites, and the outlines of all pictures."""
+"""The sprites of a film, and the outlines of all pictures that can be shown."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from finloop.animate.company import Discs, Hulls, cover_with_discs
 from finloop.base.arrays import Floats, Reals
 from finloop.base.kernel import kernel
+from finloop.edit.schema import FRAME
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,7 @@ class FrameHulls:
     """Outlines (n, k, 2) of a film's frames, px ahead of and to the left of the mass centre.
 
     They are computed on access: those of a film of hours stay in their file. outline_px (n, k, 2):
-    x, y as filmed; centre_px (n, 2), heading_rad (n,), scale (n,): of each frame; scale is drawn
+    x, y as filmed; centre_px (n, 2): x, y of the mass centres; heading_rad (n,); scale (n,): drawn
     size / filmed size.
     """
 
@@ -70,8 +71,8 @@ def _reach_from_centre(points, centres):  # type: ignore[no-untyped-def]
 
 
 @dataclass(frozen=True)
-class Cast:
-    """What is drawn: the table of sprites (s rows), and the outlines of all pictures.
+class Silhouettes:
+    """The table of sprites (s rows), and the outlines of all pictures: sprites and frames.
 
     sprite_hulls: the outline (k, 2) of every sprite, px ahead of and to the left of the mass
     centre, as drawn; frame_hulls: the outlines of the film's frames.
@@ -90,3 +91,12 @@ class Cast:
     def discs(self) -> Discs:
         """Return the discs that together cover the body, for every frame and sprite."""
         return cover_with_discs(self.frame_hulls, self.sprite_hulls)
+
+    def hull(self, kind: str, source: int) -> Floats:
+        """Return the outline (p, 2) of a frame or sprite, px ahead and left of its mass centre.
+
+        kind: FRAME or SPRITE; source: row of the film, or number of the sprite.
+        """
+        if kind == FRAME:
+            return self.frame_hulls[source : source + 1][0].astype(float)
+        return self.sprite_hulls[source]
