@@ -47,7 +47,7 @@ def player_of(zones, **by):
 
 def planner_of(own_world):
     """A planner without pictures."""
-    return MatchingAnimator(matching_of(own_world), None, 1.0, 1.0)
+    return MatchingAnimator(matching_of(own_world), None, 1.0, own_world.settings)
 
 
 def stepless():
@@ -58,7 +58,7 @@ def stepless():
 
 def swim_group(player, ticks=TICKS, seed=0, goals=()):
     p = player.world.settings
-    plans = MatchingAnimator(player, None, 1.0, 1.0)
+    plans = MatchingAnimator(player, None, 1.0, player.world.settings)
     todo = plans._share_out_tasks(goals, plans.seekers, np.random.default_rng(seed))
     assert len(todo) == p.fish
     return build_edit_lists(animate_group(player, todo, ticks), ticks, player.edit_inputs)
@@ -136,12 +136,12 @@ def test_zones_that_nobody_knows_are_asked_for():
 @pytest.mark.parametrize("steps", [True, False])
 def test_company_without_a_rule_is_refused_before_anything_is_planned(steps):
     player = player_of(NEAR)
-    assert MatchingAnimator(player, None, 1.0, 1.0).goals() == []
+    assert MatchingAnimator(player, None, 1.0, player.world.settings).goals() == []
     player = replace(player, shoaling=stepless() if steps else None)
     with pytest.raises(FinloopError, match="too short for the steps" if steps else "no zones"):
-        MatchingAnimator(player, None, 1.0, 1.0).goals()
+        MatchingAnimator(player, None, 1.0, player.world.settings).goals()
     alone = replace(player, world=water(fish=1))
-    assert MatchingAnimator(alone, None, 1.0, 1.0).goals() == []
+    assert MatchingAnimator(alone, None, 1.0, alone.world.settings).goals() == []
 
 
 # --- after a leader
@@ -180,7 +180,8 @@ def test_who_follows_nobody_has_the_goals():
     names = [[goal.name for goal in lot] for lot in (task.goals for task in plans.tasks(goals))]
     assert names == [["A", "C"], [], ["B"], []]
     assert plans.seekers == [0, 2]
-    assert MatchingAnimator(player_of(NEAR), None, 1.0, 1.0).goals() == []
+    player = player_of(NEAR)
+    assert MatchingAnimator(player, None, 1.0, player.world.settings).goals() == []
 
 
 @pytest.mark.parametrize("follow", [((1, 2), (2, 1)), ((1, 1),), ((2, 9),)])

@@ -218,7 +218,7 @@ def plans_of(lines, **changes):
     own_world = replace(own_world, settings=replace(own_world.settings, **changes))
     player = replace(crowd_player(), world=own_world)
     paths = tuple(one and lay_path(one, own_world.tank, own_world.motion, None) for one in lines)
-    return MatchingAnimator(player, None, 1.0, 0.6 * LENGTH, paths)
+    return MatchingAnimator(player, None, 1.0, player.world.settings, 0.6 * LENGTH, paths)
 
 
 def test_each_fish_has_a_path_or_goals_of_its_own():
@@ -317,7 +317,8 @@ def test_two_fish_sent_to_one_place_are_refused():
 
 def planner_of(p):
     """A planner of the made-up fish, without pictures."""
-    return MatchingAnimator(matching_of(film_world_of(**p)), None, 1.0, 20.0)
+    own_world = film_world_of(**p)
+    return MatchingAnimator(matching_of(own_world), None, 1.0, own_world.settings, 20.0)
 
 
 def test_the_planner_refuses_what_cannot_be_before_anything_is_planned():
@@ -335,7 +336,7 @@ def test_the_planner_refuses_what_cannot_be_before_anything_is_planned():
 
 def test_more_fish_than_fit_are_refused():
     own_world = film_world_of(room_=narrow_tank(), fish=40)
-    plans = MatchingAnimator(matching_of(own_world), None, 1.0, 20.0)
+    plans = MatchingAnimator(matching_of(own_world), None, 1.0, own_world.settings, 20.0)
     with pytest.raises(FinloopError, match=r"matching\.fish=40: the tank has room for ") as refused:
         plans.check_room([])
     assert "at most" in refused.value.wanted and "matching.overlap=true" in refused.value.do
@@ -346,7 +347,7 @@ def test_more_fish_than_fit_are_refused():
 
 def test_where_few_places_leave_room_samples_are_drawn_at_other_ones(monkeypatch):
     own_world = film_world_of(room_=narrow_tank(), fish=3, seconds=0.2, trial_goals=1)
-    plans = MatchingAnimator(matching_of(own_world), None, 1.0, 20.0)
+    plans = MatchingAnimator(matching_of(own_world), None, 1.0, own_world.settings, 20.0)
 
     def room(seed):
         try:

@@ -2,17 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from finloop.animate.arena import make_tank, place_goals
+from finloop.animate.company import Plans
 from finloop.animate.motion import learn_motion
 from finloop.animate.places import random_goals
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.settings import AnimateSettings
-from finloop.animate.shoal import animate_fish
+from finloop.animate.shoal import SwimTask, animate_group, settle_fish
 from finloop.animate.silhouettes import Silhouettes
 from finloop.animate.size import ScaledFilm, head_ahead_px, scale_film
 from finloop.animate.world import World
@@ -20,7 +21,7 @@ from finloop.base.arrays import Mask, Picture, Reals
 from finloop.distance.map import MapFacts
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
-from finloop.edit.build import build_edit_list
+from finloop.edit.build import build_edit_lists
 from finloop.edit.joins import resolve_join_rules
 from finloop.edit.pictures import Pictures, remove_ghost_fades
 from finloop.edit.schema import FADE, Goal
@@ -54,67 +55,24 @@ class FilmData(NamedTuple):
     steps: pd.DataFrame
 
 
-class Animator(Protocol):
-    """Plans animations of one film in one mode, as edit lists (columns of `EDIT`)."""
-
-    @property
-    def pictures(self) -> Pictures:
-        """Return the pictures that the edit lists of this animator show."""
-
-    @property
-    def step(self) -> float:
-        """Return the natural step: median distance (Eq. 5) between successive frames."""
-
-    @property
-    def player(self) -> AnyPlayer:
-        """Return the player of the mode, which moves the fish stretch by stretch."""
-
-    @property
-    def fish(self) -> int:
-        """Return the number of fish that swim together in an animation."""
-
-    def sample(self, seed: int, seconds: float) -> pd.DataFrame:
-        """Return the edit list of an animation of `seconds` s, to random goals of a seed."""
-
-    def goals(self) -> list[Goal]:
-        """Return the goals that the parameters name, in px of the tank."""
-
-    def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
-        """Return, for each fish, those of `goals` that it swims to, in their order."""
-
-    def check_room(self, goals: Sequence[Goal]) -> None:
-        """Raise NoRoom if the tank has no room for all fish; goals: the goals of the animation."""
-
-    def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
-        """Return an animation to `goals`: the stretches of each fish, and the edit list of all."""
-
-    def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
-        """Return the edit list of a random animation, and the goals of each fish in it.
-
-        number: of the trial; each number gives other random goals.
-        """
-
-
 @dataclass(frozen=True)
-class PaperAnimator:
-    """Plans animations of one fish in a mode of the paper.
+class Animator:
+    """Plans animations of one fish in one mode, as edit lists (columns of `EDIT`).
 
-    step: the film's natural step, the median distance between successive pictures, both turned to
-    head right; p: the group `animate` of the parameters.
+    player: of the mode, moves the fish stretch by stretch; pictures: that the edit lists show;
+    step: the film's natural step, the median distance (Eq. 5) between successive pictures, both
+    turned to head right; p: the group `animate` of the parameters.
     """
 
-    player: PaperPlayer
+    player: AnyPlayer
     pictures: Pictures
     step: float
     p: AnimateSettings
 
-    fish = 1
-
-    def sample(self, seed: int, seconds: float) -> pd.DataFrame:
-        """Return the edit list of an animation of `seconds` s, to random goals of a seed."""
-        sampler = replace(self, p=replace(self.p, seed=seed, seconds=seconds))
-        goals = random_goals(self.player.world, self.p.trial_goals, np.random.default_rng(seed))
-        return sampler.plan(goals)[1]
+    @property
+    def fish(self) -> int:
+        """Return the number of fish that swim together in an animation."""
+        return 1
 
     def goals(self) -> list[Goal]:
         """Return the parameters' goals, px.
@@ -127,39 +85,64 @@ class PaperAnimator:
         placed = place_goals(self.p.goals, self.p.goal_unit, world.tank, touch_px)
         return [goal._replace(radius_px=world.touch_px) for goal in placed]
 
+    def tasks(self, goals: Sequence[Goal]) -> list[SwimTask]:
+        """Return the task of each fish in the animation to `goals`."""
+        return [SwimTask(goals, np.random.default_rng(self.p.seed))]
+
+    def trial_tasks(self, number: int) -> list[SwimTask]:
+        """Return the task of each fish in a random animation: random goals, without paths.
+
+        number: of the trial; each number gives other goals.
+        """
+        rng = np.random.default_rng([self.p.seed, number])
+        return [SwimTask(random_goals(self.player.world, self.p.trial_goals, rng), rng)]
+
     def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
-        """Return the goals of each fish: a list of one item, `goals`, as there is one fish."""
-        return [goals]
+        """Return the goals that each fish swims to; empty for a fish with another task."""
+        return [task.goals for task in self.tasks(goals)]
 
     def check_room(self, goals: Sequence[Goal]) -> None:
-        """Do nothing: every tank has room for one fish."""
+        """Raise NoRoom if the tank lacks room for all fish, in the animation or a trial.
+
+        goals: of the animation. Only the first stretch of each fish is planned.
+        """
+        if self.fish == 1:
+            return
+        for tasks in (self.tasks(goals), *map(self.trial_tasks, range(self.p.trials))):
+            settle_fish(self.player, tasks, Plans(self.fish))
 
     def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
-        """Return an animation to `goals`: the fish's stretches, and its edit list (`EDIT`).
+        """Return an animation to `goals`: each fish's stretches, and the edit list (`EDIT`).
 
         In an animation joined by cross-fades, pictures too unlike to be mixed are not mixed.
         """
-        animation, edit = self._animate(goals, np.random.default_rng(self.p.seed))
+        animations, edit = self._animate(self.tasks(goals))
         if self.player.joins.kind == FADE:
             edit = remove_ghost_fades(edit, self.pictures, self.p.fade_steps * self.step)
-        return [animation], edit
+        return animations, edit
+
+    def sample(self, seed: int, seconds: float) -> pd.DataFrame:
+        """Return the edit list of an animation of `seconds` s, to random goals of a seed."""
+        world, count = self.player.world, self.p.trial_goals * self.fish
+        goals = [
+            goal._replace(radius_px=world.touch_px)
+            for goal in random_goals(world, count, np.random.default_rng(seed))
+        ]
+        return replace(self, p=replace(self.p, seed=seed, seconds=seconds)).plan(goals)[1]
 
     def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
-        """Return the edit list of a random animation, and its goals as a list for the one fish.
+        """Return the edit list of a random animation without paths, and each fish's goals.
 
         number: of the trial; each number gives other random goals.
         """
-        rng = np.random.default_rng([self.p.seed, number])
-        goals = random_goals(self.player.world, self.p.trial_goals, rng)
-        return self._animate(goals, rng)[1], [goals]
+        tasks = self.trial_tasks(number)
+        return self._animate(tasks)[1], [task.goals for task in tasks]
 
-    def _animate(
-        self, goals: Sequence[Goal], rng: np.random.Generator
-    ) -> tuple[Swim, pd.DataFrame]:
-        """Return the animation of the fish to goals, and its edit list."""
+    def _animate(self, tasks: Sequence[SwimTask]) -> tuple[list[Swim], pd.DataFrame]:
+        """Return the animation of each fish, and the edit list of all."""
         ticks = round(self.p.seconds * self.player.world.motion.rate_hz)
-        animation = animate_fish(self.player, goals, ticks, rng)
-        return animation, build_edit_list(animation, ticks, self.player.edit_inputs)
+        animations = animate_group(self.player, tasks, ticks)
+        return animations, build_edit_lists(animations, ticks, self.player.edit_inputs)
 
 
 class ModeAssets(NamedTuple):
@@ -217,7 +200,7 @@ def video_loop_graph(film_data: FilmData, assets: ModeAssets, loops: pd.DataFram
 def make_animator(
     film_data: FilmData, assets: ModeAssets, mode: PaperMode, film: MotionGraph,
     sprites: Sprites | None, p: AnimateSettings, join: str,
-) -> PaperAnimator:  # fmt: skip
+) -> Animator:  # fmt: skip
     """Return the animator of a mode of the paper.
 
     mode: its flow chart; film: motion graph of its rows; sprites: None in a mode without sprites;
@@ -227,4 +210,4 @@ def make_animator(
     joins = resolve_join_rules(p, join, assets.pictures.bodies, delta, bending)
     player = PaperPlayer(mode, assets.world, film, sprites, assets.silhouettes, joins)
     natural_step = float(film_data.steps["headed"].median())
-    return PaperAnimator(player, assets.pictures, natural_step, p)
+    return Animator(player, assets.pictures, natural_step, p)

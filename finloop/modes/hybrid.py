@@ -19,7 +19,7 @@ from finloop.edit.schema import ENTER, NO_WAY, PHASE, SLIDE, STRAIGHT
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import find_orientations, wrap_deg
 from finloop.loops.settings import LoopsSettings
-from finloop.modes.animator import FilmData, PaperAnimator, make_animator, prepare_mode_assets
+from finloop.modes.animator import Animator, FilmData, make_animator, prepare_mode_assets
 from finloop.modes.hybrid_settings import HybridSettings
 from finloop.modes.loops import (
     Loops,
@@ -222,7 +222,7 @@ def hybrid_animator(
     film_data: FilmData, model: MotionModel, loops: pd.DataFrame, gateways: pd.DataFrame,
     p: CommonSettings, network_settings: NetworkSettings, loops_settings: LoopsSettings,
     hybrid_settings: HybridSettings,
-) -> PaperAnimator:  # fmt: skip
+) -> Animator:  # fmt: skip
     """Return the animator of mode `hybrid` (Fig. 19); without loops or gateways, of `network`.
 
     film_data: what is taken from the film; model: the trained network; loops: rows a, b and

@@ -28,9 +28,9 @@ from finloop.features.table import wrap_deg
 from finloop.loops.positions import quadrant_of_displacement
 from finloop.loops.settings import LoopsSettings
 from finloop.modes.animator import (
+    Animator,
     FilmData,
     ModeAssets,
-    PaperAnimator,
     make_animator,
     prepare_mode_assets,
     video_loop_graph,
@@ -347,7 +347,7 @@ def ticks_to_first_end(film, legal, ends, candidates, place_px):  # type: ignore
 
 def loops_animator(
     film_data: FilmData, loops: pd.DataFrame, p: CommonSettings, q: LoopsSettings
-) -> PaperAnimator:
+) -> Animator:
     """Return the animator of mode `loops` (Figs. 10-13); NothingToUse if the film has no loops.
 
     film_data: what is taken from the film; loops: rows a, b and distance of each loop; p: the group

@@ -1,24 +1,21 @@
 """Mode `matching`: the animator that plans by one search, and what it takes from a film."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from finloop.animate.arena import make_tank, place_goals
-from finloop.animate.company import Plans
+from finloop.animate.arena import make_tank
 from finloop.animate.motion import learn_motion
 from finloop.animate.paths import Path, lay_path
 from finloop.animate.places import random_goals
 from finloop.animate.shoal import (
     SwimTask,
-    animate_group,
     deal_goals,
     make_tasks,
     refuse_shared_goals,
-    settle_fish,
 )
 from finloop.animate.silhouettes import Silhouettes
 from finloop.animate.size import head_ahead_px, scale_film
@@ -29,13 +26,12 @@ from finloop.distance.map import MapFacts, find_map_rows
 from finloop.distance.picture import BODY
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
-from finloop.edit.build import build_edit_lists
 from finloop.edit.joins import JoinRules, resolve_join_rules
-from finloop.edit.pictures import Pictures, remove_ghost_fades
-from finloop.edit.schema import FADE, Goal
-from finloop.edit.stretch import Swim
+from finloop.edit.pictures import Pictures
+from finloop.edit.schema import Goal
 from finloop.features.table import infer_delta_frames
 from finloop.forecast.sampling import Sampler
+from finloop.modes.animator import Animator
 from finloop.plan.cost import Rarity
 from finloop.plan.graph import motion_graph, neighbour_jumps, remove_dead_ends
 from finloop.plan.matching_settings import AllSettings
@@ -78,18 +74,16 @@ class MatchingData(NamedTuple):
 
 
 @dataclass(frozen=True)
-class MatchingAnimator:
+class MatchingAnimator(Animator):
     """Plans animations of one or more fish in mode `matching`.
 
-    player: plans the fish; pictures: what it shows; step: the film's natural step, the unit of
-    discontinuities; reach_px: how far the fish reaches from its centre; paths: of the first fish,
-    None for a fish without one.
+    p: the groups `animate` and `matching` of the parameters; reach_px: how far the fish reaches
+    from its centre; paths: of the first fish, None for a fish without one.
     """
 
     player: Planner
-    pictures: Pictures
-    step: float
-    reach_px: float
+    p: AllSettings
+    reach_px: float = 0.0
     paths: tuple[Path | None, ...] = ()
 
     @property
@@ -100,16 +94,7 @@ class MatchingAnimator:
     @property
     def fish(self) -> int:
         """Return the number of fish that swim together in an animation."""
-        return self.world.settings.fish
-
-    def sample(self, seed: int, seconds: float) -> pd.DataFrame:
-        """Return the edit list of an animation of `seconds` s, to random goals of a seed."""
-        p = replace(self.world.settings, seed=seed, seconds=seconds)
-        player = replace(self.player, world=replace(self.world, settings=p))
-        count = p.trial_goals * p.fish
-        goals = random_goals(player.world, count, np.random.default_rng(seed))
-        touchable = [goal._replace(radius_px=self.world.touch_px) for goal in goals]
-        return replace(self, player=player).plan(touchable)[1]
+        return self.p.fish
 
     def goals(self) -> list[Goal]:
         """Return the parameters' goals, px; none where all fish follow paths or a rule.
@@ -117,16 +102,12 @@ class MatchingAnimator:
         FinloopError if a goal is out of reach, two fish are sent to one place at the same time, or
         fish are to swim by zones and no rule for it is known.
         """
-        p = self.world.settings
-        if p.rule == "zones" and p.fish > 1:
+        if self.p.rule == "zones" and self.fish > 1:
             require_rule(self.player.shoaling)
         if not self.seekers:
             return []
-        world = self.world
-        touch_px = world.touch_px + world.head_px
-        placed = place_goals(p.goals, p.goal_unit, world.tank, touch_px)
-        goals = [goal._replace(radius_px=world.touch_px) for goal in placed]
-        if not p.overlap:
+        goals = super().goals()
+        if not self.p.overlap:
             refuse_shared_goals(goals, self.seekers)
         return goals
 
@@ -136,8 +117,7 @@ class MatchingAnimator:
 
         FinloopError if the rules contradict each other.
         """
-        p = self.world.settings
-        tasks = add_rules(make_tasks([], p.fish, np.random.default_rng()), p)
+        tasks = add_rules(make_tasks([], self.fish, np.random.default_rng()), self.p)
         return [fish for fish, task in enumerate(tasks) if not task.zones and task.follows is None]
 
     @property
@@ -146,70 +126,33 @@ class MatchingAnimator:
         on_path = [fish for fish, path in enumerate(self.paths) if path is not None]
         return [fish for fish in self.fish_without_rule if fish not in on_path]
 
-    def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
-        """Return the share of `goals` of each fish; empty for a fish with another task."""
-        return [task.goals for task in self.tasks(goals)]
-
     def tasks(self, goals: Sequence[Goal]) -> list[SwimTask]:
         """Return the task of each fish: its path, its share of `goals`, or its rule."""
-        rng = np.random.default_rng(self.world.settings.seed)
+        rng = np.random.default_rng(self.p.seed)
         tasks = self._share_out_tasks(goals, self.seekers, rng)
         for fish, path in enumerate(self.paths):
             if path is not None:
                 tasks[fish] = tasks[fish]._replace(route=path.route)
         return tasks
 
+    def trial_tasks(self, number: int) -> list[SwimTask]:
+        """Return the task of each fish in a random animation without paths.
+
+        number: of the trial; each number gives other random goals.
+        """
+        rng = np.random.default_rng([self.p.seed, number])
+        goals = random_goals(self.world, self.p.trial_goals * len(self.fish_without_rule), rng)
+        return self._share_out_tasks(goals, self.fish_without_rule, rng)
+
     def _share_out_tasks(
         self, goals: Sequence[Goal], goal_seekers: Sequence[int], rng: np.random.Generator
     ) -> list[SwimTask]:
         """Return the tasks of all fish by the parameters' rules; `goal_seekers` share the goals."""
-        p = self.world.settings
-        tasks = add_rules(make_tasks([], p.fish, rng), p)
+        tasks = add_rules(make_tasks([], self.fish, rng), self.p)
         if goal_seekers:
             for fish, dealt in zip(goal_seekers, deal_goals(goals, len(goal_seekers)), strict=True):
                 tasks[fish] = tasks[fish]._replace(goals=dealt)
         return tasks
-
-    def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
-        """Return the edit list of a random animation without paths, and each fish's goals.
-
-        number: of the trial; each number gives other random goals.
-        """
-        tasks, ticks = self._trial_tasks(number), self.world.duration
-        goals = [task.goals for task in tasks]
-        animations = animate_group(self.player, tasks, ticks)
-        return build_edit_lists(animations, ticks, self.player.edit_inputs), goals
-
-    def _trial_tasks(self, trial_number: int) -> list[SwimTask]:
-        """Return the task of each fish in a random animation without paths."""
-        p = self.world.settings
-        rng = np.random.default_rng([p.seed, trial_number])
-        goals = random_goals(self.world, p.trial_goals * len(self.fish_without_rule), rng)
-        return self._share_out_tasks(goals, self.fish_without_rule, rng)
-
-    def check_room(self, goals: Sequence[Goal]) -> None:
-        """Raise NoRoom if the tank lacks room for all fish, in the animation or a trial.
-
-        goals: of the animation. Only the first stretch of each fish is planned.
-        """
-        p = self.world.settings
-        if p.fish > 1:
-            settle_fish(self.player, self.tasks(goals), Plans(p.fish))
-            for number in range(p.trials):
-                settle_fish(self.player, self._trial_tasks(number), Plans(p.fish))
-
-    def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
-        """Return an animation to `goals`: each fish's stretches, and the edit list (`EDIT`).
-
-        In an animation joined by cross-fades, pictures too unlike to be mixed are not mixed.
-        """
-        player, p = self.player, self.world.settings
-        ticks = self.world.duration
-        animations = animate_group(player, self.tasks(goals), ticks)
-        edit = build_edit_lists(animations, ticks, player.edit_inputs)
-        if p.join == FADE:
-            edit = remove_ghost_fades(edit, self.pictures, p.fade_steps * self.step)
-        return animations, edit
 
 
 def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimator:
@@ -249,7 +192,7 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
         for line in film_data.lines
     )
     natural_step = float(film_data.steps["headed"].median())
-    return MatchingAnimator(player, pictures, natural_step, scaled.reach_px, paths)
+    return MatchingAnimator(player, pictures, natural_step, p, scaled.reach_px, paths)
 
 
 def _film_rarity(

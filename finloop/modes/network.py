@@ -33,9 +33,9 @@ from finloop.edit.stretch import Decision, Stretch
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.modes.animator import (
     NO_LOOPS,
+    Animator,
     FilmData,
     ModeAssets,
-    PaperAnimator,
     make_animator,
     prepare_mode_assets,
     video_loop_graph,
@@ -324,7 +324,7 @@ class Network:
 
 def network_animator(
     film_data: FilmData, model: MotionModel, p: CommonSettings, q: NetworkSettings
-) -> PaperAnimator:
+) -> Animator:
     """Return the animator of mode `network` (Fig. 18).
 
     film_data: what is taken from the film; model: the trained network; p, q: the groups `animate`
