@@ -13,11 +13,11 @@ from toy_swim import DELTA, HOW, MIRROR, NOISE, RATE, plain, random_swimmer, uns
 
 from finloop.base.errors import FinloopError
 from finloop.base.nearest import assign_parts
+from finloop.base.stretches import longest_repeated_run
 from finloop.forecast import neighbours
 from finloop.forecast.assess import (
     autocorrelation,
     compare_free_swim,
-    longest_repeat_rows,
     measure_control_slopes,
     measure_predictions,
     predict_ensembles,
@@ -376,8 +376,8 @@ def test_ahead_of_one_tick_is_the_mean(film, learnt):
 
 
 def test_the_longest_repeat_is_that_of_a_drawn_series():
-    assert longest_repeat_rows(np.array([[1], [2], [3], [4], [2], [3], [9]])) == 2
-    assert longest_repeat_rows(np.arange(5)[:, None]) == 0
+    assert longest_repeated_run(np.array([1, 2, 3, 4, 2, 3, 9])) == 2
+    assert longest_repeated_run(np.arange(5)) == 0
 
 
 def test_the_autocorrelation_of_a_wave_is_a_cosine():

@@ -1,4 +1,4 @@
-"""Samples of a long film: rows and stretches of rows spread over it."""
+"""Stretches of rows: samples spread over a long film, and the longest that is repeated."""
 
 import math
 from collections.abc import Sequence
@@ -34,3 +34,17 @@ def sample_stretches(
         sample.append(stretches[number])
         rows += stretches[number].stop - stretches[number].start
     return sorted(sample, key=lambda stretch: stretch.start)
+
+
+def longest_repeated_run(numbers: NDArray[np.integer]) -> int:
+    """Return the length of the longest run of numbers (n,) that occurs twice without overlap."""
+    longest = 0
+    for lag in range(1, len(numbers)):
+        if len(numbers) - lag <= longest:
+            break
+        is_repeated = np.concatenate([[False], numbers[lag:] == numbers[:-lag], [False]])
+        edges = np.flatnonzero(is_repeated[1:] != is_repeated[:-1])
+        if edges.size:
+            run_length = int((edges[1::2] - edges[::2]).max())
+            longest = max(longest, min(lag, run_length))  # beyond `lag` both would overlap
+    return longest

@@ -1,4 +1,4 @@
-"""The filmed body behind every picture, frame or sprite: pose, movement and rest.
+"""The filmed body in every picture, frame or sprite: pose, movement and rest.
 
 A sprite is a row of the film that was turned and perhaps mirrored. A frame may also be mirrored, at
 the line through its mass centre along its heading.
@@ -21,7 +21,7 @@ from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose
 
 Rows = NDArray[np.intp]
-_LOT = 10_000  # rows whose movement is measured at a time
+_LOT = 10_000  # rows whose movement is measured at a time, to save memory
 
 
 class Body(NamedTuple):
@@ -37,10 +37,10 @@ class Body(NamedTuple):
 
 
 class Movement(NamedTuple):
-    """How far (n − 1,) an animal's body moves in turning and bending from row to row, body lengths.
+    """How far an animal's body turns and bends from each of n rows to the next, body lengths.
 
-    Both are root mean squares over the points of the backbone. whole: turning and bending; bends:
-    bending alone, with the heading kept.
+    whole (n − 1,): by turning and bending; bends (n − 1,): by bending alone, with the heading kept.
+    Both are root mean squares over the points of the backbone, with the centre kept.
     """
 
     whole: Floats
@@ -67,7 +67,7 @@ def measure_movement(pose: Pose) -> Movement:
 
 @dataclass(frozen=True)
 class Bodies:
-    """The filmed posture behind every picture, whether a film row or a sprite.
+    """The filmed posture in every picture, whether a film row or a sprite.
 
     poses: of n rows; goes_on (n,): whether the next row is the next frame of the same track;
     sprites (s rows): columns row, mirrored, heading_deg, turn_deg, orientations, or an empty table.
@@ -99,7 +99,7 @@ class Bodies:
 
     @cached_property
     def _code_speeds(self) -> Floats:
-        """Return how pose codes (n, c) change per frame at every row, over the frames beside it."""
+        """Return how fast the pose codes (n, c) change at every row, per frame."""
         codes, goes_on = self.poses.codes, self.goes_on
         after = np.arange(len(codes)) + goes_on
         before = np.arange(len(codes)) - np.append(False, goes_on[:-1])
@@ -115,9 +115,9 @@ class Bodies:
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
         """Return which filmed body, mirrored or turned, is in each picture (…), frame or sprite.
 
-        frame: whether each is a frame, else a sprite; number: its row or sprite number; turn_deg:
-        by how much a frame is turned, or the direction in which a sprite swims; mirrored: whether a
-        frame is mirrored.
+        frame: whether each picture is a frame, else a sprite; number: its row or sprite number;
+        turn_deg: by how much a frame is turned, or the direction in which a sprite swims; mirrored:
+        whether a frame is mirrored.
         """
         sprite_row, sprite_mirrored, sprite_direction, _turn = self._sprite_bodies
         sprite = np.where(frame, 0, number)
@@ -152,9 +152,9 @@ class Bodies:
         return np.where(frame, 0.0, turn[np.where(frame, 0, number)])
 
     def are_near_in_film(self, first: Body, second: Body, frames: int) -> Mask:
-        """Return which pairs (…) of bodies are at most `frames` apart in one track of the film.
+        """Return a mask (…) of pairs of bodies at most `frames` apart in one track of the film.
 
-        Both, or none, must be mirrored.
+        Both bodies of a pair, or none, must be mirrored.
         """
         track = np.append(0, np.cumsum(~self.goes_on[:-1]))  # number of each row's track
         near = np.abs(first.row - second.row) <= frames
@@ -177,9 +177,9 @@ class Bodies:
 def resting_rows(bodies: Bodies, share: float) -> Mask:
     """Return a mask (n,) of the rows at which the animal keeps its place and posture.
 
-    It rests where its centre and its body about the centre move, since the row before, less than
-    `share` of the film's root mean square movement. Nothing may move the fish there: a picture that
-    stays the same and drifts looks false.
+    There the centre and the body about it move, since the row before, less than `share` of the
+    film's root mean square movement. Nothing may move the fish there: a picture that stays the same
+    and drifts looks false.
     """
     pose, same_track = bodies.poses.pose, bodies.goes_on[:-1]
     step = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) / pose.size_px[1:]

@@ -21,10 +21,11 @@ _NO_COSTS = (np.nan,) * len(TERMS)
 class EditInputs:
     """All pictures that an edit list can show, n rows of the film and s sprites, and their joins.
 
-    body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,), sprite_scale (s,): drawn size
-    / filmed size; goes_on (n,): whether a row is followed by the next one; sprite_after (s,): the
-    sprite that follows each; orientations: of each sprite; joins: how pictures are joined; modes:
-    the names of the one that plays frames, and of the one that plays sprites.
+    rate_hz: ticks per second; body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,),
+    sprite_scale (s,): drawn size / filmed size; goes_on (n,): whether a row is followed by the next
+    one; sprite_after (s,): the sprite that follows each; orientations: of each sprite; joins: how
+    pictures are joined; modes: name of the mode that plays frames, and of the one that plays
+    sprites.
     """
 
     rate_hz: float
@@ -39,18 +40,18 @@ class EditInputs:
     modes: tuple[str, str]
 
     def next_number(self, kind: str, number: int) -> int:
-        """Return the number of the sprite or film row after another, at the end its own number."""
+        """Return the number of the sprite or film row after another, the same at the last one."""
         if kind == SPRITE:
             return int(self.sprite_after[number])
         return number + int(self.goes_on[number])
 
 
-def build_edit_list(swim: Swim, ticks: int, sources: EditInputs, fish: int = 0) -> pd.DataFrame:
+def build_edit_list(swim: Swim, ticks: int, inputs: EditInputs, fish: int = 0) -> pd.DataFrame:
     """Return the edit list of one fish: what is drawn at each of the first ticks (schema `EDIT`).
 
-    swim: the animation; ticks: their number; sources: what can be shown; fish: its number, from 0.
+    swim: the animation; inputs: what can be shown; fish: number of the fish, from 0.
     """
-    table = pd.DataFrame(edit_columns(swim.stretches, swim.names, ticks, sources))
+    table = pd.DataFrame(edit_columns(swim.stretches, swim.names, ticks, inputs))
     faded = table["weight"] > 0
     table = table.astype({"orientation": "Int8", "partner": "Int32", "partner_orientation": "Int8"})
     table.loc[~faded, ["partner_kind", "partner"]] = None
@@ -61,12 +62,12 @@ def build_edit_list(swim: Swim, ticks: int, sources: EditInputs, fish: int = 0) 
     return table[EDIT.names]
 
 
-def build_edit_lists(swims: Sequence[Swim], ticks: int, sources: EditInputs) -> pd.DataFrame:
+def build_edit_lists(swims: Sequence[Swim], ticks: int, inputs: EditInputs) -> pd.DataFrame:
     """Return the edit list of several fish: what is drawn at every tick (schema `EDIT`).
 
-    Each fish has `ticks` rows, fish after fish; sources: what can be shown.
+    Each fish has `ticks` rows, fish after fish; inputs: what can be shown.
     """
-    lists = [build_edit_list(swim, ticks, sources, fish) for fish, swim in enumerate(swims)]
+    lists = [build_edit_list(swim, ticks, inputs, fish) for fish, swim in enumerate(swims)]
     return lists[0] if len(lists) == 1 else pd.concat(lists, ignore_index=True)
 
 
@@ -100,11 +101,11 @@ def _decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any
 
 
 def edit_columns(
-    stretches: Sequence[Stretch], names: Sequence[str], ticks: int, sources: EditInputs
+    stretches: Sequence[Stretch], names: Sequence[str], ticks: int, inputs: EditInputs
 ) -> dict[str, NDArray[Any]]:
     """Return the columns (ticks,) of `EDIT` that say what is drawn, as arrays without nulls.
 
-    names: the goal of each stretch; sources: what can be shown. The columns of the cross-fade
+    names: of the goal of each stretch; inputs: what can be shown. The columns of the cross-fade's
     partner have a meaning where `weight` > 0.
     """
     lengths = np.array([len(stretch.trajectory) for stretch in stretches])
@@ -118,13 +119,13 @@ def edit_columns(
         frame=np.array([stretch.kind == FRAME for stretch in stretches])[stretch_of_tick],
         number=np.concatenate([stretch.number for stretch in stretches])[:ticks],
         rot=np.concatenate(rots)[:ticks],
-        heading_deg=sources.heading_deg,
+        heading_deg=inputs.heading_deg,
     )
     starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     first_ticks = starts[starts < ticks]
     heading = wrap_deg(trajectory[:, 2])
     step = np.hypot(*np.diff(trajectory[:, :2], axis=0, prepend=trajectory[:1, :2]).T)
-    speed = step / sources.body_length_px * sources.rate_hz
+    speed = step / inputs.body_length_px * inputs.rate_hz
     if len(speed) > 1:
         speed[0] = speed[1]  # before the first tick there is no step
     is_new = np.array([stretch.new for stretch in stretches])[: len(first_ticks)]
@@ -133,14 +134,14 @@ def edit_columns(
     state = np.array([stretch.state for stretch in stretches])[stretch_of_tick]
     return {
         "tick": np.arange(ticks),
-        "time_s": np.arange(ticks) / sources.rate_hz,
-        **_join_columns(pictures, heading, new_ticks, sources),
+        "time_s": np.arange(ticks) / inputs.rate_hz,
+        **_join_columns(pictures, heading, new_ticks, inputs),
         "x_px": trajectory[:, 0],
         "y_px": trajectory[:, 1],
         "heading_deg": heading,
         "speed": speed,
         "motion_area": np.array([stretch.area for stretch in stretches])[stretch_of_tick],
-        "mode": np.where(pictures.frame, *sources.modes),
+        "mode": np.where(pictures.frame, *inputs.modes),
         "state": np.array(STATES)[state],
         "goal": np.array(names)[stretch_of_tick],
         "aim_x_px": aims[:, 0],
@@ -151,11 +152,11 @@ def edit_columns(
 def resolve_mirror_images(
     frame: Mask, number: Ints, rot: Floats, heading_deg: Reals
 ) -> PictureSequence:
-    """Replace picture numbers n + i, mirror images of row i, by row i and a mark; all (ticks,).
+    """Return pictures (ticks,) in which number n + i, the mirror image of row i, is row i mirrored.
 
-    frame: whether each picture is a frame; number: its row i, n + i for row i upside down, or a
-    sprite; rot: a frame's rotation, degrees; heading_deg (n,): of the rows as filmed. Row i is
-    drawn mirrored about its own heading, so its rotation changes.
+    frame (ticks,): whether each picture is a frame; number (ticks,): its row i, n + i for row i
+    upside down, or a sprite; rot (ticks,): a frame's rotation, degrees; heading_deg (n,): of the
+    rows as filmed. Row i is drawn mirrored about its own heading, so its rotation changes.
     """
     rows = len(heading_deg)
     mirrored = frame & (number >= rows)
@@ -166,14 +167,14 @@ def resolve_mirror_images(
 
 
 def _join_columns(
-    pictures: PictureSequence, heading: Floats, new: Ints, sources: EditInputs
+    pictures: PictureSequence, heading: Floats, new: Ints, inputs: EditInputs
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns (ticks,) of pictures, their poses, and the pictures that fade out.
+    """Return the columns (ticks,) of pictures, poses, and pictures that fade out, by name.
 
     heading (ticks,): of the fish, degrees; new: ticks whose picture does not continue the one
     before. For inertialization the joins are found in the pictures themselves.
     """
-    rules, columns = sources.joins, _picture_columns(pictures, heading, sources)
+    rules, columns = inputs.joins, _picture_columns(pictures, heading, inputs)
     pose = np.full(len(heading), None, object)
     if rules.kind == INERTIAL and len(heading):
         join = inertialize_pictures(pictures, heading, rules)
@@ -182,8 +183,8 @@ def _join_columns(
             pose[tick] = join.codes[tick]
         turned = wrap_deg(columns["rotation_deg"] + join.turn_deg)
         columns["rotation_deg"] = turned.astype(np.float32)
-    partner, weight = cross_fade_partners(pictures, new, rules.fade, sources.next_number)
-    partner_columns = _picture_columns(partner, heading, sources)
+    partner, weight = cross_fade_partners(pictures, new, rules.fade, inputs.next_number)
+    partner_columns = _picture_columns(partner, heading, inputs)
     return {
         **columns, "partner": partner_columns.pop("source"),
         **{f"partner_{name}": column for name, column in partner_columns.items()},
@@ -192,17 +193,17 @@ def _join_columns(
 
 
 def _picture_columns(
-    pictures: PictureSequence, heading: Floats, sources: EditInputs
+    pictures: PictureSequence, heading: Floats, inputs: EditInputs
 ) -> dict[str, NDArray[Any]]:
     """Return the columns (ticks,) of an edit list that say which picture is shown, and how turned.
 
     heading (ticks,): of the fish, degrees. A sprite is the nearest orientation, turned by the rest.
     """
-    count, frame, number = sources.orientations, pictures.frame, pictures.number
+    count, frame, number = inputs.orientations, pictures.frame, pictures.number
     sector = find_orientations(heading, count)
     residual = wrap_deg(heading - orientation_heading_deg(sector, count))
-    frame_scale = sources.scale[np.where(frame, number, 0)]
-    sprite_scale = sources.sprite_scale[np.where(frame, 0, number)]
+    frame_scale = inputs.scale[np.where(frame, number, 0)]
+    sprite_scale = inputs.sprite_scale[np.where(frame, 0, number)]
     return {
         "kind": np.where(frame, FRAME, SPRITE),
         "source": number,

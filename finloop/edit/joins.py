@@ -1,15 +1,15 @@
 """Joins: how a picture follows one that does not precede it in the film.
 
 A *join* is a tick whose picture is not the film's next one. Inertialization (Bollo 2018) continues
-the posture, its velocity and the heading: the difference between what the old picture would have
-shown and the new one,
+the posture, its velocity and the heading: the offset of what the old picture would have shown from
+the new one,
 
     x(τ) = (x₀ (1 + a τ) + v₀ τ) exp(−a τ),    τ ticks after the join,
 
-decays as a critically damped spring and is added to the new picture. The sum is linear, so what is
-left of one join adds to the next. The posture is left alone where bending does not make the two
-pictures more alike, as in fat bodies, whose backbones say little. While the film rests the
-difference stays: τ counts only the ticks at which the film moves. A cross-fade in that pose blends
+decays as a critically damped spring and is added to the new picture. The equation is linear in x₀
+and v₀, so what is left of one join adds to the next. The posture is left alone where bending does
+not make the two pictures more alike, as in fat bodies, whose backbones say little. While the animal
+rests the offset stays: τ counts only the ticks at which it moves. A cross-fade in that pose blends
 light and skin. FADE mixes the two pictures as they are, CUT changes at once.
 
 D. Bollo, Inertialization: High-Performance Animation Transitions in "Gears of War", GDC 2018.
@@ -27,8 +27,11 @@ from finloop.edit.bodies import Bodies, Body, resting_rows
 from finloop.edit.schema import CUT, FRAME, INERTIAL, SPRITE
 from finloop.features.table import wrap_deg
 
-_DECAY = 4.743865  # (1 + a) exp(−a) = 0.05
+_DECAY = 4.743865  # a with (1 + a) exp(−a) = 0.05: x(τ) without velocity falls to 5 % at τ = 1
 _LASTS = 2.0  # times the duration of a join, after which less than 0.1 % of its offset is left
+_SETTLING = (
+    3  # ticks more in which a join is taken to change pictures: the velocity before it counts
+)
 
 BendingTest = Callable[[int, int, bool, bool], bool]
 """Whether a row looks more like another one in that one's posture; whether each is mirrored."""
@@ -84,7 +87,7 @@ class JoinRules:
 
         Ticks at which the animal rests do not count.
         """
-        return max(self.fade, self._spring_ticks) + 3
+        return max(self.fade, self._spring_ticks) + _SETTLING
 
     @property
     def _spring_ticks(self) -> int:
@@ -92,16 +95,16 @@ class JoinRules:
         return int(np.ceil(_LASTS * self.decay)) if self.kind == INERTIAL else 0
 
     def count_moving(self, kind: str, number: Ints) -> int:
-        """Return at how many pictures the animal does not rest; only they count after a join.
+        """Return at how many of k pictures the animal does not rest; only they count after a join.
 
-        kind: SPRITE (all count) or FRAME; number (k,): rows, plus n for mirror images.
+        kind: SPRITE, all of which count, or FRAME; number (k,): rows, plus n for mirror images.
         """
         return len(number) if kind == SPRITE else int((~self.rests[number % len(self.rests)]).sum())
 
     def spring_response(self) -> tuple[Floats, Floats]:
-        """Return how an offset of 1 and a velocity of 1 (per tick) decay: offsets (k,) at k ticks.
+        """Return what is left of an offset of 1, and of a velocity of 1 a tick, after 0, 1 … ticks.
 
-        See x(τ) in this module's text.
+        Both are offsets (k,): x(τ) of this module's text, for x₀ = 1, v₀ = 0 and x₀ = 0, v₀ = 1.
         """
         rate, ticks = _DECAY / self.decay, np.arange(self._spring_ticks)
         decay = np.exp(-rate * ticks)
@@ -133,8 +136,9 @@ def resolve_join_rules(
 class PictureSequence:
     """Which picture is shown at each tick, and how it is turned; all (ticks,).
 
-    frame: whether it is a frame; number: the row of a frame, else the sprite; rot: degrees by which
-    a frame is turned; mirrored: whether a frame is mirrored.
+    frame: whether the picture is a frame of the film, else a sprite; number: row of the frame, or
+    number of the sprite; rot: degrees by which a frame is turned; mirrored: whether a frame is
+    mirrored.
     """
 
     frame: Mask
@@ -171,8 +175,8 @@ def inertialize_pictures(
 ) -> InertializedPictures:
     """Return the joins in pictures (ticks,), and the poses and rotations that make them smooth.
 
-    line_deg (ticks,): direction in which the fish swims, for which sprites are drawn, degrees. The
-    posture is left alone where bending does not make the pictures of a join more alike.
+    line_deg (ticks,): direction in which the fish swims and in which sprites are drawn, degrees.
+    The posture is left alone where bending does not make the pictures of a join more alike.
     """
     bodies, frame, number = rules.bodies, shown.frame, shown.number
     drawn = bodies.picture_bodies(
@@ -198,15 +202,16 @@ def inertialize_pictures(
         for row, old_row, mirrored, old_mirrored in pairs
     ]]  # fmt: skip
     offset[unbent, :-1] = velocity[unbent, :-1] = 0
-    # What remains of the offsets of all joins, by a clock that stands still while the film rests.
+    # What remains of the offsets of all joins; offsets stay while the film rests, so only ticks at
+    # which it moves are counted: tick t is the moving tick number moving[t].
     offset_decay, velocity_decay = rules.spring_response()
-    clock = np.cumsum(moves) - 1
+    moving = np.cumsum(moves) - 1
     remaining = sum_past_values(offset_decay, offset[moves])
     remaining += sum_past_values(velocity_decay, velocity[moves])
-    remaining = remaining[clock]
-    latest_join = np.full(clock[-1] + 1, -(2**31))  # by the clock; none yet: long ago
-    latest_join[clock[joins]] = clock[joins]
-    since_join = clock - np.maximum.accumulate(latest_join)[clock]
+    remaining = remaining[moving]
+    latest_join = np.full(moving[-1] + 1, -(2**31))  # at each moving tick; none yet: long ago
+    latest_join[moving[joins]] = moving[joins]
+    since_join = moving - np.maximum.accumulate(latest_join)[moving]
     posed, codes = since_join < len(offset_decay), bodies.codes(drawn)
     codes[posed] += remaining[posed, :-1]
     # A posture near a filmed one is possible; others are moved to the nearest possible one.
@@ -224,8 +229,8 @@ def _join_offsets(
     """Return how far pose and heading jump at each join, and how far their velocities do.
 
     Both are (ticks, c + 1), 0 at other ticks: c pose codes (principal-component scores), then
-    degrees. drawn: bodies of all ticks; joins: their ticks; old: bodies that the film would show
-    there; before_deg: turn in the tick before each.
+    degrees. drawn: bodies of all ticks; joins (k,): their ticks; old (k,): bodies that the film
+    would show there; before_deg (k,): turn in the tick before each.
     """
     new, ticks = drawn.select(joins), len(drawn.row)
     ahead = np.minimum(joins + 1, ticks - 1)  # the tick after each join
@@ -245,8 +250,9 @@ def cross_fade_partners(
 ) -> tuple[PictureSequence, Floats]:
     """Return the pictures (ticks,) that fade out, and their shares (ticks,): 0 where none does.
 
-    shown: the pictures that fade in. At each tick of `begins` the old picture plays on for `fade`
-    ticks and loses its share. following(kind, number): returns the number of the next picture.
+    shown: the pictures that fade in. From each tick of `begins` on, the old picture plays on for
+    `fade` ticks, and its share falls. following(kind, number): returns the number of the picture
+    after another.
     """
     ticks = len(shown.number)
     partner, weight = PictureSequence(

@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
+from finloop.base.stretches import longest_repeated_run
 from finloop.edit.schema import ENTER, FORECAST, FRAME, SPOT, STATES, TURN
 from finloop.features.table import wrap_deg
 from finloop.puppet import PoseShapes
@@ -35,9 +36,9 @@ def picture_kinds(edit: pd.DataFrame) -> pd.Series:
 def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
     """Return the percentage of ticks that show each of `SHOWN`, and the number of switches.
 
-    Keys: shown_<name>_pct; film_pct: film, bent or mirrored or not; stuck_pct: turning on the spot
-    because every way leaves the tank; switches: between sprites and film; switches_without_gateway:
-    those by no gateway, a sprite and a frame that are alike.
+    Keys: shown_<name>_pct; film_pct: frames, as filmed, bent or mirrored; stuck_pct: turning on the
+    spot because every candidate leaves the tank; switches: between sprites and film;
+    switches_without_gateway: those not through a gateway, a sprite and a frame that are alike.
     """
     names, is_frame = picture_kinds(edit), (edit["kind"] == FRAME).to_numpy()
     switched = np.append(False, is_frame[1:] != is_frame[:-1])
@@ -64,7 +65,10 @@ def motion_area_errors(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def average_measures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return the mean of each measure over those fish that have it; rows: by name, a fish each."""
+    """Return the mean of each measure over those fish that have it.
+
+    rows: measures by name, a row a fish.
+    """
     return dict(rows[0]) if len(rows) == 1 else pd.DataFrame(rows).mean().to_dict()
 
 
@@ -113,9 +117,11 @@ def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
 
 
 def _ratios_to_film(drawn: Floats, film: Floats, name: str, plural: str) -> dict[str, float]:
-    """Return picture distances as ratios to the film's median, and the percentage above its 95 %.
+    """Return, by name, picture distances over the film's median, and the share above its 95 %.
 
-    drawn, film: distances (k,), (l,); name, plural: for the names of the results.
+    drawn, film: distances (k,), (l,); name, plural: in the names of the results. Results: median
+    and 95th percentile of the ratios, and the percentage of `drawn` above the film's 95th
+    percentile.
     """
     film_median = float(np.median(film))
     return {
@@ -146,16 +152,7 @@ def state_measures(edit: pd.DataFrame) -> dict[str, float]:
 
 def longest_repeat(edit: pd.DataFrame) -> int:
     """Return the length in ticks of the longest run of pictures that is shown again later."""
-    pictures, longest = _number_pictures(edit), 0
-    for lag in range(1, len(pictures)):
-        if len(pictures) - lag <= longest:
-            break
-        equal = np.concatenate([[False], pictures[lag:] == pictures[:-lag], [False]])
-        edges = np.flatnonzero(np.diff(equal.astype(np.int8)))
-        if edges.size:
-            run_lengths = edges[1::2] - edges[::2]
-            longest = max(longest, min(lag, int(run_lengths.max())))  # a run ends where it recurs
-    return longest
+    return longest_repeated_run(_number_pictures(edit))
 
 
 def _number_pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
@@ -167,10 +164,11 @@ def _number_pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
 def rhythm_measures(
     edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float
 ) -> dict[str, float]:
-    """Return the longest time [s] that a picture stays, and the number and least spacing of jumps.
+    """Return, by name, the longest time that a picture stays, and the film's jumps.
 
-    jumps (k,): ticks of transitions; only those from frame to frame count. The spacing is NaN with
-    fewer than two jumps.
+    `longest_still_s`: that time, s; `jumps_of_the_film`: number of jumps from frame to frame;
+    `shortest_stay_s`: least time between two of them, NaN with fewer than two. jumps (k,): ticks of
+    all transitions.
     """
     changes = np.diff(_number_pictures(edit)) != 0
     runs = np.diff(np.flatnonzero(np.r_[True, changes, True]))

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.schema import Column, Schema, columns
+from finloop.base.stretches import longest_repeated_run
 from finloop.features.area import measure_bend
 from finloop.forecast.film import MOTION, FilmStates, Partition
 from finloop.forecast.model import Forecast
@@ -31,20 +31,20 @@ FREE = Schema(
     Column("turning", "float32", "rad/s"),
     Column("pose", "float32", "1"),
 )
-"""A fish that swims freely, tick by tick: its speeds, its first code, and the row that it follows
-(of 2 n, or of n without mirror images)."""
+"""A fish that swims freely, tick by tick: its speeds, its first code, and the row that it follows:
+one of n, or of 2 n with mirror images."""
 
-_TRIALS = 400  # rows from which it is measured how well a fish obeys its controls
-_PRIOR = 4.0  # rows of the whole film that count beside an ensemble's own, in its spread
-_LEAST_MEMBERS = 5  # of an ensemble
+_TRIALS = 400  # random rows from which a fish starts, to measure how well it obeys its controls
+_PRIOR = 4.0  # members that the variance of the whole film counts as, in an ensemble's variance
+_LEAST_MEMBERS = 5  # of an ensemble: fewer say too little of its spread
 
 
 class PredictedEnsembles(NamedTuple):
     """Predicted states (pose and speeds) after k held-out rows, each as an ensemble of members.
 
-    rows: (k,) of the film. mean, spread: (k, d), of a row's members; rank: (k, d), the share of
-    members below the true state, 0 … 1. The d numbers of a state and their units are those of
-    `FilmStates`.
+    rows (k,): of the film; mean, spread (k, d): mean and standard deviation of a row's members;
+    rank (k, d): share of members below the true state, 0 … 1. The d numbers of a state and their
+    units are those of `FilmStates`.
     """
 
     rows: Ints
@@ -59,8 +59,8 @@ def predict_ensembles(
     """Return the states predicted after held-out rows, each as an ensemble from training rows.
 
     A member is the network's prediction plus the error that the network made at a similar training
-    row; rows with fewer than 5 members are left out. rng: draws the true state's rank between two
-    members.
+    row; rows with fewer than 5 members are left out. rng: draws the rank of a true state that lies
+    between two members.
     """
     is_training = np.zeros(len(film.states), bool)
     is_training[parts.train] = True
@@ -97,8 +97,8 @@ def measure_predictions(
 
     Errors: root mean squares in standard deviations of the film, of posture codes (pose) and of
     speeds (motion); likelihoods: nats per state number; coverage: % of true numbers in the inner 50
-    or 80 % of their ensemble. Keys with persistence: where no change is predicted. Likelihoods and
-    coverage are left out without ensembles.
+    or 80 % of their ensemble. Keys that name persistence: of the prediction that nothing changes.
+    Likelihoods and coverage are left out without ensembles.
     """
     rows, true = parts.held_out, film.states[parts.held_out + 1]
     metrics = {}
@@ -132,9 +132,10 @@ def _log_likelihood(error: Floats, deviation: Floats) -> float:
 
 
 def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
-    """Return states (k, d) predicted a time Δ after rows (k,): each prediction is the next input.
+    """Return the states (k, d) predicted for a time Δ after rows (k,), tick by tick.
 
-    The controls (displacement and turn) are those of the film.
+    Each prediction is the input of the next one. The controls (displacement and turn) are those of
+    the film.
     """
     past = film.states[rows[:, None] - np.arange(film.lags[-1] + 1)]
     for tick in range(film.delta):
@@ -148,8 +149,9 @@ def measure_control_slopes(
 ) -> dict[str, float]:
     """Return how well a fish obeys its control over the time Δ: slopes of motion against control.
 
-    displacement_slope, angle_slope: 1 if it moves as controlled, 0 if it ignores the control; left
-    out if the control never varies. The fish starts at random rows, with controls of similar rows.
+    Keys displacement_slope, angle_slope: 1 if the fish moves as controlled, 0 if it ignores the
+    control; left out if the control never varies. The fish starts at random rows, with controls of
+    similar rows.
     """
     controls, motions = [], []
     delta, step_s = film.delta, 1 / film.rate_hz
@@ -188,7 +190,7 @@ def posture_motion_areas(postures: Floats) -> Floats:
 
 
 def rank_table(ensemble: PredictedEnsembles) -> pd.DataFrame:
-    """Return the table HELD_OUT: where true codes and speeds rank among the predicted members."""
+    """Return the table HELD_OUT: the rank of true codes and speeds among the predicted members."""
     first_code_and_speeds = ensemble.rank[:, [0, -3, -2, -1]].T
     ranks = dict(zip(HELD_OUT.names[1:], first_code_and_speeds, strict=True))
     return pd.DataFrame({"row": ensemble.rows, **ranks})
@@ -205,36 +207,26 @@ def free_swim_table(states: Floats, rows: Ints) -> pd.DataFrame:
 def compare_free_swim(
     states: Floats, rows: Ints, film: FilmStates, sampler: Sampler
 ) -> dict[str, float]:
-    """Return how a fish that swims by predictions alone compares with the film, by name.
+    """Return, by name, how a fish that swims by predictions alone compares with the film.
 
-    states (t, d), rows (t,): from `swim_freely`. …_spread_of_film: standard deviation over the
-    film's; free_clamped_pct: ticks at the edge of the film's range; …_repeat_s: longest repeats,
-    seconds.
+    states (t, d), rows (t,): from `swim_freely`. Keys …_spread_of_film: standard deviation over the
+    film's; free_clamped_pct: ticks at the edge of the film's range; …_repeat_s: longest repeats of
+    states or rows, seconds.
     """
     filmed = film.states[film.rows]
     clamped = (states <= sampler.low) | (states >= sampler.high)
     spread = states.std(0) / filmed.std(0)
+    state_numbers = np.unique(states.round(9), axis=0, return_inverse=True)[
+        1
+    ]  # equal for equal ones
     return {
         "free_pose_spread_of_film": float(np.sqrt((spread[:-MOTION] ** 2).mean())),
         "free_forward_spread_of_film": float(spread[-3]),
         "free_turning_spread_of_film": float(spread[-1]),
         "free_clamped_pct": float(100 * clamped.any(1).mean()),
-        "free_longest_exact_repeat_s": longest_repeat_rows(states.round(9)) / film.rate_hz,
-        "free_longest_row_repeat_s": longest_repeat_rows(rows[:, None]) / film.rate_hz,
+        "free_longest_exact_repeat_s": longest_repeated_run(state_numbers.ravel()) / film.rate_hz,
+        "free_longest_row_repeat_s": longest_repeated_run(rows) / film.rate_hz,
     }
-
-
-def longest_repeat_rows(values: NDArray[np.generic]) -> int:
-    """Return the length of the longest run of rows (n, k) that occurs twice without overlap."""
-    numbers = np.unique(values, axis=0, return_inverse=True)[1].ravel()
-    longest = 0
-    for lag in range(1, len(numbers)):
-        is_repeated = np.concatenate([[False], numbers[lag:] == numbers[:-lag], [False]])
-        if is_repeated.any():
-            edges = np.flatnonzero(is_repeated[1:] != is_repeated[:-1])
-            longest_run = int((edges[1::2] - edges[::2]).max())
-            longest = max(longest, min(lag, longest_run))  # beyond `lag` rows both would overlap
-    return longest
 
 
 def autocorrelation(values: Floats, follows: Mask, lags: int) -> Floats:

@@ -1,9 +1,9 @@
 """The states of all rows of a film and of their mirror images, and their controls.
 
-Glossary: a *state* is the posture's codes, and forward, sideways [body lengths/s] and turning speed
-[rad/s, + = left] from the frame before; the *past* of a row are its states at the lags, the present
-one first; the *control* of a row is the fish's next motion (Eqs. 1, 3): displacement [body lengths]
-and included angle [rad] over the next Δ.
+A *state* is the posture's codes, and forward, sideways [body lengths/s] and turning speed [rad/s, +
+= left] from the frame before. The *past* of a row is its states at the lags, the present one first.
+The *control* of a row is the fish's next motion (Eqs. 1, 3): displacement [body lengths] and
+included angle [rad] over the next Δ.
 
 Rows n … 2 n − 1 are the mirror images of rows 0 … n − 1. An animal whose sides differ has none.
 """
@@ -30,20 +30,21 @@ CONTROL = 2
 """Numbers of a control: displacement and included angle."""
 
 LEAST_ROWS = 100
-_LEAST_SD = 1e-6  # standard deviation, at least
+"""Usable rows from which a network can be trained at all: some seconds of film."""
+_LEAST_SD = 1e-6  # standard deviation, at least: units must not be 0
 
 
 @dataclass(frozen=True)
 class FilmStates:
     """The states (pose and speeds) and controls (next motion) of a film's n rows and mirror images.
 
-    There are m = n rows, or 2 n with mirror images. states: (m, d), pose codes, then body lengths/s
-    ahead and to the left, rad/s; control: (m, 2), body lengths and rad over the next Δ; both NaN
-    where the track does not reach. usable: (m,) whether past, control and next state exist. mirror:
-    (d, d), states @ mirror are the mirrored states; side: (2,), control * side the mirrored
-    controls; identity and ones where the sides differ. lags: (l,) frames, ascending from 0. scale:
-    (d,) standard deviations; control_scale: (2,) root mean squares. frame: (m,) frame numbers.
-    delta: Δ in frames. rate_hz: frames per second. count: n. memory: frames after which a posture
+    There are m = n rows, or 2 n with mirror images. states (m, d): pose codes, then body lengths/s
+    ahead and to the left, rad/s; control (m, 2): body lengths and rad over the next Δ; both NaN
+    where the track does not reach. usable (m,): whether past, control and next state exist. mirror
+    (d, d), side (2,): states @ mirror are the mirrored states, control * side the mirrored
+    controls; identity and ones where the sides differ. lags (l,): frames, ascending from 0. scale
+    (d,): standard deviations; control_scale (2,): root mean squares. frame (m,): frame numbers;
+    delta: Δ in frames; rate_hz: frames per second; count: n; memory: frames after which a posture
     is half forgotten.
     """
 
@@ -76,10 +77,10 @@ def compute_film_states(
 ) -> FilmStates:
     """Return pose, speeds and next motion of all rows of a film and of their mirror images.
 
-    codes: (n, c) of the rows' postures, the most important first, of which enough are kept for
-    `p.pose_variance_ratio` of the variance; mirror (c, c): mirrors codes, None if the fish may not
-    be mirrored. FinloopError if too few rows have a past and a future, or no fish turns or moves in
-    them.
+    codes (n, c): of the rows' postures, the most important first, of which enough are kept for
+    `p.pose_variance_ratio` of the variance; mirror (c, c): the matrix that mirrors codes, None if
+    the fish may not be mirrored. FinloopError if too few rows have a past and a future, or no fish
+    turns or moves in them.
     """
     delta, n = infer_delta_frames(features), len(features)
     track, frame = (features[name].to_numpy(np.int64) for name in ("track_id", "frame"))
@@ -134,7 +135,7 @@ def posture_mirror_matrix(poses: FilmPoses, look: Reals) -> Reals | None:
 
 
 def _measure_speeds(features: pd.DataFrame, rate_hz: float) -> Floats:
-    """Return the forward and sideways [body lengths/s] and turning speed [rad/s] of rows, (n, 3).
+    """Return the forward, sideways [body lengths/s] and turning [rad/s] speeds (n, 3) of rows.
 
     They are NaN at a track's first row and after a missing frame. rate_hz: frames per second.
     """
@@ -159,10 +160,10 @@ class Partition:
 
 
 def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
-    """Return usable rows split by stretches of time, of all fish together; no past reaches across.
+    """Return the usable rows, those in random stretches of time held out, of all fish together.
 
-    Each side has at most `p.most_rows`: in a long film a random sample. FinloopError if the film is
-    shorter than two stretches.
+    No past reaches from one side to the other. Each side has at most `p.most_rows`: in a long film
+    a random sample. FinloopError if the film is shorter than two stretches.
     """
     rows, least = film.rows, int(film.lags[-1]) + 2  # frames from a past to the next state
     block = held_out_block_frames(

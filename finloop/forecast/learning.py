@@ -8,6 +8,7 @@ to the film's states from nearby (as a denoising autoencoder; Vincent 2008).
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -19,7 +20,7 @@ from finloop.forecast.film import CONTROL, FilmStates, Partition
 from finloop.forecast.model import Forecast
 from finloop.forecast.settings import ForecastSettings
 
-_FLOOR = 0.02  # least share of a variance: nearly constant numbers must not dominate
+_FLOOR = 0.02  # added to the mean squares of changes: nearly constant numbers must not dominate
 _LAG_NOISE = 0.3  # share of the noise that differs between lags; the rest shifts the whole past
 
 
@@ -27,13 +28,13 @@ class _Network(nn.Module):
     """The network while it learns; its output is averaged with that for the mirror image."""
 
     def __init__(self, film: FilmStates, hidden_units: int) -> None:
-        """Build layers for a film's states and controls, which at first predict no change."""
+        """Build layers for a film's states and controls, which at first predict little change."""
         super().__init__()
         state_size = len(film.scale)
         sizes = (len(film.lags) * state_size + CONTROL, hidden_units, hidden_units, state_size)
         first, second, third = (nn.Linear(before, after) for before, after in pairwise(sizes))
         nn.init.zeros_(third.bias)
-        third.weight.data *= 0.1  # at first nothing changes
+        third.weight.data *= 0.1  # at first hardly anything changes
         self.layers = nn.ModuleList([first, second, third])
         mirror = film.mirror * film.scale[:, None] / film.scale
         self.mirror = torch.tensor(mirror, dtype=torch.float64)
@@ -72,17 +73,17 @@ def train_predictor(
     with _torch_on_one_thread(p.seed) as generator:
         network = _Network(film, p.hidden_units)
         train, held_out = (_make_sample(film, rows) for rows in (parts.train, parts.held_out))
-        (past, _control, next_states), best_weights = train, _copy_weights(network)
+        best_weights = _copy_weights(network)
         # Predicting no change has the error 1.
-        weight = 1 / ((past[:, 0] - next_states).square().mean(0) + _FLOOR)
+        number_weights = 1 / ((train.past[:, 0] - train.next_states).square().mean(0) + _FLOOR)
         adam = torch.optim.AdamW(
             network.parameters(), lr=p.learning_rate, weight_decay=p.weight_decay
         )
-        curve = [_mean_square_errors(network, weight, train, held_out)]
+        curve = [_mean_square_errors(network, number_weights, train, held_out)]
         epochs_since_best = 0
         for _ in range(p.epochs):
-            _learn_epoch(network, adam, (train, weight), p, generator)
-            curve.append(_mean_square_errors(network, weight, train, held_out))
+            _learn_epoch(network, adam, train, number_weights, p, generator)
+            curve.append(_mean_square_errors(network, number_weights, train, held_out))
             advance()
             epochs_since_best += 1
             if curve[-1]["held_out_error"] < min(row["held_out_error"] for row in curve[:-1]):
@@ -101,37 +102,40 @@ def train_predictor(
     return model, pd.DataFrame(curve).rename_axis("epoch").reset_index()
 
 
-Sample = tuple[Tensor, Tensor, Tensor]
-"""Pasts (m, l, d), controls (m, 2) and next states (m, d), in units of their scales."""
+class _Sample(NamedTuple):
+    """Pasts (m, l, d), controls (m, 2) and next states (m, d), in units of their scales."""
+
+    past: Tensor
+    control: Tensor
+    next_states: Tensor
 
 
-def _make_sample(film: FilmStates, rows: Ints) -> Sample:
+def _make_sample(film: FilmStates, rows: Ints) -> _Sample:
     """Return what the network learns from rows (m,) of a film: pasts, controls and next states."""
-    parts = (
+    arrays = (
         film.past(rows) / film.scale, film.control[rows] / film.control_scale,
         film.states[rows + 1] / film.scale,
     )  # fmt: skip
-    past, control, next_states = (torch.tensor(part, dtype=torch.float64) for part in parts)
-    return past, control, next_states
+    return _Sample(*(torch.tensor(array, dtype=torch.float64) for array in arrays))
 
 
 def _learn_epoch(
-    network: _Network, adam: torch.optim.Optimizer, sample: tuple[Sample, Tensor],
+    network: _Network, adam: torch.optim.Optimizer, sample: _Sample, number_weights: Tensor,
     p: ForecastSettings, generator: torch.Generator,
 ) -> None:  # fmt: skip
     """Show the network the whole sample once, in random batches and with noise on the past.
 
-    adam: changes the network's weights; sample: the training rows, and the weight (d,) of each
-    state number's error.
+    adam: changes the network's weights; number_weights (d,): of each state number's error.
     """
-    (past, control, next_states), weight = sample
-    batch_size = min(p.batch_size, len(past))
-    shuffled = torch.randperm(len(past), generator=generator)
-    for first in range(0, len(past) - batch_size + 1, batch_size):
+    count = len(sample.past)
+    batch_size = min(p.batch_size, count)
+    shuffled = torch.randperm(count, generator=generator)
+    for first in range(0, count - batch_size + 1, batch_size):
         batch = shuffled[first : first + batch_size]
-        noise = p.input_noise_sd * _draw_disturbances(past[batch].shape, generator)
-        error = network(past[batch] + noise, control[batch]) - next_states[batch]
-        loss = (error.square() * weight).mean()
+        past, control, next_states = (tensor[batch] for tensor in sample)
+        noise = p.input_noise_sd * _draw_disturbances(past.shape, generator)
+        error = network(past + noise, control) - next_states
+        loss = (error.square() * number_weights).mean()
         adam.zero_grad()
         loss.backward()
         adam.step()
@@ -149,17 +153,18 @@ def _draw_disturbances(shape: torch.Size, generator: torch.Generator) -> Tensor:
 
 
 def _mean_square_errors(
-    network: _Network, weight: Tensor, train: Sample, held_out: Sample
+    network: _Network, number_weights: Tensor, train: _Sample, held_out: _Sample
 ) -> dict[str, float]:
     """Return the mean square errors `train_error` and `held_out_error` of the network.
 
-    weight (d,): of each state number's error, such that predicting no change has the error 1.
+    number_weights (d,): of each state number's error, such that predicting no change has the error
+    1.
     """
     errors = {}
     with torch.inference_mode():
-        for name, (past, control, next_states) in (("train", train), ("held_out", held_out)):
-            squares = (network(past, control) - next_states).square().mean(0)
-            errors[f"{name}_error"] = float((squares * weight).mean())
+        for name, sample in (("train", train), ("held_out", held_out)):
+            squares = (network(sample.past, sample.control) - sample.next_states).square().mean(0)
+            errors[f"{name}_error"] = float((squares * number_weights).mean())
     return errors
 
 

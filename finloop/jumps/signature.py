@@ -24,10 +24,10 @@ from finloop.jumps.settings import JumpsSettings
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, draw_in_pose
 
-_WIDTH = 1.25  # of a picture, in lengths of a straight fish
-_LOT = 1000  # pictures at a time
-_SAMPLE = 600  # most pictures to which the principal components are fitted
-_ROWS = 300  # most pictures that are compared with their mirror images
+_WIDTH = 1.25  # of a picture, in lengths of a straight fish: some margin at both ends
+_LOT = 1000  # pictures at a time, to save memory
+_SAMPLE = 600  # most pictures to which the principal components are fitted, to save time
+_ROWS = 300  # most pictures that are compared with their mirror images, to save time
 
 Pictures = NDArray[np.uint8]
 DrawStraight = Callable[[NDArray[np.intp]], NDArray[np.float32]]
@@ -86,8 +86,8 @@ class InMemorySource:
 class SignatureParts(NamedTuple):
     """The numbers by which rows are compared, each (2, n, k): of rows [0], of mirror images [1].
 
-    pose: codes of principal shapes; change: of these codes, per frame; motion: speeds ahead and to
-    the left, body lengths a frame, and turning, ° a frame, anticlockwise; look: principal
+    pose: codes of principal shapes; change: change of these codes per frame; motion: speeds ahead
+    and to the left, body lengths a frame, and turning, ° a frame, anticlockwise; look: principal
     components of the pictures drawn with a straight body.
     """
 
@@ -118,7 +118,7 @@ def _appearance_components(
 ) -> Floats:
     """Return principal components (2, rows, c) of straightened pictures and their mirror images.
 
-    draw_rows_straight: from row numbers to pictures; rows: of the film; c: at most
+    draw_rows_straight: draws rows by number; rows: their number in the film; c: at most
     `most_components`.
     """
     sample = draw_rows_straight(spread_rows(np.arange(rows), _SAMPLE))
@@ -154,7 +154,7 @@ def split_into_blocks(rows: int, most_rows: int) -> list[Ints]:
 def compute_signature_parts(
     source: RowSource, settings: JumpsSettings, workers: Workers
 ) -> SignatureParts:
-    """Return the numbers by which rows are compared: pose, change, motion, look; mirrored, too.
+    """Return the numbers by which rows, and their mirror images, are compared.
 
     Change and motion are measured over a quarter of Δ to each side.
     """
@@ -198,8 +198,8 @@ def standardize_part(part: Floats, each: bool = False) -> Floats:
 def part_divisors(part: Floats, each: bool = False) -> Floats:
     """Return the divisors (k,) by which `standardize_part` scales the k numbers of (2, n, k).
 
-    part: those numbers. Without `each` the divisor is the root of the summed variances; with it a
-    number's deviation times √k.
+    part (2, n, k): those numbers. Without `each` all divisors are the root of the summed variances;
+    with it each is its number's standard deviation times √k.
     """
     variance = ((part - part.mean((0, 1))) ** 2).mean((0, 1))
     squared_divisor = variance * len(variance) if each else np.full_like(variance, variance.sum())
@@ -276,10 +276,10 @@ def measure_side_difference(draw_rows_straight: DrawStraight, track: Ints, seed:
 def measure_handedness(parts: SignatureParts, block_rows: int) -> float:
     """Return how much more a fish bends, drifts or turns to one side than to the other, 0 … 1.
 
-    0: both sides alike, as far as the film can show; 1: only one side. For bend, drift and turn, it
-    is the mean less twice its standard error, divided by the root mean square; the largest of the
-    three counts. The error is that of means over blocks of `block_rows` rows, since a circling fish
-    repeats itself. A single block gives 0.
+    0: both sides alike, as far as the film can show; 1: only one side. For each of bend, drift and
+    turn, the ratio (|mean| − 2 standard errors) / root mean square is computed, at least 0; the
+    largest of the three counts. The error is that of means over blocks of `block_rows` rows, since
+    a circling fish repeats itself. A single block gives 0.
     """
     largest = 0.0
     for filmed, mirrored in (parts.pose, parts.motion[..., 1:2], parts.motion[..., 2:]):

@@ -20,7 +20,7 @@ def sample_animations(animator: Animator, seconds: float, p: AnimateSettings) ->
 
     The seconds of all fish are summed. Each animation lasts `animate.seconds` at most. Its fish
     swim to random goals, then wander. Seeds whose places leave no room for all fish are skipped;
-    NoRoom after `_SEEDS` of them in a row.
+    NoRoom after 100 of them in a row.
     """
     seeds, parts = count(p.seed + 1), list[pd.DataFrame]()
     seconds_a_fish = seconds / animator.fish
@@ -33,7 +33,7 @@ def sample_animations(animator: Animator, seconds: float, p: AnimateSettings) ->
 
 
 def _sample_with_room(animator: Animator, seconds: float, seeds: Iterator[int]) -> pd.DataFrame:
-    """Return the animation of the first seed with room for all fish; NoRoom after `_SEEDS`."""
+    """Return the animation of the first seed with room for all fish; NoRoom after 100 seeds."""
     for _ in range(_SEEDS - 1):
         with suppress(NoRoom):
             return animator.sample(next(seeds), seconds)

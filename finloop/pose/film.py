@@ -1,4 +1,4 @@
-"""All postures of a film as codes of its few principal shapes, and back."""
+"""All postures of a film as codes, amounts of its few principal shapes, and back."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -102,7 +102,9 @@ def compute_film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSett
     shapes = PoseShapes.fit(pose.posture, p.explained_variance_ratio, p.max_film_distance_quantile)
     codes = shapes.encode(pose.posture).astype(np.float32).astype(float)  # as files hold them
     memory = measure_memory_frames(codes, features["track_id"].to_numpy())
-    return _build_poses(features, codes, shapes, (separate, spread, memory))
+    return _build_poses(
+        features, codes, shapes, trunk=separate, tail_spread=spread, memory_frames=memory
+    )
 
 
 def restore_poses(
@@ -123,18 +125,20 @@ def restore_poses(
         variance=np.array(stored.variance), total_variance=stored.total_variance,
         codes=values[:0], gap=stored.gap,
     )  # fmt: skip
-    scalars = stored.trunk, stored.tail_spread, stored.memory_frames
-    return _build_poses(features, values, without_codes, scalars, posture)
+    return _build_poses(
+        features, values, without_codes, trunk=stored.trunk, tail_spread=stored.tail_spread,
+        memory_frames=stored.memory_frames, posture=posture,
+    )  # fmt: skip
 
 
 def _build_poses(
-    features: pd.DataFrame, codes: Floats, shapes: PoseShapes, facts: tuple[bool, float, float],
-    posture: Floats | None = None,
+    features: pd.DataFrame, codes: Floats, shapes: PoseShapes, *, trunk: bool, tail_spread: float,
+    memory_frames: float, posture: Floats | None = None,
 ) -> FilmPoses:  # fmt: skip
     """Return a film's postures from their codes (n, c), the scores of principal components.
 
-    facts: trunk, tail_spread and memory_frames of `FilmPoses`; posture (n, d): the postures of the
-    codes, None to compute them. The shapes get the codes, and those of mirror images.
+    posture (n, d): the postures of the codes, None to compute them; the others are fields of
+    `FilmPoses`. The shapes get the codes, and those of mirror images.
     """
     whole = replace(shapes, codes=np.concatenate([codes, codes @ shapes.mirror_matrix]))
     pose = Pose(
@@ -144,4 +148,4 @@ def _build_poses(
         size_px=typical_lengths_px(features).to_numpy(float),
         posture=whole.decode(codes) if posture is None else posture,
     )
-    return FilmPoses(pose, codes, whole, *facts)
+    return FilmPoses(pose, codes, whole, trunk, tail_spread, memory_frames)
