@@ -39,11 +39,11 @@ class KernelWeights(NamedTuple):
 
 @dataclass(frozen=True)
 class Forecast:
-    """The network that predicts the next state: its trained weights, and what its numbers mean.
+    """The network that predicts the next state: its trained weights, and the units of its numbers.
 
     With l lags, d state numbers and h hidden units: layers: (l d + 2, h), (h, h), (h, d); biases:
-    (h,), (h,), (d,); lags: (l,) frames; scale: (d,) and control_scale: (2,) units of states and
-    controls; mirror: (d, d) and side: (2,) mirror states and controls (see `FilmStates`).
+    (h,), (h,), (d,); lags (l,): frames; scale (d,), control_scale (2,): units of states and
+    controls; mirror (d, d), side (2,): mirror states and controls (see `FilmStates`).
     """
 
     layers: tuple[Reals, Reals, Reals]
@@ -132,9 +132,9 @@ def _silu(x: Reals) -> Reals:
 def predict_next_mean(net: KernelWeights, past: Weights, out: Floats, hidden: Weights) -> None:
     """Write the predicted next state of a fish into `out` (d,).
 
-    net: weights of the network and of its mirror image; past: (l d + 2,), the states at all lags,
-    the present first, then the control, in the units of `FilmStates`; hidden (2, h): space for the
-    two hidden layers.
+    net: weights of the network and of its mirror image; past (l d + 2,): the states at all lags,
+    the present first, then the control, in the units of `FilmStates`; hidden (2, h): memory for the
+    two hidden layers, overwritten.
     """
     size, hidden_units, first, second = out.size, hidden.shape[1], hidden[0], hidden[1]
     for j in range(size):

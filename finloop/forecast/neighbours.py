@@ -23,14 +23,14 @@ from finloop.base.nearest import MOST, Nearest, assign_parts
 from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.settings import ForecastSettings
 
-_LOT = 512  # rows at a time
-_TURN = 4096  # rows whose neighbours are of one part of a long film
-_STRETCH = 20  # Δ, length of the stretches of a part of the film
-_BLOCK = 50_000  # rows at a time in the embedding
-_SPARE = 2  # times `count`: rows of different passages that are drawn to find `count` alike ones
-_NEAR = 8  # times that number: rows that look alike, examined for passages, ...
-_MOST = 16_384  # ... among at most so many nearest rows, fewer in a part of the film, ...
-_FEWEST = 2  # ... but at least so many times as many as are examined
+_LOT = 512  # rows whose neighbours are sought at a time
+_TURN = 4096  # successive rows whose neighbours are all in one part of a long film
+_STRETCH = 20  # Δ, length of the stretches of film of which a part consists
+_BLOCK = 50_000  # rows embedded at a time, to save memory
+_SPARE = 2  # times `neighbours`: rows of different passages, drawn to find `neighbours` alike ones
+_NEAR = 8  # times that number: rows that look alike, examined to find as many passages
+_MOST = 16_384  # nearest rows among which they are sought at most, fewer in a part of the film
+_FEWEST = 2  # times the examined rows: nearest rows among which they are sought at least
 
 
 VisibleDistance = Callable[[Ints, Ints, Mask], Floats]
@@ -44,9 +44,9 @@ def build_similarity_graph(
 
     The rows similar to row i are to[start[i]:start[i + 1]]. A row chooses at most `p.neighbours`,
     not too near in time to itself and each other; then the relation is made symmetric, and mirror
-    images get the mirror images. The rows after two similar ones differ by at most `p.look` in look
-    (m, k), of total variance 1, and by at most `p.max_discontinuity` in visible distance.
-    FinloopError if no two rows are similar.
+    images get the mirror images. The rows after two similar ones differ by at most `p.look` in
+    light and skin (look (m, k), of total variance 1), and by at most `p.max_discontinuity` in
+    visible distance. FinloopError if no two rows are similar.
     """
     batches = _find_similar_pairs(film, look, p)
     alike = [_choose_alike_pairs(pairs, film.count, visible, p) for pairs in batches]
@@ -84,9 +84,9 @@ def _make_symmetric(
 
 
 def _embed_pasts(film: FilmStates, rows: Ints, fade_deltas: float) -> NDArray[np.float32]:
-    """Return vectors (m, l d) of rows whose Euclidean distance is how unlike their pasts are.
+    """Return vectors (m, l d) of rows (m,): their Euclidean distance is how unlike their pasts are.
 
-    fade_deltas: age, in units of the time Δ, at which a past state counts half.
+    fade_deltas: age, in units of Δ, at which a past state counts half.
     """
     unit = film.scale.copy()
     unit[:-MOTION] = np.sqrt((film.scale[:-MOTION] ** 2).sum())  # codes share one unit
@@ -113,7 +113,6 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
     passage, examined = max(film.delta, round(film.memory)), _NEAR * _SPARE * p.neighbours
     pasts, looks = _embed_pasts(film, rows, p.fade), np.asarray(look)[rows + 1]
     looks = (looks - looks.mean(0)).astype(np.float32)
-    limits = examined, passage, _SPARE * p.neighbours  # see `_choose_passages`
     part = assign_parts(film.count, _STRETCH * film.delta)[rows % film.count]
     parts = 1 + int(part.max())
     most = max(_MOST // parts, _FEWEST * examined)
@@ -131,7 +130,10 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
         def choose(queries: Ints, near: Ints, lot: Ints = lot, members: Ints = members) -> Any:
             """Return the nearest rows that look alike, for some rows of the lot."""
             candidates = np.where(near < 0, -1, members[near])
-            return _choose_passages(rows, lot, (looks, p.look), limits, queries, candidates)
+            return _choose_passages(
+                rows, lot, looks, p.look, queries, candidates, examined, passage,
+                count=_SPARE * p.neighbours,
+            )  # fmt: skip
 
         (similar,) = index.choose(pasts[lot], examined, choose, most)  # (lot, count), −1 for none
         query, rank = np.nonzero(similar >= 0)
@@ -159,25 +161,24 @@ def _choose_alike_pairs(
 
 
 def _visible_distances_after(pairs: Ints, film_rows: int, visible: VisibleDistance) -> Floats:
-    """Return how different the rows after each pair of rows (k, 2) look: visible distances (k,)."""
+    """Return the visible distances (k,) of the rows after each pair of rows (k, 2)."""
     row, neighbour = (pairs + 1).T
     return visible(row, neighbour % film_rows, neighbour >= film_rows)
 
 
 @kernel
 def _choose_passages(
-    rows: Ints, lot: Ints, alike: tuple[NDArray[np.float32], float], limits: tuple[int, int, int],
-    queries: Ints, near: Ints,
+    rows: Ints, lot: Ints, looks: NDArray[np.float32], most_apart: float, queries: Ints, near: Ints,
+    most_examined: int, apart_rows: int, count: int,
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
     """Choose for each query the nearest rows that look alike, at most one of each passage of film.
 
     The queries are the rows rows[lot[queries]]. Returns rows (k, count), −1 for none, and a mask
     (k,): True where `count` passages, or all the rows to be examined, are there. near (k, l):
-    candidates as numbers into `rows`, the nearest first. alike: looks (m, c), and their largest
-    distance. limits: how many alike rows are examined, how many rows passages are apart, count.
+    candidates as numbers into `rows`, the nearest first. looks (m, c): rows look alike where they
+    are at most `most_apart` apart. most_examined: alike rows that are examined; apart_rows: rows
+    between two passages, at least.
     """
-    looks, most_apart = alike
-    most_examined, apart, count = limits
     choice, done = np.full((len(queries), count), -1), np.zeros(len(queries), np.bool_)
     for k in range(len(queries)):
         row, chosen, examined = lot[queries[k]], 0, 0
@@ -191,9 +192,9 @@ def _choose_passages(
             if square_sum > most_apart**2:
                 continue
             examined += 1
-            is_new = abs(rows[neighbour] - rows[row]) >= apart
+            is_new = abs(rows[neighbour] - rows[row]) >= apart_rows
             for i in range(chosen):
-                is_new = is_new and abs(rows[neighbour] - choice[k, i]) >= apart
+                is_new = is_new and abs(rows[neighbour] - choice[k, i]) >= apart_rows
             if is_new:
                 choice[k, chosen] = rows[neighbour]
                 chosen += 1

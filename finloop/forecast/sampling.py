@@ -22,8 +22,8 @@ from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.model import Forecast, KernelWeights, predict_next_mean
 from finloop.forecast.settings import ForecastSettings
 
-_LOT = 50_000  # rows at a time
-_EDGES = 1_000_000  # of the graph, sampled to measure how much controls differ
+_LOT = 50_000  # rows at a time, to save memory
+_EDGES = 1_000_000  # pairs of similar rows, sampled to measure how much controls differ
 
 
 Similar = NDArray[np.int32]
@@ -33,13 +33,13 @@ Similar = NDArray[np.int32]
 class Sampler(NamedTuple):
     """All data that drive a simulated fish, as kernels take them; m rows, with mirror images.
 
-    net: the network's weights; states, mean: (m, d) of rows, and the next states predicted from
-    them; control: (m, 2), next motion; usable: (m,) whether a fish can follow the row; low, high:
-    (d,) the range of the film's states; lags: (l,) ticks; settle: (d,) the share of a difference
-    that remains after a tick; start, to: the rows similar to row i are to[start[i]:start[i + 1]];
-    follow: mean ticks for which a row is followed; obey: (2,) the difference of a row's control
-    from the given one at which the row's likelihood is exp(−1/2); rests: (m,) whether a fish at the
-    row rests: it moves as in the film, not as predicted.
+    net: the network's weights; states, mean (m, d): states of the rows, and the next states
+    predicted from them; control (m, 2): next motion; usable (m,): whether a fish can follow the
+    row; low, high (d,): range of the film's states; lags (l,): ticks; settle (d,): share of a
+    difference that remains after a tick; start, to: the rows similar to row i are
+    to[start[i]:start[i + 1]]; follow: mean ticks for which a row is followed; obey (2,): difference
+    of a row's control from the given one at which the row is exp(−1/2) times as likely; rests (m,):
+    whether a fish at the row rests, and so moves as in the film, not as predicted.
     """
 
     net: KernelWeights
@@ -179,7 +179,7 @@ def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple
 def follow_row(sampler: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
     """Return the next states (ticks, d) of a fish that follows a film row, the last tick first.
 
-    They are fewer if the row's track ends. past (L + 1, d): the fish's states, the present first.
+    They are fewer if the row's track ends. past (L + 1, d): the fish's states, the present first;
     control (2,): of the first tick; its difference from the row's own control stays constant.
     """
     size, lags, past_length = sampler.states.shape[1], sampler.lags, len(past)

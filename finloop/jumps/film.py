@@ -28,10 +28,10 @@ from finloop.jumps.signature import (
 from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
 
-_LOT = 2000  # rows at a time
+_LOT = 2000  # rows whose jumps are sought at a time
 _TURN = 2000  # successive rows whose jumps lead to the same part of a long film
-_STRETCH = 8  # times `least`: rows of a stretch, which are all of one part of the film
-_SPARE = 8  # times `count`: nearest rows that are searched first for `count` passages
+_STRETCH = 8  # times `least`: rows of a stretch of film, which are all in one part of it
+_SPARE = 8  # times `count`: nearest rows among which `count` passages are sought first
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,9 @@ class JumpSearch:
     def __call__(self, rows: Ints) -> pd.DataFrame:
         """Return the nearest neighbours of rows (k,), ascending: a table of row, to, mirrored, far.
 
-        `to` is a row, mirrored or not; far: the distance of the two signatures, in natural steps
-        (median distance of successive pictures). The nearest neighbour of a row comes first.
+        The columns: a row, its neighbour, whether that is mirrored, and the distance of their
+        signatures in natural steps (median distance of successive pictures). The nearest neighbour
+        of a row comes first.
         """
         return self._nearest(rows, self.goals, self.index)
 
@@ -250,7 +251,7 @@ def _find_best_jumps(
 
     natural_step: unit of the visible distance. In a long film, which has several parts,
     `jumps_to_any_part` of a row's jumps lead to the nearest rows of the whole film. The others lead
-    into one part of it, in turn: into the next part every `_TURN` rows.
+    into one part of it, another one after every 2000 rows.
     """
     postures = source.load_film()[1].pose.posture
     visible, parts = VisibleDistance(source.picture_array(), postures, natural_step), search.parts

@@ -82,8 +82,9 @@ class Loops:
     def take_over(self, fish: Fish) -> Fish:
         """Return a fish of another mode as a fish of this mode, in the film.
 
-        A frame from which the film goes on stays. Otherwise the fish shows the frame whose heading
-        and speed are nearest to its own. If jumps keep the heading, so does this one.
+        A frame from which the film goes on stays on screen. Otherwise the frame whose heading and
+        speed are nearest to the fish's is shown. Where jumps keep the heading, the fish keeps its
+        own.
         """
         film = self.film
         if self.can_go_on(fish):
@@ -228,7 +229,7 @@ class Loops:
         """
         film, taken = self.film, int(rng.integers(len(candidates.rows)))
         row, rot = int(candidates.rows[taken]), float(candidates.rots[taken])
-        ahead = slice(row, row + 4 * self.stay)  # far enough to hold such a loop end, mostly
+        ahead = slice(row, row + 4 * self.stay)  # rows that hold such a loop end, mostly
         is_reached = np.logical_and.accumulate(film.has_next[ahead])
         ticks_to_ends = np.flatnonzero(self.ends[ahead] & is_reached) + 1
         ticks = 1

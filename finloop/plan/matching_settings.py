@@ -45,26 +45,27 @@ class MatchingSettings:
     path_max_offset_bl: Positive
 
     give_way: ClassVar[float] = 3.0
-    """Δ that a search expects another fish to stay where its plan ends: until its next plan, as
-    `replan_interval_deltas` has it."""
+    """Δ for which a search expects another fish to stay where its plan ends: about as long as
+    `replan_interval_deltas`, until its next plan."""
     typical_speed_least: ClassVar[float] = 0.1
-    """The typical speed, as a share of the film's highest, at least: for animals that rest for most
-    of the film, whose quantile is about 0."""
+    """Least typical speed, as a share of the film's highest: where animals rest for most of the
+    film, the quantile is about 0."""
     repeat_memory: ClassVar[float] = 300.0
-    """Δ after which film that was on screen costs nothing any more: about the minute that an
-    animation lasts."""
-    path_steer_ahead: ClassVar[float] = 3.0  # Δ that steering looks ahead: a few turns
+    """Δ after which film that was on screen costs nothing any more: about a minute, as long as an
+    animation."""
+    path_steer_ahead: ClassVar[float] = 3.0  # Δ that steering looks ahead: about a few turns
     path_commit: ClassVar[float] = 21.0
     """Δ of a plan that a fish swims before the next search, on a path with no other fish near: a
     path does not change, so a long plan holds, and is cheaper."""
     path_heading_cost: ClassVar[float] = 3.0
-    """Ticks a tick, at right angles to the heading asked for: less than for being beside the path
-    or late."""
+    """Cost of a heading at right angles to the requested one, ticks a tick: less than of being
+    beside the path or late."""
     path_correction_cost: ClassVar[float] = 0.1
-    """Ticks a tick, corrected as much as may be: of ways as near to the path the one as filmed."""
+    """Cost of the largest steering correction, ticks a tick: of branches as near to the path, the
+    one that swims more as filmed is taken."""
     path_lag_cost: ClassVar[float] = 1.0
-    """Ticks a tick on the spot, on a path without times, for a fish that lags as far as usual: the
-    tick itself, which is not counted there."""
+    """Cost of a tick on the spot, in ticks, on a path without times, for a fish that lags as far as
+    usual: the tick itself, which counts nowhere else there."""
 
     RENAMED: ClassVar[dict[str, str]] = {
         "look_ahead": "look_ahead_deltas",
@@ -85,8 +86,9 @@ class AllSettings(MatchingSettings, CommonSettings):
     """The parameter groups `animate` and `matching` as one object."""
 
 
-def merge_settings(common: CommonSettings, own: MatchingSettings) -> AllSettings:
-    """Return the parameters of the groups `animate` (common) and `matching` (own) as one object."""
+def merge_settings(common: CommonSettings, matching: MatchingSettings) -> AllSettings:
+    """Return the parameters of the groups `animate` (common) and `matching` as one object."""
+    groups = (common, matching)
     return AllSettings(**{
-        field.name: getattr(group, field.name) for group in (common, own) for field in fields(group)
+        field.name: getattr(group, field.name) for group in groups for field in fields(group)
     })  # fmt: skip
