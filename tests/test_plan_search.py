@@ -188,7 +188,7 @@ def test_after_a_jump_the_film_plays_for_a_stride():
         film = film_of(table, pairs, BODY, barred=barred)
         graph = search_graph(film, bounds, WEIGHTS._replace(stride=stride), 5)
         to = graph.film.to[:, None] + np.arange(stride)
-        assert film.has_next[to].all() and len(to)
+        assert film.has_next[to].all()
     assert 0 < len(to) < len(film.to)
 
 
