@@ -51,7 +51,7 @@ class RoutePlace(NamedTuple):
     along_px: float
 
 
-class Shift(NamedTuple):
+class RouteShift(NamedTuple):
     """A place shifted towards a route, and the point of the route nearest to it before the shift.
 
     x, y: px after the shift; along_px: of the nearest point, px along the route; near_x, near_y: of
@@ -94,7 +94,7 @@ def steering_turn(  # type: ignore[no-untyped-def]
 def shift_to_route(  # type: ignore[no-untyped-def]
     route: Route, place: RoutePlace, speed_bl_s: float, tick: int, ticks: int, steering: Steering
 ):
-    """Return the `Shift` of a fish towards its route, and along it where it is early or late.
+    """Return the `RouteShift` of a fish towards its route, and along it where it is early or late.
 
     place: before the shift; ticks: since the last shift. The shift is at most `steering.shift`
     times the speed, body lengths/s, for each of these ticks.
@@ -112,7 +112,7 @@ def shift_to_route(  # type: ignore[no-untyped-def]
     if shift_px > most_px:
         shift_x, shift_y = shift_x * most_px / shift_px, shift_y * most_px / shift_px
         shift_px = most_px
-    return Shift(x + shift_x, y + shift_y, along, near_x, near_y, shift_px)
+    return RouteShift(x + shift_x, y + shift_y, along, near_x, near_y, shift_px)
 
 
 @kernel
