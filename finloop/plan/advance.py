@@ -31,7 +31,7 @@ from finloop.plan.objectives import Objective, heading_vector, is_objective_done
 from finloop.plan.search_graph import SearchGraph
 from finloop.plan.walls import fits_in_tank
 
-_LEAST_AHEAD = 0.1  # body lengths; a point to steer to counts as at least so far ahead
+_LEAST_AHEAD = 0.1  # body lengths; the least distance ahead of a point to steer to
 
 
 @finite_leaf
