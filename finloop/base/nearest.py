@@ -94,7 +94,7 @@ class Nearest:
         count = min(count, limit)
         near = self.search(queries, count)
         values, enough = choice(np.arange(len(queries)), near)
-        pending = np.flatnonzero(~enough & _may_have_more(near))
+        pending = np.flatnonzero(~enough & _may_have_more(near))  # queries that need more vectors
         while len(pending) and count < limit:
             count = min(_MORE * count, limit)
             near = self.search(queries[pending], count)

@@ -156,9 +156,9 @@ def settings_file(word: str) -> str:
 
 
 def _load_declaration(word: str) -> ModuleType:
-    """Return the module that declares the parameters of a group.
+    """Return the module that declares the parameters of a group; word: name of the group.
 
-    It is loaded without its package, some of which import torch.
+    It is loaded without importing its package, which may take long (torch).
     """
     path = settings_file(word)
     name = "finloop." + path.removesuffix(".py").replace("/", ".")

@@ -46,10 +46,11 @@ FISH_CUES = HeadCues()
 def choose_head_cues(
     rule: HeadRule, backbone: Reals, half_width: Reals, tracks: Sequence[slice], rate_hz: float
 ) -> HeadCues:
-    """Choose what tells the head in a film: by `auto`, whether its animals move blunt end first.
+    """Return by which cues the head is found in a film.
 
-    backbone: (rows, n, 2) px; half_width: (rows, n) px; tracks: the rows of each track; rate_hz:
-    frames per second. Where little moves, the blunt end is the head, as of a fish.
+    rule: of the settings; by `auto` it is measured whether the animals move blunt or thin end
+    first. Where little moves, the blunt end is the head, as of a fish. backbone: (rows, n, 2) px;
+    half_width: (rows, n) px; tracks: the rows of each track; rate_hz: frames per second.
     """
     if rule == "travel":
         return HeadCues(width=0)

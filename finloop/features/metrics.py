@@ -157,17 +157,19 @@ def compare_with_truth(
     and tail are exchanged where that makes it smaller; such swaps are counted.
     """
     fish_rows, true_rows = _pair_with_truth(features, truth)
-    fish, true = features.iloc[fish_rows], truth.iloc[true_rows]
+    fish = features.iloc[fish_rows].reset_index(drop=True)
+    true = truth.iloc[true_rows].reset_index(drop=True)
     length = true["body_length_px"].to_numpy(float)
+    # Backbones, at as many places along the true ones as were measured.
     true_lines = lists_to_points(true, "backbone")
-    shares = np.linspace(0, true_lines.shape[1] - 1, backbones.shape[1])
-    true_lines = interpolate_lines(true_lines, shares)
+    places = np.linspace(0, true_lines.shape[1] - 1, backbones.shape[1])
+    true_lines = interpolate_lines(true_lines, places)
     lines = backbones[fish_rows]
     distance = _mean_line_distance(lines, true_lines)
     swapped_distance = _mean_line_distance(lines[:, ::-1], true_lines)
     swapped = distance > swapped_distance
     backbone_error = np.minimum(distance, swapped_distance) / length
-    fish, true = fish.reset_index(drop=True), true.reset_index(drop=True)
+    # Places, headings, tracks and types, row by row.
     centre = np.hypot(fish["x_px"] - true["x_px"], fish["y_px"] - true["y_px"])
     heading_error = np.abs(wrap_deg(fish["heading_deg"] - true["heading_deg"]))
     fish_length = fish["body_length_px"].to_numpy(float)

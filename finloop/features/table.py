@@ -198,10 +198,10 @@ def _measure_motion_over_delta(
     heading, length = (table[name].to_numpy(float) for name in ("heading_deg", "body_length_px"))
     displacement, turn = np.full((2, len(table)), np.nan)
     for rows in tracks:
-        last = max(rows.stop - delta_frames, rows.start)
-        start, end = slice(rows.start, last), slice(rows.start + delta_frames, last + delta_frames)
-        displacement[start] = np.hypot(*(place[end] - place[start]).T) / np.median(length[rows])
-        turn[start] = wrap_deg(heading[end] - heading[start])
+        now = np.arange(rows.start, rows.stop - delta_frames)
+        later = now + delta_frames
+        displacement[now] = np.hypot(*(place[later] - place[now]).T) / np.median(length[rows])
+        turn[now] = wrap_deg(heading[later] - heading[now])
     return displacement, turn
 
 

@@ -40,16 +40,18 @@ class TrackJoins(NamedTuple):
 def successor_pairs(
     start: Reals, stop: Reals, segment: Tracks, most_successors: int = _SOONEST
 ) -> TrackPairs:
-    """Pair every track with those that begin soonest after its end, in the same part of the film.
+    """Return pairs of every track with those that begin soonest after its end, without a cut.
 
     start, stop (n,): first and last frame of each track; segment (n,): its part of the film between
     cuts, ascending with the frames. In a pair, `a` is the earlier track. most_successors: how many
     a track is paired with at most.
     """
     order = np.argsort(start, kind="stable")
-    low = np.searchsorted(start[order], stop, side="right")
-    high = np.minimum(np.searchsorted(segment[order], segment, "right"), low + most_successors)
-    return _pair_with_ranges(order, low, high)
+    first_after = np.searchsorted(start[order], stop, side="right")  # places in `order`
+    segment_end = np.searchsorted(segment[order], segment, side="right")
+    return _pair_with_ranges(
+        order, first_after, np.minimum(segment_end, first_after + most_successors)
+    )
 
 
 def simultaneous_pairs(start: Reals, stop: Reals) -> TrackPairs:
@@ -77,10 +79,10 @@ def find_best_joins(
     tracks: int, pairs: TrackPairs, log_ratio: Floats, stranger_probability: float,
     least_probability: float, rng: np.random.Generator,
 ) -> TrackJoins:  # fmt: skip
-    """Find the most probable set of joins; a track has at most one predecessor and one successor.
+    """Return the most probable set of joins; a track has at most one predecessor and one successor.
 
-    tracks: their number. log_ratio (e,): how much more probable one animal is than two, for each of
-    the `pairs`; only these can be joined. stranger_probability: that an animal comes or goes. Joins
+    tracks: their number. log_ratio (e,): log(probability of one animal / of two), for each of the
+    `pairs`; only these can be joined. stranger_probability: that an animal comes or goes. Joins
     less probable than `least_probability` are left out.
 
     The probability of a join is its share of the best sets when all scores are disturbed by noise

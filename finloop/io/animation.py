@@ -204,15 +204,17 @@ def _lottie_paints(paint: Paint) -> list[Json]:
 
     def paint_item(kind: str, colour: Colour, opacity: float) -> Json:
         """Return one Lottie stroke ("st") or fill ("fl"); opacity: 0 … 1."""
-        rgb = [round(c / 255, 4) for c in colour]
+        rgb = [round(level / 255, 4) for level in colour]
         return {"ty": kind, "c": _lottie_constant([*rgb, 1]), "o": _lottie_constant(100 * opacity)}
 
     paints: list[Json] = []
     if paint.stroke is not None:
         stroke = paint_item("st", paint.stroke, paint.stroke_opacity)
-        paints.append(stroke | {"w": _lottie_constant(paint.width), "lc": 2, "lj": 2})
+        round_ends = {"lc": 2, "lj": 2}  # caps and joins
+        paints.append(stroke | {"w": _lottie_constant(paint.width)} | round_ends)
     if paint.fill is not None:
-        paints.append(paint_item("fl", paint.fill, paint.fill_opacity) | {"r": 2})
+        even_odd = {"r": 2}
+        paints.append(paint_item("fl", paint.fill, paint.fill_opacity) | even_odd)
     return paints
 
 

@@ -42,7 +42,10 @@ def load_picture(path: Path) -> Picture:
 
 
 def save_figure(path: Path, figure: "Figure") -> None:
-    """Write a matplotlib figure in the format of the ending of `path`; equal ones, equal bytes."""
+    """Write a matplotlib figure in the format of the ending of `path`.
+
+    Equal figures give the same bytes. The figure changes: places of axes are rounded.
+    """
     for axes in figure.axes:
         if not axes.axison:  # hidden ticks would still be laid out, in half of the time
             axes.set(xticks=[], yticks=[])

@@ -201,7 +201,7 @@ def read_chosen_frames(
     with _open_clip(path, threads) as (container, stream, step):
         convert = _convert_to_rgb if colour else view_grey_levels
         decoded: Iterator[VideoFrame] = iter(())
-        position, current = -KEY_FRAME_EVERY, None
+        position, current = -KEY_FRAME_EVERY, None  # number of the last decoded frame, and itself
         for number in frames:
             if number - position >= KEY_FRAME_EVERY:  # else decoding on is as quick as seeking
                 container.seek(int(number * step), stream=stream)

@@ -56,7 +56,10 @@ def read_idtracker(path: Path) -> Poses:
 
 
 def _find_file(path: Path) -> Path:
-    """Return the best file of trajectories at a path: itself, or the first of a session's files."""
+    """Return the best file or folder of trajectories at a path: itself, or a session's first.
+
+    A folder <name>_csv holds the trajectories as several CSV files. FinloopError if there is none.
+    """
     if path.is_file() and path.parent.name.endswith("_csv"):
         return path.parent
     if path.is_file() or path.name.endswith("_csv"):
