@@ -157,6 +157,7 @@ def _extract_films(
                 p = settings
                 if settings.tracks_path:
                     path = find_tracks_path(Path(part.path), settings.tracks_path)
+                    print(f"finloop: note: the tracks of {part.name} are {path}", file=sys.stderr)
                     p = replace(settings, tracks_path=path)
                 jobs.append((part, p, key_digest(_track_inputs(clip / FILMS / part.name, p))))
     remove_folders_except(PIECES, [digest for _, _, digest in jobs])

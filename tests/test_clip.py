@@ -23,6 +23,8 @@ import yaml
 from av.stream import Disposition
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import ExifTags, Image
+from scipy.io import savemat
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import check_values, settings, variants
@@ -703,6 +705,32 @@ def test_tags_of_tiffs_say_when_they_were_shot(tmp_path):
         if int(file.stem) % 2:
             file.unlink()
     assert float(open_footage(folder).frame_rate) == 1
+
+
+def test_exif_of_jpegs_says_when_they_were_shot(tmp_path):
+    for k in range(12):  # four pictures a second, from the highest number to the lowest
+        exif = Image.Exif()
+        exif.get_ifd(ExifTags.IFD.Exif).update({
+            ExifTags.Base.DateTimeOriginal: f"2024:05:03 12:30:{10 - k // 4:02}",
+            ExifTags.Base.SubsecTimeOriginal: f"{75 - k % 4 * 25:02}",
+        })  # fmt: skip
+        Image.fromarray(picture(k)).save(tmp_path / f"{k}.jpg", exif=exif)
+    footage = open_footage(tmp_path)
+    assert float(footage.frame_rate) == pytest.approx(4)
+    np.testing.assert_allclose(read(footage)[0], np.arange(12) / 4, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("ending", "said"), [(".npz", "archive of NumPy arrays"), (".mat", "MATLAB older than 7.3")]
+)
+def test_a_file_of_several_arrays_is_refused_by_its_kind(tmp_path, ending, said):
+    path, film = tmp_path / f"film{ending}", np.zeros((3, 20, 20), np.uint8)
+    if ending == ".npz":
+        np.savez(path, film=film)
+    else:
+        savemat(path, {"film": film})
+    with pytest.raises(FinloopError, match=said):
+        open_footage(path, frame_rate_hz=25.0)
 
 
 @pytest.mark.parametrize("order", ["grey", "one channel", "RGB", "RGB first"])

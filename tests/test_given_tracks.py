@@ -236,6 +236,9 @@ def test_each_of_several_films_has_its_tracks(tmp_path):
     for film, said in (("b.mp4", "2 tracks of"), ("d.mp4", "0 tracks of")):
         with pytest.raises(FinloopError, match=said):
             find_tracks_path(tmp_path / film, pattern)
+    (tmp_path / "aDLC_resnet_filtered.h5").touch()
+    filtered = str(tmp_path / "aDLC_resnet_filtered.h5")
+    assert find_tracks_path(tmp_path / "a.mp4", pattern) == filtered
     with pytest.raises(FinloopError, match="several films, and one file"):
         find_tracks_path(tmp_path / "a.mp4", "a.h5")
 

@@ -34,7 +34,8 @@ def find_tracks_path(film: Path, pattern: str) -> str:
 
     film: path of the film. pattern: a path in which {folder} and {name} stand for the film's folder
     and its name without ending, and `*`, `?`, `[…]` for unknown parts. FinloopError if it contains
-    neither, or does not match exactly one path.
+    neither, or does not match exactly one path. Of DeepLabCut's tracks and their filtered twin,
+    x.h5 and x_filtered.h5, the filtered ones are taken.
     """
     if "{name}" not in pattern and "{folder}" not in pattern:
         raise FinloopError(
@@ -45,6 +46,7 @@ def find_tracks_path(film: Path, pattern: str) -> str:
     folder, name = escape(str(film.absolute().parent)), escape(film.stem)
     path = Path(pattern.replace("{folder}", folder).replace("{name}", name)).expanduser().absolute()
     paths = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
+    paths = [path for path in paths if path.with_stem(f"{path.stem}_filtered") not in paths]
     if len(paths) != 1:
         raise FinloopError(
             f"{len(paths)} tracks of {film} lie at {path}" + "".join(f"\n    {f}" for f in paths),

@@ -12,6 +12,7 @@ from finloop.base.errors import FinloopError
 from finloop.io.poses.extra import import_extra
 
 _HDF5, _NORPIX = b"\x89HDF\r\n\x1a\n", b"\xed\xfe\0\0"  # first bytes of files
+_OLD_MATLAB = b"MATLAB 5.0 MAT-file"
 _USER_BLOCK = 512  # bytes before the beginning of a file of MATLAB 7.3, which is HDF5
 _LEAST_SIDE = 16  # px; smaller arrays are tables
 _CHANNELS = (1, 3, 4)
@@ -22,7 +23,8 @@ _WANTED = "one array of pictures: frames × height × width, or × 3 for RGB"
 def is_array_file(path: Path) -> bool:
     """Return whether a file is HDF5, by its first bytes or its ending, or .npy of NumPy.
 
-    FinloopError for a recording of Norpix, which is neither.
+    FinloopError for a file of several arrays (.npz), an old file of MATLAB, and a recording of
+    Norpix: these are neither.
     """
     if path.suffix.lower() in (".npy", ".h5", ".hdf5", ".hdf"):
         return True
@@ -35,6 +37,16 @@ def is_array_file(path: Path) -> bool:
             "export it as AVI in StreamPix; or pip install pims 'imageio[ffmpeg]', then "
             "python -c \"import imageio, pims; film = pims.NorpixSeq('film.seq'); "
             "imageio.mimwrite('film.mp4', film, fps=film.frame_rate, quality=10)\"",
+        )
+    if path.suffix.lower() == ".npz" or begins.startswith(_OLD_MATLAB):
+        npz = path.suffix.lower() == ".npz"
+        raise FinloopError(
+            f"{path} is "
+            + ("an archive of NumPy arrays" if npz else "a file of MATLAB older than 7.3"),
+            f"{_WANTED}, in an .npy file, an HDF5 file or a .mat file of version 7.3",
+            "save the film alone: numpy.save('film.npy', array)"
+            if npz
+            else "save it again in MATLAB: save('film.mat', 'film', '-v7.3')",
         )
     return _HDF5 in (begins[:8], begins[_USER_BLOCK:])
 

@@ -36,9 +36,9 @@ from finloop.io.footage.stamps import count_times, times_in_files, times_in_name
 from finloop.io.footage.timing import estimate_frame_rate
 from finloop.io.video import THREADS
 
-TIFF = {".tif", ".tiff"}
-SUFFIXES = TIFF | {
-    ".png", ".jpg", ".jpeg", ".bmp", ".webp", ".jp2", ".pgm", ".ppm", ".pnm",
+TIFF, JPEG = {".tif", ".tiff"}, {".jpg", ".jpeg"}
+SUFFIXES = TIFF | JPEG | {
+    ".png", ".bmp", ".webp", ".jp2", ".pgm", ".ppm", ".pnm",
 }  # fmt: skip
 _FEW = 0.05  # of a folder's pictures; so few with another name are left out
 
@@ -79,7 +79,7 @@ def _list_folder(folder: Path, has_rate: bool) -> Album:
     """
     files, offsets, notes = find_series(folder)
     times = None if has_rate else times_in_names([file.stem for file in files])
-    if times is None and not has_rate and files[0].suffix.lower() in TIFF:
+    if times is None and not has_rate and files[0].suffix.lower() in TIFF | JPEG:
         times = times_in_files(files)
     if times is not None:
         order = np.argsort(times)

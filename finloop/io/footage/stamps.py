@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import ExifTags, Image
 from tifffile import TiffFile, TiffFileError, TiffPage, xml2dict
 
 from finloop.base.arrays import Floats
@@ -33,15 +34,19 @@ def times_in_names(names: Sequence[str]) -> Floats | None:
 
 
 def times_in_files(files: Iterable[Path]) -> Floats | None:
-    """Return the times [s] (n,) in the tags of TIFF files: DateTime, with SubSecTime of Exif.
+    """Return the times [s] (n,) in the tags of JPEG or TIFF files: DateTime, with SubSecTime.
 
     None if a file has none, or the times cannot be those of a film.
     """
     stamps = []
     for file in files:
         try:
-            with TiffFile(file) as tiff:
-                stamps.append(_find_tag(tiff.pages.first))
+            if file.suffix.lower().startswith(".tif"):
+                with TiffFile(file) as tiff:
+                    stamps.append(_find_tag(tiff.pages.first))
+            else:
+                with Image.open(file) as picture:
+                    stamps.append(_find_exif_time(picture.getexif()))
         except (TiffFileError, OSError):
             return None
         if stamps[-1] is None:
@@ -111,6 +116,15 @@ def _find_since_1970(text: str) -> Stamp | None:
         if _FIRST_S <= int(match[1]) < _END_S:
             return float(match[1]), match[2] or ""
     return None
+
+
+def _find_exif_time(tags: Image.Exif) -> Stamp | None:
+    """Return the time in the Exif tags of a JPEG, of its exposure if stated; None without one."""
+    exif = tags.get_ifd(ExifTags.IFD.Exif)
+    original = exif.get(ExifTags.Base.DateTimeOriginal)
+    moment = _find_day_and_time(str(original or tags.get(ExifTags.Base.DateTime)))
+    subsecond = ExifTags.Base.SubsecTimeOriginal if original else ExifTags.Base.SubsecTime
+    return (moment[0], str(exif.get(subsecond) or "").strip(" \0")) if moment else None
 
 
 def _find_tag(page: TiffPage) -> Stamp | None:
