@@ -105,7 +105,7 @@ def _describe_unknown_group(word: str) -> str:
     group, _, key = word.partition(".")
     if group in GROUPS and key:
         return f"{word}: unknown; in a file write {group}: {{{key}: value}}"
-    near = get_close_matches(word, GROUPS, 1)
+    near = get_close_matches(word, GROUPS, n=1, cutoff=0.65)
     return f"{word}: unknown" + (f"; did you mean {near[0]}?" if near else "")
 
 
