@@ -8,12 +8,13 @@ clip is written (`ClipTally`).
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.base.arrays import Floats, Picture
+from finloop.base.arrays import Picture
 from finloop.base.schema import Column, Schema, columns
 from finloop.base.thin import thin_frame
 from finloop.clip.doubled import find_repeats, picture_change
@@ -204,7 +205,7 @@ def check_film(
     thinned_tank = tank[::_THIN, ::_THIN]
     floor_grey = float(np.median(thinned_tank))
     rows: list[dict[str, float]] = []
-    movers: list[tuple[float, float, float, float]] = []
+    moving: list[_MovingPixels] = []
     before: Picture | None = None
     gain_before = 1.0
     numbers = choose_examined_frames(tally.frames, key_frame_distance)
@@ -218,13 +219,15 @@ def check_film(
             row["field_order"] = measure_field_order(before, grey)
             row["noise"] = _measure_noise(before, grey, gain_before / gain)
             steady = grey if shift is UNKNOWN else undo_shift(grey, shift)
-            movers.append(_measure_movers(steady[::_THIN, ::_THIN], thinned_tank, floor_grey, gain))
+            thinned = steady[::_THIN, ::_THIN]
+            moving.append(_measure_moving_pixels(thinned, thinned_tank, floor_grey, gain))
         rows.append(row)
         before, gain_before = grey, gain
     table = pd.DataFrame({"light": tally.lights, "change": tally.changes})
     table = table.join(pd.DataFrame(rows).set_index("frame")).rename_axis("frame").reset_index()
     table = table.reindex(columns=CHECK.names)
-    quality = _summarize_quality(table, rate_hz, len(rows), np.array(movers).reshape(-1, 4))
+    moving_pixels = pd.DataFrame(moving, columns=_MovingPixels._fields)
+    quality = _summarize_quality(table, rate_hz, len(rows), moving_pixels)
     return quality, table, tank_picture
 
 
@@ -271,14 +274,22 @@ def _measure_noise(before: Picture, after: Picture, gain: float) -> float:
     return float(np.median(tiles)) * np.pi**0.5 / 2
 
 
-def _measure_movers(
-    frame: Picture, tank: Picture, floor_grey: float, gain: float
-) -> tuple[float, float, float, float]:
-    """Measure the pixels of a frame that differ from the empty tank, mostly those of animals.
+class _MovingPixels(NamedTuple):
+    """The pixels of a frame that differ from the empty tank, mostly those of animals."""
 
-    Return how many they are, their median difference from the tank [grey levels] (NaN without any),
-    and how many are black and white. frame, tank: grey (h, w); floor_grey: median level of the
-    tank; gain: brightness of the frame divided by that of the tank.
+    number: float
+    contrast: float  # their median difference from the tank, grey levels; NaN without any
+    black: float  # how many are so dark that nothing was recorded
+    white: float  # how many are so bright
+
+
+def _measure_moving_pixels(
+    frame: Picture, tank: Picture, floor_grey: float, gain: float
+) -> _MovingPixels:
+    """Return the measures of the pixels of a frame that differ from the empty tank.
+
+    frame, tank: grey (h, w); floor_grey: median level of the tank; gain: brightness of the frame
+    divided by that of the tank.
     """
     evenly_lit = frame / np.float32(gain)
     difference = np.abs(evenly_lit - tank)
@@ -288,17 +299,17 @@ def _measure_movers(
     moving = (difference > max(noise_limit, _LEAST)) & ~floor
     level = frame[moving]
     contrast = float(np.median(difference[moving])) if level.size else float("nan")
-    return level.size, contrast, (level <= _BLACK).sum(), (level >= _WHITE).sum()
+    black, white = int((level <= _BLACK).sum()), int((level >= _WHITE).sum())
+    return _MovingPixels(level.size, contrast, black, white)
 
 
 def _summarize_quality(
-    table: pd.DataFrame, rate_hz: float, examined: int, movers: Floats
+    table: pd.DataFrame, rate_hz: float, examined: int, moving: pd.DataFrame
 ) -> Quality:
     """Return the quality of a film from the measures of its frames.
 
     table: columns `CHECK`; rate_hz: frames per second; examined: number of frames that were
-    examined; movers (n, 4): number, contrast, black and white ones of the pixels of animals, in n
-    frames.
+    examined; moving: columns `_MovingPixels`, a row for each frame in which these were measured.
     """
     light = measure_light(table["light"].to_numpy(np.float64), rate_hz)
     place = table[["shift_x", "shift_y"]].to_numpy(np.float64)
@@ -306,9 +317,8 @@ def _summarize_quality(
     distance = np.hypot(*(places - np.median(places, axis=0)).T) if len(places) else places[:, 0]
     known = 2 * len(places) >= examined  # else the floor has too few marks
     repeats = find_repeats(table["change"].to_numpy(np.float64))
-    pixels, contrast, black, white = movers.T
     medians = table[["shift_apart", "field_order", "noise"]].median()
-    pixel_sum = max(1.0, float(pixels.sum()))
+    pixel_sum = max(1.0, float(moving["number"].sum()))
     return Quality(
         **{f"light_{name}": value for name, value in light._asdict().items()},
         shake_px=float(np.mean(distance**2)) ** 0.5 if known else float("nan"),
@@ -318,7 +328,7 @@ def _summarize_quality(
         doubled_rate=repeats.rate,
         field_order=float(medians["field_order"]),
         noise_grey=float(medians["noise"]),
-        contrast_grey=float(pd.Series(contrast).median()),
-        animal_black_pct=100 * float(black.sum()) / pixel_sum,
-        animal_white_pct=100 * float(white.sum()) / pixel_sum,
+        contrast_grey=float(moving["contrast"].median()),
+        animal_black_pct=100 * float(moving["black"].sum()) / pixel_sum,
+        animal_white_pct=100 * float(moving["white"].sum()) / pixel_sum,
     )

@@ -60,6 +60,7 @@ REPAIRED_BY = {
 }
 """The parameter that says when a repair is made, by the repair's name among the metrics."""
 
+# First the repairs of single pictures, then those of light and camera, which are measured on them.
 _PICTURES, _TAKING = {"deinterlace", "undouble"}, {"even_light", "steady"}
 
 
@@ -162,8 +163,8 @@ def is_better(repair: str, before: Quality, after: Quality) -> bool:
         }  # fmt: skip
         return float(np.nan_to_num(sizes[repair]))
 
-    contrasts = [one.contrast_grey / max(one.noise_grey, 1.0) for one in (before, after)]
-    return fault(after) < fault(before) and not contrasts[1] < KEPT_CONTRAST * contrasts[0]
+    old, new = (film.contrast_grey / max(film.noise_grey, 1.0) for film in (before, after))
+    return fault(after) < fault(before) and not new < KEPT_CONTRAST * old
 
 
 def choose_repairs(p: FootageSettings, quality: Quality, smaller_side_px: int) -> set[str]:
