@@ -78,7 +78,7 @@ def test_a_morph_has_every_frame_of_every_layer(method):
     assert (done.width, done.height) == (100, 100)
 
 
-@pytest.mark.parametrize("method", ["linear", "simple"])
+@pytest.mark.parametrize("method", ["linear", "fold_free"])
 def test_the_ends_are_the_drawings(method):
     done = morph_drawings(A, B, method, 5, points=128)
     for frame, box, line in ((0, SQUARE, LINE), (-1, TRIANGLE, LINE + [0, 60])):
@@ -165,7 +165,7 @@ def test_there_and_back_repeats_without_a_jump():
 
 
 def test_the_faces_do_not_fold():
-    done = morph_drawings(*map(load_svg, map(Path, FACES)), "simple", 60)
+    done = morph_drawings(*map(load_svg, map(Path, FACES)), "fold_free", 60)
     assert {name: int(count.max()) for name, count in done.folds.items()} == dict.fromkeys(
         done.layers, 0
     )
@@ -266,7 +266,7 @@ def test_the_command_tells_what_is_wrong_and_leaves_nothing(tmp_path, body, says
 
 @pytest.mark.parametrize(
     ("box", "method", "says"),
-    [(EIGHT, "simple", "contour 'box'"), (SQUARE + 1e6, "linear", "contour 'box' reaches 1")],
+    [(EIGHT, "fold_free", "contour 'box'"), (SQUARE + 1e6, "linear", "contour 'box' reaches 1")],
 )
 def test_a_contour_that_a_method_refuses_is_named(box, method, says):
     with pytest.raises(FinloopError, match=says):

@@ -39,7 +39,7 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(morph_run, folder):
     for out in named:
         assert (folder / out).exists(), out
     assert {path.name for path in (folder / "data/morph").iterdir()} == {
-        f"simple{ending}" for ending in (".svg", ".json", ".lottie.json", ".webp", ".mp4")
+        f"fold_free{ending}" for ending in (".svg", ".json", ".lottie.json", ".webp", ".mp4")
     } | {"connection.csv", "folds.csv"}
     for number in range(2, 8):
         assert load_picture(folder / f"reports/morph/figures/fig{number}.png").std() > 5
@@ -63,10 +63,10 @@ def test_numbers_tell_what_was_made(folder, monkeypatch):
     stages.morph.main()
     numbers = load_numbers(folder / "reports/morph")
     assert (numbers["contours"], numbers["frames"]) == (11, 6)
-    assert numbers["simple_contours_that_fold"] == 0
+    assert numbers["fold_free_contours_that_fold"] == 0
     assert 13 < numbers["off_diagonal_energy_coif2_2_levels_pct"] < 17
     folds = pd.read_csv(folder / "data/morph/folds.csv")
-    assert set(folds["method"]) == {"linear", "physical", "simple"} and len(folds) == 33
+    assert set(folds["method"]) == {"linear", "physical", "fold_free"} and len(folds) == 33
     frames = json.loads((folder / "data/morph/linear.json").read_text())["frames"]
     assert [frame["tau"] for frame in frames] == pytest.approx(list(np.linspace(0, 1, 6)))
     table = pd.read_csv(folder / "data/morph/connection.csv").set_index(["wavelet", "l"])

@@ -21,7 +21,7 @@ from finloop.morph.folds import count_polygon_folds, stays_simple
 from finloop.morph.match import match_curves
 from finloop.morph.simple import morph_without_folds
 
-METHODS = ("linear", "physical", "simple")
+METHODS = ("linear", "physical", "fold_free")
 DIGITS = (6, 9, 12)  # significant digits of the larger side: the grid is 1e-5 of it or finer
 REACH = 1000  # sides of the picture: the largest coordinate of a contour
 MOST_FRAMES, LEAST_POINTS, MOST_POINTS = 10_000, 8, 16_384
@@ -62,7 +62,7 @@ def morph_drawings(
     """Return the morph of drawing `a` into `b`, which is fitted into the picture of `a`.
 
     a, b: with the same ids, each contour closed in both or open in both. method: one of METHODS;
-    `simple` keeps every contour free of folds. frames: their number, at least 2, both ends
+    `fold_free` keeps every contour free of folds. frames: their number, at least 2, both ends
     included. points: of every contour, at least 8; a power of two for `physical`, and for `linear`
     with a level. scales, physics: settings of the linear and the physical morph. FinloopError if
     the drawings do not match, a number is out of range, or the method cannot morph a contour; the
@@ -79,13 +79,13 @@ def morph_drawings(
     morph_pair: dict[str, Callable[[Curve, Curve], Points]] = {
         "linear": lambda a, b: linear_morph(a, b, frames, points, *scales),
         "physical": lambda a, b: physical_morph(a, b, frames, points, *physics),
-        "simple": lambda a, b: morph_without_folds(a, b, frames, points),
+        "fold_free": lambda a, b: morph_without_folds(a, b, frames, points),
     }
     layers = {
         name: _morph_contour(name, curve, b.curves[name], side, morph_pair[method])
         for name, curve in a.curves.items()
     }
-    digits = DIGITS if method == "simple" else DIGITS[:1]
+    digits = DIGITS if method == "fold_free" else DIGITS[:1]
     return build_morph(a, b, np.linspace(0, 1, frames), layers, digits)
 
 

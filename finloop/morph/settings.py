@@ -14,7 +14,7 @@ class MorphSettings:
 
     first_drawing: str
     last_drawing: str
-    method: Literal["linear", "physical", "simple"]  # Eq. 4.1 | Fig. 5 | never folds
+    method: Literal["linear", "physical", "fold_free"]  # Eq. 4.1 | Fig. 5 | never folds
     frames: Annotated[int, Field(ge=2, le=10_000)]
     contour_points: Annotated[int, Field(ge=16, le=4096)]
     linear_level: Annotated[int, Field(ge=0)] | None

@@ -70,9 +70,7 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help=f"output file: {', '.join(ENDINGS)}"
     )
-    parser.add_argument(
-        "--method", choices=METHODS, default="simple", help="default: simple, which never folds"
-    )
+    parser.add_argument("--method", choices=METHODS, default="fold_free", help="default: fold_free")
     parser.add_argument("--frames", type=int, default=60, help="including both ends (default 60)")
     parser.add_argument(
         "--fps", type=parse_frame_rate, default=Fraction(30), help="frames/s, default 30"

@@ -260,7 +260,7 @@ HEADLINES = {
         Headline("frames", "frames of the morph"),
         Headline("linear_contours_that_fold", "contours that fold, linear morph", LOWER),
         Headline("physical_contours_that_fold", "contours that fold, physical morph", LOWER),
-        Headline("simple_contours_that_fold", "contours that fold, simple morph", LOWER),
+        Headline("fold_free_contours_that_fold", "contours that fold, fold-free morph", LOWER),
         Headline("hoop_error_runge_kutta", "hoop: error of Runge-Kutta", LOWER),
         Headline("hoop_error_decoupled", "hoop: error of the decoupled equations", LOWER),
         Headline("hoop_largest_rise_of_energy_share", "hoop: largest rise of energy", LOWER),
@@ -313,7 +313,7 @@ METRICS = {
     "realism": [headline.name for headline in HEADLINES["realism"]],
     "tank": ["gltf_error_pct_of_length"],
     "export": ["track_rows_share"],
-    "morph": ["simple_contours_that_fold"],
+    "morph": ["fold_free_contours_that_fold"],
     "gait": ["limbs_rms_gamma_pct", "tracks_that_repeat"],
     "report": ["figures"],
 }  # fmt: skip
