@@ -125,7 +125,7 @@ def test_workers_end_with_who_employs_them(tmp_path):
     employer = subprocess.Popen(
         [sys.executable, "employer.py"], cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}
     )
-    assert wait_for(lambda: all(note.exists() and note.read_text() for note in notes), 20)
+    assert wait_for(lambda: all(note.exists() and note.read_text() for note in notes), 120)
     workers = [psutil.Process(int(note.read_text())) for note in notes]
     employer.kill()
     employer.wait()
