@@ -192,7 +192,8 @@ def measure_discontinuities(
 def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Picture]:
     """Return both pictures of a join headed right: the new one, and the one the film would show.
 
-    before, now: rows of an edit list; the film would show what follows `before`.
+    before, now: rows of an edit list, a tick apart; the film would show what follows `before`. If
+    both rows have a pose, both pictures are drawn in that of `now`.
     """
     turn, bodies = -float(now.heading_deg), pictures.bodies  # turn: heads the fish right
     if now.pose is not None:

@@ -74,7 +74,7 @@ def build_sampler(
 ) -> Sampler:  # fmt: skip
     """Return the `Sampler`, all that drives a simulated fish, from a film, its network and a graph.
 
-    graph: start and to of similar rows, from `build_similarity_graph`; mean (m, d): predicted next
+    graph: of similar rows, start and to, from `build_similarity_graph`; mean (m, d): predicted next
     states of the rows, None to compute them.
     """
     rows, (start, to) = film.rows, graph

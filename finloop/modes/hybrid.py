@@ -46,9 +46,10 @@ class Gateways:
     """
 
     def __init__(self, table: pd.DataFrame, step: float, loop_mode: Loops) -> None:
-        """Sort the gateways by what they lead from, without those into film that cannot go on.
+        """Sort gateways by the sprite or row that they lead from; drop those into film that ends.
 
-        table: columns of `GATEWAYS`; step: the film's natural step, the unit of seams.
+        table: columns of `GATEWAYS`; step: the film's natural step, the unit of seams; loop_mode:
+        plays the film.
         """
         film = loop_mode.film
         table = table.assign(seam=table["distance"].astype(float) / step)

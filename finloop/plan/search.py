@@ -281,6 +281,7 @@ def _start_beam(search, candidates, most_legs):  # type: ignore[no-untyped-def]
         costs=np.full(count, np.inf), terms=np.zeros((count, len(TERMS))), ticks=np.zeros(count),
         displaced=np.zeros(count, np.bool_),
     )  # fmt: skip
+    # A branch of one run for each candidate that fits.
     for k in range(count):
         row, x, y, terms = candidates.rows[k], start.x, start.y, candidates.terms[k]
         film_row = graph.film.rows[row]
@@ -424,8 +425,9 @@ def tick_row_shown(runs, last_run, row, tick):  # type: ignore[no-untyped-def]
 def insert_extension(beam: Beam, count: int, extension: Extension, displaced: Mask) -> int:
     """Insert an extension if it is among the cheapest; return the new number of extensions.
 
-    beam: its extensions are changed, of which `count` are filled; the costliest is replaced if
-    there is no room. displaced (k,): set True for the candidate of an extension that is left out.
+    The beam's extensions, of which `count` are filled, are changed in place; if all are, the
+    costliest is replaced. displaced (k,): set True for the candidate of an extension that is left
+    out.
     """
     costs, order, place, slot = beam.sorted_costs, beam.order, count, count
     if count == costs.size:
@@ -435,6 +437,7 @@ def insert_extension(beam: Beam, count: int, extension: Extension, displaced: Ma
             displaced[extension.candidate] = True
             return count
         displaced[beam.extensions[slot].candidate] = True
+    # Insertion sort: costlier extensions move one place on.
     while place > 0 and extension.cost < costs[place - 1]:
         costs[place], order[place] = costs[place - 1], order[place - 1]
         place -= 1
