@@ -134,8 +134,8 @@ class Extension(NamedTuple):
     """A branch of the search extended by playing on or by a jump, before its next leg.
 
     cost: so far and to come, ticks; candidate: number of the candidate that the branch began with;
-    branch: its number in the beam; jump: number of the jump in `MotionGraph.to`, −1 for playing on;
-    repeat: ticks that showing rows again costs.
+    branch: its number in the beam; jump: number in `SearchGraph.jumps`, −1 for playing on; repeat:
+    ticks that showing rows again costs.
     """
 
     cost: float
@@ -356,7 +356,7 @@ def _insert_jumps(search, beam, extension_count, branch_number, outcomes):  # ty
     in place; branch_number: in the beam.
     """
     graph, on_path = search.graph, search.objective.route.x.size > 0
-    film, weights, branch = graph.film, search.weights, beam.branches[branch_number]
+    film, branch = graph.film, beam.branches[branch_number]
     first_jump, end_jump = jump_range(film, branch.row)
     if first_jump == end_jump:
         return extension_count
@@ -368,16 +368,15 @@ def _insert_jumps(search, beam, extension_count, branch_number, outcomes):  # ty
         direction = heading_vector(graph.previews[branch.row], branch)
     past_cost, least_to_come = branch.cost - to_come, to_come if keeps_to_come else 0.0
     for number in range(first_jump, end_jump):
-        to, jump_cost = np.int64(film.to[number]), weights.seam * film.seam[number]
-        highest_cost = np.inf
+        jump, highest_cost = graph.jumps[number], np.inf
         if extension_count == beam.sorted_costs.size:
             highest_cost = beam.sorted_costs[extension_count - 1]
-        cost = past_cost + jump_cost
+        cost = past_cost + jump.cost
         if cost + least_to_come >= highest_cost:
             outcomes.displaced[branch.candidate] = True
             break  # those that follow cost as much, or more
         if not keeps_to_come:
-            preview = graph.previews[to]
+            preview = graph.previews[jump.to]
             if not film.jumps_keep_heading:
                 direction = heading_vector(preview, branch)
             to_come = estimate_cost_to_come(search, branch, preview, direction)
@@ -385,7 +384,7 @@ def _insert_jumps(search, beam, extension_count, branch_number, outcomes):  # ty
         if cost >= highest_cost:
             outcomes.displaced[branch.candidate] = True
             continue
-        repeat = _repetition_cost(search, beam, branch, to)
+        repeat = _repetition_cost(search, beam, branch, jump.to)
         extension = Extension(cost + repeat, branch.candidate, branch_number, number, repeat)
         extension_count = insert_extension(beam, extension_count, extension, outcomes.displaced)
     return extension_count
@@ -458,12 +457,13 @@ def start_next_leg(search: Search, beam: Beam, extension_count: int, leg: int) -
         extension, branch = beam.extensions[beam.order[k]], beam.spare[k]
         beam.spare[k] = beam.branches[extension.branch]
         if extension.jump >= 0:
-            row, run = np.int64(film.to[extension.jump]), beam.runs[first_run + k]
+            jump, run = graph.jumps[extension.jump], beam.runs[first_run + k]
             if film.jumps_keep_heading:
-                turn_branch_to_row(graph, branch, row)
-            run.row, run.tick, run.before = row, search.start.tick + branch.ticks, branch.last_run
-            branch.row, branch.last_run = row, first_run + k
-            branch.terms[SEAM] += search.weights.seam * film.seam[extension.jump]
+                turn_branch_to_row(graph, branch, jump.to)
+            tick = search.start.tick + branch.ticks
+            run.row, run.tick, run.before = jump.to, tick, branch.last_run
+            branch.row, branch.last_run = jump.to, first_run + k
+            branch.terms[SEAM] += jump.cost
         branch.terms[REPEAT] += extension.repeat
         beam.rows[leg, k], beam.parents[leg, k] = branch.row, extension.branch
     return Beam(

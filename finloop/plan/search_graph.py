@@ -11,6 +11,8 @@ from finloop.plan.cost import CostWeights
 from finloop.plan.graph import MotionGraph, ticks_to_film_end
 from finloop.plan.walls import Bounds
 
+JUMP = np.dtype([("cost", "f8"), ("to", "i8")])
+"""A jump: ticks that its seam costs; the row that it leads to. Together they are read faster."""
 PREVIEW = np.dtype(
     [
         ("dx", "f8"), ("dy", "f8"), ("ahead", "f8"), ("left", "f8"), ("far", "f8"),
@@ -26,12 +28,14 @@ many ticks; cos, sin: of the row's heading."""
 class SearchGraph(NamedTuple):
     """The motion graph that is searched, and what keeps a fish inside the tank (bounds).
 
-    run (n,): ticks that the film plays on from each row; leg (n,): ticks to the first row with
-    jumps at least a stride farther on, or to where the film ends; previews (n,): where the film
-    leads from each row, of dtype `PREVIEW`.
+    jumps (e,): of dtype `JUMP`, those that replace one row together, the cheapest first; run (n,):
+    ticks that the film plays on from each row; leg (n,): ticks to the first row with jumps at least
+    a stride farther on, or to where the film ends; previews (n,): where the film leads from each
+    row, of dtype `PREVIEW`.
     """
 
     film: MotionGraph
+    jumps: NDArray[np.void]
     bounds: Bounds
     run: Ints
     leg: Ints
@@ -50,6 +54,8 @@ def search_graph(
     # A jump leads on for a stride at least: branches of single ticks would cost least for a leg,
     # and crowd out all others.
     film = film.keep_jumps(run[film.to] >= weights.stride)
+    jumps = np.zeros(len(film.to), JUMP)
+    jumps["cost"], jumps["to"] = weights.seam * film.seam, film.to
     # The last number, beyond all rows, is for rows without jumps farther on.
     jump_rows = np.append(np.flatnonzero(rows["jump_slot"] >= 0), 2 * len(rows))
     next_jump_rows = jump_rows[np.searchsorted(jump_rows, numbers + weights.stride)]
@@ -63,4 +69,4 @@ def search_graph(
         if not prefix:
             previews["dx"], previews["dy"] = offset.T
     previews["cos"], previews["sin"] = np.cos(headings), np.sin(headings)
-    return SearchGraph(film, bounds, run, leg, previews)
+    return SearchGraph(film, jumps, bounds, run, leg, previews)
