@@ -65,8 +65,9 @@ def compare_schools(project: Project) -> pd.DataFrame:
     """Compare how the fish of mode `matching` and of the film keep together; return a table.
 
     It has a row per group, film and measure, and the columns shoal (the group), beside (the film),
-    measure, median and distance. The film's first half, to which the zones are fitted, is compared
-    as well, as a yardstick. The table is empty for a single fish, or without that mode.
+    measure, median (of the group) and distance (Wasserstein's, of group and film). The film's first
+    half, to which the zones are fitted, is compared as well, as a yardstick. The table is empty for
+    a single fish, or without that mode.
     """
     if project.settings("matching").fish == 1 or "matching" not in _list_animated_modes():
         return compare_groups({}, {})

@@ -56,11 +56,14 @@ def load_film_data(project: Project, reel: Reel) -> FilmData:
 def write_animation(mode: str, open_mode: OpenMode, save_more: SaveMore | None = None) -> None:
     """Plan the animation of a mode; write data/animate/<mode>.parquet and data/animate/<mode>/.
 
-    The file is the edit list, the folder has goals, samples, motion and measures. Where the film
-    shows too little for the mode, the list is empty, and the folder has only reason.json.
+    The file is the edit list. The folder has the files of `_save_animation`, samples.parquet (short
+    animations, which the stage `realism` compares with film) and trials.json (mean measures of
+    animations to random goals). Where the film shows too little for the mode, the list is empty,
+    and the folder has only reason.json.
     open_mode: returns the mode's animator. save_more: writes further files of the mode to the
     folder and returns further numbers by name.
     """
+    # What this mode has imported, its workers need, too.
     loaded_modules = [name for name in sys.modules if name.startswith("finloop.")]
     with open_workers(loaded_modules) as pool, Project() as project:
         p = project.settings("animate")

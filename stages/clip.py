@@ -45,7 +45,7 @@ def main() -> None:
         if len(films) > 1:
             numbers = _write_clips(films, folder)
         else:
-            remove_folders_except(KEPT, [])
+            remove_folders_except(KEPT, [])  # a single film is not kept for reuse
             p = films[0] if films else p
             numbers = _write_clip(p, open_clip_source(p), folder, report_progress)
     save_metrics(METRICS, numbers)

@@ -24,11 +24,11 @@ PROCESSES = "FINLOOP_PROCESSES"  # how many processes a stage works on, where th
 
 
 @contextmanager
-def open_workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
+def open_workers(modules: Sequence[str], threads: bool = False) -> Iterator[Workers]:
     """Yield the workers of a stage: this machine's, or those of the cluster that conf/ names.
 
-    need: modules that workers import first. threads: on this machine, use threads instead of
-    processes.
+    modules: names of those that workers import first. threads: on this machine, use threads instead
+    of processes.
     """
     p: ClusterSettings = load_settings("cluster")
     if isinstance(p, DefaultWorkers) and p.scheduler_address is None:
@@ -36,7 +36,7 @@ def open_workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers
         # time to start.
         count = int(os.environ.get(PROCESSES, THREADS))
         if count > 1 and not threads:
-            start_fork_server(need)
+            start_fork_server(modules)
         yield Threads(THREADS) if threads else Processes(count)
         return
     from finloop.cluster.workers import WorkerHome, connect_dask_workers  # loads a compiler
@@ -44,7 +44,7 @@ def open_workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers
     address = p.scheduler_address if isinstance(p, DefaultWorkers) else ""
     start = f"python -m stages.cluster {address}"  # how the user starts a worker, for messages
     home = WorkerHome.from_process(Path.cwd(), start, THREAD_VARIABLES)
-    with connect_dask_workers(p, home, THREADS, need) as cluster:
+    with connect_dask_workers(p, home, THREADS, modules) as cluster:
         dashboard = cluster.client.dashboard_link
         watch = f"; watch them at {dashboard}" if dashboard else ""
         print(f"finloop: {cluster.count} workers of Dask{watch}", file=sys.stderr)

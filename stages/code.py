@@ -102,7 +102,7 @@ def module_files(name: str) -> set[str]:
 
 @cache
 def imported_files(file: str) -> set[str]:
-    """Return the program's files that a file imports anywhere, or names in a string.
+    """Return the program's files that a file imports anywhere, names in a string, or reads.
 
     finloop/__init__.py imports lazily: it counts as importing nothing. Each member of `Project`
     imports what it needs inside itself. So a stage depends on the members that it uses, of an
@@ -112,9 +112,10 @@ def imported_files(file: str) -> set[str]:
         return set()
     tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
     if file == PROJECT:
-        return files_of_imports(tree.body)
+        return files_of_imports(tree.body)  # those of the module, without those of the members
     files = files_of_imports([*ast.walk(tree)]) | BY_NAME.get(file, set())
     if PROJECT in files:
+        # Add what the members import that the file uses, and those that these members use.
         members = project_members()
         unread, used = _members_of(tree, "project") & members.keys(), set[str]()
         while unread:

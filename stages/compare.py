@@ -17,7 +17,7 @@ import yaml
 from finloop.io.atomic import save_bytes
 from finloop.io.numbers import NUMBERS_NAME, parse_numbers
 from finloop.report.compare import OBJECTIVES, compare_experiments, comparison_page
-from stages.previews import choose_mode, load_previews
+from stages.previews import choose_mode, draw_previews
 from stages.repository import (
     describe_commit,
     describe_differing_code,
@@ -91,7 +91,7 @@ def write_comparison(names: list[str], measures: list[str], title: str, why: str
     table = compare_experiments(pd.DataFrame(parameters).T, pd.DataFrame(values).T, measures)
     # Runs that differ only in their seeds are one column; the first of them is drawn.
     first_commits = {run: commits[run] for run in table.first_runs}
-    previews = load_previews(first_commits, choose_mode(measures)) if "animate" in stages else {}
+    previews = draw_previews(first_commits, choose_mode(measures)) if "animate" in stages else {}
     notes = [f"On commit {describe_commit('HEAD')}.", describe_differing_code(commits)]
     page = comparison_page(table, title, [why, *notes], commits, previews)
     save_bytes(OUT, page.encode())

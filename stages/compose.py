@@ -58,19 +58,15 @@ def write_params(overrides: list[str]) -> None:
 
 
 def quoting_error(overrides: list[str]) -> FinloopError | None:
-    """Return the error that says how to type overrides of which a value needs quotes.
+    """Return an error that shows how to quote the overrides; None if each is one `key=value`.
 
-    overrides: as the shell has split them. None if each is one `key=value`. FinloopError is raised
-    if one has several values or an unknown group.
+    overrides: as the shell has split them. `_is_override` raises FinloopError if one has several
+    values or an unknown group.
     """
     wrong = [text for text in overrides if not _is_override(text)]
     if not wrong:
         return None
-    key = rf"[+~]?(?:{'|'.join((*GROUPS, FOLDER))})[.:\w]*"
-    # Undo the shell's splitting, take "group:key=" for "group.key=", and split before each key.
-    typed = re.sub(rf"(?<!\S)({key}) *= *", r"\1=", " ".join(overrides))
-    typed = re.sub(rf"(?<!\S)({'|'.join(GROUPS)}):(?=\w+=)", r"\1.", typed)
-    meant = re.split(rf"[ ,](?={key}=)", typed)
+    meant = _guess_overrides(overrides)
     quoted = [f"'{text if _is_override(text) else _quote_value(text)}'" for text in meant]
     for_make = " ".join(quoted).replace('"', '\\"')
     return FinloopError(
@@ -82,10 +78,23 @@ def quoting_error(overrides: list[str]) -> FinloopError | None:
     )
 
 
+def _guess_overrides(words: list[str]) -> list[str]:
+    """Return the overrides that were meant by words that the shell has split at spaces.
+
+    So ["clip.path", "=", "my", "film.mp4"] gives ["clip.path=my film.mp4"].
+    """
+    key = rf"[+~]?(?:{'|'.join((*GROUPS, FOLDER))})[.:\w]*"  # FOLDER, as in `+experiment=name`
+    # Remove spaces beside a "=", take "group:key=" for "group.key=", and split before each key.
+    typed = re.sub(rf"(?<!\S)({key}) *= *", r"\1=", " ".join(words))
+    typed = re.sub(rf"(?<!\S)({'|'.join(GROUPS)}):(?=\w+=)", r"\1.", typed)
+    return re.split(rf"[ ,](?={key}=)", typed)
+
+
 def _is_override(text: str) -> bool:
     """Return whether a text is `key=value` with one value, in Hydra's syntax.
 
-    FinloopError if it has several values, or its group is unknown.
+    FinloopError if it has several values, its group is unknown, or it gives a group a value that
+    cannot name a variant.
     """
     try:
         override = OverridesParser.create().parse_override(text)
@@ -158,12 +167,13 @@ def load_experiment(name: str) -> Experiment:
 
 
 def _as_user_error(error: Exception, overrides: list[str]) -> FinloopError:
-    """Return an error of composing if it is a FinloopError; else one with the error's message.
+    """Return an error of composing as one that says what to do; a FinloopError as it is.
 
     overrides: those that were composed.
     """
     if isinstance(error, FinloopError):
         return error
+    # Three errors of Hydra and OmegaConf have a remedy of their own; the others keep their text.
     if missing := re.search(r"Could not find '(\w+)/(.+)'", str(error)):
         return _no_option_error(missing[1], missing[2], overrides)
     if twice := re.search(r"Multiple values for (\w+)\. .*override (\w+): (\w+)", str(error)):
@@ -220,6 +230,7 @@ def require_composed_params(overrides: list[str]) -> None:
     """
     text = PARAMS.read_text(encoding="utf-8") if PARAMS.is_file() else ""
     values = yaml.safe_load(text) or {}
+    # A stamp, the digest of conf/, has a second part "-…" where there is a conf/local/.
     if "-" in values.get(STAMP, "") and not LOCAL.is_file():
         print(f"{PARAMS} has values of a {LOCAL} that is not here: only ranges are checked",
               file=sys.stderr)  # fmt: skip

@@ -31,9 +31,9 @@ def find_conflicts(values: Groups) -> list[str]:
 
 
 def _film_conflicts(values: Groups) -> Iterator[str]:
-    """Yield a sentence for each film that is missing, unreadable or shorter than a track."""
+    """Yield a sentence for each film that is missing, unreadable or too short for any track."""
     clip, shortest = values["clip"], values["extract"]["min_track_frames"]
-    if clip.get("frames", shortest) < shortest:
+    if clip.get("frames", shortest) < shortest:  # only a drawn film has this parameter
         yield _too_short_text("clip.frames", clip["frames"], shortest)
     if not clip.get("path"):
         return

@@ -53,6 +53,7 @@ def _save_films(
     facts, edit, sprites = project.facts, drawn.edit, project.sprites
     gallery = project.gallery(drawn)
     rate, channels = facts.frame_rate, 3 if facts.colour else 1
+    # Pictures of each sequence, and the half side [px] of a square canvas that holds them all.
     cycles = {word: sprites_of_sequence(sprites, word, gallery) for word in SEQUENCES}
     films: dict[str, Any] = {}
 
@@ -81,7 +82,7 @@ def _save_films(
             crop = box_of_all_fish(steps, canvas)
             write_film(word, cut_out_fish(steps, canvas, crop), crop, len(steps))
             films[word] |= {"pivot_x_px": half - crop.left, "pivot_y_px": half - crop.top}
-            films[word] |= {"loops": word not in SIDES}
+            films[word] |= {"loops": word not in SIDES}  # a turn ends in another heading
     return {
         "frame_rate_hz": round(float(rate), 4),
         "mm_per_px": facts.mm_per_px,
@@ -135,10 +136,8 @@ def main() -> None:
         )
         edit, tracks, mm = drawn.edit, drawn.tracks, facts.mm_per_px
         length_px = project.drawn_scale(p.mode) * float(features["body_length_px"].median())
-        least_frames, animals = (
-            round(p.tracks_min_s * facts.frame_rate),
-            animal_names(project, tracks),
-        )
+        least_frames = round(p.tracks_min_s * facts.frame_rate)
+        animals = animal_names(project, tracks)
         points = keypoints_of_tracks(
             tracks, features, facts.frames, p.tracks_body_points, least_frames, p.tracks_most,
             animals,

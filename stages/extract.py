@@ -55,9 +55,9 @@ def main() -> None:
     """
     settings: ExtractSettings = load_settings("extract")
     with open_workers(WORKERS_NEED) as pool, whole_folder(EXTRACT) as folder:
-        if load_readable_parts(CLIP):
+        if load_readable_parts(CLIP):  # several films
             numbers, films = _extract_films(CLIP, settings, pool, folder)
-        else:
+        else:  # one film: keep results until it is done, for a run that continues after a stop
             pieces = Pieces(PIECES / key_digest(_track_inputs(CLIP, settings)))
             remove_folders_except(PIECES, [pieces.folder.name])
             remove_folders_except(KEPT, [])
@@ -68,6 +68,7 @@ def main() -> None:
     remove_folders_except(PIECES, [])
     save_metrics(REPORT / "metrics.json", numbers)
     save_csv(EXTRACT / "films.csv", pd.DataFrame(films), decimals=3)
+    # With several films the names of a film's numbers begin with its name.
     names = [film["film"] for film in films if not film["left_out_because"]]
     prefixes = {name: f"{name}_" for name in names} if load_readable_parts(CLIP) else {"": ""}
     findings = {
@@ -214,17 +215,17 @@ def _extraction_metrics(extraction: Extraction) -> dict[str, float]:
 
     The verdicts count the silhouettes that are a fish, several fish or none.
     """
-    scene, verdicts, lengths, given, lost = extraction
-    long_tracks = [count for count in lengths.values() if count >= LONG]
+    scene, verdicts, frames_by_track, given, lost = extraction
+    long_tracks = [count for count in frames_by_track.values() if count >= LONG]
     return {
         **{name: value for name, value in asdict(scene).items() if name.endswith(("_grey", "_px"))},
         "silhouettes": verdicts.total(),
         **{f"silhouettes_{v.replace(' ', '_')}": verdicts[v] for v in get_args(Verdict)},
-        "fish_frames": lengths.total(),
-        "tracks": len(lengths),
+        "fish_frames": frames_by_track.total(),
+        "tracks": len(frames_by_track),
         f"tracks_of_{LONG}_frames": len(long_tracks),
         f"fish_frames_in_tracks_of_{LONG}_frames": sum(long_tracks),
-        "longest_track_frames": max(lengths.values()),
+        "longest_track_frames": max(frames_by_track.values()),
         **given,
         **({"frames_lost": len(lost)} if lost else {}),
     }

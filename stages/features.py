@@ -51,7 +51,7 @@ def main() -> None:
     heading, bend = (table[name].to_numpy(float) for name in ("heading_deg", "bend"))
     thresholds = choose_turn_thresholds(heading, bend, track_slices(table), delta, settings)
     cues = learn_head_cues(tracks, facts.frame_rate_hz, settings.head)
-    if cues.width < 0 and settings.head == "auto":
+    if cues.width < 0 and settings.head == "auto":  # −1: the head is the thin end
         print(
             "features: in this film animals move with the thin end first: it is taken for the head "
             "(features.head=blunt: not)",

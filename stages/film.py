@@ -102,7 +102,7 @@ def _films_in_local_conf(text: str) -> list[str]:
     paths = [path] if isinstance(path, str) else path
     if not isinstance(paths, list) or not all(isinstance(name, str) for name in paths):
         return []
-    return [name.replace("\\${", "${") for name in paths]
+    return [name.replace("\\${", "${") for name in paths]  # as `local_conf_text` has escaped it
 
 
 def show_report(report: Path) -> None:

@@ -47,6 +47,7 @@ def read_tiny_film(path: Path) -> list[str]:
             "the tiny film, as `clip: carp` and lines such as `clip.frames: 100`",
             "git checkout it; `finloop new` makes one, too",
         ) from error
+    # A key without a dot is a group, and its value the name of a variant, never quoted.
     return [
         f"{key}={format_override(value) if '.' in key else value}" for key, value in values.items()
     ]

@@ -46,10 +46,10 @@ def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[st
     """Return RMS errors of the motion area Δ later (the time in which motion is measured).
 
     They are `area_rmse`, of the model, and `persistence_area_rmse`, of the guess that nothing
-    changes; {} if no held-out row is followed for Δ.
+    changes, as shares of the film's largest motion area; {} if no held-out row is followed for Δ.
     """
     features, poses, film = project.features, project.poses, project.forecast_states
-    rows = parts.held_out[parts.held_out < film.count]
+    rows = parts.held_out[parts.held_out < film.count]  # the later ones are mirror images
     rows = rows[film.usable[rows[:, None] + np.arange(film.delta)].all(axis=1)]
     if not len(rows):
         return {}
@@ -130,7 +130,7 @@ def main() -> None:
         "held_out_rows": len(parts.held_out),
         "epochs": len(curve) - 1,
         "best_epoch": int(curve["held_out_error"].argmin()),
-        "neighbours_per_row": len(graph[1]) / len(film.rows),
+        "neighbours_per_row": len(graph[1]) / len(film.rows),  # [1]: of all rows
         **numbers,
     })  # fmt: skip
 

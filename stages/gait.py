@@ -168,16 +168,18 @@ def _fill_in_true_gammas(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) ->
     γ says how unevenly a limb moves from one key pose to the next. The columns are true, of the
     exact motion; exact, fitted to exact contours; clock, of the foot alone.
     """
+    # "swap": half a cycle later each limb does what its left-right partner does now.
     exact = GaitContours(
-        true_limb_contours(walk, EXACT_POINTS), frame_phases(walk), walk.body_length_px, "swap"
-    )
+        true_limb_contours(walk, EXACT_POINTS), frame_phases(walk), walk.body_length_px,
+        symmetry="swap",
+    )  # fmt: skip
     exact = replace(exact, offsets=partner_offsets(exact))
     gait, _ = fit_gait(exact, "exact", walk.frequency_hz, split=p.split, wavelet=p.wavelet)
     true = true_gamma(walk)
     for row, (limb, subcycle) in table[["contour", "subcycle"]].iterrows():
         if limb in true:
-            of_exact = gait.gamma[limb][subcycle][0]
-            of_foot = foot_gammas(walk, limb)["AB".index(subcycle)]
+            of_exact = gait.gamma[limb][subcycle][0]  # the only one: for all scales
+            of_foot = foot_gammas(walk, limb)["AB".index(subcycle)]  # of A, B, C and D
             table.loc[row, ["true", "exact", "clock"]] = true[limb][subcycle], of_exact, of_foot
 
 

@@ -32,6 +32,7 @@ def main() -> None:
     p: IdentitySettings = load_settings("identity")
     with Project() as project:
         features, given = project.features, project.external_tracks
+        # The frames after a cut of the film.
         cuts = [start for start, _ in project.facts.segments[1:]]
         if given is not None:
             table, trial = identities_from_names(features, given["animal"]), dict[str, float]()

@@ -81,7 +81,8 @@ def main() -> None:
     ):
         source = StoredFilm(folder / "pictures.npy", p.look_px, project)
         source.create()
-        with report_progress("jumps", len(source.load_film()[0]), "rows") as advance:
+        reel, _ = source.load_film()
+        with report_progress("jumps", len(reel), "rows") as advance:
             result = find_film_jumps(source, p, pool, advance)
         save_table(folder / "jumps.parquet", result.jumps, JUMPS)
         save_record(folder / "facts.json", VisibleFacts(result.visible.natural))

@@ -65,6 +65,7 @@ def main() -> None:
     save_bytes(FOLDER / "position_table.csv", table.to_csv(lineterminator="\n").encode())
     jump_frames = least_loop_frames(infer_delta_frames(features), settings)
     largest = np.flatnonzero(graph.component == 0).tolist()  # ends that reach each other
+    # As an example, routes from the last of these ends back to the first.
     routes = find_routes(graph, largest[-1], largest[0], ROUTES, jump_frames=jump_frames)
     save_csv(FOLDER / "routes.csv", route_table(routes, graph, features, step), decimals=3)
     compared = find_map_rows(features, project.step_distances)

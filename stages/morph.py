@@ -39,7 +39,7 @@ DECIMALS = 10  # of connection coefficients
 GLYPH_POINTS, HOOP_POINTS = 1024, 256
 CONTROL = (4, 8, 16, 32)  # points of Fig. 7
 EULER = ("explicit-euler", "implicit-euler")
-SETTINGS = {  # of Fig. 5: e0, c, rho
+FIG5_PHYSICS = {  # of Fig. 5: e0, c, rho
     "soft, light damping": PhysicalOptions(1.0, 2.0, 1.0),
     "stiff": PhysicalOptions(6.0, 8.0, 1.0),
     "heavy damping": PhysicalOptions(1.0, 40.0, 1.0),
@@ -68,19 +68,21 @@ def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
     There are errors for this hoop and for one without mass; and the largest rise of the hoop's
     energy, which should only fall, as a share of the energy in the beginning.
     """
+    # The hoop at rest is a circle of the drawn outline's area, in the beginning it is the outline.
     outline = next(iter(load_svg(Path(p.hoop)).curves.values()))
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
     radius = np.sqrt(abs(signed_area(outline)) / np.pi)
     ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     shape, rest = match_curves(outline, Curve(ring, True), HOOP_POINTS)
-    shape = shape - shape.mean(axis=0) - rest
+    displacement = shape - shape.mean(axis=0) - rest
     # Mode m swings m √(e₀/ρ) times per unit of time: the oval, m = 2, once.
     material = Material(density=1.0, elastic=0.25, mass_damping=1.0)
     times = np.linspace(0, 3, 181)
-    problem = Problem(rest, shape, material, times, wavelet=p.wavelet)
+    problem = Problem(rest, displacement, material, times, wavelet=p.wavelet)
     exact = solve_motion(problem)
     no_mass = Material(density=0.0, elastic=1.0, mass_damping=1.0, stiffness_damping=0.02)
-    massless = Problem(rest, shape, no_mass, np.linspace(0, 1, 61), wavelet=p.wavelet)
+    massless = Problem(rest, displacement, no_mass, np.linspace(0, 1, 61), wavelet=p.wavelet)
+    # The errors of the solvers that can solve each case.
     numbers: dict[str, float] = {}
     for name, case, options, methods in (
         ("hoop", problem, SolverOptions(levels=3), ("runge-kutta", "decoupled")),
@@ -91,6 +93,7 @@ def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
             numbers[f"{name}_error_{method.replace('-', '_')}"] = error
     total = total_energy(problem, exact)
     numbers["hoop_largest_rise_of_energy_share"] = float(np.diff(total).max() / total[0])
+    # Fig. 6 shows times 0 to 1.1, Fig. 7 every second of them, drawn through few points.
     ticks = np.arange(0, 72, 4)
     frames = exact.displacement + rest
     save_figure(FIGURES / "fig6.png", figure6(frames[ticks], times[ticks], rest, "a hoop let go"))
@@ -114,12 +117,12 @@ def _draw_curve_paper_figures(p: MorphSettings) -> dict[str, float]:
     save_figure(
         FIGURES / "fig2.png", figure2(letter, [(CUBIC, "cubic B-spline"), ("db4", "Daubechies")])
     )
-    k = stiffness_matrix(p.wavelet, 64, 2)
+    k = stiffness_matrix(p.wavelet, n=64, levels=2)
     save_figure(FIGURES / "fig3.png", figure3(k, 2, f"stiffness, {p.wavelet}, two scales"))
     numbers: dict[str, float] = {}
     for wavelet in dict.fromkeys((*TABLES, p.wavelet)):
         for levels in (1, 2, 3):
-            share = off_diagonal_share(stiffness_matrix(wavelet, 256, levels))
+            share = off_diagonal_share(stiffness_matrix(wavelet, n=256, levels=levels))
             numbers[f"off_diagonal_energy_{wavelet}_{levels}_levels_pct"] = 100 * share
     return numbers
 
@@ -152,7 +155,7 @@ def main() -> None:
             )
             advance()
         film = there_and_back(morphs[p.method]) if p.back else morphs[p.method]
-        rate = Fraction(p.frame_rate_hz).limit_denominator(1001)
+        rate = Fraction(p.frame_rate_hz).limit_denominator(1001)  # 30000/1001 Hz is exact
         with whole_folder(OUT) as folder:
             for ending in ENDINGS:
                 save_animation(folder / f"{p.method}{ending}", film, rate, p.size_px)
@@ -163,7 +166,7 @@ def main() -> None:
     save_picture(FIGURES / "fig4.png", draw_morphs(morphs))
     physical_morphs = {
         name: morph_drawings(*drawings, "physical", p.frames, p.contour_points, physics=physics)
-        for name, physics in SETTINGS.items()
+        for name, physics in FIG5_PHYSICS.items()
     }
     save_picture(FIGURES / "fig5.png", draw_morphs({"linear": morphs["linear"]} | physical_morphs))
     for method, result in morphs.items():

@@ -45,15 +45,16 @@ def choose_mode(measures: Sequence[str]) -> str:
     return max(counts, key=lambda mode: counts[mode]) if any(counts.values()) else "hybrid"
 
 
-def load_previews(commits: Mapping[str, str], mode: str) -> dict[str, Preview]:
-    """Draw the animation of each experiment whose results are in DVC's cache.
+def draw_previews(commits: Mapping[str, str], mode: str) -> dict[str, Preview]:
+    """Draw a preview of each experiment's animation; return experiment → preview.
 
-    commits: experiment → its commit. mode: of the animation. Return experiment → preview.
+    commits: experiment → its commit. mode: of the animation. An experiment is left out if DVC's
+    cache lacks its results, or they cannot be drawn.
     """
     from dvc.repo import Repo  # not at the top: the import takes half a second
 
     digests_by_name = {name: _list_digests(commit, mode) for name, commit in commits.items()}
-    jobs = list(dict.fromkeys(filter(None, digests_by_name.values())))  # equal ones once
+    jobs = list(dict.fromkeys(filter(None, digests_by_name.values())))  # equal results once
     with Repo() as repo:
         cache = Path(repo.cache.local.path)
     draw = partial(_draw_from_cache, cache=cache, mode=mode)

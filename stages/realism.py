@@ -118,6 +118,7 @@ def _classify_or_error(
 
     named_windows: name of the comparison, and its two sets of windows, short stretches of swimming.
     """
+    # Of AGAIN, the film beside itself drawn and measured again, no channel is classified alone.
     try:
         return compare.classify_windows(named_windows[1], p, by_channel=named_windows[0] != AGAIN)
     except FinloopError as error:
@@ -217,6 +218,7 @@ def _compare_swimming(
         if path.exists():
             works[mode] = [Work(edit) for edit in split_by_fish(load_table(path, EDIT))]
             instruments[mode] = instrument.adapt_to_animation(project.drawn_scale(mode))
+    # A mode's results are kept until its animation changes; those of the film depend on INPUTS.
     own = {
         mode: [path_digest(ANIMATE / mode / "samples.parquet"), project.drawn_scale(mode)]
         for mode in works.keys() - {FILM}

@@ -68,6 +68,7 @@ def find_experiments(names: Sequence[str]) -> dict[str, str]:
     if not missing:
         return {name: known[name] for name in names}
     refs = run_git("for-each-ref", "--format=%(refname)", "refs/exps").split()
+    # refs/exps/<2 digits of the commit>/<the others>/<name>; other refs are DVC's own.
     parts = [ref.split("/") for ref in refs if ref.count("/") == 4]
     elsewhere = {name: start + rest for *_, start, rest, name in parts if name in missing}
     reasons = [

@@ -127,7 +127,7 @@ def run(main: Callable[[], None]) -> NoReturn:
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.freeze()  # imported objects stay: the collector never examines them
-    gc.enable()
+    gc.enable()  # it was off during the imports
     try:
         _require_own_program()
         main()
@@ -150,7 +150,7 @@ def run(main: Callable[[], None]) -> NoReturn:
 
 def _note_origins() -> None:
     """Write a note of what the stage's folder was made from; do nothing if no stage runs."""
-    module = sys.modules["__main__"].__spec__
+    module = sys.modules["__main__"].__spec__  # None unless started by `python -m`
     if module is not None:
         from stages.origins import note_origins  # not at the top: it needs the right Python
 
@@ -265,10 +265,11 @@ def report_findings(folder: Path, findings: Mapping[str, Iterable[Finding]]) -> 
         for finding in found:
             rows.append({"film": film} | finding.table_row)
             print(f"finloop: {film and film + ': '}{finding.terminal_line}", file=sys.stderr)
-    table = pd.DataFrame(rows, columns=["film", *Finding("", True, "").table_row])
+    columns = Finding(word="", good=True, text="").table_row  # also where nothing was found
+    table = pd.DataFrame(rows, columns=["film", *columns])
     if set(findings) == {""}:
         table = table.drop(columns="film")
-    save_csv(folder / FINDINGS_NAME, table, 0)
+    save_csv(folder / FINDINGS_NAME, table, decimals=0)
 
 
 def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:

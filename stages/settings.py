@@ -121,6 +121,7 @@ def list_overrides(values: Mapping[str, Any]) -> list[str]:
     for word, group in values.items():
         if word in STAMPS:
             continue
+        # The parameter `source` of a group with several variants names the variant.
         option = group.get("source", default_options[word])
         if option != default_options[word]:
             changes.append(f"{word}={option}")

@@ -95,7 +95,8 @@ def dry(options: argparse.Namespace) -> None:
     with open_scene(protocol) as film:
         clock = DryClock(repeat_messages(_animal_messages(options, film, protocol)))
         with _open_session(options, protocol, film, clock, dry=True) as session:
-            clock.receive, session.waits_for_starts = session.receive_message, False
+            clock.receive = session.receive_message
+            session.waits_for_starts = False  # nobody is there to press a key
             session.start()
             asyncio.run(session.run_trials())
 
@@ -239,7 +240,10 @@ def _animal_messages(
     scene, faults = film.scene, ConnectionFaults(options.loss, options.jitter, options.gap)
     line = load_track_or_file(options.animal, PX, Project().features)
     tracker = fit_calibration(protocol.animals, scene.mm_per_px)
-    return list(imitate_tracker(line, None, scene.tank, faults, tracker, scene.mm_per_px))
+    return list(imitate_tracker(
+        line, rate_hz=None, tank=scene.tank, faults=faults, calibration=tracker,
+        mm_per_px=scene.mm_per_px,
+    ))  # fmt: skip
 
 
 def _make_inputs(
@@ -327,7 +331,7 @@ def _build_parser() -> argparse.ArgumentParser:
 
     def add_command(does: Callable[[argparse.Namespace], None], *paths: str) -> Any:
         """Add a command with its arguments, all paths; return its parser."""
-        name = does.__name__.partition("_")[0]
+        name = does.__name__.partition("_")[0]  # `list_only` has the command `list`
         command = commands.add_parser(name, help=(does.__doc__ or "").rstrip("."))
         command.set_defaults(does=does)
         for path in paths:

@@ -119,7 +119,7 @@ def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
         pictures = PagePictures(gallery, reel.size)
         height, width = pictures.largest_px
         context = TrialContext(animator.player, bodies, mm_per_px)
-        if protocol is not None:
+        if protocol is not None:  # compile functions now, so that no trial waits for it
             rehearse_paths(animator.player)
             rehearse_stimulus(context)
         tank = TankCanvas(project.background, width, height)

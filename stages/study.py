@@ -158,6 +158,7 @@ def _format_overrides(values: Mapping[str, Any], folder: Path) -> Overrides:
         if key == "path":
             overrides += clip_path_overrides(str((folder / Path(value).expanduser()).absolute()))
         else:
+            # A key without a dot is a group, and its value the name of a variant, never quoted.
             overrides.append(f"{key}={value if '.' not in key else format_override(value)}")
     return overrides
 

@@ -52,7 +52,7 @@ def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface],
     skins = FishSkins(film, typical, centres, project.cutouts.__getitem__)
     surfaces = []
     for number, pose in enumerate(fish_poses):
-        heights = swimming_heights(time, p.water_depth_bl * length, number)
+        heights = swimming_heights(time, depth=p.water_depth_bl * length, fish=number)
         place = np.c_[pose.centre, heights]
         surfaces.append(FishSurface(pose, place, skins, typical, length))
     return surfaces, time
