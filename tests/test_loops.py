@@ -62,7 +62,7 @@ from finloop.loops.search import (
     to_sparse_map,
 )
 from finloop.plots.improper_loop import figure13, find_most_improper_loop, loop_path_rows
-from finloop.plots.loop_groups import figure12, find_stretches, rows_within_loops
+from finloop.plots.loop_groups import figure12, find_runs, rows_within_loops
 from finloop.plots.loop_routes import figure10, find_three_routes, jump_legs, spell_route
 from finloop.plots.loops import choose_separate_loops, spread_table_rows
 
@@ -618,9 +618,9 @@ def test_of_two_tracks_the_loops_are_of_the_one_that_is_easier_to_read():
 def test_stretches_are_of_one_track_and_hold_what_is_inside():
     track = np.repeat([0, 1, 4], [5, 3, 4])
     inside = np.array([1, 1, 0, 1, 1, 1, 0, 0, 1, 1, 1, 1], bool)
-    assert find_stretches(inside, track) == [(0, 2), (3, 5), (5, 6), (8, 12)]
-    assert find_stretches(~inside, track) == [(2, 3), (6, 8)]
-    assert find_stretches(np.zeros(12, bool), track) == []
+    assert find_runs(inside, track) == [(0, 2), (3, 5), (5, 6), (8, 12)]
+    assert find_runs(~inside, track) == [(2, 3), (6, 8)]
+    assert find_runs(np.zeros(12, bool), track) == []
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -67,9 +67,10 @@ def choose_held_out_frames(film: GaitContours) -> list[Mask]:
 def compare_clocks(
     film: GaitContours, *, split: float = 0.25, wavelet: str = "coif2", coarse: int = 4
 ) -> ClockComparison:
-    """Return how well a gait predicts frames that it was not fitted to, by each of four CLOCKS.
+    """Return the errors of a gait on frames that it was not fitted to, by each of four CLOCKS.
 
     A clock says how much of the first key frame is left at each moment between two key frames.
+    Errors are RMS distances of contours, in body lengths.
 
     split: phase of key frame 2, in cycles; wavelet, coarse: of the `Descriptor`. Held-out frames
     are skipped if the other frames cannot be fitted; if all are skipped, the last error is raised.
@@ -87,6 +88,7 @@ def compare_clocks(
     if problem is not None and not rows:
         raise problem
     _, subcycles = fit_key_frames(film, split, descriptor)
+    # Squared errors and numbers of frames, summed over the fits; then RMS from them.
     table = pd.DataFrame(rows).groupby(_KEYS, sort=False).sum().reset_index()
     contours = table[table["scale"] == _WHOLE].drop(columns="scale").reset_index(drop=True)
     total = contours["frames"].sum()
@@ -183,6 +185,7 @@ def _errors_by_scale(
         energy_shares.append(float((change[scale] ** 2).sum() / energy))
         counts.append(scale.stop - scale.start)
     linear, gamma_scale, frames = table["linear"], table["gamma_scale"], table["frames"]
+    # Each scale's error without γ, and the share of its square that γ removes, < 0: it adds.
     rms_linear = np.sqrt(linear / frames) / film.body_length
     gain = (linear - gamma_scale) / linear.where(linear > 0)
     verdict = np.select(

@@ -46,10 +46,12 @@ def walker_gait_contours(
     """Return a walker's outlines and phases in frames with a steady gait, its period, its limbs.
 
     frames: contours by id for each frame, in px; n: points of a contour; split: phase of key frame
-    2, in cycles; first: number of the first frame, for messages. Limbs are in px from the body.
-    FinloopError if there is no limb, half of the frames lack a limb, or no motion repeats.
+    2, in cycles; first: number of the first frame, for messages. The limbs are the contours in all
+    frames, px from the body, and the body's track. FinloopError if there is no limb, more than half
+    of the frames lack a limb, or no motion repeats.
     """
-    # The body's track is smoothed over a cycle, so the period is found twice.
+    # The body's track is smoothed over a cycle, so the period is found twice: at first with a body
+    # that moves straight.
     limbs = limb_contours(frames, n, smooth_frames=None, first=first)
     period = _find_limb_period(limbs, frame_rate_hz)
     cycle_frames = round(frame_rate_hz / period.frequency_hz)
@@ -102,8 +104,8 @@ def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
     """Return the phase (frames,), shifted and stretched so that feet turn round at key frames.
 
     phase: in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key frame 2.
-    Least squares over the shift, at most about REACH, and the stretch. Frames with NaN are not
-    fitted; if fewer than 12 are left, the phase is returned unchanged.
+    Least squares over the shift, at most about REACH cycles, and the stretch about the middle.
+    Frames with NaN are not fitted; if fewer than 12 are left, the phase is returned unchanged.
     """
     complete = np.isfinite(foot_x).all(axis=1)
     if complete.sum() < 12:  # the fit has eight numbers per foot
@@ -117,6 +119,7 @@ def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
         changed = fitted_phase - shift + stretch * (fitted_phase - middle)
         return _parabola_fit_error(changed, centred_x, split)
 
+    # First the best shift on a grid, then shift and stretch by descent from there.
     shifts = np.linspace(-REACH, REACH, STEPS)
     errors = [squared_error(np.array([shift, 0.0])) for shift in shifts]
     best_shift = float(shifts[np.argmin(errors)])
@@ -125,7 +128,7 @@ def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
         (best_shift, 0.0),
         method="Nelder-Mead",
         options={
-            # from there a few steps of the grid
+            # the best shift, one two steps of the grid farther, and a little stretch
             "initial_simplex": [(best_shift, 0.0), (best_shift + 0.004, 0.0), (best_shift, 0.003)],
             "xatol": 1e-5,
             "fatol": 1e-12 * float((centred_x**2).sum()),
@@ -142,7 +145,7 @@ def _parabola_fit_error(phase: Floats, foot_x: Floats, split: float) -> float:
     """
     subcycle, tau = locate_in_subcycle(phase, split)
     terms, row = np.zeros((len(phase), 8)), np.arange(len(phase))
-    # Straight between the values at four key frames, plus a bow for each subcycle.
+    # Columns 0-3: straight between the values at four key frames. 4-7: a bow in each subcycle.
     terms[row, subcycle] = 1 - tau
     terms[row, (subcycle + 1) % 4] = tau
     terms[row, 4 + subcycle] = tau * (1 - tau)

@@ -108,8 +108,8 @@ def partner_offsets(film: GaitContours) -> dict[str, Points]:
     """Return how far right and down of its left-right partner each limb hangs: (2,) by id.
 
     The unit is that of the contours. It is the mean difference between a limb and its partner half
-    a cycle later, when both are at the same point of their motion. 0 if the film is shorter than a
-    cycle, or lacks one of the two limbs.
+    a cycle later, when both are at the same point of their motion. (0, 0) if the film is shorter
+    than a cycle, or lacks one of the two limbs.
     """
     offsets = {name: np.zeros(2) for name in film.contours}
     if film.cycles < 1 - 1e-6:
@@ -138,7 +138,7 @@ def interpolate_key_frames(film: GaitContours, split: float) -> KeyFrames:
     missing in every frame near a key; the message names all such contours.
     """
     later = film.contours_half_cycle_later(film.contours)
-    step = float(np.median(np.diff(film.phase)))
+    step = float(np.median(np.diff(film.phase)))  # cycles from frame to frame
     keys: list[dict[str, Points]] = []
     missing = []
     for number, key_phase in enumerate((0.0, split), start=1):
@@ -192,7 +192,7 @@ class SubcycleFrames:
 def sort_into_subcycles(
     film: GaitContours, split: float, descriptor: Descriptor
 ) -> dict[str, list[SubcycleFrames]]:
-    """Return a film's frames by contour id: those in subcycle A, and those in B.
+    """Return a film's frames by contour id: [those in subcycle A, those in B].
 
     A lies between keys 1 and 2, B between 2 and 1'. Frames of the second half of the cycle, in C
     and D, count as frames of A and B of the symmetric pose. split: phase of key 2, in cycles;
@@ -293,9 +293,10 @@ def fit_key_frames(
 ) -> tuple[KeyFrames, dict[tuple[str, int], Subcycle]]:
     """Return a film's key frames, and the subcycles between them by (id, 0 for A or 1 for B).
 
-    Linear interpolation (`interpolate_key_frames`) flattens the curved motion between film frames.
-    A smooth model of the film, a cubic for each coefficient of each subcycle, shows by how much.
-    This error is subtracted, in ROUNDS rounds. A frame exactly at a key's phase stays that key.
+    Linear interpolation of the keys (`interpolate_key_frames`) flattens the curved motion between
+    film frames. A smooth model of the film, a cubic for each coefficient of each subcycle, shows by
+    how much. This error is subtracted, in ROUNDS rounds. A frame exactly at a key's phase stays
+    that key.
     split: phase of key 2, in cycles; descriptor: how contours become coefficients. FinloopError if
     no frame near a key shows a contour, or fewer than LEAST frames between the keys of a subcycle
     do.
@@ -422,7 +423,7 @@ def _ground_contact_phases(
     layout = HalfCycleLayout(offsets=film.offsets)
     for name, points in contours_of_cycle(keys.first, keys.second, gait, frames, layout).items():
         if "left" in name or "right" in name:
-            lowest = int(points[..., 1].mean(axis=0).argmax())
+            lowest = int(points[..., 1].mean(axis=0).argmax())  # y points down
             foot_x = points[:, lowest, 0]
             start = int(foot_x.argmax()) / frames
             stop = int(foot_x.argmin()) / frames

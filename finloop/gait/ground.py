@@ -55,8 +55,8 @@ class Ground(NamedTuple):
 def support_frames(spans: tuple[tuple[float, float], ...], frames: int) -> list[Ints]:
     """Return the numbers of the frames in which a foot is on the ground, for each span of phase.
 
-    spans: (from, to) in cycles, both ends included; frames: number of frames of a cycle. A returned
-    number may exceed it. A span in which no frame lies gives no entry.
+    spans: (from, to) in cycles, both ends included; frames: number of frames of a cycle. Numbers
+    from `frames` on belong to the next cycle. A span in which no frame lies gives no entry.
     """
     rounding = 1e-9  # cycles: a span that ends at a frame includes it
     runs = []
@@ -98,20 +98,20 @@ def foot_displacement(limb: Points) -> Points:
 
 
 def _foot_shift(contour: Points, next_contour: Points) -> float:
-    """Return how far a foot moves in x, where it is on the ground, between two contours (n, 2).
+    """Return how far a foot moves in x, at its place of contact, between two contours (n, 2).
 
-    A rigid motion (x, y, turn about the place of contact) is fitted to the points' motion across
-    the contour; along it they slide without the foot.
+    The contours are those of a limb, y down. A rigid motion (x, y, turn about the place of contact)
+    is fitted to the points' motion across the contour; along it they slide without the foot.
     """
     middle = (contour + next_contour) / 2
     along = np.roll(middle, -1, axis=0) - np.roll(middle, 1, axis=0)
-    # Its length, the point's piece of contour, is the weight of the point.
+    # The normal at each point. Its length, that of the point's piece of contour, weights the point.
     across = along[:, ::-1] * [1, -1]
     y = middle[:, 1]
     foot = y >= y.max() - PAW * np.ptp(y)
     contact = middle[y >= y.max() - SOLE * np.ptp(y)].mean(axis=0)
     arm = middle - contact
-    turn = arm[:, 0] * across[:, 1] - arm[:, 1] * across[:, 0]
+    turn = arm[:, 0] * across[:, 1] - arm[:, 1] * across[:, 0]  # motion across per radian
     motion = np.column_stack([across, turn])[foot]
     displacement = ((next_contour - contour) * across).sum(axis=1)[foot]
     x_y_and_turn = np.linalg.lstsq(motion, displacement, rcond=None)[0]
@@ -119,10 +119,10 @@ def _foot_shift(contour: Points, next_contour: Points) -> float:
 
 
 def _foot_paths(limbs: Mapping[str, Points], support: Support) -> Paths:
-    """Return, for each foot and each time on the ground, its frames and its displacement in them.
+    """Return each foot's paths: for each time on the ground its frames and its displacement in x.
 
-    The result is by id, without limbs that are never on the ground. limbs: contours (frames, n, 2)
-    of one cycle by id; support: spans of phase on the ground by id.
+    The result is by id of the limb, without limbs that are never on the ground. limbs: contours
+    (frames, n, 2) of one cycle by id; support: spans of phase on the ground by id.
     """
     paths: Paths = {}
     for name, stack in limbs.items():
@@ -136,7 +136,8 @@ def _foot_paths(limbs: Mapping[str, Points], support: Support) -> Paths:
 def _fit_ground(paths: Paths) -> Ground:
     """Return the ground speed that fits all foot paths best, and how far each foot slides.
 
-    The speed is the common slope of straight lines through the paths (least squares); 0 without.
+    The speed is the common slope of straight lines through the paths (least squares); 0 without
+    paths, in drawing units a frame. A slide is measured from peak to peak, in drawing units.
     """
     time_squares, products = [], []
     for paths_of_foot in paths.values():
@@ -155,8 +156,8 @@ def _fit_ground(paths: Paths) -> Ground:
 def _shear_limb(name: str, contours: Points, foot_paths: list[FootPath], speed: float) -> Points:
     """Return a limb's contours (frames, n, 2), sheared so that its foot moves with the ground.
 
-    name: of the limb, for messages; foot_paths: of each time on the ground; speed: of the ground,
-    drawing units a frame. FinloopError if the limb has no height.
+    The top of the limb stays. name: of the limb, for messages; foot_paths: one for each time on the
+    ground; speed: of the ground, drawing units a frame. FinloopError if the limb has no height.
     """
     frames = len(contours)
     top, low = contours[..., 1].min(axis=1), contours[..., 1].max(axis=1)
@@ -166,6 +167,7 @@ def _shear_limb(name: str, contours: Points, foot_paths: list[FootPath], speed: 
         )
     standing = np.concatenate([path.frames for path in foot_paths]) % frames
     ground_y = float(np.median(low[standing]))
+    # How far the foot is to be moved, right and down; first only where it is on the ground.
     foot_shift = np.full((frames, 2), np.nan)
     for path in foot_paths:
         frame, slide = path.frames % frames, path.displacement - speed * path.frames
@@ -178,7 +180,7 @@ def _shear_limb(name: str, contours: Points, foot_paths: list[FootPath], speed: 
 
 
 def _fill_shifts(shift: Points) -> Points:
-    """Return the shifts of a repeating cycle (frames, 2), smooth where they were missing (NaN)."""
+    """Return the shifts (frames, 2) of a repeating cycle, with smooth ones in place of NaN."""
     frames, known = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
     filled = shift.copy()
     following = np.append(known[1:], known[0] + frames)  # the first one again, a cycle later

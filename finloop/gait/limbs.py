@@ -91,7 +91,7 @@ def limb_contours(
     smooth_frames: float | None = None,
     first: int = 0,
 ) -> Limbs:
-    """Return the contours of all limbs in all frames, n points each, relative to the body.
+    """Return the contours of all limbs in all frames, n points each, relative to the body, in px.
 
     frames: contours by id for each frame, None where missing; the id "body" gives the place of the
     body, without it the mean of the limbs does. smooth_frames: frames of a cycle, over which the
@@ -116,7 +116,7 @@ def limb_contours(
             for region in regions[name]
         ]
         places.append(fill_gaps(np.array(centres)))
-    course = smooth_track(np.mean(places, axis=0), smooth_frames)
+    course = smooth_track(np.mean(places, axis=0), smooth_frames)  # of the body in the picture
     points = dict[str, Floats]()
     for name in limb_names:
         if name not in points:
@@ -138,6 +138,7 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
     greatest |Σ a̅ b| of centred contours a, b as complex numbers x + iy, by FFT. The start may lie
     between two points. Point 0 is the uppermost of the mean shape: the hip or the shoulder.
     """
+    # The contours with FINE points for each of the n.
     shown, fine_contours = [], []
     for frame, region in enumerate(regions):
         if isinstance(region, Curve):
@@ -147,6 +148,7 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
     contours = np.stack(fine_contours)
     centred = contours - contours.mean(axis=1, keepdims=True)
     spectra = np.fft.fft(centred, axis=1)
+    # The mean shape and the starts depend on each other: in turn, from the first contour on.
     mean_shape = centred[0]
     for _ in range(ROUNDS):
         fits = np.fft.ifft(spectra * np.fft.fft(mean_shape).conj(), axis=1)
@@ -208,7 +210,7 @@ def _check_missing_regions(regions: Mapping[str, Sequence[Region]], first: int) 
     the user, on regions, too, that are much smaller than usual.
     """
     notes, wrong, hints = [], [], []
-    usual_names = {
+    usual_names = {  # of the limbs that enough frames show
         name
         for name, frames in regions.items()
         if sum(isinstance(region, Curve) for region in frames) >= LEAST_SHARE * len(frames)

@@ -163,7 +163,7 @@ def gamma_fraction(tau: Points, frames: Points, start: Points, end: Points) -> t
     coordinates of the key frames at both ends. Formula: see the top of `gait.model`.
     """
     change = start - end
-    bow = tau * (1 - tau)  # the part of f(τ) that γ scales
+    bow = tau * (1 - tau)  # f(τ) = (1 − τ) − γ bow
     off_linear = (frames - end) @ change - (1 - tau) * float(change @ change)
     return -float(bow @ off_linear), float(bow @ bow) * float(change @ change)
 
@@ -313,9 +313,9 @@ def four_key_frames(
     """Return key frames 1, 2, 1', 2' (Fig. 9) from 1 and 2: contours (n, 2) by id.
 
     Point i of an id corresponds to point i in the other key, and, if the symmetry is "swap", to
-    point i of its left-right partner. layout: where the second half of the cycle is placed.
-    FinloopError, with all problems, if ids or numbers of points differ between the keys or between
-    partners.
+    point i of its left-right partner. symmetry: "swap" (limbs from the side) or "mirror" (a fish
+    from above); layout: where the second half of the cycle is placed. FinloopError, with up to six
+    problems, if ids or numbers of points differ between the keys or between partners.
     """
     problems = [f"{name!r} only in key 1" for name in key1 if name not in key2]
     problems += [f"{name!r} only in key 2" for name in key2 if name not in key1]
@@ -342,9 +342,9 @@ def contours_half_cycle_later(
 ) -> dict[str, Points]:
     """Return the contours (…, n, 2), by id, that an animal has half a cycle later, by symmetry.
 
-    Left and right exchange their contours, which "mirror" reflects as well. layout: where the
-    result is placed. Two calls give the first contours again: FinloopError if the layout prevents
-    that, or the symmetry is none of SYMMETRIES.
+    Left and right exchange their contours; the symmetry "mirror" reflects them as well. layout:
+    where the result is placed. Two calls give the first contours again: FinloopError if the layout
+    prevents that, or the symmetry is none of SYMMETRIES.
     """
     if symmetry not in SYMMETRIES:
         raise FinloopError(
@@ -433,6 +433,7 @@ def contours_at_phases(
     """
     keys = four_key_frames(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)
+    # Every phase in the first half, so in subcycle 0 (A) or 1 (B).
     subcycle, tau = locate_in_subcycle(np.mod(phases, 0.5), gait.split)
     first_half = dict[str, Points]()
     for name in key1:

@@ -46,6 +46,7 @@ def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats,
     """Return a track's outlines (frames, m, 2) and backbones (frames, k, 2), head first, in px.
 
     track, features: rows of both tables for the same frames; `features` tell where the head is.
+    Outlines keep their first point and direction. FinloopError if the frames differ.
     """
     outline, backbone = (lists_to_points(track, name) for name in ("outline", "backbone"))
     if len(track) != len(features) or (track["frame"].values != features["frame"].values).any():
@@ -74,10 +75,13 @@ def swim_contours(
     # The midline's place, the mean of the two points equally far from the snout: a tail beat moves
     # it; fins that spread on both sides do not.
     y = by_pose[..., 1]
-    sideways = (y + y[:, -np.arange(n)])[:, : n // 2 + 1] / 2
+    sideways = (y + y[:, -np.arange(n)])[:, : n // 2 + 1] / 2  # (frames, n / 2 + 1), + = right
+    # Phase 0 is where the tail is farthest to the left.
     beat = find_period(sideways, frame_rate_hz, -tail_sideways_positions(by_pose))
     if not beat.cycles:
         return TrackContours(by_pose, beat, length)
+    # The body frame follows place and direction without the beat; steady is where the fish, in this
+    # frame and without the beat, is straight.
     smooth_body = remove_beat(np.column_stack([centre, angle]), beat.phase)
     straightened = move_to_body_frame(points, smooth_body[:, :2], smooth_body[:, 2]) / length
     coordinates = straightened.reshape(len(straightened), -1)
@@ -95,7 +99,7 @@ def swim_contours(
 def join_steady_frames(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
     """Return the frames with a steady tail beat of all tracks: contours (f, n, 2), phases (f,).
 
-    Phases are in cycles, ascending. Each stretch of steady frames begins a new cycle, so the phase
+    Phases are in cycles, ascending. Each run of steady frames begins a new cycle, so the phase
     counts the cycles of the result. FinloopError if no track is periodic; the message counts the
     reasons.
     """
@@ -182,7 +186,8 @@ def contour_asymmetry(points: Floats) -> Floats:
 def tail_sideways_positions(points: Floats) -> Floats:
     """Return how far to the right the tail end is, (frames,), from outlines (frames, n, 2).
 
-    Outlines begin at the snout; the mean counts over TAIL of the points on both sides of the end.
+    Outlines are relative to the body, x ahead, y to the right, and begin at the snout; the unit is
+    theirs. It is a mean over the tail end and TAIL of the points on either side of it.
     """
     n = points.shape[1]
     reach = max(1, round(TAIL * n))

@@ -77,6 +77,7 @@ def find_period(signal: Floats, frame_rate_hz: float, extreme: Floats | None = N
     modes = _principal_modes(fill_gaps(np.where(complete_rows[:, None], signal, np.nan)))
     if not modes.size:
         return _no_period(frames, "nothing moves")
+    # The frequency of every frame, from a grid with steps of a constant ratio; its phase.
     slowest_hz, fastest_hz = frame_rate_hz / frames, _FASTEST * frame_rate_hz
     count = max(3, int(np.ceil(np.log(fastest_hz / slowest_hz) / np.log(_STEP))))
     grid = np.geomspace(slowest_hz, fastest_hz, count) / frame_rate_hz  # cycles a frame
@@ -89,6 +90,7 @@ def find_period(signal: Floats, frame_rate_hz: float, extreme: Floats | None = N
     )
     if not period.cycles:
         return replace(period, why=_explain_missing_period(modes, explained_share, period.why))
+    # Where phase 0 is.
     if extreme is None:
         complete = signal[complete_rows]
         mode = np.linalg.svd(complete - complete.mean(axis=0), full_matrices=False)[2][0]
@@ -97,19 +99,20 @@ def find_period(signal: Floats, frame_rate_hz: float, extreme: Floats | None = N
 
 
 def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:
-    """Return the period of a motion (frames, k) whose phase is known, with the confidence in it.
+    """Return the `Period` of a motion (frames, k) whose phase is known, with the confidence in it.
 
     phase (frames,): in cycles. good (frames,): where the motion may be steady; steady frames are
     its runs of at least one cycle. With too few of them there is no period, see `Period.why`.
     """
     steady = _find_steady_runs(good, phase)
-    inner = steady[1:] & steady[:-1]
+    inner = steady[1:] & steady[:-1]  # steps from one steady frame to the next
     cycles = float(np.diff(phase)[inner].sum())
     if cycles < _LEAST_CYCLES:
         return _no_period(
             len(phase), f"{cycles:.1f} cycles are steady, {_LEAST_CYCLES:g} are needed"
         )
-    confidence = _cross_validated_share(signal - remove_beat(signal, phase), phase, steady)
+    beat_alone = signal - remove_beat(signal, phase)
+    confidence = _cross_validated_share(beat_alone, phase, steady)
     why = "" if confidence >= CONFIDENT else "no cycle is much like another"
     frequency = cycles / np.count_nonzero(inner) * frame_rate_hz
     return Period(float(frequency), phase, steady, confidence, cycles, why)
@@ -193,7 +196,7 @@ def _find_steady_runs(good: Mask, phase: Floats) -> Mask:
 
 
 def remove_beat(values: Floats, phase: Floats) -> Floats:
-    """Return values (frames, k) without what repeats with the tail beat; turns and drift stay.
+    """Return values (frames, k) without what repeats with a beat; turns and drift stay.
 
     phase (frames,): of the beat, in cycles. At every frame a straight line plus a sinusoid of the
     beat is fitted over the cycle and a half about it (at both ends over the first or last such
@@ -206,6 +209,7 @@ def remove_beat(values: Floats, phase: Floats) -> Floats:
         start = min(max(moment - _HALF_WINDOW, low), max(high - span, low))
         near = np.flatnonzero((phase >= start) & (phase <= start + span))
         turn = 2 * np.pi * phase[near]
+        # The line is centred on frame t, so its value there is the first factor.
         terms = np.stack([np.ones(len(near)), near - t, np.cos(turn), np.sin(turn)], axis=1)
         smooth[t] = np.linalg.lstsq(terms, values[near], rcond=None)[0][0]
     return smooth
@@ -221,7 +225,7 @@ def _harmonic_terms(phase: Floats, count: int) -> Floats:
 
 
 def _cross_validated_share(modes: Floats, phase: Floats, steady: Mask) -> float:
-    """Return which share (0-1) of a cycle's variance the other steady cycles predict.
+    """Return which share (0-1) of a cycle's variance the other steady cycles predict, on average.
 
     modes (frames, m): scores of the principal components; phase (frames,): in cycles; steady
     (frames,): which frames count.
@@ -229,6 +233,7 @@ def _cross_validated_share(modes: Floats, phase: Floats, steady: Mask) -> float:
     y, moment = modes[steady], phase[steady]
     terms = _harmonic_terms(moment, _HARMONICS)
     cycle = np.floor(moment - moment[0]).astype(int)
+    # Each cycle is predicted by a fit to all others.
     squared_error = 0.0
     for number in np.unique(cycle):
         held_out = cycle == number
@@ -246,7 +251,8 @@ def _explain_missing_period(modes: Floats, share: Floats, why: str) -> str:
     """
     half_turn = np.pi * np.arange(len(modes)) / len(modes)
     first = modes[:, 0]
-    # A motion one way, or there and back at most, holds less than a cycle.
+    # A motion one way, or there and back at most, is half a wave over the whole film. If this
+    # explains 90 % of the strongest mode, the film holds less than a cycle.
     terms = np.stack([np.ones(len(modes)), np.cos(half_turn), np.sin(half_turn)], axis=1)
     residual = first - terms @ np.linalg.lstsq(terms, first, rcond=None)[0]
     if residual @ residual < 0.1 * (first @ first):
@@ -276,6 +282,7 @@ def _fit_sinusoids(modes: Floats, frequency: float) -> _SinusoidFit:
     together with a straight line (a turn, a drift). The first and last frames share the first and
     last whole window.
     """
+    # The four terms in a window of n frames: a straight line, cosine and sine.
     frames = len(modes)
     n = min(frames, max(LEAST_FRAMES, round(_CYCLES / frequency)))
     t = np.arange(n) - (n - 1) / 2
@@ -295,6 +302,7 @@ def _fit_sinusoids(modes: Floats, frequency: float) -> _SinusoidFit:
     # Subtract what noise alone would give: two of the n - 2 numbers that a line leaves.
     without_noise = explained - np.maximum(total - explained, 0) * 2 / (n - 4)
     least_variance = _QUIET * modes.var(axis=0).sum() * (weight**2).sum()
+    # Back from orthonormal terms to the amplitudes of cosine and sine; then from windows to frames.
     cos, sin = np.moveaxis(projections[..., 2:] @ np.linalg.inv(upper[2:, 2:]).T, -1, 0)
     start = np.clip(np.arange(frames) - n // 2, 0, frames - n)
     offset = (np.arange(frames) - start - (n - 1) / 2).astype(np.float64)

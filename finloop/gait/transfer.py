@@ -87,7 +87,7 @@ def animate_drawing(
     )
     width = float(np.ptp(np.concatenate([curve.points for curve in key1.curves.values()])[:, 0]))
     support = gait.support if swap else {}
-    tau = 1 - np.abs(1 - 2 * np.arange(frames) / frames)
+    tau = 1 - np.abs(1 - 2 * np.arange(frames) / frames)  # from 0 at key 1 to 1 at 1', and back
     morph = build_morph(key1, key2, tau, plant_feet(layers, support), DIGITS, repeats=True)
     size = [morph.width, morph.height]
     outside = {
@@ -145,7 +145,7 @@ def _find_lifted_feet(
     """Return the ids of feet that stand in key 2 but are drawn higher than their lifted partners.
 
     key2: contours (n, 2) by id, y down; offsets: how much lower a limb stands than its partner if
-    both stand. A height counts from LIFT of the partner's height on.
+    both stand. A foot counts as higher by more than LIFT of its partner's height.
     """
     standing = set()
     for name, spans in gait.support.items():
@@ -205,8 +205,8 @@ def match_key_poses(
 def renumber_curve(reference: Points, curve: Curve) -> Points:
     """Return a curve as n points (n, 2), numbered so that they match `reference` (n, 2) best.
 
-    A closed curve may start between two points (FINE starts are tried a step): an error of half a
-    step would make feet slide. An open curve may be reversed.
+    A closed curve may start between two of its n points (FINE starts are tried from one to the
+    next): an error of half a step would make feet slide. An open curve may be reversed.
     """
     a, n = _centred_complex_points(reference), len(reference)
     if not curve.closed:

@@ -11,8 +11,9 @@ QUADRATURE = 401
 def true_gamma(dog: DogFilm, n: int = 256) -> dict[str, dict[str, float]]:
     """Return the true gait parameters γ of the drawn dog, by limb and subcycle ("A", "B").
 
-    n: points of a contour. They are least-squares γ of the exact contours, at QUADRATURE moments.
-    They differ a little from γ of the foot's clock, as points move on arcs and the body bobs.
+    n: points of a contour. They are fitted by least squares to the exact contours at QUADRATURE
+    moments. They differ a little from γ of the foot's own motion (`foot_gammas`), as points move on
+    arcs and the body bobs.
     """
     tau = np.linspace(0, 1, QUADRATURE)
     gammas = dict[str, dict[str, float]]()

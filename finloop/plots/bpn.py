@@ -23,7 +23,8 @@ def figure15(curve: pd.DataFrame) -> Figure:
         for side, colour in (("train", "#0072B2"), ("held_out", "#D55E00")):
             label = "learnt from" if side == "train" else "held out"
             axes.plot(curve["epoch"], curve[f"{side}_{name}"], color=colour, lw=1.3, label=label)
-        # Epoch 0, before any learning, may be far above.
+        # The axis shows all errors from epoch 1 on; epoch 0, before any learning, may be far above.
+        # It reaches at least twice the last error, or 1 if that is 0.
         errors = curve.loc[curve["epoch"] > 0, [f"train_{name}", f"held_out_{name}"]]
         top = max(2 * float(errors.iloc[-1].max()) or 1.0, 1.05 * float(errors.max().max()))
         axes.set(xlabel="epoch", ylabel=ylabel, ylim=(0, top))

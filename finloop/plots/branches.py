@@ -117,13 +117,13 @@ def find_branches(skeleton: Mask) -> list[SkeletonBranch]:
     start_y, start_x = np.unravel_index(distance.argmax(), distance.shape)
     start = int(start_x), int(start_y)
     number = number_pixels(skeleton, start)
-    # From each end back to a pixel of an earlier branch.
+    # From each end, the one with the greatest number first, back to a pixel of an earlier branch.
     ends = [end for end in _find_ends(skeleton & (number >= 0)) if end != start]
     ends.sort(key=lambda end: -number[end[1], end[0]])
     taken = np.zeros(skeleton.shape, bool)
     taken[start[1], start[0]] = True
     branches = []
-    for x, y in ends or [start]:
+    for x, y in ends or [start]:  # a ring or a single pixel has no other end
         path = [(x, y)]
         while not taken[y, x]:
             taken[y, x] = True
@@ -155,7 +155,9 @@ def thin_fish(
     figure. typical: measures of a typical fish. arena (h, w): 255 where animals can be.
     """
     lit_scene = match_scene_to_light(scene, frame)
-    edge = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, "all", typical.thin)
+    edge = SilhouetteEdge(
+        settings.outline_contrast_ratio, settings.shadow, fins="all", thin=typical.thin
+    )
     for silhouette in find_silhouettes(frame, lit_scene, arena, settings.least_area_px, edge):
         if judge_silhouette(silhouette, typical, settings) == "fish":
             yield _thin_silhouette(
@@ -168,10 +170,12 @@ def _thin_silhouette(
 ) -> ThinnedFish:
     """Return a silhouette of a frame, thinned with the pale pixels around it, such as fins.
 
-    label: film and frame. points: number of the backbone's points. floor: noise, grey levels.
-    limbs: whether the animal has limbs, which are cut off before its backbone is traced.
+    label: film and frame. points: number of the backbone's points. floor: a smaller difference from
+    the empty tank is noise, grey levels. limbs: whether the animal has limbs, which are cut off
+    before its backbone is traced.
     """
-    # The silhouette, and the fish with its pale pixels, in the box of the latter with a margin.
+    # Masks of the silhouette (body), and of the fish with its pale pixels (fish), both in the box
+    # of the latter with a margin. left, top: place of the box in the frame.
     pale = silhouette.fins or silhouette
     left, top = pale.x0 - _MARGIN, pale.y0 - _MARGIN
     size = pale.mask.shape[0] + 2 * _MARGIN, pale.mask.shape[1] + 2 * _MARGIN
@@ -179,16 +183,17 @@ def _thin_silhouette(
     fish = body | _paste_mask(pale.mask, _MARGIN, _MARGIN, size)
     pieces, _ = ndimage.label(fish, np.ones((3, 3)))
     fish = ndimage.binary_fill_holes(pieces == pieces[body].max())  # without other pieces
-    # The part of the box around what is left, with a margin; left, top: where it is in the frame.
+    # The part of the box around what is left, with a margin; left, top: its place in the frame.
     window = tuple(
         slice(max(side.start - _MARGIN, 0), side.stop + _MARGIN)
         for side in ndimage.find_objects(fish.astype(int))[0]
     )
     left, top = left + window[1].start, top + window[0].start
-    # Its skeleton, and what finloop makes of the silhouette alone.
+    # The skeleton of the fish with its pale pixels.
     whole = fish[window]
     skeleton = skimage.morphology.skeletonize(whole)
     half_width = cv2.distanceTransform(whole.astype(np.uint8), cv2.DIST_L2, 3)
+    # What finloop makes of the silhouette alone, without pale pixels.
     backbone = trace_backbone(silhouette.mask, silhouette.field, points, floor, limbs)
     alone, _ = close_notches(silhouette.mask, silhouette.field)
     corner = np.array([silhouette.x0 - left, silhouette.y0 - top])
@@ -332,6 +337,7 @@ def _draw_numbers(axes: Axes, fish: ThinnedFish) -> None:
     last = fish.branches[0].numbers[-1]
     for path, numbers in fish.branches:
         _draw_pixels(axes, path, colormaps["viridis"](numbers / max(last, 1)))
+    # Labels should not hide the skeleton, nor each other: `_place_label` adds each to this.
     blocked = cv2.dilate(fish.skeleton.astype(np.uint8), np.ones((3, 3))).astype(float)
     # Labels: a pixel, its text, and whether it is an end. The paper's backbone leads from A to D.
     backbone = fish.branches[0]
@@ -368,5 +374,5 @@ def _place_label(blocked: Floats, x: int, y: int, label_width: float) -> tuple[f
             cost = blocked[box].sum() + 0.3 * distance  # of equal places the nearer one
             if cost < least_cost:
                 least_cost, place, label_box = cost, centre, box
-    blocked[label_box] += 3
+    blocked[label_box] += 3  # later labels avoid this one more than the skeleton, which counts 1
     return place

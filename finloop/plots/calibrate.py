@@ -40,6 +40,8 @@ def draw_school_measures(groups: Mapping[str, pd.DataFrame]) -> Figure:
                 heights = np.histogram(values, edges)[0] / len(values) / np.diff(edges)
                 axes.stairs(heights, edges, color=colour, lw=1.8, label=group)
         axes.set(xlim=(0, edges[-1]), ylim=(0, None))
+    # The key fills the last panel. Even a fish alone has a distance from the wall, so that panel
+    # names every group.
     handles, labels = grid.flat[MEASURES.index("wall_distance")].get_legend_handles_labels()
     grid.flat[-1].axis("off")
     grid.flat[-1].legend(handles, labels, loc="center", frameon=False)

@@ -64,7 +64,8 @@ def _draw_curve(axes: Axes, time_s: pd.Series, values: pd.Series, **style: Any) 
     """Draw values over time, with gaps where nothing was measured.
 
     The axis spans at least a fixed range, so that a nearly constant line looks flat. style: label
-    and colour of the line.
+    and colour of the line. The label "brightness" or "change" chooses the range, else it is 1 px of
+    the camera's motion.
     """
     axes.plot(time_s, values, lw=0.8, **style)
     low, high = axes.get_ylim()

@@ -28,7 +28,7 @@ def _draw_curve(
 
 
 def _fit_axes(ax: Axes, points: Array) -> None:
-    """Let a plot show given points (…, 2) with a margin, and hide its axes."""
+    """Let a plot show given points (…, 2), y down, with a margin; hide its axes."""
     low, high = points.reshape(-1, 2).min(axis=0), points.reshape(-1, 2).max(axis=0)
     margin = 0.06 * float((high - low).max())
     ax.set(xlim=(low[0] - margin, high[0] + margin), ylim=(high[1] + margin, low[1] - margin))
@@ -54,7 +54,7 @@ def figure2(curve: Curve, wavelets: Sequence[tuple[str, str]]) -> Figure:
 
     wavelets: pairs of a wavelet's name and the title of its row.
     """
-    n = len(curve.points)
+    n = len(curve.points)  # it can be halved up to the greatest of LEVELS times
     figure = Figure(figsize=(2.1 * len(LEVELS), 2.9 * len(wavelets)), layout="constrained")
     rows = figure.subplots(len(wavelets), len(LEVELS), squeeze=False)
     for row, (wavelet, title) in zip(rows, wavelets, strict=True):

@@ -27,10 +27,11 @@ def draw_detections(
 ) -> Picture:  # fmt: skip
     """Return a picture of frames, two per row, with an outline around each silhouette.
 
-    Its colour is that of the verdict on the silhouette. labels: a text for each frame. scene,
-    typical: the background and a typical fish, as extraction measured them. arena (h, w): 255 where
-    animals can be. The picture is RGB (h, w, 3), with a key on top. Sizes of texts and lines are of
-    a frame 900 px wide, and scaled with its width.
+    Its colour is that of the verdict on the silhouette: "fish", or why it is none, such as "too
+    small". labels: a text for each frame. scene, typical: the background and a typical fish, as
+    extraction measured them. arena (h, w): 255 where animals can be. The picture is RGB (h, w, 3),
+    with a key on top. Sizes of texts and lines are of a frame 900 px wide, and scaled with its
+    width.
     """
     panels = []
     for frame, label in zip(frames, labels, strict=True):
@@ -48,7 +49,7 @@ def draw_detections(
         place, stroke = (int(12 * scale), int(30 * scale)), max(1, round(2 * scale))
         write_text(panel, label, place, (255, 255, 255), font_scale=0.9 * scale, stroke_px=stroke)
         panels.append(panel)
-    # The key.
+    # The key, as wide as two frames.
     rows = join_in_rows(panels, columns=2)
     width = rows[0].shape[1]
     scale = width / 1800

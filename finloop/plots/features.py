@@ -114,11 +114,11 @@ def read_specimens(
     table: pd.DataFrame, tracks: pd.DataFrame, rows: NDArray[np.intp], cutouts: Cutouts,
     background: Picture,
 ) -> Iterator[Specimen]:  # fmt: skip
-    """Yield the fish of some rows, each with its backbone and its cut-out over the empty tank.
+    """Yield the fish of some rows, with backbones, head first, and cut-outs over the empty tank.
 
     table, tracks: the feature table and the tracks, which have the same rows. cutouts: by row.
     """
-    lines = lists_to_points(tracks, "backbone")
+    lines = lists_to_points(tracks, "backbone")  # they may begin at either end
     lines = np.where(begins_at_tail(lines, table)[:, None, None], lines[:, ::-1], lines)
     for row in rows.tolist():
         cutout = cutouts[row]

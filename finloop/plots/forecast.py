@@ -55,8 +55,9 @@ def draw_free_swimming(film: FilmStates, predicted: pd.DataFrame) -> Figure:
     """
     figure = Figure(figsize=(12, 6.5), layout="constrained")
     panels = figure.subplots(2, 3)
-    rows = film.rows[film.rows < film.count] + 1  # without mirror images; the state that follows
-    follows = np.diff(rows) == 1
+    # The states that follow usable rows of the film, without mirror images.
+    rows = film.rows[film.rows < film.count] + 1
+    follows = np.diff(rows) == 1  # whether the next of these rows is the next of the film
     lags = max(2, round(_SPAN_S * film.rate_hz))
     for (name, number, label), above, below in zip(_CHANNELS, *panels, strict=True):
         filmed, free = film.states[rows, number], predicted[name].to_numpy(float)

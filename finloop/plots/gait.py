@@ -115,7 +115,7 @@ def _draw_support(ax: Axes, gait: Gait) -> None:
 
 
 def _draw_reach(ax: Axes, gait: Gait, keys: KeyFrames, film: GaitContours) -> None:
-    """Draw where the point of each contour that swings most is over the cycle, in body lengths."""
+    """Draw how far sideways each contour reaches over the cycle, at its point that swings most."""
     phases = np.linspace(0, 1, 121)
     frames = _synthesize_contours(gait, keys, film, phases)
     for ink, (name, points) in zip(_contour_colours(frames), frames.items(), strict=True):
@@ -135,10 +135,10 @@ def _figure10(film: GaitContours, keys: KeyFrames, split: float) -> Figure:
     # The frames of each contour, and their extents.
     in_a_or_c = (np.mod(film.phase, 0.5) > 0) & (np.mod(film.phase, 0.5) < split)
     in_c = (np.mod(film.phase, 1) >= 0.5)[in_a_or_c, None, None]
-    mapped = film.contours_half_cycle_later(film.contours)
+    later = film.contours_half_cycle_later(film.contours)  # turns C into A
     frames, middles, sizes = {}, {}, []
     for name, contours in film.contours.items():
-        frames[name] = np.where(in_c, mapped[name][in_a_or_c], contours[in_a_or_c])
+        frames[name] = np.where(in_c, later[name][in_a_or_c], contours[in_a_or_c])
         low, high = _least_xy(frames[name]), _greatest_xy(frames[name])
         middles[name] = (low + high) / 2
         sizes.append(high - low)
@@ -232,7 +232,8 @@ def _synthesize_contours(
 ) -> dict[str, Points]:
     """Return the contours of a gait at some phases (k,), by name, each (k, n, 2).
 
-    control: number of control points per contour, None for all. film: gives the contours' places.
+    control: number of control points per contour, None for all. film: tells how much farther right
+    and down each limb hangs than its left-right partner.
     """
     layout = HalfCycleLayout(offsets=film.offsets)
     return contours_at_phases(keys.first, keys.second, gait, phases, layout, control=control)

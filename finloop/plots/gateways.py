@@ -30,9 +30,10 @@ def gateway_pictures(
 ) -> Iterator[TransitionPictures]:
     """Yield the pictures of gateways, in the pose in which they were compared.
 
-    They are at most `most`, evenly spaced from the smallest distance to the largest, (TILE, TILE,
-    c) each. gateways: columns sprite, row, orientation, direction, distance. reel: the film's
-    cut-outs and sprites. facts: how the distance map was made.
+    Those of at most `most` gateways, evenly spaced from the smallest distance to the largest,
+    (TILE, TILE, c) each. gateways: columns sprite, row, orientation (0 = any), direction (IN: from
+    a sprite into the film, OUT: back), distance. reel: the film's cut-outs and sprites. facts: how
+    the distance map was made.
     """
     by_distance = gateways.sort_values("distance", kind="stable")
 
@@ -47,6 +48,7 @@ def gateway_pictures(
         after_sprite = next_pictures[gateway.sprite]
         sprite_itself = sprite_pictures[gateway.sprite]
         inward = gateway.direction == IN
+        # On the way out the film's next frame is drawn, too; on the way in it is not used.
         rows = np.array([gateway.row, gateway.row + (not inward)])
         frame, after_frame = reel.draw_rows(rows, TILE, facts.pose)
         sprite_name = f"{sprite['sequence']} {sprite['step']} "
@@ -75,7 +77,10 @@ def draw_gateways(gateways: Mapping[str, Sequence[TransitionPictures]]) -> Pictu
 
 
 def _draw_gateway(gateway: TransitionPictures) -> Picture:
-    """Return the three pictures of a gateway, and the mean of the last two, side by side."""
+    """Return four pictures of a gateway side by side, each (TILE, TILE, 3), with two texts.
+
+    They are the last one, the next as filmed, the next through the gateway, and the mean of both.
+    """
     mean = ((gateway.natural + gateway.instead) / 2).astype(np.float32)
     stacks = (gateway.before, gateway.natural, gateway.instead, mean)
     picture = np.hstack([lay_on_grey(255 * stack[..., :-1], stack[..., -1:]) for stack in stacks])

@@ -182,9 +182,9 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
 
 
 def _zoom_to_points(axes: Axes, points: Floats, margin: float, film: Picture) -> None:
-    """Let a panel show points (n, 2) with a margin [px], within the film if possible."""
+    """Let a panel show points (n, 2) with a margin, both px, within the film if possible."""
     half_size = np.ptp(points, axis=0) / 2 + margin
-    # One side is widened, so that the part has the panel's shape.
+    # The shorter side is made longer, so that the part has the panel's shape: _HIGH × its width.
     half_size = np.maximum(half_size, half_size[::-1] * (1 / _HIGH, _HIGH))
     left, top = (points.min(0) + points.max(0)) / 2 - half_size
     (height, width), (shown_width, shown_height) = film.shape[:2], 2 * half_size

@@ -25,7 +25,7 @@ _NARROW = 0.02  # of the film; a group over less of it has no number at its bar
 Rows = NDArray[np.integer]
 
 
-def find_stretches(inside: Mask, track_id: Rows) -> list[tuple[int, int]]:
+def find_runs(inside: Mask, track_id: Rows) -> list[tuple[int, int]]:
     """Return the unbroken runs of True in `inside` (n,): first row of each, and the row after it.
 
     A run ends where the track ends. track_id (n,): the track of each row.
@@ -127,7 +127,7 @@ def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
     for row in range(min(len(group_sizes), _ROWS) + (len(group_sizes) > _ROWS)):
         group = loops[loops["group"] == row] if row < _ROWS else loops[loops["group"] >= row]
         covered, colour = rows_within_loops(group, track_id), OTHER if row else LARGEST
-        parts = [(a / rate_hz, (b - a) / rate_hz) for a, b in find_stretches(covered, track_id)]
+        parts = [(a / rate_hz, (b - a) / rate_hz) for a, b in find_runs(covered, track_id)]
         axes.broken_barh(parts, (row - 0.3, 0.6), color=colour, lw=1.5 if row else 0)
         if row:  # the largest group, row 0, has too many
             joins = group[joins_tracks[group.index]][["a", "b"]].to_numpy() / rate_hz
@@ -177,8 +177,8 @@ def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_h
     ]
     axes.legend(handles=handles)
     # The names of the longest dead ends, side by side below the bar.
-    dead_ends = find_stretches(~endless, track_id)
-    longest_first = sorted(dead_ends, key=lambda stretch: stretch[0] - stretch[1])
+    dead_ends = find_runs(~endless, track_id)  # of each the first row, and the row after it
+    longest_first = sorted(dead_ends, key=lambda run: run[0] - run[1])
     named = sorted(longest_first[:_NAMED])
     for number, (start, stop) in enumerate(named):
         text = f"track {track_id[start]}\nframes {frame[start]}–{frame[stop - 1]}"

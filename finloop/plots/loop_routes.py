@@ -44,8 +44,9 @@ def find_three_routes(loops: pd.DataFrame, track_id: Rows) -> ThreeRoutes | None
 
     The loops belong to one track; A … H are their eight ends in time. F, G and H jump back to
     before F. So from G the film can jump at once, or play on to H and jump from there. The fourth
-    loop lies between there and F, so that the route can include it. Of all such loops, these have
-    the ends that are farthest from each other in time. track_id (n,): the track of each row.
+    loop lies between the end to which H leads and F, so that the route can include it. Of all such
+    loops, these have the ends that are farthest from each other in time. track_id (n,): the track
+    of each row.
     """
     # The best four loops of the tracks with the most loops.
     within = loops[loops["length_s"].notna()]
@@ -94,7 +95,7 @@ def choose_cases(candidates: Sequence[list[Leg]]) -> list[list[Leg]]:
     """Return the three routes of the fish paper's Fig. 10b, the shortest of some candidates each.
 
     Case 1 plays on and then jumps once. Case 2 jumps at once. Case 3 is case 1 with one more loop
-    on the route: a second jump, back in time. candidates: the shortest first.
+    on the route: a second jump, back in time. candidates: the shortest first, all three among them.
     """
     one_jump = [route for route in candidates if len(jump_legs(route)) == 1]
     first = next(route for route in one_jump if route[0].kind == PLAY)

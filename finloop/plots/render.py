@@ -61,7 +61,8 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
             text, (goal.x_px, goal.y_px), (11, 8), textcoords="offset points", fontsize=12,
             fontweight="bold", path_effects=_HALO, zorder=5,
         )  # fmt: skip
-    # The crosses and diamonds.
+    # The crosses and diamonds. A reason holds until the next one; at a gateway a fish changes its
+    # kind, sprite or frame.
     on_the_spot = edit["reason"].ffill() == SPOT
     at_gateway = edit["kind"] != edit.groupby("fish")["kind"].shift().fillna(edit["kind"])
     for mask, marker, label in (

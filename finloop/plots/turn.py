@@ -111,6 +111,7 @@ def figure5(
     # The texts, and the turn over time.
     in_deltas = "Δ" if k == delta else f"{k // delta}Δ"
     frames = f"k = {in_deltas} = {k} frame{'s' if k > 1 else ''}"
+    # The film begins at frame 0 and 0 s, so this quotient is the seconds from frame to frame.
     track, frame_s = fish[0].row["track_id"], fish[-1].row["time_s"] / fish[-1].row["frame"]
     handles = [
         *panels[1, 0].get_legend_handles_labels()[0],

@@ -72,11 +72,12 @@ def _tangents_to_head(line: Floats) -> Floats:
 def draw_carp(line: Floats, fins: tuple[float, float], colours: FishColours) -> CarpPicture:
     """Return the picture of a carp along its midline, with opacity and coverage.
 
-    line (65, 2): px, head to tail, equal arc length; fins: how far the left and right pectoral fins
+    line (65, 2): px, head to tail, equal arc length; fins: how far the left and right paired fins
     are open, 0-1; colours: of the fish.
     """
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     margin = 0.30 * length if max(fins) > 0.02 else 0.13 * length  # open fins reach farther
+    # The picture's first pixel, and the one after its last; it is painted in subpixels.
     x0, y0 = np.floor(line.min(axis=0) - margin - 2).astype(int)
     x1, y1 = np.ceil(line.max(axis=0) + margin + 3).astype(int)
     rows, columns = (y1 - y0) * OVERSAMPLE, (x1 - x0) * OVERSAMPLE
@@ -96,6 +97,7 @@ def draw_carp(line: Floats, fins: tuple[float, float], colours: FishColours) -> 
     painted[:, 3] += body_opacity
     pixels[body.flat_index] = painted
     pixel_coverage[body.flat_index] = np.maximum(pixel_coverage[body.flat_index], body.coverage)
+    # From subpixels to pixels.
     size = (int(x1 - x0), int(y1 - y0))
     picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.float32)
     coverage = np.asarray(cv2.resize(coverage, size, interpolation=cv2.INTER_AREA), np.float32)
@@ -110,8 +112,9 @@ def _draw_fins(
 ) -> None:  # fmt: skip
     """Draw the paired fins into a picture (h, w, 4) and its coverage (h, w), which are changed.
 
-    line (65, 2): midline in subpixels; length_subpx: of the body; fins: how far the left and right
-    ones are open, 0-1; fin_picture: as in `FishColours.fin`.
+    Both are in subpixels. line (65, 2): midline in subpixels, head to tail; length_subpx: of the
+    body; fins: how far the left and right ones are open, 0-1; fin_picture: as in `FishColours.fin`,
+    a paired fin.
     """
     tangent = _tangents_to_head(line)
     for shape in (PECTORAL, PELVIC):
@@ -122,7 +125,7 @@ def _draw_fins(
         root_offset = float(half_width(np.array([shape.s]))[0]) * shape.root_share * length_subpx
         for sign, opening in ((1, fins[0]), (-1, fins[1])):  # the left fin, the right one
             if opening > 0.02:  # a closed fin is hidden under the body
-                outwards = sign * np.array([forward[1], -forward[0]])
+                outwards = sign * np.array([forward[1], -forward[0]])  # y points down
                 angle = shape.closed_rad + (shape.open_rad - shape.closed_rad) * opening
                 along = -forward * np.cos(angle) + outwards * np.sin(angle)
                 towards_edge = forward * np.sin(angle) + outwards * np.cos(angle)
@@ -156,14 +159,15 @@ def _find_pixels_near_midline(
 ) -> tuple[NDArray[np.intp], Image]:
     """Return the subpixels of a picture (rows, columns) that the body about a midline may cover.
 
-    The results (n,) are their index in the flattened picture, and the nearest place on the midline,
-    in its steps, to about a pixel. line (k, 2): midline in subpixels; length_subpx: of the body.
+    The results (n,) are their index in the flattened picture, and the nearest place on the midline
+    (0 at the head, k − 1 at the tail end), to about a pixel. line (k, 2): midline in subpixels;
+    length_subpx: of the body.
     """
     last = len(line) - 1
     # The distance transform is a few per cent off, so reach a little farther than the outline.
     reach = 1.08 * half_width(np.linspace(0, 1, len(line))) * length_subpx + 2 * OVERSAMPLE
     reach = reach.astype(np.float32)
-    # Places along the midline, in its steps, so dense that they touch each of its pixels.
+    # Places along the midline, so dense that they touch each of its pixels.
     places = np.linspace(0, last, max(8 * last, int(4 * np.ptp(line, axis=0).sum())))
     column, row = (
         np.rint(np.interp(places, np.arange(last + 1), line[:, axis])).astype(int)
@@ -171,6 +175,7 @@ def _find_pixels_near_midline(
     )
     is_off_midline = np.ones((rows, columns), np.uint8)
     is_off_midline[row, column] = 0
+    # Of each subpixel: its distance from the midline, and which of the midline's is nearest.
     distance, labels = cv2.distanceTransformWithLabels(
         is_off_midline, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
     )
@@ -185,14 +190,15 @@ def _find_pixels_near_midline(
 def _find_body_pixels(line: Floats, rows: int, columns: int, length_subpx: float) -> _BodyPixels:
     """Return the subpixels of a picture (rows, columns) that the body about a midline covers.
 
-    line (k, 2): midline in subpixels; length_subpx: of the body.
+    They come with their places in body coordinates: s along the midline, 0 snout, 1 tail end; v to
+    its left, body lengths. line (k, 2): midline in subpixels; length_subpx: of the body.
     """
     last = len(line) - 1
     index, midline_place = _find_pixels_near_midline(line, rows, columns, length_subpx)
     py, px = (number.astype(np.float32) for number in np.divmod(index, columns))
     # Place and tangent at each midline point; `slope` is their change from point to point.
     node = np.hstack([line, _tangents_to_head(line)]).astype(np.float32)
-    length = np.float32(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())
+    step_length = np.float32(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())
     slope = np.diff(node, axis=0)
     # Three fixed-point steps move each place to the foot of the perpendicular from its pixel.
     for _ in range(3):
@@ -203,7 +209,9 @@ def _find_body_pixels(line: Floats, rows: int, columns: int, length_subpx: float
         tx, ty = start[:, 2] + inner * change[:, 2], start[:, 3] + inner * change[:, 3]
         dx = px - start[:, 0] - share * change[:, 0]
         dy = py - start[:, 1] - share * change[:, 1]
-        midline_place = np.clip(midline_place - (dx * tx + dy * ty) / length, -3, last + 3)
+        # The tangent points to the head, so a pixel ahead of the place lies at a smaller one.
+        along = dx * tx + dy * ty
+        midline_place = np.clip(midline_place - along / step_length, -3, last + 3)
     v = dx * ty - dy * tx  # the left of the tangent (tx, ty) is (ty, -tx), as y points down
     s, v = midline_place / np.float32(last), v / np.float32(length_subpx)
     grid, squared, squared_slope = width_table()
@@ -223,8 +231,9 @@ def _find_body_pixels(line: Floats, rows: int, columns: int, length_subpx: float
 def _shade_body(body: _BodyPixels, skin: Image) -> Image:
     """Return RGB and opacity (n, 4) of the body's n subpixels in the light.
 
-    skin: as in `FishColours.skin`.
+    skin: as in `FishColours.skin`, a picture of the whole skin.
     """
+    # The colour of the skin at each subpixel.
     rows, columns = skin.shape[:2]
     row_length = 128  # cv2.remap takes a picture with sides up to 32767
     missing = -len(body.s) % row_length
@@ -233,9 +242,10 @@ def _shade_body(body: _BodyPixels, skin: Image) -> Image:
     y = np.pad(y, (0, missing)).reshape(-1, row_length).astype(np.float32)
     colour = cv2.remap(skin, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     colour = np.asarray(colour.reshape(-1, 4)[: len(body.s)])
-    across = body.v / np.sqrt(np.maximum(body.squared_width, 1e-6))  # ±1 at the edges
+    across = body.v / np.sqrt(np.maximum(body.squared_width, 1e-6))  # ±1 at the edges, + = left
     left_x = body.left_x
-    # How much the fish's left faces the light, whose y part never changes sign: from above.
+    # How much the fish's left faces the light, −1 … 1. Of the vector to the left only x is known;
+    # its y counts as upwards, towards the light, on either side.
     lit = LIGHT[0] * left_x + LIGHT[1] * -np.sqrt(np.clip(1 - left_x**2, 0, 1))
     colour[:, :3] *= (1 + 0.20 * np.clip(across, -1, 1) * lit)[:, None]
     # The wet back shines where it faces the light, most where the body is thick.
@@ -250,8 +260,9 @@ def _paint_fin(
 ) -> None:
     """Paint a fin into a picture (h, w, 4) and its coverage (h, w), which are changed.
 
-    fin: premultiplied picture and coverage; root (2,): where it begins, subpixels; along,
-    half_breadth (2,): vectors from the root to its tip and from its middle to its leading edge.
+    fin (side, side, 5): premultiplied RGB, opacity and coverage; root (2,): where it begins,
+    subpixels; along, half_breadth (2,): vectors from the root to its tip and from its middle to its
+    leading edge.
     """
     side = fin.shape[0]
     # Column c, row r (0-1) of the fin -> root + along * c - half_breadth * (2 r - 1) * FIN_HALF.
@@ -260,6 +271,7 @@ def _paint_fin(
     corners = np.array([[0, 0], [side, 0], [0, side], [side, side]]) @ linear.T + shift
     low = np.maximum(np.floor(corners.min(axis=0)).astype(int), 0)
     high = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + 1, coverage.shape[::-1])
+    # Painted into the part of the picture, from low to high, that the fin touches.
     matrix = np.column_stack([linear, shift - low])
     size = (int(high[0] - low[0]), int(high[1] - low[1]))
     window = np.s_[low[1] : high[1], low[0] : high[0]]

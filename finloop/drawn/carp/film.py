@@ -34,7 +34,7 @@ NOISE_PAD = 160  # px by which the noise bank exceeds a frame, for random offset
 def is_tank_large_enough(params: CarpFilm) -> bool:
     """Return whether the tank has room for all fish.
 
-    Each fish needs 2.2 × 2.2 body lengths, and mass centres 1.2 × 1.2 to move in.
+    Several fish need 2.2 × 2.2 body lengths each, and mass centres 1.2 × 1.2 to move in.
     """
     x0, y0, x1, y1 = allowed_rectangle(params.width_px, params.height_px, params.body_length_px)
     wide, high = x1 - x0, y1 - y0  # of the places of mass centres; bodies reach 0.7 beyond them
@@ -80,7 +80,7 @@ def fish_colours(params: CarpFilm) -> tuple[FishColours, ...]:
 def _paint_all_fish(seed: int, fish: int, columns: int) -> tuple[FishColours, ...]:
     """Return the colours of `fish` fish from a seed, with skin pictures `columns` px wide."""
     _motion, _floor, skins, _noise, light = _random_generators(seed)
-    first_coat = int(light.integers(4))
+    first_coat = int(light.integers(4))  # there are four coats, taken in turn
     return tuple(
         paint_fish(rng, columns, first_coat + i) for i, rng in enumerate(skins.spawn(fish))
     )
@@ -88,7 +88,7 @@ def _paint_all_fish(seed: int, fish: int, columns: int) -> tuple[FishColours, ..
 
 def light_levels(params: CarpFilm) -> Floats:
     """Return the brightness of the light in every frame, (frames,): 1 ± `light_drift`."""
-    # The first random number chooses the colours of the fish.
+    # The generator's first number chooses the colours of the fish, so three others are used.
     phase = _random_generators(params.seed)[4].uniform(0, 2 * np.pi, 4)[1:]
     time_s = np.arange(params.frames) / params.frame_rate_hz
     # Three slow waves whose periods, 41, 17 and 6.1 s, do not repeat together.
@@ -135,10 +135,10 @@ def _truth_row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses:
 
 
 def _sensor_noise(params: CarpFilm, rng: np.random.Generator) -> Image:
-    """Return sensor noise `NOISE_PAD` px larger than a frame, to be cut; its SD is `noise_grey`.
+    """Return sensor noise (h, w, 1 or 3), `NOISE_PAD` px larger than a frame, for random crops.
 
-    It has 1 or 3 channels. Colour noise is weaker, as after a camera's denoising, and keeps the
-    grey level.
+    Its SD is `noise_grey` grey levels. Colour noise is weaker, as after a camera's denoising, and
+    keeps the grey level.
     """
     shape = (params.height_px + NOISE_PAD, params.width_px + NOISE_PAD)
     grey = rng.standard_normal(shape, np.float32)
@@ -192,6 +192,7 @@ def film_frames(
     skins, lamp = fish_colours(params), light_levels(params)
     noise_rng = _random_generators(params.seed)[3]
     empty = empty_tank(params)
+    # How bright the light is at each place, 1 = brightest, also on the fish.
     vignette = cv2.blur(empty.mean(axis=2), (61, 61))
     vignette = np.asarray(vignette / vignette.max(), np.float32)
     noise = _sensor_noise(params, noise_rng)
@@ -202,6 +203,7 @@ def film_frames(
         for i, line in enumerate(lines):
             left, right = poses.fins[frame, i]
             drawings.append(draw_carp(line, (float(left), float(right)), skins[i]))
+        # Shadows, then fish, painted into `tank`, which is emptied again where they changed it.
         changed = [_shade_floor(tank, drawing, params) for drawing in drawings]
         for drawing in drawings:
             colour, opacity = blur_drawing(drawing)

@@ -52,12 +52,14 @@ def midline_of_pose(
 ) -> Floats:
     """Return the midline of a carp in a pose, (65, 2) body lengths, head to tail, of arc length 1.
 
-    x, y: mass centre, body lengths; axis: mean direction, radians; beat: phase of the tail beat,
-    cycles; amplitude: of the beat, 1 = cruising; bend: the C-bend, radians; ripple: two small
-    random bends. Tangents are integrated from curvature, so the line cannot stretch. Then it is
-    moved and turned, so the head recoils against the tail as in a fish.
+    x, y: mass centre, body lengths, y down; axis: mean direction towards the head, radians
+    anticlockwise; beat: phase of the tail beat, cycles; amplitude: of the beat, 1 = cruising; bend:
+    the C-bend, head against tail, radians, + left; ripple: two small random bends.
+    Tangents are integrated from curvature, so the line cannot stretch. Then it is moved and turned,
+    so the head recoils against the tail as in a fish.
     """
     points, segments = _mass_shares()
+    # The change of direction at each inner point: travelling wave, C-bend and ripples.
     ripples = ripple[0] * np.sin(np.pi * _S) + ripple[1] * np.sin(2 * np.pi * _S)
     curvature = (
         amplitude * _WAVE * np.sin(2 * np.pi * (_S / WAVELENGTH - beat))
@@ -66,12 +68,12 @@ def midline_of_pose(
     )
     angle = np.zeros(SEGMENTS)  # of each segment, pointing to the head
     np.cumsum(curvature, out=angle[1:])
-    np.negative(angle, out=angle)
-    angle += axis - segments @ angle
+    np.negative(angle, out=angle)  # a left bend turns the head left of what follows
+    angle += axis - segments @ angle  # their mean, by mass, is the axis
     line = np.zeros((POINTS, 2))
     np.cumsum(-np.cos(angle) / SEGMENTS, out=line[1:, 0])  # towards the tail, y down
     np.cumsum(np.sin(angle) / SEGMENTS, out=line[1:, 1])
-    return line - points @ line + (x, y)
+    return line - points @ line + (x, y)  # the mean of its points, by mass, is x, y
 
 
 def midline_bend(line: Floats) -> float:

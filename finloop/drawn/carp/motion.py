@@ -73,9 +73,10 @@ def simulate_swimming(
 ) -> CarpMotion:
     """Return simulated poses of all fish in all frames; a longer film only adds frames at its end.
 
-    room: where mass centres may be; fins: share of the time in which the pectoral fins are open,
-    0-1; rng: source of chance.
+    frames, fish: numbers of both; room: where mass centres may be; fins: share of the time in which
+    the pectoral fins are open, 0-1; rng: source of chance.
     """
+    # Steps of equal length in a frame, and a generator for each fish and for the starting places.
     steps = max(1, math.ceil(1 / (frame_rate_hz * STEP_S)))
     dt = 1 / (frame_rate_hz * steps)
     streams = rng.spawn(fish + 1)
@@ -107,7 +108,10 @@ def simulate_swimming(
 def _starting_places(
     fish: int, room: Rectangle, rng: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """Return starting places x, y: each is that of 400 random places farthest from those before."""
+    """Return a starting place (x, y) for each of `fish` fish in a room, in body lengths.
+
+    Each is, of 400 random places, the one farthest from those before.
+    """
     places: list[tuple[float, float]] = []
     for _ in range(fish):
         x, y = rng.uniform(room[0], room[2], 400), rng.uniform(room[1], room[3], 400)
@@ -137,7 +141,10 @@ def angle_share_in_turn(tau: float) -> float:
 
 
 def _distance_to_edge(x: float, y: float, angle: float, room: Rectangle) -> float:
-    """Return the distance from (x, y) along `angle` (radians) to a rectangle's edge, 0 beyond."""
+    """Return the distance from (x, y) along `angle` to the edge of a rectangle, in body lengths.
+
+    angle: radians anticlockwise, y points down. 0 from a place beyond the edge ahead.
+    """
     dx, dy = math.cos(angle), -math.sin(angle)
     distance = math.inf
     for place, step, low, high in ((x, dx, room[0], room[2]), (y, dy, room[1], room[3])):
@@ -196,7 +203,10 @@ class Swimmer:
         self.target_amplitude = float(self.rng.uniform(*amplitudes))
 
     def _begin_turn(self, angle: float) -> None:
-        """Begin a C-turn by `angle`, radians. Wide turns are faster and bend the body more."""
+        """Begin a C-turn by `angle`, radians, + left. Wide turns are faster and bend the body more.
+
+        The constants are chosen by eye: a turn by 180° takes about 1.1 s.
+        """
         size = abs(angle)
         self.mode, self.angle = "turn", angle
         self.net_turn = 0.75 * self.net_turn + angle
@@ -208,7 +218,7 @@ class Swimmer:
         self.target_rate, self.target_amplitude = 1.2, 0.15
 
     def _pick_turn(self, others: Sequence["Swimmer"], sharp: bool) -> float | None:
-        """Return the angle, radians, of a turn into open water; None if straight on is better.
+        """Return the angle of a turn into open water, radians, + left; None if no turn is good.
 
         others: the other fish; sharp: whether wide angles are welcome, because something is near.
         Of 28 random angles the one with the best score is taken: room ahead, distance from other
@@ -274,7 +284,10 @@ class Swimmer:
                 self._begin_straight("cruise")
 
     def _draw_fin_time(self) -> float:
-        """Return a random time, s, until the pectoral fins open or close; about 1 s if open."""
+        """Return a random time, s, until the pectoral fins open or close; inf if they never do.
+
+        Open fins close after 1.3 s on average. If they never move, `fins_open` is set for good.
+        """
         share = self.fins_share
         if share <= 0 or share >= 1:
             self.fins_open = share >= 1
@@ -286,7 +299,7 @@ class Swimmer:
         """Advance the fish by `dt` seconds: decide, bend, turn, beat, move; avoid `others`."""
         self._decide(others, dt)
         axis = self.axis
-        is_late = self.mode == "turn" and self.remaining_s < 0.3 * self.duration_s
+        is_late = self.mode == "turn" and self.remaining_s < 0.3 * self.duration_s  # its last part
         self._turn(dt, is_late)
         self._beat_tail(dt, is_late)
         self._move(self.axis - axis, others, dt)
@@ -328,7 +341,7 @@ class Swimmer:
         self.rate += (rate - self.rate) * dt / 0.18
         self.amplitude += (amplitude - self.amplitude) * dt / 0.20
         self.beat += self.rate * dt
-        for i in range(2):
+        for i in range(2):  # small random bends that fade within 0.4 s
             noise = float(self.rng.standard_normal())
             self.ripple[i] += dt * -self.ripple[i] / 0.4 + 0.11 * math.sqrt(dt) * noise
 
@@ -345,18 +358,19 @@ class Swimmer:
         if self.back_s > 0:  # paddling with the pectoral fins
             self.speed += (-0.3 - self.speed) * dt / 0.35
         # The water does not turn with the fish.
-        self.slip += -self.speed * math.sin(turn) - self.slip * dt / SLIP_S
+        self.slip += -self.speed * math.sin(turn) - self.slip * dt / SLIP_S  # + = to the left
         vx = self.speed * math.cos(self.axis) - self.slip * math.sin(self.axis)
         vy = -self.speed * math.sin(self.axis) - self.slip * math.cos(self.axis)
         safe = self._limit_approach(vx, vy, others)
         if safe != (vx, vy):
             vx, vy = safe
+            # What is left of the speed along the axis.
             self.speed = vx * math.cos(self.axis) - vy * math.sin(self.axis)
         self.x += vx * dt
         self.y += vy * dt
 
     def _move_fins(self, dt: float) -> None:
-        """Open or close the pectoral fins for `dt` seconds."""
+        """Open or close the pectoral fins for `dt` seconds; they help to swim backwards, too."""
         self.fins_remaining_s -= dt
         if self.fins_remaining_s <= 0:
             self.fins_open = not self.fins_open
@@ -370,8 +384,8 @@ class Swimmer:
     ) -> tuple[float, float]:
         """Return the velocity (vx, vy) without the part that leads into a near wall or fish.
 
-        The approach is at most the gap per 0.25 s, so the gap never closes. Turns usually avoid a
-        collision before this limit is reached.
+        vx, vy: body lengths/s, y down. The approach is at most the gap per 0.25 s, so the gap never
+        closes. Turns usually avoid a collision before this limit is reached.
         """
         x0, y0, x1, y1 = self.room
         hold_s = 0.25
@@ -390,20 +404,23 @@ class Swimmer:
 
 
 def _reach_in_direction(fish: Swimmer, ux: float, uy: float) -> float:
-    """Return how far a fish reaches from its mass centre in the direction (ux, uy).
+    """Return how far a fish reaches from its mass centre in a direction, in body lengths.
 
-    In a turn it is REACH in every direction, else the reach of a slender hull: head, beating tail,
-    pectoral fins.
+    ux, uy: unit vector, y down. In a turn it is REACH in every direction, else the reach of a
+    slender hull: the greatest of that of the head, the beating tail and the pectoral fins.
     """
     if fish.mode == "turn":
         return REACH
-    along = ux * math.cos(fish.axis) - uy * math.sin(fish.axis)
+    along = ux * math.cos(fish.axis) - uy * math.sin(fish.axis)  # 1 = ahead, −1 = behind
     across = math.sqrt(max(1 - along * along, 0.0))
     return max(0.46 * along, -0.62 * along + 0.15 * across, 0.17 * along + 0.30 * across)
 
 
 def _gap_between(fish: Swimmer, other: Swimmer, reach: float | None = None) -> float:
-    """Return the gap of two fish, less the least allowed; `reach` replaces that of the first."""
+    """Return by how much the gap of two fish exceeds the least allowed, FISH_GAP, in body lengths.
+
+    reach: how far the first reaches towards the other, None = as far as in its present pose.
+    """
     dx, dy = other.x - fish.x, other.y - fish.y
     distance = math.hypot(dx, dy)
     ux, uy = dx / distance, dy / distance
@@ -415,8 +432,11 @@ def _gap_between(fish: Swimmer, other: Swimmer, reach: float | None = None) -> f
 def _closest_approach(fish: Swimmer, other: Swimmer, angle: float) -> float:
     """Return the least distance of two fish within 1.6 s if the first turns by `angle` now.
 
-    It is 9 body lengths, far enough, if the first does not turn and they part already.
+    It is that of their mass centres, body lengths; 9, far enough, if the first does not turn and
+    they part already. angle: radians, + left.
     """
+    # Place and velocity of the other fish as seen from the first, which counts as no slower than
+    # 0.5 BL/s.
     dx, dy = other.x - fish.x, other.y - fish.y
     speed = max(fish.speed, 0.5)
     vx = other.speed * math.cos(other.axis) - speed * math.cos(fish.axis + angle)

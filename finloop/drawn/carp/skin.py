@@ -105,12 +105,13 @@ _COATS = (
 
 
 def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
-    """Return the painted skin and fin of one carp, with random spots.
+    """Return pictures of the skin and of a paired fin of one carp, painted with random spots.
 
     columns: width of the skin picture, px; coat: number of the colouring in _COATS, from 0; after
     the last one they begin again. rng: source of chance.
     """
     back, flank, dark, patch = _COATS[coat % len(_COATS)]
+    # Body coordinates of the pixels: s from 0 (snout) to 1 (tail end), v from left (+) to right.
     length_px = SKIN_PER_LENGTH
     rows = int(2 * SKIN_HALF * length_px)
     s = ((np.arange(length_px) + 0.5) / length_px).astype(np.float32)[None, :]
@@ -174,6 +175,7 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     skin = _tint(skin, tone, blade * 0.75)
     skin *= (1 + blade * 0.12 * np.sin(v * 2 * np.pi / 0.0075))[..., None]
     opaque = 1 - 0.28 * _ramp(s, TAIL_BLADE, 1.0) + 0 * v
+    # The size that is asked for, and the fin.
     scaled_down = cv2.resize(
         np.dstack([np.clip(skin, 4, 176), opaque]).astype(np.float32),
         (columns, max(8, round(columns * 2 * SKIN_HALF))),
@@ -191,6 +193,8 @@ def _paint_fin_picture(
 
     columns: its width, px; back, flank, dark: RGB colours of the fish, 0-255.
     """
+    # The numbers are drawn by eye. Places on the fin, in its lengths: along it, and across from the
+    # leading edge (−) to the trailing one.
     size = 256
     along = ((np.arange(size) + 0.5) / size).astype(np.float32)[None, :]
     across = (((np.arange(size) + 0.5) / size * 2 - 1) * FIN_HALF).astype(np.float32)[:, None]
@@ -215,7 +219,8 @@ def _paint_fin_picture(
 
 
 def paint_floor(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
-    """Return the painted empty tank, (height, width, 3) RGB: sand, pebbles, light and walls."""
+    """Return the painted empty tank, (height, width, 3) RGB, 0-255: sand, pebbles, light, walls."""
+    # Sand in grey levels, with pebbles; then shares of the light near walls and away from the lamp.
     shape = (height_px, width_px)
     grey = 172 + 5.5 * _clouds(shape, (0.7, 1.3), rng) + 2.6 * _clouds(shape, (5, 9), rng)
     grey += 4.0 * _clouds(shape, (60, 130), rng)

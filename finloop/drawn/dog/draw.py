@@ -41,7 +41,8 @@ def dog_frames(dog: DogFilm) -> Iterator[Picture]:
     tuft_x, depth = rng.uniform(-40, track_end + 40, count), rng.uniform(0.08, 1, count)
     tufts = np.column_stack([tuft_x, depth, rng.uniform(3, 7, count)])
     tufts = tufts[np.argsort(tufts[:, 1])]
-    steps = np.arange(-1, track_end / 130 + 2)  # a hill for 130 px: x, height [px]
+    # Hills behind it, one for 130 px: x, height [px].
+    steps = np.arange(-1, track_end / 130 + 2)
     hill_x = 130 * steps + rng.uniform(-30, 30, len(steps))
     hills = np.column_stack([hill_x, rng.uniform(24, 60, len(steps))])
     for frame in range(dog.frames):
@@ -58,6 +59,7 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
     """
     picture = np.empty((dog.height_px, dog.width_px, 3), np.uint8)
     origin, camera = body_origins_px(dog)[frame], camera_offsets_px(dog)[frame]
+    # The landscape; hills are far, so that they pass by at 0.3 of the meadow's speed.
     horizon = round(origin[1] - 0.42 * dog.trunk_px)
     picture[:horizon], picture[horizon:] = SKY, MEADOW
     for x, height in hills:
@@ -69,6 +71,7 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
         for lean in (-0.6, 0.0, 0.6):
             blade = np.array([[-1.2, 0], [1.2, 0], [lean * size, -size * (0.6 + depth)]])
             _fill_polygon(picture, root + blade, TUFT)
+    # The dog's shadow, and the dog: far limbs, other parts, near limbs, eye and nose.
     phase = float(frame_phases(dog)[frame])
     half_width, half_height = 0.62 * dog.trunk_px, 0.035 * dog.trunk_px
     angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
@@ -86,6 +89,7 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
         contour = part_contour(dog, phase, part, POINTS)
         _fill_polygon(picture, origin + contour, colour)
         if part == BODY:
+            # The collar rises and falls with the body.
             bob = contour[0] - part_contour(dog, 0.0, BODY, POINTS)[0]
             _fill_polygon(picture, origin + dog.trunk_px * COLLAR_CORNERS + bob, COLLAR)
     fill_limb("hind_right", NEAR)
@@ -108,7 +112,7 @@ def limb_masks(picture: Picture) -> dict[str, Mask]:
     The ids are "fore_right" and "hind_right"; the limbs are found by their colour. FinloopError if
     the picture has fewer than two pale regions: it is not a frame of this film.
     """
-    palette = np.array(PALETTE, np.float32)
+    palette = np.array(PALETTE, np.float32)  # of all parts of the picture, the near limbs first
     # The squared distance to each colour, less the common term; whole numbers, so exact.
     distance = (palette**2).sum(axis=1) - 2 * picture.astype(np.float32) @ palette.T
     pale = (distance.argmin(axis=2) == 0).astype(np.uint8)

@@ -91,6 +91,7 @@ EYE, NOSE = (0.905, -1.275), (1.145, -1.205)
 def points_on_smooth_curve(nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
     """Return n points (n, 2) at equal distances on the closed smooth curve through nodes."""
     corners = np.array([*nodes, nodes[0]])
+    # Centripetal knots, √distance apart, keep the curve from overshooting between near nodes.
     knots = np.r_[0.0, np.cumsum(np.sqrt(np.linalg.norm(np.diff(corners, axis=0), axis=1)))]
     spline = scipy.interpolate.CubicSpline(knots, corners, bc_type="periodic")
     fine = spline(np.linspace(0, knots[-1], FINE, endpoint=False))
@@ -99,7 +100,10 @@ def points_on_smooth_curve(nodes: tuple[tuple[float, float], ...], n: int) -> Fl
 
 @cache
 def _skin_and_bone_weights(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
-    """Return a limb's outline (n, 2) at rest, and the weight (n, 4) of each bone at its points."""
+    """Return a limb's outline (n, 2) at rest, and the weight (n, 4) of each bone at its points.
+
+    The nearer a bone the greater its weight; the weights at a point add up to 1.
+    """
     outline, joints = points_on_smooth_curve(shape.outline, n), np.array(shape.joints)
     bones = np.diff(joints, axis=0)
     # The nearest point of each bone to each point of the outline: the share of the bone, 0-1.
@@ -148,11 +152,12 @@ def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats
 def _ankle_and_turns(shape: LimbShape, foot: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the place (…, 2) of hock or wrist, and the turns (…,) of pastern and paw [rad].
 
-    foot (…, 2): how far the foot is moved from rest, in trunk lengths; y is down.
+    foot (…, 2): how far the foot is moved from rest, in trunk lengths; y is down, so a turn from x
+    to y is clockwise on screen.
     """
     rest = np.array(shape.joints)
     pastern_turn = shape.lean[0] * foot[..., 0] - shape.lean[1] * foot[..., 1]
-    paw_turn = -0.6 * shape.lean[1] * foot[..., 1]
+    paw_turn = -0.6 * shape.lean[1] * foot[..., 1]  # 0.6 of the pastern's turn by lift
     up = (rest[2] - rest[3]) @ [1, 1j] * np.exp(1j * pastern_turn)
     ankle = rest[3] + foot + np.stack([up.real, up.imag], axis=-1)
     return ankle, pastern_turn, paw_turn

@@ -95,8 +95,9 @@ def half_cycle_progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
 
     name: one of NAMES; phase: in cycles, an array of any shape. γ makes the progress uneven.
     """
+    # Subcycles are quarters of the cycle; two of them are a swing, two a time on the ground.
     quarter, tau = np.divmod(np.mod(phase, 1.0) * 4, 1.0)
-    subcycle = quarter.astype(int) % 4
+    subcycle = quarter.astype(int) % 4  # a phase just below 0 gives 4
     gamma = np.array(foot_gammas(dog, name))[subcycle]
     return (subcycle % 2 + (1 + gamma) * tau - gamma * tau**2) / 2
 
