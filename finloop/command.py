@@ -27,8 +27,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command `finloop`; return the exit status. arguments: None = the command line's."""
     words = sys.argv[1:] if arguments is None else arguments
     folder = Path.cwd()
+    # In the folder of a working copy of finloop, that copy runs, unless `python -P` forbids it.
     if holds_sources(folder) and folder.resolve() != HOME and not sys.flags.safe_path:
-        # Beside a working copy of finloop, that copy is meant.
         os.execv(sys.executable, [sys.executable, "-m", "finloop.command", *words])
     if words[:1] == ["morph"]:
         from finloop.morph.tool import main as morph

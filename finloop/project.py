@@ -315,7 +315,9 @@ class Project:
         model = load_record(folder / "model.json", restore_forecast, "forecast")
         rows, numbers = film.states.shape
         start = open_array(folder / "start.npy", (rows + 1,), "int64")
+        # The rows similar to row r are neighbours[start[r] : start[r + 1]].
         graph = start, open_array(folder / "neighbours.npy", (int(start[-1]),), "int32")
+        # The states that the network predicts after each row.
         mean = open_array(folder / "mean.npy", (rows, numbers), "float64")
         return build_sampler(film, model, graph, self.settings("forecast"), mean)
 
@@ -331,8 +333,10 @@ class Project:
             folder / "zones.json",
             lambda entry: SchoolRule(
                 Zones(**entry["zones"]),
-                SocialSteps.from_table(table, entry["forward"], entry["onward"]),
-                entry["horizon_frames"], entry["alike"],
+                SocialSteps.from_table(
+                    table, move_per_pull=entry["forward"], turn_per_pull=entry["onward"]
+                ),
+                horizon=entry["horizon_frames"], alike=entry["alike"],
             ),
             *remake_hint("calibrate"),
         )  # fmt: skip
@@ -394,7 +398,8 @@ class Project:
         """Return the edit list of a mode with the film's facts and tables that drawing it needs.
 
         stage: whose parameter `mode` an error message names. columns: of the table of tracks.
-        sprites, bodies: load the sprites or the bodies even if the list needs none.
+        sprites, bodies: load the sprites, or the fish's postures, even if the list needs none:
+        postures are for pictures that are bent or mirrored.
         """
         from finloop.edit.bodies import Bodies
         from finloop.edit.schema import SPRITE
@@ -409,9 +414,10 @@ class Project:
             postures = None
             if needs_bodies:
                 keys = self.features[["track_id", "frame"]].to_numpy()
+                # Whether the next row is the next frame of the same track.
                 has_next_frame = np.append((np.diff(keys, axis=0) == (0, 1)).all(1), False)
-                sprites_or_none = pd.DataFrame() if sprite_table is None else sprite_table
-                postures = Bodies(self.poses, has_next_frame, sprites_or_none)
+                sprites_or_empty = pd.DataFrame() if sprite_table is None else sprite_table
+                postures = Bodies(self.poses, has_next_frame, sprites_or_empty)
             self._kept[key] = EditSources(
                 edit, self.scene, self.tracks(columns), sprite_table, postures
             )
@@ -457,7 +463,7 @@ class Project:
 def _unpickle(root: Path, run: str) -> Project:
     """Return the project that another process has sent here, the same object each time.
 
-    root: the working copy; run: name of that process's run. The cache returns another project for
-    another run.
+    root: the working copy; run: name of that process's run, a key of the cache: results that
+    another run left here are not reused.
     """
     return Project(root)

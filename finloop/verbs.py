@@ -152,7 +152,10 @@ def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
 
 
 def _write_clip(folder: str | Path | None, **values: Any) -> Film:
-    """Write the clip that parameters of the group `clip` describe, to `folder`/clip; return it."""
+    """Write the clip that parameters of the group `clip` describe, to `folder`/clip; return it.
+
+    folder: None = a temporary one. values: of the parameters, by name.
+    """
     p, clip_folder = settings("clip", **values), _make_folder(folder) / "clip"
     source = open_clip_source(p)
     with whole_folder(clip_folder) as temporary:
@@ -205,8 +208,8 @@ def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
 def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel:
     """Train the network that predicts motion area and swimming type (§3.1, Fig. 6).
 
-    It learns by back-propagation and has 4 inputs, 20 hidden units and 2 outputs. features: from
-    `measure`. rate_hz: frames per second of the film. `changes` override
+    It learns by back-propagation and has 4 inputs, by default 20 hidden units, and 2 outputs.
+    features: from `measure`. rate_hz: frames per second of the film. `changes` override
     `finloop.bpn.settings.BpnSettings`.
     """
     p = settings("bpn", **changes)
@@ -218,28 +221,29 @@ def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel
 def make_sprites(
     tracks: Tracks, features: pd.DataFrame, folder: str | Path | None = None, **changes: Any
 ) -> Reel:
-    """Choose sprites, cut-outs turned to all orientations (§3.3); return the film with them.
+    """Choose sprites, cut-outs turned to all orientations (§3.3); return the film's reel with them.
 
-    The sprites are also written to `folder`/sprites. `changes` override
-    `finloop.sprites.settings.SpritesSettings`, for example straight_frames="8:120-140".
+    A reel holds the film's features and cut-outs, and the sprites. The sprites are also written to
+    `folder`/sprites. `changes` override `finloop.sprites.settings.SpritesSettings`, for example
+    straight_frames="8:120-140".
     """
-    p, film = settings("sprites", **changes), tracks.cutouts
+    p, cutouts = settings("sprites", **changes), tracks.cutouts
     table = swimmer_table(features, tracks.table, p)
-    draw = partial(Reel(features, film).draw_aligned_rows, size_px=p.picture_px)
+    draw = partial(Reel(features, cutouts).draw_aligned_rows, size_px=p.picture_px)
     sprites = sprite_table(table, choose_frames(table, draw, infer_delta_frames(features), p), p)
     home, name = _make_folder(folder) / "sprites", "sprites.arrow"
     with whole_folder(home) as temporary, CutoutWriter(temporary / name, sprites=True) as writer:
-        for sprite in sprite_cutouts(sprites, film):
+        for sprite in sprite_cutouts(sprites, cutouts):
             writer.write(sprite)
-    return Reel(features, film, apply_schema(sprites, SPRITES), _open_store(home / name))
+    return Reel(features, cutouts, apply_schema(sprites, SPRITES), _open_store(home / name))
 
 
 def compare(reel: Reel, **changes: Any) -> FrameComparison:
     """Compare the film's frames with each other (Eqs. 5-8); return the distances between them.
 
-    pairs: similar rows, columns of `PAIRS`. steps: rows and later ones of their track, columns of
-    `STEPS`. The distances are of pixels 0 … 1. `changes` override
-    `finloop.distance.settings.DistanceSettings`.
+    Fields of the result: pairs: similar rows, columns of `PAIRS`; steps: rows and later ones of
+    their track, columns of `STEPS`; facts: how they were compared. Pixels count as 0 … 1.
+    `changes` override `finloop.distance.settings.DistanceSettings`.
     """
     pairs, steps, facts = compare_frames(reel, settings("distance", **changes))
     return FrameComparison(apply_schema(pairs, PAIRS), apply_schema(steps, STEPS), facts)
@@ -254,9 +258,9 @@ def find_loops(
     there is no loop, a warning says which parameter would give some, and the table is empty.
     `changes` override `finloop.loops.settings.LoopsSettings`.
     """
-    p, pairs = settings("loops", **changes), to_sparse_map(similar.pairs, len(features))
+    p, distance_map = settings("loops", **changes), to_sparse_map(similar.pairs, len(features))
     try:
-        loops, _ = find_video_loops(pairs, features, rate_hz, similar.facts.step_median, p)
+        loops, _ = find_video_loops(distance_map, features, rate_hz, similar.facts.step_median, p)
     except NoLoopsError as error:
         warnings.warn(str(error), stacklevel=2)
         loops = LOOPS.empty()
@@ -316,12 +320,13 @@ def train_forecast(
 
 
 def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> SchoolRule:
-    """Measure the zones in which fish repel, align with and attract each other, and their steps.
+    """Measure how fish of a school swim; return the rule: their zones and their steps.
 
-    The zones are those of Couzin et al. 2002; a step is how a fish moves over a short time. If the
-    film shows too few fish near each other, a warning says so, and the zones are those of the
-    paper. `changes` override `finloop.calibrate.settings.CalibrateSettings`, for example
-    attraction_radius_bl=8.0. FinloopError also if no track is long enough for a step.
+    In the zones, those of Couzin et al. 2002, fish repel, align with and attract each other; a step
+    is how a fish moves over a short time. If the film shows too few fish near each other, a warning
+    says so, and the zones are those of the paper. `changes` override
+    `finloop.calibrate.settings.CalibrateSettings`, for example attraction_radius_bl=8.0.
+    FinloopError also if no track is long enough for a step.
     """
     p = settings("calibrate", **changes)
     group = build_film_group(features, film.arena, infer_delta_frames(features), p.horizon)
@@ -330,8 +335,9 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> SchoolRule
     rule = require_rule(fit_film_rule(group, p)[0])
     steps = rule.steps
     table = apply_schema(steps.to_table(), SOCIAL_STEPS)
-    again = SocialSteps.from_table(table, steps.move_per_pull, steps.turn_per_pull)
-    return replace(rule, steps=again)
+    # The steps as the stage `calibrate` stores them: rounded to the table's types.
+    stored_steps = SocialSteps.from_table(table, steps.move_per_pull, steps.turn_per_pull)
+    return replace(rule, steps=stored_steps)
 
 
 def steer(  # noqa: PLR0913  (a result of every verb)
@@ -432,8 +438,8 @@ def write_video(
         stores[SPRITE] = reel.store
     bodies = Bodies(poses, reel.has_next_frame, reel.sprites)
     gallery = Gallery(build_cutout_sets(stores, tracks.table, reel.sprites), bodies)
-    length_px = reel.length_px * float(edit["scale"].median())
-    shadow = Shadow(p.shadow_darkness, p.shadow_blur * length_px)
+    shown_length_px = reel.length_px * float(edit["scale"].median())  # of a fish's body
+    shadow = Shadow(share=p.shadow_darkness, blur_px=p.shadow_blur * shown_length_px)
     painter = Painter(tracks.background, shadow=shadow)
     rate = tracks.film.facts.frame_rate
     with Mp4Writer(Path(path), painter.frame.shape, rate, p.crf) as writer:

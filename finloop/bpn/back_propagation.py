@@ -81,7 +81,8 @@ def learn_epoch(x, t, weights, velocity, batch_size, learning_rate, momentum):  
     first, second = split_layers(weights)
     first_velocity, second_velocity = split_layers(velocity)
     hidden = len(first)
-    # The hidden outputs and a 1; and per output the learning rate times ∂E/∂(weighted inputs).
+    # E = ½ Σ (output − t)². The hidden outputs and a 1; and per output unit k, in `step`, the
+    # learning rate times ∂E/∂z, z being its weighted inputs.
     hidden_signals, step = np.ones(hidden + 1), np.empty(_OUT)
     for begin in range(0, len(x), batch_size):
         velocity *= momentum
@@ -92,7 +93,7 @@ def learn_epoch(x, t, weights, velocity, batch_size, learning_rate, momentum):  
                 output = unit_output(second[k], hidden_signals)
                 step[k] = learning_rate * (output - t[row, k]) * output * (1 - output)
             for j in range(hidden):
-                gradient = 0.0
+                gradient = 0.0  # the learning rate times ∂E/∂(weighted inputs) of hidden unit j
                 for k in range(_OUT):
                     gradient += second[k, j] * step[k]
                 gradient *= hidden_signals[j] * (1 - hidden_signals[j])  # the sigmoid's derivative
@@ -113,10 +114,12 @@ def train_on_film_rows(
 ) -> tuple[MotionModel, pd.DataFrame]:
     """Train the network on some of a film's rows; return it and the table of its errors (Fig. 15).
 
-    sides: masks (n,) of the rows to learn from, and of those held out to measure errors; rate_hz:
-    frames a second of the film; advance: called after each epoch.
+    The table is that of `train_motion_model`. sides: masks (n,) of the rows to learn from, and of
+    those held out to measure errors; rate_hz: frames a second of the film; advance: called after
+    each epoch.
     """
     training, held_out = ((rows.inputs[side], rows.outputs[side]) for side in sides)
+    # 1: other random numbers than those that divide the rows, of (seed, 0).
     rng, delta_s = np.random.default_rng((settings.seed, 1)), rows.delta_frames / rate_hz
     return train_motion_model(*training, held_out, settings, delta_s, rng, advance)
 
@@ -137,7 +140,7 @@ def train_motion_model(
     weights and the order of rows. advance: called after each epoch. The table has the errors
     COMPARED of both sets, as train_… and held_out_…; in epoch 0 the network is untrained.
     """
-    # Scaled inputs x and targets t.
+    # Scaled inputs x and targets t; these keep a margin from 0 and 1, which no sigmoid reaches.
     low, high = find_input_range(inputs)
     x = np.column_stack([scale_to_unit(inputs, low, high), np.ones(len(inputs))])
     t = MARGIN + (1 - 2 * MARGIN) * (outputs - OUTPUT_LOW) / (OUTPUT_HIGH - OUTPUT_LOW)
@@ -152,7 +155,7 @@ def train_motion_model(
             x[order], t[order], weights, velocity,
             settings.batch_size, settings.learning_rate, settings.momentum,
         )  # fmt: skip
-        if not np.abs(weights).max() < _RUN_AWAY:
+        if not np.abs(weights).max() < _RUN_AWAY:  # NaN, too
             raise FinloopError(
                 f"the weights grew without bound (learning rate {settings.learning_rate:g}, "
                 f"momentum {settings.momentum:g}, at most {settings.batch_size} rows a batch)",
@@ -185,8 +188,8 @@ def _learning_curve_row(
 ) -> dict[str, float]:
     """Return a row of the learning curve: the model's errors on training and on held-out rows.
 
-    sides: inputs and outputs by name, "train" and "held_out"; NaN are the errors of a side without
-    rows.
+    sides: inputs and outputs by name, "train" and "held_out"; the errors of a side without rows are
+    NaN.
     """
     result: dict[str, float] = {}
     for side, (inputs, outputs) in sides.items():

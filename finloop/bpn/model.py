@@ -116,7 +116,7 @@ def round_swimming_types(swimming_type: Reals) -> NDArray[np.int8]:
 
 
 def find_input_range(inputs: Floats) -> tuple[Floats, Floats]:
-    """Return the smallest and largest input, (4,) each, which the network scales to -1 and 1.
+    """Return the inputs that the network scales to -1 and those that it scales to 1, (4,) each.
 
     inputs (n, 4): columns and units INPUTS. Motion area and swimming type have fixed ranges.
     Displacement and angle take theirs from the rows, without the extreme 1 %, so that a wild frame
@@ -218,13 +218,17 @@ def split_rows(rows: LearningRows, split_by: str, settings: BpnSettings) -> tupl
     random sample in a long film. FinloopError if the film is too short.
     """
     share = settings.held_out_ratio
-    rng = np.random.default_rng((settings.seed, 0))
+    rng = np.random.default_rng((settings.seed, 0))  # 0: the first of two series; training has 1
     if split_by == "tracks":
         train, held_out = split_by_tracks(rows, share, rng)
     else:
-        least = rows.delta_frames + _LEAST_HELD_OUT
+        # The least block holds enough rows of one track, and the rows a time Δ after them.
         block_frames = held_out_block_frames(
-            settings.held_out_block_deltas, share, rows.delta_frames, rows.frame, least
+            settings.held_out_block_deltas,
+            share,
+            rows.delta_frames,
+            rows.frame,
+            least_frames=rows.delta_frames + _LEAST_HELD_OUT,
         )
         train, held_out = split_by_blocks(rows, block_frames, share, rng)
     train_rows = np.flatnonzero(train)
@@ -234,10 +238,10 @@ def split_rows(rows: LearningRows, split_by: str, settings: BpnSettings) -> tupl
 
 
 def split_rows_if_possible(rows: LearningRows, settings: BpnSettings) -> tuple[Mask, Mask]:
-    """Return which rows (n,) to learn from, and which to hold out; none of a very short film.
+    """Return which rows (n,) to learn from, and which to hold out.
 
-    FinloopError if there are no rows, or if the user's settings prevent the division: whole tracks,
-    or blocks shorter than Δ.
+    All rows of a very short film are learnt from, and none is held out. FinloopError if there are
+    no rows, or if the user's settings prevent the division: whole tracks, or blocks shorter than Δ.
     """
     try:
         return split_rows(rows, settings.held_out_by, settings)

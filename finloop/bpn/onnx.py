@@ -21,6 +21,8 @@ _TOLERANCE = 1e-4  # share of the range of an output; 32-bit rounding gives abou
 
 def build_onnx_model(model: MotionModel) -> onnx.ModelProto:
     """Build the ONNX graph of `MotionModel.predict`: float32 (n, 4) → (n, 2), in physical units."""
+    # As `predict` computes: (x − low) / (high − low) · 2 − 1 = (x − middle) / half_range, and
+    # low + (raw − margin) / (1 − 2 margin) · range = raw · span + offset.
     half_range = (model.input_high - model.input_low) / 2
     span = (model.output_high - model.output_low) / (1 - 2 * model.margin)
     constants = {
@@ -37,6 +39,7 @@ def build_onnx_model(model: MotionModel) -> onnx.ModelProto:
         "output_low": model.output_low,
         "output_high": model.output_high,
     }
+    # What is done to the inputs, step by step: an operator, and the constants that it takes.
     chain = [
         ("Max", ["input_low"]), ("Min", ["input_high"]),
         ("Sub", ["input_middle"]), ("Mul", ["input_scale"]),

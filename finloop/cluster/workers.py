@@ -142,8 +142,9 @@ class DeferredCall:
 def run_pickled_item(home: WorkerHome, work: str, item: bytes) -> bytes:
     """Apply a function to one pickled item, on a worker; return the pickled result.
 
-    home: what the submitting process demands of workers. work: path of the file that holds the
-    pickled function. FinloopError if this worker differs from `home`, or does not see the file.
+    home: what workers must have in common with the submitting process. work: path of the file that
+    holds the pickled function. FinloopError if this worker differs from `home`, or does not see the
+    file.
     """
     return pickle.dumps(_prepare_worker(home, work)(pickle.loads(item)))
 
@@ -185,13 +186,13 @@ def _prepare_and_import(modules: Sequence[str], home: WorkerHome, work: str) -> 
 
 @contextmanager
 def connect_dask_workers(
-    settings: ClusterSettings, home: WorkerHome, processes: int, need: Sequence[str] = ()
+    settings: ClusterSettings, home: WorkerHome, processes: int, modules: Sequence[str] = ()
 ) -> Iterator["DaskWorkers"]:
     """Connect to a Dask cluster, and yield its workers until the `with` block ends.
 
     settings: a running scheduler's address, or `LocalWorkers`: a cluster started here with
-    `processes` workers. home: what workers must have in common with this process. need: names of
-    modules that workers import at once. FinloopError if Dask is not installed, no scheduler or
+    `processes` workers. home: what workers must have in common with this process. modules: names of
+    those that workers import at once. FinloopError if Dask is not installed, no scheduler or
     worker answers, or a worker has another folder or other code.
     """
     distributed = _import_distributed()
@@ -222,7 +223,7 @@ def connect_dask_workers(
                 f"start them (dask scheduler; {home.start}), or correct cluster.scheduler_address",
             ) from error
         workers = DaskWorkers(client, home, str(address))
-        workers.check_workers(need)
+        workers.check_workers(modules)
         yield workers
 
 
@@ -265,12 +266,16 @@ class DaskWorkers:
 
     @contextmanager
     def open_submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_SubmittedItem"]]:
-        """Share a function with the workers; yield a function that submits one item to them."""
+        """Share a function with the workers; yield another that submits one item to it.
+
+        The latter returns the item's pending result. work: the function, applied to each item.
+        """
         name, numbers = uuid4().hex, count()  # they make a key for each try of each item
         with self._share_work(work) as path:
 
             def submit(item: A) -> _SubmittedItem:
                 """Submit one item; return its pending result."""
+                # Unpickling a DeferredCall makes the call: the scheduler needs no finloop.
                 call = pickle.dumps(
                     DeferredCall(run_pickled_item, self.home, path, _pickle_bytes(item))
                 )
@@ -287,14 +292,18 @@ class DaskWorkers:
 
             yield submit
 
-    def check_workers(self, need: Sequence[str]) -> None:
-        """Let every worker check its folder and code, and import modules.
+    def check_workers(self, modules: Sequence[str]) -> None:
+        """Let every worker check its folder and code, and import modules, given by name.
 
-        need: their names. FinloopError names all workers that differ from this process.
+        FinloopError names all workers that differ from this process. An exception of another kind,
+        see `refusal_error`, is raised again.
         """
         with self._share_work(None) as path:
-            call = pickle.dumps(DeferredCall(partial(_prepare_and_import, need), self.home, path))
+            # Unpickling a DeferredCall makes the call: the scheduler needs no finloop.
+            prepare = partial(_prepare_and_import, modules)
+            call = pickle.dumps(DeferredCall(prepare, self.home, path))
             answers = self.client.run(pickle.loads, call, on_error="return")
+        # With on_error="return", a worker's answer is the exception that it raised, else None.
         errors = [answer for answer in answers.values() if isinstance(answer, Exception)]
         refusals = [self.refusal_error(error) for error in errors]
         if refusals:
@@ -350,7 +359,7 @@ class _SubmittedItem:
     def result(self) -> Any:
         """Wait for the result and return it; submit the item again if its worker was killed.
 
-        FinloopError if no worker is left.
+        FinloopError if no worker is left, or workers were killed in all `TRIES` tries.
         """
         killed = _import_distributed().KilledWorker
         for _ in range(TRIES - 1):
@@ -370,7 +379,7 @@ class _SubmittedItem:
             try:
                 with self._workers.client.as_current():
                     _import_distributed().wait([self._future], timeout=_LOOK_S)
-            except CancelledError:
+            except CancelledError:  # by the scheduler's end; `result` below says so again
                 break
             except TimeoutError as error:
                 has_worker = bool(self._workers.count_threads())

@@ -93,13 +93,13 @@ def _save_json(path: Path, content: Json) -> None:
 def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> None:
     """Write a morph as an SVG that plays by itself, with one animated path for every shape.
 
-    Points are whole numbers of the last decimal that coordinates have, each after the first
-    relative to the previous one. That is exact, and half as long as decimals. frame_rate: frames
-    per second. longer_side_px is not used: the picture is scalable.
+    Points are written as whole numbers, in units of the last decimal of the drawing's coordinates,
+    each after the first relative to the previous one. That is exact, and half as long as decimals.
+    frame_rate: frames per second. longer_side_px is not used: the picture is scalable.
     """
     grid = 10.0**morph.decimals  # units of a path in a px
     seconds = len(morph.tau) / frame_rate
-    # The frame shown after the last: itself, or the first if the morph goes there and back.
+    # The frame after the last one: the first if the morph goes there and back, else the same again.
     end_frame = 0 if morph.tau[-1] < morph.tau.max() else -1
     width, height = f"{morph.width:.10g}", f"{morph.height:.10g}"
     lines = [
@@ -160,6 +160,7 @@ def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px:
     layers = [
         _lottie_layer(morph, shape, k) for k, shape in enumerate(_painted_shapes(morph)[::-1], 1)
     ]
+    # fr: frames per second; ip, op: first frame, and the one after the last; ddd: three dimensions.
     _save_json(path, {
         "v": "5.7.0", "fr": float(frame_rate), "ip": 0, "op": len(morph.tau),
         "w": ceil(morph.width), "h": ceil(morph.height), "nm": "morph", "ddd": 0, "assets": [],
@@ -169,13 +170,15 @@ def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px:
 
 def _lottie_layer(morph: Morph, shape: Shape, index: int) -> Json:
     """Return the Lottie layer of one shape; index: the layer's number, 1 = topmost."""
-    transform = {"o": 100, "r": 0, "p": [0, 0], "a": [0, 0], "s": [100, 100]}  # changes nothing
+    # Opacity, rotation, position, anchor and scale that change nothing.
+    transform = {"o": 100, "r": 0, "p": [0, 0], "a": [0, 0], "s": [100, 100]}
     still = {key: _lottie_constant(value) for key, value in transform.items()}
     items = [
         *(_lottie_path(morph, *part) for part in zip(shape.layers, shape.closed, strict=True)),
         *_lottie_paints(shape.paint),
         {"ty": "tr", **still},
     ]
+    # Type 4 is a layer of shapes, "gr" a group of them, "tr" its transform.
     return {
         "ddd": 0, "ind": index, "ty": 4, "nm": shape.name, "sr": 1, "ks": still, "ao": 0,
         "shapes": [{"ty": "gr", "nm": shape.name, "it": items}],
@@ -194,7 +197,8 @@ def _lottie_path(morph: Morph, name: str, closed: bool) -> Json:
         {"t": k, "s": [{"i": straight, "o": straight, "v": points, "c": closed}]}
         for k, points in enumerate(frames)
     ]
-    for key in keys[:-1]:  # players take a keyframe with easing for the start of another step
+    # Linear easing to the next keyframe; the last has none, or players would look for one more.
+    for key in keys[:-1]:
         key |= {"i": {"x": 1, "y": 1}, "o": {"x": 0, "y": 0}}
     return {"ty": "sh", "nm": name, "ks": {"a": 1, "k": keys}}
 
@@ -235,6 +239,7 @@ def _save_film(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
     # Both formats need even sides.
     height, width = (2 * max(1, round(side * scale / 2)) for side in (morph.height, morph.width))
     shape = height, width, 3
+    # A writer makes its file only when `with` opens it.
     film: FilmWriter = WebpWriter(path, shape, frame_rate, width, QUALITY)
     if path.suffix.lower() == ".mp4":
         film = Mp4Writer(path, shape, frame_rate, CRF)

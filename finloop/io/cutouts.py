@@ -169,7 +169,7 @@ def open_cutouts(path: Path) -> Iterator[CutoutStore]:
         except (OSError, pa.ArrowException) as error:
             came = f"{path} cannot be read as a cut-out store ({error})"
             raise FinloopError(came, *remake_hint("extract")) from error
-        if not any(map(table.schema.equals, (_FILM, _SPRITES))):
+        if not any(map(table.schema.equals, (_FILM, _SPRITES))):  # neither a film's nor sprites
             raise FinloopError(
                 came=f"{path} has the columns {', '.join(table.column_names)}",
                 wanted=", ".join(_FILM.names) + "; of sprites " + ", ".join(_KEY) + " too",

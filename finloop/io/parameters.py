@@ -29,14 +29,18 @@ def build_settings(word: str, values: Mapping[str, Any]) -> Any:
     word: the stage's key in params.yaml, such as "extract". FinloopError lists all parameters that
     are refused, by dotted name.
     """
-    group, problems = check_values(word, variants(word), values.get(word, {}))
+    # A stage has one dataclass of settings or several variants; the values decide which.
+    checked, problems = check_values(word, variants(word), values.get(word, {}))
     if problems:
         raise refusal_error(problems)
-    return group
+    return checked
 
 
 def refusal_error(problems: list[str]) -> FinloopError:
-    """Return the error that lists all refused parameters; problems: a sentence about each."""
+    """Return the error that lists all refused parameters.
+
+    problems: a sentence about each, which begins with its dotted name, such as clip.start_s.
+    """
     count = "a parameter is" if len(problems) == 1 else f"{len(problems)} parameters are"
     groups = dict.fromkeys(re.split(r"[.:]", problem)[0] for problem in problems)
     help_words = " ".join(f"help={word}" for word in groups if word in GROUPS) or "help=clip"

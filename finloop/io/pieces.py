@@ -33,11 +33,11 @@ class Pieces:
     def load_or_make(self, name: str, make: Callable[[], T]) -> T:
         """Return the result with a name from its file; if missing or damaged, compute and store it.
 
-        make: computes the result. FinloopError if the disk is full.
+        name: also that of the file. make: computes the result. FinloopError if the disk is full.
         """
         path = self.folder / name
         try:
-            content = path.read_bytes()
+            content = path.read_bytes()  # the unpacked size, then the compressed pickle
             plain = _CODEC.decompress(content[_SIZE:], int.from_bytes(content[:_SIZE]))
             return pickle.loads(plain)
         except (OSError, EOFError, ValueError, pickle.UnpicklingError):

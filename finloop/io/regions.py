@@ -83,7 +83,7 @@ def load_regions(
 def _load_masks(paths: Mapping[str, list[Path]], convert_mask: Callable[[Mask], T]) -> Regions[T]:
     """Load the regions of limbs from mask pictures, see `load_regions`.
 
-    paths: of each limb's pictures, by limb.
+    paths: of each limb's pictures, by limb. A frame without a picture of a limb has None for it.
     """
     numbered = {name: _paths_by_number(files) for name, files in paths.items()}
     numbers = [number for files in numbered.values() for number in files]
@@ -94,7 +94,7 @@ def _load_masks(paths: Mapping[str, list[Path]], convert_mask: Callable[[Mask], 
         brightest = 0
         for number, path in files.items():
             mask = load_picture(path)
-            mask = mask if mask.ndim == 2 else mask[..., :3].max(axis=2)
+            mask = mask if mask.ndim == 2 else mask[..., :3].max(axis=2)  # of red, green, blue
             _require_one_size(sizes, mask.shape, path)
             brightest = max(brightest, int(mask.max()))
             frames[number - first][name] = convert_mask(mask >= BRIGHT)
@@ -110,7 +110,10 @@ def _load_masks(paths: Mapping[str, list[Path]], convert_mask: Callable[[Mask], 
 def _load_traces(
     paths: list[Path], convert_trace: Callable[[Curve, float, float], T]
 ) -> Regions[T]:
-    """Load the regions of limbs from SVG files, one per frame, see `load_regions`."""
+    """Load the regions of limbs from SVG files, one per frame, see `load_regions`.
+
+    A frame without a path of a limb has None for it.
+    """
     numbered = _paths_by_number(paths)
     first, last = min(numbered), max(numbered)
     frames: list[dict[str, T]] = [{} for _ in range(first, last + 1)]
@@ -150,7 +153,7 @@ def _require_one_size(
 ) -> None:
     """Add a picture's (height, width) to the known sizes; FinloopError if they then differ.
 
-    sizes: size → the first file of that size; changes. path: of the picture.
+    sizes: size → the first file of that size; the picture is added. path: of the picture.
     """
     sizes.setdefault(size, path)
     if len(sizes) > 1:

@@ -50,8 +50,8 @@ def load_parts(clip: Path) -> list[FilmPart]:
 def list_film_folders(clip: Path) -> list[tuple[str, Path]]:
     """Return the name and the folder of each readable film of the clip in folder `clip`.
 
-    Folders are relative to that of the clip, or of the tracks. A single film has the name "" and
-    the folder ".".
+    Folders are relative, and the same below the folder of the clip and below that of the tracks. A
+    single film has the name "" and the folder ".".
     """
     return [(part.name, Path(FILMS) / part.name) for part in load_readable_parts(clip)] or [
         ("", Path())
@@ -111,7 +111,7 @@ def frames_at_rate(frames: int, rate: Fraction, lower_rate: Fraction) -> Frames:
     """Return the numbers of a film's frames that are shown when it plays at a lower rate.
 
     frames: how many the film has. rate, lower_rate: frames per second of the film, and of the
-    result. Rates that differ little count as equal: all frames are shown.
+    result. Rates that differ by 2 % at most count as equal: all frames are shown.
     """
     step = float(rate / lower_rate)
     if abs(step - 1) <= _SAME_RATE:

@@ -104,7 +104,8 @@ def load_svg(path: Path) -> Drawing:
 def _unique_names(path: Path, contours: list[_Contour]) -> list[str]:
     """Return a unique name for each contour; names that are XML ids do not change.
 
-    path: of the file, for messages. FinloopError if two contours have one id.
+    Of other names, the second and later ones get a number: eye, eye-2. path: of the file, for
+    messages. FinloopError if two contours have one id.
     """
     ids = Counter(contour.name for contour in contours if contour.is_id)
     if repeated := [name for name, count in ids.items() if count > 1]:
@@ -131,7 +132,8 @@ def _named_shapes(group: Any, default_name: str) -> Iterator[tuple[str, bool, An
     """
     for child in group:
         child_id = child.id or ""
-        if isinstance(child, svg.Use):  # it shows shapes whose ids stand elsewhere in the file
+        # A `use` shows shapes whose ids stand elsewhere in the file: those are not its own.
+        if isinstance(child, svg.Use):
             for name, _, shape in _named_shapes(child, child_id or default_name):
                 yield child_id or name, False, shape
         elif isinstance(child, svg.Shape):
@@ -146,7 +148,8 @@ def _named_shapes(group: Any, default_name: str) -> Iterator[tuple[str, bool, An
 def _shown_contours(picture: Any) -> Iterator[_Contour]:
     """Yield every contour that a drawing shows; picture: the drawing as svgelements reads it.
 
-    Further contours of a shape, such as the hole of a letter, are named `d#2`, `d#3` ….
+    The second and later contours of a shape `d`, such as the hole of a letter, are named `d#2`,
+    `d#3` ….
     """
     tolerance_px = FLATNESS * max(float(picture.width), float(picture.height))
     for name, is_id, shape in _named_shapes(picture, "contour"):
@@ -211,7 +214,8 @@ def _polyline(segment: Any, tolerance_px: float) -> Points:
     degree = len(nodes) - 1
     if degree == 1:
         return nodes
-    # A chord of a curve b(t) over a step h is at most h² max|b″| / 8 from it.
+    # A chord of a curve b(t) over a step h is at most h² max|b″| / 8 from it. Of a Bézier curve,
+    # b″ is at most degree · (degree − 1) times the largest second difference of its nodes.
     second = degree * (degree - 1) * np.abs(np.diff(nodes, 2, axis=0)).sum(axis=1).max()
     t = np.linspace(0, 1, _piece_count(np.sqrt(second / (8 * tolerance_px))) + 1)[:, None]
     points_by_t: list[Points] = list(nodes)
@@ -391,11 +395,14 @@ def _use_target(path: Path, element: ElementTree.Element) -> str | None:
 def _refuse_large(path: Path, root: ElementTree.Element) -> None:
     """Raise FinloopError if a drawing has too much geometry, is too deep, or contains itself."""
     by_id = {element.get("id"): element for element in root.iter()}
-    sizes = dict[int, int]()
-    unfinished = set[int]()
+    sizes = dict[int, int]()  # of the measured elements, by `id` of the Python object
+    unfinished = set[int]()  # elements within which another is being measured now
 
     def measure_element(element: ElementTree.Element, depth: int) -> int:
-        """Return how much geometry [characters] an element draws, with all its parts."""
+        """Return how much geometry [characters] an element draws, with all its parts.
+
+        A part is a child, or the shape that a `use` shows. depth: of the element below the root.
+        """
         key = id(element)
         if key in sizes:
             return sizes[key]

@@ -41,12 +41,13 @@ def arrow_schema(schema: Schema) -> pa.Schema:
 def parquet_coding(schema: Schema) -> dict[str, Any]:
     """Return keyword arguments for pyarrow's Parquet writers: how each column is compressed.
 
-    Measured floats rarely repeat: a dictionary of them would take three quarters of the writing
-    time. Splitting their bytes into streams halves their size.
+    Measured floats rarely repeat: a dictionary of their values would take three quarters of the
+    writing time. Splitting their bytes into streams halves their size.
     """
     floats: list[str] = []
     others: list[str] = []
     for column in schema.columns:
+        # Parquet names the numbers inside a list column so.
         path = f"{column.name}.list.element" if column.length else column.name
         (floats if column.dtype.startswith("float") else others).append(path)
     return {"compression": "zstd", "use_byte_stream_split": floats, "use_dictionary": others}
@@ -55,7 +56,7 @@ def parquet_coding(schema: Schema) -> dict[str, Any]:
 def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
     """Check a table against its schema and write it as Parquet, completely or not at all.
 
-    The table changes and is refused as by `arrow_table`.
+    `arrow_table` says which numbers are converted, and what raises FinloopError.
     """
     table = arrow_table(frame, schema, str(path))
     with whole_file(path) as part:
@@ -182,7 +183,7 @@ def _read_columns(
 def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False) -> None:
     """Write a small table as CSV for people and plots, rounded, completely or not at all.
 
-    decimals: most digits after the point. exact: round no further (mathematical constants, places
+    decimals: most digits after the point. exact: keep all of these (mathematical constants, places
     in a film); else floats also lose the digits that differ between processors.
     """
     frame = frame.round(decimals)

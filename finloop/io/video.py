@@ -92,10 +92,10 @@ def _parse_facts(record: dict[str, Any]) -> VideoFacts:
 
 @contextmanager
 def _open_clip(path: Path, threads: int) -> Iterator[tuple[InputContainer, VideoStream, Fraction]]:
-    """Open a clip; yield its container, its video stream and the time from frame to frame [ticks].
+    """Open a clip; yield its container, its video stream and the time from frame to frame.
 
-    Ticks are the unit of the stream's time stamps. threads: of the decoder. FinloopError if the
-    clip cannot be read.
+    That time is in the unit of the stream's time stamps. threads: of the decoder. FinloopError if
+    the clip cannot be read.
     """
     try:
         with av.open(str(path)) as container:
@@ -201,7 +201,8 @@ def read_chosen_frames(
     with _open_clip(path, threads) as (container, stream, step):
         convert = _convert_to_rgb if colour else view_grey_levels
         decoded: Iterator[VideoFrame] = iter(())
-        position, current = -KEY_FRAME_EVERY, None  # number of the last decoded frame, and itself
+        # Number of the last decoded frame, and itself; at first so that the film is sought.
+        position, current = -KEY_FRAME_EVERY, None
         for number in frames:
             if number - position >= KEY_FRAME_EVERY:  # else decoding on is as quick as seeking
                 container.seek(int(number * step), stream=stream)

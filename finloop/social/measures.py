@@ -34,9 +34,12 @@ _PAIRS = 1 << 18  # of fish that are compared at a time: 24 MB, about 90 bytes e
 def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -> pd.DataFrame:
     """Return how fish swim together: a table with the columns of `SHOAL`, a row per fish per frame.
 
-    frame (n,): of each fish; places (n, 2): px, y down; headings_deg (n,): anticlockwise; walls: of
-    the tank. Rows keep their order; the fish of a frame are numbered in that order.
+    Distances, to the nearest fish and to the wall, are in BL, angles 0 … 180°; polarisation is the
+    length of the mean heading vector of a frame's fish, 0 … 1. frame (n,): of each fish; places (n,
+    2): px, y down; headings_deg (n,): anticlockwise; walls: of the tank. Rows keep their order; the
+    fish of a frame are numbered in that order.
     """
+    # Arrays of a line per frame and a column per fish in it, NaN where a frame shows fewer.
     slots = frame_slots(frame)
     row_place, row_heading = complex_vectors(places, headings_deg, walls.length)
     place, heading = slots.spread(row_place), slots.spread(row_heading)
@@ -59,17 +62,19 @@ def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls)
 def _measure_nearest_neighbours(place: Complex, heading: Complex) -> tuple[Floats, Floats, Floats]:
     """Return distance [BL], alignment and inter-fish angle [°] of each fish's nearest neighbour.
 
-    place, heading (frames, m): complex, NaN for absent fish. The results are (frames, m), NaN where
-    a frame shows no other fish.
+    Alignment is the angle between both headings, the inter-fish angle that between the heading of
+    the fish and the direction to its neighbour; both 0 … 180. place, heading (frames, m): complex,
+    BL and unit vectors, NaN for absent fish. The results are (frames, m), NaN where a frame shows
+    no other fish.
     """
     distances, alignments, bearings = np.full((3, *place.shape), np.nan)
     block_frames = max(1, _PAIRS // max(1, place.shape[1] ** 2))
     for first in range(0, len(place) if place.shape[1] else 0, block_frames):
         block = slice(first, first + block_frames)
         seen = all_neighbours(place[block], heading[block])
-        which = seen.distance.argmin(axis=-1)[..., None]
+        nearest = seen.distance.argmin(axis=-1)[..., None]
         distance, bearing, other_heading = (
-            np.take_along_axis(part, which, -1)[..., 0] for part in seen
+            np.take_along_axis(part, nearest, -1)[..., 0] for part in seen
         )
         has_other = np.isfinite(distance)
         distances[block] = np.where(has_other, distance, np.nan)

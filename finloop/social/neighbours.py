@@ -53,9 +53,10 @@ def neighbours_among(
     """Return distance, bearing and heading of other fish, as seen from each fish's own body.
 
     Places are complex in body lengths, headings complex unit vectors, of other fish NaN where
-    absent. All four arrays are broadcast against each other.
+    absent: in the result their distance is inf, bearing and heading are 0. All four arrays are
+    broadcast against each other.
     """
-    offset = (other_place - place) * heading.conj()
+    offset = (other_place - place) * heading.conj()  # real: ahead, imaginary: left
     distance = np.abs(offset)
     present = np.isfinite(distance)
     bearing = np.where(present, offset, 0j) / np.where(present & (distance > 0), distance, 1)

@@ -77,10 +77,11 @@ class SocialSteps:
         """
         count = min(alike, 2 * len(self.move))  # steps and their mirror images
         ranks = [*range(1, count + 1)]  # a list, so that even one step has an axis of its own
-        _distances, which = self._tree.query(self._search_vectors(wall, last), k=ranks)
-        which = rng.permuted(which, axis=-1)
+        _distances, nearest = self._tree.query(self._search_vectors(wall, last), k=ranks)
+        chosen = rng.permuted(nearest, axis=-1)
+        # As in the tree, the mirror images follow all steps.
         move, turn = (np.concatenate([step, step.conj()]) for step in (self.move, self.turn))
-        return move[which], turn[which]
+        return move[chosen], turn[chosen]
 
     def add_pulls(self, turns: Complex, pulls: Complex) -> Complex:
         """Return new headings as unit vectors: turns plus the weighted pulls of other fish.
@@ -165,9 +166,9 @@ def next_place_in_school(
 ) -> tuple[float, float] | None:  # fmt: skip
     """Return the place x, y in px to which a fish swims next; None if no other fish pulls it.
 
-    rng: source of chance. Steps of the film that began alike are drawn, and the pull of the other
-    fish is added to each. The place is the first end that lies in the tank. If all lie outside, it
-    is the last, and the caller must move it into the tank.
+    Steps of the film that began alike are drawn, and the pull of the other fish is added to each.
+    The place is the first end that lies in the tank. If all lie outside, it is the last, and the
+    caller must move it into the tank. rng: source of chance.
     """
     place, heading = complex_vectors(
         np.array([[fish.x, fish.y]]), np.array([fish.heading_deg]), walls.length
@@ -185,4 +186,4 @@ def next_place_in_school(
     ends = place + heading * (moves[0] + steps.move_per_pull * pulls)
     inside = walls.is_inside(ends)
     end_px = ends[int(inside.argmax()) if inside.any() else -1] * walls.length
-    return float(end_px.real), float(-end_px.imag)
+    return float(end_px.real), float(-end_px.imag)  # complex places have y up

@@ -81,9 +81,10 @@ def zone_means(seen: Neighbours, radii: tuple[float, float, float], blind_deg: f
     Each pull is the mean of the neighbours' unit vectors in a zone, complex, relative to the body.
     Alignment and attraction are 0 while a fish is in the zone of repulsion. seen: the others (…,
     n); radii: outer ones of the zones in body lengths, ascending; blind_deg: blind angle behind the
-    fish.
+    fish, in which it is only repelled.
     """
     inner, middle, outer = radii
+    # Bearing is a unit vector, 1 = ahead: a fish straight behind has the real part −1.
     sees = seen.bearing.real >= -np.cos(np.radians(blind_deg) / 2)
     near = seen.distance < inner
     aligning = sees & ~near & (seen.distance < middle)

@@ -38,6 +38,7 @@ def open_footage(
     nothing at `path`, it is no film, holds fewer than two frames, states no frame rate, or is
     shorter than the range of time.
     """
+    # The denominator 1001 makes 29.97 the rate of television, 30000/1001.
     rate = None if frame_rate_hz is None else Fraction(frame_rate_hz).limit_denominator(1001)
     if not path.exists():
         raise FinloopError(

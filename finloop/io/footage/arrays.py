@@ -29,7 +29,7 @@ def is_array_file(path: Path) -> bool:
     if path.suffix.lower() in (".npy", ".h5", ".hdf5", ".hdf"):
         return True
     with path.open("rb") as file:
-        begins = file.read(_USER_BLOCK + 8)
+        begins = file.read(_USER_BLOCK + 8)  # HDF5's mark has 8 bytes; MATLAB puts 512 before it
     if begins.startswith(_NORPIX):
         raise FinloopError(
             f"{path} is a recording of Norpix StreamPix (.seq), which FFmpeg does not read",
@@ -76,7 +76,10 @@ def open_array(path: Path) -> Iterator[tuple[Any, float | None]]:
 
 
 def to_picture(array: Any, number: int) -> Picture:
-    """Return a frame of an array of `open_array` as (h, w) grey or (h, w, 3) RGB."""
+    """Return a frame of an array of `open_array` as (h, w) grey or (h, w, 3) RGB.
+
+    number: of the frame, from 0.
+    """
     frame = np.asarray(array[number])
     if frame.ndim == 3 and frame.shape[2] not in _CHANNELS:  # channels first
         frame = np.moveaxis(frame, 0, -1)
@@ -88,9 +91,10 @@ def to_picture(array: Any, number: int) -> Picture:
 
 
 def _find_dataset(path: Path, file: Any) -> tuple[Any, float | None]:
-    """Return the dataset of pictures in an open HDF5 file, and the rate that its attributes state.
+    """Return the dataset of pictures in an open HDF5 file, and its frames per second.
 
-    FinloopError if there is none, or several.
+    The rate is that of an attribute of the dataset, its group or the file; None if none states it.
+    FinloopError if there is no such dataset, or several.
     """
     items: dict[str, Any] = {}
     file.visititems(lambda name, item: items.update({name: item}))

@@ -95,7 +95,7 @@ def _picture_streams(container: InputContainer) -> list[VideoStream]:
 
 
 def _read_time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.ndarray, int]:
-    """Return the frames' time stamps [s], ascending, and how many frames the film promises.
+    """Return the frames' time stamps [s], ascending, and how many frames the film says it has.
 
     Nothing is decoded. A complete index of the file suffices: it holds the times at which frames
     are decoded, perhaps some frames early, but with the same gaps. Without an index, or if the file
@@ -110,10 +110,10 @@ def _read_time_stamps(container: InputContainer, stream: VideoStream) -> tuple[n
 
 
 def _read_packet_stamps(container: InputContainer, stream: VideoStream) -> tuple[list[int], int]:
-    """Read all packets of a film; return their time stamps, and how many frames the film promises.
+    """Return the time stamps of all packets of a film, and how many frames the film says it has.
 
     A stamp counts in the stream's time base. Frames that a player shall not show are left out. A
-    raw stream (.h264, .hevc) has no stamps: each packet then counts as a promised frame.
+    raw stream (.h264, .hevc) has no stamps: then each packet counts as a frame.
     """
     stamps: list[int] = []
     packets = discarded = 0
@@ -158,7 +158,8 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
         outside.append(_measure_outside_fraction(frame))
         quantisers += _measure_quantisers(frame)
         first_component, *others = frame.format.components
-        if first_component.bits > 8 and not others:  # it does not state how many are used
+        # Grey of more than 8 bits: the file does not state how many of them the camera fills.
+        if first_component.bits > 8 and not others:
             deep.append(thin_frame(frame.to_ndarray(format="gray16le")))
     if first is None:
         raise too_few_error(path, 0)
@@ -244,12 +245,13 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         raise too_few_error(path, stamps.size)
     coding = _measure_coding(path, stamps if has_stamps else stamps[:1])
     film_rate = estimate_frame_rate(stamps, stated)
+    # last_s: time of the last promised frame, whether it can be read or not.
     if rate is None:
         times, last_s = stamps - stamps[0], (promised - stamps.size) / float(film_rate)
         last_s += float(times[-1])
     else:
         times, last_s = np.arange(stamps.size) / float(rate), (promised - 1) / float(rate)
-    full_range = coding.outside > OUTSIDE_FRACTION
+    full_range = coding.outside > OUTSIDE_FRACTION  # too many pixels far outside 16 … 235
     square = square_size(coding.width, coding.height, aspect)
     applies_by_note = {
         f"the file says {float(film_rate):g} frames/s; its frames are taken as shot at "
@@ -266,7 +268,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     }
     footage = Footage(
         path=path,
-        width_px=square[coding.turn.quarter_turns % 2],
+        width_px=square[coding.turn.quarter_turns % 2],  # a quarter turn swaps the sides
         height_px=square[1 - coding.turn.quarter_turns % 2],
         frame_rate=rate or film_rate,
         colour=coding.chroma > CHROMA_FRACTION if colour is None else colour,
@@ -351,7 +353,7 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
                 if square != size:
                     picture = cv2.resize(picture, square, interpolation=cv2.INTER_LINEAR)
                 yield time_s, (number, footage.turn(picture))
-            elif time_s >= footage.start_s:
+            elif time_s >= footage.start_s:  # the end of the range of time is passed
                 return
         # The film has ended before its range of time. Of the frames that it lacks, those after the
         # last good one that are damaged are counted already.

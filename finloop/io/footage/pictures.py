@@ -48,16 +48,17 @@ class Album(NamedTuple):
 
     names: list[str]  # for messages
     load: Callable[[int], np.ndarray]  # a picture by its number, from 0: (h, w) or (h, w, 3) RGB
-    frame_offsets: Ints  # (n,) frames from the first picture to each, by the numbers in the names
+    frame_numbers: Ints  # (n,) of each picture, by its name; the first is 0, gaps are counted
     notes: tuple[str, ...] = ()  # sentences for the user
-    times_s: Floats | None = None  # (n,) when each was shot, by its name or tags; None: unknown
+    times_s: Floats | None = None  # (n,) when each was shot; None: only `frame_numbers` are known
 
 
 @contextmanager
 def _open_album(path: Path, has_rate: bool) -> Iterator[Album]:
     """Open a folder of pictures, a TIFF or an array for a `with` block; yield its pictures.
 
-    has_rate: whether their frame rate is known; else the times in names or tags are read.
+    has_rate: whether the caller knows their frame rate; then no times are read, and `times_s` of
+    the album is None. Else they are read from names, tags or the array's file.
     """
     if path.is_dir():
         yield _list_folder(path, has_rate)
@@ -77,15 +78,16 @@ def _list_folder(folder: Path, has_rate: bool) -> Album:
 
     has_rate: whether their frame rate is known; else the times in names or tags are read.
     """
-    files, offsets, notes = find_series(folder)
+    files, frame_numbers, notes = find_series(folder)
     times = None if has_rate else times_in_names([file.stem for file in files])
     if times is None and not has_rate and files[0].suffix.lower() in TIFF | JPEG:
         times = times_in_files(files)
     if times is not None:
         order = np.argsort(times)
+        # Known times make the notes on gaps in the numbers void.
         files, times, notes = [files[k] for k in order], times[order], ()
     load = partial(_load_file, files)
-    return Album([str(file) for file in files], load, offsets, notes, times)
+    return Album([str(file) for file in files], load, frame_numbers, notes, times)
 
 
 @contextmanager
@@ -123,21 +125,21 @@ def open_pictures(
     RGB; None = where they have colours. FinloopError without a rate and times, or for fewer than
     two pictures.
     """
-    has_rate = rate is not None
-    with _open_album(path, has_rate) as (names, load, offsets, notes, times):
+    is_rate_given = rate is not None
+    with _open_album(path, is_rate_given) as (names, load, frame_numbers, notes, times):
         if len(names) < 2:
             raise too_few_error(path, len(names))
-        if times is not None:
+        if times is not None:  # only if no rate is given
             rate = estimate_frame_rate(times, [])
             note = f"names or tags say when the pictures were shot: {float(rate):.4g} frames/s"
             notes = (*notes, note)
         if rate is None:
             raise no_rate_error(path, f"{len(names)} pictures")
         if times is None:
-            times = offsets / float(rate)
+            times = frame_numbers / float(rate)
         first = load(0)
-        numbers = np.unique(np.linspace(0, len(names) - 1, SAMPLES).astype(int))
-        samples = [thin_frame(load(int(k))) for k in numbers]
+        sampled = np.unique(np.linspace(0, len(names) - 1, SAMPLES).astype(int))
+        samples = [thin_frame(load(int(k))) for k in sampled]
     levels = None if first.dtype == np.uint8 else choose_deep_levels(samples)
     if colour is None:
         rgb = (_to_uint8(sample, colour=True, levels=levels) for sample in samples)
@@ -153,7 +155,7 @@ def open_pictures(
         frames_in_source=len(times),
         levels=levels,
         notes=notes,
-        renumbered=has_rate,
+        renumbered=is_rate_given,  # then a frame's time is its number / rate
         last_s=float(times[-1]),
     )
     return footage, times
@@ -162,9 +164,9 @@ def open_pictures(
 def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
     """Find the pictures of one film in a folder, by the numbers in their names.
 
-    Returns the pictures in their order; how many frames after the first each was shot (n,); and
-    notes on gaps in the numbers and on pictures left out. FinloopError if there are no pictures, or
-    several series.
+    Returns the pictures in their order; their frame numbers (n,), the first 0, gaps counted; and
+    notes on gaps and on pictures left out: a few with other names. FinloopError if there are no
+    pictures, or several series.
     """
     files = [
         file
@@ -180,7 +182,7 @@ def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
     # Pictures of a series have names that differ only in numbers, else only the same ending.
     series = _group_files(files, lambda file: re.sub(r"\d+", "#", file.stem) + file.suffix.lower())
     large = [name for name in series if len(series[name]) > max(2, _FEW * len(files))]
-    if not large:
+    if not large:  # few pictures, or names without a common pattern
         series = _group_files(files, lambda file: file.suffix.lower())
         large = list(series)
     if len(large) > 1:
@@ -190,14 +192,14 @@ def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
     if others := sorted(file.name for file in set(files) - set(pictures)):
         listed = ", ".join(others[:5]) + (", …" if len(others) > 5 else "")
         notes.append(f"{len(others)} pictures are not named {large[0]} and left out: {listed}")
-    offsets = _find_frame_offsets(folder, pictures)
-    if gaps := int(offsets[-1]) + 1 - len(offsets):
-        before_gap = pictures[int(np.diff(offsets).argmax())].name
+    frame_numbers = _find_frame_numbers(folder, pictures)
+    if gaps := int(frame_numbers[-1]) + 1 - len(frame_numbers):
+        before_gap = pictures[int(np.diff(frame_numbers).argmax())].name
         notes.append(
             f"{gaps} pictures are missing by the numbers in the names, most after "
             f"{before_gap}; their time is kept"
         )
-    return pictures, offsets, tuple(notes)
+    return pictures, frame_numbers, tuple(notes)
 
 
 def _group_files(files: list[Path], name_of: Callable[[Path], str]) -> dict[str, list[Path]]:
@@ -218,18 +220,18 @@ def _several_series_error(folder: Path, sizes: dict[str, int]) -> FinloopError:
     )
 
 
-def _find_frame_offsets(folder: Path, pictures: list[Path]) -> Ints:
-    """Return how many frames after the first each picture was shot (n,), by the number in its name.
+def _find_frame_numbers(folder: Path, pictures: list[Path]) -> Ints:
+    """Return the frame number (n,) of each picture by the number in its name; the first is 0.
 
     pictures: of one series, in order. They count as consecutive unless their names differ in one
     number, whose steps are whole multiples of the usual one. FinloopError for the pictures of two
     cameras.
     """
-    numbers_of = [re.findall(r"\d+", file.stem) for file in pictures]
+    numbers_in_names = [re.findall(r"\d+", file.stem) for file in pictures]
     consecutive = np.arange(len(pictures))
-    if not numbers_of[0] or len({len(numbers) for numbers in numbers_of}) > 1:
+    if not numbers_in_names[0] or len({len(numbers) for numbers in numbers_in_names}) > 1:
         return consecutive
-    columns = np.array(numbers_of, float)
+    columns = np.array(numbers_in_names, float)
     differ = np.flatnonzero(np.ptp(columns, axis=0))
     if len(differ) == 2:
         _refuse_two_cameras(folder, pictures, *columns[:, differ].T)
@@ -271,7 +273,10 @@ def natural_sort_key(path: Path) -> list[tuple[int, str]]:
 
 
 def _load_file(files: Sequence[Path], number: int) -> np.ndarray:
-    """Load a picture file as stored: (h, w) grey or (h, w, 3) RGB, upright by its EXIF."""
+    """Load a picture file as stored: (h, w) grey or (h, w, 3) RGB, upright by its EXIF.
+
+    number: its place in `files`, from 0.
+    """
     path = files[number]
     data = np.fromfile(path, np.uint8)
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
@@ -327,14 +332,16 @@ def _read_picture_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
     loss: the frames that the numbering leaves out are counted in `loss.gaps`.
     """
     size = footage.width_px, footage.height_px
-    with _open_album(footage.path, footage.renumbered) as (names, load, offsets, _, times):
-        times_s = offsets / float(footage.frame_rate) if times is None else times
+    # Renumbered: the user has given the rate, so no times are read.
+    with _open_album(footage.path, footage.renumbered) as (names, load, frame_numbers, _, times):
+        times_s = frame_numbers / float(footage.frame_rate) if times is None else times
 
         def load_frame(number: int) -> tuple[float, tuple[int, np.ndarray]]:
             """Load one picture and check its size and depth; return (time, (number, picture))."""
             picture = load(number)
             if picture.shape[1::-1] != size:
                 raise other_size_error(names[number], picture.shape[1::-1], size)
+            # The film's `levels` are None exactly if its first picture has 8 bits.
             if (picture.dtype == np.uint8) == (footage.levels is not None):
                 raise FinloopError(
                     came=f"{names[number]} has {picture.dtype} levels, unlike earlier ones",
@@ -347,6 +354,7 @@ def _read_picture_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
         # Two frames at least: `limit_time` refuses a range with fewer.
         numbers = [k for k in range(len(names)) if is_in_range(footage, times_s[k])]
         if times is None:
-            loss.gaps = int(offsets[numbers[-1]] - offsets[numbers[0]]) + 1 - len(numbers)
+            first, last = frame_numbers[numbers[0]], frame_numbers[numbers[-1]]
+            loss.gaps = int(last - first) + 1 - len(numbers)
         threads = THREADS if footage.path.is_dir() else 1  # one open file is not safe for threads
         yield from ordered_map(load_frame, numbers, Threads(threads))

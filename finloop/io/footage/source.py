@@ -137,6 +137,7 @@ def limit_time(footage: Footage, times: np.ndarray, start_s: float, end_s: float
     step = 1 / float(footage.frame_rate)
     length = float(times[-1]) + step
     span = f"{start_s:g} s to {'the end' if math.isinf(end_s) else f'{end_s:g} s'}"
+    # An end up to one frame behind the film's is accepted.
     if start_s >= min(end_s, length) or length + step < end_s < math.inf:
         raise FinloopError(
             came=f"{footage.path} is {length:.3f} s long, and {span} was requested",
@@ -207,12 +208,13 @@ def other_size_error(
 def nearest_turn(matrix: Sequence[int] | np.ndarray) -> tuple[Turn, bool]:
     """Return the turn by right angles nearest to a film's display matrix, and whether it is exact.
 
-    matrix: a, b, _, c, d, …; a pixel goes to x′ = a x + c y, y′ = b x + d y, to be upright.
+    matrix: a, b, _, c, d, …; a pixel goes to x′ = a x + c y, y′ = b x + d y (y down), to be
+    upright.
     """
     a, b, _, c, d = (float(value) for value in matrix[:5])
-    if abs(a) + abs(d) >= abs(b) + abs(c):
-        return Turn(2 if d < 0 else 0, (a < 0) != (d < 0)), b == c == 0
-    return Turn(3 if c < 0 else 1, (b < 0) == (c < 0)), a == d == 0
+    if abs(a) + abs(d) >= abs(b) + abs(c):  # x stays horizontal: 0° or 180°
+        return Turn(quarter_turns=2 if d < 0 else 0, is_mirrored=(a < 0) != (d < 0)), b == c == 0
+    return Turn(quarter_turns=3 if c < 0 else 1, is_mirrored=(b < 0) == (c < 0)), a == d == 0
 
 
 def measure_chroma_fraction(frames: Iterable[np.ndarray]) -> float:

@@ -101,11 +101,15 @@ Stamp = tuple[float, str]
 
 
 def _find_day_and_time(text: str) -> Stamp | None:
-    """Return the date and time of day in a text; None if it has none."""
+    """Return the first date with a time of day in a text as a stamp; None if it has none.
+
+    A stamp is whole seconds since 1970, and the digits of the part of a second, "" if none.
+    """
     for match in _DAY_AND_TIME.finditer(text):
-        with suppress(ValueError):
+        with suppress(ValueError):  # no such day or time: month 13, 25 o'clock
             year, month, day, hour, minute, second = map(int, match.groups()[:6])
             moment = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
+            # The digits follow a point or comma, or nothing (7); or a dash (8).
             return moment.timestamp(), match[7] or match[8] or ""
     return None
 
@@ -119,7 +123,10 @@ def _find_since_1970(text: str) -> Stamp | None:
 
 
 def _find_exif_time(tags: Image.Exif) -> Stamp | None:
-    """Return the time in the Exif tags of a JPEG, of its exposure if stated; None without one."""
+    """Return the time in the Exif tags of a JPEG, of its exposure if stated; None without one.
+
+    It is whole seconds since 1970, and the digits of the part of a second, "" if none.
+    """
     exif = tags.get_ifd(ExifTags.IFD.Exif)
     original = exif.get(ExifTags.Base.DateTimeOriginal)
     moment = _find_day_and_time(str(original or tags.get(ExifTags.Base.DateTime)))
@@ -138,9 +145,10 @@ def _find_tag(page: TiffPage) -> Stamp | None:
 def _to_times(stamps: Sequence[Stamp | None]) -> Floats | None:
     """Return the times [s] (n,) of stamps, from the earliest; None if they cannot be of a film.
 
-    A stamp's digits count a part of a second: with three digits at most, "7" and "250" are 7 and
-    250 ms. In a film no two pictures have the same time, and most of the time passes in usual
-    steps: a counter that follows a date is not taken for parts of a second.
+    A stamp is whole seconds, and the digits of the part of a second. The longest digits set their
+    unit: if they are three, "7" and "250" are 7 and 250 ms. A film has two stamps or more, lasts
+    into another second, and shows no two pictures at one time. Its usual steps make up at least
+    half of its time: a counter that follows a date does not count parts of a second.
     """
     known = [stamp for stamp in stamps if stamp is not None]
     if len(known) < max(2, len(stamps)):

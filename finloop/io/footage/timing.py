@@ -55,9 +55,10 @@ def resample_nearest(
     """Yield for every tick of a constant rate the item that is nearest in time.
 
     stamped: pairs (time [s], item), such as frames, in order. frame_rate: ticks per second. timing:
-    its counts of items shown, repeated and dropped grow, and so does its list of cuts. Ticks start
-    with the first item and again after every cut. A film of constant rate passes through item by
-    item if its time stamps jitter by less than half a frame.
+    its counts of items shown, repeated and dropped grow, and so does its list of cuts: the first
+    tick of every segment. A segment begins with the first item, and wherever the time jumps: its
+    ticks start with its first item. A film of constant rate passes through item by item if its time
+    stamps jitter by less than half a frame.
     """
     rate = float(frame_rate)
     last: tuple[float, T] | None = None

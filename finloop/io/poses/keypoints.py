@@ -39,7 +39,7 @@ def read_deeplabcut(path: Path, software: str = "DeepLabCut") -> Poses:
         AttributeError, LookupError, OSError, TypeError, ValueError, pickle.UnpicklingError,
     ) as error:  # fmt: skip
         raise unreadable_error(path, software, error) from error
-    # The last two parts of a label are keypoint and coordinate; of a single animal it has no name.
+    # A label is (scorer, animal, keypoint, coordinate); a file of one animal leaves its name out.
     animal_of_column = [label[1] if len(label) == 4 else software for label in labels]
     keypoints: dict[str, list[str]] = {animal: [] for animal in animal_of_column}
     for (*_, keypoint, _), animal in zip(labels, animal_of_column, strict=True):
@@ -65,7 +65,10 @@ def read_deeplabcut(path: Path, software: str = "DeepLabCut") -> Poses:
 
 
 def _read_csv(path: Path) -> tuple[Labels, Ints, Floats]:
-    """Return the labels of the columns, the frames (n,) and the numbers (n, columns) of a CSV."""
+    """Return the labels of the columns, the frames (n,) and the numbers (n, columns) of a CSV.
+
+    A label is the words above a column. ValueError if the file is no such table.
+    """
     table = pd.read_csv(
         io.StringIO(read_plain_csv(path)),
         header=None,
@@ -92,7 +95,8 @@ def _read_csv(path: Path) -> tuple[Labels, Ints, Floats]:
 def _read_hdf5(path: Path) -> tuple[Labels, Ints, Floats]:
     """Return the labels of the columns, the frames (n,) and the numbers (n, columns) of an HDF5.
 
-    pandas writes a table in one of two ways; in the first, its labels are a pickle.
+    A label is the words above a column. pandas writes a table in one of two formats: as rows, with
+    the labels as a pickle; or as separate arrays.
     """
     h5py = import_extra("h5py", path)
     with h5py.File(path) as file:

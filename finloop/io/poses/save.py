@@ -54,6 +54,7 @@ def save_netcdf(path: Path, poses: Poses, rate: Fraction, mm_per_px: float | Non
             in_mm.attrs["units"] = "mm"
         axes, chunks = ("time", "keypoints", "individuals"), (chunks[0], *chunks[2:])
         confidence = file.create_variable("confidence", axes, chunks=chunks, **kind)
+        # cells: (frames, individuals, keypoints, 3), x, y and confidence.
         for start, cells in iterate_blocks(poses):
             block = slice(start, start + len(cells))
             position[block] = places = cells[..., :2].transpose(0, 3, 2, 1)
@@ -82,6 +83,7 @@ def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None
             poses, individuals=(name,), individual=np.zeros(rows.sum(), np.int64),
             frame=poses.frame[rows], places=poses.places[rows], confidence=poses.confidence[rows],
         )  # fmt: skip
+        # (frames, 1 individual, keypoints, 3): x, y and confidence.
         cells = np.concatenate([block for _, block in iterate_blocks(animal)])
         metadata = {
             "identifier": name,

@@ -68,12 +68,15 @@ def _number_key(path: Path) -> tuple[list[int], str]:
 
 
 def _load_fields(path: Path) -> dict[str, np.ndarray]:
-    """Load the columns or arrays in one file of TRex, by name without the unit."""
+    """Load the columns or arrays in one file of TRex, by name without the unit.
+
+    The result also has `cm_per_pixel` if the file or TRex's settings beside it state it.
+    """
     try:
         if path.suffix.lower() == ".csv":
             table = pd.read_csv(io.StringIO(read_plain_csv(path)))
             fields = {name.split(" (")[0].strip(): table[name].to_numpy() for name in table}
-            if any("(px)" in name for name in table):
+            if any("(px)" in name for name in table):  # places need no conversion: a scale of 1
                 return fields | {"cm_per_pixel": np.ones(1)}
             return _read_scale(path.parent) | fields
         with np.load(path, allow_pickle=False) as file:

@@ -25,7 +25,7 @@ def save_viewer(
     tick, in units of the .glb. rate_hz: ticks per second. FinloopError if the viewer is not
     installed.
     """
-    page = _PAGE.read_text(encoding="utf-8")
+    page = _PAGE.read_text(encoding="utf-8")  # it has {title}, {alt} … where the values belong
     for name, value in {
         "title": html.escape(title),
         "alt": html.escape(alt),
