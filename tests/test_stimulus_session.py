@@ -383,7 +383,7 @@ def read(message):
 def test_a_picture_is_sent_once_and_slots_are_used_again():
     made, plan = scene(), plan_of({"a": {"seconds": 1.0} | GOALS})
     feed = feed_of(made, plan, slots=(1024, 1024))
-    assert feed.slots == 256
+    assert feed.slot_count == 256
     states = np.zeros((1, made.width), np.float32)
 
     def sent_pictures(picture, partner=-1):

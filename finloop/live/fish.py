@@ -288,7 +288,7 @@ class LiveFish:
         """
         self.goal = self._make_goal(*goal_px) if goal_px else None
         self.path_task, self.rule_task, self.reached = None, None, False
-        # After how many ticks the planned motion is cut; a cut at once is not put off.
+        # The planned motion is cut off after so many of its ticks; 1, at the next tick, stays 1.
         self._cut_after = self._drag_ticks if drag and self._cut_after != 1 else 1
 
     def follow_path(self, route: Route) -> None:
@@ -317,13 +317,14 @@ class LiveFish:
 
         Earlier ticks stay. The old decision stays, too, if every new motion would meet other fish.
         """
+        # Go back by one tick: `_was_hidden` is about the picture that is cross-faded in.
         self._was_hidden = self._hidden_before
         self._cut_after, self._played = 0, self._played - 1
         self._replan_stretch()
         self._record_tick()
 
     def advance(self) -> None:
-        """Advance the fish by one tick; plan again where a request cuts the motion, or it ends."""
+        """Advance the fish by one tick; plan where a request cuts the motion off, or it ends."""
         self._hidden_before, planned = self._was_hidden, len(self._planned_rows)
         if self._cut_after and self._played >= min(self._cut_after, planned):
             self._cut_after = 0
@@ -383,6 +384,7 @@ class LiveFish:
         if path_task is not None and path_task.begun:
             self.reached = path_task.route.is_done(self._state.path.along, fish.tick)
             self.path_task = None if self.reached else path_task
+        # `touched`: the motion ended where the fish touched the goal of its decision.
         elif last.stretch.touched and isinstance(last.goal, Goal) and last.goal == self.goal:
             if path_task is None:
                 self.reached = True
@@ -412,9 +414,10 @@ class LiveFish:
             self.goal = self._make_goal(row.goal_x_px, row.goal_y_px)
 
     def _replan_stretch(self) -> None:
-        """Plan again from the tick on screen, or from the beginning of the last planned motion.
+        """Plan again from the tick on screen: cut off the rest of the last planned motion.
 
-        The old plan stays if the new one would meet other fish, which rely on the old one.
+        If none of it was played, plan again from its beginning. The old plan stays if the new one
+        would meet other fish, which rely on the old one.
         """
         # Set the fish back to the end of what was played of the last motion.
         last = self._decisions.pop()

@@ -236,7 +236,7 @@ class TankView:
         turn_rad = float(options.rots[number])
         path = self._path_along_film(film, (fish.x, fish.y), row, turn_rad)
         return {
-            # The mirror image of a row has the row's number plus `filmed`.
+            # The mirror image of a row has the row's number plus `filmed`, the number of film rows.
             "row": row % film.filmed, "seam": round(float(options.seams[number]), 2),
             "terms": [
                 None if impossible else round(float(term), 2) for term in options.terms[number]
@@ -280,10 +280,11 @@ def _describe_path(path_task: PathTask | None) -> dict[str, Any] | None:
 
 
 def _rank_candidates(options: CandidateVerdicts) -> list[int]:
-    """Return the candidates' numbers: first the chosen one, then valid ones, others; by cost."""
+    """Return the candidates' numbers: the taken one, then valid and then refused ones by cost."""
 
     def rank(number: int) -> tuple[bool, bool, float]:
         """Return a key by which candidates are sorted; False comes before True."""
-        return number != options.taken, options.verdict[number] > 0, options.costs[number]
+        is_refused = options.verdict[number] > 0  # an index in VERDICTS; 0: valid
+        return number != options.taken, is_refused, options.costs[number]
 
     return sorted(range(len(options.rows)), key=rank)

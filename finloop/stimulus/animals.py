@@ -91,7 +91,7 @@ class LiveAnimals:
         A message without a valid sighting gets a single verdict. text: JSON
         (`finloop.stimulus.tracker`). source: the sender's name. arrived_s: session time, s.
         """
-        if self.calibration is None:
+        if self.calibration is None:  # the protocol has no live animals
             return ["unwanted"]
         sightings = parse_sightings(text)
         if sightings is None:
@@ -200,6 +200,8 @@ class _AnimalTrack:
         t: the tracker's time of a new sighting, s; arrived_s: the session's; source: the tracker's
         name. Return None if the sighting is late: t is not after the last one, and the clock is the
         same. Another source has another clock; earlier sightings are kept.
+
+        A message can be held up but never be early, so the offset is the least of the last seconds.
         """
         offset, is_first, is_other = arrived_s - t, not self._least_offsets, source != self.source
         jumped = not is_first and self._detect_jump(t, offset - self._clock_offset_s)
@@ -273,11 +275,12 @@ class _PastPlaces:
         self._places: list[PlacePx] = []
 
     def add_place(self, t: float, place: PlacePx) -> None:
-        """Add a place [px] later than all; replace the last one if both are too close in time.
+        """Add a place [px] that is later than all stored ones; the last one may be replaced.
 
         t: time on the tracker's clock, s. The oldest place is forgotten if there are too many.
         """
-        # A place is replaced if the last two and the new one have less than the mean time between.
+        # Replace the last place if the new one comes less than two mean spacings after the last but
+        # one: so the samples of a fast tracker, too, reach back far enough.
         if len(self._times) > 1 and t - self._times[-2] < 2 * _SPACE_S:
             del self._times[-1], self._places[-1]
         self._times.append(t)

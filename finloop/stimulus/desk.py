@@ -61,7 +61,7 @@ def session_status(session: Session, with_constants: bool = True) -> dict[str, A
     """Return the state of a session for the experimenter's page, as values that JSON can hold.
 
     latency: median and 99th percentile, ms. fish: x, y px, heading rad, size px, opacity of each.
-    animals: id, x, y px, heading rad, and seconds since the last message of each. trial: index;
+    animals: id, x, y px, heading rad, and seconds since the last message of each. trial: its index;
     done: how trials ended. with_constants: whether to add what never changes in a session.
     """
     counts, now = session.counts, session.clock.read_time()

@@ -64,7 +64,8 @@ class DisplayCalibration(StrictModel):
         corners = self.corners or ()
         for number, (bx, by) in enumerate(corners):
             (ax, ay), (cx, cy) = corners[number - 1], corners[(number + 1) % 4]
-            # The cross product of the sides a→b and b→c is positive if b turns clockwise.
+            # The cross product of the sides a→b and b→c, a share of the screen's area, is positive
+            # if b turns clockwise (y points down); a tiny one is refused, too, as nearly flat.
             spanned = (bx - ax) * (cy - by) - (by - ay) * (cx - bx)
             if spanned < _FLATTEST**2:
                 raise ValueError("the corners must go round clockwise, with no corner bent inwards")

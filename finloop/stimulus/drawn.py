@@ -24,13 +24,13 @@ X, Y, HEADING, SIZE, PICTURE, PARTNER, WEIGHT, MIRRORED, PARTNER_MIRRORED, LOOK,
 POSTURE = len(FIELDS)
 
 States = NDArray[np.float32]
-"""States (…, F) of fish, or (ticks, fish, F) of a motion."""
+"""States (…, fields) of fish, or (ticks, fish, fields) of a motion."""
 
 
 def drawn_states(rows: Sequence[Any], bodies: Bodies) -> States:
-    """Return the states (fish, F) from which the display's page draws the fish at one tick.
+    """Return the states (fish, fields) from which the display's page draws the fish at one tick.
 
-    The F numbers are `FIELDS` and the posture. rows: one for each fish, of an edit list or of the
+    The fields are `FIELDS` and the posture. rows: one for each fish, of an edit list or of the
     live tank. bodies: the film's postures. A picture drawn as filmed has the film's posture, two
     cross-faded ones a mixed posture, and a fish with its own pose code (`row.pose`) that of the
     code.

@@ -43,7 +43,7 @@ class TankCanvas(NamedTuple):
 class Feed:
     """Makes the messages to a display page; it remembers which pictures the page has.
 
-    slots: how many pictures the page keeps.
+    slot_count: how many pictures the page keeps.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Feed:
         # A fish needs two pictures a tick, from sending until just after display.
         needed = round(2 * facts["fish"] * (EARLY_S * facts["rate"] + 2))
         room = MEMORY // (tank.slot_width * tank.slot_height * 4)
-        self.slots = max(FEWEST, needed, min(MOST, room))
+        self.slot_count = max(FEWEST, needed, min(MOST, room))
         self._slots: OrderedDict[int, int] = OrderedDict()  # picture: slot, the newest last
         self._recent_states: dict[int, bytes] = {}  # messages, by tick
 
@@ -72,23 +72,23 @@ class Feed:
         floor = self.tank.floor
         hello = {
             "kind": "hello", "width": floor.shape[1], "height": floor.shape[0],
-            "channels": 1 if floor.ndim == 2 else 3, "slots": self.slots,
+            "channels": 1 if floor.ndim == 2 else 3, "slots": self.slot_count,
             "slot_width": self.tank.slot_width, "slot_height": self.tank.slot_height, **self.facts,
         }  # fmt: skip
         pictures = [self._picture_message(number, slot) for number, slot in self._slots.items()]
         return [pack_message(hello, floor.tobytes()), *pictures, *self._recent_states.values()]
 
     def tick_messages(
-        self, seq: int, tick: int, due_s: float, states: States, cut: bool = False
+        self, seq: int, tick: int, due_s: float, states: States, replanned: bool = False
     ) -> list[bytes]:
         """Return the messages of one tick: pictures that the page lacks, then the fish's states.
 
         seq: number of the message with the states. tick: number within the trial. due_s: session
-        time at which to show it. states: (fish, F). cut: whether states that were sent for this
-        tick and later ones are void.
+        time at which to show it. states: (fish, fields). replanned: whether states that were
+        sent for this tick and later ones are void.
         """
         pictures = self.picture_messages(states)
-        facts = {"kind": "rows", "seq": seq, "tick": tick, "due": due_s, "cut": cut}
+        facts = {"kind": "rows", "seq": seq, "tick": tick, "due": due_s, "cut": replanned}
         self._recent_states = {
             old: sent
             for old, sent in self._recent_states.items()
@@ -100,7 +100,7 @@ class Feed:
     def frame_messages(self, number: int, states: States) -> list[bytes]:
         """Return the messages of a replayed frame: pictures that the page lacks, then the states.
 
-        number: of the frame in the session. states: of its fish, (fish, F).
+        number: of the frame in the session. states: of its fish, (fish, fields).
         """
         frame = pack_message({"kind": "frame", "number": number}, states.tobytes())
         return [*self.picture_messages(states), frame]
@@ -111,16 +111,17 @@ class Feed:
         return pack_message({"kind": "clear"})
 
     def picture_messages(self, states: States) -> list[bytes]:
-        """Return messages with the pictures that states (…, F) name and that the page lacks.
+        """Return messages with the pictures that states (…, fields) name and that the page lacks.
 
         If the page's memory is full, the picture that was needed longest ago is overwritten.
         """
         messages = []
+        # The slots are kept in the order of need, the latest last.
         for number in list_named_pictures(states):
             if number in self._slots:
                 self._slots.move_to_end(number)
                 continue
-            has_room = len(self._slots) < self.slots
+            has_room = len(self._slots) < self.slot_count
             slot = len(self._slots) if has_room else self._slots.popitem(last=False)[1]
             self._slots[number] = slot
             messages.append(self._picture_message(number, slot))

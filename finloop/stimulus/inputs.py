@@ -43,13 +43,13 @@ async def receive_datagrams(
         """Handler of arriving datagrams; it stops the receiving if `receive` raises an error."""
 
         def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
-            """Pass on the texts of one datagram; addr: host and port of its sender."""
+            """Pass the texts of one datagram to `receive`; addr: host and port of its sender."""
             is_osc = kind == "osc"
             texts = parse_osc_packet(data, token) if is_osc else [parse_datagram(data, token)]
             try:
                 for text in texts:
                     receive(text, f"{kind}://{addr[0]}:{addr[1]}")
-            except Exception as error:  # asyncio would only log it
+            except Exception as error:  # asyncio would only log it; `failed` ends the input
                 if not failed.done():
                     failed.set_exception(error)
 
@@ -77,7 +77,7 @@ def parse_datagram(content: bytes, token: str | None) -> str | None:
         items = message if isinstance(message, list) else [message]
         if not items or not all(isinstance(item, dict) for item in items):
             return None
-        tokens = [item.pop("token", None) for item in items]  # none is passed on
+        tokens = [item.pop("token", None) for item in items]  # no password is passed on
         return json.dumps(message) if _is_token(tokens[0], token) else None
     except (ValueError, RecursionError):
         return None

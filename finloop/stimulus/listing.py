@@ -51,6 +51,8 @@ def _condition_lines(protocol: Protocol) -> Iterator[str]:
     rows, same_motion = [], dict[str, list[str]]()
     for name, condition in protocol.conditions.items():
         rows.append((name, f"{condition.seconds:g}", *_describe_condition(condition)))
+        # Equal words get equal seeds. But a rule's motion depends on the animals, too, and `again`
+        # names its twin in its own line.
         if condition.motion.kind not in ("rule", "again"):
             same_motion.setdefault(condition.motion.text, []).append(name)
     yield from _aligned_table(("condition", "seconds", "motion", "look", "change"), rows)

@@ -69,7 +69,7 @@ class FrameFacts(NamedTuple):
 
 
 class _LoggedFrame(NamedTuple):
-    """A displayed frame: number of its trial, if any, its facts, and the states (fish, F)."""
+    """A displayed frame: number of its trial, if any, its facts, and the states (fish, fields)."""
 
     trial: int | None
     facts: FrameFacts
@@ -107,7 +107,7 @@ class Log:
         self.add_entry("input", time_s, source=source, text=text[:LONGEST], verdict=verdict)
 
     def add_frame(self, facts: FrameFacts, states: States) -> None:
-        """Add a displayed frame, and the states (fish, F) of its fish."""
+        """Add a displayed frame, and the states (fish, fields) of its fish."""
         with self._lock:
             self._frames.append(_LoggedFrame(self.trial, facts, states))
 

@@ -1,8 +1,8 @@
 """The motion of one trial: planned beforehand, or tick by tick where fish react to live animals.
 
-Motions are arrays (ticks, fish, F) of states as the display draws them (DRAWN). The same scene,
-condition, seed and messages, in the same order and with the same times, give the same states:
-nothing here reads a clock.
+Motions are arrays (ticks, fish, fields) of states as the display draws them (DRAWN). The same
+scene, condition, seed and messages, in the same order and with the same times, give the same
+states: nothing here reads a clock.
 """
 
 import math
@@ -47,7 +47,7 @@ class TrialContext:
     player: animates the fish in mode `matching`; bodies: the film's postures; mm_per_px: mm of the
     display per px of the tank's picture, if known. world: what all fish swim in; rate_hz: ticks per
     second; length_px: body length of a fish; posture: how many values a posture has; width: how
-    many a fish's state has (F), the posture included; tank: its size, and where fish can be.
+    many fields a fish's state has, the posture included; tank: its size, and where fish can be.
     """
 
     def __init__(self, player: AnyPlayer, bodies: Bodies, mm_per_px: float | None = None) -> None:
@@ -87,7 +87,7 @@ class TrialSetup:
         return cls(condition, protocol.fish, trial.seed, look, protocol.fade_s)
 
     def apply_look_and_fade(self, states: States, rate_hz: float) -> States:
-        """Return a motion (ticks, fish, F) with the trial's look, faded in and out.
+        """Return a motion (ticks, fish, fields) with the trial's look, faded in and out.
 
         states: the motion; rate_hz: ticks per second.
         """
@@ -114,7 +114,7 @@ def count_planned_ticks(change: MotionChange | None, ticks: int) -> int:
 
 
 def apply_change(states: States, change: MotionChange | None, ticks: int) -> States:
-    """Return a motion (n, fish, F) played faster, backwards or still, at most `ticks` ticks long.
+    """Return a motion (n, fish, fields) played faster, backwards or still, for at most `ticks`.
 
     Only the first `count_planned_ticks` ticks of the motion are used, also backwards. A still
     motion holds its first state.
@@ -133,11 +133,11 @@ def apply_change(states: States, change: MotionChange | None, ticks: int) -> Sta
 
 
 def interpolate_states(states: States, times: Floats) -> States:
-    """Return the states (n, fish, F) of a motion at n times between its ticks.
+    """Return the states (n, fish, fields) of a motion at n times between its ticks.
 
-    states: of all ticks, (ticks, fish, F). times (n,): in ticks from the first. As on the display's
-    page, places, sizes, alpha and posture are interpolated linearly, headings the shorter way;
-    pictures, their mixture and the look are the nearer tick's.
+    states: of all ticks, (ticks, fish, fields). times (n,): in ticks from the first. As on the
+    display's page, places, sizes, alpha and posture are interpolated linearly, headings the shorter
+    way; pictures, their mixture and the look are the nearer tick's.
     """
     last = len(states) - 1
     times = np.clip(times, 0, last)
@@ -172,7 +172,7 @@ def fade_opacities(count: int, fade_ticks: int) -> NDArray[np.float32]:
 def plan_motion(
     scene: TrialContext, setup: TrialSetup, motions: Mapping[str, States] | None = None
 ) -> States:
-    """Return the motion (ticks, fish, F), planned, of a trial that does not react to live animals.
+    """Return the planned motion (ticks, fish, fields) of a trial that ignores live animals.
 
     The condition's change is applied, look and fading are not. motions: the motion of each
     condition's latest trial, for a condition that repeats another's; if that is too short, its last
@@ -186,12 +186,12 @@ def plan_motion(
         return np.concatenate([states, held])[:ticks]
     tank, world, goals = _trial_tank(scene, setup), scene.world, motion.goals or ()
     if motion.path is not None:
-        line = load_line(motion.file, TANK)._replace(time_s=None)
+        line = load_line(motion.file, TANK)._replace(time_s=None)  # at the fish's own speed
         route = lay_path(line, world.tank, world.motion, scene.mm_per_px).route
         for fish in tank.fish:
             fish.follow_path(route)
     elif motion.company:
-        tank.swim_in_group(None)
+        tank.swim_in_group(fish_index=None)  # all fish
     elif motion.goal is not None:
         goals = (motion.goal,)
     goals_given = [0] * len(tank.fish)  # how many each fish has got; after its last one it wanders
@@ -209,7 +209,7 @@ def plan_motion(
 
 
 def plan_all_trials(scene: TrialContext, protocol: Protocol, trials: Sequence[Trial]) -> States:
-    """Return the planned states (ticks, fish, F) of all trials and pauses, in order.
+    """Return the planned states (ticks, fish, fields) of all trials and pauses, in order.
 
     They are for a page that plays by itself. FinloopError if fish react to live animals in a trial.
     """
@@ -254,7 +254,7 @@ def _trial_tank(scene: TrialContext, setup: TrialSetup) -> LiveTank:
 
 
 def _current_states(tank: LiveTank, scene: TrialContext) -> States:
-    """Return the states (fish, F), as a page draws them, of all fish at a tank's present tick."""
+    """Return the states (fish, fields) from which a page draws a tank's fish at its last tick."""
     rows = [row for fish in tank.fish if (row := fish.row_at(tank.tick)) is not None]
     return drawn_states(rows, scene.bodies)
 
@@ -284,7 +284,7 @@ class ReactiveMotion:
 
     @property
     def planned_states(self) -> States | None:
-        """Return all planned states (ticks, fish, F) without fading; None before the first."""
+        """Return all planned states (ticks, fish, fields) without fading; None before the first."""
         if not self._states:
             return None
         states = np.stack(self._states)
@@ -292,17 +292,17 @@ class ReactiveMotion:
         return states
 
     def plan_tick(self, now_s: float) -> States:
-        """Plan the next tick at a session time; return the states (fish, F) of the fish."""
+        """Plan the next tick at a session time; return the states (fish, fields) of the fish."""
         if self._states:
             self._send_fish(now_s)
             self._tank.advance()
-        if not self._keeps:
+        if not self._keeps:  # no later trial repeats this motion: the last tick is enough
             self._states.clear()
         self._states.append(self._states_with_look())
         return self._states[-1]
 
     def replan_tick(self, now_s: float) -> States | None:
-        """Plan the last tick again, as an animal has moved; return its new states (fish, F).
+        """Plan the last tick again, as an animal has moved; return its new states (fish, fields).
 
         now_s: session time. None if no fish has a new target, so nothing changes.
         """
@@ -318,8 +318,8 @@ class ReactiveMotion:
         """Send each fish where the rule wants it; return the numbers of the fish with a new target.
 
         A target is new if it has moved by more than `rule.renew` body lengths, or if the fish has
-        reached it and left it by a body length more. A fish without a target wanders. now_s:
-        session time.
+        reached it and is now over `rule.renew` + 1 body lengths away. A fish without a target
+        wanders. now_s: session time.
         """
         renewed, length_px = [], self._scene.length_px
         renew_px = self._rule.renew * length_px
@@ -346,7 +346,7 @@ class ReactiveMotion:
         return renewed
 
     def _states_with_look(self) -> States:
-        """Return the present states (fish, F) with the trial's look and its present opacity."""
+        """Return the last tick's states (fish, fields) with the trial's look and its opacity."""
         states = _current_states(self._tank, self._scene)
         states[:, LOOK] = self._setup.look
         states[:, ALPHA] *= self._opacities[self._tank.tick]

@@ -114,7 +114,10 @@ def _find_predecessors(
 def _draw_order(
     predecessors: dict[ConditionRepeat, ConditionRepeat | None], generator: PCG64
 ) -> list[ConditionRepeat]:
-    """Return the trials in a random order, each after its predecessor; all are equally likely."""
+    """Return the trials in one of all orders in which each comes after its predecessor.
+
+    All these orders are equally likely.
+    """
     # The trials that wait for each trial, and how many there are in its subtree (itself included).
     children: dict[ConditionRepeat | None, list[ConditionRepeat]] = {}
     for trial, predecessor in predecessors.items():

@@ -45,12 +45,13 @@ def build_standalone_page(
     title: str, rate: float, floor: Picture, pictures: Mapping[int, PagePicture], motion: States,
     looks: Sequence[dict[str, Any]] = (_FILM_LOOK,), loops: bool = True,
 ) -> str:  # fmt: skip
-    """Return the HTML of a page that plays a motion (ticks, fish, F) without a server or a network.
+    """Return the HTML of a page that plays a motion without a server or a network.
 
-    rate: ticks/s. floor: the empty tank, (h, w) or (h, w, 3) uint8. pictures: all that the motion
-    names, by row of the film. looks: how fish are drawn, each as `Look.message`; the motion names
-    them by index. loops: whether it plays for ever. FinloopError if the motion has no tick, no fish
-    or numbers that are not finite, or if a picture is missing.
+    motion: states (ticks, fish, fields). rate: ticks/s. floor: the empty tank, (h, w) or (h, w, 3)
+    uint8. pictures: all that the motion names, by row of the film. looks: how fish are drawn, each
+    as `Look.message`; the motion names them by index. loops: whether it plays for ever.
+    FinloopError if the motion has no tick, no fish or numbers that are not finite, or if a picture
+    is missing.
     """
     if motion.ndim != 3 or 0 in motion.shape or not np.isfinite(motion).all():
         raise FinloopError(

@@ -38,7 +38,7 @@ class PagePicture(NamedTuple):
 
 
 def list_named_pictures(states: States) -> list[int]:
-    """Return the film rows whose pictures the states (…, F) of fish show, each once, ascending."""
+    """Return the film rows whose pictures states (…, fields) show, each once, ascending."""
     numbers = np.unique(states[..., [PICTURE, PARTNER]]).astype(int).tolist()
     return [number for number in numbers if number >= 0]
 
@@ -89,7 +89,7 @@ class PagePictures:
         return measure_typical_fish(self(number) for number in sample)
 
     def load_pictures(self, states: States) -> dict[int, PagePicture]:
-        """Load all pictures that states (…, F) name; return them by their rows of the film."""
+        """Load all pictures that states (…, fields) name; return them by their rows of the film."""
         return {number: self(number) for number in list_named_pictures(states)}
 
     def __call__(self, number: int) -> PagePicture:

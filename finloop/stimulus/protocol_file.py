@@ -185,7 +185,7 @@ class _YamlReader:
             raise _YamlTooLarge(f"line {line}: nested too deeply, or an anchor within itself")
         if node.tag not in _TAGS:
             self.problems.append(f"line {line}: the tag {node.tag} is not known here")
-        if isinstance(node, ScalarNode):
+        if isinstance(node, ScalarNode):  # without a style it is unquoted
             return _scalar_value(node.value) if node.style is None else node.value
         if isinstance(node, MappingNode):
             return self._read_mapping(node, place)

@@ -69,7 +69,7 @@ def open_session_record(path: Path) -> SessionRecord:
 
 
 class DisplayedFrame(NamedTuple):
-    """A displayed frame: its number, when it was shown, and the states (fish, F) of its fish.
+    """A displayed frame: its number, when it was shown, and the states (fish, fields) of its fish.
 
     shown_s: session time. digest: of its pixels.
     """
@@ -105,7 +105,7 @@ def read_displayed_frames(record: SessionRecord) -> Iterator[DisplayedFrame]:
 
 
 def _fish_states(batch: pa.RecordBatch) -> Iterator[tuple[int, States]]:
-    """Yield (number of its frame, state (F,)) of each fish in a batch of the log's rows."""
+    """Yield (number of its frame, state (fields,)) of each fish in a batch of the log's rows."""
     rows = batch.filter(pc.equal(batch["kind"], "fish"))
     if not rows.num_rows:
         return
@@ -159,7 +159,10 @@ class _SessionPlanner:
         self._replanned: States | None = None  # the last tick, planned again as an animal had moved
 
     def handle_trial(self, facts: dict[str, Any]) -> None:
-        """Begin or end a trial; facts: content of the log's row about it."""
+        """Begin or end a trial; facts: content of the log's row about it.
+
+        A motion that reacts to animals is planned tick by tick, all others at the beginning.
+        """
         if facts["what"] == "start":
             trial = Trial(**{key: facts[key] for key in Trial._fields})
             setup = TrialSetup.from_protocol(self._protocol, trial)
@@ -180,14 +183,15 @@ class _SessionPlanner:
         if row["verdict"] == "malformed":
             return
         verdicts = self._animals.receive_message(row["text"], row["source"], row["time_s"])
-        if self._reaction is not None and not set(TAKEN).isdisjoint(verdicts):
+        is_stored = not set(TAKEN).isdisjoint(verdicts)  # at least one sighting was not refused
+        if self._reaction is not None and is_stored:
             self._replanned = self._reaction.replan_tick(row["time_s"])
 
     def plan_tick(self, row: dict[str, Any]) -> States | None:
-        """Return the states (fish, F) of the tick in a row of the log; None if there are none."""
+        """Return the states (fish, fields) of the tick in a log's row; None if there are none."""
         if self._known is not None:
             return self._known[row["number"]]
-        if row["verdict"] == "anew":
+        if row["verdict"] == "anew":  # replanned by the last input (`handle_input`)
             states, self._replanned = self._replanned, None
             return states
         return None if self._reaction is None else self._reaction.plan_tick(row["time_s"])

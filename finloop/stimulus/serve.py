@@ -308,7 +308,9 @@ class ReplayHub(DisplayHub):
     def handle_frames(self, content: bytes) -> None:
         """Compare a page's records of the frames that it drew again with the session's log.
 
-        A digest of 0 means that no pixels were read. An invalid message is ignored.
+        They are counted in `shown`, those with a digest of their pixels on both sides in
+        `compared`; `different` gets the numbers of those that differ. A digest of 0 means that no
+        pixels were read. An invalid message is ignored.
         """
         with contextlib.suppress(ValueError):
             for facts, states in parse_frame_records(content, POSTURE + self.feed.facts["posture"]):

@@ -195,12 +195,12 @@ class Session:
         self.counts.verdicts.update(verdicts)
         logged = text.decode(errors="replace") if isinstance(text, bytes) else text or ""
         self.log.add_input(arrived_s, source, logged, " ".join(verdicts))
-        if self._reaction is None or set(TAKEN).isdisjoint(verdicts):
+        if self._reaction is None or set(TAKEN).isdisjoint(verdicts):  # no sighting was stored
             return
         states = self._reaction.replan_tick(arrived_s)
         if states is not None:
             now_s = self.clock.read_time()
-            self._send_tick(self._tick, self._due_s, states, now_s, cut=True)
+            self._send_tick(self._tick, self._due_s, states, now_s, replanned=True)
             tick_before_s = self._due_s - 1 / self.scene.rate_hz
             self._undrawn_reactions[self._seq] = _UndrawnReaction(arrived_s, tick_before_s)
             self.counts.planned_ms.append(1e3 * (now_s - arrived_s))
@@ -223,7 +223,8 @@ class Session:
             facts = page_facts._replace(number=number)
             self.log.add_frame(facts, states)
             self.shown = states
-            # Late: the next frame was due. The period is known only after the frame just before.
+            # A frame is late if it was drawn after the next one was due. The time between two is
+            # known only if the frame just before was recorded, too.
             period_s = (facts.intended_s - self._last_intended_s) / (facts.dropped + 1)
             follows = number == self._last_frame + 1
             self.counts.frames += 1
@@ -313,7 +314,7 @@ class Session:
         gc.collect()  # the fish of the last trial refer to each other: free them now
 
     async def _prepare_motion(self, trial: Trial, setup: TrialSetup) -> States | None:
-        """Plan a trial's motion, send its first pictures, and return its states (ticks, fish, F).
+        """Plan a trial's motion, send its first pictures; return its states (ticks, fish, fields).
 
         Look and fading are applied. None if fish react to live animals, and are planned tick by
         tick; or if the trial repeats a motion that was never shown, and is skipped.
@@ -354,7 +355,7 @@ class Session:
     async def _show_trial(self, trial: Trial, setup: TrialSetup, known: States | None) -> str:
         """Show a trial tick by tick; return how it ended: "end", "skip" or "abort".
 
-        known: the states (ticks, fish, F) if they are known beforehand, None if fish react.
+        known: the states (ticks, fish, fields) if they are known beforehand, None if fish react.
         """
         # When the trial begins and ends, and who plans its ticks.
         self.phase, rate = "running", self.scene.rate_hz
@@ -402,17 +403,17 @@ class Session:
             await self.clock.wait_until(min(time_s, self.clock.read_time() + 0.1))
 
     def _send_tick(
-        self, tick: int, due_s: float, states: States, planned_s: float, cut: bool = False
+        self, tick: int, due_s: float, states: States, planned_s: float, replanned: bool = False
     ) -> None:
-        """Send a tick's states (fish, F) to the displays, and log their digest.
+        """Send a tick's states (fish, fields) to the displays, and log their digest.
 
         tick: number within the trial. due_s, planned_s: session times when to show it, and when it
-        was planned. cut: whether it was planned again, so that what was sent before is void.
+        was planned. replanned: whether it was sent before; what was sent then is void.
         """
         self._seq += 1
-        for message in self.feed.tick_messages(self._seq, tick, due_s, states, cut):
+        for message in self.feed.tick_messages(self._seq, tick, due_s, states, replanned):
             self._send(message)
         self.log.add_entry(
             "tick", planned_s, number=tick, intended_s=due_s, seq=self._seq,
-            digest=digest_states(states), verdict="anew" if cut else None,
+            digest=digest_states(states), verdict="anew" if replanned else None,
         )  # fmt: skip
