@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--version", action="version", version=describe_program())
     commands = parser.add_subparsers(dest="word", required=True, metavar=" | ".join(WORDS))
-    for word in WORDS[:-1]:
+    for word in WORDS[:-1]:  # all but `new`, which takes an argument
         commands.add_parser(word)
     new = commands.add_parser("new", description="Make a lab's own repository.")
     new.add_argument("folder", type=Path, help="a new folder, or an empty one")

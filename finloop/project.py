@@ -83,6 +83,7 @@ class Project:
 
     def close(self) -> None:
         """Close the open stores of cut-outs, and drop all that was loaded."""
+        # Attributes of that kind are cached properties.
         self.forget(*[name for name in vars(self) if hasattr(type(self), name)])
         self._kept.clear()
         self._stores.close()
@@ -224,7 +225,7 @@ class Project:
 
     @cached_property
     def map_facts(self) -> MapFacts:
-        """Return how the distance map was made, with the film's median step, its unit."""
+        """Return how the distance map was made, and its unit: the film's median step."""
         from finloop.distance.map import MapFacts
 
         return load_record(self.data / "distance/steps/facts.json", MapFacts, "distance")

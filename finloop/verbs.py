@@ -332,7 +332,8 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> SchoolRule
     group = build_film_group(features, film.arena, infer_delta_frames(features), p.horizon)
     if shortage := describe_shortage(group):
         warnings.warn(shortage, stacklevel=2)
-    rule = require_rule(fit_film_rule(group, p)[0])
+    fitted_rule, _ = fit_film_rule(group, p)
+    rule = require_rule(fitted_rule)
     steps = rule.steps
     table = apply_schema(steps.to_table(), SOCIAL_STEPS)
     # The steps as the stage `calibrate` stores them: rounded to the table's types.
@@ -397,7 +398,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
         else:
             groups = (p[name] for name in ("animate", *GROUPS_OF[mode]))
             animator = hybrid_animator(data, model, loops, gateways, *groups)
-    edit = animator.plan(animator.goals())[1]
+    _, edit = animator.plan(animator.goals())
     return apply_schema(edit, EDIT)
 
 

@@ -312,7 +312,10 @@ class DaskWorkers:
 
     @contextmanager
     def _share_work(self, work: Callable[[A], B] | None) -> Iterator[str]:
-        """Write a function to a file in the shared folder, and yield the file's path."""
+        """Write a function to a file in the shared folder, and yield the file's path.
+
+        The file is removed when the block ends.
+        """
         with temporary_file(Path(self.home.folder) / _FOLDER / f"cluster-{uuid4().hex}") as path:
             path.write_bytes(_pickle_bytes(work))
             yield str(path)

@@ -76,6 +76,7 @@ class CutoutWriter:
         """Append one cut-out to the store: its place, and its pixels, compressed."""
         pixels = np.ascontiguousarray(cutout.pixels)
         packed = _CODEC.compress(pixels, asbytes=True)
+        # Before the pixels: track, frame and place; after them, of sprites: number, orientation.
         key = cutout[5:] if self._schema is _SPRITES else ()
         self._append((*cutout[:4], *pixels.shape, *key, packed))
 

@@ -95,14 +95,20 @@ class FrameSlots(NamedTuple):
     shape: tuple[int, int]
 
     def spread(self, values: Complex) -> Complex:
-        """Return the values (n,) of the table as such an array; NaN where a fish is absent."""
+        """Return the table's values (n,) in an array with a row per frame and a column per fish.
+
+        It is NaN where a frame shows fewer fish.
+        """
         array = np.full(self.shape, np.nan, complex)
         array[self.row, self.fish] = values
         return array
 
 
 def frame_slots(frame: Ints) -> FrameSlots:
-    """Return where each fish of a table stands in an array by frames; frame (n,): of each fish."""
+    """Return where each fish of a table stands in an array with a row per frame.
+
+    The fish of a frame fill its row from the left. frame (n,): of each fish.
+    """
     frames, row = np.unique(frame, return_inverse=True)
     fish = pd.Series(row).groupby(row).cumcount().to_numpy()
     return FrameSlots(row, fish, (len(frames), int(fish.max()) + 1 if len(fish) else 0))

@@ -50,7 +50,7 @@ class SocialSteps:
 
     @cached_property
     def _step_scales(self) -> tuple[float, float]:
-        """Root mean squares of `wall` and `last`, at least 1e-9: units to compare steps in."""
+        """Root mean squares of `wall` and `last`, at least 1e-9: the units to compare steps in."""
         wall, last = (float(np.sqrt(np.mean(np.abs(v) ** 2))) for v in (self.wall, self.last))
         return max(wall, 1e-9), max(last, 1e-9)
 
@@ -58,7 +58,7 @@ class SocialSteps:
     def _tree(self) -> scipy.spatial.KDTree:
         """Search tree of all steps and their mirror images, by how they began."""
         vectors = self._search_vectors(self.wall, self.last)
-        mirrored_vectors = vectors * (1, -1, 1, -1)
+        mirrored_vectors = vectors * (1, -1, 1, -1)  # ahead stays, left and right are swapped
         return scipy.spatial.KDTree(np.concatenate([vectors, mirrored_vectors]))
 
     def _search_vectors(self, wall: Complex, last: Complex) -> Floats:
@@ -168,7 +168,8 @@ def next_place_in_school(
 
     Steps of the film that began alike are drawn, and the pull of the other fish is added to each.
     The place is the first end that lies in the tank. If all lie outside, it is the last, and the
-    caller must move it into the tank. rng: source of chance.
+    caller must move it into the tank. shoaling: the zones and steps of the school; walls: of the
+    tank; rng: source of chance.
     """
     place, heading = complex_vectors(
         np.array([[fish.x, fish.y]]), np.array([fish.heading_deg]), walls.length

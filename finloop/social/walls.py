@@ -23,7 +23,7 @@ class Walls:
     @cached_property
     def depth(self) -> Floats:
         """Distance (h, w) of each pixel of the arena from the nearest pixel outside, in BL."""
-        walled = np.pad(self.arena.astype(np.uint8), 1)
+        walled = np.pad(self.arena.astype(np.uint8), 1)  # outside the picture is outside the arena
         depth = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         return np.asarray(depth[1:-1, 1:-1], float) / self.length
 
@@ -31,7 +31,7 @@ class Walls:
     def _directions_from_wall(self) -> Complex:
         """Direction (h, w) away from the wall at each pixel, as complex unit vectors."""
         down, right = np.gradient(self.depth)
-        slope = right - 1j * down
+        slope = right - 1j * down  # complex places have y up
         size = np.abs(slope)
         return np.asarray(slope / np.where(size > 0, size, 1), complex)
 

@@ -347,6 +347,7 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
                 name = f"{footage.path}: the frame at {time_s:.3f} s"
                 raise other_size_error(name, (frame.width, frame.height), size)
             if is_in_range(footage, time_s):
+                # After a seek, frames are not counted from the film's first one.
                 if stamps.size and frame.pts is not None:
                     number = int(np.searchsorted(stamps, frame.pts))
                 picture = convert(frame, full_range=footage.full_range)
@@ -459,7 +460,8 @@ def _deinterlace(
 ) -> Iterator[VideoFrame | None]:
     """Yield interlaced frames without combs: the rows of each frame's later field are interpolated.
 
-    order: which field is earlier. FFmpeg's filter bwdif does it. A damaged frame, None, stays None.
+    stream: from which the frames come. order: which of the two fields is earlier. FFmpeg's filter
+    bwdif does it. A damaged frame, None, stays None.
     """
     graph = Graph()
     deinterlacer = graph.add("bwdif", f"mode=send_frame:parity={order}:deint=all")

@@ -115,7 +115,10 @@ def _find_day_and_time(text: str) -> Stamp | None:
 
 
 def _find_since_1970(text: str) -> Stamp | None:
-    """Return the time in a text as seconds since 1970, or as ms, µs or ns; None if it has none."""
+    """Return the time in a text that counts s, ms, µs or ns since 1970; None if it has none.
+
+    It is whole seconds, and the digits of the part of a second, "" if none.
+    """
     for match in _SINCE_1970.finditer(text):
         if _FIRST_S <= int(match[1]) < _END_S:
             return float(match[1]), match[2] or ""
@@ -135,7 +138,10 @@ def _find_exif_time(tags: Image.Exif) -> Stamp | None:
 
 
 def _find_tag(page: TiffPage) -> Stamp | None:
-    """Return the time in the tags of a TIFF page; None if there is none."""
+    """Return the time in the tags of a TIFF page; None if there is none.
+
+    It is whole seconds since 1970, and the digits of the part of a second, "" if none.
+    """
     exif = page.tags.valueof("ExifTag", {})
     moment = _find_day_and_time(str(exif.get("DateTimeOriginal", page.tags.valueof("DateTime"))))
     parts = str(exif.get("SubsecTimeOriginal") or exif.get("SubsecTime") or "").strip()

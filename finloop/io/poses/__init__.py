@@ -70,7 +70,7 @@ def load_poses(
 
 def _detect_software(path: Path) -> Software:
     """Return the program that made a file or folder of tracks; FinloopError if it is unknown."""
-    suffix, seen = path.suffix.lower(), ""
+    suffix, seen = path.suffix.lower(), ""  # seen: what the file shows, for the message
     if path.is_dir():
         software = _folder_software(path)
     elif suffix == ".csv":

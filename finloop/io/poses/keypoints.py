@@ -30,7 +30,8 @@ def read_deeplabcut(path: Path, software: str = "DeepLabCut") -> Poses:
     """Load poses of DeepLabCut or LightningPose from a .csv or .h5.
 
     Keypoints that belong to no animal (`uniquebodyparts` of DeepLabCut) are left out and named on
-    the error stream. FinloopError if the file is none of these.
+    the error stream. software: for messages, and the name of an animal that the file does not name.
+    FinloopError if the file is none of these.
     """
     read = _read_csv if path.suffix.lower() == ".csv" else _read_hdf5
     try:
@@ -77,7 +78,7 @@ def _read_csv(path: Path) -> tuple[Labels, Ints, Floats]:
         keep_default_na=False,
     )
     head = [str(name).strip() for name in table.index[:4]]
-    head_rows = head.index("coords") + 1
+    head_rows = head.index("coords") + 1  # scorer, perhaps individuals, bodyparts, coords
     if head[0] != "scorer" or head[head_rows - 2] != "bodyparts":
         raise ValueError(f"its first column begins with {', '.join(head)}")
     labels = list(zip(*table.iloc[:head_rows].to_numpy(), strict=True))

@@ -107,6 +107,7 @@ def _to_points(fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     present = ~fields.get("missing", np.zeros(len(frame))).ravel().astype(bool)
     centre_suffix = next((suffix for suffix in _CENTRES if f"X{suffix}" in fields), None)
     points = np.full((len(frame), 2, 2), np.nan)
+    # Fields without a suffix are the head's.
     if centre_suffix is None or "X" in fields:
         points[:, 0] = _read_places(fields, "") / cm_per_px
     if centre_suffix is not None:
