@@ -91,7 +91,7 @@ class ClipTally:
     def add_frame(self, frame: np.ndarray) -> None:
         """Measure the next frame (h, w[, 3]), and copy it if it is one of the spread samples.
 
-        It is thinned for that (`thin_frame`). At most `SAMPLES` copies are kept.
+        Only a grid of its pixels is measured (`thin_frame`); copies are whole, `SAMPLES` at most.
         """
         thinned = thin_frame(frame).copy()  # the caller may reuse the memory
         self.brightness_sum += float(np.mean(cv2.mean(thinned)[: 3 if frame.ndim == 3 else 1]))
@@ -159,6 +159,7 @@ def _empty_tank(tally: ClipTally) -> Picture:
     """
     numbers = list(tally.samples)[:: math.ceil(len(tally.samples) / _SAMPLES)]
     sample = [tally.samples[number] for number in numbers]
+    # Gains are relative to the first sample, lights to the first frame; NaN: unknown.
     gains = [np.nan_to_num(measure_gain(frame, sample[0]), nan=1.0) for frame in sample]
     lights = np.nan_to_num(tally.lights, nan=1.0)
     typical = np.median(gains / lights[numbers, None], axis=0) * np.median(lights)
@@ -293,6 +294,7 @@ def _measure_moving_pixels(
     """
     evenly_lit = frame / np.float32(gain)
     difference = np.abs(evenly_lit - tank)
+    # 1.4826: of normal noise the median absolute difference times this is the standard deviation
     noise_limit = _SIGMAS * 1.4826 * float(np.median(difference))
     # Where the tank's median still holds an animal, it is the floor that differs.
     floor = np.abs(evenly_lit - floor_grey) <= _LEAST

@@ -49,7 +49,7 @@ class RepeatedFrames(NamedTuple):
 
 
 def find_repeats(changes: Floats) -> RepeatedFrames:
-    """Find the frames that show the same picture as the frame before.
+    """Return which frames show the same picture as the frame before, their share and their rhythm.
 
     changes (frames,): how much each frame differs from the one before, grey levels; changes[0] is
     NaN. The rate is NaN, and no frame counts as a repeat, if the repeats follow no regular rhythm.
@@ -71,11 +71,14 @@ def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
     """Return two masks (frames,): where enough moves to decide, and which frames there are doubled.
 
     changes (frames,): how much each frame differs from the one before, grey levels. A change is
-    small if, among those of the frames around it, sorted, it lies below the largest gap.
+    small if, among those of the frames around it, sorted, it lies below the largest gap (ratio of
+    one to the next). A frame is doubled if its change is small, and a larger one is near on both
+    sides.
     """
     padded = np.pad(np.nan_to_num(changes), _AROUND)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
-    around = np.sort(windows, axis=1)[:, : -_THIRD + 1]
+    around = np.sort(windows, axis=1)[:, : -_THIRD + 1]  # without the two largest, perhaps flashes
+    # Enough moves: the largest change is above `_LEAST`, and in the upper half of such changes.
     decidable = around[:, -1] > _LEAST
     if decidable.any():
         decidable &= around[:, -1] >= np.median(around[decidable, -1])
@@ -124,6 +127,6 @@ def _find_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
     best_tries = np.flatnonzero(agreement == agreement.max())
     phase = tries[best_tries[len(best_tries) // 2]]
     beats = np.floor(number * beat + phase).astype(np.int64)
-    if rare is doubled:
+    if rare is doubled:  # each beat is a doubled frame, so all others are new pictures
         return 1 - beat, number - beats, rises(phase)
     return beat, beats, ~rises(phase)

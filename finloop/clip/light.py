@@ -37,6 +37,7 @@ def measure_gain(frame: Picture, tank: Picture) -> Floats:
     gain = np.median(frame_levels / tank_levels, axis=0)
     for _ in range(_ROUNDS):  # leave out the pixels that an animal covers
         difference = np.abs(frame_levels - gain * tank_levels).max(axis=1)
+        # 1.4826 × the median absolute value is the standard deviation of normal noise.
         is_tank = difference <= max(1.0, _SIGMAS * 1.4826 * float(np.median(difference)))
         gain = frame_levels[is_tank].sum(axis=0) / tank_levels[is_tank].sum(axis=0)
     return np.asarray(np.where(gain > 0, gain, 1.0))
@@ -90,7 +91,9 @@ def measure_light(brightness: Floats, rate_hz: float) -> LightMeasures:
     flicker = float(np.median([np.mean(part**2) for part in parts])) ** 0.5
     low, high = np.quantile(slow, (0.01, 0.99))
     return LightMeasures(
-        100 * flicker / mean, _peak_frequency(fast, rate_hz), 100 * float(high - low) / mean
+        flicker_pct=100 * flicker / mean,
+        flicker_hz=_peak_frequency(fast, rate_hz),
+        drift_pct=100 * float(high - low) / mean,
     )
 
 

@@ -61,7 +61,7 @@ REPAIRED_BY = {
 """The parameter that says when a repair is made, by the repair's name among the metrics."""
 
 # First the repairs of single pictures, then those of light and camera, which are measured on them.
-_PICTURES, _TAKING = {"deinterlace", "undouble"}, {"even_light", "steady"}
+_PICTURE_REPAIRS, _TAKING_REPAIRS = {"deinterlace", "undouble"}, {"even_light", "steady"}
 
 
 @dataclass(frozen=True)
@@ -78,13 +78,17 @@ class ClipResult:
 
     @property
     def metrics(self) -> dict[str, float]:
-        """Return metrics by name: quality of clip and unrepaired film; each repair, 0 or 1."""
+        """Return metrics by name: the clip's quality; the unrepaired film's, if it was repaired.
+
+        The latter begin with `filmed_`. For each repair there is `mended_…`, 0 or 1, and for each
+        that was tried but made the film no better `refused_…`, 1.
+        """
         metrics = dict(vars(self.quality))
         if self.mended:
             metrics |= {f"filmed_{name}": value for name, value in vars(self.filmed).items()}
-        words = sorted(_PICTURES | _TAKING)
-        metrics |= {f"refused_{word}": 1 for word in sorted(self.refused)}
-        return metrics | {f"mended_{word}": int(word in self.mended) for word in words}
+        repairs = sorted(_PICTURE_REPAIRS | _TAKING_REPAIRS)
+        metrics |= {f"refused_{name}": 1 for name in sorted(self.refused)}
+        return metrics | {f"mended_{name}": int(name in self.mended) for name in repairs}
 
 
 def make_clip(
@@ -109,7 +113,7 @@ def make_clip(
     fields: Order = ""
     repeats: RepeatedFrames | None = None
     corrector: _FrameCorrector | None = None
-    for kind in (_PICTURES, _TAKING):
+    for kind in (_PICTURE_REPAIRS, _TAKING_REPAIRS):
         todo = choose_repairs(p, result.quality, min(arena.shape)) & kind
         facts = result.facts
         retimed = facts.frames_repeated + facts.frames_dropped + facts.frames_missing
@@ -118,14 +122,14 @@ def make_clip(
         if not todo:
             continue
         before, kept, tank_before = result, (fields, repeats, corrector), tank
-        while True:  # without the repairs that made the film no better
+        while True:  # again without the repairs that made the film no better, until all help
             fields, repeats, corrector = kept
             if "deinterlace" in todo:
                 order = before.quality.field_order
                 fields = "tff" if order > 0 else "bff" if order <= 0 else "auto"  # auto: NaN
             if "undouble" in todo:
                 repeats = find_repeats(np.array(before.tally.changes))
-            if todo & _TAKING:
+            if todo & _TAKING_REPAIRS:
                 corrector = _FrameCorrector(tank_before, "even_light" in todo, "steady" in todo)
             repaired_source = _reopen_film(p, fields, repeats, corrector)
             with show_progress("mend", repaired_source.facts.frames) as advance:
@@ -164,6 +168,7 @@ def is_better(repair: str, before: Quality, after: Quality) -> bool:
         return float(np.nan_to_num(sizes[repair]))
 
     old, new = (film.contrast_grey / max(film.noise_grey, 1.0) for film in (before, after))
+    # `not <`: an unknown contrast, NaN, does not refuse the repair
     return fault(after) < fault(before) and not new < KEPT_CONTRAST * old
 
 

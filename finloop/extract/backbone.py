@@ -24,7 +24,7 @@ from finloop.base.kernel import kernel
 _STEP = 0.5  # px, sampling step along flanks and at the ends
 _DEPTH = 2.0  # half widths from an end to where its direction is measured
 _NOTCH = 0.5  # radius of the disc that closes notches, as a share of the largest half width
-_FORK = 3.0  # half widths from a path's tip within which it is cut off
+_FORK = 3.0  # a pixel this many times nearer to its path's end than to the outline is cut off
 _SMOOTHING = 2e-6  # weight of the third-derivative penalty, s in [0, 1]; see smoothing_matrix()
 _THICK = 0.5  # share of the largest half width; parts that hold no disc of this radius are thin
 # Share of that disc's half width; a thin part that is nowhere so wide is a limb. Measured: tails
@@ -49,19 +49,17 @@ class Backbone(NamedTuple):
 def trace_backbone(
     mask: Mask, field: Picture, points: int, floor: float, limbs: bool = False
 ) -> Backbone | None:
-    """Return the backbone of one silhouette, or None if the silhouette is too short.
+    """Return the backbone of one silhouette, or None if its skeleton is shorter than 4 px.
 
     mask: (h, w), the silhouette. field: (h, w), the difference from the empty tank, from which
     sides and tips are read at sub-pixel precision. points: number of backbone points. floor: grey
-    levels, lower values are noise. limbs: whether the animal has limbs. They are cut off, and their
-    stumps do not bend the backbone: a stout body bends less sharply than a slender one. Only waves
-    longer than some body widths pass the smoothing, a sixth power, as its penalty is of third
-    derivatives.
+    levels, lower values are noise. limbs: whether the animal has limbs. They are cut off, and the
+    backbone is smoothed more, so that their stumps do not bend it.
     """
     if limbs:
         mask = cut_limbs(mask)[0]
         near = cv2.dilate(mask.view(np.uint8), np.ones((3, 3), np.uint8))
-        field = field * near
+        field = field * near  # 0 on the limbs
     whole, filled = close_notches(mask, field)
     skeleton = skimage.morphology.skeletonize(whole)
     half_width = cv2.distanceTransform(whole.view(np.uint8), cv2.DIST_L2, 3)
@@ -70,6 +68,8 @@ def trace_backbone(
         return None
     smoothing = _SMOOTHING
     if limbs:
+        # Only waves longer than some body widths shall pass: a stout body bends less sharply than
+        # a slender one. A penalty of third derivatives grows with the sixth power of the width.
         length = np.hypot(*np.diff(path, axis=0).T).sum()
         smoothing *= float(half_width.max() / length / _SLENDER) ** 6
     smooth = smoothing_matrix(points, smoothing)
@@ -88,10 +88,12 @@ def cut_limbs(mask: Mask) -> tuple[Mask, int]:
     picture = mask.view(np.uint8)
     distance = cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
     half_width = distance - 0.5  # from the middle of a pixel to the edge of the last
+    # Parts of the silhouette that the opening removes; the body remains.
     radius = int(_THICK * half_width.max() + 0.5)
     rim, nearby = radius + 1, _disc(1)
     opened = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_OPEN, _disc(radius))
     opened = opened[rim:-rim, rim:-rim]
+    # The largest half width of each part, half a radius outside the body; 0 for a rounded corner.
     apart = picture & (1 - cv2.dilate(opened, _disc(radius // 2)))
     count, part = cv2.connectedComponents(picture & (1 - opened))
     widest = np.zeros(count)
@@ -99,12 +101,12 @@ def cut_limbs(mask: Mask) -> tuple[Mask, int]:
     is_limb = widest < _TAPER * (radius + 0.5)
     is_limb[0] = False  # the rest of the picture
     pieces, piece = cv2.connectedComponents(opened)
-    if pieces > 2:
+    if pieces > 2:  # two pieces of body, and the rest of the picture: a thin part may be a waist
         for limb in np.flatnonzero(is_limb):
             touched = piece[cv2.dilate((part == limb).view(np.uint8), nearby) > 0]
             is_limb[limb] = np.unique(touched[touched > 0]).size < 2
     _, piece, stats, _ = cv2.connectedComponentsWithStats(picture * ~is_limb[part])
-    trunk = piece == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()
+    trunk = piece == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()  # the largest piece that is left
     return trunk, int((is_limb & (widest > 0)).sum())
 
 
@@ -210,8 +212,8 @@ def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
     """Cut the forked ends off a path (m, 2) x, y through a skeleton; return the rest (k, 2).
 
     half_width: (h, w), px from each pixel to the outline. Near a blunt end the skeleton forks into
-    the corners of the outline, so the path is cut off within `_FORK` half widths of its ends.
-    Nothing is left of a short path.
+    the corners of the outline. So pixels are cut off whose half width is more than `_FORK` times
+    their distance to the end, in pixels of the path. Nothing is left of a short path.
     """
     width = np.empty(len(path))
     for i in range(len(path)):
@@ -226,7 +228,7 @@ def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
 
 @kernel
 def _farthest_pixel(distances: Floats) -> int:
-    """Return the index of the largest finite distance, from distances (pixels,)."""
+    """Return the index of the largest finite distance of (pixels,); −1 if none is finite."""
     best = -1
     for i in range(distances.size):
         if np.isfinite(distances[i]) and (best < 0 or distances[i] > distances[best]):
@@ -281,7 +283,8 @@ def smoothing_matrix(points: int, weight: float = _SMOOTHING) -> Floats:
     This is a Whittaker smoother with a third-difference penalty. Straight lines and parabolas pass
     unchanged, so a steady bend is not flattened.
     """
-    # Third differences, scaled so that the smoothing does not depend on the number of points.
+    # Third differences, scaled so that the smoothing does not depend on the number of points: a
+    # third derivative is (points − 1)³ differences, and its integral a sum over points − 1.
     third = np.diff(np.eye(points), n=3, axis=0) * (points - 1) ** 2.5
     return np.linalg.inv(np.eye(points) + weight / points * third.T @ third)
 
@@ -338,6 +341,7 @@ def _find_tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
     a blunt end it is uncertain.
     """
     step = np.hypot(xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1])
+    # The direction: from a point `_DEPTH` half widths inside to one about halfway to the end.
     mean_width, tenth = 0.0, len(xy) // 10
     for k in range(1, tenth + 1):
         mean_width += width[k]
@@ -347,10 +351,12 @@ def _find_tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
     dx, dy = end[0] - inside[0], end[1] - inside[1]
     norm = max(np.hypot(dx, dy), 1e-6)
     dx, dy = dx / norm, dy / norm
-    height, steps = 0.0, int(norm / _STEP) + 1
+    level_sum, steps = 0.0, int(norm / _STEP) + 1
     for k in range(steps):
-        height += _interpolate_field(field, inside[0] + k * _STEP * dx, inside[1] + k * _STEP * dy)
-    edge_level = max(0.5 * height / steps, floor)
+        x, y = inside[0] + k * _STEP * dx, inside[1] + k * _STEP * dy
+        level_sum += _interpolate_field(field, x, y)
+    edge_level = max(0.5 * level_sum / steps, floor)
+    # Outwards from the inner point, to where the field falls below that level.
     distance = 0.0
     previous_level = _interpolate_field(field, inside[0], inside[1])
     for k in range(1, 4 * (field.shape[0] + field.shape[1])):
@@ -399,6 +405,7 @@ def refine_outline(alpha: Picture, chain: NDArray[np.int32], points: int) -> Flo
     for i in range(points):
         before, after = inside[i - 1], inside[(i + 1) % points]
         tx, ty = after[0] - before[0], after[1] - before[1]
+        # The sign of the area makes the normal point outwards, whichever way the chain runs.
         norm = np.copysign(max(np.hypot(tx, ty), 1e-9), area)
         nx, ny = ty / norm, -tx / norm
         distance = _distance_to_flank(alpha, (inside[i, 0], inside[i, 1]), (nx, ny), 127.5, 3.0)
@@ -461,7 +468,7 @@ def _quantile_of_few(values, share):  # type: ignore[no-untyped-def]
             rising[k] = rising[k - 1]
             k -= 1
         rising[k] = values[i]
-    rank = 1 + (values.size - 1) * share
+    rank = 1 + (values.size - 1) * share  # counted from 1
     k = int(rank)
     return rising[k - 1] * (1 - (rank - k)) + rising[k] * (rank - k)
 
@@ -483,6 +490,7 @@ def _refine_backbone(fields, path, smooth, floor):  # type: ignore[no-untyped-de
         extended = np.empty((points + 2, 2))
         for i in range(points):
             extended[i + 1, 0], extended[i + 1, 1] = xy[i, 0], xy[i, 1]
+        # 1. both ends are extended to the outline
         extended[0, 0], extended[0, 1] = _find_tip(filled, xy, width, floor)
         extended[-1, 0], extended[-1, 1] = _find_tip(
             filled, xy[::-1].copy(), width[::-1].copy(), floor
@@ -494,8 +502,9 @@ def _refine_backbone(fields, path, smooth, floor):  # type: ignore[no-untyped-de
             inner[-2, axis] = 0.5 * (extended[-1, axis] + extended[-3, axis])
         xy = resample_line(inner, points)
         length = np.hypot(xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1]) * (points - 1)
+        # 2. the points are centred between the sides, which are at most a quarter length away
         shift, normal = np.zeros(points), np.zeros((points, 2))
-        ridge = np.empty(points)
+        ridge = np.empty(points)  # grey levels along the line; a side is where half is left
         for i in range(points):
             ridge[i] = _interpolate_field(field, xy[i, 0], xy[i, 1])
         for i in range(1, points - 1):
@@ -517,6 +526,7 @@ def _refine_backbone(fields, path, smooth, floor):  # type: ignore[no-untyped-de
         for i in range(points):
             xy[i, 0] += shift[i] * normal[i, 0]
             xy[i, 1] += shift[i] * normal[i, 1]
+        # 3. the line is smoothed and resampled
         xy = resample_line(smooth @ xy, points)
     length = 0.0
     for i in range(1, points):

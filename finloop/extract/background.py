@@ -155,12 +155,12 @@ def flat_background(frames: Sequence[Picture]) -> Picture:
 
 
 def background_without_ghosts(frames: Sequence[Picture], median: Picture, least: float) -> Picture:
-    """Return a median of frames in which fish that hardly moved are replaced by the tank's floor.
+    """Return the median (h, w[, 3]) with fish that hardly moved replaced by the tank's floor.
 
-    median: of `frames`, (h, w[, 3]). Such a *ghost* is a patch of the median that differs from its
-    surroundings by more than `least` grey levels, while in some frame it differs by less than half
-    of that: there the fish was away. It takes the level of its surroundings. A stone is there in
-    every frame, and stays.
+    frames, median: (h, w[, 3]), sample frames and their median. Such a *ghost* is a patch of the
+    median that differs from its surroundings by more than `least` grey levels, while in some frame
+    it differs by less than half of that: there the fish was away. It takes the level of its
+    surroundings. A stone is there in every frame, and stays.
     """
     height, width = median.shape[:2]
     reduction = max(1.0, min(height, width) / _SMALL)
@@ -237,7 +237,7 @@ def _grey_difference(frame, tank, darker, brighter):  # type: ignore[no-untyped-
             above, middle = rows[(y - 2) % 3], rows[(y - 1) % 3]
             for x in range(width):
                 total = np.int16(above[x] + 2 * middle[x] + row[x] + 8)
-                result[y - 1, x] = total >> 4
+                result[y - 1, x] = total >> 4  # / 16, the sum of all weights; + 8 rounds
     return result
 
 

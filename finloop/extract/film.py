@@ -112,7 +112,10 @@ class Detector:
         return self.detect(frame, match_scene_to_light(scene, frame))
 
     def detect(self, frame: Picture, scene: Scene) -> Detections:
-        """Find all silhouettes of a frame as bright as the scene, and measure isolated fish."""
+        """Return a frame's silhouettes: verdict, place, and measures (None if no isolated fish).
+
+        scene: its background is as bright as the frame (`match_scene_to_light`).
+        """
         settings = self.settings
         least_area_px = max(settings.least_area_px, _SPECK * self.typical.area_px)
         edge_rule = SilhouetteEdge(

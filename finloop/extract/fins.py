@@ -105,7 +105,7 @@ class PaleSide(NamedTuple):
 def find_pale_side(
     mask: Mask, corner: tuple[int, int], backbone: Backbone, fins: PalePixels
 ) -> PaleSide | None:
-    """Return on which side of a fish its pale pixels lie; None if it has next to none.
+    """Return where a fish's pale pixels lie, seen from its middle; None if it has next to none.
 
     mask: (h, w), the silhouette, whose first pixel is at `corner`, x and y in px of the picture.
     backbone: in px of the mask; its thicker half counts as the front. fins: the pale pixels around
@@ -117,7 +117,7 @@ def find_pale_side(
     offset = _centre_of_mass(fins.mask * fins.field) + origin - _centre_of_mass(mask)
     line, width = backbone.points_px, backbone.half_width_px
     half = len(line) // 2
-    ahead = line[0] - line[-1]
+    ahead = line[0] - line[-1]  # becomes a unit vector towards the thicker half
     if width[:half].sum() < width[-half:].sum():
         ahead = -ahead
     ahead = ahead / (np.hypot(*ahead) or 1.0)
@@ -126,6 +126,7 @@ def find_pale_side(
     x, y = -origin
     outside[y : y + mask.shape[0], x : x + mask.shape[1]] -= mask
     distance = cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_5)
+    # A line around the fish, a quarter of its width (two half widths) outside its soft edge.
     ring = np.abs(distance - _EDGE - width.max() / 2) <= 1
     on_fish = np.array([offset @ ahead, offset @ across])
     return PaleSide(offset, on_fish, float(fins.mask[ring].mean()))
@@ -148,6 +149,7 @@ def classify_pale_pixels(sides: Iterable[PaleSide | None]) -> Kind:
     known = [side for side in sides if side is not None]
     if not known:
         return "fins"
+    # Lengths of mean offsets: large where the offsets of all fish agree.
     in_picture = np.hypot(*np.mean([side.in_picture for side in known], axis=0))
     on_fish = np.hypot(*np.mean([side.on_fish for side in known], axis=0))
     if in_picture > on_fish * _ALIKE:

@@ -106,7 +106,7 @@ def map_poses_to_clip(
     confident = ~(poses.confidence < p.tracks_least_confidence)  # NaN: unknown
     points = np.where(confident[..., None], poses.places * p.tracks_px_per_unit, np.nan)
     complete: Mask = np.all(np.isfinite(points), axis=2)
-    rows = np.any(complete, axis=1)
+    rows = np.any(complete, axis=1)  # animals of which at least one keypoint is known
     points, frame = points[rows], poses.frame[rows]
     if not len(frame):
         raise FinloopError(
@@ -123,6 +123,7 @@ def map_poses_to_clip(
         points,
         unknown if head is None else points[:, poses.keypoints.index(head)],
         unknown if tail is None else points[:, poses.keypoints.index(tail)],
+        # the rows of each frame of the clip: the first, and the one after the last
         np.searchsorted(frame, clip_frames, side="left"),
         np.searchsorted(frame, clip_frames, side="right"),
         film,
@@ -229,7 +230,8 @@ def match_silhouettes(
 
     points: (animals, k, 2) px, where the animals are; length_px: a body length. An animal within a
     silhouette takes the nearest; another one the nearest that no animal is within. The number is
-    None if none is within a body length.
+    None ("no silhouette") if none is within a body length. Outcomes: "used", "not isolated" from
+    other fish, "shared" by several animals, "no silhouette".
     """
     if not len(points) or not silhouettes:
         return [("no silhouette", None)] * len(points)
@@ -353,10 +355,10 @@ class ExternalTrackLinker:
     def _end_runs(
         self, seen: set[int], waiting: dict[int, list[TrackedFish]], running: dict[int, int]
     ) -> None:
-        """End the runs of all animals that are not in `seen`; count those that are too short.
+        """Remove the runs of all animals that are not in `seen`; count the fish of too short ones.
 
-        waiting: fish of runs that are too short; running: number of the track of long ones; both by
-        animal.
+        waiting: fish of runs that are too short so far; running: number of the track of long ones;
+        both by animal, and changed.
         """
         for animal in [animal for animal in waiting if animal not in seen]:
             self.short += len(waiting.pop(animal))
@@ -416,7 +418,7 @@ def measure_silhouette_fit(
         points = tracks.points[tracks.rows_of_frame(frame)]
         near_now.append(_have_near_silhouette(points, silhouettes[number], length_px))
         if shift:
-            elsewhen = silhouettes[(number + shift) % len(frames)]
+            elsewhen = silhouettes[(number + shift) % len(frames)]  # half of the film away
             near_by_chance.append(_have_near_silhouette(points, elsewhen, length_px))
     near = np.concatenate(near_now)
     animals = np.concatenate([tracks.individual[tracks.rows_of_frame(frame)] for frame in frames])
@@ -426,7 +428,13 @@ def measure_silhouette_fit(
         if (animals == animal).sum() > 2 and not near[animals == animal].any()
     )
     chance = float(np.concatenate(near_by_chance).mean()) if near_by_chance else 0.0
-    return SilhouetteFit(float(near.mean()), chance, len(near), lost, max(map(len, silhouettes)))
+    return SilhouetteFit(
+        share=float(near.mean()),
+        chance=chance,
+        places=len(near),
+        lost=lost,
+        seen=max(map(len, silhouettes)),
+    )
 
 
 def _have_near_silhouette(

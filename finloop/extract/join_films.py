@@ -80,7 +80,7 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[F
     errors: by name of each film without tracks, the reason. FinloopError if the first film is among
     them: the animation is shown in its tank.
     """
-    parts, whole = load_readable_parts(clip), load_facts(clip / FACTS_NAME)
+    parts, joint = load_readable_parts(clip), load_facts(clip / FACTS_NAME)
     if parts[0].name in errors:
         raise FinloopError(
             f"{parts[0].path}, the first film, cannot be followed: {errors[parts[0].name]}",
@@ -92,7 +92,7 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[F
         shutil.copyfile(first / name, folder / name)
     scene = load_record(folder / SCENE_NAME, SceneFacts, "extract")
     contributions: list[FilmContribution] = []
-    light = None
+    first_levels = None  # median grey levels of the first film's fish
     with ExitStack() as stack:
         write = stack.enter_context(table_writer(folder / TRACKS_NAME, tracks_schema(scene.points)))
         write_given = None
@@ -102,31 +102,33 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[F
         for part in parts:
             if part.name in errors:
                 continue
-            film = _load_film_tracks(part, clip, folder, whole)
+            film = _load_film_tracks(part, clip, folder, joint)
             if not len(film.rows):
                 contributions.append(FilmContribution(part.name, 0, 0, FishScaling()))
                 continue
-            grey = film.facts.colour and not whole.colour
+            grey = film.facts.colour and not joint.colour
             sample = film.rows[np.unique(np.linspace(0, len(film.rows) - 1, _SAMPLE).astype(int))]
             with open_cutouts(film.home / CUTOUTS_NAME) as store:
                 film_levels = _median_levels((store[row] for row in sample.tolist()), grey)
-                light = film_levels if light is None else light
+                first_levels = film_levels if first_levels is None else first_levels
                 length = film.scene.typical_length_px
-                like = find_fish_scaling(length, scene.typical_length_px, film_levels, light, grey)
-                table = _scale_measures(film.table, like)
-                number = np.unique(table["track_id"], return_inverse=True)[1]
-                number += sum(earlier.tracks for earlier in contributions)
-                table = table.assign(track_id=number.astype("int32"))
+                scaling = find_fish_scaling(
+                    length, scene.typical_length_px, film_levels, first_levels, grey
+                )
+                table = _scale_measures(film.table, scaling)
+                track = np.unique(table["track_id"], return_inverse=True)[1]
+                track += sum(earlier.tracks for earlier in contributions)
+                table = table.assign(track_id=track.astype("int32"))
                 write(table)
                 if write_given:
                     rows = load_table(film.home / GIVEN_NAME, GIVEN).iloc[film.rows]
-                    rows = _scale_measures(rows.reset_index(drop=True), FishScaling(like.scale))
+                    rows = _scale_measures(rows.reset_index(drop=True), FishScaling(scaling.scale))
                     animal = film.part.name + "-" + rows["animal"].astype(str)  # each has a "1"
                     keys = table[["track_id", "frame"]]
                     write_given(rows.assign(**keys, animal=animal))
-                _copy_cutouts(cutouts, store, film.rows, table, like)
+                _copy_cutouts(cutouts, store, film.rows, table, scaling)
             tracks = table["track_id"].nunique()
-            contributions.append(FilmContribution(part.name, len(film.rows), tracks, like))
+            contributions.append(FilmContribution(part.name, len(film.rows), tracks, scaling))
     return contributions
 
 
@@ -182,8 +184,9 @@ def find_fish_scaling(
 ) -> FishScaling:
     """Return the scaling of size, light and colour that makes a film's fish like the first film's.
 
-    length_px, first_length_px: typical body lengths; light, first_light (channels,): median levels,
-    0 … 255; drop_colour: whether colours are dropped. Differences that also occur within one film
+    Its scale multiplies lengths, its gains (none: as filmed) the levels of each channel. length_px,
+    first_length_px: typical body lengths; light, first_light (channels,): median levels, 0 … 255;
+    drop_colour: whether colours are dropped. Differences that also occur within one film
     are ignored: 10 % of length, 5 % of light. Light is changed threefold at most.
     """
     scale = first_length_px / length_px
@@ -215,13 +218,14 @@ def match_cutout(cutout: Cutout, scaling: FishScaling) -> Cutout:
 def _resize_cutout(cutout: Cutout, scale: float) -> Cutout:
     """Return a cut-out drawn `scale` times as large: pixel X shows what X / scale showed."""
     h, w = cutout.pixels.shape[:2]
+    # A pixel reaches half a px to both sides of its middle.
     x0, y0 = (int(np.floor(scale * (start - 0.5))) for start in (cutout.x0_px, cutout.y0_px))
     x1, y1 = (
         int(np.ceil(scale * (start + size - 0.5))) + 1
         for start, size in ((cutout.x0_px, w), (cutout.y0_px, h))
     )
     pixels = cutout.pixels
-    if scale < 1:  # avoids aliasing
+    if scale < 1:  # avoids aliasing: a blur of 0.4 px becomes one of 0.4 px of the smaller picture
         blur = 0.4 * float(np.sqrt(scale**-2 - 1))
         pixels = cv2.GaussianBlur(pixels, (0, 0), blur, borderType=cv2.BORDER_CONSTANT)
     to_film = np.array([

@@ -107,6 +107,7 @@ def save_external_tracks(folder: Path, given: ExternalTracks, points: int) -> No
     backbone.
     """
     rows = load_table(folder / TRACKS_NAME, tracks_schema(points), ["track_id", "frame"])
+    # `ExternalTrackLinker` numbers tracks: animal + run × number of animals.
     animal = rows["track_id"].to_numpy() % len(given.names)
     given_row = given.find_rows(rows["frame"].to_numpy(), animal)
     rows["animal"] = np.array(given.names, object)[animal]

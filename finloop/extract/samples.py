@@ -144,8 +144,9 @@ def _measure_with_background(
     workers: Threads,
     background: Picture,
 ) -> _BackgroundTrial:
-    """Measure noise, polarity and a typical fish on sample frames, against a given background.
+    """Return the scene, a typical fish and how much fish vary in area, against a given background.
 
+    The last is infinite if fewer than every second frame shows a fish.
     sample_frames: (h, w[, 3]); arena: (h, w) uint8, 255 inside; background: (h, w[, 3]).
     FinloopError if no silhouette can be an isolated fish.
     """
@@ -245,6 +246,7 @@ def measure_edge_width(silhouette: Silhouette) -> float:
     field, half = silhouette.field.astype(np.float32), silhouette.contrast / 2
     inside = ((field > half) & silhouette.mask).astype(np.uint8)
     rim = (inside - cv2.erode(inside, np.ones((3, 3), np.uint8))).view(bool)
+    # scale: Sobel's weights add up to 8
     slope = np.hypot(*(cv2.Sobel(field, cv2.CV_32F, x, 1 - x, scale=1 / 8) for x in (0, 1)))
     return silhouette.contrast / max(float(np.quantile(slope[rim], 0.75)), 1e-6)
 

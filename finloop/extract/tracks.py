@@ -74,7 +74,11 @@ class TrackLinker:
         self._tracks, self._before = [], []
 
     def link_frame(self, silhouettes: list[SilhouettePlace]) -> list[int | None]:
-        """Return the track number of each silhouette of the next frame; None if it has no track."""
+        """Return the track number of each silhouette of the next frame; None if it has no track.
+
+        None has a silhouette that is not isolated, or has grown and hides a lost track. One of
+        which another silhouette has split off begins a new track, as one without a partner does.
+        """
         owner = self._match_tracks(silhouettes)
         lost_tracks = [track for track in self._tracks if track not in owner.values()]
         numbers: list[int | None] = [None] * len(silhouettes)
@@ -110,7 +114,7 @@ class TrackLinker:
         expected = np.asarray([track.next_place for track in self._tracks])
         difference = expected[:, None] - np.asarray([(s.x_px, s.y_px) for s in silhouettes])
         cost = np.hypot(difference[..., 0], difference[..., 1])
-        unambiguous = cost < self._gate / 4
+        unambiguous = cost < self._gate / 4  # near, or clearly nearer than all other partners
         unambiguous |= (_CLEARLY * cost < _least_other_costs(cost)) & (
             _CLEARLY * cost < _least_other_costs(cost.T).T
         )
@@ -141,6 +145,7 @@ class TrackLinker:
         new_places = (
             (s.x_px, s.y_px)
             for i, s in enumerate(silhouettes)
+            # a new silhouette, no speck, where no other one was before
             if i != number and i not in tracks and s.area_px * 4 > before.area_px
             and not any(_box_contains_any(b.box, [(s.x_px, s.y_px)]) for b in others)
         )  # fmt: skip
