@@ -65,6 +65,7 @@ class FilmGroup:
         the same half. They are evenly spread.
         """
         in_half = self.first_half == first
+        # slots.row: the line of a fish's frame in arrays that have a line per frame
         has_others = self.visible_counts[self.slots.row] > 1
         has_later = (self.later >= 0) & in_half[self.later]
         return _thin_rows(np.flatnonzero(in_half & has_others & has_later), most)
@@ -80,7 +81,7 @@ class FilmGroup:
 
     def visible_neighbours(self, rows: Ints) -> Neighbours:
         """Return distances, bearings and headings (k, m) of the fish around k fish (rows)."""
-        frames = self.slots.row[rows]
+        frames = self.slots.row[rows]  # lines of `places`, of all fish in a frame
         places = self.places[frames]
         places[np.arange(len(rows)), self.slots.fish[rows]] = np.nan  # no fish is its own neighbour
         return neighbours_among(

@@ -69,7 +69,7 @@ def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
     after = film.relative_headings(rows)
     weights = (settings.repulsion_weight, settings.alignment_weight, settings.attraction_weight)
     fixed = [None if weight == "auto" else float(weight) for weight in weights]
-    parts = film.frame[rows] < np.median(film.frame[rows])
+    parts = film.frame[rows] < np.median(film.frame[rows])  # each predicts the other
     choices = _possible_radii(settings)
     all_radii = sorted({radius for radii in choices for radius in radii})
     blind_angles = [settings.blind_angle_deg]
@@ -81,6 +81,7 @@ def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
         for radii in choices:
             pulls = sums.zone_pulls(radii)
             error = cross_validate(pulls, wall, after, fixed, parts)
+            # Not by rounding alone: of equally good zones the smaller ones are taken.
             if best is None or error < best.error * (1 - _EQUAL):
                 best = _ZoneChoice(error, radii, angle, pulls)
     assert best is not None
@@ -210,7 +211,7 @@ def _solve_regression(sums: _RegressionSums, weights: Sequence[float | None]) ->
     fitted = [k for k in _ZONES if weights[k - 1] is None and sums.gram[k, k] > 0]
     solution = np.zeros(5)
     while True:  # each zone is left out at most once
-        terms = [0, *fitted, 4]
+        terms = [0, *fitted, 4]  # 0: own direction, 4: wall
         values = scipy.linalg.lstsq(sums.gram[np.ix_(terms, terms)], sums.right[terms])[0]
         worst = int(np.argmin(values[1:-1])) if fitted else 0
         if not fitted or values[1 + worst] >= 0:

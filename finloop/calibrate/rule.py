@@ -97,6 +97,7 @@ def simulate_point_fish(
     places, headings = np.empty((2, frames, fish), complex)
     for number in range(burn_in + frames):
         pulls = pull_of_others(all_neighbours(place, heading), zones)
+        # Each fish draws some steps of the film that began alike: (fish, steps).
         moves, turns = steps.draw_similar_steps(
             walls.vectors_from_wall(place, heading), last * heading.conj(), settings.alike, rng
         )

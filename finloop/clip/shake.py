@@ -67,7 +67,7 @@ def _shrink_picture(picture: Picture) -> np.ndarray:
 
 
 def find_landmarks(tank: Picture) -> Landmarks:
-    """Find the steepest edges of the empty tank (h, w[, 3]), at most 60 in each of 36 tiles."""
+    """Return the steepest edges of the empty tank (h, w[, 3]), at most 60 in each of 36 tiles."""
     grey = _smooth_grey(tank)
     level = grey.astype(np.float64)
     down, right = (np.asarray(parts) for parts in np.gradient(level))
@@ -87,6 +87,7 @@ def find_landmarks(tank: Picture) -> Landmarks:
         x.append(place[1] + left)
         tile.append(np.full(place.shape[1], number))
     xs, ys, tiles = (np.concatenate([np.empty(0, int), *parts]) for parts in (x, y, tile))
+    # Marks count less in a tile that has more edges than the median one: an animal may stay there.
     share = np.bincount(tiles, steepness[ys, xs] ** 2, _TILES**2)
     median_share = float(np.median(share[share > 0])) if len(tiles) else 1.0
     trust = np.minimum(1.0, median_share / share[tiles])
@@ -96,7 +97,7 @@ def find_landmarks(tank: Picture) -> Landmarks:
 
 
 def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift:
-    """Measure the shift of a frame against the empty tank; `UNKNOWN` if too few marks show it.
+    """Return the shift [px] of a frame against the empty tank; `UNKNOWN` if too few marks show it.
 
     tank: its landmarks; last: shift of the frame before, where the search begins.
     """
@@ -115,6 +116,7 @@ def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift
             residual = value - slope @ step
             sigma = max(0.3, 1.4826 * float(np.median(np.abs(residual))))
             weight = tank.trust * np.maximum(0.0, 1 - (residual / (_TUKEY * sigma)) ** 2) ** 2
+        # The fit gives −gain × what `place` lacks of the shift; at most 1.5 px are taken at once.
         move = np.clip(-step[:2] / max(0.2, step[2]), -1.5, 1.5)
         place = place + move
         if np.hypot(*move) < _STILL:

@@ -40,6 +40,7 @@ def list_findings(
     filmed: quality of the film before its repair; mended: the names of the repairs; refused: those
     that made the film worse. The finding on a repaired fault also says what was measured before.
     """
+    # By the word of a finding: whether its repair was refused, and a sentence on what was done.
     worse = {word for name in refused for word in REPAIRS[name][0]}
     remedies = {word: REPAIRS[name][1] for name in mended for word in REPAIRS[name][0]}
     before = (
@@ -139,7 +140,7 @@ def _judge_pictures(quality: Quality) -> Iterator[Finding]:
     else:
         rows = "upper" if quality.field_order > 0 else "lower"
         text = f"The film is interlaced, the {rows} rows half a frame before the others."
-    good = not abs(quality.field_order) >= INTERLACED
+    good = not abs(quality.field_order) >= INTERLACED  # NaN, unknown, is good
     yield Finding("interlaced", good, text, "Film progressively (25p, 50p).")
 
 

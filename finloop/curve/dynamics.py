@@ -208,6 +208,7 @@ class Response(NamedTuple):
 def oscillator_response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Response:
     """Return the factors (t, m) that solve Eq. 3.16 for m independent oscillators at times (t,).
 
+    Place and speed are sums of the factors times the first place, the first speed and the force.
     forced: False leaves out the factor of the force (it is 0) and saves half of the time. The
     formulas neither cancel nor overflow near double roots, where swinging becomes creeping.
     """
@@ -253,11 +254,14 @@ def _mean_of_decay(x: Floats) -> Floats:
 
 
 def _force_response(total: Floats, product: Floats, slow: Floats, of_place: Floats) -> Floats:
-    """Return how far a constant force of 1 moves oscillators, (1 − of_place) / product, per t²/ρ.
+    """Return how far a constant force of 1 moves oscillators from rest, in units of t²/ρ.
 
-    −x, −y are the roots times t: `total` = x + y, `product` = xy, `slow` the x nearer 0. Where the
-    formula cancels, it is a power series (both small) or, with D = `_mean_of_decay`,
-    (D(x) − D(y)) / (y − x) (x much smaller than y). All arguments and the result are (t, m).
+    −x, −y are the roots of the characteristic polynomial times the time t: `total` = x + y,
+    `product` = xy; slow: the one of x, y nearer 0. of_place: the place at t of an oscillator that
+    began at place 1, at rest. All arguments and the result are (t, m).
+
+    The result is (1 − of_place) / product. Where this cancels: if x and y are small, a power series
+    in them; if x is much smaller than y, (D(x) − D(y)) / (y − x), D = `_mean_of_decay`.
     """
     # Each formula is evaluated everywhere, on harmless numbers where it does not hold.
     are_small, are_unequal = (total < 0.5) & (product < 0.25), product < 0.01 * total**2
@@ -329,7 +333,7 @@ def _solve_decoupled(problem: Problem, options: SolverOptions) -> Trajectory:
 def _solve_in_basis(basis: Basis, problem: Problem) -> Trajectory:
     """Return the motion of a curve: one independent oscillator for each coefficient of a basis."""
     material, (u, v) = problem.material, problem.state_at_start()
-    mass = material.density or 1.0  # as `Material` says
+    mass = material.density or 1.0  # without mass, mass_damping multiplies I, see `Material`
     damping = material.mass_damping * mass + material.stiffness_damping * basis.k
     oscillators = Oscillators(material.density, damping, basis.k)
     force = None if problem.force is None else basis.transform(problem.force_on_points())

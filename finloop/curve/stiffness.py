@@ -97,9 +97,9 @@ def _sobolev_smoothness(alpha: Floats) -> float:
     """Return how smooth a wavelet's scaling function φ is: its Sobolev exponent s, at most 2.
 
     That is the largest s with φ in H^s. alpha (P + 1,): autocorrelation of the low filter. The
-    method is Villemoes's (1992): if the shifts of φ sum to every line, the transfer operator keeps
-    the moments 0 … 3 of a sequence at 0, and shrinks it by at most 4^−s a step. If they do not, φ
-    has a jump or worse, and the result is 0.5.
+    method is Villemoes's (1992). If every straight line is a sum of shifted φ, the transfer
+    operator keeps the moments 0 … 3 of a sequence at 0, and shrinks it by at most 4^−s a step.
+    Otherwise φ has a jump or worse, and the result is 0.5.
     """
     size = len(alpha) + 1  # even the shortest filter needs room for four moments
     index = np.arange(1 - size, size) / size
@@ -110,7 +110,7 @@ def _sobolev_smoothness(alpha: Floats) -> float:
         return 0.5
     rate = float(np.abs(np.linalg.eigvals(vanishing.T @ image)).max())
     exponent = min(-np.log2(rate) / 2, 2.0)
-    return exponent if abs(exponent - 1) > _ALMOST else 1.0
+    return exponent if abs(exponent - 1) > _ALMOST else 1.0  # not above 1 by rounding
 
 
 def first_stiffness_row(wavelet: str, n: int, elastic: float = 1.0) -> Floats:

@@ -230,6 +230,7 @@ def count_folds_unchecked(points: Floats, closed: bool, first_only: bool) -> int
                     continue
                 first = i + 2 if block == partner else partner * BLOCK
                 for j in range(max(first, i + 2), min((partner + 1) * BLOCK, edges)):
+                    # The first and the last edge of a closed polygon are neighbours.
                     if not _boxes_overlap(boxes, i, boxes, j) or (closed and i == 0 and j == n - 1):
                         continue
                     i_next, j_next = i + 1, j + 1 if j + 1 < n else 0

@@ -99,6 +99,7 @@ def build_morph(
 ) -> Morph:
     """Return the morph of given frames of all contours: coordinates rounded, folds counted.
 
+    Its `continuous` says of each contour whether it is proved that no fold lies between frames.
     a, b: the drawings; `a` gives the size of the picture, both give styles. tau, layers: share of
     the way to `b` (f,) of every frame, and its contours (f, n, 2) by id. digits: significant digits
     of the picture's larger side, tried in turn until no frame folds. repeats: whether the first
@@ -185,6 +186,7 @@ def physical_morph(
     offset = shape - rest
     mean_offset = offset.mean(axis=0)
     bend = offset - mean_offset if a.closed else close_by_mirroring(offset - mean_offset)
+    # One swing along the closed curve: the shape of the slowest mode.
     slowest = np.cos(2 * np.pi * (np.arange(len(bend)) + 0.5) / len(bend))
     mass_damping = damping / mass if mass > 0 else damping
     material = Material(density=mass, elastic=elastic, mass_damping=mass_damping)
@@ -193,8 +195,9 @@ def physical_morph(
     at_rest = np.zeros_like(start)
     problem = Problem(rest=at_rest, displacement=start, material=material, times=times)
     motion = solve_motion(problem).displacement
-    mean_factor = motion[:, 0, 2] / slowest[0]
+    mean_factor = motion[:, 0, 2] / slowest[0]  # how much is left of the slowest mode
     displacement = motion[:, :points, :2] + mean_factor[:, None, None] * mean_offset
+    # From 1 to 0 in the last part of the time, with slope 0 at both ends (smoothstep).
     fade = np.clip((1 - times) / FADE, 0, 1)
     return rest + (fade**2 * (3 - 2 * fade))[:, None, None] * displacement
 

@@ -206,7 +206,8 @@ def _straight_motion_is_simple(first: Points, second: Points, closed: bool) -> b
         for v in range(len(first)):
             for axis in range(2):
                 path[k, v, axis] = (1 - share) * first[v, axis] + share * second[v, axis]
-    for k in (8, 4, 12, 2, 14):  # most motions that fold do so here: a quick first test
+    # Of PARTS = 16 steps; most motions that fold do so here: a quick first test.
+    for k in (8, 4, 12, 2, 14):
         if count_folds_unchecked(path[k], closed, first_only=True):
             return False
     return stays_simple_unchecked(path, closed)
@@ -224,7 +225,7 @@ def _frames_along_path(poses: Points, frames: int, closed: bool) -> Points:
     share = ((marks - along[k]) / (along[k + 1] - along[k]))[:, None, None]
     stack = (1 - share) * poses[k] + share * poses[k + 1]
     stack[0], stack[-1] = poses[0], poses[-1]
-    for width in SMOOTHING:
+    for width in SMOOTHING:  # the widest first
         smooth = _smooth_in_time(stack, width * frames)
         smooth[0], smooth[-1] = poses[0], poses[-1]
         if stays_simple(smooth, closed):
@@ -314,7 +315,7 @@ def round_off_polygon(points: Points) -> tuple[Points, bool]:
     edges = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
     goal = signed_area(Curve(points, closed=True))
     step, halvings = edges.mean() ** 2, 0
-    while 4 * np.pi * abs(goal) <= ROUND * edges.sum() ** 2:
+    while 4 * np.pi * abs(goal) <= ROUND * edges.sum() ** 2:  # of a circle 4π area = length²
         pose = _resize_polygon(_implicit_step(poses[-1], step), goal)
         if stays_simple_unchecked(np.stack([poses[-1], pose]), closed=True):
             poses.append(pose)

@@ -75,16 +75,18 @@ def plan_strips(
 ) -> StripLayout:
     """Return how a film's picture is drawn along another backbone: from where, to where, how wide.
 
+    The width of a step is how far the animal is visible there; on the inner side of a sharp bend of
+    the new pose it is only as far as there is room.
     film: (h, w, c) 0 … 255, alpha last; source, target: the backbone in it and in the new picture.
     """
     film_strip, new_strip = cross_sections(source), cross_sections(target)
     reach = _visible_reach(film, film_strip) / mode.across
-    low_x = low_y = HIDDEN
+    low_x = low_y = HIDDEN  # bounds of all that is visible
     high_x = high_y = -HIDDEN
     for i in range(len(reach)):
         shortest_new = _shortest_section(new_strip.limits, i)
         shortest_film = _shortest_section(film_strip.limits, i)
-        if min(shortest_new, shortest_film) <= 2 * LEAST:
+        if min(shortest_new, shortest_film) <= 2 * LEAST:  # a section that shows nothing
             reach[i, 0] = reach[i, 1] = 0
             continue
         if mode.mirrored:
@@ -144,6 +146,7 @@ def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
             sign, limit = 1 - 2 * side, strip.limits[i, side]
             nx, ny = sign * strip.normals[i, 0], sign * strip.normals[i, 1]
             offset = min(limit, height + width)  # at most to the picture's edges
+            # A ray that is nearly parallel to an edge does not meet it.
             if abs(nx) > _ONE / 1024:
                 offset = min(offset, max((width - 1 - x) / nx, -x / nx))
             if abs(ny) > _ONE / 1024:
@@ -255,16 +258,17 @@ def _paint_step(canvas, film, layout, i, mode, corner):  # type: ignore[no-untyp
 
 @finite_kernel
 def _strip_place(x, y, front, rear, share):  # type: ignore[no-untyped-def]
-    """Return how far a pixel (x, y) lies beside the backbone (+ = left) and along it, in px.
+    """Return how far [px] pixel x, y lies beside the backbone (+ = left) and along it.
 
-    Beside is measured as if the backbone were straight (`unsqueeze_offset`). Along counts from the
-    section at `share` (0-1) between the sections `front` and `rear`.
+    Along is positive towards the tail, and counts from the section at `share` (0 … 1) between the
+    sections `front` and `rear` (a `Section` each). Beside is measured as if the backbone were
+    straight (`unsqueeze_offset`).
     """
     nx, ny = front.nx + share * (rear.nx - front.nx), front.ny + share * (rear.ny - front.ny)
     dx = x - front.x - share * (rear.x - front.x)
     dy = y - front.y - share * (rear.y - front.y)
-    norm = 1 / (nx * nx + ny * ny)
-    offset, along = (dx * nx + dy * ny) * norm, (dx * ny - dy * nx) * norm
+    scale = 1 / (nx * nx + ny * ny)  # a mean of two unit vectors is shorter than 1
+    offset, along = (dx * nx + dy * ny) * scale, (dx * ny - dy * nx) * scale
     if offset >= 0:
         return unsqueeze_offset(offset, front.left + share * (rear.left - front.left)), along
     return -unsqueeze_offset(-offset, front.right + share * (rear.right - front.right)), along
@@ -272,7 +276,7 @@ def _strip_place(x, y, front, rear, share):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _film_place(beside, along, share, front, rear):  # type: ignore[no-untyped-def]
-    """Return the place (u, v) [px] in the film of a place beside the backbone.
+    """Return the place (u, v) [px] in the film of a place beside and along the backbone, in px.
 
     This undoes `_strip_place`, with the film's sections `front` and `rear`. (HIDDEN, HIDDEN) where
     the film's pose does not show the place.
@@ -300,7 +304,10 @@ def _sample_linearly(film, u, v):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _sample_cubically(film, u, v):  # type: ignore[no-untyped-def]
-    """Return red (or grey), green, blue, alpha, 0 … 1, at u, v px of a film, by Keys' filter."""
+    """Return red (or grey), green, blue, alpha, 0 … 1, at u, v px of a film 0 … 255.
+
+    They are interpolated by Keys' cubic filter.
+    """
     column, row = math.floor(u), math.floor(v)
     across, down = keys_cubic_weights(u - column), keys_cubic_weights(v - row)
     red, green, blue, alpha = _sum_pixels(film, column - 1, row - 1, across, down)

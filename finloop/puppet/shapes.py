@@ -50,9 +50,10 @@ class PoseShapes:
     def fit(cls, postures: Floats, share: float, gap_quantile: float = 0.99) -> "PoseShapes":
         """Return the principal shapes that explain a share (0 … 1) of the postures' variance.
 
-        postures (k, d): of a film. gap_quantile: quantile of the distance from a posture to its
-        nearest other one, which becomes the gap. FinloopError if there are fewer than two postures,
-        or one is not finite.
+        postures (k, d): of a film; their mirror images are added, so `codes` has 2 k rows.
+        gap_quantile: quantile of the distance from a posture to its nearest other one. It becomes
+        the gap, from which on a posture counts as unlike all filmed ones. FinloopError if there are
+        fewer than two postures, or one is not finite.
         """
         broken = int((~np.isfinite(postures)).any(1).sum())
         if len(postures) < 2 or broken:
@@ -62,21 +63,20 @@ class PoseShapes:
                 "use the postures from `finloop.puppet.poses_from_features`",
             )
         with_mirrored = np.concatenate([postures, mirror_posture(postures)])
-        weights = np.ones(with_mirrored.shape[1])
-        steps = backbone_bends(weights).size
-        backbone_bends(weights)[:] = steps**-0.5
-        backbone_steps(weights)[:] = steps**0.5
+        weights = _posture_weights(with_mirrored.shape[1])
         mean = with_mirrored.mean(0)
         weighted = with_mirrored  # in place: in a film of hours these are the largest arrays
         weighted -= mean
         weighted *= weights
         variance, shapes = np.linalg.eigh(weighted.T @ weighted / len(with_mirrored))
+        # The largest variance first; rounding can make the smallest negative.
         variance, shapes = np.maximum(variance[::-1], 0), _fix_signs(shapes.T[::-1])
         total_variance = float(variance.sum())
         wanted = min(share, 1 - 1e-12) * total_variance
         shape_count = int(np.searchsorted(variance.cumsum(), wanted)) + 1
         codes = weighted @ shapes[:shape_count].T
         sample = codes[spread_rows(np.arange(len(codes)), _SAMPLE)]
+        # The nearest of all is the posture itself.
         nearest = scipy.spatial.cKDTree(codes).query(sample, k=2)[0][:, 1]
         gap = float(np.quantile(nearest, gap_quantile))
         return cls(
@@ -123,7 +123,7 @@ class PoseShapes:
         return np.asarray(self._tree.query(codes)[0] > (1 - _EXACT) * self.gap - _EXACT)
 
     def nearest_codes(self, codes: Floats) -> NearestCodes:
-        """Return pose codes (…, c), moved to within `gap` of the nearest filmed ones.
+        """Return pose codes (…, c), moved to within `gap` of filmed ones, and which were moved (…).
 
         Codes that are nearer already stay. Mirror images count as filmed.
         """
@@ -135,6 +135,19 @@ class PoseShapes:
             from_film = (far - self.codes[row]) * (self.gap / distance)[:, None]
             moved[clamped] = self.codes[row] + from_film
         return NearestCodes(moved, clamped)
+
+
+def _posture_weights(numbers: int) -> Floats:
+    """Return the weights (numbers,) of a posture's numbers: head place, n bends, n step lengths.
+
+    A bend counts by its mean square along the body. A step is about 1 / n of the body's length, and
+    counts by the mean square of its share of that.
+    """
+    weights = np.ones(numbers)
+    steps = backbone_bends(weights).size
+    backbone_bends(weights)[:] = steps**-0.5  # both are views into the weights
+    backbone_steps(weights)[:] = steps**0.5
+    return weights
 
 
 def _fix_signs(shapes: Floats) -> Floats:

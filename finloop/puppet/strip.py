@@ -62,17 +62,17 @@ def cross_sections(line: PlacedBackbone) -> Strip:
     cos, sin = math.cos(line.heading_rad), math.sin(line.heading_rad)
     # The head, from the mass centre; y is down.
     x, y = line.x_px + cos * ahead - sin * left, line.y_px - sin * ahead - cos * left
-    for i in range(BEYOND + 1):
+    for i in range(BEYOND + 1):  # straight on before the head, and the head itself
         cos, sin = math.cos(line.heading_rad + bends[0]), math.sin(line.heading_rad + bends[0])
         away = (BEYOND - i) * steps[0] * line.size_px
         points[i, 0], points[i, 1] = x + away * cos, y - away * sin
         normals[i, 0], normals[i, 1] = -sin, -cos
-    for i in range(BEYOND + 1, m):
+    for i in range(BEYOND + 1, m):  # step by step to the tail, and straight on behind it
         before, after = min(i - BEYOND - 1, n - 1), min(i - BEYOND, n - 1)
         angle, step = line.heading_rad + bends[before], steps[before] * line.size_px
         points[i, 0] = points[i - 1, 0] - step * math.cos(angle)
         points[i, 1] = points[i - 1, 1] + step * math.sin(angle)
-        angle += (bends[after] - bends[before]) / 2
+        angle += (bends[after] - bends[before]) / 2  # midway between the steps before and after
         normals[i, 0], normals[i, 1] = -math.sin(angle), -math.cos(angle)
     return Strip(points, normals, _section_limits(points, normals))
 
@@ -84,8 +84,9 @@ def _section_limits(points, normals):  # type: ignore[no-untyped-def]
     points, normals (m, 2): of the sections; normals point to the animal's left. A limit is the
     radius of the largest circle that touches the backbone at one point. The circle that touches
     B(i) with its normal N(i) and passes through B(j), d = B(j) − B(i), has the radius
-    |d|² / (2 d·N(i)): the least one over all j counts. Sections that lie beyond an end but nearer
-    to another part of the backbone get the length LEAST, which shows nothing.
+    |d|² / (2 d·N(i)): the least one over all j counts, and at most HIDDEN. The first and last
+    BEYOND sections lie beyond the ends of the body. Those that are nearer to another part of the
+    backbone get the length LEAST, so that nothing is drawn there.
     """
     m = len(points)
     head = np.int64(BEYOND)  # a literal would compile `_is_nearest_to_end` again
@@ -100,7 +101,7 @@ def _section_limits(points, normals):  # type: ignore[no-untyped-def]
         curvatures[i, :] = 1 / HIDDEN
         for j in range(first, last + 1):
             dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
-            distance_square = dx * dx + dy * dy + LEAST**2
+            distance_square = dx * dx + dy * dy + LEAST**2  # not 0 at j = i
             curvature = 2 * (dx * normals[i, 0] + dy * normals[i, 1]) / distance_square
             curvatures[i, 0], curvatures[i, 1] = (
                 max(curvatures[i, 0], curvature),

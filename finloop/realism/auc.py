@@ -53,7 +53,7 @@ class Scores(NamedTuple):
     cluster: Ints
 
     def split_by_block(self) -> Iterator["Scores"]:
-        """Yield the scores of each block that contains both film and animation windows."""
+        """Yield the scores, without NaN, of each block with both film and animation windows."""
         for number in np.unique(self.block):
             in_block = (self.block == number) & np.isfinite(self.score)
             block_scores = Scores(*(column[in_block] for column in self))
@@ -86,6 +86,7 @@ def compute_auc(scores: Scores) -> Auc:
     value = float(weights @ areas)
     weighted = [weight * sums for weight, sums in zip(weights, deviations, strict=True)]
     sums = pd.concat(weighted).groupby(level=0).sum().to_numpy()
+    # Where every two blocks test each other's classifier, the variance is larger: inflation.
     clusters, inflation = max(len(sums), 2), _INFLATION if len(areas) > 1 else 1.0
     error = float(np.sqrt(inflation * clusters / (clusters - 1) * (sums**2).sum()))
     if not 0.0 < value < 1.0:  # its logarithm of odds is infinite: no interval
@@ -104,10 +105,11 @@ def _share_below(values: Floats, others: Floats) -> Floats:
 
 
 def compute_roc(scores: Scores, points: int = 51) -> pd.DataFrame:
-    """Return the ROC curve as a table of `points` rows: the mean of the blocks' curves.
+    """Return the ROC curve as a table of `points` rows: the weighted mean of the blocks' curves.
 
-    Columns, both 0 … 1: false_alarms, the share of film windows classified as animation; hits, the
-    share of animation windows recognised. At least one block must contain both kinds of windows.
+    A block's weight is its number of pairs of a film and an animation window. Columns, both 0 … 1:
+    false_alarms, the share of film windows classified as animation; hits, the share of animation
+    windows recognised. At least one block must contain both kinds of windows.
     """
     alarms = np.linspace(0, 1, points)
     curves, pairs = [], []

@@ -133,7 +133,10 @@ class CameraView(NamedTuple):
     width_px: float
 
     def crop_frame(self, frame: Picture, size_px: int) -> Picture:
-        """Return what this view shows of a frame, (h, w) or (h, w, 3), as (size_px, size_px, 3)."""
+        """Return what this view shows of a frame, (h, w) or (h, w, 3), as (size_px, size_px, 3).
+
+        It is turned so that `heading_deg` points to the right.
+        """
         centre = self.x_px, self.y_px
         transform = cv2.getRotationMatrix2D(centre, -self.heading_deg, size_px / self.width_px)
         transform[:, 2] += (size_px - 1) / 2 - np.array(centre)

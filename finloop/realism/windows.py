@@ -113,6 +113,7 @@ def cut_in_frames(
 def track_channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
     """Return speeds, turning speed and relative motion area of a track: CHANNELS (ticks − 1, 4).
 
+    Speeds are ahead and to the left [BL/s], the turning speed is anticlockwise [degrees/s].
     track: columns of `FEATURES`; rate_hz: ticks per second; largest: motion area of the film's most
     bent fish, in squares of a body length.
     """

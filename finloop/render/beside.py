@@ -21,7 +21,7 @@ _AROUND = 1.25  # body lengths that a panel shows on every side of the fish
 def longest_tracks_edit_list(track: Ints, places: Floats, ticks: int) -> pd.DataFrame:
     """Return an edit list of at most `ticks` ticks that shows the film's longest tracks in turn.
 
-    track (n,): number of the track of each row of the film; places (n, 2): x, y px.
+    track (n,): number of the track of each row of the film, ascending; places (n, 2): x, y px.
     """
     _, first, count = np.unique(track, return_index=True, return_counts=True)
     longest_first = np.argsort(-count, kind="stable")

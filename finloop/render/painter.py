@@ -265,7 +265,8 @@ class Painter:
         off_lower = np.ones_like(upper_alpha)  # the share of each pixel that is on no lower fish
         for fish in lower:
             alpha = self._coverage(fish, box)
-            # A fish counts more, up to 1, the larger the area that the upper one surely covers.
+            # A fish counts more, up to 1, the larger the area that the upper one surely covers, in
+            # areas of the Gaussian blur.
             common_px2 = np.maximum(0, upper_alpha + alpha - 1).sum()
             off_lower *= 1 - min(1.0, common_px2 / (2 * np.pi * blur_px**2)) * alpha
         if off_lower.min() == 1:

@@ -24,9 +24,10 @@ class FrameChangeMeter:
         self._last: tuple[Box, NDArray[np.uint8]] | None = None
 
     def measure_change(self, box: Box) -> float:
-        """Return the canvas's change since the last call, in grey levels; NaN at the first call.
+        """Return the canvas's change since the last call; NaN at the first call.
 
-        box: holds all that is drawn now.
+        It is the Euclidean distance of all pixels, in grey levels; of colours the root mean square
+        of the channels counts. box: holds all that is drawn now.
         """
         canvas, last = self._painter.canvas, self._last
         self._last = box, canvas[box.slices].copy()
@@ -47,6 +48,7 @@ def film_frame_changes(
 ) -> NDArray[np.float64]:
     """Return how much the fish change from frame to frame of the film, (n,), in grey levels.
 
+    A change is the Euclidean distance of two whole pictures (`FrameChangeMeter`).
     tracks: track_id, frame and mass centre, a row per frame; most: largest number n of pairs of
     consecutive frames, spread over the film. Each fish is drawn alone on the painter's floor.
     """
