@@ -124,10 +124,11 @@ def main() -> None:
     motions = [measures.kinematics_table({measures.FILM_MOTION: film_motion})]
     for mode in numbers:
         motions.append(load_table(ANIMATE / mode / "motion.parquet", measures.KINEMATICS))
-    departures, path = path_measures.LEFT.empty(), ANIMATE / "matching/left.parquet"
-    if path.exists():
+    departures = path_measures.LEFT.empty()
+    if (path := ANIMATE / "matching/left.parquet").exists():
         departures = load_table(path, path_measures.LEFT)
-    doubts, measured = find_doubts(numbers), numbers | {"film": film}
+    doubts = find_doubts(numbers)
+    measured = numbers | {"film": film}
     table = pd.DataFrame(measured).rename_axis("measure").reset_index()
     tables = {"company": schools, "left": departures, "measures": table, "doubts": doubts}
     with whole_folder(OUT) as folder:

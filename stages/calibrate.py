@@ -57,7 +57,8 @@ def _save_rule(folder: Path, rule: SchoolRule) -> None:
     """Write how a film's fish swim in a group (zones.json, steps.parquet) to `folder`.
 
     `Project.school_rule` loads it. The rule is the zones, in which fish repel, align with and
-    attract each other, and the fish's own steps.
+    attract each other, and the fish's own steps: how many frames one lasts (`horizon`), and from
+    how many similar ones it is drawn (`alike`).
     """
     steps = rule.steps
     save_json(folder / "zones.json", {

@@ -13,10 +13,11 @@ APART, PREFIX = Path(".dvc/tmp"), "sweep-"
 """Where sweeps and studies clone the workspace, and how the names of those folders begin."""
 
 
-def require_only_one(program: str) -> None:
-    """Raise FinloopError if a study or sweep runs here; else remove clones that killed ones left.
+def claim_folder(program: str) -> None:
+    """Remove clones that killed studies and sweeps left in the present folder.
 
     program: module of the study or sweep that is about to begin, such as "stages.study".
+    FinloopError, and nothing is removed, if another one runs here.
     """
     if others := _list_other_runs():
         raise FinloopError(

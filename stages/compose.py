@@ -137,7 +137,8 @@ def _is_override(text: str) -> bool:
 def _quote_value(override: str) -> str:
     """Return an override `key=value` with its value in double quotes."""
     key, _, value = override.partition("=")
-    return f"{key}={json.dumps(value.strip(chr(34)), ensure_ascii=False)}"
+    unquoted = value.strip('"')
+    return f"{key}={json.dumps(unquoted, ensure_ascii=False)}"
 
 
 def load_experiment(name: str) -> Experiment:

@@ -151,7 +151,7 @@ def _extract_films(
     """
     numbers, parts = dict[str, float](), load_parts(clip)
     errors = {part.name: part.error for part in parts if part.error}
-    jobs = []
+    jobs = []  # film, its settings, digest of what its tracks are made from
     for part in parts:
         if part.name not in errors:
             with _leave_out_on_error(part, errors):

@@ -114,7 +114,8 @@ def main() -> None:
             save_metrics(REPORT / "metrics.json", {"models": 0})
             return
         save_json(folder / "model.json", model.record())
-        sampler, rng = build_sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
+        sampler = build_sampler(film, model, graph, p)
+        rng = np.random.default_rng((p.seed, 1))  # `split_held_out` has (p.seed, 0) and (p.seed, 2)
         # `Project.forecast_sampler` maps these files: similar rows, and the predicted states.
         save_array(folder / "start.npy", sampler.start)
         save_array(folder / "neighbours.npy", sampler.to)

@@ -71,7 +71,8 @@ class StoredFilm:
 def main() -> None:
     """Find jumps between rows of the film that look and move alike, also mirrored.
 
-    data/jumps/ gets the jumps, the rows' pictures and looks, reports/jumps/ the metrics.
+    data/jumps/ gets the jumps, the rows' pictures and looks (numbers for light and skin),
+    reports/jumps/ the metrics.
     """
     p: JumpsSettings = load_settings("jumps")
     with (
@@ -80,7 +81,7 @@ def main() -> None:
         whole_folder(OUT) as folder,
     ):
         source = StoredFilm(folder / "pictures.npy", p.look_px, project)
-        source.create()
+        source.create()  # its file of pictures, which the workers fill
         reel, _ = source.load_film()
         with report_progress("jumps", len(reel), "rows") as advance:
             result = find_film_jumps(source, p, pool, advance)

@@ -44,9 +44,9 @@ def main() -> None:
         "shapes": len(explained),
         "first_shape_pct": float(explained[0]),
         "explained_pct": float(explained.sum()),
-        "trunk_pct": 100.0 * poses.trunk,
+        "trunk_pct": 100.0 * poses.trunk,  # whether body and tail have points of their own
         "tail_spread_body_lengths": poses.tail_spread,
-        "gap": poses.shapes.gap,
+        "gap": poses.shapes.gap,  # how far from a filmed posture another may be
         "memory_s": poses.memory_frames / project.rate_hz,
         "bend_rms_rad": float(np.sqrt((poses.codes**2).sum(1).mean())),
     }

@@ -209,7 +209,9 @@ def _compare_swimming(
     """
     rate, features = project.rate_hz, project.features
     works = {
-        FILM: sample_film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)
+        FILM: sample_film_lists(
+            features, longest=round(q.seconds * rate), most=round(p.seconds * rate), seed=p.seed
+        )
     }
     instrument = build_instrument(project)
     instruments = {FILM: instrument}

@@ -60,7 +60,7 @@ def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: floa
         count = count_orientations(sprites)
         for number, page in enumerate(pages):
             picture = atlas.draw_atlas_page(
-                page, lambda s, o: store[sprite_store_row(s, o, count)].pixels
+                page, lambda number, sector: store[sprite_store_row(number, sector, count)].pixels
             )
             (folder / f"atlas-{number}.png").write_bytes(atlas.encode_png(picture))
             text = json.dumps(atlas.atlas_page_json(pages, number, sprites, store.index, rate_hz))

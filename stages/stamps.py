@@ -80,7 +80,7 @@ def _path_files(groups: Groups) -> list[Path]:
     """Return the files with paths to swim; a track of the film has none."""
     paths = groups.get("matching", {}).get("path")
     entries = [paths] if isinstance(paths, str) else paths or []
-    return [Path(path).expanduser() for path in entries if path and path[:6] != "track:"]
+    return [Path(path).expanduser() for path in entries if path and not path.startswith("track:")]
 
 
 def _retarget_files(groups: Groups) -> list[Path]:

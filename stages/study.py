@@ -40,7 +40,7 @@ from finloop.io.footage import list_films, unique_film_names
 from finloop.io.numbers import NUMBERS_NAME, parse_numbers
 from finloop.io.table import save_csv
 from finloop.report.study import COLUMNS, FilmResult, study_page, study_table
-from stages.clones import require_only_one
+from stages.clones import claim_folder
 from stages.film import parse_film_paths
 from stages.origins import path_digest
 from stages.repository import list_experiments, read_git_user, run_git
@@ -168,12 +168,13 @@ def clip_path_overrides(path: str) -> Overrides:
     return ["clip=file", f"clip.path={format_override(path)}"]
 
 
-def load_results(
+def collect_results(
     films: Mapping[str, Overrides], failures: Mapping[str, str], folder: Path
 ) -> list[FilmResult]:
-    """Return the results of a study's experiments, in the order of its films; write each report.
+    """Return the results of a study's experiments, in the order of its films.
 
-    films: name → overrides. failures: experiment → why it failed. folder: for the reports.
+    Each film's report is written to `folder`. films: name → overrides. failures: experiment → why
+    it failed.
     """
     commits, results = list_experiments(), list[FilmResult]()
     for name, settings in films.items():
@@ -256,7 +257,7 @@ def main() -> None:
     common += arguments.overrides
     list_experiments()  # raises if there is no commit for them
     read_git_user()  # raises if there is none
-    require_only_one("stages.study")
+    claim_folder("stages.study")
     forget_lost_results(PREFIX + name for name in films)
     if LOCAL.is_file():
         print(f"finloop: a study does not use {LOCAL}", file=sys.stderr)
@@ -264,7 +265,7 @@ def main() -> None:
     with RunMaker(stages=[], jobs=arguments.jobs, shared=False) as maker:  # of all stages
         failures = maker.make(runs)
     with whole_folder(REPORTS) as folder:
-        results = load_results(films, failures, folder)
+        results = collect_results(films, failures, folder)
     save_csv(TABLE, study_table(results), decimals=4)
     save_bytes(PAGE, study_page(results, common).encode())
     print(f"\nDone: {PAGE}, {TABLE}")

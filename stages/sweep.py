@@ -34,7 +34,7 @@ from finloop.base.program import holds_sources
 from finloop.base.settings import WORDS, check_values
 from finloop.io.numbers import load_numbers as load_stage_numbers
 from finloop.report.headlines import HEADLINES
-from stages.clones import APART, PREFIX, require_only_one
+from stages.clones import APART, PREFIX, claim_folder
 from stages.cluster import PROCESSES
 from stages.code import OUT as CODE
 from stages.code import file_lists
@@ -119,6 +119,7 @@ def _has_same_code_and_params(commit: str, params: str) -> bool:
     changed = subprocess.run(["git", "diff", "--quiet", commit, "--", ".", *excludes], check=False)
     if changed.returncode or run_git("show", f"{commit}:{PARAMS}") != params:
         return False
+    # Where the program is installed elsewhere, git does not know it.
     return holds_sources(Path.cwd()) or _has_run_same_program(commit)
 
 
@@ -404,7 +405,7 @@ def main() -> None:
     name, plan, fixed = plan_sweep(words, measures, arguments)
     chosen = [f"+{FOLDER}={name}"] if name in list_sweeps() else []
     overrides = [*chosen, *list_overrides(read_params()), *fixed]
-    require_only_one("stages.sweep")
+    claim_folder("stages.sweep")
     finished, failures, found = make_sweep(name, plan, overrides, max(1, jobs))
     if finished:
         why = " ".join(filter(None, (plan.why, plan.seen, found)))

@@ -11,7 +11,7 @@ from browser import chromium, visit
 
 from finloop.base.errors import FinloopError
 from finloop.report.study import COLUMNS, FilmResult, study_page, study_table
-from stages.clones import require_only_one
+from stages.clones import claim_folder
 from stages.compose import compose_params
 from stages.study import clip_path_overrides, parse_study
 
@@ -107,9 +107,9 @@ def test_a_study_wants_the_folder_for_itself_and_clears_what_a_killed_one_left(
     other = [sys.executable, "-c", "input()", "stages.sweep"]
     with subprocess.Popen(other, stdin=subprocess.PIPE) as process:
         with pytest.raises(FinloopError, match=f"stages.sweep .process {process.pid}"):
-            require_only_one("stages.study")
+            claim_folder("stages.study")
         assert left.exists()
-    require_only_one("stages.study")
+    claim_folder("stages.study")
     assert not left.exists()
 
 

@@ -19,7 +19,8 @@ def main() -> None:
     A direction without gateways shows its nearest refused pairs.
     """
     with Project() as project:
-        gateways, reel, sheet = project.gateways, project.reel, {}
+        gateways, reel = project.gateways, project.reel
+        sheet = {}  # direction → pictures of its gateways
         nearest = load_table(project.data / "gateways/nearest.parquet", GATEWAYS)
         for direction in (IN, OUT):
             table = gateways if direction in set(gateways["direction"]) else nearest

@@ -27,6 +27,7 @@ def main() -> None:
     with Project() as project:
         background, drawn = project.background, project.edit_with_sources(p.mode, "render")
         gallery = project.gallery(drawn)
+        # Tiles are 1.5 body lengths wide.
         half_px = round(0.75 * project.drawn_scale(p.mode) * drawn.scene.typical_length_px)
         edit = drawn.edit[drawn.edit["fish"] == 0]  # tick by tick the first fish is shown alone
         for name, ticks in choose_sheet_ticks(edit, drawn.tracks).items():

@@ -19,7 +19,9 @@ def main() -> None:
     with Project() as project:
         sprites, store = project.sprites, project.sprite_cutouts
         count = count_orientations(sprites)
-        sheet = draw_sprites(sprites, lambda s, o: store[sprite_store_row(s, o, count)])
+        sheet = draw_sprites(
+            sprites, lambda number, sector: store[sprite_store_row(number, sector, count)]
+        )
     save_picture(Path("reports/motion/sprites/contact_sheet.png"), sheet)
 
 
