@@ -161,7 +161,7 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
     top = int(mean_shape.imag.argmin())
     numbered = np.full((len(regions), n, 2), np.nan)
     for frame, contour, start in zip(shown, contours, starts, strict=True):
-        ring = np.roll(contour, -start - top)[::FINE]
+        ring = np.roll(contour, -start - top)[::FINE]  # n points from the top on
         numbered[frame] = np.column_stack([ring.real, ring.imag])
     return numbered
 

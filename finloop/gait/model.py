@@ -351,6 +351,7 @@ def contours_half_cycle_later(
             f"the symmetry {symmetry!r}", f"one of {', '.join(SYMMETRIES)}", "choose one of these"
         )
     orders, offsets = layout.orders or {}, layout.offsets or {}
+    # A limb's order or offset must undo its partner's.
     later = dict[str, Points]()
     for name in contours:
         twin = opposite_limb(name, contours)
@@ -437,6 +438,7 @@ def contours_at_phases(
     subcycle, tau = locate_in_subcycle(np.mod(phases, 0.5), gait.split)
     first_half = dict[str, Points]()
     for name in key1:
+        # γ of the contour, or else that of all contours together, or else 0.
         gammas = gait.gamma.get(name, gait.gamma.get(POOLED, {}))
         is_closed = (closed or {}).get(name, True)
         poses = np.empty((len(phases), *keys[0][name].shape))

@@ -80,8 +80,8 @@ def swim_contours(
     beat = find_period(sideways, frame_rate_hz, -tail_sideways_positions(by_pose))
     if not beat.cycles:
         return TrackContours(by_pose, beat, length)
-    # The body frame follows place and direction without the beat; steady is where the fish, in this
-    # frame and without the beat, is straight.
+    # The body frame follows place and direction without the beat. Only frames in which the fish,
+    # seen in it and without the beat, is straight can be steady.
     smooth_body = remove_beat(np.column_stack([centre, angle]), beat.phase)
     straightened = move_to_body_frame(points, smooth_body[:, :2], smooth_body[:, 2]) / length
     coordinates = straightened.reshape(len(straightened), -1)

@@ -301,6 +301,7 @@ def _fit_sinusoids(modes: Floats, frequency: float) -> _SinusoidFit:
     explained = (projections[..., 2:] ** 2).sum(axis=(1, 2))
     # Subtract what noise alone would give: two of the n - 2 numbers that a line leaves.
     without_noise = explained - np.maximum(total - explained, 0) * 2 / (n - 4)
+    # Added to the variance in a window, so that no beat is seen where the animal rests.
     least_variance = _QUIET * modes.var(axis=0).sum() * (weight**2).sum()
     # Back from orthonormal terms to the amplitudes of cosine and sine; then from windows to frames.
     cos, sin = np.moveaxis(projections[..., 2:] @ np.linalg.inv(upper[2:, 2:]).T, -1, 0)
@@ -358,6 +359,7 @@ def _phase_of_frequency_path(
         fit = _fit_sinusoids(modes, grid[index])
         turn = np.exp(2j * np.pi * frequency[frames_there] * fit.offset[frames_there])
         amplitudes[frames_there] = fit.amplitude[frames_there] * turn[:, None]
+    # The pattern of modes that holds most of the amplitudes, and the angle of each frame along it.
     pattern = np.linalg.svd(amplitudes, full_matrices=False)[2][0]
     angle = np.angle(amplitudes @ pattern.conj()) / (2 * np.pi)
     # Unwrapped about the phase that the frequencies predict, so that every step has the right sign.

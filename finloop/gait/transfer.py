@@ -76,6 +76,7 @@ def animate_drawing(
     key2 = fit_drawing(key2, key1.width, key1.height)
     closed = {name: curve.closed for name, curve in key1.curves.items()}
     keys = match_key_poses(key1, key2, gait.symmetry, points)
+    # Where the second half of the cycle is placed, and the contours of the cycle.
     swap = gait.symmetry == "swap"
     if swap:
         layout = HalfCycleLayout(offsets=_standing_offsets(keys[0], gait))
@@ -85,6 +86,7 @@ def animate_drawing(
     layers = contours_of_cycle(
         *keys, add_pooled_gamma(gait), frames, layout, closed=closed, control=control
     )
+    # Feet on the ground; then what may look wrong.
     width = float(np.ptp(np.concatenate([curve.points for curve in key1.curves.values()])[:, 0]))
     support = gait.support if swap else {}
     tau = 1 - np.abs(1 - 2 * np.arange(frames) / frames)  # from 0 at key 1 to 1 at 1', and back
@@ -128,7 +130,8 @@ def _standing_offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
     standing = set()
     for name in key1:
         runs = support_frames(gait.support.get(name, ()), LEAST_FRAMES)
-        if any(0 in run % LEAST_FRAMES for run in runs):  # frame 0 is key 1
+        # Frame 0 is key 1; a number from LEAST_FRAMES on belongs to the next cycle.
+        if any(0 in run % LEAST_FRAMES for run in runs):
             standing.add(name)
     offsets = dict[str, Points]()
     for name in standing:
@@ -246,6 +249,7 @@ def mirrored_point_orders(
         for this_key, other_key in ((key2, key1), (key1, key2)):
             a = _centred_complex_points(this_key[name])
             b = _centred_complex_points(other_key[twin] * [1, -1]).conj()
+            # Entry s is Σ a_i b_(s−i): the mirrored contour, reversed, begins at its point s.
             starts_likeness += _contour_likeness(np.fft.ifft(np.fft.fft(a) * np.fft.fft(b)))
             forwards_likeness += float(_contour_likeness(a @ b))
             backwards_likeness += float(_contour_likeness(a @ b[forwards[::-1]]))

@@ -79,7 +79,7 @@ class ThinnedFish(NamedTuple):
     @property
     def difference_px(self) -> int:
         """Return how many pixels of the two rules' paths lie more than 1 px off the other path."""
-        # (m, k): how far each two pixels of the paths are from each other, sideways or upwards.
+        # (m, k): how far each pixel of one path is from each of the other, along x or y.
         distances = np.abs(self.branches[0].path[:, None] - self.kept).max(-1)
         return int((distances.min(0) > 1).sum() + (distances.min(1) > 1).sum())
 
@@ -233,8 +233,9 @@ def choose_fish_to_draw(fish: Iterable[ThinnedFish]) -> tuple[list[ThinnedFish],
         count += 1
         branched += bool(thinned.side_branches)
         differing += thinned.difference_px > 0
-        alone += thinned.body_ends > 2
+        alone += thinned.body_ends > 2  # its silhouette alone has a side branch
         most_branched = sorted([*most_branched, thinned], key=branch_order)[:1]
+        # Two, as one of them may be the most branched one.
         candidates = [*most_different, thinned]
         most_different = sorted(candidates, key=lambda thinned: -thinned.difference_px)[:2]
     others = [thinned for thinned in most_different if thinned is not most_branched[0]]
@@ -303,12 +304,14 @@ def _draw_fish(subfigure: SubFigure, fish: ThinnedFish) -> Axes:
         axes.axis("off")
         axes.set(xlim=(-0.5, fish.whole.shape[1] - 0.5), ylim=(fish.whole.shape[0] - 0.5, -0.5))
     film, thinned, numbered, kept = panels
+    # What lies below: the film, or the fish in grey.
     for axes in (film, kept):
         axes.imshow(fish.film, cmap="gray", vmin=0, vmax=255, interpolation="bicubic")
-    film.contour(fish.whole, [0.5], colors="white", linewidths=1)
-    film.contour(fish.body, [0.5], colors=_BACKBONE, linewidths=1.2, linestyles="dashed")
     for axes in (thinned, numbered):
         axes.imshow(np.where(fish.whole, 0.86, 1.0), cmap="gray", vmin=0, vmax=1)
+    # Outlines, skeleton, numbers, and the paths that are kept.
+    film.contour(fish.whole, [0.5], colors="white", linewidths=1)
+    film.contour(fish.body, [0.5], colors=_BACKBONE, linewidths=1.2, linestyles="dashed")
     skeleton_xy = np.argwhere(fish.skeleton)[:, ::-1]
     _draw_pixels(thinned, skeleton_xy, "black")
     _draw_numbers(numbered, fish)

@@ -183,7 +183,7 @@ def _draw_tile(specimen: Specimen, size: int) -> Picture:
     cv2.polylines(tile, [spline], isClosed=True, color=_SPLINE, **style)
     cv2.polylines(tile, [to_tile(specimen.backbone)], isClosed=False, color=_BACKBONE, **style)
     for x, y in to_tile(control):
-        cv2.circle(tile, (int(x), int(y)), 40, _CONTROL, cv2.FILLED, **style)
+        cv2.circle(tile, (int(x), int(y)), 40, _CONTROL, cv2.FILLED, **style)  # radius 2.5 px
     row, head = specimen.row, specimen.backbone[0]
     ahead = 0.25 * row["body_length_px"] * unit_vectors(row["heading_deg"])
     start, end = to_tile(np.stack([head, head + ahead]))

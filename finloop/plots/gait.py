@@ -217,11 +217,12 @@ def _figure13(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
 
 def _figure14(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
     """Draw Fig. 14: the cycle with 4, 16 and 64 control points per contour, a row each."""
-    phases = np.arange(_COLUMNS) / _COLUMNS
+    phases = np.arange(_COLUMNS) / _COLUMNS  # so each number of points has a single row of poses
     rows = [
         _arrange_poses(_synthesize_contours(gait, keys, film, phases, control))[0]
         for control in _CONTROL
     ]
+    # The phases are written above the first of the three rows alone.
     titles = [f"phase {phase:.2f}" for phase in phases] + [""] * (2 * _COLUMNS)
     names = [f"{control} points" for control in _CONTROL]
     return _draw_sheet(rows, titles, names, title="the same at few control points")

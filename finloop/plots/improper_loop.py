@@ -50,14 +50,16 @@ def find_most_improper_loop(
 
     Pairs that are improper between their ends come before those that are improper at an end. Of
     these the pair whose travel differs most from the heading is taken; a path below one body length
-    counts less. candidates: pairs of similar rows, columns a, b, improper, filtered. max_angle_deg:
-    a larger angle between travel and heading is improper.
+    counts less. candidates: pairs of similar rows, columns a, b, improper, filtered (distance, mean
+    with that of their neighbours). max_angle_deg: a larger angle between travel and heading is
+    improper.
     """
     pairs = candidates[candidates["improper"]]
     if pairs.empty:
         return None
     a, b = pairs["a"].to_numpy(), pairs["b"].to_numpy()
     travel = measure_travel(a, b, features)  # arrays (pairs, 3): between the ends, at a, at b
+    # By how much the travel is off the heading, 0 where it is proper; weighted for short paths.
     fault_deg = np.where(travel.off_deg > max_angle_deg, travel.off_deg, 0.0)
     places = places_through_water(features)
     path_length = np.hypot(*(places[b] - places[a]).T)
@@ -100,7 +102,7 @@ def figure13(
     features = reel.features
     figure = Figure(figsize=(12.5, 8.0), layout="constrained")
     figure.suptitle(headline, fontsize=11)
-    heights = _HIGH * 12.5, 2
+    heights = _HIGH * 12.5, 2  # inches; the upper part is 12.5 wide
     parts: NDArray[np.object_] = np.asarray(figure.subfigures(2, 1, height_ratios=heights))
     upper, lower = parts
     # The path over the tank, with the fish at its ends.

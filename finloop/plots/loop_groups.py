@@ -43,6 +43,7 @@ def rows_within_loops(loops: pd.DataFrame, track_id: Rows) -> Mask:
     change = np.zeros(len(track_id) + 1, np.int64)  # of the number of loops that lie over a row
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     within = track_id[a] == track_id[b]
+    # From a to b, or a alone; and b alone.
     for first, last in ((a, np.where(within, b, a)), (b, b)):
         np.add.at(change, first, 1)
         np.add.at(change, last + 1, -1)
@@ -60,7 +61,7 @@ def figure12(
     """
     track_id = features["track_id"].to_numpy()
     group_sizes = loops["group"].value_counts().sort_index()
-    rows = min(len(group_sizes), _ROWS) + (len(group_sizes) > _ROWS)
+    rows = min(len(group_sizes), _ROWS) + (len(group_sizes) > _ROWS)  # one for all other groups
     heights = (3.2, 0.45 + 0.28 * rows, 1.5)
     figure = Figure(figsize=(12.5, sum(heights) + 1.6), layout="constrained")
     track_panel, group_panel, ends_panel = figure.subplots(3, 1, sharex=True, height_ratios=heights)
@@ -68,6 +69,7 @@ def figure12(
     _draw_groups(group_panel, loops, track_id, rate_hz)
     _draw_dead_ends(ends_panel, graph, features, rate_hz)
     ends_panel.set(xlim=(0, len(track_id) / rate_hz))
+    # The last panel's key, moved below the figure.
     key = ends_panel.get_legend()
     figure.legend(handles=key.legend_handles, loc="outside lower center", ncols=3, frameon=False)
     key.remove()
@@ -79,7 +81,7 @@ def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: 
 
     Groups alternate between four colours. track_id (n,): the track of each row of the film.
     """
-    within = loops[loops["length_s"].notna()]
+    within = loops[loops["length_s"].notna()]  # a loop between two tracks has no length
     axes.set(yticks=[], ylim=(-0.28, 1.05))
     if within.empty:
         axes.set_title("no loop lies within one track", loc="left", fontsize=10)
@@ -122,7 +124,7 @@ def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
     Beyond `_ROWS` groups, one row holds the others. track_id (n,): the track of each film row.
     """
     group_sizes = loops["group"].value_counts().sort_index()
-    joins_tracks = loops["length_s"].isna()
+    joins_tracks = loops["length_s"].isna()  # a loop between two tracks has no length
     names = []
     for row in range(min(len(group_sizes), _ROWS) + (len(group_sizes) > _ROWS)):
         group = loops[loops["group"] == row] if row < _ROWS else loops[loops["group"] >= row]

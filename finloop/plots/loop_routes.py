@@ -49,7 +49,7 @@ def find_three_routes(loops: pd.DataFrame, track_id: Rows) -> ThreeRoutes | None
     of each row.
     """
     # The best four loops of the tracks with the most loops.
-    within = loops[loops["length_s"].notna()]
+    within = loops[loops["length_s"].notna()]  # a loop between two tracks has no length
     track = track_id[within["a"].to_numpy()]
     largest_share, chosen = 0.0, None
     tracks, count = np.unique(track, return_counts=True)

@@ -65,7 +65,7 @@ def draw_loops_over_tank(
         if len(rows):
             label = f"{len(rows)} ends: {meaning}"
             axes.plot(x[rows], y[rows], ".", color=colour, ms=size, label=label)
-    # The arrows.
+    # The arrows; a loop between two tracks has no length.
     within = loops[loops["length_s"].notna()].sort_values("length_s")
     drawn = spread_table_rows(within, _ARROWS)
     a, b = drawn["a"].to_numpy(), drawn["b"].to_numpy()

@@ -96,7 +96,7 @@ def _draw_paths(axes: Axes, edit: pd.DataFrame) -> list[Line2D]:
     for name, colour in colours.items():
         lines = list(steps[has_goal & (name_of_step == name)])
         axes.add_collection(LineCollection(lines, colors=colour, lw=2.4, capstyle="round"))
-    # About twelve headings, the starts, and the key.
+    # About twelve headings, from the 13th tick on, the starts, and the key.
     to_goals = edit.iloc[later[has_goal]]
     about_twelve = to_goals.iloc[min(12, len(to_goals)) :: max(1, len(to_goals) // 12)]
     draw_heading_arrows(axes, about_twelve, color="black", zorder=3)
@@ -148,7 +148,7 @@ def choose_switch_ticks(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> 
     """
     # All such ticks.
     kind = edit["kind"].to_numpy()
-    fades = (edit["weight"] > 0).to_numpy()
+    fades = (edit["weight"] > 0).to_numpy()  # ticks within a cross-fade
     changes_kind = np.append(False, kind[1:] != kind[:-1])
     is_frame = kind == FRAME
     # Track and frame that each tick shows; on a jump not the next frame of the same track.
@@ -212,7 +212,10 @@ def draw_tiles(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: int =
 
 
 def _draw_tile(tile: Tile, size: int) -> Picture:
-    """Return a tile, `size` px wide, below a bar with its tick, name and share of fading."""
+    """Return a tile, `size` px wide, below a bar with its tick, name and share of fading.
+
+    A white frame of 1 px surrounds both.
+    """
     big = cv2.resize(convert_to_colour(tile.film), (size, size), interpolation=cv2.INTER_CUBIC)
     bar = np.full((18, size, 3), 255, np.uint8)
     bar[:, :5] = rgb_from_hex(tile.colour)

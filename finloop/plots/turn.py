@@ -36,7 +36,7 @@ def find_strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
         return None
     for k in range(delta, _MOST * delta + 1, delta):
         turn_deg = _clear_turn_deg(features, k, delta)
-        if turn_deg.any():
+        if turn_deg.any():  # one value for each row at which the turn may begin
             return turn_deg.argmax() + k * np.arange(3)
     return None
 
@@ -70,7 +70,7 @@ def heading_change_deg(
 
     Positive is left. k: a multiple of `delta`, the time in which motion is measured, in frames.
     """
-    angle = features["included_angle_deg"].to_numpy(float)
+    angle = features["included_angle_deg"].to_numpy(float)  # by how much the heading changes over Δ
     return np.asarray(angle[rows[:, None] + np.arange(0, k, delta)].sum(axis=1))
 
 

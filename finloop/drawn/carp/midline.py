@@ -79,7 +79,7 @@ def midline_of_pose(
 def midline_bend(line: Floats) -> float:
     """Return the signed area between a midline and its chord / length², + for a left bend.
 
-    line (k, 2): head to tail, any unit.
+    line (k, 2): head to tail, any unit, y down.
     """
     x, y = line[:, 0], line[:, 1]
     area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))

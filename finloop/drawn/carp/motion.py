@@ -179,7 +179,7 @@ class Swimmer:
         self.drift = 0.0  # slow meander of straight swimming, radians a second
         self.fins = [0.0, 0.0]
         self.fins_open = bool(rng.random() < fins)
-        self.fins_remaining_s = self._draw_fin_time()
+        self.fins_remaining_s = self._random_fin_time()
         self.mode, self.remaining_s, self.duration_s = "cruise", 0.0, 1.0
         self.target_rate, self.target_amplitude = 1.6, 0.8
         self.angle, self.peak = 0.0, 0.0
@@ -209,10 +209,10 @@ class Swimmer:
         """
         size = abs(angle)
         self.mode, self.angle = "turn", angle
-        self.net_turn = 0.75 * self.net_turn + angle
+        self.net_turn = 0.75 * self.net_turn + angle  # of recent turns: no fish circles one way
         self.duration_s = float((0.36 + 0.76 * size / math.pi) * self.rng.uniform(0.85, 1.25))
         self.remaining_s = self.duration_s
-        self.peak = math.copysign(
+        self.peak = math.copysign(  # the greatest bend, radians
             (math.radians(17) + 0.66 * size) * float(self.rng.uniform(0.85, 1.15)), angle
         )
         self.target_rate, self.target_amplitude = 1.2, 0.15
@@ -227,7 +227,8 @@ class Swimmer:
         best, best_angle = -math.inf, None
         for size in self.rng.uniform(math.radians(30), math.radians(150), 14):
             for angle in (size, -size):
-                # About the place at which the turn ends, and the free water [BL] from there on.
+                # About the place at which the turn ends, and the free water [BL] from there on. The
+                # time of the turn is the mean of that in `_begin_turn`.
                 path = 0.5 * self.speed * (0.36 + 0.76 * size / math.pi)
                 x = self.x + path * (math.cos(self.axis) + math.cos(self.axis + angle)) / 2
                 y = self.y - path * (math.sin(self.axis) + math.sin(self.axis + angle)) / 2
@@ -250,13 +251,15 @@ class Swimmer:
         """
         self.remaining_s -= dt
         self.rest_s -= dt
+        # A turn is not interrupted; after it, the fish rests from turning.
         if self.mode == "turn":
             if self.remaining_s <= 0:
                 self.rest_s = 0.35
                 self._begin_straight("burst" if self.rng.random() < 0.25 else "cruise")
             return
+        # Away from a wall or a fish that is near.
         ahead = _distance_to_edge(self.x, self.y, self.axis, self.room)
-        has_room = all(_gap_between(self, other, REACH) > 0 for other in others)
+        has_room = all(_gap_between(self, other, REACH) > 0 for other in others)  # for a turn
         if self.rest_s <= 0:
             threat = min((_closest_approach(self, other, 0.0) for other in others), default=9.0)
             if ahead < 0.35 + 0.55 * self.speed or threat < 0.95:
@@ -265,7 +268,8 @@ class Swimmer:
                     self._begin_turn(angle)
                     return
                 if self.speed < 0.35:
-                    self.back_s = 0.5
+                    self.back_s = 0.5  # s in which it swims backwards
+        # Another kind of motion, at random.
         if self.remaining_s <= 0:
             chance = float(self.rng.random())
             if self.mode != "glide" and chance < 0.35:
@@ -283,7 +287,7 @@ class Swimmer:
             else:
                 self._begin_straight("cruise")
 
-    def _draw_fin_time(self) -> float:
+    def _random_fin_time(self) -> float:
         """Return a random time, s, until the pectoral fins open or close; inf if they never do.
 
         Open fins close after 1.3 s on average. If they never move, `fins_open` is set for good.
@@ -292,6 +296,7 @@ class Swimmer:
         if share <= 0 or share >= 1:
             self.fins_open = share >= 1
             return math.inf
+        # Closed fins wait for so long that fins are open for `share` of the time.
         mean = 1.3 if self.fins_open else 1.3 * (1 - share) / share
         return float(mean * self.rng.uniform(0.5, 1.5))
 
@@ -374,7 +379,7 @@ class Swimmer:
         self.fins_remaining_s -= dt
         if self.fins_remaining_s <= 0:
             self.fins_open = not self.fins_open
-            self.fins_remaining_s = self._draw_fin_time()
+            self.fins_remaining_s = self._random_fin_time()
         for i, delay_s in enumerate((0.09, 0.11)):
             target = 1.0 if self.fins_open or (self.back_s > 0 and self.fins_share > 0) else 0.0
             self.fins[i] += (target - self.fins[i]) * dt / delay_s

@@ -79,7 +79,7 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
     _fill_polygon(picture, origin + shadow, SHADE)
 
     def fill_limb(name: str, colour: tuple[int, int, int]) -> None:
-        """Fill a limb of the dog."""
+        """Paint a limb of the dog into the picture."""
         contour = limb_contours_at(dog, name, np.array(phase), POINTS)
         _fill_polygon(picture, origin + contour, colour)
 
@@ -117,7 +117,7 @@ def limb_masks(picture: Picture) -> dict[str, Mask]:
     distance = (palette**2).sum(axis=1) - 2 * picture.astype(np.float32) @ palette.T
     pale = (distance.argmin(axis=2) == 0).astype(np.uint8)
     count, labels, stats, centres = cv2.connectedComponentsWithStats(pale, connectivity=4)
-    if count < 3:
+    if count < 3:  # two limbs and the background, label 0
         raise FinloopError(
             f"a picture with {count - 1} regions in the colour of the near limbs",
             "a frame of the drawn dog, in which both near limbs are seen",

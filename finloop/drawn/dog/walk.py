@@ -169,6 +169,7 @@ def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: 
 
 def body_origins_px(dog: DogFilm) -> Floats:
     """Return where the origin of the body frame is in the picture, (frames, 2) px."""
+    # The camera follows only a share of the dog's motion, `pan`; the rest is seen in the picture.
     travel = 2 * dog.stride * dog.trunk_px * frame_phases(dog) * (1 - dog.pan)
     middle = 0.47 * dog.width_px - travel[-1] / 2
     return np.column_stack([middle + travel, np.full(dog.frames, 0.86 * dog.height_px)])
