@@ -86,7 +86,7 @@ def main() -> None:
     else:
         numbers["explained_pct"] = 100 * fit.explained
         numbers["explained_held_out_pct"] = 100 * fit.explained_held_out
-        numbers["own_direction"] = fit.direction_weight
+        numbers["own_direction"] = fit.direction_weight  # weight of a fish's present direction
     with whole_folder(OUT) as folder:
         _save_rule(folder, rule)
         save_table(folder / "film.parquet", film.table, SHOAL)

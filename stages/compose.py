@@ -79,7 +79,7 @@ def quoting_error(overrides: list[str]) -> FinloopError | None:
 
 
 def _guess_overrides(words: list[str]) -> list[str]:
-    """Return the overrides that were meant by words that the shell has split at spaces.
+    """Return the overrides that were meant, from words that the shell has split at spaces.
 
     So ["clip.path", "=", "my", "film.mp4"] gives ["clip.path=my film.mp4"].
     """

@@ -228,7 +228,7 @@ def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, CyclePictures | 
         name, source = regions.name, f"regions in {regions.name}"
     traces = load_regions(regions, region_contour, check_traced_contour)
     walk, beat, contours = walker_gait_contours(
-        traces.frames, rate, p.contour_points, p.split, traces.first
+        traces.frames, rate, p.contour_points, p.split, first=traces.first
     )
     for note in contours.notes:
         print(f"gait: {note}")

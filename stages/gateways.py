@@ -44,7 +44,8 @@ def _report_missing(
         if distances.empty:
             why = f"no track lasts {least_deltas:g} Δ and one frame more"
         else:
-            threshold = np.ceil(10 * distances.min() / step + 1e-6) / 10  # rounded up to 0.1
+            # Rounded up to 0.1, and never so tight that a rounding error refuses the pair.
+            threshold = np.ceil(10 * distances.min() / step + 1e-6) / 10
             why = f"gateways.distance_threshold={threshold:.1f} would give some"
         print(f"gateways: no gateway {word} the film; {why}", file=sys.stderr)
 

@@ -73,7 +73,7 @@ def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
     radius = np.sqrt(abs(signed_area(outline)) / np.pi)
     ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
-    shape, rest = match_curves(outline, Curve(ring, True), HOOP_POINTS)
+    shape, rest = match_curves(outline, Curve(ring, closed=True), HOOP_POINTS)
     displacement = shape - shape.mean(axis=0) - rest
     # Mode m swings m √(e₀/ρ) times per unit of time: the oval, m = 2, once.
     material = Material(density=1.0, elastic=0.25, mass_damping=1.0)

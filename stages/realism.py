@@ -192,7 +192,10 @@ def main() -> None:
 
 
 def build_instrument(project: Project) -> Instrument:
-    """Return the instrument that measures drawn fish as extraction measured the film."""
+    """Return the instrument that measures drawn fish as extraction measured the film.
+
+    Δ and the current of the water are those of the film, not measured anew.
+    """
     features, rate = project.features, project.rate_hz
     delta_s, current = infer_delta_frames(features) / rate, float(features["current"].iloc[0])
     measure = replace(load_settings("features"), delta_s=delta_s, water_current_bl_s=current)

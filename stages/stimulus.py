@@ -193,6 +193,7 @@ def _open_session(
     path = options.out / f"{stamp}_{name}.parquet"
     journal = path.with_suffix(".journal")
     looks = look_messages(protocol)
+    # The command `dry` has neither the option --digest nor --display.
     feed = film.feed(
         looks, protocol.fish, display=facts.get("display"), mode="session",
         digest=getattr(options, "digest", False), name=getattr(options, "display", "none"),

@@ -72,7 +72,7 @@ def _clone(root: Path, folder: Path, cache: str) -> None:
         if (root / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(root / name, folder / name)
-        else:
+        else:  # git has it, but it is deleted in the workspace
             (folder / name).unlink(missing_ok=True)
     # Also the machine code in __pycache__, which takes half a minute to compile.
     if (root / "finloop").is_dir():  # else it is installed
@@ -296,6 +296,7 @@ def plan_sweep(
     the varied stages and of `animate`. changes: other fields of the experiment, None = as declared.
     FinloopError if there is nothing to vary, or a name is unknown.
     """
+    # Sort the words into names of sweeps, parameters that vary, and overrides of every run.
     names = [word for word in words if "=" not in word]
     varied, fixed = dict[str, str](), list[str]()
     for word in (word for word in words if "=" in word):
@@ -316,6 +317,7 @@ def plan_sweep(
             'make sweep experiment=learning_rate, or S="group.key=1,2,3 other.key=4,5"',
             f"name one of {', '.join(list_sweeps())}, or give a parameter several values",
         )
+    # What the named sweep declares, changed by what was typed.
     values: dict[str, Any] = {"title": " and ".join(varied), "why": "", "seen": ""}
     if names:
         values = asdict(load_experiment(names[0]))

@@ -47,8 +47,8 @@ def save_matching_tables(
     fish and the errors from the paths, by name.
     """
     world = animator.world
-    ticks, filmed = world.duration, world.film.filmed
-    candidates = [candidate_table(swim, ticks, filmed, fish) for fish, swim in enumerate(swims)]
+    ticks, film_rows = world.duration, world.film.filmed  # how many; mirror images come after them
+    candidates = [candidate_table(swim, ticks, film_rows, fish) for fish, swim in enumerate(swims)]
     save_table(folder / "considered.parquet", pd.concat(candidates), CONSIDERED)
     clearance = encounters.measure_clearance(edit, animator.player)
     all_paths = enumerate(animator.paths[: len(swims)])
