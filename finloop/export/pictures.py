@@ -56,6 +56,7 @@ class FishOnlyPainter:
 
         Both canvases are rounded: a colour may exceed its alpha by 1.
         """
+        # Over black a pixel is alpha · colour, over white 255 − alpha more.
         over_black = self.black.canvas[box.slices]
         through = self.white.canvas[box.slices].astype(np.float32) - over_black  # 255 − alpha
         alpha = np.rint(_WHITE - through.mean(axis=2, keepdims=True)).astype(np.uint8)
@@ -132,7 +133,8 @@ def sprites_of_sequence(
         )
         for sprite, scale in zip(rows["sprite"], rows["scale"], strict=True)
     ]
-    # A whole diagonal, as the mass centre may lie anywhere in the picture.
+    # A whole diagonal of the largest picture (`near` has its height and width), as the mass centre
+    # may lie anywhere in it.
     half = RIM + max(math.ceil(step.scale * math.hypot(*step.picture.near.shape)) for step in steps)
     return [(PlacedFish(half, half, step, partner=None, weight=0.0),) for step in steps], half
 

@@ -76,7 +76,10 @@ def _require_free_place(folder: Path) -> None:
 
 
 def list_shipped_files() -> Iterator[str]:
-    """Yield the files of finloop that a lab gets, as paths below `shipped_folder()`."""
+    """Yield the files of finloop that a lab gets, as paths below `shipped_folder()`.
+
+    The file `FILES` holds their glob patterns.
+    """
     root = shipped_folder()
     for pattern in FILES.read_text(encoding="utf-8").split():
         for path in sorted(root.glob(pattern)):

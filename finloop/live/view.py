@@ -233,8 +233,8 @@ class TankView:
         assert options is not None and isinstance(player, Planner)
         row, cost = int(options.rows[number]), float(options.costs[number])
         impossible, film = not math.isfinite(cost), player.world.film
-        turn_rad = float(options.rots[number])
-        path = self._path_along_film(film, (fish.x, fish.y), row, turn_rad)
+        turn_deg = float(options.rots[number])
+        path = self._path_along_film(film, (fish.x, fish.y), row, turn_deg)
         return {
             # The mirror image of a row has the row's number plus `filmed`, the number of film rows.
             "row": row % film.filmed, "seam": round(float(options.seams[number]), 2),
@@ -247,19 +247,20 @@ class TankView:
         }  # fmt: skip
 
     def _path_along_film(
-        self, film: MotionGraph, start: tuple[float, float], row: int, turn_rad: float
+        self, film: MotionGraph, start: tuple[float, float], row: int, turn_deg: float
     ) -> list[list[int]]:
         """Return the path (n, 2) [px] of a fish that plays the film on from a row.
 
         It ends after 1.5 s, or where the film shows no next frame; every second place is listed.
-        start: where it begins, x, y [px]. turn_rad: by how much the film's motion is turned.
+        start: where it begins, x, y [px]. turn_deg: by how much the film's motion is turned
+        anticlockwise.
         """
         end = row + round(_PATH_S * self.tank.world.motion.rate_hz)
         stops = np.flatnonzero(~film.has_next[row:end])
         end = row + int(stops[0]) if stops.size else min(end, len(film.has_next) - 1)
-        cos, sin = rotate(1.0, 0.0, turn_rad)
+        cos, minus_sin = rotate(1.0, 0.0, turn_deg)  # y down
         dx, dy = film.dx[row:end], film.dy[row:end]
-        steps = np.column_stack([dx * cos - dy * sin, dx * sin + dy * cos])
+        steps = np.column_stack([dx * cos - dy * minus_sin, dx * minus_sin + dy * cos])
         path = np.cumsum(np.vstack([start, steps]), axis=0)[::_PATH_EVERY]
         return np.rint(path).astype(int).tolist()
 

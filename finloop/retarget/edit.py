@@ -27,7 +27,7 @@ class RowSequence:
 
     @classmethod
     def from_rows(cls, numbers: Ints, follows: Ints, count: int) -> "RowSequence":
-        """Return a sequence of row numbers (T,); a mirror image has its row's number + count.
+        """Return the sequence of the rows numbered (T,); a mirror image has row number + count.
 
         follows (m,): the number that comes next in the film, −1 for none; count: rows of the film.
         """
@@ -53,6 +53,7 @@ def shown_pose_codes(sources: RowSequence, heading_deg: Floats, joins: JoinRules
     if joins.kind != INERTIAL:
         return codes
     states = inertialize_pictures(shown, heading_deg, joins)
+    # `posed`: the ticks soon after a jump, whose pose is changed.
     return np.where(states.posed[:, None], states.codes, codes)
 
 
@@ -67,14 +68,17 @@ def build_edit_list(
     ticks, bodies = len(sources.row), joins.bodies
     heading = wrap_deg(np.degrees(pose.heading_rad))
     shown = sources.to_pictures(heading, bodies)
+    # Cross-fade light and skin at each jump, but not at one to a near frame of the same track,
+    # where both are the same.
     begins = sources.switch
     goes_on = bodies.goes_on
-    if len(begins):  # within one passage light and skin are the same
+    if len(begins):
         drawn = bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
         due = bodies.next_body(drawn.select(begins - 1))
         begins = begins[~bodies.are_near_in_film(due, drawn.select(begins), joins.fade)]
+    # The frames that fade out play on, and stay at the end of their track.
     partner, weight = cross_fade_partners(
-        shown, begins, joins.fade, lambda _, row: row + int(goes_on[row])
+        shown, begins, joins.fade, following=lambda _, row: row + int(goes_on[row])
     )
     fades = weight > 0
     speed = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) * rate_hz / pose.size_px[1:]

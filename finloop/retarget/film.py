@@ -116,7 +116,7 @@ def track_from_film_rows(film: RetargetData, rows: Ints, name: str) -> Track:
 def retarget_track(
     track: Track, film: RetargetData, p: RetargetSettings, others: JoinParameters
 ) -> Retargeted:
-    """Return the edit list and metrics of the film's fish that follows a recorded track.
+    """Return edit list, requested motion and metrics of the film's fish on a recorded track.
 
     film: the film whose frames are drawn; p: the group `retarget` of the parameters; others: of
     other stages. FinloopError if the track is too short, swims tail first, has no body length, or
@@ -179,9 +179,9 @@ class _PlacedTrack(NamedTuple):
         return len(self.along) > 2
 
     def offsets_into_tank(self, film: RetargetData, p: RetargetSettings) -> tuple[Points, float]:
-        """Return how far (T, 2) px the bodies must move to lie in the tank, and the path's factor.
+        """Return the shifts (T, 2) px that move bodies into the tank, and the path's new size.
 
-        The move scales the path by this factor; the bodies keep their size.
+        The shifts scale the path by this factor, at most 1; the bodies keep their size.
         """
         bodies = self.pose.backbone_px()
         shift, factor = find_placement(bodies, film.arena, film.reel.length_px, p)
@@ -210,6 +210,7 @@ def _fit_track_to_fish(
     without postures gets the mean posture; `p.mirrored` swaps left and right.
     """
     shapes, length_px, along = film.poses.shapes, film.reel.length_px, track.along
+    # What `track.length_px` measures, on this film's fish, as a multiple of its typical length.
     length_share = backbone_length_share(shapes)
     if len(along) == 2:  # two points show only the straight distance between them
         length_share = straight_distance_share(shapes, along) / np.ptp(along)
@@ -218,14 +219,16 @@ def _fit_track_to_fish(
     if p.mirrored:
         points = mirror_left_right(points, film.arena.shape[1])
         codes = None if codes is None else codes @ shapes.mirror_matrix
+    # With postures: the film's nearest ones. Without: the mean posture, turned as the points show.
     if track.has_postures:
         pose, codes, clamped = fit_postures(points, along, shapes, length_px, codes)
         return _PlacedTrack(points, along, pose, codes, clamped), scale
     postures = np.repeat(shapes.mean[None], len(points), 0)
     heading = None
-    if len(along) == 1:
+    if len(along) == 1:  # a point heads where it travels
         delta = infer_delta_frames(film.reel.features)
         span = max(1, round(delta / 4))  # a quarter of Δ, as for the film's rows (`FilmRows`)
+        # `_STILL` body lengths in Δ, as px a tick.
         heading = _travel_headings(points[:, 0], span, still_px=_STILL * length_px / delta)
     pose = align_postures(postures, points, along, length_px, heading)
     codes, clamped = np.zeros((len(points), len(shapes.shapes))), np.zeros(len(points), bool)
@@ -243,13 +246,13 @@ def _choose_rows_and_move_into_tank(
     if track.has_postures:
         track = track.shift(*track.offsets_into_tank(film, p))
         return _choose_rows(track, rows, film, p), track
-    sources, fish = _choose_rows_without_postures(track, rows, joins, film, p)
-    offset, factor = fish.offsets_into_tank(film, p)
+    sources, postured = _choose_rows_without_postures(track, rows, joins, film, p)
+    offset, factor = postured.offsets_into_tank(film, p)
     if factor < 1:
         track = track.shift(offset, factor)
-        sources, fish = _choose_rows_without_postures(track, rows, joins, film, p)
-        offset, factor = fish.offsets_into_tank(film, p)
-    return sources, fish.shift(offset, factor)
+        sources, postured = _choose_rows_without_postures(track, rows, joins, film, p)
+        offset, factor = postured.offsets_into_tank(film, p)
+    return sources, postured.shift(offset, factor)
 
 
 def _choose_rows(
@@ -288,7 +291,8 @@ def _travel_headings(place: Points, span: int, still_px: float) -> Floats:
     span: ticks to each side over which it is measured. While the point moves less than `still_px` a
     tick, the heading is interpolated; it is 0 if the point never moves more.
     """
-    velocity = change_per_row(place, np.arange(len(place)) < len(place) - 1, span)
+    has_next = np.arange(len(place)) < len(place) - 1
+    velocity = change_per_row(place, has_next, span)  # px a tick, y down
     moves = np.flatnonzero(np.hypot(*velocity.T) > still_px)
     if not len(moves):
         return np.zeros(len(place))
@@ -299,7 +303,11 @@ def _travel_headings(place: Points, span: int, still_px: float) -> Floats:
 def _requested_motion_table(
     motion: RecordedMotion, track: _PlacedTrack, sources: RowSequence
 ) -> pd.DataFrame:
-    """Return the motion of every tick, as requested and as drawn: columns of `ASKED`."""
+    """Return the motion of every tick, as requested and as drawn: columns of `ASKED`.
+
+    `apart` is the mean distance between the track's points and the drawn backbone, in its lengths;
+    NaN for a track of a single point, on which the fish is placed exactly.
+    """
     points, pose, along = track.points, track.pose, track.along
     backbone = pose.backbone_px()
     apart = np.full(len(points), np.nan)

@@ -36,12 +36,12 @@ def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> Recorde
     """
     time = track.frame / track.rate_hz
     wanted = (time >= p.start_s) & (time <= (np.inf if p.end_s is None else p.end_s))
-    frames = np.flatnonzero(track.is_complete & wanted)
-    is_gap = np.diff(track.frame[frames]) > 1 + round(p.gap_s * track.rate_hz)
-    stretches = np.split(frames, np.flatnonzero(is_gap) + 1)
+    usable = np.flatnonzero(track.is_complete & wanted)  # places in the track
+    is_gap = np.diff(track.frame[usable]) > 1 + round(p.gap_s * track.rate_hz)
+    stretches = np.split(usable, np.flatnonzero(is_gap) + 1)
     longest = max(stretches, key=lambda stretch: np.ptp(time[stretch]) if len(stretch) else -1.0)
     duration_s = float(np.ptp(time[longest])) if len(longest) else 0.0
-    ticks = int(duration_s * rate_hz + 1e-6) + 1
+    ticks = int(duration_s * rate_hz + 1e-6) + 1  # 1e-6: against rounding errors
     if ticks < _LEAST_TICKS or len(longest) < 2:
         raise FinloopError(
             f"the longest stretch of {track.name} without a gap has {len(longest)} frames, "

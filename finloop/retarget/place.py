@@ -105,15 +105,16 @@ def _format_size(points: Points, length_px: float) -> str:
 
 
 def find_shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | None:
-    """Return the shift (2,) in whole px that moves bodies (T, k, 2) px into the arena, or None.
+    """Return the shift (x, y) in whole px that moves bodies (T, k, 2) px into the arena, or None.
 
     length_px: body length. Of the shifts that leave no point outside, the one with the points
     farthest from the walls is taken. Shifts by whole cells of a coarse map are tried first, and
     where none of them fits, every shift by whole px.
     """
     pixels = _round_to_pixels(bodies.reshape(-1, 2))
-    depth = scipy.ndimage.distance_transform_edt(np.pad(arena, 1))[1:-1, 1:-1]
-    wall_cost = np.maximum(0.0, 1 - depth / (_CLEAR * length_px))
+    # A point costs 1 at a wall, nothing `_CLEAR` body lengths away; the picture's edge is a wall.
+    from_wall_px = scipy.ndimage.distance_transform_edt(np.pad(arena, 1))[1:-1, 1:-1]
+    wall_cost = np.maximum(0.0, 1 - from_wall_px / (_CLEAR * length_px))
     coarse = -(-max(arena.shape) // _CELLS)  # side of a cell, rounded up
     for cell in sorted({coarse, 1}, reverse=True):
         shift = _find_shift_by_cells(pixels, arena, wall_cost, cell)
@@ -122,12 +123,12 @@ def find_shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | N
     return None
 
 
-def _find_shift_by_cells(pixels: Ints, arena: Mask, wall: Floats, cell: int) -> Floats | None:
-    """Return the best shift (2,) of pixels (n, 2) into the arena, in steps of a cell; or None.
+def _find_shift_by_cells(pixels: Ints, arena: Mask, wall_cost: Floats, cell: int) -> Floats | None:
+    """Return the best shift (x, y) px of pixels (n, 2) into the arena, in steps of a cell; or None.
 
-    cell: side of a cell, px; wall (h, w): cost of a pixel. Two correlations try all shifts at once:
-    one counts the points outside, the other sums the cost. A cell that is partly outside counts as
-    outside.
+    cell: side of a cell, px; wall_cost (h, w): of each pixel, for being near a wall. Two
+    correlations try all shifts at once: one counts the points outside, the other sums the cost. A
+    cell that is partly outside counts as outside.
     """
     inside = _cut_into_cells(arena.astype(float), cell).min((1, 3)) > 0
     cells = pixels // cell
@@ -142,11 +143,11 @@ def _find_shift_by_cells(pixels: Ints, arena: Mask, wall: Floats, cell: int) -> 
     fits = np.rint(scipy.signal.correlate(1.0 - inside, is_used, mode="valid")) == 0
     if not fits.any():
         return None
-    cell_cost = _cut_into_cells(wall, cell).mean((1, 3))
+    cell_cost = _cut_into_cells(wall_cost, cell).mean((1, 3))
     cost = scipy.signal.correlate(cell_cost, points_in_cell, mode="valid")
     middle = (np.array(cost.shape) - 1) / 2
     from_middle = np.hypot(*(np.indices(cost.shape) - middle[:, None, None]))
-    # Of equal shifts the one nearest to the middle of the tank.
+    # Of shifts that cost the same, the one nearest to the middle of the tank.
     cost = np.maximum(cost, 0) + 1e-6 * len(pixels) * from_middle
     best = np.unravel_index(np.where(fits, cost, np.inf).argmin(), cost.shape)
     return cell * (np.array(best[::-1]) - first_cell).astype(float)

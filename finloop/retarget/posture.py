@@ -5,11 +5,11 @@ parts. Bends are some of the components of a posture. With the film's principal 
 probabilistic model (Tipping and Bishop, Probabilistic Principal Component Analysis, 1999), its
 codes are the most probable ones given these bends:
 
-    c = argmin |W (b − m − S c)|² / σ² + Σ c² / λ,
+    c = argmin |W (b − m) − S c|² / σ² + Σ c² / λ,
 
-with b the bends; m, S, W their mean, shapes and weights; λ the variance of the codes; and σ² the
-variance that the shapes leave. Place and heading bring the drawn backbone nearest to the requested
-line (Kabsch 1976, in the plane).
+with b the bends; m, W, S their mean, weights and (weighted) shapes; λ the variance of the codes;
+and σ² the variance that the shapes leave. Place and heading bring the drawn backbone nearest to the
+requested line (Kabsch 1976, in the plane).
 """
 
 from typing import NamedTuple
@@ -52,7 +52,7 @@ def fit_postures(
     head_direction = np.arctan2(-head[:, 1], head[:, 0])
     step = points[:, :-1] - points[:, 1:]
     angles = np.arctan2(-step[..., 1], step[..., 0]) - head_direction[:, None]
-    angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the others follow from the head on
+    angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # within ±π; the others are unwrapped
     directions = np.unwrap(angles, axis=1)
     heading_from_head = np.zeros(len(points))  # by how much the heading differs from the head's
     for _ in range(rounds):
@@ -71,6 +71,9 @@ def most_likely_codes(directions: Floats, along: Floats, shapes: PoseShapes) -> 
     Directions are in radians relative to the heading, towards the head. along (m,): where along the
     body the ends of the steps are, 0 = head, 1 = tail; each lies on a point of the film's
     backbones.
+
+    Probabilistic principal components (Tipping and Bishop 1999): codes c minimise
+    |deviations − components c|² / noise + Σ c² / variance.
     """
     bend_count = backbone_bends(shapes.mean).size
     first = round(along[0] * bend_count)
@@ -78,6 +81,7 @@ def most_likely_codes(directions: Floats, along: Floats, shapes: PoseShapes) -> 
     backbone_bends(is_given)[first : first + directions.shape[1]] = True  # a view
     deviations = (directions - shapes.mean[is_given]) * shapes.weights[is_given]
     components = shapes.shapes[:, is_given]
+    # The noise is the variance that the shapes leave, spread over the numbers that they leave free.
     variance_left = max(shapes.total_variance - float(shapes.variance.sum()), 0.0)
     free_numbers = max(len(shapes.mean) - len(shapes.shapes), 1)
     noise = max(variance_left / free_numbers, _FLOOR * shapes.total_variance)
@@ -98,6 +102,8 @@ def align_postures(
     zeros = np.zeros(len(postures))
     unplaced = Pose(zeros, zeros, zeros, zeros + size_px, postures)
     on_body = places_on_body(unplaced, along)
+    # As complex numbers x − iy, whose angles are anticlockwise on screen, the best rotation is the
+    # angle of one sum (Kabsch 1976, in the plane).
     body, line = on_body[..., 0] - 1j * on_body[..., 1], points[..., 0] - 1j * points[..., 1]
     body_centre, line_centre = body.mean(1), line.mean(1)
     if heading_rad is None:

@@ -73,6 +73,7 @@ class FilmRows:
         steps = np.linalg.norm(vectors[after] - vectors[first], axis=-1)
         natural_step = max(float(np.median(steps)), 1e-12)
         used = slice(0 if has_postures else 2, 3)  # without postures the motion alone
+        # What is visible at a jump: light and skin; without postures in the track the pose, too.
         visible = [scaled_look] if has_postures else [parts[0], scaled_look]
         next_row = np.where(reel.has_next_frame, np.arange(n) + 1, -1)
         next_mirror_image = np.where(next_row < 0, -1, next_row + n)
@@ -86,8 +87,9 @@ class FilmRows:
         )
 
     def exclude_rows(self, rows: Ints) -> "FilmRows":
-        """Return the film's rows, some of them and their mirror images infinitely distant.
+        """Return the film's rows without some of them and their mirror images.
 
+        These keep their numbers, but are infinitely distant, and no row is followed by one of them.
         rows: their numbers in the film. FinloopError if no row remains.
         """
         excluded = np.isin(np.arange(len(self.values)) % self.count, rows)
@@ -142,9 +144,12 @@ def find_cheapest_rows(
         follows = rows.follows[beam]
         plays_on = np.flatnonzero(follows >= 0)
         tried = np.union1d(usable[nearest[tick][nearest[tick] >= 0]], follows[plays_on])
-        cost = np.linalg.norm(rows.values[tried] - wanted, axis=1) / delta
+        cost = np.linalg.norm(rows.values[tried] - wanted, axis=1) / delta  # of being unlike
         origin = np.full(len(tried), -1)
         if tick:
+            # The least cost of reaching each tried row from a row of the beam: by a jump, whose
+            # discontinuity is that from the row that was due, or by playing on, which costs
+            # nothing.
             due = np.where(follows >= 0, follows, beam)
             discontinuity = np.linalg.norm(rows.seen[due][:, None] - rows.seen[tried], axis=-1)
             total = costs[:, None] + switch + discontinuity  # (beam, tried)

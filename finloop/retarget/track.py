@@ -66,6 +66,7 @@ def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettin
         body = resample_body_lines(points[:, order], share, name)
     else:
         heads = [find_keypoint(poses.keypoints, p.head, HEADS, "retarget.body_keypoints")]
+        # A single point is the head, or the middle of the animal, which is NaN (`Track`).
         single = 0.0 if poses.keypoints[order[0]] in heads else np.nan
         along = np.array([first, last] if len(order) == 2 else [single])
         body = points[:, order]

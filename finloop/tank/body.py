@@ -74,9 +74,13 @@ def build_surface_grid(ring: Floats, angle: Floats, points: int) -> SurfaceGrid:
     s, angle = np.meshgrid(ring, angle, indexing="ij")
     tail_share = np.clip((s - _TAIL) / (1 - _TAIL), 0, 1)  # 0 where the tail fin begins
     s = s - _FORK * tail_share**2 * np.sin(angle) ** 2  # a fork: only the upper and lower tip stay
+    # A spline is linear in its points. So splines through unit vectors give the matrices that make
+    # the place and the direction on any backbone.
     spline = scipy.interpolate.CubicSpline(np.linspace(0, 1, points), np.eye(points))
+    # The tail fin closes to an edge at the end of the body.
     width_share = np.sqrt(np.clip((1 - ring) / _CLOSES, 0, 1))[:, None]
-    return SurfaceGrid(spline(s.ravel()), spline(s.ravel(), 1), s, angle, width_share)
+    place, along = spline(s.ravel()), spline(s.ravel(), 1)
+    return SurfaceGrid(place, along, s, angle, width_share)
 
 
 def typical_half_widths(half_width: Floats, backbone: Floats) -> Floats:
@@ -106,6 +110,7 @@ def fish_surfaces(
         """Return values at the grid's points, interpolated from those by place along the body."""
         return scipy.interpolate.PchipInterpolator(list(profile), list(profile.values()))(grid.s)
 
+    # A film from above shows no height: it is taken from the greatest width, within limits.
     height_bl = np.clip(_HEIGHT_PER_WIDTH * float(typical.max()), _LEAST_BL, _MOST_BL)
     half_height_px = length_px * height_bl  # where the body is highest
     on_back, on_belly = grid.angle == 0, np.isclose(np.abs(grid.angle), np.pi)

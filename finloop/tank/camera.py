@@ -68,7 +68,7 @@ def camera_views(
     if camera == SIDE:
         return _view_from_side(tank, fish, rate_hz)
     if camera == CORNER:
-        return _view_from_outside(tank, np.full(ticks, -58.0), elevation_deg=24.0)
+        return _view_from_outside(tank, azimuth_deg=np.full(ticks, -58.0), elevation_deg=24.0)
     if camera == ORBIT:
         azimuth_deg = -70 + 360 / _TURN_S / rate_hz * np.arange(ticks, dtype=float)
         return _view_from_outside(tank, azimuth_deg, elevation_deg=22.0)
@@ -116,6 +116,7 @@ def _view_following_fish(
     distances are chosen for the looks.
     """
     smoothing = _SMOOTHING_S * rate_hz  # ticks, SD
+    # The camera keeps closer to the fish's place than to its heading: quick turns are not followed.
     path = scipy.ndimage.gaussian_filter1d(fish, smoothing / 3, axis=0, mode="nearest")
     angle = scipy.ndimage.gaussian_filter1d(heading, smoothing, mode="nearest") + np.radians(28)
     back = np.stack([-np.cos(angle), -np.sin(angle), np.full(len(angle), 0.33)], -1)

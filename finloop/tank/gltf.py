@@ -122,11 +122,14 @@ class PrincipalShapes(NamedTuple):
 
 
 def principal_shapes(points: Floats, heading: Floats, most: int = MODES) -> PrincipalShapes:
-    """Return the mean and the principal components of a fish's shapes, all headed right.
+    """Return the mean and the principal components of a fish's shapes, all turned to head right.
+
+    A component is one standard deviation large, and the weights count in these.
 
     points (ticks, v, 3): px about the mass centre, y up; heading (ticks,): rad; most: largest
     number of components. They are computed from at most `_SAMPLE` ticks.
     """
+    # Turn the points by the heading, clockwise.
     cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
     headed_right = points.copy()
     headed_right[..., 0] = cos * points[..., 0] + sin * points[..., 1]
@@ -305,7 +308,7 @@ def _add_motion(
 
 def _add_still_parts(glb: GlbDocument, tank: TankSize, background: NDArray[np.uint8]) -> list[int]:
     """Add floor (the background picture), edges, water and glass; return their nodes in order."""
-    left, top = -0.5, 0.5
+    left, top = -0.5, 0.5  # the film's first pixel has its centre at 0, 0
     right, bottom, high = left + tank.width, top - tank.height, tank.depth
     base = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
     # Four corners on the floor, at the water's surface, and at the rim of the glass above it.

@@ -82,11 +82,13 @@ class LitFloor:
             self._subtract_shadow(light, points)
         if self.plain.ndim == 3:
             light = cv2.merge([light] * 3)
+        # A light of 255 makes the plain floor `_BRIGHTEST` times as bright.
         return cv2.multiply(self.plain, light, scale=_BRIGHTEST / 255)
 
     def _light_pattern(self, time_s: float) -> NDArray[np.uint8]:
         """Return the light on the floor's grid at a time, uint8: bright lines that move and bend.
 
+        255 is `_BRIGHTEST` times as bright as the plain floor.
         They lie where waves of one set do not slope, and are bent by waves of another set. Factors
         are chosen for the looks.
         """

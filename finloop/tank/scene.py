@@ -143,7 +143,7 @@ class TankScene:
         camera.clipping_range = 0.2 * self._tank.body_length, 25 * self._tank.width
 
     def _add_light(self) -> None:
-        """Add the sun and a weak light from below."""
+        """Add the sun and a weak light from below; numbers are chosen for the looks."""
         for place, intensity in ((tuple(SUN), 0.95), ((0.3, -0.6, -0.5), 0.38)):
             light = pv.Light(position=place, light_type="scene light", intensity=intensity)
             light.positional = False
@@ -164,7 +164,7 @@ class TankScene:
     def _add_floor(self) -> Any:
         """Add the floor; return its picture, which can be replaced at every tick."""
         picture = _empty_image(self._floor.plain.shape)
-        left, top = -0.5, 0.5
+        left, top = -0.5, 0.5  # the film's first pixel has its centre at 0, 0
         right, bottom = left + self._tank.width, top - self._tank.height
         corners = [[left, bottom, 0.0], [right, bottom, 0.0], [right, top, 0.0], [left, top, 0.0]]
         mesh = pv.PolyData(np.array(corners), np.array([4, 0, 1, 2, 3]))
@@ -179,6 +179,7 @@ class TankScene:
         mesh = pv.PolyData(np.zeros((RINGS * AROUND_BODY, 3)), faces)
         # VTK counts a texture's rows from below.
         mesh.active_texture_coordinates = texture_coordinates() * (1, -1) + (0, 1)
+        # Points and normals are set at every tick.
         mesh.point_data.active_normals = np.tile([0.0, 0.0, 1.0], (RINGS * AROUND_BODY, 1))
         self._plotter.add_mesh(
             mesh, texture=_smooth_texture(skin), ambient=0.34, diffuse=0.8, specular=0.32,
@@ -203,6 +204,7 @@ class TankScene:
     def _add_glass(self) -> None:
         """Add the glass walls and their bright edges."""
         tank, top = self._tank, _RIM * self._tank.depth
+        # Pixel centres are whole numbers, so the film's edges lie half a pixel beyond.
         x, y = np.array([-0.5, tank.width - 0.5]), np.array([0.5 - tank.height, 0.5])
         box = pv.Box((*x, *y, 0, top))
         upright = [i for i in range(6) if np.ptp(box.get_cell(i).points[:, 2]) > 0]  # 4 of 6 sides

@@ -71,6 +71,8 @@ class FishSkins:
         """
         cutout, line = self._load_cutout(row), self._film.backbone[row : row + 1]
         width = limit_half_widths(self._film.half_width[row : row + 1], line, self._typical)
+        # Each pixel of the skin takes its colour from a place in the cut-out, a little within the
+        # outline, whose own pixels are half water.
         points = top_view_points(self._grid, line, _INSIDE * width)[0].swapaxes(0, 1)
         origin = np.array([cutout.x0_px, cutout.y0_px])
         places = (points * (1, -1) + (self._centres[row] - origin)).astype(np.float32)

@@ -139,7 +139,7 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
     filmed_line, posed_line = filmed.backbone_px() * (1, -1), posed.backbone_px() * (1, -1)
     filmed_line[:, 1] *= y_sign
     change = posed_line - filmed_line
-    # The backbone's points move alike.
+    # The backbone's points move as those of the posture do at the same arc length from the head.
     filmed_arc, arc = _arc_length_to_points(filmed_line), _arc_length_to_points(line)
     line += np.column_stack([np.interp(arc, filmed_arc, values) for values in change.T])
     return row.scale * line @ _turn_matrix(float(body.heading_deg)).T
@@ -170,13 +170,14 @@ def _find_shown_bodies(
     kind = edit[f"{prefix}kind"].fillna(FRAME)
     is_sprite = (kind == SPRITE).to_numpy()
     row = np.where(is_sprite, 0, source)
+    # axis: the filmed heading, about which a mirrored body is reflected.
     axis, mirrored = film.heading_deg[row], edit[f"{prefix}mirrored"].to_numpy(bool, copy=True)
     if is_sprite.any():
         shown = sprites.iloc[source[is_sprite]]
         row[is_sprite] = shown["row"]
         axis[is_sprite], mirrored[is_sprite] = shown["heading_deg"], shown["mirrored"]
         orientation = edit[f"{prefix}orientation"][is_sprite].to_numpy(int)
-        # From its heading in the film a sprite is turned to its orientation.
+        # A sprite is turned from its heading in the film to its orientation, and then further.
         turn[is_sprite] += (
             orientation_heading_deg(orientation, count_orientations(sprites)) - axis[is_sprite]
         )
