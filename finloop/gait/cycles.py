@@ -80,7 +80,7 @@ def _key_1_signal(points: dict[str, Floats]) -> Floats:
     """
     signal = np.zeros(len(next(iter(points.values()))))
     for name, limb in points.items():
-        x = limb[..., 0].mean(axis=1)
+        x = limb[..., 0].mean(axis=1)  # its middle, NaN where the limb is hidden
         sign = 1 if ("right" in name) != ("hind" in name) else -1
         signal += sign * fill_gaps((x - np.nanmean(x))[:, None])[:, 0]
     return signal

@@ -326,7 +326,7 @@ def _best_frequency_path(share: Floats, grid: Floats) -> NDArray[np.intp]:
         from_below = np.r_[-np.inf, best_sum[:-1] - cost[:-1]]
         from_above = np.r_[best_sum[1:] - cost[1:], -np.inf]
         options = np.stack([from_below, best_sum, from_above])
-        previous[row] = np.arange(count) + options.argmax(axis=0) - 1
+        previous[row] = np.arange(count) + options.argmax(axis=0) - 1  # −1: the index below
         best_sum = options.max(axis=0) + share[:, row]
     path = np.empty(frames, np.intp)
     path[-1] = best_sum.argmax()

@@ -147,7 +147,7 @@ def figure10(three: ThreeRoutes, reel: Reel, pose: str, natural_step: float) -> 
     time.set_title(f"(a) four loops of track {track}", loc="left")
     _draw_fish_at_ends(middle, three, reel, pose, frame)
     # (b) The routes.
-    levels = [1 + len(jump_legs(route)) for route in three.cases]
+    levels = [1 + len(jump_legs(route)) for route in three.cases]  # each jump leads one level down
     panels = lower.subplots(3, 1, sharex=True, height_ratios=levels)
     for number, (axes, route) in enumerate(zip(panels, three.cases, strict=True), start=1):
         _draw_route(axes, route, three.ends, frame)

@@ -355,6 +355,7 @@ class Swimmer:
 
         Thrust pulses twice a beat; a bent body and open fins brake.
         """
+        # Thrust and drag balance at a speed of STRIDE body lengths a beat at full amplitude.
         thrust = DRAG * (STRIDE * self.rate * self.amplitude) ** 2
         thrust *= 1 + 0.5 * math.sin(4 * math.pi * self.beat)
         brake = DRAG * (1 + 1.1 * abs(self.bend) + 0.5 * max(self.fins))

@@ -158,6 +158,7 @@ def _ankle_and_turns(shape: LimbShape, foot: Floats) -> tuple[Floats, Floats, Fl
     rest = np.array(shape.joints)
     pastern_turn = shape.lean[0] * foot[..., 0] - shape.lean[1] * foot[..., 1]
     paw_turn = -0.6 * shape.lean[1] * foot[..., 1]  # 0.6 of the pastern's turn by lift
+    # From the foot up to the hock or wrist, as a complex number, turned with the pastern.
     up = (rest[2] - rest[3]) @ [1, 1j] * np.exp(1j * pastern_turn)
     ankle = rest[3] + foot + np.stack([up.real, up.imag], axis=-1)
     return ankle, pastern_turn, paw_turn

@@ -127,7 +127,8 @@ def limb_contours_at(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
     """
     offset = np.array(FAR_OFFSET if name.endswith("left") else (0.0, 0.0))
     foot, top = foot_displacements(dog, name, phase), body_displacements(dog, phase)
-    return dog.trunk_px * (limb_outlines(LIMBS[name[:4]], foot, top, n) + offset)
+    shape = LIMBS[name[:4]]  # by "fore" or "hind"
+    return dog.trunk_px * (limb_outlines(shape, foot, top, n) + offset)
 
 
 def part_contour(
