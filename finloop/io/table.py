@@ -235,6 +235,7 @@ def _null_problems(array: pa.Array, column: Column) -> list[str]:
     if column.nullable:
         return []
     count = array.null_count
+    # What remains, of lists all their numbers: null numbers in a list become NaN below.
     numbers = array.flatten() if column.length else array.drop_null()
     if pa.types.is_floating(numbers.type):
         count += int(np.isnan(numbers.to_numpy(zero_copy_only=False)).sum())
@@ -248,7 +249,10 @@ def _to_frame(table: pa.Table, schema: Schema) -> pd.DataFrame:
 
 
 def _to_pandas(array: pa.Array, column: Column) -> pd.Series:
-    """Convert an Arrow column to a pandas column, with lists as arrays."""
+    """Convert an Arrow column to a pandas column, with lists as arrays.
+
+    Integers that may be null become pandas' nullable type, not floats.
+    """
     if column.length == ANY:
         return array.to_pandas()
     if column.length:

@@ -12,8 +12,8 @@ from finloop.base.errors import FinloopError
 def leaders_by_follower(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, int]:
     """Return the leader of each follower, from pairs [follower, leader] of fish counted from 1.
 
-    fish: their number. FinloopError if a pair has not two members or names a missing fish, a fish
-    has two leaders, or fish follow each other in a circle.
+    fish: how many there are. FinloopError if a pair has not two members or names a missing fish, a
+    fish has two leaders, or fish follow each other in a circle.
     """
     problems: list[str] = []
     leader_of: dict[int, int] = {}

@@ -35,9 +35,9 @@ def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls)
     """Return how fish swim together: a table with the columns of `SHOAL`, a row per fish per frame.
 
     Distances, to the nearest fish and to the wall, are in BL, angles 0 … 180°; polarisation is the
-    length of the mean heading vector of a frame's fish, 0 … 1. frame (n,): of each fish; places (n,
-    2): px, y down; headings_deg (n,): anticlockwise; walls: of the tank. Rows keep their order; the
-    fish of a frame are numbered in that order.
+    length of the mean heading vector of a frame's fish, 0 … 1, NaN for a lone fish. frame (n,): of
+    each fish; places (n, 2): px, y down; headings_deg (n,): anticlockwise; walls: of the tank. Rows
+    keep their order; the fish of a frame are numbered in that order.
     """
     # Arrays of a line per frame and a column per fish in it, NaN where a frame shows fewer.
     slots = frame_slots(frame)

@@ -76,7 +76,10 @@ def list_films(path: str) -> list[Path]:
 
 
 def _films_in_folder(folder: Path) -> list[Path]:
-    """Return the films and folders of pictures in a folder; [] if it has pictures and no films."""
+    """Return the films and folders of pictures in a folder, in natural order.
+
+    The list is empty if it holds pictures and no films: then it is a folder of pictures itself.
+    """
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
     films = [path for path in inside if path.is_file() and path.suffix.lower() in FILMS]
     if not films and any(path.suffix.lower() in SUFFIXES for path in inside):

@@ -106,6 +106,7 @@ def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
             wide = pd.read_csv(io.StringIO(read_plain_csv(path)))
             if "individual" in wide:
                 return _to_places(wide), _load_facts(path.with_name("attributes_tidy.json"))
+            # The columns are time, x1, y1, x2, y2, …
             return wide.drop(columns="time").to_numpy(float).reshape(len(wide), -1, 2), {}
     raise unreadable_error(path, SOFTWARE, "its ending is another")
 
