@@ -66,7 +66,7 @@ def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
     """
     rows, held_out = (film.rows_for_fit(first, settings.rows) for first in (True, False))
     seen, wall = film.visible_neighbours(rows), _wall_pull(film, rows)
-    after = film.relative_headings(rows)
+    after = film.relative_headings(rows)  # later directions; 1 is straight on
     weights = (settings.repulsion_weight, settings.alignment_weight, settings.attraction_weight)
     fixed = [None if weight == "auto" else float(weight) for weight in weights]
     parts = film.frame[rows] < np.median(film.frame[rows])  # each predicts the other

@@ -255,6 +255,7 @@ def measure_field_order(before: Picture, after: Picture) -> float:
     # A row of the lower field lies between two of the upper: it is compared with their mean.
     upper = [(picture[:rows:2] + picture[2 : rows + 1 : 2]) / 2 for picture in pair]
     lower = [picture[1:rows:2] for picture in pair]
+    # From a field of the first frame to one of the second.
     lower_to_upper = float(((lower[0] - upper[1])[moved] ** 2).mean())
     upper_to_lower = float(((upper[0] - lower[1])[moved] ** 2).mean())
     total = lower_to_upper + upper_to_lower

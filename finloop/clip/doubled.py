@@ -108,7 +108,8 @@ def _find_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
     number = np.arange(frames)
     density = rare[decidable].mean()
     signal = np.where(decidable, rare - density, 0.0)
-    # The spectrum's peak near the density, on a grid of 8 bins per frame of film, then a finer one.
+    # The spectrum's peak near the density, from a quarter of it to twice, on a grid of 8 bins per
+    # frame of film, then on a finer one.
     power = np.abs(np.fft.rfft(signal, 8 * frames))
     low = max(1, round(8 * frames * 0.25 * density))
     peak = low + int(power[low : round(8 * frames * min(0.5, 2 * density)) + 1].argmax())

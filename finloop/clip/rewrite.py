@@ -99,6 +99,7 @@ def make_clip(
 ) -> ClipResult:
     """Write a film as a clip: upright, at a constant frame rate, with the footage's faults mended.
 
+    A repair that is chosen automatically stays only if it makes the film better (`is_better`).
     The folder also receives a table of checks (`CHECK_NAME`) and a picture of the empty tank
     (`TANK_NAME`). show_progress(word, frames): a context that yields a function to call after each
     frame. FinloopError if the film has fewer than two readable or only plain frames, or the arena
@@ -121,6 +122,7 @@ def make_clip(
             todo.discard("undouble")
         if not todo:
             continue
+        # The clip, its repairs and its tank so far, from which every try begins.
         before, kept, tank_before = result, (fields, repeats, corrector), tank
         while True:  # again without the repairs that made the film no better, until all help
             fields, repeats, corrector = kept

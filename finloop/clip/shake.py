@@ -111,8 +111,8 @@ def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift
     for _ in range(_ROUNDS):
         value = _sample_marks(smooth, tank, place)
         for _ in range(2):  # the weights depend on the fit
-            normal = (slope * weight[:, None]).T @ slope + 1e-9 * np.eye(4)
-            step = np.linalg.solve(normal, slope.T @ (weight * value))
+            gram = (slope * weight[:, None]).T @ slope + 1e-9 * np.eye(4)
+            step = np.linalg.solve(gram, slope.T @ (weight * value))
             residual = value - slope @ step
             sigma = max(0.3, 1.4826 * float(np.median(np.abs(residual))))
             weight = tank.trust * np.maximum(0.0, 1 - (residual / (_TUKEY * sigma)) ** 2) ** 2
@@ -178,9 +178,11 @@ def _judge_shift(
         # Per tile: information (inverse variance × sigma²), and the sum that it moves the fit by.
         information = np.bincount(tank.tile, weight * slope**2, _TILES**2)
         push = np.bincount(tank.tile, weight * slope * residual, _TILES**2)
+        # Without the tiles that know most, the standard deviation shall be at most `_SURE`.
         without_best = np.sort(information)[: round((1 - _BEST) * len(information))].sum()
         if without_best * _SURE**2 < sigma**2:
             return UNKNOWN
+        # How far single tiles would move the shift, where they know it to 2 `_SURE`.
         certain = information * (2 * _SURE) ** 2 > sigma**2
         if certain.any():
             apart.append(float(np.median(np.abs(push[certain] / information[certain]))))

@@ -169,6 +169,7 @@ def find_longest_path(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
     several separate pieces the one with the most pixels is used.
     """
     height, width = skeleton.shape
+    # The pixels of the skeleton get numbers.
     number = np.full((height, width), -1, np.int64)
     count = 0
     for y in range(height):
@@ -182,6 +183,7 @@ def find_longest_path(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
             if number[y, x] >= 0:
                 xs[number[y, x]], ys[number[y, x]] = x, y
     visited = np.zeros(count, np.bool_)
+    # The piece with the most pixels, by one of them.
     # No piece yet; a literal -1 would compile `_measure_paths_from` again.
     best_start, best_size = xs.size, 0
     for start in range(count):
@@ -195,6 +197,7 @@ def find_longest_path(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
                 best_start, best_size = start, size
     if best_size == 0:
         return np.empty((0, 2))
+    # The two sweeps, and the way back from the second end.
     one_end = _farthest_pixel(_measure_paths_from(number, xs, ys, weight, best_start)[0])
     distance, previous = _measure_paths_from(number, xs, ys, weight, one_end)
     node = _farthest_pixel(distance)

@@ -265,8 +265,10 @@ def _silhouette_place(
     box = (x0, y0, x0 + w, y0 + h)
     outline = edge_pixels(silhouette) if with_outline else None
     if fish is None:
-        return SilhouettePlace(x0 + w / 2, y0 + h / 2, silhouette.area_px, box, False, outline)
-    return SilhouettePlace(fish.x_px, fish.y_px, silhouette.area_px, box, True, outline)
+        x, y = x0 + w / 2, y0 + h / 2
+        return SilhouettePlace(x, y, silhouette.area_px, box, isolated=False, outline=outline)
+    x, y = fish.x_px, fish.y_px
+    return SilhouettePlace(x, y, silhouette.area_px, box, isolated=True, outline=outline)
 
 
 def batch_fish(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:

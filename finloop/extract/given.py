@@ -118,15 +118,15 @@ def map_poses_to_clip(
     _refuse_other_units(points, film)
     unknown = np.full((len(points), 2), np.nan)
     return ExternalTracks(
-        poses.individuals,
-        poses.individual[rows],
-        points,
-        unknown if head is None else points[:, poses.keypoints.index(head)],
-        unknown if tail is None else points[:, poses.keypoints.index(tail)],
+        names=poses.individuals,
+        individual=poses.individual[rows],
+        points=points,
+        head=unknown if head is None else points[:, poses.keypoints.index(head)],
+        tail=unknown if tail is None else points[:, poses.keypoints.index(tail)],
         # the rows of each frame of the clip: the first, and the one after the last
-        np.searchsorted(frame, clip_frames, side="left"),
-        np.searchsorted(frame, clip_frames, side="right"),
-        film,
+        start=np.searchsorted(frame, clip_frames, side="left"),
+        stop=np.searchsorted(frame, clip_frames, side="right"),
+        film=film,
     )
 
 

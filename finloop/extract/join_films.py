@@ -106,6 +106,7 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[F
             if not len(film.rows):
                 contributions.append(FilmContribution(part.name, 0, 0, FishScaling()))
                 continue
+            # How its fish become like those of the first film, by size and light.
             grey = film.facts.colour and not joint.colour
             sample = film.rows[np.unique(np.linspace(0, len(film.rows) - 1, _SAMPLE).astype(int))]
             with open_cutouts(film.home / CUTOUTS_NAME) as store:
@@ -115,12 +116,13 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[F
                 scaling = find_fish_scaling(
                     length, scene.typical_length_px, film_levels, first_levels, grey
                 )
+                # Its rows, on tracks that are numbered after those of the films before.
                 table = _scale_measures(film.table, scaling)
                 track = np.unique(table["track_id"], return_inverse=True)[1]
                 track += sum(earlier.tracks for earlier in contributions)
                 table = table.assign(track_id=track.astype("int32"))
                 write(table)
-                if write_given:
+                if write_given:  # places of another tracking program
                     rows = load_table(film.home / GIVEN_NAME, GIVEN).iloc[film.rows]
                     rows = _scale_measures(rows.reset_index(drop=True), FishScaling(scaling.scale))
                     animal = film.part.name + "-" + rows["animal"].astype(str)  # each has a "1"

@@ -17,8 +17,9 @@ def _measure_drawn_fish() -> None:
     """Find and measure a fish in a drawn frame, so that every compiled kernel is loaded."""
     tank = np.full((48, 96), _TONE, np.uint8)
     film = np.asarray(cv2.ellipse(tank.copy(), (48, 24), (30, 6), 0, 0, 360, (40,), cv2.FILLED))
-    scene, arena = Scene(tank, "dark", 1.0, _NOISE), np.full(tank.shape, 255, np.uint8)
-    for silhouette in find_silhouettes(film, scene, arena, 50.0, SilhouetteEdge(0.4, 0.5, "all")):
+    scene = Scene(tank, polarity="dark", noise=1.0, threshold=_NOISE)
+    arena, edge_rule = np.full(tank.shape, 255, np.uint8), SilhouetteEdge(0.4, 0.5, fins="all")
+    for silhouette in find_silhouettes(film, scene, arena, 50.0, edge_rule):
         measure_fish(silhouette, film, scene, _POINTS)
 
 

@@ -113,7 +113,7 @@ def measure_scene_and_fish(
     """
     measure = partial(_measure_with_background, sample_frames, arena, settings, workers)
     if settings.background == "threshold":
-        return measure(flat_background(sample_frames))[:2]
+        return measure(flat_background(sample_frames))[:2]  # scene and fish
     median, area_spread = median_background(sample_frames, workers), attrgetter("area_spread")
     if settings.background != "auto":  # `mog2` starts from the median
         return measure(median)[:2]
@@ -210,6 +210,7 @@ def find_typical_fish(
         raise _no_fish_error(silhouettes, scene, settings)
     weight = np.cumsum([s.area_px * s.contrast for s in away_from_border])
     area = away_from_border[int(np.searchsorted(weight, 0.5 * weight[-1]))].area_px
+    # Of about that area; 200 are enough for medians.
     similar = [s for s in away_from_border if 0.7 * area <= s.area_px <= 1.4 * area][:200]
     to_count = similar[:: 1 + len(similar) // _COUNTED]
     limbs = bool(np.median([cut_limbs(s.mask)[1] for s in to_count]) > _LIKE_LIMBS)

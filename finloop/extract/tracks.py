@@ -120,6 +120,7 @@ class TrackLinker:
         )
         ratio = np.log([[s.area_px / t.spot.area_px for s in silhouettes] for t in self._tracks])
         allowed = (cost <= self._gate) & unambiguous & (np.abs(ratio) <= np.log(self._ratio))
+        # 1e6 px: pairs that are not allowed come last, and are left out below
         rows, columns = scipy.optimize.linear_sum_assignment(np.where(allowed, cost, 1e6))
         return {
             int(j): self._tracks[i]

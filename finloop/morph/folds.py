@@ -259,13 +259,14 @@ def _stays_apart(before: Floats, after: Floats, v: int, i: int, j: int) -> bool:
     dx, dy = after[j, 0] - after[v, 0], after[j, 1] - after[v, 1]
     c0, c2 = ax * cy - ay * cx, bx * dy - by * dx
     c1 = ((ax * dy - ay * dx) + (bx * cy - by * cx)) / 2
-    u = max(abs(ax), abs(ay), abs(bx), abs(by))
-    w = max(abs(cx), abs(cy), abs(dx), abs(dy))
-    margin = _ROUNDING * u * w
+    u_reach = max(abs(ax), abs(ay), abs(bx), abs(by))
+    w_reach = max(abs(cx), abs(cy), abs(dx), abs(dy))
+    margin = _ROUNDING * u_reach * w_reach  # a smaller number may be 0 but for rounding
     if min(c0, c1, c2) > margin or max(c0, c1, c2) < -margin:
         return True
     d0, d2 = ax * cx + ay * cy, bx * dx + by * dy
     d1 = ((ax * dx + ay * dy) + (bx * cx + by * cy)) / 2
+    # Spans of time that are not yet decided: their coefficients, and how often they were halved.
     stack = np.empty((DEPTH + 2, 7))
     _copy_numbers(stack[0], (c0, c1, c2, d0, d1, d2, 0.0))
     remaining = 1

@@ -61,6 +61,7 @@ def align_body_and_tail(
     body_steps = max(1, round(parameters.body * (count - 1)))
     step_px, body_end = _mean_step_lengths(smooth), _find_body_ends(widths, parameters.thin)
     visible_tail_px = (count - 1 - body_end) * step_px
+    # The whole tail, in steps of each row: a quantile of the lengths that are visible in the film.
     tail_steps = np.quantile(visible_tail_px, parameters.whole) / step_px
     tail_shares = np.arange(count - body_steps) / max(count - 1 - body_steps, 1)
     on_body = body_end[:, None] * np.linspace(0, 1, body_steps + 1)[:-1]

@@ -40,7 +40,7 @@ def score_held_out_windows(
     both = join_windows([film, animation])
     is_animation = np.arange(len(both)) >= len(film)
     x = both.x[..., list(channels)]
-    score = np.full(len(both), np.nan)
+    score = np.full(len(both), np.nan)  # of windows that no classifier tests
     shuffled = {CHANNELS[channel]: score.copy() for channel in channels}
     rng = np.random.default_rng(p.seed)
     for block in range(both.near.shape[1]):

@@ -156,6 +156,7 @@ def cut_windows(
         starts = np.arange(0, len(channels) - cut.length + 1, cut.stride)
         if len(starts):
             inside = channels[starts[:, None] + np.arange(cut.length)]
+            # each step of a window is the mean of its ticks
             x.append(inside.reshape(len(starts), -1, cut.step, len(CHANNELS)).mean(axis=2))
             first.append(track_start + starts)
         track_start += len(track)

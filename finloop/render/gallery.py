@@ -220,12 +220,13 @@ def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
         angle = edit[f"{prefix}rotation_deg"].to_numpy(float)
         note_problem(used & ~np.isfinite(angle), f"{prefix}rotation_deg", "an angle")
     # Poses.
-    codes = 0 if bodies is None else bodies.poses.codes.shape[1]
+    code_count = 0 if bodies is None else bodies.poses.codes.shape[1]
     fits = [
-        pose is None or (codes > 0 and np.shape(pose) == (codes,) and np.isfinite(pose).all())
+        pose is None
+        or (code_count > 0 and np.shape(pose) == (code_count,) and np.isfinite(pose).all())
         for pose in edit["pose"]
     ]
-    wanted = f"{codes} codes of shapes" if codes else "none: there are none"
+    wanted = f"{code_count} codes of shapes" if code_count else "none: there are none"
     note_problem(~np.array(fits, bool), "pose", wanted)
     if problems:
         raise FinloopError(
