@@ -8,8 +8,8 @@ from finloop.animate.company import (
     ALONE,
     Plans,
     can_stay,
-    count_clear_ticks,
     count_lasting_ticks,
+    count_ticks_before_meeting,
     cover_with_discs,
     is_clear_in_search,
     is_clear_of_fish,
@@ -156,7 +156,7 @@ def test_the_ticks_of_a_way_that_last_are_those_of_a_plain_search():
         numbers = np.zeros(40, np.int64)
         free = [is_clear_of_fish(company, 0, *place, 10 + t) for t, place in enumerate(way)]
         n = free.index(False) if False in free else 40
-        assert count_clear_ticks(company, numbers, way, 10) == n
+        assert count_ticks_before_meeting(company, numbers, way, 10) == n
         lasts = [
             all(is_clear_of_fish(company, 0, *way[k - 1], tick) for tick in range(9 + k, 100))
             for k in range(1, n + 1)
@@ -182,7 +182,7 @@ def test_a_search_looks_for_those_alone_that_can_be_met_in_time(seed, known_tick
     ]  # fmt: skip
     company = company_at(ways, 7, cover_with_discs(NEEDLE[None], []), 6)
     some = sort_near_first(company, 400.0, 400.0, pace * np.arange(known_ticks + 1))
-    assert company.near == 20 > some.near > 0
+    assert company.near_count == 20 > some.near_count > 0
     assert sorted(some.places[0].tolist()) == sorted(company.places[0].tolist())
     met = 0
     for _ in range(2000):

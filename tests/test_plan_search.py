@@ -439,7 +439,7 @@ def test_a_fish_swims_by_its_plan_alone_and_beside_others_that_are_not_in_its_wa
     assert run.options is None
     clear = np.array([[state.fish.x + 2 * LENGTH, state.fish.y, 0.0, 0.0]])
     beside = planner.with_others(state, clear[:, None])
-    assert beside.fish.company.near == 1
+    assert beside.fish.company.near_count == 1
     found, _ = planner.plan(beside, route, rng)
     assert found.options is None and np.array_equal(found.trajectory, run.trajectory)
     # A fish in the way: the run is cut before it, and the next plan begins anew.

@@ -219,12 +219,16 @@ def is_floor_alike_beyond(floor: Picture, filmed_area: Mask) -> bool:
     grey = floor if floor.ndim == 2 else floor.mean(axis=2)
     low, high = np.quantile(grey[filmed_area], [0.05, 0.95])
     beyond = grey[~filmed_area]
+    # The range low … high, widened by high − low on either side.
     alike = (beyond >= 2 * low - high) & (beyond <= 2 * high - low)
     return bool(alike.mean() >= _ALIKE)
 
 
 def _convex_hull(outlines_px: Reals) -> NDArray[np.int32]:
-    """Return the corners of the convex hull of all outlines (n, k, 2), whole px."""
+    """Return the corners (c, 1, 2), whole px, of the convex hull of all outlines (n, k, 2) px.
+
+    Only the ends of each row of pixels are given to OpenCV, which is quicker: see `_row_ends`.
+    """
     corners = [
         _row_ends(np.asarray(outlines_px[first : first + _LOT]).reshape(-1, 2))
         for first in range(0, len(outlines_px), _LOT)

@@ -53,14 +53,14 @@ class Company(NamedTuple):
     start: the first tick that is known, as the deciding fish counts; places (n, m, 4): x, y px,
     heading in degrees and the number of the picture at every tick from then on; the last ones count
     for ever; discs: that cover the pictures; until: the last tick at which a search considers them;
-    near: a search considers the first `near` fish.
+    near_count: a search considers only the first `near_count` fish.
     """
 
     start: int
     places: Floats
     discs: Discs
     until: int = 0
-    near: int = 0
+    near_count: int = 0
 
 
 NO_DISCS = Discs(np.zeros((0, _DISCS, 3)), 0, 0.0)
@@ -88,7 +88,10 @@ class Plans:
         return plans
 
     def put(self, fish: int, start_tick: int, trajectory: Floats) -> None:
-        """Store the trajectory (n, 4) of a fish from a tick on, n ≥ 1, in place of its last one."""
+        """Store what a fish plans from a tick on, in place of its earlier plan.
+
+        trajectory (n, 4): x, y px, heading in degrees and number of the picture, n ≥ 1.
+        """
         lacking = len(trajectory) - self._trajectories.shape[1]
         if lacking > 0:
             self._trajectories = np.pad(self._trajectories, [(0, 0), (0, lacking), (0, 0)])
@@ -96,10 +99,11 @@ class Plans:
         self._begins[fish], self._ticks[fish] = start_tick, len(trajectory)
 
     def others(self, fish: int, tick: int) -> Floats:
-        """Return where all fish but one will be from a tick on: (n, m, 4), m fish at n ticks.
+        """Return where all fish but `fish` will be from a tick on: (n, m, 4), m fish at n ticks.
 
-        The columns are those of a trajectory. The last tick is that of the longest plan; a fish
-        whose plan ends before stays there.
+        The columns are x, y px, heading in degrees and number of the picture. The last tick is
+        that of the longest plan; a fish whose plan ends before stays where the plan ends. A fish
+        that has not planned yet is left out.
         """
         others = self._others(fish)
         begins, ticks = self._begins[others], self._ticks[others]
@@ -130,29 +134,33 @@ def make_company(other_plans: Floats, start_tick: int, discs: Discs, ticks_after
     """Return the company of other fish as a fish that decides at a tick knows it.
 
     start_tick: at which the fish decides; other_plans (n, m, 4): x, y px, heading, picture of m
-    others at n ticks; ticks_after: for how many ticks after their plans a search considers them.
+    others at n ticks; ticks_after: for how many ticks after their plans a search considers them. It
+    considers all m, until `sort_near_first` leaves out those that are far away.
     """
     ticks, count = other_plans.shape[:2]
-    return Company(start_tick, other_plans, discs, start_tick + ticks - 1 + ticks_after, count)
+    last_tick = start_tick + ticks - 1 + ticks_after
+    return Company(start_tick, other_plans, discs, until=last_tick, near_count=count)
 
 
 def sort_near_first(company: Company, x: float, y: float, farthest_px: Floats) -> Company:
     """Return the company with those fish first that a fish at x, y px can meet during a search.
 
     farthest_px (t,): that a fish moves in 0, 1, 2 … ticks at most; after these it goes on at their
-    mean speed. `near` is set to the number of those fish.
+    mean speed. `near_count` is set to the number of those fish.
     """
+    # For how many ticks the fish swims before the others' places, at each of their ticks, end. The
+    # first are one tick ahead of the fish; the last count until the search ends.
+    swim_ticks = 1 + np.arange(len(company.places))
+    swim_ticks[-1] = 1 + company.until - company.start
     known_ticks = len(farthest_px) - 1
-    wait_ticks = np.arange(len(company.places))
-    wait_ticks[-1] = company.until - company.start  # the last places count for so long
-    ticks_beyond = np.maximum(wait_ticks + 1 - known_ticks, 0)
+    ticks_beyond = np.maximum(swim_ticks - known_ticks, 0)
     px_per_tick = farthest_px[known_ticks] / known_ticks
-    swims_px = farthest_px[wait_ticks + 1 - ticks_beyond] + ticks_beyond * px_per_tick
+    swims_px = farthest_px[swim_ticks - ticks_beyond] + ticks_beyond * px_per_tick
     distances = np.hypot(company.places[..., 0] - x, company.places[..., 1] - y)
     is_near = (distances < 2 * company.discs.reach + swims_px[:, None]).any(0)
     order = np.argsort(~is_near, kind="stable")
     places = company.places.take(order, axis=1)
-    return company._replace(places=places, near=int(is_near.sum()))
+    return company._replace(places=places, near_count=int(is_near.sum()))
 
 
 def cover_with_discs(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Discs:
@@ -242,11 +250,11 @@ def _is_clear_of_first(company, count, picture, pose, tick):  # type: ignore[no-
 def is_clear_in_search(company, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
     """Return whether a picture at x, y px and a heading meets no fish that a search considers.
 
-    picture: its number; heading: degrees. Only the first `company.near` fish count, and only from
-    tick `company.start` to `company.until`; at other ticks the result is True.
+    picture: its number; heading: degrees. Only the first `company.near_count` fish count, and only
+    from tick `company.start` to `company.until`; at other ticks the result is True.
     """
-    unknown = tick < company.start or tick > company.until
-    return unknown or _is_clear_of_first(company, company.near, picture, (x, y, heading), tick)
+    pose, unknown = (x, y, heading), tick < company.start or tick > company.until
+    return unknown or _is_clear_of_first(company, company.near_count, picture, pose, tick)
 
 
 @leaf_kernel
@@ -287,10 +295,13 @@ def disc_orientation(discs, picture, heading):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def count_clear_ticks(company: Company, pictures: Ints, trajectory: Floats, start_tick: int) -> int:
-    """Return how many ticks of a trajectory (n, 3), begun at a tick, meet no other fish.
+def count_ticks_before_meeting(
+    company: Company, pictures: Ints, trajectory: Floats, start_tick: int
+) -> int:
+    """Return how many ticks of a trajectory (n, 3) pass before it first meets another fish.
 
-    pictures (n,): their numbers; trajectory: x, y px, heading from `start_tick` on.
+    The result is n if it meets none. pictures (n,): numbers of the pictures shown; trajectory: x, y
+    px, heading in degrees at each tick from `start_tick` on.
     """
     for t in range(len(trajectory)):
         x, y, heading = trajectory[t, 0], trajectory[t, 1], trajectory[t, 2]
@@ -305,6 +316,7 @@ def can_stay(company: Company, picture: int, pose, tick: int) -> bool:  # type: 
 
     picture: its number; pose: x, y px, heading in degrees.
     """
+    # After their last known tick the others stay, too: no later one needs a test.
     last = max(company.start + company.places.shape[0] - 1, tick)
     while tick <= last and is_clear_of_fish(company, picture, pose[0], pose[1], pose[2], tick):
         tick += 1
@@ -317,9 +329,10 @@ def count_lasting_ticks(
 ) -> int:
     """Return how many ticks of a trajectory (n, 3) a fish can swim, and then stay, clear of others.
 
-    pictures (n,): their numbers; trajectory: x, y px, heading from `start_tick` on.
+    pictures (n,): numbers of the pictures shown; trajectory: x, y px, heading in degrees at each
+    tick from `start_tick` on.
     """
-    ticks = count_clear_ticks(company, pictures, trajectory, start_tick)
+    ticks = count_ticks_before_meeting(company, pictures, trajectory, start_tick)
     while ticks > 0 and not can_stay(
         company, pictures[ticks - 1], trajectory[ticks - 1], start_tick + ticks - 1
     ):

@@ -38,7 +38,7 @@ def place_outline(
     """Return an outline (p, 2) on screen, x, y px, from one about the mass centre.
 
     hull (p, 2): px ahead of and to the left of the mass centre; x_px, y_px, heading_deg: of the
-    fish.
+    fish; mirrored: whether left is right.
     """
     # A function for screen to body serves here, too: it is its own inverse, a reflection.
     offsets = to_body_axes(hull * (1, -1 if mirrored else 1), np.radians(heading_deg))

@@ -115,9 +115,12 @@ def offset_point(x: float, y: float, heading: float, forward: float, sideways: f
 
 @leaf_kernel
 def touches_target(x: float, y: float, heading: float, target: Target) -> bool:
-    """Return whether a fish at x, y px and a heading touches a target with its centre or head."""
+    """Return whether a fish at x, y px and a heading [°] touches a target with its centre or head.
+
+    It touches what is within `target.touch_px`; its head is `target.head_px` ahead of its centre.
+    """
     dx, dy = x - target.x, y - target.y
-    reach = 1.001 * (target.touch_px + target.head_px)
+    reach = 1.001 * (target.touch_px + target.head_px)  # a little more than needed, for rounding
     if dx * dx + dy * dy > reach * reach:
         return False  # too far for the head, too; most calls end here, without sines
     head_x, head_y = offset_point(dx, dy, heading, target.head_px, 0.0)
@@ -129,10 +132,11 @@ def touches_target(x: float, y: float, heading: float, target: Target) -> bool:
 def swim_ahead(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: ignore[no-untyped-def]
     """Return the trajectory of a swim ahead, the number of safe ticks, and the tick of touch.
 
-    legal (h, w): where the fish's centre may be; start (3,): x, y px, heading. The trajectory (n,
-    3) has the same columns, and goes on after the touch. Its first ticks are safe as long as both
-    the place and the one at which the fish could stop from there are legal. The tick of touch is
-    the first at which the goal is touched, n if it never is.
+    legal (h, w): where the fish's centre may be; start (3,): x, y px, heading in degrees; swim:
+    what the fish does at each of n ticks. The trajectory (n, 3) has the columns of `start`, and
+    goes on after the touch. Its first ticks are safe as long as both the place and the one at which
+    the fish could stop from there are legal. The tick of touch is the first at which the goal is
+    touched, n if it never is.
     """
     n = swim.forward.size
     trajectory = np.empty((n, 3))
@@ -158,10 +162,10 @@ def swim_turn(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Return the trajectory of a turn to an aim, whether it is possible, and the tick of touch.
 
-    legal (h, w): where the fish's centre may be; start (3,): x, y px, heading; aim: the point to
-    head for, see `next_aim`; goal: its touch ends the turn; fastest: largest turn in a tick,
-    degrees. The aim's bearing changes as the fish moves; the heading's error against it falls as
-    `swim.share`, the part of the turn that is done, rises to 1. The trajectory (n, 3) has the
+    legal (h, w): where the fish's centre may be; start (3,): x, y px, heading in degrees; aim: the
+    point to head for, see `next_aim`; goal: its touch ends the turn; fastest: largest turn in a
+    tick, degrees. The aim's bearing changes as the fish moves; the heading's error against it falls
+    as `swim.share`, the part of the turn that is done, rises to 1. The trajectory (n, 3) has the
     columns of `start` and is filled up to the touch. The turn is possible if all its places are
     legal and no tick turns too fast, or back, as where the aim is too near. The tick of touch is n
     where the goal is not touched.
@@ -170,7 +174,7 @@ def swim_turn(  # type: ignore[no-untyped-def]
     trajectory = np.empty((n, 3))
     x, y, heading = start[0], start[1], start[2]
     error = wrap(bearing(x, y, aim.x, aim.y) - heading)
-    side = 1.0 if error > 0 else -1.0
+    side = 1.0 if error > 0 else -1.0  # to the left, or right
     for k in range(n):
         x, y = offset_point(x, y, heading, swim.forward[k], side * swim.sideways[k])
         wanted = bearing(x, y, aim.x, aim.y) - error * (1.0 - swim.share[k])

@@ -155,8 +155,11 @@ def motion_of_edit(edit: pd.DataFrame, player: AnyPlayer) -> tuple[Floats, Float
 
 
 def motion_of_film(features: pd.DataFrame, motion: MotionStatistics) -> tuple[Floats, Floats]:
-    """Return speed [body lengths/s] and turn rate [°/s], (k,) each, of all tracks, over Δ."""
-    length = motion.body_length_px / motion.size
+    """Return speed [body lengths/s] and turn rate [°/s], (k,) each, of all tracks, over Δ.
+
+    Tracks that are no longer than Δ are left out. A turn to the left is positive.
+    """
+    length = motion.body_length_px / motion.size  # as filmed, not as drawn
     parts = [
         _motion_over_delta(
             places_through_water(track) / length, track["heading_deg"].to_numpy(float), motion
@@ -171,7 +174,10 @@ def motion_of_film(features: pd.DataFrame, motion: MotionStatistics) -> tuple[Fl
 def _motion_over_delta(
     places: Floats, headings_deg: Floats, motion: MotionStatistics
 ) -> tuple[Floats, Floats]:
-    """Return speed [BL/s] and turn rate [°/s], (n − Δ,), over Δ, from places (n, 2) [BL]."""
+    """Return speed [BL/s] and turn rate [°/s], (n − Δ,), over Δ, from places (n, 2) [BL].
+
+    headings_deg (n,): with or without jumps of 360. A turn to the left is positive.
+    """
     delta, seconds = motion.delta, motion.delta / motion.rate_hz
     distances = np.hypot(*(places[delta:] - places[:-delta]).T)
     heading = np.unwrap(headings_deg, period=360)
@@ -211,7 +217,7 @@ def count_ticks_outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
     count, tank = 0, player.world.tank
     angle = np.radians(edit["heading_deg"].to_numpy(float))
     x, y = edit["x_px"].to_numpy(), edit["y_px"].to_numpy()
-    depth = np.zeros(len(edit))  # px from each place to the nearest wall, 0 beside the picture
+    depth = np.zeros(len(edit))  # px from each place to the nearest wall, 0 outside the picture
     inside = are_points_inside(np.ones_like(tank.arena), x, y)
     depth[inside] = tank.depth_px[np.round(y[inside]).astype(int), np.round(x[inside]).astype(int)]
     pictures = edit.groupby(["kind", "source", "mirrored"]).indices
@@ -239,8 +245,9 @@ def measure_film(
     """Return, by name, the film's own measures, with which an animation is compared.
 
     film_motion: speed and turn rate, from `motion_of_film`; steps: Euclidean distances (Eq. 5)
-    between successive frames. A film has no goals and no jumps. Its kinematic distance is that
-    between its two halves, about that of another film of the same fish.
+    between successive frames. A film has no goals and no jumps. Its kinematic distances are those
+    between its two halves, for two films of one fish differ by about as much; they are left out if
+    a half shows no motion.
     """
     half = features["frame"].median()
     early, late = (
@@ -248,13 +255,15 @@ def measure_film(
         for part in (features[features["frame"] <= half], features[features["frame"] > half])
     )
     halves = {}
-    for name, *samples in zip(("speed", "turn_rate"), early, late, film_motion, strict=True):
-        if all(sample.size for sample in samples):
-            distance = kinematic_distance(*samples)
+    for name, first_half, second_half, whole in zip(
+        ("speed", "turn_rate"), early, late, film_motion, strict=True
+    ):
+        if first_half.size and second_half.size:
+            distance = kinematic_distance(first_half, second_half, scale_values=whole)
             halves[f"{name}_halves_kinematic_distance_sd"] = distance
     return {
         **halves,
         "speed_median_body_lengths_s": float(np.median(film_motion[0])),
         "turn_rate_sd_deg_s": float(film_motion[1].std()),
-        **step_measures(steps, steps),
+        **step_measures(drawn=steps, film=steps),
     }

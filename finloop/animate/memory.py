@@ -31,11 +31,16 @@ class MemoryIndex(NamedTuple):
 
 @kernel
 def index_memory(memory: Ints) -> MemoryIndex:
-    """Return the index of a memory (m, 3), with about two blocks for each stretch of film."""
+    """Return the index of a memory, by which the stretch of film that holds a row is found quickly.
+
+    memory (m, 3): stretches that were on screen, by row: first row, last row, tick of the first.
+    The rows are cut into blocks of 2^k rows, about two blocks for each stretch. Of each block the
+    index has the number of the first stretch that ends in it or after it.
+    """
     count = len(memory)
     if count == 0:
         return MemoryIndex(0, 0, np.zeros(1, np.int64))
-    first_row, block_bits = memory[0, 0], 0
+    first_row, block_bits = memory[0, 0], 0  # a block has 2^block_bits rows
     while (memory[count - 1, 1] - first_row) >> block_bits > 2 * count:
         block_bits += 1
     starts = np.empty(((memory[count - 1, 1] - first_row) >> block_bits) + 2, np.int64)
@@ -64,6 +69,7 @@ def find_last_on_screen(memory: Ints, index: MemoryIndex, first: int, last: int)
     memory (m, 3): stretches of film that were on screen; index: from `index_memory`, by which a row
     is found more quickly than by `last_on_screen`.
     """
+    # The stretch sought is that of the first row's block, or one after it.
     block = max(first - index.first_row, 0) >> index.block_bits
     if block + 1 >= len(index.starts):
         return NEVER

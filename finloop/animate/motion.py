@@ -106,19 +106,21 @@ Track = dict[str, NDArray[Any]]
 
 
 def track_kinematics(track: Track, delta: int, length_px: float, rate_hz: float) -> TrackKinematics:
-    """Return the kinematics of a track (n rows), frame by frame.
+    """Return the kinematics of a track (n rows), frame by frame: see `TrackKinematics`.
 
-    delta: Δ in frames; length_px: body length; rate_hz: frames per second.
+    delta: Δ in frames; length_px: body length; rate_hz: frames per second. The unit of distances is
+    the body length, of angles degrees, + = left; values over Δ are those of the Δ around a frame.
     """
     frames = np.arange(len(track["x_px"]))
     before = np.maximum(frames - delta // 2, 0)
     after = np.minimum(frames - delta // 2 + delta, frames[-1])
     frames_between = np.maximum(after - before, 1)
     place = np.column_stack([track["x_px"], track["y_px"]]) / length_px
-    velocity = (place[after] - place[before]) / frames_between[:, None]
+    velocity = (place[after] - place[before]) / frames_between[:, None]  # per frame
     heading = np.unwrap(track["heading_deg"], period=360)
     step = to_body_axes(np.gradient(place, axis=0), np.radians(heading))
     bend = track["bend"]
+    # Sway: the standard deviation of the bend. Growth: change of the speed in a Δ, as a share.
     mean_bend = scipy.ndimage.uniform_filter1d(bend, delta + 1)
     variance = scipy.ndimage.uniform_filter1d(bend**2, delta + 1) - mean_bend**2
     speed = np.hypot(*velocity.T) * rate_hz
@@ -168,8 +170,8 @@ def learn_motion(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionSt
     return MotionStatistics(turns, np.array(straight, np.int32), rate_hz, delta, length)
 
 
-def _long_tracks(features: pd.DataFrame, least_frames: int) -> Iterator[Track]:
-    """Yield the tracks longer than `least_frames`; of a long film only some, spread over it.
+def _long_tracks(features: pd.DataFrame, exceeded_frames: int) -> Iterator[Track]:
+    """Yield the tracks longer than `exceeded_frames`; of a long film only some, spread over it.
 
     Each is columns by name: heading_deg, bend, x_px, y_px through the water, swimming_type.
     """
@@ -177,7 +179,7 @@ def _long_tracks(features: pd.DataFrame, least_frames: int) -> Iterator[Track]:
     columns: Track = {name: features[name].to_numpy(float) for name in _MOTION}
     columns["x_px"], columns["y_px"] = places_through_water(features).T
     columns["swimming_type"] = features["swimming_type"].to_numpy()
-    long = np.flatnonzero(np.diff(edges) > least_frames)
+    long = np.flatnonzero(np.diff(edges) > exceeded_frames)
     rows = int(np.diff(edges)[long].sum())
     if rows > _MOST_ROWS:
         long = spread_rows(long, max(1, len(long) * _MOST_ROWS // rows))
@@ -205,27 +207,29 @@ def _track_as_turn(track: TrackKinematics) -> SwimmingRun:
 def _turns_of_runs(runs: list[SwimmingRun], rate_hz: float, delta: int) -> Turns | None:
     """Return the turns of runs to the left or right that are filmed whole; None if there are none.
 
-    rate_hz: frames per second; delta: Δ in frames.
+    All are mirrored to be turns to the left. rate_hz: frames per second; delta: Δ in frames.
     """
     rows = []
     for track, side, first, end in runs:  # side: 1 left, −1 right
         if first == 0 or end > len(track.kind) - 1:
             continue  # cut off by an end of the track
+        # Degrees turned since the frame before the run; and in each Δ of it.
         turned = side * (track.heading_deg[first - 1 : end + 1] - track.heading_deg[first - 1])
         if turned[-1] <= 0:
             continue  # the fish bent, and did not turn
         in_delta = turned[min(delta, len(turned) - 1) :] - turned[: max(len(turned) - delta, 1)]
         fastest = first - 1 + int(in_delta.argmax())  # beginning of the Δ with the largest turn
+        # In that Δ, at the speed of its middle.
         displacement = track.speed[min(fastest + delta // 2, end - 1)] * delta / rate_hz
         forward, sideways = track.forward[first:end], side * track.sideways[first:end]
         rows.append((turned[-1], end - first, in_delta.max(), displacement, forward, sideways))
     if not rows:
         return None
-    angles, ticks, included, displacements, forwards, sidewards = zip(*rows, strict=True)
+    angles, ticks, included, displacements, forwards, sideways_parts = zip(*rows, strict=True)
     return Turns(
         np.array(angles), np.array(ticks, np.int32), start=first_ticks(ticks),
         included_angle_deg=np.array(included), displacement=np.array(displacements),
-        forward=np.concatenate(forwards), sideways=np.concatenate(sidewards),
+        forward=np.concatenate(forwards), sideways=np.concatenate(sideways_parts),
     )  # fmt: skip
 
 

@@ -32,15 +32,18 @@ class Path(NamedTuple):
 
 
 def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | None) -> Path:
-    """Return the path, in px of the clip, along a given line in the tank.
+    """Return the path, in px of the clip, along a given line in the tank, twice: see `Path`.
 
-    mm_per_px: scale of the film, None if unknown. Detail finer than 0.05 body lengths is left out.
-    Without times, a line that ends where it began is closed. FinloopError if it leaves the arena,
-    is hardly longer than a point, or is in mm and the scale is not known.
+    `Path.route` is the path to steer by, moved to where the fish's centre may be; `Path.asked` is
+    the requested one, with finer steps, against which errors are measured. mm_per_px: scale of the
+    film, None if unknown. Detail finer than 0.05 body lengths is left out. Without times, a line
+    that ends where it began is closed. FinloopError if it leaves the arena, is hardly longer than a
+    point, or is in mm and the scale is not known.
     """
     length = motion.body_length_px
     x, y = _line_in_px(line, tank, mm_per_px)
     _refuse_line_outside(line, tank, x, y)
+    # The line without fine detail; a closed one returns to its first point.
     grain, heading = _GRAIN * length, line.heading_deg
     ends_at_start = np.hypot(x[-1] - x[0], y[-1] - y[0]) <= grain
     closed = line.closed or (line.time_s is None and bool(ends_at_start))
@@ -56,6 +59,7 @@ def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float 
             f"a path of at least {2 * _STEP:g} body lengths",
             "draw a longer path, or correct its unit (matching.path_unit)",
         )
+    # The px along the path that are due at each tick, and the headings; empty if not given.
     due_px = np.zeros(0)
     if line.time_s is not None:
         time_s = _grain_means(line.time_s - line.time_s[0], starts)
@@ -64,12 +68,13 @@ def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float 
     headings = (
         np.zeros(0) if heading is None else _grain_means(np.unwrap(heading, period=360), starts)
     )
+    # Both routes, with places at equal distances.
     routes = []
     for step_bl in (_STEP, _FINE_STEP):
         count = max(2 + closed, round(along[-1] / (step_bl * length)))
         px = np.linspace(0.0, along[-1], count + 1)
         step = float(px[1])
-        px = px[: len(px) - closed]
+        px = px[: len(px) - closed]  # on a closed path the last place is the first again
         routes.append(
             Route(
                 np.interp(px, along, x), np.interp(px, along, y),
@@ -149,6 +154,7 @@ def _move_off_walls(route: Route, tank: Tank, margin_px: float) -> Route:
     nearest = scipy.ndimage.distance_transform_edt(
         ~free, return_distances=False, return_indices=True
     )
+    # Places that are free already keep their fractions of a px.
     row, column = (np.round(coordinate).astype(int) for coordinate in (route.y, route.x))
     is_free = free[row, column]
     near_row, near_column = nearest[:, row, column]

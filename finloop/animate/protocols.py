@@ -57,7 +57,7 @@ class AnyPlayer(Protocol):
         """
 
     def with_others(self, state: State, other_plans: Floats) -> State:
-        """Return the state with the other fish added that the fish can meet.
+        """Return the state in which the fish knows the others' present plans, and no older ones.
 
         other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks.
         """

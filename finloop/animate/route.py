@@ -71,7 +71,11 @@ def is_route_done(route: Route, along_px: float, tick: int) -> bool:
 
 @finite_leaf
 def _places_around(route: Route, along_px: float):  # type: ignore[no-untyped-def]
-    """Return the numbers of the places before and after `along_px`, and the share between them."""
+    """Return the numbers of the route's places before and after `along_px`, and the share between.
+
+    The share rises from 0 at the place before to 1 at the one after. At the end of a path that is
+    not closed both are its last place. A closed path goes on from lap to lap.
+    """
     n = route.x.size
     position = max(along_px, 0.0) / route.step
     before = int(position)
@@ -125,9 +129,11 @@ def find_nearest_on_route(route: Route, x: float, y: float, along_px: float):  #
     route, the farther ahead the nearest one may be, so that a fish that cannot follow a hairpin
     goes on beyond it.
     """
-    lap = int(max(along_px, 0.0) / route.step)
+    # First the nearest of the route's places, then the nearest point of the pieces beside it.
+    # `position` counts places from the beginning, on a closed path over all laps.
+    first_position = int(max(along_px, 0.0) / route.step)
     places_on, place = _find_nearest_place(route, x, y, along_px)
-    position, near_x, near_y = float(lap + places_on), route.x[place], route.y[place]
+    position, near_x, near_y = float(first_position + places_on), route.x[place], route.y[place]
     least_px2 = 1e300
     for before in range(2):  # the piece of the route after that place, and the one before it
         if before > places_on:
@@ -148,9 +154,9 @@ def find_nearest_on_route(route: Route, x: float, y: float, along_px: float):  #
         on_x, on_y = route.x[first] + share * dx, route.y[first] + share * dy
         square_px2 = (on_x - x) ** 2 + (on_y - y) ** 2
         if square_px2 < least_px2:
-            position = lap + places_on - before + share
+            position = first_position + places_on - before + share
             near_x, near_y, least_px2 = on_x, on_y, square_px2
-    if position * route.step < along_px:
+    if position * route.step < along_px:  # a fish never goes back
         near_x, near_y = point_along(route, along_px)
         return along_px, near_x, near_y
     return position * route.step, near_x, near_y
@@ -160,7 +166,8 @@ def find_nearest_on_route(route: Route, x: float, y: float, along_px: float):  #
 def _find_nearest_place(route: Route, x: float, y: float, along_px: float):  # type: ignore[no-untyped-def]
     """Return the place of a route nearest to x, y px, from `along_px` on.
 
-    Returned are how many places it lies ahead of the one at `along_px`, and its number.
+    Returned are how many places it lies ahead of the one at `along_px`, and its number. At least
+    `route.ahead` places are searched, more if the given point is far from the route.
     """
     start, _, _ = _places_around(route, along_px)
     nearest_on, nearest, least_px2, place = 0, start, 1e300, start

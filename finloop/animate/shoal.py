@@ -119,6 +119,7 @@ class SchoolMember:
         state = self._player.with_others(self._state, others)
         stretch, self._state = self._player.plan(state, goal, self._task.rng)
         plans.put(self._number, start_tick, stretch.path_and_pictures)
+        # What the animation says of it; a goal that the stretch touches at its end is reached.
         name = PATH if isinstance(goal, Route) else goal.name if goal else ""
         self.swim.stretches.append(stretch)
         self.swim.names.append(name)
@@ -176,11 +177,12 @@ def settle_fish(player: AnyPlayer, tasks: Sequence[SwimTask], plans: Plans) -> l
 def animate_group(player: AnyPlayer, tasks: Sequence[SwimTask], ticks: int) -> list[Swim]:
     """Return the animation of each of several fish, one for each task, at least `ticks` long.
 
-    The fish whose plan ends first decides next. Goals reached after `ticks` do not count. NoRoom if
-    the tank lacks room for all of them.
+    The fish whose plan ends first decides next. Goals reached after `ticks` count as not reached
+    (−1). NoRoom if the tank lacks room for all of them.
     """
     plans = Plans(len(tasks))
     fish = settle_fish(player, tasks, plans)
+    # By the tick at which the plan of each fish ends.
     queue = [(member.tick, number) for number, member in enumerate(fish)]
     heapq.heapify(queue)
     while queue[0][0] < ticks:

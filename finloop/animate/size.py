@@ -35,8 +35,9 @@ def scale_film(
 ) -> ScaledFilm:
     """Return the film at the size `p.fish_scale`, or where that is "auto", at one that fits.
 
-    reel: the film's pictures; outlines_px (n, k, 2): x, y as filmed of its rows; arena (h, w): true
-    where fish can be; floor: the empty tank as filmed, None if unknown.
+    reel: the film's cut-outs and sprites; outlines_px (n, k, 2): x, y as filmed of its rows; arena
+    (h, w): true where fish can be; floor: the empty tank as filmed, None if unknown. Frames that
+    reach farther than most are barred from the animation: see `p.reach_quantile`.
     """
     scale = (reel.length_px / reel.lengths_px).astype(float)
     filmed = frame_hulls(outlines_px, reel.features, scale)

@@ -180,7 +180,7 @@ class Planner:
         """
         fish = state.fish
         company = self.company(other_plans, fish.tick)
-        if company.near:
+        if company.near_count:
             company = sort_near_first(company, fish.x, fish.y, self.world.farthest_px)
         if company is fish.company:
             return state
@@ -364,7 +364,7 @@ class Planner:
         source: the motion source of the candidates. Where a fish that wanders alone finds no branch
         that leads on, the search is repeated with the whole beam.
         """
-        is_alone, on_path = not start.company.near, len(objective.route.x) > 0
+        is_alone, on_path = not start.company.near_count, len(objective.route.x) > 0
         wanders = objective.aim.free and not on_path
         weights = self._narrow_weights if wanders or not is_alone else self._weights
         horizon = self._ticks_between_searches(objective) + self.world.to_ticks(

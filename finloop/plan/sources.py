@@ -197,6 +197,6 @@ def _search_start(
     known from `fish.tick` + 1 on, the first tick of the next stretch.
     """
     company = fish.company
-    if company.near:
+    if company.near_count:
         company = company._replace(start=company.start + 1, until=company.until + 1)
     return SearchStart(x, y, tick, fish.recent, company, rest_cost, along_px)
