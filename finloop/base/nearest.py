@@ -43,15 +43,15 @@ class Nearest:
     def from_vectors(cls, vectors: Floats | Vectors, exact_limit: int = MOST) -> "Nearest":
         """Return an index of vectors (m, d), which is exact for at most `exact_limit` vectors.
 
-        For more, the share of cells that a search examines is raised until a sample of the vectors
-        finds `RECALL` of its true nearest neighbours.
+        For more, vectors lie in cells, by place, and a search examines the nearest cells: so many
+        that it finds the share `RECALL` of the true nearest neighbours of a sample of the vectors.
         """
         vectors = np.ascontiguousarray(vectors, np.float32)
         m, d = vectors.shape
         if m <= exact_limit:
             flat = faiss.IndexFlatL2(d)
             flat.add(vectors)
-            return cls(flat, 1.0)
+            return cls(flat, recall=1.0)
         cells = round(4 * m**0.5)
         index = faiss.IndexIVFFlat(faiss.IndexFlatL2(d), d, cells)
         index.cp.max_points_per_centroid, index.cp.niter = _PER_CELL, _ROUNDS
@@ -86,9 +86,11 @@ class Nearest:
     ) -> tuple[NDArray[Any], ...]:
         """Return the arrays (k, …) that a rule chooses from the nearest vectors of queries (k, d).
 
-        choice: the rule, see `Choice`; it is first given the `count` nearest vectors of each query.
-        A query for which they are not enough gets four times as many, again and again, up to `most`
-        (None: all vectors of the searched cells).
+        choice: the rule, a function of query numbers (j,) and of the numbers (j, l) of the vectors
+        nearest to each. It returns its arrays (j, …), and a mask (j,): for which queries the l
+        vectors were enough. It is first given the `count` nearest vectors of each query. A query
+        for which they are not enough gets four times as many, again and again, up to `most` (None:
+        all vectors of the searched cells).
         """
         limit = min(self.index.ntotal, self.index.ntotal if most is None else most)
         count = min(count, limit)

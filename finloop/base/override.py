@@ -73,7 +73,7 @@ def _guess_meant_values(name: str, value: Any, choices: list[str]) -> Iterator[A
             meaning = _WORDS[stripped.lower()]
             # Some parameters have words for these.
             yield from (meaning, {True: "always", False: "never", None: "auto"}[meaning])
-        yield from get_close_matches(stripped.lower(), choices)
+        yield from get_close_matches(stripped.lower(), choices)  # a misspelt word
         if minutes := _MINUTES.fullmatch(stripped):
             if unit in ("s", "seconds"):
                 yield _shorten(60 * int(minutes[1]) + float(minutes[2]))
@@ -81,7 +81,7 @@ def _guess_meant_values(name: str, value: Any, choices: list[str]) -> Iterator[A
             factors = {"": 1.0} | _UNITS.get(unit, {})
             if (factor := factors.get(number[2].lower())) is not None:
                 yield _shorten(float(number[1].replace(",", ".")) * factor)
-        yield [stripped]
+        yield [stripped]  # for a parameter that takes a list
     elif isinstance(value, list):
         yield [value]
         if len(value) == 1:
@@ -91,7 +91,7 @@ def _guess_meant_values(name: str, value: Any, choices: list[str]) -> Iterator[A
     elif isinstance(value, int | float) and abs(value) < _LARGEST:  # so no NaN
         yield _shorten(value)
         if unit == "ratio":
-            yield value / 100
+            yield value / 100  # it was meant in percent
         yield str(value)
         yield [value]
 

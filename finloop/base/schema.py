@@ -25,7 +25,7 @@ class Column:
         if self.length:
             return "object"
         if self.nullable and "int" in self.dtype:
-            return self.dtype.replace("int", "Int").replace("u", "U")
+            return self.dtype.replace("int", "Int").replace("u", "U")  # pandas' Int32, UInt8
         return "str" if self.dtype == "string" else self.dtype
 
 

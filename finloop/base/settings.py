@@ -245,6 +245,7 @@ def _describe_all(group: _Group, problems: list[dict[str, Any]]) -> list[str]:
     # A value may have one of several types; keep the problems of the type it comes nearest to.
     depth = max(len(problem["loc"]) for problem in problems)
     deepest = [problem for problem in problems if len(problem["loc"]) == depth]
+    # A sentence for each, where they are about the group, or about several parts of a value.
     if hint is None or (len(deepest) > 1 and depth > 2):
         return [_describe_problem(group, problem) for problem in deepest]
     if len(deepest) == 1:
@@ -296,10 +297,10 @@ def _suggest_name(word: str, declared: type, key: str) -> str:
     key = getattr(declared, "RENAMED", {}).get(key, key)
     if key in names:
         return f"it is {word}.{key} now"
-    for base in declared.__mro__:
+    for base in declared.__mro__:  # a constant has an annotation in its class, and is no field
         if key in vars(base).get("__annotations__", {}):
             return f"it is a constant now, {base.__name__}.{key}"
-    if word in OF_MODES:
+    if word in OF_MODES:  # groups that were one once: the parameter may have moved to another
         if key in GONE:
             return GONE[key]
         if new_name := full_names(key, OF_MODES):

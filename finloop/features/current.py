@@ -44,6 +44,7 @@ def measure_current(
     track = np.repeat(np.arange(len(tracks)), [rows.stop - rows.start for rows in tracks])
     memory_frames = measure_memory_frames(np.asarray(bend)[:, None], track)
     beats_per_s = rate_hz / (_MEMORIES * memory_frames)
+    # Strouhal's number is beats per second times their width over the speed.
     return beats_per_s * min(beat_width / _STROUHAL, _MOST_STRIDE)
 
 

@@ -46,12 +46,14 @@ FISH_CUES = HeadCues()
 def choose_head_cues(
     rule: HeadRule, backbone: Reals, half_width: Reals, tracks: Sequence[slice], rate_hz: float
 ) -> HeadCues:
-    """Return by which cues the head is found in a film.
+    """Return by which cues the head is found in a film: the wider or thinner end, travel, or both.
 
-    rule: of the settings; by `auto` it is measured whether the animals move blunt or thin end
-    first. Where little moves, the blunt end is the head, as of a fish. backbone: (rows, n, 2) px;
-    half_width: (rows, n) px; tracks: the rows of each track; rate_hz: frames per second.
+    rule: of the settings: "travel", "blunt", "thin", or "auto", by which it is measured whether the
+    animals move blunt or thin end first. Where little moves, the blunt end is the head, as of a
+    fish. backbone: (rows, n, 2) px; half_width: (rows, n) px; tracks: the rows of each track;
+    rate_hz: frames per second.
     """
+    # HeadCues.width: 1 the blunt end is the head, −1 the thin one, 0 the width says nothing.
     if rule == "travel":
         return HeadCues(width=0)
     if rule != "auto":
@@ -60,6 +62,7 @@ def choose_head_cues(
     for rows in tracks:
         travel = _travel_evidence(backbone[rows], _median_length(backbone[rows]))
         agreement += float((travel * _width_evidence(half_width[rows])).sum())
+    # Frames that repeat one another count as one.
     thin_end_leads = agreement / max(1.0, _MEMORY_S * rate_hz) < -_AGAINST_BLUNT
     return HeadCues(width=-1 if thin_end_leads else 1)
 
@@ -106,7 +109,8 @@ def decide_head_end(
     unknown; it decides where it is known. cues: what tells the head in this film.
     """
     length = _median_length(backbone)
-    evidence = cues.width * _width_evidence(half_width)  # log odds that the first point is the head
+    # Log odds that the first point is the head. cues.width: −1 where the head is the thin end.
+    evidence = cues.width * _width_evidence(half_width)
     if cues.travel:
         evidence = evidence + _travel_evidence(backbone, length)
     evidence /= max(1.0, _MEMORY_S * rate_hz)  # frames that repeat one another count as one

@@ -259,7 +259,7 @@ def orient_backbones(
 
 
 def learn_head_cues(tracks: pd.DataFrame, rate_hz: float, rule: HeadRule) -> HeadCues:
-    """Return what shows which end is the head in a film.
+    """Return which cues show which end is the head in a film: see `HeadCues`.
 
     tracks: the columns `USED`, sorted by track and frame; rate_hz: frames per second; rule: of the
     settings.

@@ -62,6 +62,7 @@ def collect_evidence(
     film's further segments.
     """
     segment = np.searchsorted(np.array(cuts, int), reel.features["frame"], side="right")
+    # Body widths at some points of the backbone; its ends have none.
     widths = lists_to_array(tracks["half_width_px"])[:, ::_EVERY][:, 1:-1]
     tail_first = begins_at_tail(lists_to_points(tracks, "backbone"), reel.features)
     widths = np.where(tail_first[:, None], widths[:, ::-1], widths)  # from head to tail
@@ -153,8 +154,9 @@ def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]])
         features[["track_id", "frame"]].assign(x=place[:, 0], y=place[:, 1])
     )
     ends = motion.measure_track_ends(
-        [frame[rows] for rows in track_rows], [place[rows] for rows in track_rows], drift.before
-    )
+        [frame[rows] for rows in track_rows], [place[rows] for rows in track_rows],
+        drift.velocity_frames,
+    )  # fmt: skip
     segment = np.array([evidence.segment[rows[0]] for rows in track_rows])
     samples = [spread_rows(rows, p.pictures_per_track) for rows in track_rows]
     sampled_rows = np.concatenate(samples)

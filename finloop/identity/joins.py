@@ -195,7 +195,8 @@ class _JoinSearch:
         score (e,): of the pairs; alone (2, n): score of each track's end, and of its start, without
         a join.
         """
-        # A join saves the score of a start that is alone; so only ends need columns without a join.
+        # Rows are ends; columns are starts, and for each end one more, without a join. The score of
+        # all starts without a join is a constant, from which a join takes its own start's away.
         weight = np.append(score - alone[1, self._starts], alone[0])[self._order]
         # The solver wants costs above 0. Every end has one entry: a constant changes no assignment.
         cost = weight.max() + 1 - weight

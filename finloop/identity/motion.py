@@ -12,7 +12,13 @@ import pandas as pd
 from finloop.base.arrays import Floats, Reals
 from finloop.identity.joins import Chains, TrackPairs
 
-_BEFORE = (2, 4, 8, 16, 32)  # frames over which a velocity may be measured; the best is chosen
+_VELOCITY_FRAMES = (
+    2,
+    4,
+    8,
+    16,
+    32,
+)  # frames over which a velocity may be measured; the best is chosen
 _LEAST = 30  # least trial gaps that measure an error
 # Share of gaps in which an animal darts anywhere in the tank. From 0.005 to 0.02 the zebrafish's
 # joins are the same.
@@ -85,22 +91,23 @@ class GapDrift:
     """How far apart two predictions of a place in a gap are: from the track before, and after it.
 
     gaps (k,): lengths in frames, ascending; error (k,): median distance of the two predictions,
-    body lengths; before: frames before and after a gap over which a velocity is measured.
+    body lengths; velocity_frames: before and after a gap, over which a velocity is measured.
     """
 
     gaps: Floats
     error: Floats
     share: Floats  # (k,): share of the velocity before the gap that lasts
     tank: float  # area, body lengths²
-    before: int
+    velocity_frames: int
 
     def log_ratio(self, gap_frames: Floats, distance: Floats) -> Floats:
         """Return log(probability of one animal / of two), (e,), for tracks before and after gaps.
 
         gap_frames (e,): lengths; distance (e,): d between the two predicted places, body lengths.
         The result is log((1 − ε) A m² / (π (m² + d²)²) + ε), with the median m of d for such a gap,
-        the tank's area A, and ε for animals that may be anywhere. The density is Student's t in the
-        plane, with two degrees of freedom: most animals swim on, some dart.
+        the tank's area A, and ε for animals that may be anywhere; the fraction is limited. The
+        density is Student's t in the plane, with two degrees of freedom: most animals swim on, some
+        dart.
         """
         error = np.maximum(np.interp(gap_frames, self.gaps, self.error), _NO_ERROR)
         density = error**2 / (np.pi * (error**2 + distance**2) ** 2)
@@ -112,24 +119,27 @@ def measure_drift(tracks: pd.DataFrame) -> GapDrift:
 
     tracks: track_id, frame, x, y (body lengths), sorted by track and frame. The gaps double from
     one frame on, while enough tracks are that long. The velocity is measured over the number of
-    frames that gives the least error: over less than a tail beat it may point aside.
+    frames that gives the least error: over less than a tail beat it may point aside. In a film of
+    short tracks an animal may be anywhere after any gap.
     """
     # The tank's area, of all places but the outermost hundredths, and the radius of such a circle.
     spread = tracks[["x", "y"]].quantile(0.99) - tracks[["x", "y"]].quantile(0.01)
     tank = float(np.maximum(spread, 1.0).prod())
     anywhere = float(np.sqrt(tank / np.pi))
-    errors, shares = dict[int, list[float]](), dict[int, list[float]]()  # by frames of the velocity
-    for before in _BEFORE:
-        error, share = _measure_errors(tracks, before)
+    # For each number of frames that measure a velocity: the results for gaps of 1, 2, 4 … frames.
+    errors, shares = dict[int, list[float]](), dict[int, list[float]]()
+    for frames in _VELOCITY_FRAMES:
+        error, share = _measure_errors(tracks, frames)
         if error:
-            errors[before], shares[before] = error, share
-    if _BEFORE[0] not in errors:  # the tracks are too short for any trial gap
+            errors[frames], shares[frames] = error, share
+    if _VELOCITY_FRAMES[0] not in errors:  # the tracks are too short for any trial gap
         return GapDrift(
-            np.ones(1), np.full(1, anywhere), share=np.zeros(1), tank=tank, before=_BEFORE[0]
-        )
+            np.ones(1), np.full(1, anywhere), share=np.zeros(1), tank=tank,
+            velocity_frames=_VELOCITY_FRAMES[0],
+        )  # fmt: skip
     # The best has the least geometric mean of errors, over the gaps that all have.
     common = min(map(len, errors.values()))
-    best = min(errors, key=lambda before: np.log(np.add(errors[before][:common], 1e-6)).sum())
+    best = min(errors, key=lambda frames: np.log(np.add(errors[frames][:common], 1e-6)).sum())
     # After a gap so long that the error, which grows with its root, spans the tank, it may be
     # anywhere.
     gaps = 2.0 ** np.arange(len(errors[best]))
@@ -138,7 +148,7 @@ def measure_drift(tracks: pd.DataFrame) -> GapDrift:
     beyond = gaps[-1] * (last / max(longest_error, _NO_ERROR)) ** 2 + 1
     return GapDrift(
         np.append(gaps, beyond), np.append(errors[best], last),
-        share=np.append(shares[best], 0.0), tank=tank, before=best,
+        share=np.append(shares[best], 0.0), tank=tank, velocity_frames=best,
     )  # fmt: skip
 
 
