@@ -295,19 +295,20 @@ def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
 
 
 def natural_step_table(
-    features: pd.DataFrame, x: Picture, place: Ints, step_frames: int
+    features: pd.DataFrame, x: Picture, picture_row: Ints, step_frames: int
 ) -> pd.DataFrame:
     """Return how much the picture changes from each row to a later frame of its track (Eq. 5).
 
-    features (n rows); x: pictures as rows; place (n,): row of x with each row's picture;
-    step_frames: how many frames later. Columns: track_id, frame, and step (the distance), which is
-    NaN where the track has no such frame.
+    features (n rows); x: pictures as rows; picture_row (n,): the row of x with the picture of each
+    row of `features`; step_frames: how many frames later. Columns: track_id, frame, and step (the
+    distance), which is NaN where the track has no such frame.
     """
     table = features[["track_id", "frame"]]
     follows = (table.diff(step_frames).to_numpy() == (0, step_frames)).all(axis=1)
     later = np.flatnonzero(follows)
     step = np.full(len(table), np.nan, np.float32)
-    step[later - step_frames] = _distances_of_pairs(x, place[later - step_frames], place[later])
+    earlier = later - step_frames
+    step[earlier] = _distances_of_pairs(x, picture_row[earlier], picture_row[later])
     return table.assign(step=step)
 
 
@@ -363,7 +364,11 @@ def list_map_blocks(features: pd.DataFrame, settings: DistanceSettings) -> list[
 
 
 def _choose_and_sort_rows(features: pd.DataFrame, settings: DistanceSettings) -> SortedRows:
-    """Return the rows to compare: all of the film, or stretches spread over a longer one."""
+    """Return the rows to compare, and their order: all of the film, or stretches of a longer one.
+
+    The order is by kind, then by motion area: see `SortedRows`. Stretches are drawn at random until
+    they have `max_pictures` rows.
+    """
     most_rows, track = settings.max_pictures, features["track_id"].to_numpy()
     stretches = sample_stretches(track, max(2, most_rows // _STRETCHES), most_rows, seed=0)
     rows = np.concatenate([np.arange(stretch.start, stretch.stop) for stretch in stretches])

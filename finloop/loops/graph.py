@@ -70,12 +70,14 @@ def build_loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> Loop
     """Build the graph of all video loops of a film: frames to jump from, and jumps between them.
 
     loops: columns a, b (feature rows) and distance (Eq. 5); track_id (n,): of every feature row.
+    `LoopGraph` says what its arrays hold.
     """
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     # Every loop is two jumps, first all from a to b, then all from b to a.
     distance = np.tile(loops["distance"].to_numpy(np.float32), 2)
     ends, source = np.unique(np.r_[a, b].astype(np.int32), return_inverse=True)
     to = np.r_[source[len(a) :], source[: len(a)]]
+    # The next end of the same track, −1 for none; then the jumps, by their source, nearest first.
     ahead = np.full(len(ends), -1, np.int32)
     has_end_ahead = np.flatnonzero(np.diff(track_id[ends]) == 0)
     ahead[has_end_ahead] = has_end_ahead + 1
@@ -106,6 +108,7 @@ def _segment_successors(
     from end k the film can jump to the ends `to[start[k]:start[k + 1]]`.
     """
     m = len(ahead)
+    # A segment is played to the next end; from there the film plays on, or jumps once.
     played = np.flatnonzero(ahead >= 0)
     play = csr_array((np.ones(len(played), np.int32), (played, ahead[played])), (m, m))
     jump = csr_array((np.ones(len(to), np.int32), to, start), (m, m))
@@ -231,11 +234,16 @@ def find_routes(
 
 
 def _least_route_costs(graph: LoopGraph, target_end: int, jump_frames: float) -> Floats:
-    """Return the least cost (m,) [frames] of a route from each loop end to one; inf: no route."""
+    """Return the least cost (m,) [frames] of a route from each loop end to `target_end`.
+
+    It is inf where there is no route. jump_frames: what a jump costs.
+    """
     m = len(graph.ends)
     played = np.flatnonzero(graph.ahead >= 0)
     jumped = np.repeat(np.arange(m), np.diff(graph.start))
+    # A jump costs a little even if it is free: a sparse graph has no edge of cost 0.
     cost = np.r_[graph.segment_frames[played], np.full(len(jumped), max(jump_frames, _FREE))]
-    backwards = np.r_[graph.ahead[played], graph.to], np.r_[played, jumped]  # from end, to end
+    # Every edge is reversed: so one search, from the target, finds the costs of all ends.
+    backwards = np.r_[graph.ahead[played], graph.to], np.r_[played, jumped]
     least_cost = dijkstra(coo_array((cost, backwards), (m, m)).tocsr(), indices=target_end)
     return least_cost * (1 - 1e-9)  # not above the true cost in spite of rounding

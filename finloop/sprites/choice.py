@@ -197,13 +197,15 @@ def turn_phases(table: pd.DataFrame, run: FrameRun, side: int, hold_share: float
 
 
 def cycle_headings(table: pd.DataFrame, first_row: int, frames: int) -> Floats:
-    """Return evenly changing headings [°] for a run of straight frames and the frame after it.
+    """Return evenly changing headings [°], (frames + 1,), for a run and the frame after it.
 
-    They are (frames + 1,). Their slope is that from the first frame to the one after the last: both
-    show the same phase of the tail beat, so the head's yaw, which a least-squares line would
-    follow, cancels. Their mean is that of the frames. first_row: of the run, in `table`.
+    They lie on a line: its mean over the run is the run's, its slope that from the run's first
+    frame to the frame after it. table: from `swimmer_table`, with headings without jumps of 360;
+    first_row: of the run, in `table`; the row after the run must belong to its track.
     """
     heading = table["heading"].to_numpy()[first_row : first_row + frames + 1]
+    # Both frames show the same phase of the tail beat, so the head's yaw, which a least-squares
+    # line would follow, cancels.
     slope = (heading[-1] - heading[0]) / frames
     return heading[:-1].mean() + slope * (np.arange(frames + 1) - (frames - 1) / 2)
 
@@ -310,7 +312,10 @@ class StraightRuns(NamedTuple):
 def _find_straight_runs(
     table: pd.DataFrame, least_frames: int, most_frames: int
 ) -> Iterator[StraightRuns]:
-    """Yield the runs of usable frames of straight swimming, by track and length of the runs."""
+    """Yield the runs of usable frames of straight swimming, by track and length of the runs.
+
+    The frame after each run is usable and straight, too: it tells whether the run closes.
+    """
     is_suitable = ((table["type"] == STRAIGHT) & table["usable"]).to_numpy()
     for span in _unbroken_row_slices(table):
         for n in range(least_frames, min(most_frames, span.stop - span.start - 1) + 1):
@@ -331,7 +336,8 @@ def _candidate_table(
 ) -> pd.DataFrame:
     """Return runs as a table of candidates: start, length and a column for each fault.
 
-    The faults are those of all straight runs, and `special_faults`, which are given by name.
+    start: row of the table of swimmers; length: frames. A fault of 1 is just acceptable. The faults
+    are those of all straight runs, and `special_faults`, by name, (k,) or one for all k runs.
     """
     half = runs.frames // 2
     heading, speed = runs.values("heading", following=1), runs.values("speed")
@@ -414,9 +420,9 @@ def _measure_turn(
 ) -> dict[str, float] | None:  # fmt: skip
     """Return start, length and faults of the turn around a row; None if the turn is not whole.
 
-    start: its first row in `track`; length: its frames. track: rows of the table of swimmers; bend:
-    to the side, of each row; side: 1 left, −1 right; peak_row: where the bend is largest;
-    strongest_bend: of the film.
+    A fault of 1 is just acceptable. start: its first row in `track`; length: its frames. track: rows
+    of the table of swimmers; bend: to the side, of each row; side: 1 left, −1 right; peak_row: where
+    the bend is largest; strongest_bend: of the film.
     """
     first = _find_straightest_row(bend, peak_row, 0, settings)
     last = _find_straightest_row(bend, peak_row, len(bend) - 1, settings)

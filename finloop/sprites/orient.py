@@ -60,7 +60,12 @@ def sprite_table(
 def _sequence_rows(
     table: pd.DataFrame, sequence: str, choice: ChosenFrames, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Return a table of one sequence's sprites: columns of `SPRITES` except `sprite`."""
+    """Return a table of one sequence's sprites: columns of `SPRITES` except `sprite`.
+
+    heading_deg is the direction in the film at which a frame is drawn; forward, sideways and
+    turn_deg are the motion to the next frame. Of a mirrored choice, what depends on the side has
+    the other sign.
+    """
     run, sign = choice.run, -1 if choice.mirrored else 1
     frames = table.iloc[run.rows]
     n, start, stop = len(frames), run.rows.start, run.rows.stop
