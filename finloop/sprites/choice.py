@@ -420,9 +420,9 @@ def _measure_turn(
 ) -> dict[str, float] | None:  # fmt: skip
     """Return start, length and faults of the turn around a row; None if the turn is not whole.
 
-    A fault of 1 is just acceptable. start: its first row in `track`; length: its frames. track: rows
-    of the table of swimmers; bend: to the side, of each row; side: 1 left, −1 right; peak_row: where
-    the bend is largest; strongest_bend: of the film.
+    A fault of 1 is just acceptable. start: its first row in `track`; length: its frames. track:
+    rows of the table of swimmers; bend: to the side, of each row; side: 1 left, −1 right; peak_row:
+    where the bend is largest; strongest_bend: of the film.
     """
     first = _find_straightest_row(bend, peak_row, 0, settings)
     last = _find_straightest_row(bend, peak_row, len(bend) - 1, settings)
