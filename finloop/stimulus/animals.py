@@ -208,10 +208,11 @@ class _AnimalTrack:
         if jumped is None and not is_other:
             return None
         self._refused_t = None
-        if is_first or is_other or jumped:
+        if is_first or is_other or jumped:  # stored times move to the new clock
             self._past.change_clock(self._clock_offset_s - offset, t)
             self._least_offsets.clear()
             self.source, self._unbroken_since = source, t
+        # Keep the least offset of each bin of time; the deque forgets the oldest bin.
         bin_number = math.floor(arrived_s / _BIN_S)
         if self._least_offsets and self._least_offsets[-1][0] == bin_number:
             offset = min(offset, self._least_offsets.pop()[1])
