@@ -520,7 +520,7 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(tmp_path):
     save_table(tmp_path / "a.parquet", table, EDIT)
     back = load_table(tmp_path / "a.parquet", EDIT)
     assert list(back["tick"]) == list(range(900))
-    weighed = candidate_table(found, 900, rich_film().filmed)
+    weighed = candidate_table(found, 900, rich_film().filmed_count)
     save_table(tmp_path / "b.parquet", weighed, CONSIDERED)
     again = load_table(tmp_path / "b.parquet", CONSIDERED)
     assert (again.groupby("tick")["taken"].sum() == 1).all()

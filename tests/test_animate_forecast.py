@@ -54,7 +54,7 @@ def own_world(mirrored=True, barred=()):
     rows["has_next"][n - 1 :: n] = False
     rows["has_next"][list(barred)] = False
     plain = film_world_of()
-    return replace(plain, film=plain.film._replace(rows=rows, filmed=n))
+    return replace(plain, film=plain.film._replace(rows=rows, filmed_count=n))
 
 
 def player(**film):
@@ -249,4 +249,4 @@ def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut
     _, cut = one.cut(state, stretch, 3)
     assert len(cut.fish.past) == len(then.fish.past)
     assert (cut.fish.x, cut.fish.y) == tuple(stretch.trajectory[2, :2])
-    assert one.plan(cut, path.route, rng)[1].path.along > 0
+    assert one.plan(cut, path.route, rng)[1].progress.along > 0

@@ -300,7 +300,7 @@ def test_the_goal_of_a_kept_plan_is_not_the_new_one(monkeypatch):
         while not fish.reached:
             tank.advance()
             ends = (
-                fish.decision_at(tank.tick).stretch.touched
+                fish.decision_at(tank.tick).stretch.touches_goal
                 and len(fish.planned_path_from(tank.tick)) > 4
             )
             if ends:

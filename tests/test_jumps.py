@@ -247,7 +247,7 @@ def test_a_mirror_image_jumps_as_its_row_does_to_the_other_side():
     """But none to where the film ends: a fish could not go on from there."""
     table, jumps, made = both_sides()
     n, kept = len(table), 0
-    assert made.filmed == n and len(made.rows) == 2 * n
+    assert made.filmed_count == n and len(made.rows) == 2 * n
     for row, to, across in zip(jumps["row"], jumps["to"], jumps["mirrored"], strict=True):
         for side in (0, 1):
             k = made.jump_slot[row + side * n]
@@ -265,7 +265,7 @@ def test_without_mirror_images_the_film_is_no_longer():
     made = motion_graph(
         table, ways, film_world_of().motion, BODY, np.zeros(len(table), bool), np.zeros(len(table))
     )
-    assert made.filmed == len(made.rows)
+    assert made.filmed_count == len(made.rows)
 
 
 def test_a_mirror_image_swims_the_mirrored_way_and_is_drawn_mirrored_about_its_heading():
@@ -286,6 +286,6 @@ def test_who_wanders_takes_the_film_as_it_comes(rng):
     stretch, _ = planner.plan(state, None, rng)
     value = stretch.options.costs[stretch.options.taken] * planner.world.motion.rate_hz
     assert value >= planner.world.to_ticks(planner.world.settings.look_ahead_deltas)
-    assert not stretch.touched
+    assert not stretch.touches_goal
     to_come = stretch.options.terms[:, TERMS.index("to_come")]
     assert (to_come == 0).all()

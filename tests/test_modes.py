@@ -169,7 +169,7 @@ def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut_from_where_it_goes_on(
         assert whole is stretch and repr(end.fish) == repr(then.fish)
         for ticks in {1, len(stretch.trajectory) - 1} - {0, len(stretch.trajectory)}:
             short, at = player.cut(state, stretch, ticks)
-            assert len(short.trajectory) == ticks and not short.touched
+            assert len(short.trajectory) == ticks and not short.touches_goal
             assert at.fish.tick == state.fish.tick + ticks
             assert (at.fish.x, at.fish.y) == tuple(stretch.trajectory[ticks - 1, :2])
             on, _ = player.plan(at, A[0], np.random.default_rng(0))
@@ -312,12 +312,12 @@ def test_looking_up_finds_the_nearest_loop_end_in_the_goal_s_quadrant(pose, free
             if any(one is not None and np.isnan(one[1]) for one in (best, any_)):
                 continue  # round in a circle: by the last bit one or the other is nearer
             assert ways.ticks[way] == (best[1] if best else 0)
-            assert ways.touched[way] == (best is not None and best[2])
+            assert ways.touches_goal[way] == (best is not None and best[2])
             assert ways.inside[way] == (any_[1] if any_ else 0)
             assert ways.far[way] == pytest.approx(best[0] if best else np.inf)
             fails = VERDICTS[ways.verdict[way]]
             assert (fails == "") == bool(best) and (fails == "tank") == (any_ is None)
-            seen["touched" if ways.touched[way] else fails] += 1
+            seen["touched" if ways.touches_goal[way] else fails] += 1
     assert (seen.pop("quadrant") == 0) == free
     assert min(seen[name] for name in ("", "tank", "touched")) > 10
     assert free or seen["heading"] > 10
@@ -360,7 +360,7 @@ def test_a_way_leads_as_the_film_does_to_the_goal_s_quadrant_and_sets_out_that_w
     for _ in range(250):
         before = state.fish
         stretch, state = player.plan(state, goal, rng)
-        if stretch.touched:
+        if stretch.touches_goal:
             goal = Goal("A", *open_tank().random_point(rng))
         if stretch.decision.reason == "spot":
             continue
@@ -379,7 +379,7 @@ def test_a_way_leads_as_the_film_does_to_the_goal_s_quadrant_and_sets_out_that_w
                 > 0
             )
             other += 1
-        elif not stretch.touched and len(stretch.trajectory) > 1:
+        elif not stretch.touches_goal and len(stretch.trajectory) > 1:
             (x, y, heading), (to_x, to_y, _) = stretch.trajectory[[0, -1]]
             assert quadrant_of_displacement(to_x - x, y - to_y) == quadrant_of_displacement(
                 goal.x_px - x, y - goal.y_px
@@ -471,7 +471,7 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
             found.decision.reason == "spot"
             and found.decision.candidates_tank == found.decision.candidates
         )
-        assert (found.trajectory == [x, 300.0, 0.0]).all() and not found.touched
+        assert (found.trajectory == [x, 300.0, 0.0]).all() and not found.touches_goal
         assert found.new == (found.number[0] != fish.row + 1)
         if found.new:
             assert (fish.row + 1, found.number[0]) in ends

@@ -330,7 +330,7 @@ def test_a_step_along_a_path_is_pure_and_a_cut_one_goes_on_from_the_cut():
         on, after_ = player.plan(cut, route, again)
         assert len(short.steer if short.steer is not None else short.trajectory) <= 2
         assert np.hypot(*(on.trajectory[0, :2] - short.trajectory[-1, :2])) < 0.5 * LENGTH
-        assert after_.path.along >= state.path.along
+        assert after_.progress.along >= state.progress.along
         state = then
 
 

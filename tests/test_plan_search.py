@@ -433,20 +433,20 @@ def test_a_fish_swims_by_its_plan_alone_and_beside_others_that_are_not_in_its_wa
         searches += stretch.options is not None
     assert searches < stretches / 2
     assert searches <= 1 + 300 / (world.to_ticks(world.settings.path_commit) / 2)
-    while not state.path.runs:
+    while not state.progress.runs:
         _, state = planner.plan(state, route, rng)
     run, _ = planner.plan(state, route, rng)
     assert run.options is None
     clear = np.array([[state.fish.x + 2 * LENGTH, state.fish.y, 0.0, 0.0]])
-    beside = planner.with_others(state, clear[:, None])
+    beside = planner.with_company(state, clear[:, None])
     assert beside.fish.company.near_count == 1
     found, _ = planner.plan(beside, route, rng)
     assert found.options is None and np.array_equal(found.trajectory, run.trajectory)
     # A fish in the way: the run is cut before it, and the next plan begins anew.
     ahead = np.append(run.trajectory[-1], run.number[-1])
-    found, cut = planner.plan(planner.with_others(state, ahead[None, None]), route, rng)
+    found, cut = planner.plan(planner.with_company(state, ahead[None, None]), route, rng)
     assert len(found.trajectory) < len(run.trajectory) or found.decision.reason == WAITING
-    assert cut.path.runs == ()
+    assert cut.progress.runs == ()
 
 
 def test_a_plan_is_given_up_for_another_path_and_where_it_is_cut():
@@ -454,7 +454,7 @@ def test_a_plan_is_given_up_for_another_path_and_where_it_is_cut():
     planner, rng = matching_of(world), np.random.default_rng(0)
     route = lay_route(EIGHT, world)
     state = planner.begin(rng, route)
-    while not state.path.runs:
+    while not state.progress.runs:
         stretch, then = planner.plan(state, route, rng)
         before, state = state, then
     assert planner.plan(state, route, rng)[0].options is None
@@ -462,7 +462,7 @@ def test_a_plan_is_given_up_for_another_path_and_where_it_is_cut():
     assert planner.plan(state, other, rng)[0].options is not None
     assert planner.plan(state, Goal("A", 100.0, 100.0), rng)[0].options is not None
     _, cut = planner.cut(before, stretch, 1)
-    assert cut.path.runs == ()
+    assert cut.progress.runs == ()
 
 
 def test_nothing_is_swum_that_was_not_looked_at():
@@ -472,6 +472,6 @@ def test_nothing_is_swum_that_was_not_looked_at():
         state = State(planner.begin(rng).fish, np.zeros(2))
         for _ in range(40):
             stretch, state = planner.plan(state, Goal("A", 700.0, 100.0), rng)
-            planned = len(stretch.trajectory) + sum(run.ticks for run in state.path.runs)
+            planned = len(stretch.trajectory) + sum(run.ticks for run in state.progress.runs)
             assert planned <= max(commit + ahead, 2) * DELTA + world.cost_weights.stride
             assert stretch.trajectory.shape[0] < 10 * RATE

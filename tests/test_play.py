@@ -209,11 +209,11 @@ def test_a_mode_of_the_paper_drops_the_plan_of_matching(mode):
     """It moves the fish to where that plan does not begin, if only for a tick."""
     players, rng = toy_players(), np.random.default_rng(3)
     state = players["matching"].begin(rng)
-    while not state.path.runs:
+    while not state.progress.runs:
         _, state = players["matching"].plan(state, None, rng)
     stretch, later = players[mode].plan(state, None, rng)
     _, cut = players[mode].cut(state, stretch, 1)
-    assert later.path.runs == cut.path.runs == ()
+    assert later.progress.runs == cut.progress.runs == ()
 
 
 def test_where_a_mode_takes_over_pictures_are_joined_and_it_can_be_gone_back_to():
@@ -672,5 +672,5 @@ def test_fish_that_decide_anew_keep_clear_of_each_other():
             last = fish.decision_at(tank.tick)
             paths = [one.planned_path_from(last.tick) for one in tank.fish if one is not fish]
             others = Plans.from_paths(paths, last.tick).others(-1, last.tick)
-            state = player.with_others(last.state, others)
+            state = player.with_company(last.state, others)
             assert player.is_clear(state._replace(fish=last.state.fish), last.stretch)

@@ -94,7 +94,7 @@ def _swim_path(planner: Planner, state: State, goal: Goal) -> tuple[Floats, Floa
             jumps.append(ticks)
         places.append(stretch.trajectory)
         ticks += len(stretch.trajectory)
-        if stretch.touched:
+        if stretch.touches_goal:
             break
     return np.concatenate(places), np.array(jumps, int)
 

@@ -56,7 +56,7 @@ class AnyPlayer(Protocol):
         other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks.
         """
 
-    def with_others(self, state: State, other_plans: Floats) -> State:
+    def with_company(self, state: State, other_plans: Floats) -> State:
         """Return the state in which the fish knows the others' present plans, and no older ones.
 
         other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks.

@@ -116,20 +116,20 @@ class SchoolMember:
         """Plan the fish's next stretch, clear of the others' plans, and add it to `plans`."""
         start_tick, others = self.tick, plans.others(self._number, self.tick)
         goal = self._next_goal() or self._next_rule(plans, others)
-        state = self._player.with_others(self._state, others)
+        state = self._player.with_company(self._state, others)
         stretch, self._state = self._player.plan(state, goal, self._task.rng)
         plans.put(self._number, start_tick, stretch.path_and_pictures)
         # What the animation says of it; a goal that the stretch touches at its end is reached.
         name = PATH if isinstance(goal, Route) else goal.name if goal else ""
         self.swim.stretches.append(stretch)
         self.swim.names.append(name)
-        if isinstance(goal, Goal) and stretch.touched:
+        if isinstance(goal, Goal) and stretch.touches_goal:
             self.swim.reached[self._reached] = self.tick - 1
             self._reached += 1
 
     def _next_goal(self) -> Goal | Route | None:
         """Return the path or the goal that the fish swims to now; None if it has none left."""
-        if self._route is not None and self._route.is_done(self._state.path.along, self.tick):
+        if self._route is not None and self._route.is_done(self._state.progress.along, self.tick):
             self._route = None
         if self._route is not None:
             return self._route

@@ -51,9 +51,9 @@ def measure_movement(pose: Pose) -> Movement:
     """Return how far the body turns and bends from each of n poses to the next."""
 
     def measure_lot(first: int) -> Floats:
-        """Return both movements (2, k), between the rows of a lot that begins at `first`."""
+        """Return the two fields of `Movement` (2, k) for the k steps of some rows from `first`."""
         lot = pose[first : first + _LOT + 1]
-        # The backbones about their centres, headed right, a body length long.
+        # The backbones about their centres, headed right, a body length long; y points down.
         lines = lot.move_to(0.0, 0.0, 0.0, 1.0).backbone_px()
         turn = np.diff(lot.heading_rad)[:, None]
         cos, sin, x, y = np.cos(turn), np.sin(turn), lines[1:, :, 0], lines[1:, :, 1]

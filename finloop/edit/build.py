@@ -24,8 +24,7 @@ class EditInputs:
     rate_hz: ticks per second; body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,),
     sprite_scale (s,): drawn size / filmed size; goes_on (n,): whether a row is followed by the next
     one; sprite_after (s,): the sprite that follows each; orientations: of each sprite; joins: how
-    pictures are joined; modes: name of the mode that plays frames, and of the one that plays
-    sprites.
+    pictures are joined; frame_mode, sprite_mode: names of the modes that play frames and sprites.
     """
 
     rate_hz: float
@@ -37,7 +36,8 @@ class EditInputs:
     sprite_after: Ints
     orientations: int
     joins: JoinRules
-    modes: tuple[str, str]
+    frame_mode: str
+    sprite_mode: str
 
     def next_number(self, kind: str, number: int) -> int:
         """Return the number of the sprite or film row after another, the same at the last one."""
@@ -141,7 +141,7 @@ def edit_columns(
         "heading_deg": heading,
         "speed": speed,
         "motion_area": np.array([stretch.area for stretch in stretches])[stretch_of_tick],
-        "mode": np.where(pictures.frame, *inputs.modes),
+        "mode": np.where(pictures.frame, inputs.frame_mode, inputs.sprite_mode),
         "state": np.array(STATES)[state],
         "goal": np.array(names)[stretch_of_tick],
         "aim_x_px": aims[:, 0],

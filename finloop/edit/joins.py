@@ -104,7 +104,8 @@ class JoinRules:
     def spring_response(self) -> tuple[Floats, Floats]:
         """Return what is left of an offset of 1, and of a velocity of 1 a tick, after 0, 1 … ticks.
 
-        Both are offsets (k,): x(τ) of this module's text, for x₀ = 1, v₀ = 0 and x₀ = 0, v₀ = 1.
+        Both are offsets (k,) of a critically damped spring after t ticks: (1 + a t) exp(−a t) and
+        t exp(−a t), where a is such that 5 % of an offset are left after `decay` ticks.
         """
         rate, ticks = _DECAY / self.decay, np.arange(self._spring_ticks)
         decay = np.exp(-rate * ticks)
@@ -252,7 +253,7 @@ def cross_fade_partners(
 
     shown: the pictures that fade in. From each tick of `begins` on, the old picture plays on for
     `fade` ticks, and its share falls. following(kind, number): returns the number of the picture
-    after another.
+    that plays after another of that kind, FRAME or SPRITE.
     """
     ticks = len(shown.number)
     partner, weight = PictureSequence(

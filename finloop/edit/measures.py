@@ -60,6 +60,7 @@ def motion_area_errors(edit: pd.DataFrame) -> dict[str, float]:
     `turn_area_missed_median`: median difference of the most bent sprite's motion area from it, as a
     share of the film's largest. {} without such turns (Fig. 18).
     """
+    # Only the first tick of a turn has both.
     missed = (edit["sprite_area"] - edit["motion_area"]).abs().dropna()
     return {} if missed.empty else {"turn_area_missed_median": float(missed.median())}
 

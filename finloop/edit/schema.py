@@ -169,6 +169,7 @@ def filmed_edit_list(rows: Ints, places_px: Floats) -> pd.DataFrame:
 
     With it the film is drawn and measured like an animation. places_px (n, 2): x, y of each.
     """
+    # A column of which the film says nothing holds null where it may, else "", False or 0.
     empty = {"string": "", "bool": False}
     defaults = {
         column.name: None if column.nullable else empty.get(column.dtype, 0)

@@ -66,9 +66,9 @@ class Stretch:
     number (n,): the sprites or film rows shown; rot (n,): by how much frames are turned, degrees;
     phase (n,): place in the cycle, in frames, where a cycle of sprites is played; new: whether the
     first picture does not follow the one before; aim: the point that the fish heads for, which
-    begins with its x, y px; area: motion area requested of the network, else NaN; touched: whether
-    the last tick touches the goal; whole: whether the stretch is uncut; options: the candidates
-    that were compared, None where the stretch was planned before; past (k + n, d): states of the
+    begins with its x, y px; area: motion area requested of the network, else NaN; touches_goal:
+    whether the last tick does; whole: whether the stretch is uncut; options: the candidates that
+    were compared, None where the stretch was planned before; past (k + n, d): states of the
     forecast before and in the stretch, oldest first; steer (n, 2): corrections in degrees and px,
     on a path alone.
     """
@@ -78,7 +78,7 @@ class Stretch:
     number: Ints
     new: bool
     aim: tuple[Any, ...]
-    touched: bool
+    touches_goal: bool
     decision: Decision
     kind: str = SPRITE
     rot: Floats | None = None
@@ -111,17 +111,19 @@ class Stretch:
     def cut(self, ticks: int) -> "Stretch":
         """Return the stretch shortened to its first `ticks` ticks, at least 1.
 
-        A shortened stretch touches no goal; one that is not longer is returned as it is.
+        A shortened stretch touches no goal, as only the last tick can; one that is not longer is
+        returned as it is.
         """
         if ticks >= len(self.trajectory):
             return self
         removed = len(self.trajectory) - ticks
+        # `past` has more ticks than the others, so all lose as many at the end.
         shortened = {
             name: values[: len(values) - removed]
             for name in ("trajectory", "number", "rot", "phase", "past", "steer")
             if (values := getattr(self, name)) is not None
         }
-        return replace(self, **shortened, touched=False, whole=False)
+        return replace(self, **shortened, touches_goal=False, whole=False)
 
 
 @dataclass(frozen=True)

@@ -59,8 +59,8 @@ def predict_ensembles(
     """Return the states predicted after held-out rows, each as an ensemble from training rows.
 
     A member is the network's prediction plus the error that the network made at a similar training
-    row; rows with fewer than 5 members are left out. rng: draws the rank of a true state that lies
-    between two members.
+    row; rows with fewer than 5 members are left out. A rank is the share of the members below the
+    true state. rng: draws where between two neighbouring members the true state lies.
     """
     is_training = np.zeros(len(film.states), bool)
     is_training[parts.train] = True
@@ -76,6 +76,7 @@ def predict_ensembles(
         members = errors[similar]
         below = (members < errors[row]).sum(0) + rng.random(members.shape[1])
         count = len(similar)
+        # The variance of few members is drawn towards that of the whole film.
         variance = (count * members.var(0) + _PRIOR * film_variance) / (count + _PRIOR)
         rows.append(row)
         means.append(sampler.mean[row] + members.mean(0))
@@ -216,9 +217,8 @@ def compare_free_swim(
     filmed = film.states[film.rows]
     clamped = (states <= sampler.low) | (states >= sampler.high)
     spread = states.std(0) / filmed.std(0)
-    state_numbers = np.unique(states.round(9), axis=0, return_inverse=True)[
-        1
-    ]  # equal for equal ones
+    _, state_numbers = np.unique(states.round(9), axis=0, return_inverse=True)  # of equal states
+    # The last three numbers of a state are the speeds forward and sideways, and turning.
     return {
         "free_pose_spread_of_film": float(np.sqrt((spread[:-MOTION] ** 2).mean())),
         "free_forward_spread_of_film": float(spread[-3]),

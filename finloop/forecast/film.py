@@ -94,6 +94,7 @@ def compute_film_states(
     control = np.stack([features["displacement"].to_numpy(float), angle], 1)
     row_in_track = np.arange(n) - np.searchsorted(track, track)
     next_row = np.append((np.diff(track) == 0) & (np.diff(frame) == 1), False)
+    # The first row of a track has no speeds yet, so the past begins at the second.
     usable = (row_in_track > lags[-1]) & next_row & np.isfinite(control).all(1)
     lack = ""
     if usable.sum() < LEAST_ROWS:

@@ -45,7 +45,7 @@ class _Network(nn.Module):
         """Return the next states (m, d) predicted from pasts (m, l, d) and controls (m, 2).
 
         All are in units of their scales. The prediction is averaged with the one for the mirror
-        image.
+        image, mirrored back; `mirror` mirrors states, `side` controls.
         """
         mirrored = self.change(past @ self.mirror, control * self.side) @ self.mirror
         return past[:, 0] + 0.5 * (self.change(past, control) + mirrored)
@@ -142,7 +142,11 @@ def _learn_epoch(
 
 
 def _draw_disturbances(shape: torch.Size, generator: torch.Generator) -> Tensor:
-    """Return noise (m, l, d) for the pasts: one shift common to all lags, and one for each lag."""
+    """Return noise (m, l, d) for the pasts: one shift common to all lags, and one for each lag.
+
+    The sizes of both, standard deviations, are drawn anew for each of the m rows, up to 1 and up to
+    `_LAG_NOISE`.
+    """
     rows, lags, state_size = shape
     common, single = (
         torch.randn(rows, count, state_size, generator=generator, dtype=torch.float64)

@@ -55,7 +55,11 @@ class Forecast:
     side: Floats
 
     def kernel_weights(self) -> KernelWeights:
-        """Return the weights as `predict_next_mean` takes them, with the scales folded in."""
+        """Return the weights as `predict_next_mean` takes them, with the scales folded in.
+
+        So they take and give states in the units of `FilmStates`. The network and its mirror image
+        give half of the change each.
+        """
         (first, second, third), (first_bias, second_bias, third_bias) = self.layers, self.biases
         size, lags = len(self.scale), len(self.lags)
         unit = np.concatenate([np.tile(self.scale, lags), self.control_scale])
@@ -101,12 +105,15 @@ class Forecast:
 def restore_forecast(**content: Any) -> Forecast:
     """Return the network that the fields of `Forecast.record` describe.
 
-    KeyError, TypeError or ValueError if a field is missing, of another size or not finite.
+    KeyError, TypeError or ValueError if a field is missing or has another size, or if weights,
+    biases or `mirror` are not finite.
     """
     if content["format"] != _FORMAT:
         raise ValueError(f"no forecast: {_FORMAT!r} is wanted, got {content['format']!r}")
     lags = np.array(content["lags"], np.int64)
-    scale, control_scale, mirror, side = (np.array(content[name], float) for name in _UNITS[1:])
+    scale, control_scale, mirror, side = (
+        np.array(content[name], float) for name in ("scale", "control_scale", "mirror", "side")
+    )
     layers = [np.array(content[name], np.float32) for name in _LAYERS]
     biases = [np.array(content[f"{name}_bias"], np.float32) for name in _LAYERS]
     size, hidden = len(scale), len(biases[0])
@@ -137,6 +144,7 @@ def predict_next_mean(net: KernelWeights, past: Weights, out: Floats, hidden: We
     two hidden layers, overwritten.
     """
     size, hidden_units, first, second = out.size, hidden.shape[1], hidden[0], hidden[1]
+    # To the present state the change is added, half of it by the network, half by its mirror image.
     for j in range(size):
         out[j] = past[j]
     for side in range(2):

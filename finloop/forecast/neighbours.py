@@ -93,7 +93,7 @@ def _embed_pasts(film: FilmStates, rows: Ints, fade_deltas: float) -> NDArray[np
     weight = 0.5 ** (film.lags / (fade_deltas * film.delta))
 
     def embed(lot: Ints) -> Floats:
-        """Return the vectors of some rows, not yet about their mean."""
+        """Return the vectors (k, l d) of some rows (k,), before the mean is subtracted."""
         return (film.past(lot) / unit * weight[:, None]).reshape(len(lot), -1)
 
     lots = np.split(rows, range(_BLOCK, len(rows), _BLOCK))
@@ -119,7 +119,7 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
 
     @lru_cache(1)
     def index_part(number: int) -> tuple[Ints, Nearest]:
-        """Return the rows of one part of the film, and the index of their vectors."""
+        """Return the numbers in `rows` of one part of the film, and the index of their vectors."""
         members = np.flatnonzero(part == number)
         return members, Nearest.from_vectors(pasts[members], MOST if parts == 1 else len(members))
 
@@ -128,7 +128,11 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
         members, index = index_part(first // _TURN % parts)
 
         def choose(queries: Ints, near: Ints, lot: Ints = lot, members: Ints = members) -> Any:
-            """Return the nearest rows that look alike, for some rows of the lot."""
+            """Return the similar rows of some queries, and which have enough: `_choose_passages`.
+
+            queries (k,): numbers in `lot`, a batch of rows; near (k, l): numbers in `members`, the
+            rows of this part of the film, the nearest first, −1 for none.
+            """
             candidates = np.where(near < 0, -1, members[near])
             return _choose_passages(
                 rows, lot, looks, p.look, queries, candidates, examined, passage,

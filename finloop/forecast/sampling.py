@@ -94,7 +94,7 @@ def build_sampler(
         settle=0.5 ** (1 / (half_life * film.delta)), start=start, to=to,
         follow=max(1.0, p.follow * film.delta, film.memory),
         obey=p.obey * np.sqrt((differences**2).mean(0)),  # a share of the usual difference
-        rests=np.zeros(len(film.states), bool),
+        rests=np.zeros(len(film.states), bool),  # `plan.graph.remove_dead_ends` sets them
     )  # fmt: skip
 
 
@@ -166,7 +166,7 @@ def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple
     while done < ticks:
         row = draw_next_row(sampler, row, None, rng)
         run_ticks = int(rng.geometric(1 / sampler.follow))
-        later = follow_row(sampler, past, row, run_ticks, sampler.control[row])
+        later = follow_row(sampler, past, row, run_ticks, sampler.control[row])  # last tick first
         past = np.concatenate([later, past])[: len(past)]
         states.append(later[::-1])
         rows.append(row + 1 + np.arange(len(later)))
@@ -202,6 +202,8 @@ def follow_row(sampler: Sampler, past: Floats, row: int, ticks: int, control: Fl
             )
         predict_next_mean(sampler.net, inputs, mean, hidden)
         for j in range(size):
+            # The state of the film, and what remains of the difference from it; a fish at rest
+            # moves as in the film.
             value = sampler.states[row + t + 1, j]
             if not (sampler.rests[row + t + 1] and j >= size - MOTION):
                 value += sampler.settle[j] * (mean[j] - sampler.mean[row + t, j])

@@ -178,7 +178,8 @@ def list_gateways(
         distances, sprites, features, most_distance, settings.sprites_per_frame
     )
     table = pd.concat([into_film, out_of_film.assign(direction=OUT)], ignore_index=True)
-    # The turn of the film that fits the sprite, from the two pictures that were compared.
+    # The turn of the film that fits the sprite, from the two pictures that were compared: the row
+    # and the film's frame after the sprite, or the row + 1 and the sprite.
     sprite, leads_in = table["sprite"].to_numpy(), (table["direction"] == IN).to_numpy()
     column = np.searchsorted(distances.rows, table["row"].to_numpy() + ~leads_in)
     table["orientation"] = distances.orientation[column]

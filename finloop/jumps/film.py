@@ -97,7 +97,11 @@ class JumpSearch:
         """Return the nearest neighbours of rows (k,) among the targets `goals`, held by `index`."""
 
         def choose_passages(queries: Ints, near: Ints) -> tuple[tuple[Ints, Floats], Mask]:
-            """Return the nearest targets of some rows, and which rows have enough of them."""
+            """Return the nearest targets of rows and their distances (k, count), and a mask (k,).
+
+            The mask says which rows have enough of them. queries (k,): numbers in `rows`; near (k,
+            l): numbers in `goals` of the nearest targets, −1 for none.
+            """
             near = np.sort(np.where(near < 0, -1, goals[near]), axis=1)
             to, far = _nearest_by_passage(
                 self.targets, self.track, rows[queries], near, self.least, self.count

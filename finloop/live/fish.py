@@ -118,7 +118,7 @@ class DecisionRecord:
 
         Then part of a plan was left, no candidates were compared, and the fish swam on as planned.
         """
-        had_plan, compared_none = bool(self.state.path.runs), self.stretch.options is None
+        had_plan, compared_none = bool(self.state.progress.runs), self.stretch.options is None
         return (
             had_plan and compared_none
             and self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
@@ -382,10 +382,10 @@ class LiveFish:
         """
         path_task, fish = self.path_task, self._state.fish
         if path_task is not None and path_task.begun:
-            self.reached = path_task.route.is_done(self._state.path.along, fish.tick)
+            self.reached = path_task.route.is_done(self._state.progress.along, fish.tick)
             self.path_task = None if self.reached else path_task
-        # `touched`: the motion ended where the fish touched the goal of its decision.
-        elif last.stretch.touched and isinstance(last.goal, Goal) and last.goal == self.goal:
+        # `touches_goal`: the motion ended where the fish touched the goal of its decision.
+        elif last.stretch.touches_goal and isinstance(last.goal, Goal) and last.goal == self.goal:
             if path_task is None:
                 self.reached = True
             else:
@@ -446,7 +446,7 @@ class LiveFish:
         company: the other fish as an earlier decision knew them; None: as they are now.
         """
         if company is None:
-            state = self._player.with_others(self._state, self._other_paths(self._state.fish.tick))
+            state = self._player.with_company(self._state, self._other_paths(self._state.fish.tick))
         else:
             state = self._state._replace(fish=self._state.fish._replace(company=company))
         rng_state = self._rng.bit_generator.state

@@ -236,8 +236,8 @@ class TankView:
         turn_deg = float(options.rots[number])
         path = self._path_along_film(film, (fish.x, fish.y), row, turn_deg)
         return {
-            # The mirror image of a row has the row's number plus `filmed`, the number of film rows.
-            "row": row % film.filmed, "seam": round(float(options.seams[number]), 2),
+            # The mirror image of a row has the row's number plus `filmed_count`.
+            "row": row % film.filmed_count, "seam": round(float(options.seams[number]), 2),
             "terms": [
                 None if impossible else round(float(term), 2) for term in options.terms[number]
             ],

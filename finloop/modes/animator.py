@@ -90,7 +90,7 @@ class Animator:
         return [SwimTask(goals, np.random.default_rng(self.p.seed))]
 
     def trial_tasks(self, number: int) -> list[SwimTask]:
-        """Return the task of each fish in a random animation: random goals, without paths.
+        """Return the task of each fish, here of one, in a random animation: goals, no path.
 
         number: of the trial; each number gives other goals.
         """

@@ -34,7 +34,7 @@ from finloop.modes.player import PaperMode
 from finloop.plan.search import Candidates, make_candidates
 
 _JUST_LEFT = 1  # ticks after the film at which the gateway's own sprite is shown
-_WITHIN = 0.4  # place within a frame from which a tick leads to the next sprite at any rate
+_WITHIN_FRAME = 0.4  # from here a tick leads to the next sprite at any playback rate
 
 
 class Gateways:
@@ -98,7 +98,7 @@ class Hybrid:
         A fish that a frame shows goes on in the film, if the film can play on or a gateway leads
         out. Otherwise a sprite shows it.
         """
-        filmed = self.loops.film.filmed
+        filmed = self.loops.film.filmed_count
         if (
             fish.row < 0
             or self.loops.can_go_on(fish)
@@ -148,7 +148,7 @@ class Hybrid:
         orientation = int(
             find_orientations(np.array(fish.heading), self.network.sprites.orientations)
         )
-        gates = self.gateways.into.get(
+        gates = self.gateways.into.get(  # 0: of any orientation
             (fish.sprite, 0 if self.loops.film.jumps_keep_heading else orientation)
         )
         if gates is None:
@@ -183,15 +183,15 @@ class Hybrid:
         )
         state, place = self._cycle_place[sprite]
         heading = float(wrap(fish.rot - turn))  # `turn` leads from the sprite to the film's frame
-        x, y = self.loops.next_place(fish._replace(heading=heading, row=-1))
+        x, y = self.loops.next_place(fish._replace(heading=heading, row=-1))  # straight on
         if not is_legal_point(self.network.world.tank.legal, x, y):
             x, y = fish.x, fish.y
         decision = Decision(PHASE, exit=NO_WAY, seam=seam, film_speed=fish.speed)
         return Stretch(
             state, np.array([[x, y, heading]]), np.array([sprite]), new=True, aim=goal,
-            touched=touches_target(x, y, heading, goal),
+            touches_goal=touches_target(x, y, heading, goal),
             decision=add_verdict_counts(roll_outs, decision),
-            phase=np.array([place + _WITHIN]),
+            phase=np.array([place + _WITHIN_FRAME]),  # the next tick shows the next sprite
         )  # fmt: skip
 
     def play_to_gateway(
@@ -208,7 +208,8 @@ class Hybrid:
         reaching = np.flatnonzero(ticks)
         if not reaching.size:
             return self.loops.swim_on_spot(fish, candidates, roll_outs, goal, rng)
-        to_gateway = roll_outs._replace(ticks=0 * ticks, inside=ticks)  # none is legal
+        # Without a legal candidate `make_stretch` plays as many ticks as `inside` says.
+        to_gateway = roll_outs._replace(ticks=0 * ticks, inside=ticks)
         nearest = int(reaching[np.argmin(ticks[reaching])])
         return self.loops.make_stretch(fish, candidates, to_gateway, nearest, goal)
 

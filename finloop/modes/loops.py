@@ -47,15 +47,15 @@ class RollOuts(NamedTuple):
     """Where the film leads from each candidate (k,): to the loop end nearest to the goal.
 
     ticks: rows to show up to that loop end, 0 where no loop end passes the tests; far: px from it
-    to the goal; touched: whether the fish touches the goal before, which ends the roll-out at the
-    next loop end; quadrant: where that loop end is, seen from the first place; verdict: index in
-    `VERDICTS` of the test that the candidate fails; inside: rows to show up to the nearest loop end
-    inside the tank where quadrant and heading do not count, 0 where the fish leaves the tank.
+    to the goal; touches_goal: whether the fish touches the goal before, which ends the roll-out at
+    the next loop end; quadrant: where that loop end is, seen from the first place; verdict: index
+    in `VERDICTS` of the test that the candidate fails; inside: rows to show up to the nearest loop
+    end inside the tank where quadrant and heading do not count, 0 where the fish leaves the tank.
     """
 
     ticks: Ints
     far: Floats
-    touched: Mask
+    touches_goal: Mask
     quadrant: NDArray[np.int8]
     verdict: NDArray[np.int8]
     inside: Ints
@@ -98,12 +98,12 @@ class Loops:
         speed, area = float(film.speed[row]), float(film.area[row])
         return Fish(
             fish.x, fish.y, heading, speed, state=FILM, sprite=-1, area=area, tick=fish.tick,
-            row=row, rot=rot, since=self.stay,
+            row=row, rot=rot, since=self.stay,  # so it may jump at once
         )  # fmt: skip
 
     def can_go_on(self, fish: Fish) -> bool:
         """Return whether a frame of the film shows the fish, and the film goes on from there."""
-        return 0 <= fish.row < self.film.filmed and bool(
+        return 0 <= fish.row < self.film.filmed_count and bool(
             self.film.can_play_on(np.array([fish.row]))[0]
         )
 
@@ -203,8 +203,8 @@ class Loops:
         ))  # fmt: skip
         return Stretch(
             FILM, trajectory, rows, new=not plays_on, aim=goal,
-            touched=bool(is_legal and roll_outs.touched[taken]), decision=decision, kind=FRAME,
-            rot=np.full(ticks, rot),
+            touches_goal=bool(is_legal and roll_outs.touches_goal[taken]), decision=decision,
+            kind=FRAME, rot=np.full(ticks, rot),
         )  # fmt: skip
 
     def next_place(self, fish: Fish) -> tuple[float, float]:
@@ -240,7 +240,7 @@ class Loops:
         place = np.tile([fish.x, fish.y], (ticks, 1))
         return Stretch(
             FILM, np.column_stack([place, film.heading[rows] + rot]), rows,
-            new=row != fish.row + 1, aim=goal, touched=False,
+            new=row != fish.row + 1, aim=goal, touches_goal=False,
             decision=add_verdict_counts(roll_outs, Decision(SPOT)), kind=FRAME,
             rot=np.full(ticks, rot),
         )  # fmt: skip
@@ -289,7 +289,9 @@ def _roll_out_candidates(  # type: ignore[no-untyped-def]
     """
     count = candidates.rows.size
     ticks, inside = np.zeros(count, np.int64), np.zeros(count, np.int64)
-    far, touched = np.full(count, np.inf), np.zeros(count, np.bool_)
+    far, touches_goal = np.full(count, np.inf), np.zeros(count, np.bool_)
+    # Verdict: 0 if a loop end passes all tests, else the last test that one comes to; in the order
+    # of their numbers these are tank, quadrant and heading.
     quadrant, verdict = np.zeros(count, np.int8), np.full(count, _TANK, np.int8)
     first_x, first_y = place_px
     goal_quadrant = quadrant_of_displacement(goal.x - first_x, first_y - goal.y)
@@ -312,7 +314,7 @@ def _roll_out_candidates(  # type: ignore[no-untyped-def]
                 right_quadrant = goal.free or end_quadrant == goal_quadrant
                 if touches or (right_quadrant and angle <= most_deg):
                     if distance < far[k]:
-                        far[k], ticks[k], touched[k] = distance, shown, touches
+                        far[k], ticks[k], touches_goal[k] = distance, shown, touches
                         quadrant[k], verdict[k] = end_quadrant, 0
                 elif verdict[k] != 0:
                     verdict[k] = _HEADING if right_quadrant else max(verdict[k], _QUADRANT)
@@ -320,7 +322,7 @@ def _roll_out_candidates(  # type: ignore[no-untyped-def]
                 break
             dx, dy = rotate(film_row.dx, film_row.dy, rot)
             x, y, row = x + dx, y + dy, row + 1
-    return ticks, far, touched, quadrant, verdict, inside
+    return ticks, far, touches_goal, quadrant, verdict, inside
 
 
 @kernel

@@ -142,6 +142,7 @@ class Network:
         fish: at the beginning of the turn; displacement: body lengths in Δ; included_deg: degrees
         by which the head turns in Δ, + = left.
         """
+        # State 0: the fish swims straight before the turn.
         inputs = np.array([[fish.area, 0.0, displacement, included_deg]])
         return min(max(float(self.model.predict(inputs)[0, 0]), 0.0), 1.0)
 
@@ -162,6 +163,7 @@ class Network:
         the aim is far.
         """
         motion, phases, fish = self.world.motion, self.phases, approach.fish
+        # Phases that follow the fish's present state in the film, too; all if none does.
         nearest = int(np.searchsorted(self._first_speeds[fish.state], fish.speed))
         rows = self._phases_after[fish.state]
         chosen = rows[self._random_near(nearest, len(rows), rng)]
@@ -172,6 +174,7 @@ class Network:
         speed = first + phases.speed_change[film] + (fish.speed - first) * offset_left
         speed = np.minimum(np.maximum(speed, phases.low), phases.high)
         forward = speed * (self._length_px / motion.rate_hz)
+        # The drift of the phase, mirrored if it ends on the wrong side of the aim.
         drift = phases.drift_deg[film]
         drift_factor = 1.0
         if not approach.far:
@@ -187,7 +190,7 @@ class Network:
         state = int(phases.state[chosen])
         sprite, phase, new = self._cycle_sprites(fish, state, speed[:ticks])
         return Stretch(
-            state, trajectory[:ticks], sprite, new, approach.aim, touched=touch_tick < ticks,
+            state, trajectory[:ticks], sprite, new, approach.aim, touches_goal=touch_tick < ticks,
             decision=Decision(PHASE, film_speed=float(first)), phase=phase,
         )  # fmt: skip
 
@@ -219,12 +222,13 @@ class Network:
         """
         fish, sprites, turns = approach.fish, self.sprites, self.world.motion.turns
         side, angle = (LEFT if approach.error > 0 else RIGHT), abs(approach.error)
+        # A filmed turn by about the angle, and the bend that the network requests for it.
         nearest = int(np.searchsorted(self._angles, angle))
         chosen = int(self._by_angle[self._random_near(nearest, len(self._angles), rng)])
         included = turns.included_angle_deg[chosen] * min(angle / turns.angle_deg[chosen], 1.0)
         area = self.ideal_motion_area(fish, turns.displacement[chosen], side * included)
         plan, new = self.cached_turn(side, round(angle), round(100 * area)), True
-        if fish.is_bent:
+        if fish.is_bent:  # an earlier turn was cut short
             plan = start_from_bend(plan, sprites.turns, side, fish.sprite)
             new = plan.frames[0] not in (fish.sprite, sprites.following[fish.sprite])
         trajectory, touch_tick, room = self._fit_turn(approach, plan, chosen)
@@ -232,7 +236,7 @@ class Network:
         decision = Decision(TURNING, turn_deg=approach.error, sprite_area=plan.area, room=room)
         return Stretch(
             TURN, trajectory[:ticks], plan.frames[:ticks], new, approach.aim,
-            touched=touch_tick < ticks, decision=decision, area=area,
+            touches_goal=touch_tick < ticks, decision=decision, area=area,
         )  # fmt: skip
 
     def _fit_turn(
@@ -289,12 +293,12 @@ class Network:
             self.world.tank.legal, approach.start, swim, approach.goal
         )
         shown = min(touch_tick + 1, safe_ticks)
-        if shown == 0:
+        if shown == 0:  # no room for a tick: the fish stays in place
             trajectory, shown, touch_tick = np.tile(approach.start, (ticks, 1)), ticks, ticks
         sprite, phase, new = self._cycle_sprites(fish, DECELERATE, speed[:shown])
         return Stretch(
             DECELERATE, trajectory[:shown], sprite, new, approach.aim,
-            touched=touch_tick < shown, decision=Decision(WALL), phase=phase,
+            touches_goal=touch_tick < shown, decision=Decision(WALL), phase=phase,
         )  # fmt: skip
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:

@@ -78,6 +78,7 @@ def _phases_of_runs(
     least_ticks = max(1, round(p.phase_least * delta))
     rows = []
     for run in runs:
+        # Straight runs follow turns; what was before the first one of a track is unknown: −1.
         track, before = run.track, TURN if run.first > 0 else -1
         for state, begin, end in _split_run(run, still_sway, p.steady_speed_ratio, least_ticks):
             prior = max(begin - 1, 0)
@@ -129,6 +130,7 @@ def _split_run(
 
 def state_shares(features: pd.DataFrame, phases: Phases) -> dict[str, float]:
     """Return the percentage of time that the fish spend in each state, `<state>_pct`."""
+    # The states before TURN are those of straight swimming; they share the rest of the time.
     straight = np.bincount(phases.state, weights=phases.ticks, minlength=TURN)[:TURN]
     turning = float((features["swimming_type"] != 0).mean())
     shares = np.append(straight / straight.sum() * (1 - turning), turning)

@@ -62,7 +62,7 @@ class PaperPlayer:
     def edit_inputs(self) -> EditInputs:
         """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
         film, motion, sprites = self.film, self.world.motion, self.sprites
-        filmed = slice(0, film.filmed)
+        filmed = slice(0, film.filmed_count)
         scale, next_sprites, orientations = np.ones(1), np.zeros(1, np.int64), 1  # never shown
         if sprites is not None:
             scale, next_sprites = self.silhouettes.sprite_scale, sprites.following
@@ -71,7 +71,7 @@ class PaperPlayer:
             motion.rate_hz, motion.body_length_px, heading_deg=film.heading[filmed],
             scale=film.scale[filmed], goes_on=film.has_next[filmed], sprite_scale=scale,
             sprite_after=next_sprites, orientations=orientations, joins=self.joins,
-            modes=("loops", "network"),
+            frame_mode="loops", sprite_mode="network",
         )  # fmt: skip
 
     def begin(
@@ -90,7 +90,7 @@ class PaperPlayer:
         """Return a company without any fish: in the paper's modes a fish is alone."""
         return ALONE
 
-    def with_others(self, state: State, other_plans: Floats) -> State:
+    def with_company(self, state: State, other_plans: Floats) -> State:
         """Return the state unchanged: the paper's modes ignore other fish."""
         return state
 
@@ -120,7 +120,7 @@ class PaperPlayer:
             stretch = replace(stretch, new=True)
         if wanders:
             ticks = len(stretch.trajectory) * (stretch.state != TURN)  # turns do not count
-            ticks_left = 0 if stretch.touched else max(0, ticks_left - ticks)
+            ticks_left = 0 if stretch.touches_goal else max(0, ticks_left - ticks)
         return stretch, State(self.mode.end_state(fish, stretch), place, ticks_left)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:

@@ -111,6 +111,7 @@ def plan_turn(
     """
     depth = max(1, int(np.abs(frames.area[: frames.peak + 1] - area).argmin()))
     depth = min(depth, frames.peak)  # place of the strongest bend
+    # Deeper, while even with the bend held the film turns by far less than the angle.
     while True:
         unheld_deg = frames.steps(depth, held_ticks=0)[1].sum()
         missing_ticks = round((angle_deg - unheld_deg) / max(frames.hold_deg, 1e-6))
@@ -119,10 +120,12 @@ def plan_turn(
         if angle_deg <= settings.turn_more * film_deg or depth >= frames.peak:
             break
         depth += 1
+    # Shallower, while even without holding the film turns by far more.
     while depth > 1 and angle_deg < settings.turn_less * frames.steps(depth, held_ticks=0)[1].sum():
         depth, held_ticks = depth - 1, 0
     numbers, degrees = frames.steps(depth, held_ticks)
     film_deg = float(degrees.sum())
+    # In every tick the turn goes on a little, even where the film does not turn.
     progress = np.cumsum(degrees + settings.turn_floor * max(film_deg, 1.0))
     return TurnPlan(
         numbers, share=progress / progress[-1], area=float(frames.area[depth]),
@@ -188,7 +191,7 @@ def _turn_frames(turn_rows: pd.DataFrame, side: int) -> TurnFrames:
     """Return the sprites of one turn to a side, LEFT or RIGHT, from rows of the sprite table."""
     area = turn_rows["motion_area_rel"].to_numpy(float)
     degrees = side * turn_rows["turn_deg"].to_numpy(float)
-    held = (turn_rows["phase"] != "out").to_numpy()
-    peak = int(np.where(held, area, -1.0).argmax())
-    hold_deg = float(np.maximum(degrees[held], 0.0).mean())
+    before_out = (turn_rows["phase"] != "out").to_numpy()  # into the bend, or at its deepest
+    peak = int(np.where(before_out, area, -1.0).argmax())
+    hold_deg = float(np.maximum(degrees[before_out], 0.0).mean())
     return TurnFrames(turn_rows.index.to_numpy(), area, degrees, peak, hold_deg)

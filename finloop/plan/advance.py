@@ -83,6 +83,8 @@ def steering_turn(  # type: ignore[no-untyped-def]
         return 0.0
     x, y = point_along(route, place.along_px + far_px)
     to_x, to_y = x - place.x, y - place.y
+    # The point in px to the left of the film's direction and along it; one at the fish's side or
+    # behind it counts as a little ahead.
     left = (dy * to_x - dx * to_y) / far_px
     ahead = max((dx * to_x + dy * to_y) / far_px, _LEAST_AHEAD * steering.length_px)
     # Turning evenly, the place ahead moves as if half of the turn had been made at once.
@@ -104,6 +106,8 @@ def shift_to_route(  # type: ignore[no-untyped-def]
     along, near_x, near_y = find_nearest_on_route(route, x, y, search_start)
     to_x, to_y, most_px = near_x, near_y, steering.shift * speed_bl_s * ticks
     share = min(ticks / steering.reach, 1.0)  # of the offset, removed now
+    # The fish moves towards the nearest point; with times, to one before or after it, so far that
+    # the removed share of the delay is at most `most_px`.
     if route.when.size:
         catch_up_px = min(max((due_along(route, tick) - along) * share, -most_px), most_px)
         to_x, to_y = point_along(route, along + catch_up_px / share)
@@ -128,7 +132,8 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
     waypoint `objective.aim`.
 
     Returns the trajectory (n, 3), n ≤ t; its steering corrections (n, 2): degrees, px; px along the
-    route at its end; whether its last place touches the target.
+    route at its end; whether its last place touches the target, at a row after which the film can
+    play on.
     """
     ticks, route, steering = rows.size, objective.route, objective.steering
     trajectory, corrections, film_rows = np.empty((ticks, 3)), np.zeros((ticks, 2)), graph.film.rows
@@ -136,6 +141,7 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
     x, y = planned[0, 0], planned[0, 1]
     for t in range(ticks):
         turn, shift_px, row = 0.0, 0.0, rows[t]
+        # The planned step, turned towards the route, and then shifted towards it.
         if route.x.size:
             reach = min(steering.reach, len(planned) - 1 - t)
             film_offset = rotate(
@@ -186,7 +192,7 @@ def swim_film_run(  # type: ignore[no-untyped-def]
     """
     row, film, rot, seam = run.row, graph.film, pose[3], np.nan
     first_row, next_row = film.rows[row], film.rows[shown_row + 1]
-    if row != shown_row + 1:
+    if row != shown_row + 1:  # a jump, perhaps turned so that the heading goes on
         first, last = jump_range(film, shown_row + 1)
         seam = film.seam[first:last][film.to[first:last] == row][0]
         if film.jumps_keep_heading:
@@ -343,7 +349,7 @@ def predicted_trajectory(states: Floats, start: Floats, scale: StepScale) -> Flo
 
     states (n, d): predicted states, tick by tick, whose last three numbers are the speeds ahead and
     to the left, body lengths/s, and the turn rate, rad/s; start (3,): x, y px, heading in degrees,
-    the first place of the result.
+    the first place of the result; scale: px and degrees in a tick for 1 of these units.
     """
     trajectory = np.empty((len(states) + 1, 3))
     x, y, heading = start[0], start[1], start[2]

@@ -70,21 +70,23 @@ class Rarity:
     ) -> "Rarity":  # fmt: skip
         """Return the rarity of a film (n rows), from its steps and the movements of its fish.
 
-        movement: how far each row's fish moves and bends up to the next row; codes (n, c): pose
-        codes; goes_on (n,): whether the next row is the next frame; filmed_steps (n,): Euclidean
-        distance (Eq. 5) from a row's picture to the next, NaN where unknown: the body's movement
-        replaces it there; spring_response (t,): what is left of an offset of 1 after 0, 1 … ticks;
-        weight: a step shown once in n frames costs weight × n ticks.
+        movement: how far the body turns and bends from each row to the next, body lengths; codes
+        (n, c): pose codes; goes_on (n,): whether the next row is the next frame; filmed_steps (n,):
+        Euclidean distance (Eq. 5) from a row's picture to the next, NaN where unknown: the body's
+        movement replaces it there; spring_response (t,): what is left of an offset of 1 after 0, 1
+        … ticks; weight: a step shown once in n frames costs weight × n ticks.
         """
         pairs = goes_on[:-1]  # of a row and the next one
-        moves, bends = (values[pairs] for values in movement)
+        whole, bends = (values[pairs] for values in movement)
         filmed = filmed_steps[:-1][pairs]
         code_steps = np.linalg.norm(np.diff(codes, axis=0), axis=1)[pairs]
         is_known = np.isfinite(filmed)
         # The picture's distance for a movement of one body length.
-        unit = float(filmed[is_known].sum()) / max(float(moves[is_known].sum()), 1e-12)
+        unit = float(filmed[is_known].sum()) / max(float(whole[is_known].sum()), 1e-12)
         steps = np.zeros(len(goes_on))
-        steps[1:][pairs] = np.where(is_known, filmed, unit * moves)
+        steps[1:][pairs] = np.where(is_known, filmed, unit * whole)
+        # The most that an offset of 1 in the codes fades in a tick, as a distance of pictures: a
+        # step of 1 in them bends the body by Σ bends / Σ code_steps body lengths.
         fastest_fade = float(-np.diff(spring_response, append=0.0).min(initial=0.0))
         added_step = fastest_fade * unit * float(bends.sum()) / max(float(code_steps.sum()), 1e-12)
         return cls(steps, np.sort(steps[1:][pairs]), weight, added_step)
@@ -123,10 +125,11 @@ class Rarity:
 
 @for_kernels
 def _step_cost(step, sorted_steps, weight):  # type: ignore[no-untyped-def]
-    """Return the cost, in ticks, of a step: weight · n / m, where m of the film's n are as large.
+    """Return the cost, in ticks, of a step from picture to picture: the larger, the more.
 
+    It is weight · n / m, where m of the film's n steps are as large or larger, but m is at least 1.
     step: a number or an array, as an Euclidean distance (Eq. 5); sorted_steps (n,): those of the
-    film, rising. m is at least 1.
+    film, rising.
     """
     count = len(sorted_steps)
     return weight * count / np.maximum(count - np.searchsorted(sorted_steps, step), 1)
@@ -138,8 +141,8 @@ def _transition_costs(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Return the extra cost (k,), in ticks, of the three steps after a transition to each row (k,).
 
-    row: the one on screen; codes (m, c): pose codes; the first five are the fields of `Rarity`,
-    with the cost (n,) of the step to each row, ticks.
+    steps, sorted_steps, weight, added_step: fields of `Rarity`; row_costs (n,): ticks that the step
+    to each row costs in the film; codes (m, c): pose codes; row: the one on screen.
     """
     costs = np.zeros(rows.size)
     for k in range(rows.size):
@@ -147,7 +150,7 @@ def _transition_costs(  # type: ignore[no-untyped-def]
         for c in range(codes.shape[1]):
             square_offset += (codes[rows[k], c] - codes[row, c]) ** 2
         for tick in range(1, 1 + _FADING_TICKS):
-            next_row = (rows[k] + tick) % len(steps)
+            next_row = (rows[k] + tick) % len(steps)  # a mirror image has the same steps
             step = steps[next_row] + added_step * np.sqrt(square_offset)
             costs[k] += _step_cost(step, sorted_steps, weight) - row_costs[next_row]
     return costs
@@ -177,7 +180,7 @@ class Tempo(NamedTuple):
         (`row_lags`). memory_ticks: ticks after which 1/e of a lag is left; least_ticks: smallest
         usual lag.
         """
-        rows, keeps = film.rows[: film.filmed], float(np.exp(-1 / memory_ticks))
+        rows, keeps = film.rows[: film.filmed_count], float(np.exp(-1 / memory_ticks))
         lags, lag = [], 0.0
         for row_lag, has_next in zip(
             row_lags(rows).tolist(), rows["has_next"].tolist(), strict=True
@@ -214,10 +217,10 @@ class Tempo(NamedTuple):
 
 @kernel
 def _lag_after(step_px, keeps, lag, trajectory, begin_px):  # type: ignore[no-untyped-def]
-    """Return the lag, in ticks, after a trajectory (n, 3), compiled.
+    """Return the lag, in ticks, after a trajectory (n, 3), compiled; < 0: the fish is ahead.
 
-    step_px: mean px in a tick; keeps: share of a lag left after a tick; lag, begin_px: the fish's
-    lag and x, y px before the trajectory.
+    A tick at rest adds 1. step_px: mean px in a tick; keeps: share of a lag left after a tick; lag,
+    begin_px: the fish's lag and x, y px before the trajectory.
     """
     x, y = begin_px
     for t in range(len(trajectory)):

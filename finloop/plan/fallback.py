@@ -48,8 +48,8 @@ class Fallback:
         )  # fmt: skip
         return Stretch(
             FORECAST if fish.state == FORECAST else FILM, trajectory, rows,
-            new=int(rows[0]) != fish.row + 1, aim=target, touched=False, decision=Decision(SPOT),
-            kind=FRAME, rot=trajectory[:, 2] - world.film.heading[rows],
+            new=int(rows[0]) != fish.row + 1, aim=target, touches_goal=False,
+            decision=Decision(SPOT), kind=FRAME, rot=trajectory[:, 2] - world.film.heading[rows],
         )  # fmt: skip
 
     def keep_clear(self, fish: Fish, stretch: Stretch) -> Stretch:
@@ -62,12 +62,13 @@ class Fallback:
         if stretch.decision.reason == SPOT:  # all others stop at the walls
             inside = self._part_inside_tank(stretch)
             stretch = inside or self._stay_at_wall(fish, Target(*stretch.aim))
-        company, others = fish.company, fish.company.places[0]
+        company, others = fish.company, fish.company.places[0]  # where the others are now
         if not len(others):
             return stretch
         ticks = self.count_free_ticks(fish, stretch)
         distances = np.hypot(others[:, 0] - fish.x, others[:, 1] - fish.y)
-        is_stuck = stretch.decision.reason == SPOT and distances.min() < 2 * company.discs.reach
+        may_touch = distances.min() < 2 * company.discs.reach  # reach: of a body from its centre
+        is_stuck = stretch.decision.reason == SPOT and may_touch
         if ticks and not is_stuck:
             return stretch.cut(ticks)
         x, y = others[distances.argmin(), :2].tolist()
@@ -75,7 +76,7 @@ class Fallback:
             inside = self._part_inside_tank(drifting)
             if inside is not None and (ticks := self.count_free_ticks(fish, inside)):
                 return inside.cut(ticks)
-        return drifting.cut(1)
+        return drifting.cut(1)  # the last of them: the present picture, in place
 
     def count_free_ticks(self, fish: Fish, stretch: Stretch) -> int:
         """Return how many ticks of a stretch are clear of other fish, even if the fish then stays.
@@ -85,10 +86,10 @@ class Fallback:
         return count_lasting_ticks(fish.company, stretch.pictures, stretch.trajectory, fish.tick)
 
     def _part_inside_tank(self, stretch: Stretch) -> Stretch | None:
-        """Return a stretch up to where it leaves the tank; None if no tick is inside.
+        """Return the part of a stretch before it leaves the tank; None if no tick is inside.
 
-        Where the walls require, it is moved off them, in a tick at most as far as a fast fish
-        swims.
+        Where it comes too near to a wall it is moved off it, by at most as much as a fast fish
+        swims in a tick, if that is enough. A stretch that need not change is returned itself.
         """
         most_px, numbers = self._world.cost_weights.fast_px, stretch.pictures.astype(np.int64)
         inside = keep_inside(self._world.bounds, numbers, stretch.trajectory, most_px)
@@ -96,7 +97,8 @@ class Fallback:
             return stretch
         if not len(inside):
             return None
-        return replace(stretch.cut(len(inside)), trajectory=inside, touched=False)
+        # Cut or moved, the last tick is not where it touched the goal.
+        return replace(stretch.cut(len(inside)), trajectory=inside, touches_goal=False)
 
     def _stay_at_wall(self, fish: Fish, target: Target) -> Stretch:
         """Return a stretch for a fish whose next picture does not fit in beside a wall.
@@ -110,7 +112,7 @@ class Fallback:
             drifting = replace(staying, trajectory=self._add_drift(fish, staying, open_water))
             if (inside := self._part_inside_tank(drifting)) is not None:
                 return inside
-        return staying
+        return staying  # the last of them: the present picture, without drift
 
     def _yielding_stretches(self, fish: Fish, x: float, y: float) -> Iterator[Stretch]:
         """Yield stretches in which a fish drifts away from another at x, y px, the best first.
@@ -126,7 +128,11 @@ class Fallback:
         yield replace(staying, decision=Decision(WAITING))
 
     def _place_away_from(self, fish: Fish, x: float, y: float, aside_deg: float) -> Target:
-        """Return a target 3 body lengths away from x, y px, or `aside_deg` degrees to its left."""
+        """Return a target about 3 body lengths from the fish, in the direction away from x, y px.
+
+        aside_deg: degrees by which the direction is turned to the left. A target that is outside
+        the tank is moved into it.
+        """
         distance = _AWAY_BL * self._world.motion.body_length_px
         angle = np.arctan2(fish.y - y, fish.x - x) + np.radians(aside_deg)
         to_x, to_y = fish.x + distance * np.cos(angle), fish.y + distance * np.sin(angle)
@@ -160,8 +166,9 @@ def _turn_in_place(  # type: ignore[no-untyped-def]
     """Return the rows (n,) that a fish shows in place, and its trajectory (n, 3): x, y px, heading.
 
     row: on screen, turned by `rot` degrees; pose (3,): x, y px, heading; target: to turn to;
-    most_ticks: largest n; most_deg: largest turn in a tick.
+    most_ticks: largest n; most_deg: largest correction of the film's own turn in a tick.
     """
+    # The first row: the film's next one if it can play on for ever, else its best jump, if any.
     first_row, last_film_row = row, len(film.rows) - 1
     if film.rows[row].has_next:
         candidates = film_candidates(film, row + 1, rot)
@@ -174,6 +181,7 @@ def _turn_in_place(  # type: ignore[no-untyped-def]
     while ticks < most_ticks and row_can_play_on(film.rows, min(first_row + ticks, last_film_row)):
         ticks += 1
     trajectory = np.empty((ticks, 3))
+    # The fish turns as in the film, corrected towards the target.
     x, y, heading = pose[0], pose[1], pose[2]
     target_deg, before_deg = bearing(x, y, target.x, target.y), heading
     for k in range(ticks):

@@ -50,8 +50,8 @@ class MotionGraph(NamedTuple):
     start, to, seam: instead of the row of jump slot k, rows `to[start[k]:start[k + 1]]` can be
     shown, after which the film can play for ever; seam: their discontinuity in natural steps, the
     film's median steps, rising for each row. jumps_keep_heading: whether a jump keeps the fish's
-    heading, by turning the film, or else keeps the film's rotation. filmed: how many rows are the
-    film's own; row filmed + i is the mirror image of row i.
+    heading, by turning the film, or else keeps the film's rotation. filmed_count: how many rows are
+    the film's own; row filmed_count + i is the mirror image of row i.
     """
 
     rows: NDArray[np.void]
@@ -59,7 +59,7 @@ class MotionGraph(NamedTuple):
     to: NDArray[np.int32]
     seam: Floats
     jumps_keep_heading: bool
-    filmed: int
+    filmed_count: int
 
     def __getattr__(self, name: str) -> NDArray[Any]:
         """Return a column (n,) of the rows, by its name in `ROW`."""
@@ -122,10 +122,11 @@ def neighbour_jumps(jumps: pd.DataFrame, row_count: int) -> Jumps:
         jumps[name].to_numpy() for name in ("row", "to", "mirrored", "seam")
     )
     sides = 1 + bool(to_mirror.any())
-    if sides == 2:
+    if sides == 2:  # a mirror image jumps to the mirror image of where its row jumps
         source = np.concatenate([source, source + row_count])
         to = np.concatenate([to + row_count * to_mirror, to + row_count * ~to_mirror])
         seam = np.tile(seam, 2)
+    # The jumps of a row lie together; the first of each begins a slot.
     first = np.flatnonzero(np.append(len(source) > 0, source[1:] != source[:-1]))
     jump_slot = np.full(sides * row_count, -1, np.int32)
     jump_slot[source[first]] = np.arange(len(first))
@@ -214,7 +215,7 @@ def farthest_distances(film: MotionGraph, most_ticks: int) -> Floats:
 
     They are computed for powers of two; in between each is the distance of the next power.
     """
-    rows, farthest_px = film.rows[: film.filmed], np.zeros(most_ticks + 1)
+    rows, farthest_px = film.rows[: film.filmed_count], np.zeros(most_ticks + 1)
     ticks_left, ticks = ticks_to_film_end(rows["has_next"]), 1  # ticks: a power of two
     while ticks < 2 * most_ticks:
         first = np.flatnonzero(ticks_left >= ticks)
@@ -249,6 +250,7 @@ def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
     """
     n = min(len(film.rows), len(sampler.usable))
     rows, start = film.rows[:n].copy(), sampler.start[: n + 1].astype(np.int32)
+    # Usable rows, which a fish can follow, and similar rows lead on for ever (`remove_dead_ends`).
     has_similar = np.diff(start) > 0
     rows["has_next"] = sampler.usable[:n]
     rows["has_next"][-1:] = False
@@ -292,7 +294,7 @@ def remove_dead_ends(sampler: Sampler, has_next: Mask, at_rest: Mask) -> Sampler
     shown = np.zeros(m + 1, bool)
     shown[:n] = sampler.usable[:n] & has_next[:m]
     leads = np.append(_lead_to_largest_component(shown, sampler.start, sampler.to), False) & shown
-    usable = leads[:-1] & leads[1:]
+    usable = leads[:-1] & leads[1:]  # a usable row is followed by showing the next one
     start, to = filter_edges(leads, usable, sampler.start, sampler.to)
     rests = np.resize(at_rest, m)  # mirror images rest, too
     return sampler._replace(usable=usable, start=start, to=to, rests=rests)

@@ -89,7 +89,7 @@ def estimate_ticks_to_target(x, y, direction, target, weights):  # type: ignore[
 
     direction: cosine and sine of the heading; weights: `CostWeights`, with both rates.
     """
-    dx, dy = target.x - x, y - target.y
+    dx, dy = target.x - x, y - target.y  # to the right and upwards
     far_px = np.sqrt(dx * dx + dy * dy)
     cos_turn = (dx * direction[0] + dy * direction[1]) / max(far_px, 1e-9)
     return far_px / weights.fast_px + estimate_angle_deg(cos_turn) / weights.turn_deg
@@ -215,8 +215,8 @@ def place_by_rule(
         return np.array(world.tank.nearest_legal_point(float(x), float(y))), 0
     shoaling = rule.shoaling
     assert shoaling is not None
-    last_step = fish.speed * shoaling.horizon / world.motion.rate_hz
-    decider = DecidingFish(fish.x, fish.y, fish.heading, last_step)
+    last_step_bl = fish.speed * shoaling.horizon / world.motion.rate_hz  # in `horizon` ticks
+    decider = DecidingFish(fish.x, fish.y, fish.heading, last_step_bl)
     place = next_place_in_school(decider, rule.others, shoaling, world.walls, rng)
     if place is None:
         return None

@@ -59,7 +59,7 @@ def path_table(
     """Return how a fish followed a path, a row for each of the first `ticks` ticks (`PATH_ROWS`).
 
     mode: its name, for the table; animation: of the fish, of which only the stretches along a path
-    count; path: as steered and as requested.
+    count; path: as requested (`asked`), by which the fish is measured, and as steered.
     """
     ticks = min(ticks, len(path.asked.when)) if path.asked.is_timed else ticks
     named = zip(animation.stretches, animation.names, strict=True)
@@ -110,7 +110,7 @@ def path_metrics(
     turn_sum = np.cumsum(followed["turned_deg"].to_numpy())
     turned_in_delta = turn_sum[motion.delta :] - turn_sum[: -motion.delta]
     steps = float(np.hypot(np.diff(followed["x_px"]), np.diff(followed["y_px"])).sum())
-    ticks_left = sum(
+    ticks_off_path = sum(
         round((end_s - begin_s) * motion.rate_hz) + 1
         for begin_s, end_s in zip(departures["from_s"], departures["to_s"], strict=True)
     )
@@ -120,7 +120,7 @@ def path_metrics(
         "path_across_rms_body_lengths": root_mean_square(across),
         "path_across_p95_body_lengths": float(np.quantile(across, 0.95)),
         "path_across_most_body_lengths": float(across.max()),
-        "path_left_pct": 100 * ticks_left / len(followed),
+        "path_left_pct": 100 * ticks_off_path / len(followed),
         "path_turn_corrected_pct": 100
         * root_mean_square(turned_in_delta)
         / max(world.turn_spread_deg, 1e-9),
@@ -169,6 +169,7 @@ def find_departures(
     if path.asked.is_timed:
         distance_bl = np.fmax(distance_bl, followed["late"].to_numpy())
     is_off = distance_bl > world.settings.path_max_offset_bl
+    # The first tick off the path, the first back on it, and so on.
     changes = np.flatnonzero(np.diff(is_off, prepend=0, append=0))
     rows = []
     for first, stop in changes.reshape(-1, 2):
@@ -244,7 +245,7 @@ def film_bend(film: MotionGraph, delta: int, length_px: float, quantile: float) 
     length_px: body length; quantile: 0-1. The result is 0 where the film is too short, or no fish
     moves.
     """
-    rows = film.rows[: film.filmed]
+    rows = film.rows[: film.filmed_count]
     first = np.flatnonzero(ticks_to_film_end(rows["has_next"]) >= 2 * delta)
     if not len(first):
         return 0.0

@@ -86,7 +86,10 @@ class Plan(NamedTuple):
         return float(self.outcomes.costs[self.taken] - self.outcomes.terms[self.taken, CHANCE])
 
     def verdicts(self, rate_hz: float) -> CandidateVerdicts:
-        """Return the candidates, their costs in seconds at a tick rate, and the verdict on each."""
+        """Return the candidates, what each costs in seconds, and the verdict on each.
+
+        rate_hz: ticks per second. The costs are without their random part (chance).
+        """
         candidates, outcomes = self.candidates, self.outcomes
         costs = (outcomes.costs - outcomes.terms[:, CHANCE]) / rate_hz
         return CandidateVerdicts(

@@ -91,12 +91,13 @@ class Planner:
     def edit_inputs(self) -> EditInputs:
         """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
         film, motion = self.world.film, self.world.motion
-        filmed = slice(0, film.filmed)
-        return EditInputs(  # without sprites, but for one that is never shown
+        filmed = slice(0, film.filmed_count)  # the rows after these are mirror images
+        # This mode shows no sprites: the arrays of sprites hold one that is never shown.
+        return EditInputs(
             motion.rate_hz, motion.body_length_px, heading_deg=film.heading[filmed],
             scale=film.scale[filmed], goes_on=film.has_next[filmed], sprite_scale=np.ones(1),
             sprite_after=np.zeros(1, np.int64), orientations=1, joins=self.joins,
-            modes=("matching", "matching"),
+            frame_mode="matching", sprite_mode="matching",
         )  # fmt: skip
 
     # --- where a fish begins, and which others it knows
@@ -144,7 +145,9 @@ class Planner:
             rots = np.asarray(wrap_deg(np.degrees(route_rad - film_rad)), float)
         candidates = make_candidates(sampled, rots, seams=np.zeros(n))
         rest_cost = self.world.tempo.cost_of_rest_on_path(0.0, self.world.settings.path_lag_cost)
-        start = SearchStart(x, y, route.begins - 1, np.zeros((0, 3), np.int64), rest_cost=rest_cost)
+        start = SearchStart(  # at the tick before the route's first one; nothing was shown yet
+            x, y, tick=route.begins - 1, recent=np.zeros((0, 3), np.int64), rest_cost=rest_cost
+        )
         objective = path_objective(route, self.world.steering)
         plan = self._search_plan(source, candidates, start, objective)
         best = plan.taken if plan else 0  # any row, if none leads on
@@ -169,20 +172,20 @@ class Planner:
         if p.overlap or not other_plans.shape[1]:
             return ALONE
         return make_company(
-            other_plans, tick, self.silhouettes.discs, self.world.to_ticks(p.give_way)
+            other_plans, tick, self.silhouettes.discs, ticks_after=self.world.to_ticks(p.give_way)
         )
 
-    def with_others(self, state: State, other_plans: Floats) -> State:
-        """Return the state with the other fish added, first those that the fish can meet.
+    def with_company(self, state: State, other_plans: Floats) -> State:
+        """Return the state in which the fish knows these other fish, instead of those it knew.
 
-        other_plans (n, m, 4): x, y px, heading, picture of m others in n ticks, from the fish's
-        present tick on.
+        Those that it can meet come first. other_plans (n, m, 4): x, y px, heading, picture of m
+        others in n ticks, from the fish's present tick on.
         """
         fish = state.fish
         company = self.company(other_plans, fish.tick)
-        if company.near_count:
+        if company.near_count:  # number of fish that the search considers: here all
             company = sort_near_first(company, fish.x, fish.y, self.world.farthest_px)
-        if company is fish.company:
+        if company is fish.company:  # no others, before and now: both are `ALONE`
             return state
         return state._replace(fish=fish._replace(company=company))
 
@@ -203,19 +206,23 @@ class Planner:
         state, target = self._choose_target(state, goal, rng)
         objective = target_objective(self._next_waypoint(fish, target))
         task = ANYWHERE if target.free else target
-        planned, progress = self._plan_or_stay(fish, state.path, objective, task, rng)
+        planned, progress = self._plan_or_stay(fish, state.progress, objective, task, rng)
         stretch = self._fallback.keep_clear(fish, planned)
-        if stretch is not planned:  # where the plan does not go on
+        if stretch is not planned:  # another stretch took its place: the plan does not go on
             progress = Progress()
-        keeps_place = not isinstance(goal, Goal) and not stretch.touched
+        # A fish without a goal swims to its place until it touches it, or its ticks are over.
+        keeps_place = not isinstance(goal, Goal) and not stretch.touches_goal
         ticks_left = max(0, state.ticks_left - len(stretch.trajectory)) if keeps_place else 0
         fish_after = self._fish_after(fish, stretch)
-        return stretch, state._replace(fish=fish_after, ticks_left=ticks_left, path=progress)
+        return stretch, state._replace(fish=fish_after, ticks_left=ticks_left, progress=progress)
 
     def _choose_target(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
     ) -> tuple[State, Target]:
-        """Return the state with the place where a fish without a path swims, and it as a target."""
+        """Return the place to which a fish without a path swims: in its state, and as a target.
+
+        The target is free where the fish only wanders and goes where the film goes.
+        """
         world = self.world
         if isinstance(goal, Goal):
             x, y, free = goal.x_px, goal.y_px, False
@@ -232,7 +239,7 @@ class Planner:
         """Return where a fish without a goal swims, x, y px (2,), its ticks, and whether by a rule.
 
         The ticks are those for which the fish swims there. A rule goes first; where it requests
-        nothing, the place is a random one.
+        nothing, the place is a random one. A place behind a leader is chosen anew every time.
         """
         holds = state.ticks_left > 0
         if holds and state.by_rule and rule is not None and rule.leader is None:
@@ -254,49 +261,54 @@ class Planner:
     def _plan_on_route(
         self, state: State, route: Route, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
-        """Return the next stretch of a fish on a route, and the state after it."""
-        fish, path = state.fish, state.path
-        search_start = nearest_search_start(route, path.along, fish.tick)
+        """Return the next stretch of a fish on a route, and the state after it.
+
+        Where the planned stretch comes too near to a wall or another fish, another one takes its
+        place, and the rest of the plan is dropped.
+        """
+        fish, before = state.fish, state.progress
+        search_start = nearest_search_start(route, before.along, fish.tick)
         along_px, _x, _y = find_nearest_on_route(route, fish.x, fish.y, search_start)
-        path = path._replace(along=float(along_px))
+        at_fish = before._replace(along=float(along_px))
         objective = path_objective(route, self.world.steering)
-        planned, progress = self._plan_or_stay(fish, path, objective, route, rng)
+        planned, progress = self._plan_or_stay(fish, at_fish, objective, route, rng)
         stretch = self._fallback.keep_clear(fish, planned)
-        if stretch is not planned:  # the next call finds the place along the path anew
-            progress = Progress(state.path.along)
-        state = state._replace(fish=self._fish_after(fish, stretch), path=progress)
-        return replace(stretch, touched=False), state
+        if stretch is not planned:
+            # The next call searches on from the old place along the route for the new one.
+            progress = Progress(before.along)
+        return stretch, state._replace(fish=self._fish_after(fish, stretch), progress=progress)
 
     def _plan_or_stay(
-        self, fish: Fish, path: Progress, objective: Objective, task: Route | Target,
+        self, fish: Fish, before: Progress, objective: Objective, task: Route | Target,
         rng: np.random.Generator,
     ) -> tuple[Stretch, Progress]:  # fmt: skip
         """Return the next stretch of a fish, and its progress with the rest of its plan.
 
         The present plan goes on if it is for the same task, else a search makes one. Where no plan
-        leads on, the fish stays in place. path: its progress and present plan; objective: of the
-        search; task: the whole route, or the target, that a plan is for.
+        leads on, the fish stays in place. before: its progress and plan up to now; objective: of
+        the search; task: the whole route, or the target, that a plan is for.
         """
-        if path.runs and _is_same_task(path.task, task):
-            stretch, progress = self._swim_next_run(fish, path, objective, None)
+        along_px = before.along
+        if before.runs and _is_same_task(before.task, task):
+            stretch, progress = self._swim_next_run(fish, before, objective, plan=None)
             if len(stretch.trajectory):
                 return stretch, progress
-        plans = self._best_plans(fish, path.along, objective, rng)
+        plans = self._best_plans(fish, along_px, objective, rng)
         for plan in plans:
             runs = plan.first_runs(self._ticks_between_searches(objective))
-            planned = Progress(path.along, task, runs, plan.state)
+            planned = Progress(along_px, task, runs, motion=plan.state)
             stretch, progress = self._swim_next_run(fish, planned, objective, plan)
             if len(stretch.trajectory):
                 return stretch, progress
-        stretch = self._fallback.stay(fish, self._point_ahead(objective, path.along))
+        stretch = self._fallback.stay(fish, self._point_ahead(objective, along_px))
         target = task if isinstance(task, Target) else ANYWHERE
         if not target.free and touches_target(*stretch.trajectory[0], target):
-            stretch = replace(stretch.cut(1), touched=True)  # it rests on its target
-        if plans:
+            stretch = replace(stretch.cut(1), touches_goal=True)  # it rests on its target
+        if plans:  # show what was compared, none of which was taken
             options = replace(plans[0].verdicts(self.world.motion.rate_hz), taken=-1)
             decision = options.add_to_decision(stretch.decision)
             stretch = replace(stretch, options=options, decision=decision)
-        return stretch, Progress(path.along)
+        return stretch, Progress(along_px)
 
     def _best_plans(
         self, fish: Fish, along_px: float, objective: Objective, rng: np.random.Generator
@@ -321,9 +333,10 @@ class Planner:
         return sorted(plans, key=cost_then_duration)
 
     def _needs_prediction(self, plan: Plan, fish: Fish, objective: Objective) -> bool:
-        """Return whether a plan by the film ends, or costs as much as leaving the path.
+        """Return whether a plan by the film leads nowhere, or costs more than leaving the path.
 
-        Leaving the path means swimming `path_max_offset_bl` beside it.
+        Leaving the path means swimming `path_max_offset_bl` beside it, as far behind on a path with
+        times, and without progress on one without.
         """
         route, p = objective.route, self.world.settings
         if not len(route.x):
@@ -366,6 +379,7 @@ class Planner:
         """
         is_alone, on_path = not start.company.near_count, len(objective.route.x) > 0
         wanders = objective.aim.free and not on_path
+        # The narrow weights have a smaller beam, to save time.
         weights = self._narrow_weights if wanders or not is_alone else self._weights
         horizon = self._ticks_between_searches(objective) + self.world.to_ticks(
             self.world.settings.look_ahead_deltas
@@ -384,39 +398,40 @@ class Planner:
         return Plan(source.state, candidates, outcomes, taken, rows, ticks)
 
     def _swim_next_run(
-        self, fish: Fish, path: Progress, objective: Objective, plan: Plan | None
+        self, fish: Fish, before: Progress, objective: Objective, plan: Plan | None
     ) -> tuple[Stretch, Progress]:
         """Return the stretch of the next planned run of film, and progress with the later runs.
 
-        The stretch has no tick where the run leaves the tank at once. path: progress and planned
+        The stretch has no tick where the run leaves the tank at once. before: progress and planned
         runs; plan: result of the search that chose the run, None if an earlier search chose it.
         """
-        run, *later_runs = path.runs
-        source = self.film if path.motion == FILM else self.prediction
+        run, *later_runs = before.runs
+        source = self.film if before.motion == FILM else self.prediction
         assert source is not None
-        target = path.task if isinstance(path.task, Target) else ANYWHERE
-        passage = source.swim_run(fish, run, path.along, objective, target)
+        target = before.task if isinstance(before.task, Target) else ANYWHERE
+        passage = source.swim_run(fish, run, before.along, objective, target)
         on_path, trajectory = len(objective.route.x) > 0, passage.trajectory
         reason, quadrant = JUMP if passage.jumps else PLAY, 0
         if len(trajectory) and not on_path:
             x, y, _ = trajectory[-1].tolist()
             quadrant = quadrant_of_displacement(x - fish.x, fish.y - y)
         decision = Decision(
-            reason if path.motion == FILM else AS_PREDICTED, seam=passage.seam, quadrant=quadrant
+            reason if before.motion == FILM else AS_PREDICTED, seam=passage.seam, quadrant=quadrant
         )
         options = None if plan is None else plan.verdicts(self.world.motion.rate_hz)
         if options is not None:
-            leaves_film = path.motion != FILM and fish.state == FILM
+            leaves_film = before.motion != FILM and fish.state == FILM
             decision = options.add_to_decision(decision, NO_WAY if leaves_film else "")
         stretch = Stretch(
-            source.state, trajectory, passage.rows, passage.jumps,
-            self._point_ahead(objective, passage.along_px), passage.touched, decision, kind=FRAME,
+            source.state, trajectory, passage.rows, new=passage.jumps,
+            aim=self._point_ahead(objective, passage.along_px),
+            touches_goal=passage.touches_target, decision=decision, kind=FRAME,
             rot=wrap_deg(trajectory[:, 2] - self.world.film.heading[passage.rows]),
             past=passage.past, steer=passage.corrections if on_path else None, options=options,
         )  # fmt: skip
-        is_whole = len(trajectory) == run.ticks and not passage.touched
+        is_whole = len(trajectory) == run.ticks and not passage.touches_target
         later = tuple(later_runs) if is_whole else ()
-        return stretch, path._replace(along=passage.along_px, runs=later)
+        return stretch, before._replace(along=passage.along_px, runs=later)
 
     def _point_ahead(self, objective: Objective, along_px: float) -> Target:
         """Return the point that a fish heads for: its target, or a body length ahead on its path.
@@ -494,9 +509,9 @@ class Planner:
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
         """Return the first ticks of a stretch that began in `state`, and the state after them."""
         short = stretch.cut(ticks)
-        # The next call finds the place along the path anew.
-        path = Progress(state.path.along)
-        return short, state._replace(fish=self._fish_after(state.fish, short), path=path)
+        # The next call searches on from the old place along the path for the new one.
+        progress = Progress(state.progress.along)
+        return short, state._replace(fish=self._fish_after(state.fish, short), progress=progress)
 
 
 def _is_same_task(task: object, other_task: object) -> bool:

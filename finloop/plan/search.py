@@ -250,12 +250,12 @@ def beam_search(
     while branch_count and leg < most_legs:
         extension_count, best = _extend_branches(search, beam, branch_count, leg, outcomes, best)
         leg += 1
-        if extension_count == 0 and best.legs == 0:
+        if extension_count == 0 and best.legs == 0:  # no branch leads on: the cheapest of the last
             cheapest = np.argmin(beam.branches["cost"][:branch_count])
             best = BestBranch(np.inf, leg - 1, beam.parents[leg - 1, cheapest])  # type: ignore[arg-type]
         beam = start_next_leg(search, beam, extension_count, leg)  # type: ignore[arg-type]
         branch_count = extension_count
-    for k in range(outcomes.displaced.size):
+    for k in range(outcomes.displaced.size):  # not if a branch of the candidate reached the end
         outcomes.displaced[k] = outcomes.displaced[k] and outcomes.costs[k] == np.inf
     return outcomes, backtrack_rows(beam, best)
 
@@ -400,7 +400,7 @@ def _repetition_cost(search, beam, branch, row):  # type: ignore[no-untyped-def]
     start = search.start
     tick, last_row = start.tick + branch.ticks, row + search.weights.stride - 1
     shown_tick = find_last_on_screen(start.recent, search.memory, row, last_row)
-    if branch.marks & mark_rows(0, last_row, last_row):
+    if branch.marks & mark_rows(0, last_row, last_row):  # perhaps shown: rows share marks
         shown_tick = max(shown_tick, tick_row_shown(beam.runs, branch.last_run, last_row, tick))
     return repeat_cost(float(tick - shown_tick), search.weights)
 

@@ -33,16 +33,16 @@ class Passage(NamedTuple):
     """How a fish swims along a run: up to where it is done, or leaves the tank.
 
     trajectory (n, 3): x, y px, heading; corrections (n, 2): of steering, degrees and px; along_px:
-    px along the path at the end; touched: whether the last place touches the target; rows (n,):
-    rows that are shown; jumps: whether the first does not follow the row on screen; seam: the
-    discontinuity of such a jump, natural steps, else NaN; past: states of a fish that swims as
-    predicted, the oldest first, those of the run last.
+    px along the path at the end; touches_target: whether the last place does; rows (n,): rows that
+    are shown; jumps: whether the first does not follow the row on screen; seam: the discontinuity
+    of such a jump, natural steps, else NaN; past: states of a fish that swims as predicted, the
+    oldest first, those of the run last.
     """
 
     trajectory: Floats
     corrections: Floats
     along_px: float
-    touched: bool
+    touches_target: bool
     rows: Ints
     jumps: bool
     seam: float = np.nan
@@ -169,7 +169,7 @@ class PredictionSource:
             self.graph, predicted, last_row, rot, self._world.steering_ticks
         )
         speeds = film.speed[row : row + len(planned) - 1].copy()
-        rows = row + 1 + np.arange(len(states))
+        rows = row + 1 + np.arange(len(states))  # a fish that follows a row shows the next one
         trajectory, corrections, along_px, touches = swim_trajectory(
             planned, speeds, rows, along_px, fish.tick, objective, target, self.graph
         )

@@ -39,8 +39,10 @@ class Bounds(NamedTuple):
 
 def tank_bounds(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
     """Return what keeps a fish inside a tank; without discs the fish keeps to `tank.legal`."""
+    # How far pixels outside the arena are from it; beyond the picture all is outside.
     outside = np.pad((~tank.arena).astype(np.uint8), 1, constant_values=1)
     to_tank = cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+    # Cells of 16 × 16 px of which all pixels are roomy, that is where every picture fits.
     side = 1 << _CELL
     roomy = np.pad(tank.legal, [(0, -n % side) for n in tank.legal.shape], constant_values=True)
     cells = roomy.reshape(roomy.shape[0] // side, side, -1, side).all(axis=(1, 3))
@@ -51,7 +53,7 @@ def tank_bounds(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
 def _wall_distance(bounds, x: float, y: float) -> float:  # type: ignore[no-untyped-def]
     """Return how far a point x, y px is inside the wall, px; < 0 outside the tank.
 
-    bounds: `Bounds`. Beyond the picture each px away from the picture counts as one px more.
+    bounds: `Bounds`. Beyond the picture the result falls by 1 with each px away from it.
     """
     height, width = bounds.depth.shape
     column, row = round(x), round(y)
@@ -81,7 +83,8 @@ def _disc_nearest_to_wall(bounds, picture: int, x: float, y: float, heading: flo
 def fits_in_tank(bounds: Bounds, picture: int, x: float, y: float, heading: float) -> bool:
     """Return whether a picture at x, y px and a heading in degrees is inside the tank.
 
-    picture: film row, or −1 − number of a sprite.
+    picture: film row, or −1 − number of a sprite. At a roomy pixel every picture is, at every
+    heading; elsewhere all discs of its body must be.
     """
     roomy, column, row = bounds.roomy, round(x), round(y)
     if not (0 <= row < roomy.shape[0] and 0 <= column < roomy.shape[1]):

@@ -90,7 +90,7 @@ class FilmWorld(World):
     @cached_property
     def turn_spread_deg(self) -> float:
         """Return the standard deviation of the film's turns over Δ, degrees."""
-        rows, delta = self.film.rows[: self.film.filmed], self.motion.delta
+        rows, delta = self.film.rows[: self.film.filmed_count], self.motion.delta
         first = np.flatnonzero(ticks_to_film_end(rows["has_next"]) >= delta)
         if not len(first):
             return 0.0

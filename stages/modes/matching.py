@@ -47,7 +47,7 @@ def save_matching_tables(
     fish and the errors from the paths, by name.
     """
     world = animator.world
-    ticks, film_rows = world.duration, world.film.filmed  # how many; mirror images come after them
+    ticks, film_rows = world.duration, world.film.filmed_count
     candidates = [candidate_table(swim, ticks, film_rows, fish) for fish, swim in enumerate(swims)]
     save_table(folder / "considered.parquet", pd.concat(candidates), CONSIDERED)
     clearance = encounters.measure_clearance(edit, animator.player)
