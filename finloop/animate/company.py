@@ -105,11 +105,9 @@ class Plans:
         that of the longest plan; a fish whose plan ends before stays where the plan ends. A fish
         that has not planned yet is left out.
         """
-        others = self._others(fish)
-        begins, ticks = self._begins[others], self._ticks[others]
-        count = int((begins + ticks - tick).max(initial=1))
-        rows = np.clip(tick + np.arange(count)[:, None] - begins, 0, ticks - 1)
-        return self._trajectories[others, rows]
+        return np.asarray(
+            _places_of_others(self._trajectories, self._begins, self._ticks, fish, tick)
+        )
 
     def _others(self, fish: int) -> Ints:
         """Return the numbers (m,) of all fish but one that have planned, ascending."""
@@ -142,25 +140,59 @@ def make_company(other_plans: Floats, start_tick: int, discs: Discs, ticks_after
     return Company(start_tick, other_plans, discs, until=last_tick, near_count=count)
 
 
+@kernel
+def _places_of_others(trajectories, begins, ticks, fish, tick):  # type: ignore[no-untyped-def]
+    """Return what `Plans.others` does, (n, m, 4).
+
+    trajectories (fish, t, 4): of all fish; begins, ticks (fish,): first tick and duration of each,
+    0 long where a fish has not planned yet. Compiled, as with 64 fish numpy takes twice as long.
+    """
+    others = [k for k in range(len(ticks)) if k != fish and ticks[k] > 0]
+    count = 1
+    for k in others:
+        count = max(count, begins[k] + ticks[k] - tick)
+    places = np.empty((count, len(others), 4))
+    for m in range(len(others)):
+        k = others[m]
+        for t in range(count):
+            row = min(max(tick + t - begins[k], 0), ticks[k] - 1)
+            for c in range(4):
+                places[t, m, c] = trajectories[k, row, c]
+    return places
+
+
+@kernel
 def sort_near_first(company: Company, x: float, y: float, farthest_px: Floats) -> Company:
     """Return the company with those fish first that a fish at x, y px can meet during a search.
 
     farthest_px (t,): that a fish moves in 0, 1, 2 … ticks at most; after these it goes on at their
     mean speed. `near_count` is set to the number of those fish.
     """
-    # For how many ticks the fish swims before the others' places, at each of their ticks, end. The
-    # first are one tick ahead of the fish; the last count until the search ends.
-    swim_ticks = 1 + np.arange(len(company.places))
-    swim_ticks[-1] = 1 + company.until - company.start
     known_ticks = len(farthest_px) - 1
-    ticks_beyond = np.maximum(swim_ticks - known_ticks, 0)
     px_per_tick = farthest_px[known_ticks] / known_ticks
-    swims_px = farthest_px[swim_ticks - ticks_beyond] + ticks_beyond * px_per_tick
-    distances = np.hypot(company.places[..., 0] - x, company.places[..., 1] - y)
-    is_near = (distances < 2 * company.discs.reach + swims_px[:, None]).any(0)
-    order = np.argsort(~is_near, kind="stable")
-    places = company.places.take(order, axis=1)
-    return company._replace(places=places, near_count=int(is_near.sum()))
+    ticks, count = company.places.shape[:2]
+    near_count, first_far, order = 0, count, np.empty(count, np.int64)
+    for k in range(count):
+        is_near = False
+        for t in range(ticks):
+            # For how many ticks the fish swims before the other's place at this tick ends: places
+            # are one tick ahead of the fish; the last counts until the search ends.
+            swim_ticks = 1 + (t if t < ticks - 1 else company.until - company.start)
+            ticks_beyond = max(swim_ticks - known_ticks, 0)
+            swims_px = farthest_px[swim_ticks - ticks_beyond] + ticks_beyond * px_per_tick
+            distance = np.hypot(company.places[t, k, 0] - x, company.places[t, k, 1] - y)
+            is_near = is_near or distance < 2 * company.discs.reach + swims_px
+        if is_near:
+            order[near_count] = k
+            near_count += 1
+        else:
+            first_far -= 1
+            order[first_far] = k
+    places = np.empty_like(company.places)
+    for t in range(ticks):
+        for k in range(count):
+            places[t, k] = company.places[t, order[k]]
+    return Company(company.start, places, company.discs, company.until, near_count)
 
 
 def cover_with_discs(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Discs:
