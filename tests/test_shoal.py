@@ -495,7 +495,7 @@ def test_paths_of_several_fish_are_measured_and_drawn_one_by_one(folder, tmp_pat
     report = tmp_path / "report"
     report.mkdir()
     left.to_csv(tmp_path / "left.csv", index=False)
-    monkeypatch.setattr(stages.plots.animate, "LEFT", tmp_path / "left.csv")
+    monkeypatch.setattr(stages.plots.animate, "DEPARTURES", tmp_path / "left.csv")
     (report / "metrics.json").write_text((folder / "reports/animate/metrics.json").read_text())
     monkeypatch.setattr(stages.plots.animate, "PATH", tmp_path / "path.parquet")
     monkeypatch.setattr(stages.plots.animate, "REPORT", report)
